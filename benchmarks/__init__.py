@@ -1,0 +1,1 @@
+"""How fast the parts are and how true the whole is; nothing here asserts a time."""

@@ -1,0 +1,1 @@
+"""Measure how wrong feature tracks are."""

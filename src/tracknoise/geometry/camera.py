@@ -1,0 +1,153 @@
+"""The pinhole camera with optional radial-tangential distortion."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+_UNDISTORT_ITERATIONS = 50
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """Intrinsics of one camera.
+
+    Parameters
+    ----------
+    width, height
+        Size of the image, px.
+    fx, fy
+        Focal lengths, px.
+    cx, cy
+        Principal point, px; (0, 0) is the centre of the first pixel.
+    distortion
+        ``()`` or Brown-Conrady coefficients ``(k1, k2, p1, p2, k3)``, as OpenCV orders them.
+
+    Raises
+    ------
+    ValueError
+        If a size or focal length is not positive, or the distortion has neither 0 nor 5 coefficients.
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.width < 1 or self.height < 1 or not (self.fx > 0 and self.fy > 0):
+            raise ValueError(f"sizes and focal lengths must be positive: {self}")
+        if len(self.distortion) not in (0, 5):
+            raise ValueError(f"distortion must have 0 or 5 coefficients, not {len(self.distortion)}")
+
+    @property
+    def matrix(self) -> NDArray[np.float64]:
+        """The 3x3 float64 matrix K."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+    def project(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Project points of the camera frame: pi(X).
+
+        Parameters
+        ----------
+        points
+            (..., 3) float64, metres, camera frame. Points with z <= 0 have no image: their result is NaN.
+
+        Returns
+        -------
+        (..., 2) float64
+            Pixel coordinates u, v.
+        """
+        depth = np.where(points[..., 2] > 0.0, points[..., 2], np.nan)
+        xy = points[..., :2] / depth[..., None]
+        if self.distortion:
+            xy = self._distort(xy)
+        return xy * (self.fx, self.fy) + (self.cx, self.cy)
+
+    def bearings(self, uv: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Rays through pixels, scaled to depth 1.
+
+        Parameters
+        ----------
+        uv
+            (..., 2) float64, px.
+
+        Returns
+        -------
+        (..., 3) float64
+            Camera frame, z = 1.
+        """
+        xy = (np.asarray(uv, dtype=np.float64) - (self.cx, self.cy)) / (self.fx, self.fy)
+        if self.distortion:
+            xy = self._undistort(xy)
+        return np.concatenate([xy, np.ones_like(xy[..., :1])], axis=-1)
+
+    def unproject(self, uv: NDArray[np.float64], depth_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points of the camera frame at given depths: pi^-1(x, Z).
+
+        Parameters
+        ----------
+        uv
+            (..., 2) float64, px.
+        depth_m
+            (...) float64, depth along z, metres.
+
+        Returns
+        -------
+        (..., 3) float64
+            Metres, camera frame.
+        """
+        return self.bearings(uv) * np.asarray(depth_m, dtype=np.float64)[..., None]
+
+    def contains(self, uv: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether pixels lie in the image, its outermost half pixels included; NaN does not.
+
+        Parameters
+        ----------
+        uv
+            (..., 2) float64, px.
+
+        Returns
+        -------
+        (...) bool
+        """
+        u, v = uv[..., 0], uv[..., 1]
+        return (u >= -0.5) & (u < self.width - 0.5) & (v >= -0.5) & (v < self.height - 0.5)
+
+    def halved(self) -> "Camera":
+        """The camera of the image at half size, where u becomes (u + 0.5) / 2 - 0.5."""
+        return replace(
+            self,
+            width=self.width // 2,
+            height=self.height // 2,
+            fx=self.fx / 2,
+            fy=self.fy / 2,
+            cx=(self.cx + 0.5) / 2 - 0.5,
+            cy=(self.cy + 0.5) / 2 - 0.5,
+        )
+
+    def _distort(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        k1, k2, p1, p2, k3 = self.distortion
+        x, y = xy[..., 0], xy[..., 1]
+        r2 = x * x + y * y
+        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        return np.stack(
+            [
+                x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+                y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+            ],
+            axis=-1,
+        )
+
+    def _undistort(self, distorted: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Invert the distortion by fixed-point iteration, to the last bits in the image's area."""
+        xy = distorted.copy()
+        for _ in range(_UNDISTORT_ITERATIONS):
+            residual = distorted - self._distort(xy)
+            xy += residual
+            if not np.any(np.abs(residual) > 1e-14):
+                break
+        return xy

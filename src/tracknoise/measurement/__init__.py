@@ -1,0 +1,1 @@
+"""One sequence in, tables out: a single pass over the images, and the error of each observation."""

@@ -1,0 +1,117 @@
+"""Readers by name: the built-in ones, and those of other packages' entry points ``tracknoise.sequences``."""
+
+import dataclasses
+from collections.abc import Mapping
+from importlib import import_module
+from importlib.metadata import entry_points
+from pathlib import Path
+
+from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.sequences.sequence import Reader, Sequence, SequenceId
+
+ENTRY_POINT_GROUP = "tracknoise.sequences"
+
+_BUILT_IN = {
+    "folder": "tracknoise.sequences.folder:Folder",
+    "sevenscenes": "tracknoise.sequences.sevenscenes:SevenScenes",
+    "simulated": "tracknoise.sequences.simulated:Simulated",
+    "tartanair": "tracknoise.sequences.tartanair:TartanAir",
+}
+
+
+def reader_names() -> list[str]:
+    """Names of all readers, sorted."""
+    return sorted({*_BUILT_IN, *(point.name for point in entry_points(group=ENTRY_POINT_GROUP))})
+
+
+def reader_type(name: str) -> type[Reader]:
+    """The reader class of that name.
+
+    Raises
+    ------
+    UnknownNameError
+        Listing the known names.
+    """
+    if name in _BUILT_IN:
+        module, attribute = _BUILT_IN[name].split(":")
+        kind: type[Reader] = getattr(import_module(module), attribute)
+        return kind
+    for point in entry_points(group=ENTRY_POINT_GROUP):
+        if point.name == name:
+            plugin: type[Reader] = point.load()
+            return plugin
+    raise UnknownNameError("dataset reader", name, reader_names())
+
+
+def make_reader(name: str, root: Path | None = None, options: Mapping[str, object] | None = None) -> Reader:
+    """Make a reader from its name, the folder of its data and its own options.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no reader of that name.
+    SettingsError
+        If the folder is missing where the reader needs one, or an option is unknown or has a bad value.
+    """
+    kind = reader_type(name)
+    options = dict(options or {})
+    known = {field.name for field in dataclasses.fields(kind)} - {"root"}  # type: ignore[arg-type]
+    for option in options:
+        if option not in known:
+            raise SettingsError(str(UnknownNameError(f"option of reader {name!r}", option, known)))
+    if kind.needs_root:
+        if root is None:
+            raise SettingsError(f"reader {name!r} needs the folder of its data")
+        options["root"] = Path(root)
+    try:
+        return kind(**options)
+    except (TypeError, ValueError) as error:
+        raise SettingsError(f"reader {name!r}: {error}") from error
+
+
+def select(reader: Reader, scene: str | None = None, lighting: str | None = None) -> SequenceId:
+    """The first sequence of a reader that has the given scene and lighting; None stands for any.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such scene or lighting.
+    """
+    listed = reader.sequences()
+    matching = [item for item in listed if scene in (None, item.scene)]
+    if not matching:
+        raise UnknownNameError("scene", str(scene), {item.scene for item in listed})
+    lit = [item for item in matching if lighting in (None, item.lighting)]
+    if not lit:
+        raise UnknownNameError("lighting", str(lighting), {item.lighting for item in matching})
+    return lit[0]
+
+
+def open_sequence(
+    reader: str,
+    root: str | Path | None = None,
+    *,
+    scene: str | None = None,
+    lighting: str | None = None,
+    **options: object,
+) -> Sequence:
+    """Open one sequence of a data set.
+
+    Parameters
+    ----------
+    reader
+        Name of the format: see `reader_names`.
+    root
+        Folder of the data; None for ``simulated``.
+    scene, lighting
+        Which sequence; by default the first.
+    **options
+        The reader's own settings.
+
+    Raises
+    ------
+    TracknoiseError
+        If a name is unknown, an option is wrong, or the data cannot be used.
+    """
+    made = make_reader(reader, None if root is None else Path(root), options)
+    return made.open(select(made, scene, lighting))

@@ -1,0 +1,1 @@
+"""Synthetic worlds, motions, light and the renderer; stands in for a simulator, exactly synchronised."""

@@ -1,0 +1,208 @@
+"""Columns of every table, their types, and the enumerations in them.
+
+A missing number is null, never 0, -1 or NaN. Columns that identify a row's origin hold the names that the user wrote.
+"""
+
+from collections.abc import Mapping
+from enum import IntEnum
+
+import polars as pl
+
+from tracknoise.exceptions import SchemaError
+
+
+class TruthStatus(IntEnum):
+    """Whether an observation's true position is known, and if it could be seen.
+
+    The true position of `valid`, `occluded` and `out_of_image` observations is known; that of the others is not.
+    """
+
+    valid = 0
+    no_depth = 1
+    edge = 2
+    occluded = 3
+    out_of_image = 4
+    behind_camera = 5
+
+
+class TrackEnd(IntEnum):
+    """Why a track ended.
+
+    lost: the tracker did not find it. outlier: rejected as inconsistent with the others. displaced: it moved
+    farther in one step than the tracker allows. masked: it landed in the border margin or on another feature.
+    sequence_end: it was alive in the last frame, so its lifetime is censored.
+    """
+
+    lost = 0
+    outlier = 1
+    displaced = 2
+    masked = 3
+    sequence_end = 4
+
+
+Schema = Mapping[str, pl.DataType | type[pl.DataType]]
+
+TRUTH = pl.Enum([status.name for status in TruthStatus])
+END = pl.Enum([end.name for end in TrackEnd])
+POPULATION = pl.Enum(["visible", "projected"])
+TRIMMING = pl.Enum(["untrimmed", "trimmed"])
+WEIGHTING = pl.Enum(["features", "scenes"])
+
+SEQUENCE: Schema = {"dataset": pl.String, "scene": pl.String, "lighting": pl.String, "rotation": pl.Int16}
+CONDITION: Schema = {"lighting": pl.String, "rotation": pl.Int16, "tracker": pl.String, "speed": pl.Int32}
+ORIGIN: Schema = {**SEQUENCE, "tracker": pl.String, "speed": pl.Int32}
+
+OBSERVATIONS: Schema = {
+    **ORIGIN,
+    "track": pl.UInt32,
+    "frame": pl.UInt32,
+    "age": pl.UInt32,
+    "u_px": pl.Float64,
+    "v_px": pl.Float64,
+    "u_true_px": pl.Float64,
+    "v_true_px": pl.Float64,
+    "truth": TRUTH,
+    "du_px": pl.Float64,
+    "dv_px": pl.Float64,
+    "kept": pl.Boolean,
+}
+"""One row a feature and frame in which its tracker found it; age counts frames of the nominal sequence."""
+
+TRACKS: Schema = {
+    **ORIGIN,
+    "track": pl.UInt32,
+    "first_frame": pl.UInt32,
+    "lifetime": pl.UInt32,
+    "end": END,
+    "response": pl.Float32,
+    "depth_m": pl.Float64,
+    "max_error_px": pl.Float64,
+    "kept": pl.Boolean,
+}
+"""One row a track; lifetime in frames that its tracker saw, the first included."""
+
+FRAMES: Schema = {
+    **ORIGIN,
+    "frame": pl.UInt32,
+    "offered": pl.UInt32,
+    "matched": pl.UInt32,
+    "outliers": pl.UInt32,
+    "new": pl.UInt32,
+    "alive": pl.UInt32,
+}
+"""One row a frame that a tracker saw: F(t-1), found again, f1, f2 and F(t)."""
+
+MOMENTS: Schema = {
+    **ORIGIN,
+    "population": POPULATION,
+    "trimming": TRIMMING,
+    "age": pl.UInt32,
+    "n": pl.Int64,
+    **dict.fromkeys((*("mean_u", "mean_v"), *("m_uu", "m_uv", "m_vv"), *("m_uuu", "m_uuv", "m_uvv", "m_vvv"), *("m_uuuu", "m_uuuv", "m_uuvv", "m_uvvv", "m_vvvv"), *("mean_abs_u", "mean_abs_v", "m_abs_uu", "m_abs_vv")), pl.Float64),
+}
+"""Moments of du, dv at one age: means (px) and central power sums (px^p, not divided by n), joint to order 4."""
+
+CURVES: Schema = {
+    "dataset": pl.String,
+    **CONDITION,
+    "population": POPULATION,
+    "trimming": TRIMMING,
+    "weighting": WEIGHTING,
+    "statistic": pl.String,
+    "axis": pl.String,
+    "at": pl.UInt32,
+    "n": pl.Int64,
+    "n_scenes": pl.Int32,
+    "unit": pl.String,
+    "u": pl.Float64,
+    "v": pl.Float64,
+    "uv": pl.Float64,
+    "cut": pl.Boolean,
+}
+"""nu (px), eta (px), Phi (px^2) and central covariance (px^2) by age; cut marks ages with too few features."""
+
+LIFETIMES: Schema = {
+    "dataset": pl.String,
+    **CONDITION,
+    "lifetime": pl.UInt32,
+    "n_ended": pl.Int64,
+    "n_censored": pl.Int64,
+    "at_risk": pl.Int64,
+    "survival": pl.Float64,
+    "n_scenes": pl.Int32,
+}
+"""One row a lifetime: how many tracks ended or were censored then, and the Kaplan-Meier survival beyond it."""
+
+OUTLIERS: Schema = {
+    "dataset": pl.String,
+    **CONDITION,
+    "n_frames": pl.Int64,
+    "n_scenes": pl.Int32,
+    "offered": pl.Int64,
+    "outliers": pl.Int64,
+    "pooled_ratio": pl.Float64,
+    "mean": pl.Float64,
+    "median": pl.Float64,
+    "lower_quartile": pl.Float64,
+    "upper_quartile": pl.Float64,
+    "lower_whisker": pl.Float64,
+    "upper_whisker": pl.Float64,
+}
+"""Distribution of f1(t) / F(t-1) over frames with F(t-1) > 0; whiskers reach the last value within 1.5 IQR."""
+
+TRIMS: Schema = {
+    **ORIGIN,
+    "percentile": pl.Float64,
+    "threshold_px": pl.Float64,
+    "n_tracks": pl.Int64,
+    "n_measured": pl.Int64,
+    "n_dropped": pl.Int64,
+    "dropped_share": pl.Float64,
+}
+"""What trimming did to each scene and condition: the cut on a track's largest error and what it dropped."""
+
+ERRORS: Schema = {
+    "dataset": pl.String,
+    **CONDITION,
+    "bin_low_px": pl.Float64,
+    "bin_high_px": pl.Float64,
+    "n": pl.Int64,
+}
+"""Histogram of the tracks' largest L2 error in logarithmic bins, before trimming; the first bin starts at 0."""
+
+COUNTS: Schema = {"dataset": pl.String, **CONDITION, "kind": pl.String, "name": pl.String, "n": pl.Int64}
+"""How many observations have each truth status (kind `truth`) and tracks each end (kind `end`)."""
+
+
+def check(table: pl.DataFrame, schema: Schema, name: str) -> pl.DataFrame:
+    """Return `table` unchanged if it has exactly the columns of `schema`, in order and type.
+
+    Parameters
+    ----------
+    table
+        The table.
+    schema
+        Column names and types, in order.
+    name
+        What to call the table in the error.
+
+    Raises
+    ------
+    SchemaError
+        Naming the first column that differs.
+    """
+    found = list(table.schema.items())
+    expected = [(column, kind() if isinstance(kind, type) else kind) for column, kind in schema.items()]
+    for position, pair in enumerate(expected):
+        actual = found[position] if position < len(found) else None
+        if actual != pair:
+            shown = f"{actual[0]}: {actual[1]}" if actual else "nothing"
+            raise SchemaError(f"{name}: column {position} is {shown}, expected {pair[0]}: {pair[1]}")
+    if len(found) > len(expected):
+        raise SchemaError(f"{name}: unexpected column {found[len(expected)][0]!r}")
+    return table
+
+
+def empty(schema: Schema) -> pl.DataFrame:
+    """A table with the columns of `schema` and no rows."""
+    return pl.DataFrame(schema=dict(schema))

@@ -30,9 +30,7 @@ class DepthMap:
 
     def __post_init__(self) -> None:
         if self.depth_m.shape != self.valid.shape or self.depth_m.ndim != 2:
-            raise ValueError(
-                f"depth {self.depth_m.shape} and valid {self.valid.shape} must be the same 2-D shape"
-            )
+            raise ValueError(f"depth {self.depth_m.shape} and valid {self.valid.shape} must be the same 2-D shape")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,9 +52,7 @@ class DepthSample:
     edge: NDArray[np.bool_]
 
 
-def interpolate(
-    depth: DepthMap, uv: NDArray[np.float64], *, spread: float = EDGE_RELATIVE_SPREAD
-) -> DepthSample:
+def interpolate(depth: DepthMap, uv: NDArray[np.float64], *, spread: float = EDGE_RELATIVE_SPREAD) -> DepthSample:
     """Read dense depth at sub-pixel positions from the four neighbouring pixels.
 
     Inverse depth is interpolated bilinearly: on a plane inverse depth is linear in the image, so that the result
@@ -82,9 +78,7 @@ def interpolate(
     return DepthSample(np.where(usable, 1.0 / inverse, 1.0), usable, known & ~agree)
 
 
-def farthest_neighbour(
-    depth: DepthMap, uv: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def farthest_neighbour(depth: DepthMap, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Largest valid depth among the four pixels around sub-pixel positions.
 
     Parameters
@@ -126,6 +120,4 @@ def _neighbours(depth: DepthMap, uv: NDArray[np.float64]) -> tuple[_Corners, NDA
     fu, fv = u - left, v - top
     rows, columns = np.stack([top, top, bottom, bottom]), np.stack([left, right, left, right])
     weight = np.stack([(1 - fu) * (1 - fv), fu * (1 - fv), (1 - fu) * fv, fu * fv])
-    return _Corners(
-        depth.depth_m[rows, columns].astype(np.float64), depth.valid[rows, columns], weight
-    ), inside
+    return _Corners(depth.depth_m[rows, columns].astype(np.float64), depth.valid[rows, columns], weight), inside

@@ -68,7 +68,8 @@ def transform(pose: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray
     if pose.ndim == 2:
         moved: NDArray[np.float64] = points @ pose[:3, :3].T + pose[:3, 3]
         return moved
-    return np.einsum("nij,nj->ni", pose[:, :3, :3], points) + pose[:, :3, 3]
+    each: NDArray[np.float64] = np.einsum("nij,nj->ni", pose[:, :3, :3], points) + pose[:, :3, 3]
+    return each
 
 
 def nearest_rigid(poses: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

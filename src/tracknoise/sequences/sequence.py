@@ -163,7 +163,5 @@ def require_directory(root: Path) -> Path:
         If it is not.
     """
     if not root.is_dir():
-        raise DataError(
-            root, "no such directory" if not root.exists() else "not a directory", "a data set's folder"
-        )
+        raise DataError(root, "no such directory" if not root.exists() else "not a directory", "a data set's folder")
     return root

@@ -98,7 +98,16 @@ MOMENTS: Schema = {
     "trimming": TRIMMING,
     "age": pl.UInt32,
     "n": pl.Int64,
-    **dict.fromkeys((*("mean_u", "mean_v"), *("m_uu", "m_uv", "m_vv"), *("m_uuu", "m_uuv", "m_uvv", "m_vvv"), *("m_uuuu", "m_uuuv", "m_uuvv", "m_uvvv", "m_vvvv"), *("mean_abs_u", "mean_abs_v", "m_abs_uu", "m_abs_vv")), pl.Float64),
+    **dict.fromkeys(
+        (
+            *("mean_u", "mean_v"),
+            *("m_uu", "m_uv", "m_vv"),
+            *("m_uuu", "m_uuv", "m_uvv", "m_vvv"),
+            *("m_uuuu", "m_uuuv", "m_uuvv", "m_uvvv", "m_vvvv"),
+            *("mean_abs_u", "mean_abs_v", "m_abs_uu", "m_abs_vv"),
+        ),
+        pl.Float64,
+    ),
 }
 """Moments of du, dv at one age: means (px) and central power sums (px^p, not divided by n), joint to order 4."""
 

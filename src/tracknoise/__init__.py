@@ -1,1 +1,69 @@
-"""Measure how wrong feature tracks are."""
+"""Measure how wrong feature tracks are: bias, covariance, drift, outlier ratio and lifetime.
+
+`open_sequence` opens images of known geometry, `measure` runs trackers over them and returns tables of errors, and
+`tracknoise.statistics` summarises these. Names are loaded when first used, so that importing the package is quick.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tracknoise.exceptions import TracknoiseError
+    from tracknoise.experiments.measure import Measurement, measure
+    from tracknoise.sequences.registry import open_sequence
+    from tracknoise.statistics.curves import curves
+    from tracknoise.statistics.lifetimes import lifetimes
+    from tracknoise.statistics.outliers import outlier_ratios
+    from tracknoise.statistics.summary import summary
+    from tracknoise.trackers.correspondence import Correspondence
+    from tracknoise.trackers.detection import Detection
+    from tracknoise.trackers.imported import Imported
+    from tracknoise.trackers.lucas_kanade import LucasKanade
+    from tracknoise.trackers.oracle import Oracle
+    from tracknoise.trackers.rejection import Rejection
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Correspondence",
+    "Detection",
+    "Imported",
+    "LucasKanade",
+    "Measurement",
+    "Oracle",
+    "Rejection",
+    "TracknoiseError",
+    "curves",
+    "lifetimes",
+    "measure",
+    "open_sequence",
+    "outlier_ratios",
+    "summary",
+]
+
+_HOMES = {
+    "Correspondence": "trackers.correspondence",
+    "Detection": "trackers.detection",
+    "Imported": "trackers.imported",
+    "LucasKanade": "trackers.lucas_kanade",
+    "Measurement": "experiments.measure",
+    "Oracle": "trackers.oracle",
+    "Rejection": "trackers.rejection",
+    "TracknoiseError": "exceptions",
+    "curves": "statistics.curves",
+    "lifetimes": "statistics.lifetimes",
+    "measure": "experiments.measure",
+    "open_sequence": "sequences.registry",
+    "outlier_ratios": "statistics.outliers",
+    "summary": "statistics.summary",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -47,6 +47,10 @@ class UnknownNameError(TracknoiseError):
         return f"unknown {self.kind} {self.name!r}{hint}; known: {', '.join(self.known) or 'none'}"
 
 
+class TrackerError(TracknoiseError):
+    """A tracker broke its protocol, so that what it reported cannot be used."""
+
+
 class SchemaError(TracknoiseError):
     """A table does not have the columns or types that its schema states."""
 

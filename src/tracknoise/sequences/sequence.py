@@ -72,6 +72,11 @@ class Sequence(Protocol):
         ...
 
     @property
+    def source(self) -> str:
+        """Where it comes from, for messages: the folder it was read from, or what was simulated."""
+        ...
+
+    @property
     def camera(self) -> Camera:
         """Intrinsics of all its images."""
         ...

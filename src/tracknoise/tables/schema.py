@@ -182,6 +182,26 @@ ERRORS: Schema = {
 COUNTS: Schema = {"dataset": pl.String, **CONDITION, "kind": pl.String, "name": pl.String, "n": pl.Int64}
 """How many observations have each truth status (kind `truth`) and tracks each end (kind `end`)."""
 
+SUMMARY: Schema = {
+    "dataset": pl.String,
+    **CONDITION,
+    "n_scenes": pl.Int32,
+    "n_tracks": pl.Int64,
+    "mean_lifetime": pl.Float64,
+    "median_lifetime": pl.UInt32,
+    "outlier_ratio": pl.Float64,
+    "age": pl.UInt32,
+    **{
+        f"{trimming}_{value}": pl.Int64 if value == "n" else pl.Float64
+        for trimming in TRIMMING.categories
+        for value in ("n", *(f"{statistic}_{axis}_px" for statistic in ("nu", "eta", "rms") for axis in "uv"))
+    },
+}
+"""One row a condition: lifetimes (frames its tracker saw), pooled outlier ratio, and errors at one age.
+
+rms is the square root of Phi; age in frames of the nominal sequence; n the features at that age.
+"""
+
 
 def check(table: pl.DataFrame, schema: Schema, name: str) -> pl.DataFrame:
     """Return `table` unchanged if it has exactly the columns of `schema`, in order and type.

@@ -1,0 +1,61 @@
+"""The ``tracknoise`` command: its subcommands, and how errors leave it.
+
+Exit status: 0 done, 1 the user's error, 2 some scenes failed. Results go to stdout, everything else to stderr.
+"""
+
+import sys
+
+import click
+import typer
+
+from tracknoise.cli import datasets, demo, report, run, simulate, trackers
+from tracknoise.cli.terminal import Terminal
+from tracknoise.exceptions import TracknoiseError
+
+app = typer.Typer(
+    name="tracknoise",
+    help="Measure how wrong feature tracks are: bias, covariance, drift, outlier ratio and lifetime.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+)
+for command in (demo, run, report, simulate, datasets, trackers):
+    command.register(app)
+
+
+@app.callback()
+def _root() -> None:
+    """Measure how wrong feature tracks are: bias, covariance, drift, outlier ratio and lifetime."""
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line and exit with its status.
+
+    Parameters
+    ----------
+    arguments
+        Without the program's name; by default those of the process.
+    """
+    terminal = Terminal()
+    try:
+        status = typer.main.get_command(app).main(
+            args=arguments, prog_name="tracknoise", standalone_mode=False, obj=terminal
+        )
+    except click.ClickException as error:
+        error.show(file=sys.stderr)
+        status = 1
+    except (click.Abort, KeyboardInterrupt):
+        terminal.error("interrupted")
+        status = 130
+    except TracknoiseError as error:
+        if terminal.debug:
+            raise
+        terminal.error(str(error))
+        status = 1
+    except Exception as error:
+        if terminal.debug:
+            raise
+        terminal.error(f"internal error ({type(error).__name__}: {error}); --debug shows where")
+        status = 1
+    sys.exit(status)

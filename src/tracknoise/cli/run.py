@@ -1,0 +1,71 @@
+"""``tracknoise run``: measure what an experiment file or preset describes, and write the report."""
+
+import os
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tracknoise.cli.terminal import DebugOption, QuietOption, Terminal
+
+if TYPE_CHECKING:
+    from tracknoise.experiments.settings import Experiment
+
+WorkersOption = Annotated[int | None, typer.Option("--workers", "-w", min=1, help="Processes; by default one a core.")]
+FreshOption = Annotated[bool, typer.Option("--fresh", help="Replace the run that the folder holds.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("run", no_args_is_help=True)(run)
+
+
+def run(
+    context: typer.Context,
+    experiment: Annotated[str, typer.Argument(help="A TOML file, or the name of a preset.")],
+    data: Annotated[Path | None, typer.Option("--data", "-d", help="Folder of the data.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Run folder; by default runs/NAME.")] = None,
+    workers: WorkersOption = None,
+    fresh: FreshOption = False,
+    report: Annotated[bool, typer.Option(help="Write the report.")] = True,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+) -> int:
+    """Measure what an experiment file or a preset describes, and write the report.
+
+    A run that was interrupted goes on where it stopped.
+
+    Example: `tracknoise run examples/sevenscenes.toml --data /data/7scenes --out runs/7scenes`
+    """
+    from tracknoise.experiments.settings import load_experiment
+
+    loaded = load_experiment(experiment, root=data)
+    return run_experiment(context.obj, loaded, out or Path("runs") / loaded.name, workers, fresh=fresh, report=report)
+
+
+def run_experiment(
+    terminal: Terminal, experiment: "Experiment", out: Path, workers: int | None, *, fresh: bool, report: bool
+) -> int:
+    """Run an experiment, print its summary and where the report is, and return the exit status."""
+    from tracknoise.cli.progress import RunProgress
+    from tracknoise.cli.report import write
+    from tracknoise.cli.summary import summary_text
+    from tracknoise.experiments.execute import execute
+    from tracknoise.tables.store import RunFolder
+
+    folder = RunFolder(out)
+    if fresh and folder.exists:
+        shutil.rmtree(out)
+    with RunProgress(terminal) as progress:
+        outcome = execute(
+            experiment, folder, listener=progress, workers=workers or os.cpu_count() or 1, debug=terminal.debug
+        )
+    if outcome.measured:
+        terminal.result(summary_text(folder))
+        if report:
+            terminal.result(f"report: {write(terminal, folder)}")
+    if not outcome.failures:
+        return 0
+    terminal.error(f"{len(outcome.failures)} of {len(outcome.failures) + len(outcome.measured)} sequences failed")
+    return 2 if outcome.measured else 1

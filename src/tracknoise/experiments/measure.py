@@ -1,0 +1,115 @@
+"""Measure one sequence completely: tables, trimming and moments."""
+
+from collections.abc import Mapping
+from collections.abc import Sequence as Items
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import SettingsError
+from tracknoise.experiments.settings import Population
+from tracknoise.measurement.scene import measure_scene
+from tracknoise.measurement.sweep import Condition, Progress
+from tracknoise.sequences.sequence import Sequence, TruthKind
+from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.trimming import trim
+from tracknoise.trackers.tracker import TrackerSettings
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """Everything measured in one sequence.
+
+    Attributes
+    ----------
+    observations, tracks, frames, moments, trims
+        Tables of `tracknoise.tables.schema`. Errors `du_px`, `dv_px` are observed minus true, px; ages count
+        frames of the nominal sequence.
+    truth
+        The kind of truth used.
+    n_frames
+        Count of frames read.
+    snapshot_frame, snapshot
+        One frame, (height, width) uint8, to draw the tracks on.
+    """
+
+    observations: pl.DataFrame
+    tracks: pl.DataFrame
+    frames: pl.DataFrame
+    moments: pl.DataFrame
+    trims: pl.DataFrame
+    truth: TruthKind
+    n_frames: int
+    snapshot_frame: int
+    snapshot: NDArray[np.uint8]
+
+
+def measure(
+    sequence: Sequence,
+    trackers: TrackerSettings | Items[TrackerSettings] | Mapping[str, TrackerSettings],
+    *,
+    speeds: Items[int] = (1,),
+    truth: TruthKind | None = None,
+    population: Population = "visible",
+    trim_percentile: float = 90.0,
+    max_frames: int | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Measurement:
+    """Run trackers over a sequence of known geometry and work out the error of every observation.
+
+    Parameters
+    ----------
+    sequence
+        From `tracknoise.open_sequence`, or anything of the same protocol.
+    trackers
+        Settings of one tracker or several; a mapping gives them names, otherwise they go by their kind.
+    speeds
+        At speed s a tracker sees frames 0, s, 2s, ...
+    truth
+        How features are fixed in the world; by default the best that the sequence offers.
+    population
+        Which observations trimming looks at: ``visible`` ones, or all that can be ``projected``.
+    trim_percentile
+        Tracks whose largest error is above this percentile are marked ``kept = false``; 100 keeps all.
+    max_frames
+        Read no more frames than this; by default all.
+    seed
+        For trackers that need randomness.
+    progress
+        Called after each frame with the count of frames done and of all.
+
+    Raises
+    ------
+    TracknoiseError
+        If two trackers share a name, the sequence is too short for a speed or cannot be read, it does not offer
+        the truth asked for, or no tracker finds a feature.
+    """
+    conditions = [Condition(name, settings, speed) for name, settings in _named(trackers).items() for speed in speeds]
+    scene = measure_scene(sequence, conditions, truth=truth, max_frames=max_frames, seed=seed, progress=progress)
+    trimmed = trim(scene.observations, scene.tracks, percentile=trim_percentile, population=population)
+    return Measurement(
+        observations=trimmed.observations,
+        tracks=trimmed.tracks,
+        frames=scene.frames,
+        moments=scene_moments(trimmed.observations),
+        trims=trimmed.trims,
+        truth=scene.truth,
+        n_frames=scene.n_frames,
+        snapshot_frame=scene.snapshot_frame,
+        snapshot=scene.snapshot,
+    )
+
+
+def _named(
+    trackers: TrackerSettings | Items[TrackerSettings] | Mapping[str, TrackerSettings],
+) -> Mapping[str, TrackerSettings]:
+    if isinstance(trackers, Mapping):
+        return trackers
+    listed = list(trackers) if isinstance(trackers, Items) else [trackers]
+    named = {settings.kind: settings for settings in listed}
+    if len(named) < len(listed):
+        raise SettingsError("two trackers of one kind, expected a mapping that gives them names")
+    return named

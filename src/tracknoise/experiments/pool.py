@@ -1,0 +1,45 @@
+"""From the tables of single sequences to the statistics of the whole run."""
+
+import polars as pl
+
+from tracknoise.experiments.settings import Experiment
+from tracknoise.statistics.counts import merge_counts
+from tracknoise.statistics.curves import curves
+from tracknoise.statistics.histogram import error_histogram
+from tracknoise.statistics.lifetimes import lifetimes
+from tracknoise.statistics.outliers import outlier_ratios
+from tracknoise.statistics.summary import summary
+from tracknoise.tables.store import RunFolder
+
+
+def pool(run: RunFolder, experiment: Experiment) -> None:
+    """Compute the statistics of a run from its sequences' tables, one sequence at a time, and write them.
+
+    The order of the sequences is that of their keys, so that the result does not depend on which was measured first.
+
+    Parameters
+    ----------
+    run
+        With at least one measured sequence.
+    experiment
+        Says where curves are cut, and which population the summary is of.
+
+    Raises
+    ------
+    StoreError, SchemaError
+        If a table is damaged, or the folder cannot be written.
+    """
+    moments = pl.concat(run.sequence_tables("moments"))
+    tables = {
+        "curves": curves(moments, min_features=experiment.statistics.min_features),
+        "lifetimes": lifetimes(run.sequence_tables("tracks")),
+        "outliers": outlier_ratios(run.sequence_tables("frames")),
+        "trims": pl.concat(run.sequence_tables("trims")),
+        "errors": error_histogram(run.sequence_tables("tracks")),
+        "counts": merge_counts(run.sequence_tables("counts")),
+    }
+    tables["summary"] = summary(
+        tables["curves"], tables["lifetimes"], tables["outliers"], population=experiment.truth.population
+    )
+    for name, table in tables.items():
+        run.write_statistics(name, table)

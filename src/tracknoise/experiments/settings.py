@@ -1,0 +1,202 @@
+"""What to run: the experiment file, its checks, and the presets."""
+
+import hashlib
+import tomllib
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import tomlkit
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.sequences.sequence import TruthKind
+
+Population = Literal["visible", "projected"]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, use_attribute_docstrings=True)
+
+
+class DatasetSettings(_Section):
+    """Which images."""
+
+    reader: str
+    """Name of the format: see `tracknoise datasets`."""
+    root: Annotated[Path | None, Field(strict=False)] = None
+    """Folder of the data, relative to the experiment file; `--data` takes precedence."""
+    scenes: list[str] | None = None
+    """Only these scenes; by default all."""
+    lightings: list[str] | None = None
+    """Only these lightings; by default all."""
+    max_frames: Annotated[int, Field(ge=2)] | None = None
+    """Only so many frames of each sequence, from the first; by default all."""
+    options: dict[str, Any] = {}
+    """The reader's own settings."""
+
+
+class TrackerChoice(_Section):
+    """One tracker to measure."""
+
+    kind: str
+    """Which tracker: see `tracknoise trackers`."""
+    name: str | None = None
+    """What to call it in tables and figures; by default its kind."""
+    options: dict[str, Any] = {}
+    """Its own settings, where they are not the defaults."""
+
+    @property
+    def label(self) -> str:
+        """Its name in tables and figures."""
+        return self.name or self.kind
+
+
+class TruthSettings(_Section):
+    """Where each feature really was."""
+
+    kind: Annotated[TruthKind | None, Field(strict=False)] = None
+    """How a feature is fixed in the world; by default the best that the data offer."""
+    population: Population = "visible"
+    """Which observations trimming looks at: `visible`, or all that can be `projected`, the occluded too."""
+
+
+class StatisticsSettings(_Section):
+    """How errors are summarised."""
+
+    trim_percentile: Annotated[float, Field(gt=0, le=100)] = 90.0
+    """Drop tracks whose largest error is above this percentile of their scene and condition; 100 drops none."""
+    min_features: Annotated[int, Field(ge=2)] = 100
+    """Cut curves where fewer features than this remain."""
+
+
+class Experiment(_Section):
+    """Everything that decides an experiment's numbers."""
+
+    name: str
+    """What to call it in the report."""
+    dataset: DatasetSettings
+    trackers: Annotated[list[TrackerChoice], Field(min_length=1)]
+    speeds: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1)] = [1]
+    """Every how many frames a tracker sees one."""
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Of everything random."""
+    truth: TruthSettings = TruthSettings()
+    statistics: StatisticsSettings = StatisticsSettings()
+
+    @model_validator(mode="after")
+    def _names_and_speeds_differ(self) -> Self:
+        labels = [tracker.label for tracker in self.trackers]
+        if len(set(labels)) < len(labels):
+            raise ValueError(f"trackers need different names, found {', '.join(labels)}")
+        if len(set(self.speeds)) < len(self.speeds):
+            raise ValueError(f"speeds must differ, found {self.speeds}")
+        return self
+
+    def with_root(self, root: Path | None) -> "Experiment":
+        """Return the same experiment on data in another folder."""
+        return self.model_copy(update={"dataset": self.dataset.model_copy(update={"root": root})})
+
+    def to_toml(self) -> str:
+        """Every setting, defaults included, as the text of an experiment file."""
+        return tomlkit.dumps(self.model_dump(mode="json", exclude_none=True))
+
+    def digest(self) -> str:
+        """Hash of every setting but the place of the data, which may move. Hexadecimal SHA-256."""
+        return hashlib.sha256(self.with_root(None).to_toml().encode()).hexdigest()
+
+
+def preset_names() -> list[str]:
+    """Names of the experiments that come with the package, sorted."""
+    folder = resources.files("tracknoise.experiments") / "presets"
+    return sorted(item.name.removesuffix(".toml") for item in folder.iterdir() if item.name.endswith(".toml"))
+
+
+def load_experiment(name: str | Path, *, root: Path | None = None) -> Experiment:
+    """Read and check an experiment.
+
+    Parameters
+    ----------
+    name
+        A TOML file, or the name of a preset.
+    root
+        Folder of the data, instead of the one that the file names.
+
+    Raises
+    ------
+    SettingsError
+        Naming file, key, what was found and what was expected.
+    UnknownNameError
+        If there is neither such a file nor such a preset.
+    """
+    path = Path(name)
+    if path.is_file():
+        experiment = parse_experiment(_read(path), place=str(path))
+        written = experiment.dataset.root
+        resolved = written if written is None else path.parent / written
+    elif str(name) in preset_names():
+        text = (resources.files("tracknoise.experiments") / "presets" / f"{name}.toml").read_text(encoding="utf-8")
+        experiment, resolved = parse_experiment(text, place=f"preset {name}"), None
+    else:
+        raise UnknownNameError("experiment file or preset", str(name), preset_names())
+    chosen = resolved if root is None else root
+    return experiment.with_root(None if chosen is None else chosen.resolve())
+
+
+def parse_experiment(text: str, *, place: str) -> Experiment:
+    """Check the text of an experiment file.
+
+    Parameters
+    ----------
+    text
+        TOML.
+    place
+        What to call it in errors.
+
+    Raises
+    ------
+    SettingsError
+        Naming place, key, what was found and what was expected.
+    """
+    try:
+        return Experiment.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise SettingsError(f"{place}: {error}, expected TOML") from error
+    except ValidationError as error:
+        raise SettingsError(f"{place}: {_first_problem(error)}") from error
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise SettingsError(f"{path}: cannot be read ({error}), expected an experiment file") from error
+
+
+def _first_problem(error: ValidationError) -> str:
+    """The first of pydantic's findings as one line: key, found, expected."""
+    problem = error.errors()[0]
+    key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in problem["loc"]).lstrip(".")
+    if problem["type"] == "extra_forbidden":
+        return str(UnknownNameError("key", key.split(".")[-1], _known_keys(problem["loc"]))) + f" (in {_parent(key)})"
+    if problem["type"] == "missing":
+        return f"{key}: missing, expected a value"
+    if problem["type"] == "value_error":
+        return f"{key}: {problem['ctx']['error']}" if key else str(problem["ctx"]["error"])
+    expected = problem["msg"].removeprefix("Input should be ")
+    return f"{key}: found {problem['input']!r}, expected {expected}"
+
+
+def _parent(key: str) -> str:
+    return f"section {key.rpartition('.')[0]!r}" if "." in key else "the top level"
+
+
+def _known_keys(location: tuple[int | str, ...]) -> list[str]:
+    sections: dict[str, type[BaseModel]] = {
+        "dataset": DatasetSettings,
+        "trackers": TrackerChoice,
+        "truth": TruthSettings,
+        "statistics": StatisticsSettings,
+    }
+    section = sections.get(str(location[0]), Experiment) if len(location) > 1 else Experiment
+    return list(section.model_fields)

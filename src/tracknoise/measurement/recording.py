@@ -1,0 +1,147 @@
+"""What one tracker at one speed reported over a sequence, kept as flat arrays."""
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import TrackerError
+from tracknoise.tables.schema import TrackEnd, TruthStatus
+from tracknoise.trackers.tracker import Step
+from tracknoise.truth.truth import Truth
+
+T = TypeVar("T", bound=np.generic)
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """All observations of one condition, in the order of frames, with the anchors of their tracks.
+
+    Attributes
+    ----------
+    track, frame : (n,) uint32
+        Of each observation; tracks are numbered from 0 in the order of their birth.
+    uv : (n, 2) float64
+        Observed position, px.
+    visibility : (n,) int8
+        `TruthStatus` values of the track's true position in that frame; the anchor's status where it has no anchor.
+    first_frame : (m,) uint32
+        Of each track.
+    found : (m,) uint32
+        Count of frames in which the tracker found it, the first included.
+    end : (m,) int8
+        `TrackEnd` values.
+    response : (m,) float32
+        Detector response at birth; NaN where unknown.
+    points_world : (m, 3) float64
+        The anchored world point, metres; NaN where there is none.
+    frames : (k, 6) uint32
+        A row a frame: frame, offered, matched, outliers, new, alive.
+    """
+
+    track: NDArray[np.uint32]
+    frame: NDArray[np.uint32]
+    uv: NDArray[np.float64]
+    visibility: NDArray[np.int8]
+    first_frame: NDArray[np.uint32]
+    found: NDArray[np.uint32]
+    end: NDArray[np.int8]
+    response: NDArray[np.float32]
+    points_world: NDArray[np.float64]
+    frames: NDArray[np.uint32]
+
+
+class Recorder:
+    """Collects the steps of one condition; tracks get dense numbers in the order of their birth."""
+
+    def __init__(self, truth: Truth) -> None:
+        self._truth = truth
+        self._live_ids: NDArray[np.int64] = np.empty(0, np.int64)  # sorted, so that it can be searched
+        self._live_tracks: NDArray[np.int64] = np.empty(0, np.int64)
+        self._live_points: NDArray[np.float64] = np.empty((0, 3))
+        self._live_status: NDArray[np.int8] = np.empty(0, np.int8)
+        self._n_tracks = 0
+        self._births: list[tuple[int, NDArray[np.float64], NDArray[np.float32]]] = []
+        self._ends: list[tuple[NDArray[np.int64], NDArray[np.int8]]] = []
+        self._observations: list[tuple[int, NDArray[np.int64], NDArray[np.float64], NDArray[np.int8]]] = []
+        self._frames: list[tuple[int, ...]] = []
+
+    def add(self, index: int, step: Step) -> None:
+        """Record one step.
+
+        Parameters
+        ----------
+        index
+            Frame of the nominal sequence.
+        step
+            What the tracker reported.
+        """
+        self._end(step.ended_ids, step.ended)
+        self._begin(index, step)
+        self._observe(index, step)
+        self._frames.append((index, step.offered, step.matched, step.outliers, step.new, step.alive))
+
+    def finish(self) -> Recording:
+        """Everything recorded; tracks still alive end with the sequence."""
+        end = np.full(self._n_tracks, TrackEnd.sequence_end, np.int8)
+        for tracks, reasons in self._ends:
+            end[tracks] = reasons
+        counts = [len(tracks) for _, tracks, _, _ in self._observations]
+        track = _concatenated([tracks for _, tracks, _, _ in self._observations], np.empty(0, np.int64))
+        births = [len(points) for _, points, _ in self._births]
+        return Recording(
+            track=track.astype(np.uint32),
+            frame=np.repeat(np.array([index for index, _, _, _ in self._observations], np.uint32), counts),
+            uv=_concatenated([uv for _, _, uv, _ in self._observations], np.empty((0, 2))),
+            visibility=_concatenated([status for _, _, _, status in self._observations], np.empty(0, np.int8)),
+            first_frame=np.repeat(np.array([index for index, _, _ in self._births], np.uint32), births),
+            found=np.bincount(track, minlength=self._n_tracks).astype(np.uint32),
+            end=end,
+            response=_concatenated([response for _, _, response in self._births], np.empty(0, np.float32)),
+            points_world=_concatenated([points for _, points, _ in self._births], np.empty((0, 3))),
+            frames=np.array(self._frames, np.uint32).reshape(-1, 6),
+        )
+
+    def _end(self, ids: NDArray[np.int64], reasons: NDArray[np.int8]) -> None:
+        slots = self._slots(ids)
+        self._ends.append((self._live_tracks[slots], reasons))
+        alive = np.ones(len(self._live_ids), dtype=bool)
+        alive[slots] = False
+        self._keep(alive)
+
+    def _begin(self, index: int, step: Step) -> None:
+        born = step.born
+        points, status = self._truth.anchor(index, step.uv[born])
+        tracks = self._n_tracks + np.arange(len(points))
+        self._n_tracks += len(points)
+        self._births.append((index, points, step.response[born]))
+        ids = np.concatenate([self._live_ids, step.ids[born]])
+        order = np.argsort(ids, kind="stable")
+        self._live_ids = ids[order]
+        self._live_tracks = np.concatenate([self._live_tracks, tracks])[order]
+        self._live_points = np.concatenate([self._live_points, points])[order]
+        self._live_status = np.concatenate([self._live_status, status])[order]
+
+    def _observe(self, index: int, step: Step) -> None:
+        slots = self._slots(step.ids)
+        status = self._live_status[slots].copy()
+        anchored = status == TruthStatus.valid
+        status[anchored] = self._truth.visibility(index, self._live_points[slots[anchored]])
+        self._observations.append((index, self._live_tracks[slots], step.uv, status))
+
+    def _slots(self, ids: NDArray[np.int64]) -> NDArray[np.intp]:
+        """Where live features lie in the live arrays."""
+        slots = np.searchsorted(self._live_ids, ids)
+        known = np.isin(ids, self._live_ids, assume_unique=True)
+        if not known.all():
+            raise TrackerError(f"a tracker reported feature {ids[~known][0]}, which was never begun or has ended")
+        return slots
+
+    def _keep(self, alive: NDArray[np.bool_]) -> None:
+        self._live_ids, self._live_tracks = self._live_ids[alive], self._live_tracks[alive]
+        self._live_points, self._live_status = self._live_points[alive], self._live_status[alive]
+
+
+def _concatenated(parts: list[NDArray[T]], empty: NDArray[T]) -> NDArray[T]:
+    return np.concatenate([empty, *parts])

@@ -1,0 +1,120 @@
+"""How long tracks live: histogram and Kaplan-Meier survival, side by side."""
+
+from collections.abc import Mapping, Sequence
+
+import altair as alt
+import polars as pl
+
+from tracknoise.report.evidence import Evidence
+from tracknoise.report.figures import marks
+from tracknoise.report.figures.figure import Absence, Family, Figure
+from tracknoise.report.sentences import capitalised, count, number, percent
+from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
+
+_SIZE = {"width": 385, "height": 240}
+_UNIT = "lifetime (frames its tracker saw)"
+
+
+def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
+    """Trackers at the lowest speed, then the speeds of each tracker where there are several."""
+    nominal = evidence.nominal(evidence.lifetimes)
+    if nominal.is_empty():
+        return [Absence("lifetimes", "Lifetimes", "No tracker found a feature, so no track has a lifetime.")]
+    made: list[Figure | Absence] = [_by_tracker(evidence, nominal)]
+    if len(evidence.speeds) > 1:
+        made += [_by_speed(evidence, tracker) for tracker in evidence.trackers]
+    return made
+
+
+def _by_tracker(evidence: Evidence, nominal: pl.DataFrame) -> Figure:
+    table = nominal.with_columns(series=pl.col("tracker"))
+    return Figure(
+        id="lifetimes",
+        title=f"Lifetimes at speed {evidence.slowest}",
+        shows=f"Left: how many tracks lived how long at speed {evidence.slowest}{evidence.where} (logarithmic). Right: "
+        "the share of tracks expected to live longer than that (Kaplan-Meier), which does not take a track that was "
+        "still alive at the end of its sequence for one that had ended.",
+        look_for=_numbers(table, evidence.trackers),
+        chart=_pair(table, evidence.colour, "tracker"),
+    )
+
+
+def _by_speed(evidence: Evidence, tracker: str) -> Figure | Absence:
+    name, title = f"lifetimes-{evidence.slug(tracker)}", f"Lifetimes of {tracker} by speed"
+    table = evidence.reference(evidence.lifetimes).filter(pl.col("tracker") == tracker)
+    if table.is_empty():
+        return Absence(name, title, f"{capitalised(tracker)} found no feature, so no track has a lifetime.")
+    table = table.with_columns(series=pl.col("speed").cast(pl.String))
+    return Figure(
+        id=name,
+        title=title,
+        shows=f"The same for {tracker} at every speed{evidence.where}; a lifetime counts the frames the tracker saw, so "
+        "that at speed 2 each of them is two frames of the sequence.",
+        look_for=_numbers(table, list(evidence.speed_colours(tracker)), prefix="speed "),
+        chart=_pair(table, evidence.speed_colours(tracker), "speed"),
+    )
+
+
+def _numbers(table: pl.DataFrame, names: Sequence[str], *, prefix: str = "") -> str:
+    """Mean, median and censored share of each series."""
+    keys = table.drop("series").columns
+    labels = table.select("tracker", "speed", "series").unique()
+    lived = mean_lifetime(table.select(keys)).join(median_survival(table.select(keys)), on=["tracker", "speed"])
+    found = {row["series"]: row for row in lived.join(labels, on=["tracker", "speed"]).to_dicts()}
+    parts = [_sentence(f"{prefix}{name}", found[name]) for name in names if name in found]
+    return capitalised("; ".join(parts)) + "."
+
+
+def _sentence(name: str, row: Mapping[str, int | float | None]) -> str:
+    n, censored, mean, median = (row[key] for key in ("n_tracks", "n_censored", "mean_lifetime", "median_lifetime"))
+    half = "more than half outlive the data" if median is None else f"half of them live no longer than {median}"
+    share = percent(float(censored or 0) / float(n or 1))
+    return f"{name}: {count(int(n or 0), 'track')}, {number(mean)} frames on average, {half}; {share} cut by the end"
+
+
+def _pair(table: pl.DataFrame, colours: Mapping[str, str], title: str) -> alt.HConcatChart:
+    selection = marks.shown("series", list(colours))
+    hue = marks.colour("series", {name: colours[name] for name in colours}, title)
+    charts = [_histogram(table), _survival(table)]
+    return alt.hconcat(
+        *(
+            chart.encode(color=hue, opacity=marks.opacity(selection)).properties(**_SIZE).add_params(selection)
+            for chart in charts
+        )
+    )
+
+
+def _histogram(table: pl.DataFrame) -> alt.Chart:
+    found = table.select("series", "lifetime", n=pl.col("n_ended") + pl.col("n_censored"), cut="n_censored")
+    every = pl.int_range(1, pl.col("lifetime").max().cast(pl.Int64) + 1, dtype=pl.UInt32)
+    dense = found.group_by("series", maintain_order=True).agg(lifetime=every).explode("lifetime")
+    counts = dense.join(found, on=["series", "lifetime"], how="left", maintain_order="left")
+    counts = counts.with_columns(pl.col("n", "cut").fill_null(0)).with_columns(marks.drawn_count(pl.col("n")))
+    tips = [
+        alt.Tooltip("series:N", title="of"),
+        alt.Tooltip("lifetime:Q"),
+        alt.Tooltip("n:Q", title="tracks"),
+        alt.Tooltip("cut:Q", title="of them cut by the end"),
+    ]
+    chart = alt.Chart(marks.rows(counts)).mark_line(interpolate="step", clip=True)
+    y = marks.log_count("tracks (count)", float(counts["drawn"].max()))  # type: ignore[arg-type]
+    return chart.encode(x=alt.X("lifetime:Q", title=_UNIT), y=y, tooltip=tips)
+
+
+def _survival(table: pl.DataFrame) -> alt.Chart:
+    known = table.select("series", pl.col("lifetime").cast(pl.Int64), "survival").drop_nulls()
+    start = known.select("series").unique(maintain_order=True).with_columns(lifetime=pl.lit(0), survival=pl.lit(1.0))
+    points = pl.concat([start.cast({"lifetime": pl.Int64}), known]).sort("series", "lifetime")
+    tips = [alt.Tooltip("series:N"), alt.Tooltip("lifetime:Q"), alt.Tooltip("survival:Q", format=".3f")]
+    y = alt.Y("survival:Q", scale=alt.Scale(domain=[0, 1]), title="share of tracks that live longer")
+    chart = alt.Chart(marks.rows(points)).mark_line(interpolate="step-after")
+    return chart.encode(x=alt.X("lifetime:Q", title=_UNIT), y=y, tooltip=tips)
+
+
+FAMILY = Family(
+    id="lifetimes",
+    title="Lifetimes",
+    lead="A track's lifetime is the number of consecutive frames in which its tracker found it, the first included. "
+    "Tracks alive in the last frame are cut short by the data, not by the tracker: they are censored.",
+    figures=figures,
+)

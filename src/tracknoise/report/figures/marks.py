@@ -1,0 +1,102 @@
+"""Pieces that figures are put together from."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import altair as alt
+import polars as pl
+import polars.selectors as cs
+
+from tracknoise.report import style
+
+MUTED = 0.07
+_NONE = 0.6
+
+
+def rows(table: pl.DataFrame, *, digits: int = 4) -> alt.InlineData:
+    """A table as inline data, its numbers rounded to `digits` significant digits: a figure cannot show more."""
+    return alt.InlineData(values=table.with_columns(cs.float().round_sig_figs(digits)).to_dicts())
+
+
+def shown(field: str, names: Sequence[str]) -> alt.Parameter:
+    """Which of the names in a legend are shown: all, until a click on one mutes it."""
+    start = [{field: name} for name in names]
+    return alt.selection_point(name=f"shown_{field}", fields=[field], bind="legend", toggle="true", value=start)
+
+
+def opacity(selection: alt.Parameter, full: float = 1.0) -> Any:
+    """Full where shown, faint where muted."""
+    return alt.when(selection).then(alt.value(full)).otherwise(alt.value(MUTED))
+
+
+def zoom(*encodings: str) -> alt.Parameter:
+    """Drag moves, shift and wheel zoom, a double click goes back; the wheel alone scrolls the page."""
+    return alt.selection_interval(
+        name="zoom", bind="scales", encodings=list(encodings), zoom="wheel![event.shiftKey]"
+    )
+
+
+def colour(field: str, colours: Mapping[str, str], title: str, *, legend: bool = True) -> alt.Color:
+    """Nominal colours in a stated order."""
+    scale = alt.Scale(domain=list(colours), range=list(colours.values()))
+    shape = alt.Legend(title=title, symbolType="stroke", columns=8) if legend else None
+    return alt.Color(f"{field}:N", scale=scale, sort=None, legend=shape)
+
+
+def domain(values: pl.Series, *, zero: bool = False) -> list[float]:
+    """Axis bounds that hold all values with a little room; never empty."""
+    known = values.drop_nulls()
+    low, high = (float(known.min()), float(known.max())) if known.len() else (0.0, 1.0)  # type: ignore[arg-type]
+    low = min(low, 0.0) if zero else low
+    room = 0.06 * (high - low) or 0.5
+    return [low if zero and low == 0.0 else low - room, high + room]
+
+
+def log_count(title: str, largest: float) -> alt.Y:
+    """Logarithmic axis for the column ``drawn`` of `drawn_count`."""
+    scale = alt.Scale(type="log", domain=[_NONE, max(1.5 * largest, 10.0)], nice=False)
+    decades = [10**power for power in range(max(2, len(str(int(largest))) + 1))]
+    return alt.Y("drawn:Q", scale=scale, title=title, axis=alt.Axis(values=decades, format="~s"))
+
+
+def drawn_count(n: pl.Expr) -> pl.Expr:
+    """Counts as a logarithmic axis draws them: none lies a little below one."""
+    return n.cast(pl.Float64).clip(lower_bound=_NONE).alias("drawn")
+
+
+def boxes(table: pl.DataFrame, *, x: alt.X, y: alt.Y, fill: alt.Color, width: int, height: int) -> alt.LayerChart:
+    """Box plots: orange median, green triangle mean, whiskers to the last value within 1.5 interquartile ranges.
+
+    Parameters
+    ----------
+    table
+        Columns mean, median, lower_quartile, upper_quartile, lower_whisker, upper_whisker, and those of `x`, `fill`.
+    x, fill
+        Groups.
+    y
+        Axis of the values, for any of the columns.
+    width, height
+        Of the panel, px.
+    """
+    names = [*("upper_whisker", "upper_quartile", "mean", "median", "lower_quartile", "lower_whisker")]
+    tips = [alt.Tooltip(name, format=".4~g", title=name.replace("_", " ")) for name in names]
+    base = alt.Chart(rows(table)).encode(x=x, tooltip=[alt.Tooltip(x.shorthand), *tips])
+    across = min(34, 0.6 * width / max(1, table.height))
+
+    def at(name: str) -> alt.Y:
+        placed = y.copy()
+        placed.shorthand = f"{name}:Q"
+        return placed
+
+    lower = base.mark_rule(color=style.QUIET).encode(y=at("lower_whisker"), y2="lower_quartile:Q")
+    upper = base.mark_rule(color=style.QUIET).encode(y=at("upper_quartile"), y2="upper_whisker:Q")
+    caps = [
+        base.mark_tick(color=style.QUIET, thickness=1, size=across / 2, orient="horizontal").encode(y=at(end))
+        for end in ("lower_whisker", "upper_whisker")
+    ]
+    box = base.mark_bar(size=across, fillOpacity=0.25, strokeWidth=1.2).encode(
+        y=at("lower_quartile"), y2="upper_quartile:Q", color=fill, stroke=alt.Stroke(fill.shorthand, scale=fill.scale)
+    )
+    middle = base.mark_tick(color=style.MEDIAN, thickness=2.5, size=across, orient="horizontal").encode(y=at("median"))
+    mean = base.mark_point(shape="triangle-up", color=style.MEAN, size=36, opacity=1).encode(y=at("mean"))
+    return alt.layer(lower, upper, *caps, box, middle, mean).properties(width=width, height=height)

@@ -1,0 +1,105 @@
+"""What share of its features a tracker rejects, frame by frame, as box plots."""
+
+from collections.abc import Mapping, Sequence
+
+import altair as alt
+import polars as pl
+
+from tracknoise.report import style
+from tracknoise.report.evidence import Evidence
+from tracknoise.report.figures import marks
+from tracknoise.report.figures.figure import Absence, Family, Figure
+from tracknoise.report.sentences import capitalised, listing, percent
+
+_TITLE = "Outlier ratio"
+
+
+def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
+    """By speed, and by lighting where there are several."""
+    table = evidence.reference(evidence.outliers)
+    if table.is_empty():
+        why = "No tracker ever carried a feature from one frame to the next, so no share of them was rejected."
+        return [Absence("outlier-ratio", _TITLE, why)]
+    made = [_by_speed(evidence, table)]
+    if len(evidence.lightings) > 1:
+        made.append(_by_lighting(evidence))
+    return made
+
+
+def _by_speed(evidence: Evidence, table: pl.DataFrame) -> Figure:
+    panels = [
+        _panel(
+            evidence,
+            table.filter(tracker=tracker).with_columns(pl.col("speed").cast(pl.String)),
+            "speed",
+            evidence.speed_colours(tracker),
+            tracker,
+        )
+        for tracker in evidence.trackers
+    ]
+    return Figure(
+        id="outlier-ratio",
+        title=_TITLE,
+        shows=f"The share of features that a tracker rejected in a frame, over all frames{evidence.where}: box from the "
+        "first to the third quartile, orange line the median, green triangle the mean, whiskers to the last frame "
+        "within 1.5 interquartile ranges.",
+        look_for=_look_for(evidence, table),
+        chart=alt.concat(*panels, columns=3),
+    )
+
+
+def _by_lighting(evidence: Evidence) -> Figure:
+    rows = (pl.col("speed") == evidence.slowest) & (pl.col("rotation") == evidence.rotations[0])
+    table = evidence.outliers.filter(rows)
+    colours = {name: style.QUIET for name in evidence.lightings}
+    panels = [
+        _panel(evidence, table.filter(tracker=tracker), "lighting", colours, tracker) for tracker in evidence.trackers
+    ]
+    parts = [_range(tracker, table.filter(tracker=tracker)) for tracker in evidence.trackers]
+    return Figure(
+        id="outlier-ratio-lighting",
+        title=f"{_TITLE} by lighting",
+        shows=f"The same by lighting, at speed {evidence.slowest}.",
+        look_for=capitalised("; ".join(part for part in parts if part)) + ".",
+        chart=alt.concat(*panels, columns=3),
+    )
+
+
+def _look_for(evidence: Evidence, table: pl.DataFrame) -> str:
+    parts = []
+    for tracker in evidence.trackers:
+        rows = table.filter(tracker=tracker).sort("speed").to_dicts()
+        told = [f"{percent(row['pooled_ratio'])} at speed {row['speed']}" for row in rows]
+        parts += [f"{tracker} rejected {listing(told)}"] if told else []
+    return f"Of all features carried into a frame, {'; '.join(parts)}. A mean above the median tells of a few bad frames."
+
+
+def _range(tracker: str, table: pl.DataFrame) -> str:
+    if table.is_empty():
+        return ""
+    ordered = table.sort("pooled_ratio")
+    low, high = ordered.row(0, named=True), ordered.row(-1, named=True)
+    ends = [f"{percent(row['pooled_ratio'])} under {row['lighting']}" for row in (low, high)]
+    return f"{tracker} rejected from {ends[0]} to {ends[1]}"
+
+
+def _panel(
+    evidence: Evidence, table: pl.DataFrame, field: str, colours: Mapping[str, str], tracker: str
+) -> alt.LayerChart:
+    largest = max([*evidence.outliers["upper_whisker"].drop_nulls(), *evidence.outliers["mean"].drop_nulls()])
+    scale = alt.Scale(domain=[0, 1.05 * largest or 1.0], nice=False)
+    width = 780 // min(3, max(2, len(evidence.trackers)))
+    x = alt.X(f"{field}:N", sort=list(colours), title=field, axis=alt.Axis(labelAngle=0))
+    y = alt.Y("median:Q", scale=scale, title="outlier ratio (share of features)")
+    fill = marks.colour(field, colours, field, legend=False)
+    chart = marks.boxes(table, x=x, y=y, fill=fill, width=width, height=230)
+    return chart.properties(title=alt.Title(tracker, color=evidence.colour[tracker]))
+
+
+FAMILY = Family(
+    id="outlier-ratio",
+    title=_TITLE,
+    lead="Before a tracker reports a frame it rejects the features that do not move like the others. The outlier ratio is "
+    "the share it rejects of those it carried over from the previous frame.",
+    figures=figures,
+)

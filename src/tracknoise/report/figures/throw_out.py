@@ -1,0 +1,119 @@
+"""The largest error of every track, before trimming, and where trimming cuts."""
+
+from collections.abc import Sequence
+
+import altair as alt
+import polars as pl
+
+from tracknoise.report import style
+from tracknoise.report.evidence import Evidence
+from tracknoise.report.figures import marks
+from tracknoise.report.figures.figure import Absence, Family, Figure
+from tracknoise.report.sentences import count, number, percent, px
+
+_TITLE = "Errors before trimming"
+
+
+def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
+    """One panel a tracker, one line a speed."""
+    table = evidence.reference(evidence.errors)
+    if not table["n"].sum():
+        return [Absence("errors", _TITLE, "No track has a known true position, so there is no error to count.")]
+    trackers = [name for name in evidence.trackers if table.filter(tracker=name)["n"].sum()]
+    panels = [_panel(evidence, tracker, table, width=max(240, 850 // min(2, len(trackers)) - 40)) for tracker in trackers]
+    figure = Figure(
+        id="errors",
+        title=_TITLE,
+        shows="For every track the largest distance between where the tracker found it and where it was, over its whole "
+        f"life{evidence.where}, both axes logarithmic; the leftmost bin holds all errors below {_first_bound(table)}. "
+        + _cut_explained(evidence),
+        look_for=_look_for(evidence, trackers),
+        chart=alt.concat(*panels, columns=2).resolve_scale(color="independent"),
+    )
+    return [figure]
+
+
+def _first_bound(table: pl.DataFrame) -> str:
+    return px(table.filter(bin_low_px=0.0)["bin_high_px"].min())  # type: ignore[arg-type]
+
+
+def _cut_explained(evidence: Evidence) -> str:
+    if evidence.percentile is None:
+        return "Nothing was trimmed in this run."
+    return (
+        f"The dashed lines mark the cut: the {number(int(evidence.percentile))}th percentile of each scene, its median "
+        "over the scenes."
+    )
+
+
+def _look_for(evidence: Evidence, trackers: Sequence[str]) -> str:
+    parts = [_sentence(evidence, tracker) for tracker in trackers]
+    return f"At speed {evidence.slowest}: " + "; ".join(parts) + ". A second hump on the right is failed tracking."
+
+
+def _sentence(evidence: Evidence, tracker: str) -> str:
+    lived = evidence.nominal(evidence.lifetimes).filter(tracker=tracker)
+    total, once = (_tracks(lived), _tracks(lived.filter(lifetime=1)))
+    seen_once = f"of {tracker}'s {count(total, 'track')}, {number(once)} have only their first frame, where the error is 0"
+    trims = evidence.nominal(evidence.trims).filter(tracker=tracker)
+    cuts = trims["threshold_px"].drop_nulls().sort().to_list()
+    if evidence.percentile is None or not cuts:
+        return seen_once
+    dropped, measured = trims["n_dropped"].sum(), trims["n_measured"].sum()
+    where = px(cuts[0]) if len(cuts) == 1 else f"{px(cuts[0])} to {px(cuts[-1])}, depending on the scene"
+    return f"{seen_once}; the cut lies at {where}, and {percent(dropped / measured)} were dropped"
+
+
+def _tracks(lifetimes: pl.DataFrame) -> int:
+    return int(lifetimes["n_ended"].sum() + lifetimes["n_censored"].sum())
+
+
+def _panel(evidence: Evidence, tracker: str, errors: pl.DataFrame, *, width: int) -> alt.LayerChart:
+    bins = errors.filter(tracker=tracker).with_columns(speed=pl.col("speed").cast(pl.String))
+    hue = marks.colour("speed", evidence.speed_colours(tracker), "speed", legend=len(evidence.speeds) > 1)
+    selection = marks.shown("speed", list(evidence.speed_colours(tracker)))
+    layers = [_histogram(bins, hue, selection), _cuts(evidence, tracker, hue, selection)]
+    title = alt.Title(tracker, color=evidence.colour[tracker])
+    return alt.layer(*layers).properties(width=width, height=230, title=title).add_params(selection)
+
+
+def _histogram(bins: pl.DataFrame, hue: alt.Color, selection: alt.Parameter) -> alt.Chart:
+    """Steps from bin to bin; the first and the last bin, which have no finite size, are drawn a tenth decade wide."""
+    tenth = 10**0.1
+    low = pl.when(pl.col("bin_low_px") > 0).then("bin_low_px").otherwise(pl.col("bin_high_px") / tenth)
+    used = bins.filter(pl.col("n") > 0)
+    last = used["bin_low_px"].max()
+    table = bins.filter(pl.col("bin_low_px") <= last).select(
+        "speed", "n", marks.drawn_count(pl.col("n")), low=low, to="bin_high_px", of="bin_low_px"
+    )
+    x = alt.X("low:Q", scale=alt.Scale(type="log", nice=False), title="largest error of the track (px)")
+    tips = [
+        alt.Tooltip("speed:N"),
+        alt.Tooltip("of:Q", title="from (px)"),
+        alt.Tooltip("to:Q", title="to (px)"),
+        alt.Tooltip("n:Q", title="tracks"),
+    ]
+    y = marks.log_count("tracks (count)", float(table["drawn"].max()))  # type: ignore[arg-type]
+    chart = alt.Chart(marks.rows(table)).mark_line(interpolate="step-after", clip=True)
+    return chart.encode(x=x, y=y, color=hue, opacity=marks.opacity(selection), tooltip=tips)
+
+
+def _cuts(evidence: Evidence, tracker: str, hue: alt.Color, selection: alt.Parameter) -> alt.Chart:
+    """Median over the scenes of each speed's cut; one of 0 px, where a logarithmic axis has no place, is left out."""
+    trims = evidence.reference(evidence.trims).filter(tracker=tracker).drop_nulls("threshold_px")
+    if evidence.percentile is None:
+        trims = trims.clear()
+    cuts = trims.group_by("speed").agg(cut=pl.col("threshold_px").median()).sort("speed").filter(pl.col("cut") > 0)
+    table = cuts.with_columns(pl.col("speed").cast(pl.String))
+    tips = [alt.Tooltip("speed:N"), alt.Tooltip("cut:Q", title="cut (px)")]
+    chart = alt.Chart(marks.rows(table)).mark_rule(strokeDash=[5, 3], strokeWidth=1.5, color=style.INK)
+    return chart.encode(x="cut:Q", color=hue, opacity=marks.opacity(selection), tooltip=tips)
+
+
+FAMILY = Family(
+    id="errors-before-trimming",
+    title=_TITLE,
+    lead="Some tracks follow the wrong thing. Trimming drops the tracks with the largest errors, scene by scene, as the "
+    "paper does; what is dropped is no longer in the curves that follow, unless they say untrimmed.",
+    figures=figures,
+)

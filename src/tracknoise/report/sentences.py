@@ -1,0 +1,44 @@
+"""Words and numbers as the report writes them."""
+
+from collections.abc import Iterable, Sequence
+
+MINUS, TIMES = "\N{MINUS SIGN}", "\N{MULTIPLICATION SIGN}"
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def number(value: float | None, *, digits: int = 3) -> str:
+    """Write a number to `digits` significant digits; whole numbers whole, a dash where it is missing."""
+    if value is None:
+        return "–"
+    if isinstance(value, int) or abs(value) >= 10**digits:
+        return f"{round(value):,}".replace("-", MINUS)
+    if value != 0 and abs(value) < 1e-3:
+        mantissa, exponent = f"{value:.{digits - 2}e}".split("e")
+        return f"{mantissa} {TIMES} 10{str(int(exponent)).translate(_SUPERSCRIPT)}".replace("-", MINUS)
+    return f"{value:#.{digits}g}".rstrip(".").replace("-", MINUS) if value else "0"
+
+
+def px(value: float | None) -> str:
+    """Write a length in pixels."""
+    return "unknown" if value is None else f"{number(value)} px"
+
+
+def percent(share: float | None) -> str:
+    """Write a share between 0 and 1 in percent, to a tenth."""
+    return "unknown" if share is None else f"{100 * share:.1f} %"
+
+
+def count(n: int, noun: str) -> str:
+    """Write a count with its noun: ``no tracks``, ``1 track``, ``1,200 tracks``."""
+    return f"{number(n) if n else 'no'} {noun}{'' if n == 1 else 's'}"
+
+
+def listing(items: Iterable[str], *, joint: str = "and") -> str:
+    """Join items as prose does: ``a``, ``a and b``, ``a, b and c``."""
+    parts: Sequence[str] = list(items)
+    return f" {joint} ".join([", ".join(parts[:-1]), parts[-1]]) if len(parts) > 1 else "".join(parts)
+
+
+def capitalised(sentence: str) -> str:
+    """Begin a sentence with a capital, leaving the rest as it is."""
+    return sentence[:1].upper() + sentence[1:]

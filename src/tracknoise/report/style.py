@@ -1,0 +1,53 @@
+"""Colours, fonts and sizes: a tracker has one colour in every figure, a speed one shade of it."""
+
+from collections.abc import Sequence
+from typing import Any
+
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
+"""Okabe and Ito's colours, which people with any colour vision can tell apart."""
+INK, QUIET, FAINT = "#1b2430", "#5b6775", "#e3e7ec"
+MEDIAN, MEAN = "#E69F00", "#009E73"
+FONT = "Helvetica Neue, Helvetica, Arial, Liberation Sans, DejaVu Sans, sans-serif"
+WIDTH = 900
+"""Of a figure without its axes, px: it fits the page in a window of 1280."""
+
+
+def colours(names: Sequence[str]) -> list[str]:
+    """One colour a name, by position."""
+    return [PALETTE[i % len(PALETTE)] for i in range(len(names))]
+
+
+def shades(colour: str, n: int) -> list[str]:
+    """`n` shades of a colour, from dark to light, the colour itself between them."""
+    if n == 1:
+        return [colour]
+    steps = [-0.55 + 1.05 * i / (n - 1) for i in range(n)]
+    return [_mixed(colour, "#000000", -step) if step < 0 else _mixed(colour, "#ffffff", step) for step in steps]
+
+
+def _mixed(colour: str, other: str, share: float) -> str:
+    pairs = zip(_channels(colour), _channels(other), strict=True)
+    return "#" + "".join(f"{round((1 - share) * a + share * b):02x}" for a, b in pairs)
+
+
+def _channels(colour: str) -> list[int]:
+    return [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
+
+
+def config() -> dict[str, Any]:
+    """Vega-Lite configuration of every figure."""
+    text = {"labelFont": FONT, "titleFont": FONT, "labelFontSize": 11, "titleFontSize": 12, "titleFontWeight": 500}
+    ink = {"labelColor": QUIET, "titleColor": INK}
+    return {
+        "background": "#ffffff",
+        "font": FONT,
+        "padding": 6,
+        "axis": {**text, **ink, "gridColor": FAINT, "domainColor": "#9aa5b1", "tickColor": "#9aa5b1", "tickSize": 4},
+        "legend": {**text, **ink, "orient": "top", "symbolStrokeWidth": 2.5, "titleAnchor": "start"},
+        "header": {**text, **ink, "labelFontSize": 12},
+        "title": {"font": FONT, "fontSize": 12, "fontWeight": 600, "color": INK, "anchor": "start", "offset": 6},
+        "view": {"stroke": None},
+        "line": {"strokeWidth": 1.8},
+        "point": {"filled": True},
+        "concat": {"spacing": 14},
+    }

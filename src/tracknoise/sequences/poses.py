@@ -1,0 +1,187 @@
+"""Pose files: rows of numbers, and the check that they are rigid transforms."""
+
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import DataError, DataWarning
+from tracknoise.geometry.pose import from_quaternion, nearest_rigid
+
+RIGID_TOLERANCE = 0.05
+"""Largest deviation of a rotation's singular values, or of a quaternion's norm, from 1.
+
+Poses rounded to two decimals stay below it, and 7-Scenes deviates by 6e-5; matrices with a scale, swapped columns of
+a file and numbers that are no pose at all do not.
+"""
+
+CORRECTION_NOTED = 1e-3
+"""Corrections of a rotation's entries above this are worth a warning: at 500 px focal length, half a pixel."""
+
+Place = str | Path
+
+
+def read_rows(path: Path, columns: str) -> tuple[NDArray[np.float64], list[str]]:
+    """Read a text file of numbers, the same count in each row; blank lines and ``#`` comments are skipped.
+
+    Parameters
+    ----------
+    path
+        The file.
+    columns
+        Names of the columns, separated by spaces: their count is the count of fields in a row.
+
+    Returns
+    -------
+    rows : (n, columns) float64
+    places : list of n str
+        ``file:line`` of each row.
+
+    Raises
+    ------
+    DataError
+        If the file is missing or unreadable, or a row has another count of fields or something else than numbers.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except FileNotFoundError as error:
+        raise DataError(path, "no such file", f"rows of {columns}") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError(path, "unreadable file", f"text of rows of {columns}") from error
+    rows, places = [], []
+    for number, line in enumerate(lines, start=1):
+        if line.strip() and not line.lstrip().startswith("#"):
+            places.append(f"{path}:{number}")
+            rows.append(_numbers(line.split(), columns, places[-1]))
+    return np.array(rows, dtype=np.float64).reshape(len(rows), len(columns.split())), places
+
+
+def read_matrix(path: Path, *, size: int) -> NDArray[np.float64]:
+    """Read a text file of one square matrix.
+
+    Returns
+    -------
+    (size, size) float64
+
+    Raises
+    ------
+    DataError
+        If the file is missing, has another count of rows or fields, or something else than numbers.
+    """
+    rows, _ = read_rows(path, " ".join(f"column{column}" for column in range(1, size + 1)))
+    if len(rows) != size:
+        raise DataError(path, f"{len(rows)} row{'s' if len(rows) != 1 else ''}", f"a {size}x{size} matrix")
+    return rows
+
+
+def quaternion_poses(
+    translation_m: NDArray[np.float64], xyzw: NDArray[np.float64], places: Sequence[Place]
+) -> NDArray[np.float64]:
+    """Poses from translations and quaternions that were read from a file.
+
+    Parameters
+    ----------
+    translation_m
+        (n, 3) float64, metres.
+    xyzw
+        (n, 4) float64, scalar last; of norm 1 to within `RIGID_TOLERANCE`, and normalised here.
+    places
+        n names of files, or ``file:line``.
+
+    Returns
+    -------
+    (n, 4, 4) float64
+
+    Raises
+    ------
+    DataError
+        Naming the first place with NaN, infinity, or a quaternion of another norm.
+    """
+    _require_finite(np.concatenate([translation_m, xyzw], axis=1), places)
+    norm = np.linalg.norm(xyzw, axis=1)
+    for index in np.flatnonzero(np.abs(norm - 1.0) > RIGID_TOLERANCE)[:1]:
+        raise DataError(places[index], f"a quaternion of norm {norm[index]:.6g}", "norm 1")
+    return from_quaternion(translation_m, xyzw)
+
+
+def checked_poses(poses: NDArray[np.float64], places: Sequence[Place]) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+    """Check that matrices are rigid to within rounding, and make their rotations exact.
+
+    Parameters
+    ----------
+    poses
+        (n, 4, 4) float64.
+    places
+        n names of files, or ``file:line``.
+
+    Returns
+    -------
+    poses : (n, 4, 4) float64
+        With the nearest rotations.
+    notes : tuple of str
+        One sentence if the correction is above `CORRECTION_NOTED`, of which there is a `DataWarning` as well.
+
+    Raises
+    ------
+    DataError
+        Naming the first place with NaN, infinity, a reflection, a scale, a shear, or a last row other than 0 0 0 1.
+    """
+    _require_finite(poses, places)
+    _require_rigid(poses, places)
+    rigid, correction = nearest_rigid(poses)
+    worst = int(np.argmax(correction)) if len(correction) else 0
+    if not len(correction) or correction[worst] <= CORRECTION_NOTED:
+        return rigid, ()
+    note = (
+        f"{places[worst]}: the rotation is not orthonormal; "
+        f"replaced by the nearest rotation, which changes its entries by up to {correction[worst]:.2g}"
+    )
+    warnings.warn(note, DataWarning, stacklevel=2)
+    return rigid, (note,)
+
+
+def require_poses(place: Place, *, poses: int, images: int) -> None:
+    """Check that there is a pose for every image; there may be more.
+
+    Raises
+    ------
+    DataError
+        If there are fewer.
+    """
+    if poses < images:
+        raise DataError(place, f"{poses} poses", f"at least {images}, one for each image")
+
+
+def _numbers(fields: list[str], columns: str, place: str) -> list[float]:
+    expected = len(columns.split())
+    if len(fields) != expected:
+        raise DataError(place, f"{len(fields)} field{'s' if len(fields) != 1 else ''}", f"{expected} ({columns})")
+    for field in fields:
+        try:
+            float(field)
+        except ValueError as error:
+            raise DataError(place, repr(field), f"a number ({columns})") from error
+    return [float(field) for field in fields]
+
+
+def _require_finite(values: NDArray[np.float64], places: Sequence[Place]) -> None:
+    finite = np.isfinite(values).reshape(len(values), -1).all(axis=1)
+    for index in np.flatnonzero(~finite)[:1]:
+        raise DataError(places[index], "NaN or infinity in the pose", "finite numbers")
+
+
+def _require_rigid(poses: NDArray[np.float64], places: Sequence[Place]) -> None:
+    block = poses[:, :3, :3]
+    stretch = np.abs(np.linalg.svd(block, compute_uv=False) - 1.0).max(axis=1, initial=0.0)
+    reflected = np.linalg.det(block) < 0
+    last_row = np.abs(poses[:, 3] - (0.0, 0.0, 0.0, 1.0)).max(axis=1, initial=0.0) > 1e-6
+    for index in np.flatnonzero((stretch > RIGID_TOLERANCE) | reflected | last_row)[:1]:
+        if last_row[index]:
+            row = " ".join(f"{value:g}" for value in poses[index, 3])
+            raise DataError(places[index], f"a pose whose last row is {row}", "0 0 0 1")
+        if reflected[index]:
+            raise DataError(places[index], "a pose with a reflection", "a rotation")
+        found = f"a pose whose singular values differ from 1 by {stretch[index]:.2g}"
+        raise DataError(places[index], found, f"a rotation (at most {RIGID_TOLERANCE:g})")

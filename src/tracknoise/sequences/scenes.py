@@ -1,0 +1,110 @@
+"""Finding the scenes of a data set in a tree of folders, and the frames of a scene, from names alone."""
+
+import os
+import re
+from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
+
+from tracknoise.exceptions import DataError, UnknownNameError
+from tracknoise.sequences.sequence import DEFAULT_LIGHTING, SequenceId, require_directory
+
+
+def find_scenes(root: Path, is_scene: Callable[[list[str], list[str]], bool], *, expected: str) -> dict[str, Path]:
+    """Find the folders that hold a scene; what lies below a scene is not looked at.
+
+    Parameters
+    ----------
+    root
+        The data set's folder at any level, or a scene itself. Links are followed; each folder is visited once.
+    is_scene
+        Tells from the names of a folder's subfolders and files whether it is a scene.
+    expected
+        What makes a scene, for the error.
+
+    Returns
+    -------
+    dict of str to Path
+        Folder of each scene by its path below the root, with ``/``, sorted; the root's own name if it is the scene.
+
+    Raises
+    ------
+    DataError
+        If the root is no folder, or there is no scene.
+    """
+    scenes: dict[str, Path] = {}
+    visited: set[str] = set()
+    for name, below, files in os.walk(require_directory(root), followlinks=True):
+        real, folder = os.path.realpath(name), Path(name)
+        if real not in visited and is_scene(below, files):
+            scenes[_scene_name(root, folder)] = folder
+            below.clear()
+        elif real in visited:
+            below.clear()
+        visited.add(real)
+        below.sort()
+    if not scenes:
+        raise DataError(root, "no scene", expected)
+    return dict(sorted(scenes.items()))
+
+
+def scene_folder(scenes: Mapping[str, Path], sequence: SequenceId) -> Path:
+    """Folder of a sequence, in a data set without lightings.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such scene or lighting.
+    """
+    if sequence.scene not in scenes:
+        raise UnknownNameError("scene", sequence.scene, scenes)
+    if sequence.lighting != DEFAULT_LIGHTING:
+        raise UnknownNameError("lighting", sequence.lighting, [DEFAULT_LIGHTING])
+    return scenes[sequence.scene]
+
+
+def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
+    """Files of a folder whose whole name matches a pattern, by the frame number in its first group, sorted.
+
+    Raises
+    ------
+    DataError
+        If there is no such folder.
+    """
+    matches = ((re.fullmatch(pattern, path.name), path) for path in require_directory(folder).iterdir())
+    return dict(sorted((int(match[1]), path) for match, path in matches if match))
+
+
+def require_unbroken(images: Collection[int], poses: Collection[int], path_of: Callable[[int], Path]) -> range:
+    """Check that there is an image of every frame from the first to the last: a gap would silently change the speed.
+
+    Parameters
+    ----------
+    images
+        Frame numbers of the images.
+    poses
+        Frame numbers of the poses, where these have a file each; otherwise empty.
+    path_of
+        Where the image of a frame should be, for the error.
+
+    Returns
+    -------
+    range
+        The frame numbers, not empty.
+
+    Raises
+    ------
+    DataError
+        If there is no image, or naming the first that is missing.
+    """
+    if not images:
+        raise DataError(path_of(0).parent, "no images", f"files such as {path_of(0).name}")
+    numbers = {*images, *poses}
+    frames = range(min(numbers), max(numbers) + 1)
+    for number in frames:
+        if number not in images:
+            raise DataError(path_of(number), "missing image", f"images {frames[0]} to {frames[-1]} without a gap")
+    return frames
+
+
+def _scene_name(root: Path, folder: Path) -> str:
+    return root.resolve().name if folder == root else folder.relative_to(root).as_posix()

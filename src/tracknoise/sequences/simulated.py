@@ -1,0 +1,226 @@
+"""Sequences of rendered images, with exact poses, depth and surface."""
+
+import zlib
+from collections.abc import Collection
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import UnknownNameError
+from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.depth import DepthMap
+from tracknoise.sequences.sequence import DEFAULT_LIGHTING, SequenceId, TruthKind
+from tracknoise.simulation.light import LIGHTINGS
+from tracknoise.simulation.motion import MOTIONS
+from tracknoise.simulation.procedural import procedural_world
+from tracknoise.simulation.raycast import Raycaster, depth_map, surface_points
+from tracknoise.simulation.render import Quality, Renderer
+from tracknoise.simulation.sensor import expose
+from tracknoise.simulation.world import World
+
+_WORLD, _PATH, _NOISE = range(3)  # streams of random numbers that know nothing of each other
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Simulated:
+    """Renders worlds that are made from a seed.
+
+    Parameters
+    ----------
+    motions
+        How the camera moves: names in `tracknoise.simulation.motion.MOTIONS`.
+    worlds
+        Count of scenes for each motion. Each has a world of its own, so that scenes are independent.
+    frames
+        Count of frames of each sequence.
+    width, height
+        Size of the images, px.
+    hfov_deg
+        Horizontal field of view, degrees.
+    supersampling
+        Rays along each side of a pixel.
+    noise_sigma
+        Standard deviation of the sensor noise, grey levels.
+    shadows
+        Whether surfaces block the light.
+    lightings
+        Names in `tracknoise.simulation.light.LIGHTINGS`.
+    seed
+        Of worlds, paths and noise.
+
+    Raises
+    ------
+    ValueError
+        If a setting has a wrong type or an impossible value.
+    UnknownNameError
+        If there is no such motion or lighting.
+    """
+
+    name: ClassVar[str] = "simulated"
+    description: ClassVar[str] = "rendered worlds with exact poses, depth and surface; needs no files"
+    needs_root: ClassVar[bool] = False
+
+    motions: tuple[str, ...] = ("sideways", "fixating", "forward", "arvr")
+    worlds: int = 1
+    frames: int = 60
+    width: int = 800
+    height: int = 600
+    hfov_deg: float = 60.0
+    supersampling: int = 2
+    noise_sigma: float = 2.0
+    shadows: bool = False
+    lightings: tuple[str, ...] = (DEFAULT_LIGHTING,)
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "motions", _names("motion", self.motions, MOTIONS))
+        object.__setattr__(self, "lightings", _names("lighting", self.lightings, LIGHTINGS))
+        for name, least in {"worlds": 1, "frames": 1, "width": 2, "height": 2, "supersampling": 1, "seed": 0}.items():
+            value = getattr(self, name)
+            if type(value) is not int or value < least:
+                raise ValueError(f"{name} must be a whole number of at least {least}, not {value!r}")
+        if not _is_number(self.hfov_deg) or not 0.0 < self.hfov_deg < 180.0:
+            raise ValueError(f"hfov_deg must be a number between 0 and 180, not {self.hfov_deg!r}")
+        if not _is_number(self.noise_sigma) or not 0.0 <= self.noise_sigma < np.inf:
+            raise ValueError(f"noise_sigma must be a number of at least 0, not {self.noise_sigma!r}")
+        if type(self.shadows) is not bool:
+            raise ValueError(f"shadows must be true or false, not {self.shadows!r}")
+
+    @property
+    def camera(self) -> Camera:
+        """The camera of all sequences; its principal point is the image's centre."""
+        focal = self.width / 2.0 / float(np.tan(np.deg2rad(self.hfov_deg) / 2.0))
+        return Camera(self.width, self.height, focal, focal, (self.width - 1) / 2.0, (self.height - 1) / 2.0)
+
+    def sequences(self) -> list[SequenceId]:
+        """All sequences, sorted: scenes are named ``<motion>-<index of the world>``."""
+        return sorted(
+            SequenceId(self.name, f"{motion}-{world:02d}", lighting)
+            for motion in self.motions
+            for world in range(self.worlds)
+            for lighting in self.lightings
+        )
+
+    def open(self, sequence: SequenceId) -> "SimulatedSequence":
+        """Work out the camera path of one sequence; its world is built when first looked at.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such scene or lighting.
+        """
+        listed = self.sequences()
+        if sequence not in listed:
+            known = {item.lighting for item in listed if item.scene == sequence.scene}
+            if known:
+                raise UnknownNameError("lighting", sequence.lighting, known)
+            raise UnknownNameError("scene", sequence.scene, {item.scene for item in listed})
+        motion = MOTIONS[sequence.scene.rpartition("-")[0]]
+        poses = motion(self.frames, _generator(self.seed, _PATH, sequence.scene))
+        return SimulatedSequence(sequence, self.camera, poses, self)
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedSequence:
+    """A `tracknoise.sequences.sequence.Sequence` that renders each frame when asked for it.
+
+    Parameters
+    ----------
+    id
+        Which sequence.
+    camera
+        Intrinsics of all its images.
+    world_from_camera
+        (n, 4, 4) float64.
+    settings
+        What else there is to decide.
+    """
+
+    id: SequenceId
+    camera: Camera
+    world_from_camera: NDArray[np.float64]
+    settings: Simulated
+
+    def __len__(self) -> int:
+        return len(self.world_from_camera)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Only the fields: a copy in another process builds its world again."""
+        return {name: self.__dict__[name] for name in self.__dataclass_fields__}
+
+    @property
+    def truths(self) -> tuple[TruthKind, ...]:
+        """Ray cast first: it needs no interpolation."""
+        return (TruthKind.raycast, TruthKind.birth)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Nothing: a simulation needs no corrections."""
+        return ()
+
+    def image(self, index: int) -> NDArray[np.uint8]:
+        """(height, width) uint8: one frame, the same whenever and in whatever order it is asked for."""
+        noise = _generator(self.settings.seed, _NOISE, f"{self.id.scene} {self.id.lighting}", index)
+        return expose(self._renderer.image(self.world_from_camera[index]), self.settings.noise_sigma, noise)
+
+    def depth(self, index: int) -> DepthMap:
+        """Exact depth of one frame at the pixel centres, float64."""
+        return depth_map(self._raycaster, self.camera, self.world_from_camera[index])
+
+    @property
+    def surface(self) -> "SimulatedSequence":
+        """The exact surface: the sequence itself, through `cast`."""
+        return self
+
+    def cast(self, index: int, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """First surface points on the rays through pixels of one frame (truth.raycast).
+
+        Parameters
+        ----------
+        index
+            Frame.
+        uv
+            (n, 2) float64, px.
+
+        Returns
+        -------
+        points_world : (n, 3) float64
+            Metres, world frame; the camera's position where nothing is hit.
+        hit : (n,) bool
+        """
+        return surface_points(self._raycaster, self.camera, self.world_from_camera[index], uv)
+
+    @cached_property
+    def _world(self) -> World:
+        return procedural_world(_generator(self.settings.seed, _WORLD, self.id.scene))
+
+    @cached_property
+    def _raycaster(self) -> Raycaster:
+        return Raycaster(self._world)
+
+    @cached_property
+    def _renderer(self) -> Renderer:
+        quality = Quality(self.settings.supersampling, self.settings.shadows)
+        lighting = LIGHTINGS[self.id.lighting]
+        return Renderer(self._world, self._raycaster, camera=self.camera, lighting=lighting, quality=quality)
+
+
+def _generator(seed: int, stream: int, name: str, index: int = 0) -> np.random.Generator:
+    """A generator that depends on nothing but its arguments, so that frames can be made in any order."""
+    return np.random.default_rng([seed, stream, zlib.crc32(name.encode()), index])
+
+
+def _names(kind: str, names: object, known: Collection[str]) -> tuple[str, ...]:
+    if not isinstance(names, list | tuple) or not names:
+        raise ValueError(f"{kind}s must be a list of names, not {names!r}")
+    for name in names:
+        if name not in known:
+            raise UnknownNameError(kind, str(name), known)
+    return tuple(dict.fromkeys(names))
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -1,0 +1,145 @@
+"""TartanAir (Wang et al., IROS 2020), v1 and v2: simulated flights with exact poses and depth.
+
+Layout of a scene, v1: ``image_left/NNNNNN_left.png``, ``depth_left/NNNNNN_left_depth.npy`` (float32, metres) and
+``pose_left.txt``; v2: the same with ``lcam_front`` for ``left``, and depth in PNG files whose four 8-bit channels are
+the bytes of a float32. Row i of a pose file, ``x y z qx qy qz qw``, is the NED camera-to-world pose of frame i.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import DataError, UnknownNameError
+from tracknoise.geometry.camera import Camera
+from tracknoise.sequences.images import image_size, read_depth_npy, read_depth_png_float32
+from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses
+from tracknoise.sequences.recorded import DepthReader, RecordedSequence, depth_notes
+from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken, scene_folder
+from tracknoise.sequences.sequence import SequenceId
+
+SKY_M = 10_000.0
+"""Depth beyond this is sky, metres."""
+
+_CV_FROM_NED = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+_COLUMNS = "x y z qx qy qz qw"
+
+
+@dataclass(frozen=True, slots=True)
+class _Version:
+    intrinsics: Camera
+    depth_suffix: str
+    read_depth: DepthReader
+
+
+_V1 = _Version(Camera(640, 480, 320.0, 320.0, 320.0, 240.0), "npy", partial(read_depth_npy, farthest_m=SKY_M))
+_V2 = _Version(Camera(640, 640, 320.0, 320.0, 320.0, 320.0), "png", partial(read_depth_png_float32, farthest_m=SKY_M))
+_SIDES = ("front", "back", "left", "right", "top", "bottom")
+_VERSIONS = {
+    **dict.fromkeys(("left", "right"), _V1),
+    **dict.fromkeys((f"{eye}cam_{side}" for eye in "lr" for side in _SIDES), _V2),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class TartanAir:
+    """Reader of TartanAir, v1 and v2.
+
+    Parameters
+    ----------
+    root
+        The data set's folder, or one below, down to that of a single trajectory.
+    camera
+        ``left`` or ``right`` (v1), ``lcam_front``, ``rcam_back`` and so on (v2, the pinhole cameras); by default the
+        first that a trajectory has, in this order.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such camera.
+    """
+
+    name: ClassVar[str] = "tartanair"
+    description: ClassVar[str] = "TartanAir v1 and v2: simulated flights, exact poses and depth"
+    needs_root: ClassVar[bool] = True
+
+    root: Path
+    camera: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.camera is not None and self.camera not in _VERSIONS:
+            raise UnknownNameError("camera", str(self.camera), _VERSIONS)
+
+    def sequences(self) -> list[SequenceId]:
+        """All sequences, sorted: each folder with images or poses of the camera.
+
+        Raises
+        ------
+        DataError
+            If there is none.
+        """
+        return [SequenceId(self.name, scene) for scene in self._scenes()]
+
+    def open(self, sequence: SequenceId) -> RecordedSequence:
+        """Read and check everything but the images and depths of one sequence.
+
+        Raises
+        ------
+        DataError
+            If an image or pose is missing or damaged, or the images have not the data set's size.
+        UnknownNameError
+            If there is no such scene or lighting.
+        """
+        folder = scene_folder(self._scenes(), sequence)
+        camera = self._camera_of({path.name for path in folder.iterdir()})
+        version = _VERSIONS[str(camera)]
+        images = numbered_files(folder / f"image_{camera}", rf"(\d+)_{camera}\.png")
+        frames = require_unbroken(images, (), lambda number: folder / f"image_{camera}" / f"{number:06d}_{camera}.png")
+        depths = _depths(folder / f"depth_{camera}", rf"(\d+)_{camera}_depth\.{version.depth_suffix}", frames)
+        _require_size(images[frames[0]], version.intrinsics)
+        return RecordedSequence(
+            id=sequence,
+            camera=version.intrinsics,
+            world_from_camera=_read_poses(folder / f"pose_{camera}.txt", frames),
+            image_paths=tuple(images.values()),
+            depth_paths=depths,
+            read_depth=version.read_depth,
+            notes=depth_notes(depths),
+        )
+
+    def _scenes(self) -> dict[str, Path]:
+        expected = f"folders with image_{self.camera or 'left'} and pose_{self.camera or 'left'}.txt"
+        expected += "" if self.camera else ", or lcam_front for left"
+        return find_scenes(
+            self.root, lambda below, files: self._camera_of({*below, *files}) is not None, expected=expected
+        )
+
+    def _camera_of(self, names: set[str]) -> str | None:
+        """The first camera asked for that is among the names in a folder, by its images or poses."""
+        cameras = [self.camera] if self.camera else _VERSIONS
+        return next((camera for camera in cameras if names & {f"image_{camera}", f"pose_{camera}.txt"}), None)
+
+
+def _depths(folder: Path, pattern: str, frames: range) -> tuple[Path | None, ...]:
+    files = numbered_files(folder, pattern) if folder.exists() else {}
+    return tuple(files.get(number) for number in frames)
+
+
+def _read_poses(path: Path, frames: range) -> NDArray[np.float64]:
+    """(n, 4, 4) float64: world_from_camera, where the world is NED with its axes renamed as a camera's: M T M^-1."""
+    rows, places = read_rows(path, _COLUMNS)
+    require_poses(path, poses=len(rows), images=frames.stop)
+    rows, places = rows[frames.start : frames.stop], places[frames.start : frames.stop]
+    poses: NDArray[np.float64] = _CV_FROM_NED @ quaternion_poses(rows[:, :3], rows[:, 3:], places) @ _CV_FROM_NED.T
+    return poses
+
+
+def _require_size(image: Path, camera: Camera) -> None:
+    size = image_size(image)
+    if size != (camera.width, camera.height):
+        raise DataError(
+            image, f"size {size[0]}x{size[1]}", f"{camera.width}x{camera.height}, whose intrinsics are known"
+        )

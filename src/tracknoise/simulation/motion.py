@@ -1,0 +1,143 @@
+"""Camera paths through the procedural world, one pose a frame.
+
+World frame: x east, y north, z up, metres. All paths are free of roll but AR/VR's, and stay in the clear lanes that
+`tracknoise.simulation.procedural` leaves. Image motion is typically 1 to 5 px a frame at 640x480 and 60 degrees.
+"""
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+EYE_HEIGHT_M = 1.6
+ORBIT_M = 6.0
+"""Distance of the fixating camera from its target, which stands above the origin."""
+LANE_X_M, LANE_SOUTH_M, LANE_NORTH_M = 10.0, -14.0, 160.0
+"""Where the forward camera drives."""
+TRACK_HALF_M = 3.5
+"""The sideways camera keeps within this distance of the plane x = 0."""
+
+_SIDEWAYS_STEP_M = 0.03
+_ORBIT_STEP_DEG = 0.4
+_FORWARD_STEP_M = 0.1
+_HOME = np.array([0.0, -ORBIT_M, EYE_HEIGHT_M])
+_FRAMES_A_LEG = 50
+
+Motion = Callable[[int, np.random.Generator], NDArray[np.float64]]
+"""Takes a count of frames and a generator; gives (n, 4, 4) float64, world_from_camera."""
+
+
+def sideways(frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Translate to the right at constant speed, looking north; turn back at the end of the track.
+
+    Parameters
+    ----------
+    frames
+        Count of frames.
+    rng
+        Decides by how little the path is shifted and its speed differs from that of other seeds.
+
+    Returns
+    -------
+    (n, 4, 4) float64
+        world_from_camera.
+    """
+    step = _SIDEWAYS_STEP_M * rng.uniform(0.9, 1.1)
+    x = _back_and_forth(step * np.arange(frames), 2.0 * TRACK_HALF_M) - TRACK_HALF_M
+    shift = rng.uniform(-0.3, 0.3, 2)
+    centres = np.stack([x, np.full(frames, _HOME[1] + shift[0]), np.full(frames, EYE_HEIGHT_M + shift[1])], axis=-1)
+    return looking(centres, np.broadcast_to([0.0, 1.0, 0.0], centres.shape))
+
+
+def sideways_left(frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """As `sideways`, but to the left: the mirror image of the path about the plane x = 0."""
+    poses = sideways(frames, rng)
+    poses[:, 0, 3] *= -1.0
+    return poses
+
+
+def fixating(frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Circle a target above the origin counter-clockwise at constant speed, always looking at it."""
+    start, radius = rng.uniform(-0.5, 0.5), ORBIT_M * rng.uniform(0.95, 1.05)
+    angle = start - np.pi / 2 + np.deg2rad(_ORBIT_STEP_DEG) * np.arange(frames)
+    centres = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(frames, EYE_HEIGHT_M)], axis=-1)
+    return looking(centres, np.array([0.0, 0.0, 1.0]) - centres)
+
+
+def forward(frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Drive north along the street at constant speed, looking ahead; reverse at its end."""
+    step = _FORWARD_STEP_M * rng.uniform(0.9, 1.1)
+    y = LANE_SOUTH_M + _back_and_forth(step * np.arange(frames), LANE_NORTH_M - LANE_SOUTH_M)
+    x = LANE_X_M + rng.uniform(-0.5, 0.5)
+    centres = np.stack([np.full(frames, x), y, np.full(frames, EYE_HEIGHT_M)], axis=-1)
+    return looking(centres, np.broadcast_to([0.0, 1.0, 0.0], centres.shape))
+
+
+def arvr(frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Look around a scene from nearly one place, as with glasses on, coming to rest at each of many waypoints.
+
+    Between waypoints the position is eased by the haversine function, hav(a) = sin^2(a / 2), and the rotation follows by
+    spherical linear interpolation at the same pace.
+    """
+    legs = max(-(-(frames - 1) // _FRAMES_A_LEG), 1)
+    chance = rng.uniform(-1.0, 1.0, (legs + 1, 6))
+    centres = _HOME + chance[:, :3] * (0.8, 0.5, 0.3)
+    rotations = Rotation.from_matrix(looking(centres, _glances(chance[:, 3:5]))[:, :3, :3])
+    rotations *= Rotation.from_rotvec(chance[:, 5:] * (0.0, 0.0, 6.0), degrees=True)
+    leg, way = np.divmod(np.arange(frames) / _FRAMES_A_LEG, 1.0)
+    pace = leg + np.sin(np.pi * way / 2.0) ** 2
+    leg = np.minimum(pace.astype(np.intp), legs - 1)
+    poses = np.broadcast_to(np.eye(4), (frames, 4, 4)).copy()
+    poses[:, :3, :3] = Slerp(np.arange(legs + 1), rotations)(pace).as_matrix()
+    poses[:, :3, 3] = centres[leg] + (pace - leg)[:, None] * (centres[leg + 1] - centres[leg])
+    return poses
+
+
+def _glances(chance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 3) directions that alternate between the right and the left of north, so that every leg turns."""
+    side = np.where(np.arange(len(chance)) % 2, 1.0, -1.0)
+    azimuth, elevation = np.deg2rad([side * (8.0 + 4.0 * chance[:, 0]), 8.0 * chance[:, 1] - 4.0])
+    level = np.cos(elevation)
+    return np.stack([level * np.sin(azimuth), level * np.cos(azimuth), np.sin(elevation)], axis=-1)
+
+
+def looking(centres: NDArray[np.float64], forwards: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Poses of upright cameras at given places that look in given directions.
+
+    Parameters
+    ----------
+    centres
+        (n, 3) float64, metres.
+    forwards
+        (n, 3) float64, of any length, not vertical.
+
+    Returns
+    -------
+    (n, 4, 4) float64
+        world_from_camera.
+    """
+    z = forwards / np.linalg.norm(forwards, axis=1, keepdims=True)
+    x = np.cross(z, [0.0, 0.0, 1.0])
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    poses = np.broadcast_to(np.eye(4), (len(centres), 4, 4)).copy()
+    poses[:, :3] = np.stack([x, np.cross(z, x), z, centres], axis=-1)
+    return poses
+
+
+def _back_and_forth(distance: NDArray[np.float64], span: float) -> NDArray[np.float64]:
+    """Distance from the start of a track of given length after going so far along it, turning at its ends."""
+    return span - np.abs(distance % (2.0 * span) - span)
+
+
+MOTIONS: Mapping[str, Motion] = MappingProxyType(
+    {
+        "sideways": sideways,
+        "sideways-left": sideways_left,
+        "fixating": fixating,
+        "forward": forward,
+        "arvr": arvr,
+    }
+)
+"""Motions by name."""

@@ -1,0 +1,118 @@
+"""Textures from a random generator: natural 1/f content with crisp shapes on it."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+_DARKEST, _LIGHTEST = 0.03, 0.97
+_SUBTEXEL_BITS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """What a texture is made of.
+
+    Parameters
+    ----------
+    exponent
+        The amplitude spectrum falls as frequency to the power of minus this; 1 is typical of natural images.
+    mean, contrast
+        Mean and standard deviation of the natural part, reflectance.
+    shapes
+        Count of crisp shapes.
+    """
+
+    exponent: float
+    mean: float
+    contrast: float
+    shapes: int
+
+
+MASONRY = Recipe(exponent=1.0, mean=0.5, contrast=0.13, shapes=90)
+GROUND = Recipe(exponent=0.8, mean=0.45, contrast=0.14, shapes=40)
+CLOUDS = Recipe(exponent=1.4, mean=0.75, contrast=0.1, shapes=0)
+
+
+def paint(recipe: Recipe, side: int, rng: np.random.Generator) -> NDArray[np.float32]:
+    """Make a texture that shows no seam where it repeats.
+
+    Parameters
+    ----------
+    recipe
+        What it is made of.
+    side
+        Texels, a power of two, at least 64.
+    rng
+        Decides everything else.
+
+    Returns
+    -------
+    (side, side) float32
+        Reflectance, 0.03 to 0.97.
+    """
+    texture = np.float32(recipe.mean) + np.float32(recipe.contrast) * _natural(side, recipe.exponent, rng)
+    for _ in range(recipe.shapes):
+        size = int(side * 10.0 ** rng.uniform(-1.7, -0.65))
+        top, left = rng.integers(0, side - size, 2)
+        patch = texture[top : top + size, left : left + size]
+        opacity = _STENCILS[rng.integers(len(_STENCILS))](size, rng) * np.float32(rng.uniform(0.6, 1.0))
+        patch += opacity * (np.float32(rng.uniform(_DARKEST, _LIGHTEST)) - patch)
+    return np.clip(texture, _DARKEST, _LIGHTEST)
+
+
+def _natural(side: int, exponent: float, rng: np.random.Generator) -> NDArray[np.float32]:
+    """Periodic noise with a 1/f^exponent amplitude spectrum, mean 0, standard deviation 1."""
+    spectrum = np.fft.rfft2(rng.standard_normal((side, side), dtype=np.float32))
+    frequency = np.hypot(np.fft.fftfreq(side)[:, None], np.fft.rfftfreq(side)[None])
+    frequency[0, 0] = np.inf
+    noise = np.fft.irfft2(spectrum * frequency**-exponent, s=(side, side))
+    return (noise / noise.std()).astype(np.float32)
+
+
+def _polygon(size: int, rng: np.random.Generator) -> NDArray[np.float32]:
+    """A convex or star-shaped polygon of three to seven corners."""
+    angles = np.sort(rng.uniform(0.0, 2.0 * np.pi, rng.integers(3, 8)))
+    radii = rng.uniform(0.4, 1.0, len(angles)) * size / 2
+    corners = size / 2 + radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    stencil = np.zeros((size, size), np.uint8)
+    cv2.fillPoly(stencil, [_subtexels(corners)], 255, cv2.LINE_AA, _SUBTEXEL_BITS)
+    return _opacity(stencil)
+
+
+def _glyph(size: int, rng: np.random.Generator) -> NDArray[np.float32]:
+    """A character-like figure: strokes between points of a coarse grid."""
+    points = np.stack(np.meshgrid([0.2, 0.5, 0.8], [0.12, 0.38, 0.63, 0.88]), axis=-1).reshape(-1, 2) * size
+    stencil = np.zeros((size, size), np.uint8)
+    for _ in range(rng.integers(2, 5)):
+        stroke = rng.choice(points, rng.integers(2, 4), replace=False)
+        thickness = max(int(size * rng.uniform(0.06, 0.14)), 1)
+        cv2.polylines(stencil, [_subtexels(stroke)], False, 255, thickness, cv2.LINE_AA, _SUBTEXEL_BITS)
+    return _opacity(stencil)
+
+
+def _checkers(size: int, rng: np.random.Generator) -> NDArray[np.float32]:
+    """Every other square of a board of two to six squares a side."""
+    index = np.arange(size) * int(rng.integers(2, 7)) // size
+    return ((index[:, None] + index) % 2).astype(np.float32)
+
+
+def _stripes(size: int, rng: np.random.Generator) -> NDArray[np.float32]:
+    """Parallel stripes at any angle, with edges one texel wide."""
+    angle, period = rng.uniform(0.0, np.pi), max(size * rng.uniform(0.1, 0.35), 4.0)
+    row, column = np.indices((size, size))
+    phase = (column * np.cos(angle) + row * np.sin(angle)) % period
+    inside = period / 4 - np.abs(phase - period / 2)  # texels from the stripe's edge
+    return np.clip(inside + 0.5, 0.0, 1.0).astype(np.float32)
+
+
+_STENCILS = (_polygon, _glyph, _checkers, _stripes)
+
+
+def _subtexels(points: NDArray[np.float64]) -> NDArray[np.int32]:
+    return np.rint(points * (1 << _SUBTEXEL_BITS)).astype(np.int32)
+
+
+def _opacity(stencil: NDArray[np.uint8]) -> NDArray[np.float32]:
+    return stencil.astype(np.float32) / np.float32(255.0)

@@ -1,0 +1,153 @@
+"""Rays and the first surface they meet: which triangle from Embree, where exactly from its plane in float64."""
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from numpy.typing import NDArray
+
+from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.depth import DepthMap
+from tracknoise.simulation.world import World
+
+MISS = -1
+
+
+class Raycaster:
+    """Casts rays into a world.
+
+    Embree works in float32, which is good enough to tell which triangle a ray meets first, but not where: a hit
+    point on a large triangle is off by up to a millimetre. Points therefore come from the triangle's plane.
+
+    Parameters
+    ----------
+    world
+        What the rays meet.
+    """
+
+    def __init__(self, world: World) -> None:
+        self.normals = world.normals
+        self.plane_offsets = np.einsum("ti,ti->t", self.normals, world.corners[:, 0])
+        self._scene = EmbreeScene(robust=True)
+        TriangleMesh(self._scene, world.corners.astype(np.float32))
+
+    def first_triangle(self, origin: NDArray[np.float64], directions: NDArray[np.float32]) -> NDArray[np.int32]:
+        """Which triangle each ray meets first.
+
+        Parameters
+        ----------
+        origin
+            (3,) float64, metres, world frame; the same for all rays.
+        directions
+            (n, 3) float32, world frame, of any length.
+
+        Returns
+        -------
+        (n,) int32
+            `MISS` where a ray meets none.
+        """
+        start = np.broadcast_to(origin.astype(np.float32), directions.shape)
+        triangles: NDArray[np.int32] = self._scene.run(start, directions, query="INTERSECT")
+        return triangles
+
+    def distances(
+        self, origin: NDArray[np.float64], directions: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """How far along its direction each ray first meets a surface.
+
+        Parameters
+        ----------
+        origin
+            (3,) float64, metres, world frame.
+        directions
+            (n, 3) float64, world frame.
+
+        Returns
+        -------
+        distance : (n,) float64
+            In lengths of the direction, exact but for the last bits: directions of depth 1 give depths in metres.
+            0 where nothing is met.
+        hit : (n,) bool
+        """
+        triangle = self.first_triangle(origin, directions.astype(np.float32))
+        hit = triangle != MISS
+        normals = self.normals[triangle]
+        ahead = self.plane_offsets[triangle] - np.einsum("ni,i->n", normals, origin)
+        along = np.einsum("ni,ni->n", normals, directions)
+        return np.divide(ahead, along, out=np.zeros(len(directions)), where=hit), hit
+
+    def lit(
+        self, points: NDArray[np.float64], towards_light: NDArray[np.float64], *, lift_m: float = 1e-3
+    ) -> NDArray[np.bool_]:
+        """Whether nothing stands between points and a light infinitely far away.
+
+        Parameters
+        ----------
+        points
+            (n, 3) float64, metres, world frame.
+        towards_light
+            (3,) float64, unit direction to the light.
+        lift_m
+            By how far rays start off the surface, so that it does not shade itself.
+
+        Returns
+        -------
+        (n,) bool
+        """
+        starts = (points + lift_m * towards_light).astype(np.float32)
+        directions = np.broadcast_to(towards_light.astype(np.float32), starts.shape)
+        clear: NDArray[np.bool_] = self._scene.run(starts, directions, query="OCCLUDED") == MISS
+        return clear
+
+
+def surface_points(
+    raycaster: Raycaster, camera: Camera, world_from_camera: NDArray[np.float64], uv: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """First surface points on the rays through pixels: exact truth (truth.raycast).
+
+    Parameters
+    ----------
+    raycaster
+        Of the world that is seen.
+    camera
+        Through which the pixels are seen.
+    world_from_camera
+        (4, 4) float64.
+    uv
+        (n, 2) float64, px.
+
+    Returns
+    -------
+    points_world : (n, 3) float64
+        Metres; the camera's own position where nothing is hit.
+    hit : (n,) bool
+    """
+    directions, depth_m, hit = _cast(raycaster, camera, world_from_camera, uv)
+    return world_from_camera[:3, 3] + depth_m[:, None] * directions, hit
+
+
+def depth_map(raycaster: Raycaster, camera: Camera, world_from_camera: NDArray[np.float64]) -> DepthMap:
+    """Exact depth at the pixel centres, float64.
+
+    Parameters
+    ----------
+    raycaster
+        Of the world that is seen.
+    camera
+        That sees it.
+    world_from_camera
+        (4, 4) float64.
+    """
+    shape = (camera.height, camera.width)
+    v, u = np.indices(shape, dtype=np.float64)
+    uv = np.stack([u.ravel(), v.ravel()], axis=-1)
+    _, depth_m, hit = _cast(raycaster, camera, world_from_camera, uv)
+    return DepthMap(depth_m.reshape(shape), hit.reshape(shape))
+
+
+def _cast(
+    raycaster: Raycaster, camera: Camera, world_from_camera: NDArray[np.float64], uv: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Directions of depth 1 through pixels, world frame; depths; hits."""
+    rotation, centre = world_from_camera[:3, :3], world_from_camera[:3, 3]
+    directions = np.einsum("ij,nj->ni", rotation, camera.bearings(uv))
+    return directions, *raycaster.distances(centre, directions)

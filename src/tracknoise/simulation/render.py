@@ -1,0 +1,178 @@
+"""Images of a world through a pinhole camera."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.geometry.camera import Camera
+from tracknoise.simulation.light import Lighting
+from tracknoise.simulation.raycast import MISS, Raycaster
+from tracknoise.simulation.texture import Atlas
+from tracknoise.simulation.world import World, texture_gradients
+
+_RAYS_AT_ONCE = 16384  # so that what is worked on stays in the processor's cache
+_SKY = np.float32(0.8)
+
+
+@dataclass(frozen=True, slots=True)
+class Quality:
+    """How carefully an image is rendered.
+
+    Parameters
+    ----------
+    supersampling
+        Rays along each side of a pixel; the pixel is their mean.
+    shadows
+        Whether surfaces block the lamps.
+
+    Raises
+    ------
+    ValueError
+        If there is not at least one ray.
+    """
+
+    supersampling: int = 2
+    shadows: bool = False
+
+    def __post_init__(self) -> None:
+        if self.supersampling < 1:
+            raise ValueError(f"supersampling must be at least 1, not {self.supersampling}")
+
+
+@dataclass(frozen=True, slots=True)
+class _View:
+    """A world as one pose sees it: what shading needs to know of each triangle.
+
+    A point on a triangle's plane is seen at bearing p = (x, y, 1) where its texture coordinates are the ratios
+    (rows[0] . p) / (rows[2] . p) and (rows[1] . p) / (rows[2] . p).
+    """
+
+    world_from_camera: NDArray[np.float64]  # (4, 4)
+    rows: NDArray[np.float64]  # (t, 9), the 3x3 matrix of each triangle
+    ahead: NDArray[np.float64]  # (t,) rows[2] . p times depth
+    light: NDArray[np.float32]  # (lamps, t) irradiance of the side that is seen
+
+
+class Renderer:
+    """Renders one world through one camera.
+
+    Parameters
+    ----------
+    world
+        What is seen.
+    raycaster
+        Of the same world.
+    camera
+        Through what; without distortion.
+    lighting
+        In which light.
+    quality
+        How carefully.
+
+    Raises
+    ------
+    ValueError
+        If the camera has distortion.
+    """
+
+    def __init__(
+        self, world: World, raycaster: Raycaster, *, camera: Camera, lighting: Lighting, quality: Quality
+    ) -> None:
+        if camera.distortion:
+            raise ValueError("the renderer knows no lens distortion")
+        self._raycaster, self._camera, self._lighting, self._quality = raycaster, camera, lighting, quality
+        self._atlas = Atlas(world.textures)
+        self._texture = world.texture
+        self._gradient, self._offset = texture_gradients(world)
+        self._x = (_samples(camera.width, quality.supersampling) - camera.cx) / camera.fx
+        self._y = (_samples(camera.height, quality.supersampling) - camera.cy) / camera.fy
+        self._pitch = np.array([1.0 / camera.fx, 1.0 / camera.fy]) / quality.supersampling
+        self._side = self._atlas.side(world.texture)
+
+    def image(self, world_from_camera: NDArray[np.float64]) -> NDArray[np.float32]:
+        """What the sensor would measure without noise.
+
+        Parameters
+        ----------
+        world_from_camera
+            (4, 4) float64.
+
+        Returns
+        -------
+        (height, width) float32
+            0 (black) to 1 (the sensor's full range) and above.
+        """
+        n, width = self._quality.supersampling, self._camera.width
+        view = self._view(world_from_camera)
+        image = np.empty((self._camera.height, width), np.float32)
+        step = max(_RAYS_AT_ONCE // (len(self._x) * n), 1)
+        for top in range(0, len(image), step):
+            y, x = np.meshgrid(self._y[top * n : (top + step) * n], self._x, indexing="ij")
+            samples = self._shade(view, x.ravel(), y.ravel()).reshape(-1, n, width, n)
+            image[top : top + step] = samples.mean(axis=(1, 3), dtype=np.float32)
+        return image
+
+    def _view(self, world_from_camera: NDArray[np.float64]) -> _View:
+        rotation, centre = world_from_camera[:3, :3], world_from_camera[:3, 3]
+        normals = self._raycaster.normals
+        ahead = self._raycaster.plane_offsets - np.einsum("ti,i->t", normals, centre)
+        here = np.einsum("tci,i->tc", self._gradient, centre) + self._offset
+        rows = np.empty((len(normals), 3, 3))
+        rows[:, 2] = np.einsum("ti,ij->tj", normals, rotation)
+        rows[:, :2] = here[:, :, None] * rows[:, None, 2]
+        rows[:, :2] += ahead[:, None, None] * np.einsum("tci,ij->tcj", self._gradient, rotation)
+        seen = normals * -np.sign(ahead)[:, None]
+        light = np.array([lamp.irradiance(seen) for lamp in self._lighting.lamps], np.float32)
+        return _View(world_from_camera, rows.reshape(-1, 9), ahead, light.reshape(-1, len(normals)))
+
+    def _shade(self, view: _View, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Irradiance on the sensor along the bearings (x, y, 1)."""
+        directions = _rotate(view.world_from_camera, x, y)
+        found = self._raycaster.first_triangle(view.world_from_camera[:3, 3], directions.astype(np.float32))
+        triangle = np.maximum(found, 0).astype(np.intp)
+        s, t, depth_m, footprint = self._locate(view, triangle, x, y)
+        grey = self._atlas.read(self._texture[triangle], s, t, footprint)
+        grey *= self._light(view, triangle, directions, depth_m)
+        return np.where(found == MISS, _SKY, grey)
+
+    def _locate(
+        self, view: _View, triangle: NDArray[np.intp], x: NDArray[np.float64], y: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float32]]:
+        """Texture coordinates, depth and footprint (texels) of what is seen along the bearings (x, y, 1)."""
+        a, b, c, d, e, f, g, h, i = view.rows.take(triangle, axis=0).T
+        shrink = 1.0 / (g * x + h * y + i)
+        s, t = (a * x + b * y + c) * shrink, (d * x + e * y + f) * shrink
+        # The longer of the steps in the texture that one sample to the right, or down, makes.
+        right = np.square(a - s * g) + np.square(d - t * g)
+        down = np.square(b - s * h) + np.square(e - t * h)
+        step = np.sqrt(np.maximum(right * self._pitch[0] ** 2, down * self._pitch[1] ** 2)) * np.abs(shrink)
+        return s, t, view.ahead[triangle] * shrink, (step * self._side[triangle]).astype(np.float32)
+
+    def _light(
+        self, view: _View, triangle: NDArray[np.intp], directions: NDArray[np.float64], depth_m: NDArray[np.float64]
+    ) -> NDArray[np.float32]:
+        """Irradiance of the surface points at given depths along rays."""
+        if not self._quality.shadows:
+            unblocked: NDArray[np.float32] = (self._lighting.ambient + view.light.sum(axis=0))[triangle]
+            return unblocked
+        points = view.world_from_camera[:3, 3] + depth_m[:, None] * directions
+        total = np.full(len(triangle), self._lighting.ambient, np.float32)
+        for lamp, light in zip(self._lighting.lamps, view.light, strict=True):
+            total += light[triangle] * self._raycaster.lit(points, lamp.towards)
+        return total
+
+
+def _samples(pixels: int, per_pixel: int) -> NDArray[np.float64]:
+    """Coordinates of the samples along one side of an image, px, symmetric about each pixel's centre."""
+    return (np.arange(pixels * per_pixel) + 0.5) / per_pixel - 0.5
+
+
+def _rotate(
+    world_from_camera: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(n, 3) float64: the bearings (x, y, 1) in the world frame."""
+    directions = np.empty((len(x), 3))
+    for axis, (right, down, forward) in enumerate(world_from_camera[:3, :3]):
+        directions[:, axis] = right * x + down * y + forward
+    return directions

@@ -1,0 +1,102 @@
+"""Filtered look-up of textures: mip pyramids, read trilinearly.
+
+OpenCV's remap rounds positions to 1/32 px, which would show as tracker error; this reads exact positions.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Atlas:
+    """The mip pyramids of several textures in one flat array, so that any mix of them is read in one go.
+
+    Parameters
+    ----------
+    textures
+        (side, side) float32 each, side a power of two. They repeat without end.
+    """
+
+    def __init__(self, textures: tuple[NDArray[np.float32], ...]) -> None:
+        pyramids = [list(_pyramid(texture)) for texture in textures]
+        sizes = [[level.size for level in levels] for levels in pyramids]
+        ends = np.cumsum([sum(size) for size in sizes])
+        self._depth = np.array([len(levels) - 1 for levels in pyramids])
+        self._starts = np.zeros((len(textures), int(self._depth.max(initial=0)) + 1), np.intp)
+        for starts, size, end in zip(self._starts, sizes, ends, strict=True):
+            starts[: len(size)] = end - np.cumsum(size[::-1])[::-1]
+        self._texels = np.concatenate([level.ravel() for levels in pyramids for level in levels])
+
+    def side(self, texture: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Sides of textures, in texels."""
+        sides: NDArray[np.int64] = 1 << self._depth[texture]
+        return sides
+
+    def read(
+        self, texture: NDArray[np.int64], s: NDArray[np.float64], t: NDArray[np.float64], footprint: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        """Texture values at positions, each averaged over about its footprint.
+
+        Parameters
+        ----------
+        texture
+            (n,) int64, which texture.
+        s, t
+            (n,) float64, column and row in repeats of the texture.
+        footprint
+            (n,) float32, width of the area that is seen, texels of the finest level.
+
+        Returns
+        -------
+        (n,) float32
+            In the textures' own unit.
+        """
+        coarsest = self._depth[texture]
+        level = np.clip(np.log2(footprint), np.float32(0.0), coarsest.astype(np.float32))
+        finer = level.astype(np.intp)
+        blend = level - finer.astype(np.float32)
+        s, t = (s - np.floor(s)).astype(np.float32), (t - np.floor(t)).astype(np.float32)
+        value = self._bilinear(texture, s, t, finer)
+        value += blend * (self._bilinear(texture, s, t, np.minimum(finer + 1, coarsest)) - value)
+        return value
+
+    def _bilinear(
+        self, texture: NDArray[np.int64], s: NDArray[np.float32], t: NDArray[np.float32], level: NDArray[np.intp]
+    ) -> NDArray[np.float32]:
+        side_log2 = self._depth[texture] - level
+        last = (1 << side_log2) - 1
+        scale = (last + 1).astype(np.float32)
+        column, across = _split(s, scale)
+        row, down = _split(t, scale)
+        start = self._starts[texture, level]
+        left, right = column & last, (column + 1) & last
+        upper = start + ((row & last) << side_log2)
+        lower = start + (((row + 1) & last) << side_log2)
+        texels = self._texels
+        above = _blend(texels.take(upper + left), texels.take(upper + right), across)
+        below = _blend(texels.take(lower + left), texels.take(lower + right), across)
+        return _blend(above, below, down)
+
+
+def _split(coordinate: NDArray[np.float32], scale: NDArray[np.float32]) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
+    """Index of the texel centre at or before a coordinate (-1 before the first), and the way on to the next."""
+    texel = coordinate * scale
+    texel -= np.float32(0.5)
+    index = np.floor(texel)
+    return index.astype(np.intp), texel - index
+
+
+def _blend(
+    first: NDArray[np.float32], second: NDArray[np.float32], share: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    return first + share * (second - first)
+
+
+def _pyramid(texture: NDArray[np.float32]) -> Iterator[NDArray[np.float32]]:
+    """The texture and its means over 2x2, 4x4, ... texels, down to a single one."""
+    yield texture
+    while texture.shape[0] > 1:
+        half = texture.shape[0] // 2
+        texture = texture.reshape(half, 2, half, 2).mean(axis=(1, 3), dtype=np.float32)
+        yield texture

@@ -1,0 +1,120 @@
+"""Bias, mean absolute error and spread by age, from moments.
+
+With n the features at age k (the paper's Psi(k)) and du_i, dv_i their errors:
+
+- nu_u(k) = sum(du_i) / n, px (nu)
+- eta_u(k) = sum(|du_i|) / n, px (eta)
+- Phi_uv(k) = sum(du_i dv_i) / (n - 1), px^2 (Phi): the second moment about zero, which the paper calls covariance
+- central_uv(k) = sum((du_i - nu_u) (dv_i - nu_v)) / (n - 1), px^2: the covariance in the usual sense
+
+Differences from the paper: its printed sum limit of nu is a slip for Psi(k), and it has no central covariance.
+"""
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.statistics.grouping import POOLED, Groups, group_rows
+from tracknoise.statistics.moments import merge
+from tracknoise.tables.schema import CURVES, MOMENTS, WEIGHTING, check
+
+UNITS = {"nu": "px", "eta": "px", "Phi": "px^2", "central": "px^2"}
+"""Every statistic and its unit."""
+_CURVE = [*POOLED, "population", "trimming"]
+_POINT = [*_CURVE, "age"]
+_COLUMNS = ["u", "v", "uv"]
+
+
+def curves(moments: pl.DataFrame, *, min_features: int = 100) -> pl.DataFrame:
+    """Curves of (nu), (eta), (Phi) and central covariance over age, pooled over scenes.
+
+    Parameters
+    ----------
+    moments
+        A moments table with one row a scene, condition, population, trimming and age. A scene that was drawn twice, as
+        bootstrap does, stands in it twice and counts twice.
+    min_features
+        `cut` is set from the first age on, of those that a condition has, at which its scenes together have fewer
+        features than this.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `CURVES`, sorted by all columns that come before `n`. Weighting `features` pools all features of all
+        scenes as the paper does; `scenes` is the mean over scenes of each scene's own statistic. `n` counts the
+        features of all scenes in both, `n_scenes` the scenes that the value rests on. Second moments are null where
+        n is 1; with weighting `scenes` a scene with one feature does not enter them.
+
+    Raises
+    ------
+    SchemaError
+        If the table has other columns.
+    """
+    scenes = check(moments, MOMENTS, "moments").filter(pl.col("n") > 0).sort(*MOMENTS)
+    points = group_rows(scenes, _POINT)
+    pooled = merge(scenes, by=_POINT)
+    keys = pooled.select(*_POINT, "n").with_columns(cut=_is_cut(min_features))
+    weightings = {"features": _by_features(pooled, points), "scenes": _by_scenes(scenes, points)}
+    tables = [
+        _table(keys, weighting, statistic, *values[statistic])
+        for weighting, values in weightings.items()
+        for statistic in UNITS
+    ]
+    sorting = [column for column in CURVES if column not in ("n", "n_scenes", "unit", *_COLUMNS, "cut")]
+    return check(pl.concat(tables).sort(sorting), CURVES, "curves")
+
+
+Values = dict[str, tuple[NDArray[np.float64], NDArray[np.int64]]]
+"""For each statistic its u, v, uv, (points, 3) with NaN for what is undefined, and the scenes it rests on."""
+
+
+def _is_cut(min_features: int) -> pl.Expr:
+    return (pl.col("n") < min_features).cast(pl.UInt8).cum_max().over(_CURVE).cast(pl.Boolean)
+
+
+def _statistics(moments: pl.DataFrame) -> dict[str, NDArray[np.float64]]:
+    """u, v and uv of every statistic for each row, (rows, 3), NaN where undefined."""
+    column = {name: moments[name].to_numpy() for name in moments.columns if name.startswith(("n", "m"))}
+    n, nu = column["n"], np.stack([column["mean_u"], column["mean_v"]], axis=1)
+    divisor = np.where(n > 1, n - 1.0, np.nan)[:, None]
+    central = np.stack([column["m_uu"], column["m_vv"], column["m_uv"]], axis=1)
+    products = np.stack([nu[:, 0] ** 2, nu[:, 1] ** 2, nu[:, 0] * nu[:, 1]], axis=1)
+    undefined = np.full(len(n), np.nan)
+    return {
+        "nu": np.column_stack([nu, undefined]),
+        "eta": np.column_stack([column["mean_abs_u"], column["mean_abs_v"], undefined]),
+        "Phi": (central + n[:, None] * products) / divisor,
+        "central": central / divisor,
+    }
+
+
+def _by_features(pooled: pl.DataFrame, points: Groups) -> Values:
+    n_scenes = np.bincount(points.index, minlength=points.count)
+    return {statistic: (values, n_scenes) for statistic, values in _statistics(pooled).items()}
+
+
+def _by_scenes(scenes: pl.DataFrame, points: Groups) -> Values:
+    return {statistic: _mean_over_scenes(values, points) for statistic, values in _statistics(scenes).items()}
+
+
+def _mean_over_scenes(values: NDArray[np.float64], points: Groups) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    defined = ~np.isnan(values)
+    sums = [np.bincount(points.index, column, points.count) for column in np.where(defined, values, 0.0).T]
+    counts = [np.bincount(points.index[rows], minlength=points.count) for rows in defined.T]
+    n = np.stack(counts, axis=1)
+    return np.where(n > 0, np.stack(sums, axis=1), np.nan) / np.maximum(n, 1), n[:, 0]
+
+
+def _table(
+    keys: pl.DataFrame, weighting: str, statistic: str, values: NDArray[np.float64], n_scenes: NDArray[np.int64]
+) -> pl.DataFrame:
+    columns = {name: pl.Series(values[:, place]).fill_nan(None) for place, name in enumerate(_COLUMNS)}
+    table = keys.rename({"age": "at"}).with_columns(
+        weighting=pl.lit(weighting, dtype=WEIGHTING),
+        statistic=pl.lit(statistic),
+        axis=pl.lit("age"),
+        n_scenes=pl.Series(n_scenes, dtype=pl.Int32),
+        unit=pl.lit(UNITS[statistic]),
+        **columns,
+    )
+    return table.select(*CURVES)

@@ -1,0 +1,70 @@
+"""Rows of a table put into numbered groups, so that NumPy can sum them in a fixed order."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.tables.schema import CONDITION, Schema, check, empty
+
+POOLED = ["dataset", *CONDITION]
+"""What identifies a condition of a dataset once its scenes are pooled."""
+
+
+@dataclass(frozen=True, slots=True)
+class Groups:
+    """Which group each row of a table belongs to.
+
+    Attributes
+    ----------
+    keys
+        One row a group, sorted: names by code point, enumerations in the order of their definition.
+    index : (rows,) intp
+        Row of `keys` for each row of the table.
+    """
+
+    keys: pl.DataFrame
+    index: NDArray[np.intp]
+
+    @property
+    def count(self) -> int:
+        """Number of groups."""
+        return self.keys.height
+
+
+def group_rows(table: pl.DataFrame, by: Sequence[str]) -> Groups:
+    """Group the rows of `table` that agree in all columns of `by` (at least one)."""
+    row = "row within the table"
+    found = table.select(by).with_row_index(row).group_by(by).agg(row).sort(by)
+    index = np.empty(table.height, dtype=np.intp)
+    sizes = found[row].list.len().to_numpy()
+    index[found[row].explode().to_numpy()] = np.repeat(np.arange(found.height), sizes)
+    return Groups(found.select(by), index)
+
+
+def reduce_each(
+    tables: pl.DataFrame | Iterable[pl.DataFrame],
+    schema: Schema,
+    name: str,
+    reduce: Callable[[pl.DataFrame], pl.DataFrame],
+) -> pl.DataFrame:
+    """Stack what `reduce` makes of each table, holding one table at a time.
+
+    Parameters
+    ----------
+    tables
+        One table, or any number of them, which may be read as they are asked for.
+    schema, name
+        What each must be, and what to call it where it is not.
+    reduce
+        Makes a small table of a large one; of an empty one it must make an empty one.
+
+    Raises
+    ------
+    SchemaError
+        If a table does not have the columns of `schema`.
+    """
+    each = [tables] if isinstance(tables, pl.DataFrame) else tables
+    return pl.concat([reduce(empty(schema)), *(reduce(check(table, schema, name)) for table in each)])

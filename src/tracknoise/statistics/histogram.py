@@ -1,0 +1,55 @@
+"""Histogram of the tracks' largest errors in bins that never change, so that histograms add up."""
+
+from collections.abc import Iterable
+
+import numpy as np
+import polars as pl
+
+from tracknoise.statistics.grouping import POOLED, reduce_each
+from tracknoise.tables.schema import ERRORS, TRACKS, check
+
+BINS_PER_DECADE = 10
+# Rounded, so that they are the same numbers on every machine.
+_BOUNDS_PX = [
+    float(f"{10 ** (step / BINS_PER_DECADE):.6g}") for step in range(-3 * BINS_PER_DECADE, 3 * BINS_PER_DECADE + 1)
+]
+BINS = pl.DataFrame(
+    {"bin": range(len(_BOUNDS_PX) + 1), "bin_low_px": [0.0, *_BOUNDS_PX], "bin_high_px": [*_BOUNDS_PX, None]},
+    schema={"bin": pl.Int64, "bin_low_px": pl.Float64, "bin_high_px": pl.Float64},
+)
+"""[0, 0.001) px, ten bins a decade up to 1000 px, then all from 1000 px on (no upper bound: null)."""
+
+
+def error_histogram(tracks: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
+    """Histogram of the largest L2 error of every track, before trimming, of every condition.
+
+    Parameters
+    ----------
+    tracks
+        One tracks table with `max_error_px` filled in (`tracknoise.statistics.trimming.trim`), or any number of them,
+        read one at a time. Tracks without a measured error are not counted.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `ERRORS`, sorted by condition and bin: every bin of `BINS` for every condition that has tracks. A bin
+        holds its lower bound and not its upper one.
+
+    Raises
+    ------
+    SchemaError
+        If a table has other columns.
+    """
+    found = reduce_each(tracks, TRACKS, "tracks", _count_bins)
+    grid = found.select(POOLED).unique().join(BINS, how="cross")
+    counts = found.group_by(*POOLED, "bin").agg(pl.col("n").sum())
+    table = grid.join(counts, on=[*POOLED, "bin"], how="left").sort(*POOLED, "bin")
+    return check(table.with_columns(pl.col("n").fill_null(0)).select(*ERRORS), ERRORS, "errors")
+
+
+def _count_bins(tracks: pl.DataFrame) -> pl.DataFrame:
+    """Tracks of each condition in each bin; bin null counts those without an error, so that no condition is lost."""
+    error_px = tracks["max_error_px"]
+    place = np.searchsorted(_BOUNDS_PX, error_px.to_numpy(), side="right")
+    bins = pl.Series("bin", place, dtype=pl.Int64).zip_with(error_px.is_not_null(), pl.Series([None], dtype=pl.Int64))
+    return tracks.select(POOLED).with_columns(bins).group_by(*POOLED, "bin").agg(n=pl.len().cast(pl.Int64))

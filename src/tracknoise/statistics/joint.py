@@ -1,0 +1,116 @@
+"""Central moments of grouped pairs of numbers, joint to any order, and how groups of them are pooled.
+
+Arrays only. A central power sum of order (p, q) is sum((x - mean_x)^p (y - mean_y)^q), not divided by the count.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import comb
+
+import numpy as np
+from numpy.typing import NDArray
+
+Order = tuple[int, int]
+
+FOURTH: tuple[Order, ...] = tuple((total - q, q) for total in (2, 3, 4) for q in range(total + 1))
+"""(2, 0), (1, 1), (0, 2), (3, 0), ... (0, 4): every joint order from 2 to 4."""
+VARIANCES: tuple[Order, ...] = ((2, 0), (0, 2))
+
+
+@dataclass(frozen=True, slots=True)
+class JointMoments:
+    """Moments of g samples of pairs (x, y).
+
+    Attributes
+    ----------
+    orders
+        Order (p, q) of each column of `central`. With an order, every lower one down to 2 in total that its binomial
+        expansion needs must be there.
+    n : (g,) int64
+        Pairs in each sample.
+    mean : (g, 2) float64
+        0 where `n` is 0.
+    central : (g, len(orders)) float64
+        Central power sums.
+    """
+
+    orders: tuple[Order, ...]
+    n: NDArray[np.int64]
+    mean: NDArray[np.float64]
+    central: NDArray[np.float64]
+
+
+def measure(
+    pairs: NDArray[np.float64], group: NDArray[np.intp], count: int, *, orders: Sequence[Order] = FOURTH
+) -> JointMoments:
+    """Moments of each group of pairs, in two passes: means first, then powers of what differs from them.
+
+    Parameters
+    ----------
+    pairs
+        (rows, 2) float64.
+    group
+        (rows,) intp, under `count`.
+    count
+        Number of groups; some may be empty.
+    orders
+        Which central power sums.
+    """
+    n = np.bincount(group, minlength=count)
+    mean, deviation = _centre(pairs, np.ones(len(group)), group, n)
+    highest = max(max(order) for order in orders)
+    x, y = _powers(deviation[:, 0], highest), _powers(deviation[:, 1], highest)
+    central = [np.bincount(group, x[p] * y[q], count) for p, q in orders]
+    return JointMoments(tuple(orders), n, mean, np.stack(central, axis=1))
+
+
+def pool(parts: JointMoments, group: NDArray[np.intp], count: int) -> JointMoments:
+    """Moments of the union of the samples in each group, from the moments of the samples alone.
+
+    Shifting a sample's central power sums to the pooled mean is a binomial expansion, which is exact (Chan, Golub and
+    LeVeque 1979 for order 2, Pebay 2008 for higher and joint orders); the shifted sums then add up.
+
+    Parameters
+    ----------
+    parts
+        Moments of the samples; those with n = 0 change nothing.
+    group
+        (samples,) intp, under `count`.
+    count
+        Number of groups.
+    """
+    n = np.bincount(group, parts.n, count).astype(np.int64)
+    mean, shift = _centre(parts.mean, parts.n.astype(np.float64), group, n)
+    central = [np.bincount(group, _about(parts, shift, order), count) for order in parts.orders]
+    return JointMoments(parts.orders, n, mean, np.stack(central, axis=1))
+
+
+def _centre(
+    values: NDArray[np.float64], weight: NDArray[np.float64], group: NDArray[np.intp], n: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Weighted mean of each group, (g, 2), and what each row differs from it, (rows, 2)."""
+    mean, deviation = np.zeros((len(n), 2)), values
+    for _ in range(2):  # the second round removes what rounding left of a mean that is large beside the spread
+        sums = [np.bincount(group, weight * column, len(n)) for column in deviation.T]
+        step = np.stack(sums, axis=1) / np.maximum(n, 1)[:, None]
+        mean, deviation = mean + step, deviation - step[group]
+    return mean, deviation
+
+
+def _about(parts: JointMoments, shift: NDArray[np.float64], order: Order) -> NDArray[np.float64]:
+    """Power sum of one order of each sample about the point that lies `shift` below its mean, (samples,)."""
+    p, q = order
+    x, y = _powers(shift[:, 0], p), _powers(shift[:, 1], q)
+    total = parts.n * x[p] * y[q]  # sums of order 1 about the sample's own mean are 0
+    for column, (a, b) in enumerate(parts.orders):
+        if a <= p and b <= q:
+            total = total + comb(p, a) * comb(q, b) * parts.central[:, column] * x[p - a] * y[q - b]
+    return total
+
+
+def _powers(values: NDArray[np.float64], highest: int) -> list[NDArray[np.float64]]:
+    """values^0 to values^highest."""
+    powers = [np.ones_like(values)]
+    for _ in range(highest):
+        powers.append(powers[-1] * values)
+    return powers

@@ -1,0 +1,154 @@
+"""How long tracks live, counting those that the end of the sequence cut short for what they tell.
+
+A lifetime is the number of consecutive frames, of those that its tracker saw, in which a feature was found; the first
+counts. Every track counts, whether or not its true position is known and whether or not trimming keeps it.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+import polars as pl
+
+from tracknoise.statistics.grouping import POOLED, group_rows, reduce_each
+from tracknoise.tables.schema import LIFETIMES, TRACKS, Schema, check
+
+MEAN_LIFETIMES: Schema = {
+    **{column: LIFETIMES[column] for column in POOLED},
+    "n_tracks": pl.Int64,
+    "n_censored": pl.Int64,
+    "mean_lifetime": pl.Float64,
+    "restricted_mean_lifetime": pl.Float64,
+    "restricted_to": pl.UInt32,
+}
+MEDIAN_SURVIVALS: Schema = {**{column: LIFETIMES[column] for column in POOLED}, "median_lifetime": pl.UInt32}
+SURVIVING: Schema = {
+    **{column: LIFETIMES[column] for column in POOLED},
+    "lifetime": pl.UInt32,
+    "age": pl.UInt32,
+    "n": pl.Int64,
+}
+
+
+def lifetimes(tracks: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
+    """Histogram of lifetimes and Kaplan-Meier survival of every condition, pooled over scenes.
+
+    `survival` is the estimated probability that a lifetime exceeds `lifetime`: the product, over all lifetimes up to
+    it, of 1 - n_ended / at_risk. A track that was alive in the last frame of its sequence is censored: nobody looked
+    for it in a next frame, so that it could not end at the lifetime it reached and is not at risk there. `at_risk` is
+    therefore the tracks that lived longer plus those that ended at this lifetime.
+
+    Parameters
+    ----------
+    tracks
+        One tracks table, or any number of them, read one at a time.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `LIFETIMES`, sorted by condition and lifetime: a row for each lifetime at which a track ended or was
+        censored. `survival` is null where nobody was at risk, which only the longest lifetime can be. `n_scenes`
+        counts the scenes of the condition, the same in each of its rows.
+
+    Raises
+    ------
+    SchemaError
+        If a table has other columns.
+    """
+    histogram = reduce_each(tracks, TRACKS, "tracks", _count_ends)
+    n_scenes = histogram.group_by(POOLED).agg(n_scenes=pl.col("scene").n_unique().cast(pl.Int32))
+    pooled = histogram.group_by(*POOLED, "lifetime").agg(pl.col("n_ended", "n_censored").sum())
+    table = pooled.join(n_scenes, on=POOLED).sort(*POOLED, "lifetime")
+    at_risk = _total_from(pl.col("n_ended") + pl.col("n_censored")) - pl.col("n_censored")
+    stays = pl.when(pl.col("at_risk") > 0).then(1 - pl.col("n_ended") / pl.col("at_risk"))
+    table = table.with_columns(at_risk=at_risk).with_columns(survival=stays.cum_prod().over(POOLED))
+    return check(table.select(*LIFETIMES), LIFETIMES, "lifetimes")
+
+
+def mean_lifetime(lifetimes: pl.DataFrame) -> pl.DataFrame:
+    """Mean lifetime of every condition, in frames that its tracker saw.
+
+    Parameters
+    ----------
+    lifetimes
+        What `lifetimes` returned.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `MEAN_LIFETIMES`, sorted by condition. `mean_lifetime` is the paper's: frames found over tracks, a
+        censored track counting as if it had ended, so that it is too low where many are. `restricted_mean_lifetime` is
+        the Kaplan-Meier estimate of the mean of min(lifetime, restricted_to), where `restricted_to` is the longest
+        lifetime seen; beyond it the data say nothing.
+    """
+    ordered = check(lifetimes, LIFETIMES, "lifetimes").sort(*POOLED, "lifetime")
+    length = pl.col("lifetime").cast(pl.Int64)
+    found = pl.col("n_ended") + pl.col("n_censored")
+    level = pl.col("survival").shift(1, fill_value=1.0).over(POOLED)  # from the lifetime before up to this one
+    width = (length - length.shift(1, fill_value=0)).over(POOLED)
+    areas = ordered.with_columns(found=found, frames=found * length, area=level * width)
+    groups = group_rows(areas, POOLED)
+    totals = areas.group_by(POOLED).agg(
+        n_tracks=pl.col("found").sum(),
+        n_censored=pl.col("n_censored").sum(),
+        mean_lifetime=pl.col("frames").sum() / pl.col("found").sum(),
+        restricted_to=pl.col("lifetime").max(),
+    )
+    restricted = pl.Series(np.bincount(groups.index, areas["area"].to_numpy(), groups.count), dtype=pl.Float64)
+    table = totals.sort(POOLED).with_columns(restricted_mean_lifetime=restricted)
+    return check(table.select(*MEAN_LIFETIMES), MEAN_LIFETIMES, "mean lifetimes")
+
+
+def median_survival(lifetimes: pl.DataFrame) -> pl.DataFrame:
+    """Shortest lifetime that at most half of the tracks exceed, by the Kaplan-Meier estimate, of every condition.
+
+    Parameters
+    ----------
+    lifetimes
+        What `lifetimes` returned.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `MEDIAN_SURVIVALS`, sorted by condition; `median_lifetime` in frames that its tracker saw, null where
+        the survival curve does not come down to a half.
+    """
+    half = 0.5 + 1e-12  # the product that is exactly a half on paper may be rounded up
+    reached = pl.col("lifetime").filter(pl.col("survival") <= half).min()
+    groups = check(lifetimes, LIFETIMES, "lifetimes").group_by(POOLED).agg(median_lifetime=reached)
+    return check(groups.sort(POOLED), MEDIAN_SURVIVALS, "median survivals")
+
+
+def surviving(lifetimes: pl.DataFrame) -> pl.DataFrame:
+    """How many tracks reached each age: Psi(k) over all tracks, with or without a known true position.
+
+    Parameters
+    ----------
+    lifetimes
+        What `lifetimes` returned.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `SURVIVING`, sorted by condition and lifetime: for every lifetime from 1 to the longest, the age in
+        frames of the nominal sequence that its last frame has, and the number of tracks that lived as long.
+    """
+    found = lifetimes.select(*POOLED, "lifetime", n=pl.col("n_ended") + pl.col("n_censored"))
+    every = pl.int_range(1, pl.col("lifetime").max().cast(pl.Int64) + 1, dtype=pl.UInt32)
+    dense = check(lifetimes, LIFETIMES, "lifetimes").group_by(POOLED).agg(lifetime=every).explode("lifetime")
+    table = dense.join(found, on=[*POOLED, "lifetime"], how="left").sort(*POOLED, "lifetime")
+    age = (pl.col("lifetime") - 1) * pl.col("speed").cast(pl.UInt32)
+    table = table.with_columns(age=age, n=_total_from(pl.col("n").fill_null(0)))
+    return check(table.select(*SURVIVING), SURVIVING, "surviving")
+
+
+def _count_ends(tracks: pl.DataFrame) -> pl.DataFrame:
+    """Tracks of each scene and condition that ended, and that were censored, at each lifetime."""
+    censored = pl.col("end") == "sequence_end"
+    return tracks.group_by("scene", *POOLED, "lifetime").agg(
+        n_ended=censored.not_().sum().cast(pl.Int64), n_censored=censored.sum().cast(pl.Int64)
+    )
+
+
+def _total_from(count: pl.Expr) -> pl.Expr:
+    """Sum of a count over this and all longer lifetimes of a condition, in a table sorted by lifetime."""
+    return count.cum_sum(reverse=True).over(POOLED)

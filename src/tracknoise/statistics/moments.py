@@ -1,0 +1,123 @@
+"""Tables of moments of du, dv by age: measured from the observations of a scene, and pooled over scenes.
+
+Everything else in this layer that concerns errors is computed from these tables, so that scenes can be pooled,
+resampled and added later without a second look at the observations.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.statistics.grouping import Groups, group_rows
+from tracknoise.statistics.joint import FOURTH, VARIANCES, JointMoments, measure, pool
+from tracknoise.statistics.populations import VISIBLE, measured
+from tracknoise.tables.schema import MOMENTS, OBSERVATIONS, ORIGIN, POPULATION, TRIMMING, check
+
+KEYS = [*ORIGIN, "population", "trimming", "age"]
+_CELL = [*ORIGIN, "age", "visible", "kept"]
+_MEANS = ["mean_u", "mean_v"]
+_SUMS = ["m_" + "u" * p + "v" * q for p, q in FOURTH]
+_ABS_MEANS = ["mean_abs_u", "mean_abs_v"]
+_ABS_SUMS = ["m_abs_" + "u" * p + "v" * q for p, q in VARIANCES]
+_VALUES = {column: kind for column, kind in MOMENTS.items() if column not in KEYS}
+
+
+def scene_moments(observations: pl.DataFrame) -> pl.DataFrame:
+    """Moments of the errors of every scene and condition, by population, trimming and age.
+
+    Parameters
+    ----------
+    observations
+        An observations table of any number of scenes, trimmed (`tracknoise.statistics.trimming.trim`).
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `MOMENTS`, sorted by the columns of `KEYS`: a row for each combination that has an observation.
+        `untrimmed` counts every observation, `trimmed` those of tracks that were kept.
+
+    Raises
+    ------
+    SchemaError
+        If the table has other columns, or an error is missing where the true position is known.
+    """
+    cells = _cell_moments(measured(check(observations, OBSERVATIONS, "observations"), population="projected"))
+    selections = {
+        ("visible", "untrimmed"): pl.col("visible"),
+        ("visible", "trimmed"): pl.col("visible") & pl.col("kept"),
+        ("projected", "untrimmed"): pl.lit(value=True),
+        ("projected", "trimmed"): pl.col("kept"),
+    }
+    parts = [
+        merge(cells.filter(selected), by=[*ORIGIN, "age"]).with_columns(
+            population=pl.lit(population, dtype=POPULATION), trimming=pl.lit(trimming, dtype=TRIMMING)
+        )
+        for (population, trimming), selected in selections.items()
+    ]
+    return check(pl.concat(parts).select(*MOMENTS).sort(KEYS), MOMENTS, "moments")
+
+
+def merge(moments: pl.DataFrame, *, by: Sequence[str]) -> pl.DataFrame:
+    """Pool the rows that agree in `by`, as if the moments had been measured on all their observations at once.
+
+    Parameters
+    ----------
+    moments
+        A moments table, or what `merge` made of one. A row may stand in it several times, as bootstrap needs.
+    by
+        Key columns to keep, at least one.
+
+    Returns
+    -------
+    polars.DataFrame
+        Columns `by`, then `n` and the moments as in `MOMENTS`; sorted by `by`. Means are null where n is 0.
+
+    Raises
+    ------
+    SchemaError
+        If a column of moments is missing or of another type.
+    """
+    check(moments.select(column for column in _VALUES if column in moments.columns), _VALUES, "moments")
+    ordered = moments.sort([column for column in moments.columns if column not in _VALUES], maintain_order=True)
+    groups = group_rows(ordered, by)
+    signed = pool(_joint(ordered, FOURTH, _MEANS, _SUMS), groups.index, groups.count)
+    absolute = pool(_joint(ordered, VARIANCES, _ABS_MEANS, _ABS_SUMS), groups.index, groups.count)
+    return _table(groups, signed, absolute)
+
+
+def _cell_moments(known: pl.DataFrame) -> pl.DataFrame:
+    """Moments of the disjoint cells (visible or not, kept or not) of which populations and trimmings are unions."""
+    cells = known.select(*ORIGIN, "age", pl.col("truth").is_in(VISIBLE).alias("visible"), "kept")
+    groups = group_rows(cells, _CELL)
+    errors = known.select("du_px", "dv_px").to_numpy()
+    signed = measure(errors, groups.index, groups.count)
+    absolute = measure(np.abs(errors), groups.index, groups.count, orders=VARIANCES)
+    return _table(groups, signed, absolute)
+
+
+def _joint(table: pl.DataFrame, orders: Sequence[tuple[int, int]], means: list[str], sums: list[str]) -> JointMoments:
+    return JointMoments(
+        tuple(orders),
+        table["n"].to_numpy(),
+        _matrix(table.select(pl.col(means).fill_null(0.0))),
+        _matrix(table.select(sums)),
+    )
+
+
+def _matrix(table: pl.DataFrame) -> NDArray[np.float64]:
+    return table.to_numpy().reshape(table.shape).astype(np.float64)
+
+
+def _table(groups: Groups, signed: JointMoments, absolute: JointMoments) -> pl.DataFrame:
+    columns = {
+        "n": signed.n,
+        **dict(zip(_MEANS, signed.mean.T, strict=True)),
+        **dict(zip(_SUMS, signed.central.T, strict=True)),
+        **dict(zip(_ABS_MEANS, absolute.mean.T, strict=True)),
+        **dict(zip(_ABS_SUMS, absolute.central.T, strict=True)),
+    }
+    values = pl.DataFrame(columns, schema=_VALUES)
+    known = pl.when(pl.col("n") > 0).then(pl.col(*_MEANS, *_ABS_MEANS))
+    return groups.keys.hstack(values.with_columns(known))

@@ -1,0 +1,76 @@
+"""The handful of numbers that one looks at first: a row a condition."""
+
+import polars as pl
+
+from tracknoise.statistics.grouping import POOLED
+from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
+from tracknoise.tables.schema import CURVES, OUTLIERS, SUMMARY, TRIMMING, check
+
+REFERENCE_AGE = 10
+
+
+def summary(
+    curves: pl.DataFrame,
+    lifetimes: pl.DataFrame,
+    outliers: pl.DataFrame,
+    *,
+    age: int = REFERENCE_AGE,
+    population: str = "visible",
+) -> pl.DataFrame:
+    """Lifetimes, outlier ratio, and errors at a reference age, of every condition.
+
+    Parameters
+    ----------
+    curves, lifetimes, outliers
+        What the functions of these names (`outlier_ratios` for the last) returned for the same scenes.
+    age
+        The reference age of a condition is the largest one not above this, in frames of the nominal sequence, at which
+        neither its trimmed nor its untrimmed curves are cut. It differs between speeds whose frames do not coincide.
+    population
+        Which observations the errors are of: `visible` or `projected`.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `SUMMARY`, sorted by condition: every condition of any of the three tables. What a table does not have,
+        or errors where every age is cut, is null. Features are pooled over scenes.
+
+    Raises
+    ------
+    SchemaError
+        If a table has other columns.
+    """
+    chosen = (pl.col("weighting") == "features") & (pl.col("population") == population) & (pl.col("at") <= age)
+    points = check(curves, CURVES, "curves").filter(chosen)
+    lived = mean_lifetime(lifetimes).join(median_survival(lifetimes), on=POOLED)
+    rejected = check(outliers, OUTLIERS, "outliers").select(*POOLED, outlier_ratio="pooled_ratio")
+    scenes = lifetimes.group_by(POOLED).agg(pl.col("n_scenes").max())
+    parts = [scenes, lived, rejected, _at_reference_age(points)]
+    table = pl.concat([part.select(POOLED) for part in (*parts, curves)]).unique()
+    for part in parts:
+        table = table.join(part, on=POOLED, how="left")
+    return check(table.select(*SUMMARY).sort(POOLED), SUMMARY, "summary")
+
+
+def _at_reference_age(points: pl.DataFrame) -> pl.DataFrame:
+    """Errors of every condition, trimmed and untrimmed, at the last age where both are there and neither is cut."""
+    usable = (pl.col("trimming").n_unique() == len(TRIMMING.categories)) & ~pl.col("cut").any()
+    ages = points.group_by(*POOLED, "at").agg(usable=usable).filter("usable")
+    reference = ages.group_by(POOLED).agg(at=pl.col("at").max())
+    return points.join(reference, on=[*POOLED, "at"]).group_by(POOLED).agg(age=pl.col("at").first(), **_columns())
+
+
+def _columns() -> dict[str, pl.Expr]:
+    """The one value of each trimming, statistic and coordinate among the rows of a condition at one age."""
+    columns = {}
+    for trimming in TRIMMING.categories:
+        columns[f"{trimming}_n"] = _value("n", trimming, "nu")
+        for axis in "uv":
+            columns[f"{trimming}_nu_{axis}_px"] = _value(axis, trimming, "nu")
+            columns[f"{trimming}_eta_{axis}_px"] = _value(axis, trimming, "eta")
+            columns[f"{trimming}_rms_{axis}_px"] = _value(axis, trimming, "Phi").sqrt()
+    return columns
+
+
+def _value(column: str, trimming: str, statistic: str) -> pl.Expr:
+    return pl.col(column).filter(trimming=trimming, statistic=statistic).first()

@@ -1,0 +1,298 @@
+"""The run folder: what an experiment measured, as Parquet beside a manifest.
+
+``experiment.toml`` (the resolved settings), ``manifest.json``, a Parquet file a sequence in each of
+``observations/``, ``tracks/``, ``frames/``, ``moments/``, ``trims/`` and ``counts/``, an image a sequence in
+``snapshots/``, tables of the whole run in ``statistics/``, ``failures.jsonl``, and ``report/``. Every file appears by
+atomic rename, and a sequence counts as measured only once the manifest, written last, says so.
+"""
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import polars as pl
+
+from tracknoise.exceptions import StoreError
+from tracknoise.tables import schema
+
+FORMAT = 1
+SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
+    "observations": schema.OBSERVATIONS,
+    "tracks": schema.TRACKS,
+    "frames": schema.FRAMES,
+    "moments": schema.MOMENTS,
+    "trims": schema.TRIMS,
+    "counts": schema.COUNTS,
+}
+STATISTICS_TABLES: Mapping[str, schema.Schema] = {
+    "curves": schema.CURVES,
+    "lifetimes": schema.LIFETIMES,
+    "outliers": schema.OUTLIERS,
+    "trims": schema.TRIMS,
+    "errors": schema.ERRORS,
+    "counts": schema.COUNTS,
+    "summary": schema.SUMMARY,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class SequenceEntry:
+    """What the manifest says of one measured sequence.
+
+    Attributes
+    ----------
+    dataset, scene, lighting, rotation
+        Its name.
+    n_frames, width, height
+        Count and size (px) of its images.
+    truth
+        Kind of truth used.
+    snapshot_frame
+        Frame whose image lies in ``snapshots/``.
+    seconds
+        Wall time of the measurement.
+    notes
+        What was corrected or assumed while reading, one sentence each.
+    """
+
+    dataset: str
+    scene: str
+    lighting: str
+    rotation: int
+    n_frames: int
+    width: int
+    height: int
+    truth: str
+    snapshot_frame: int
+    seconds: float
+    notes: tuple[str, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """File name, without extension, of this sequence's tables."""
+        return sequence_key(self.scene, self.lighting, self.rotation)
+
+
+@dataclass(slots=True)
+class Manifest:
+    """Where a run stands and what it was made with.
+
+    Attributes
+    ----------
+    settings_hash
+        Of the resolved experiment; a run is resumed only if it is the same.
+    versions
+        Of tracknoise, Python and the libraries that decide the numbers.
+    machine
+        System, processor and count of cores.
+    seed
+        Of everything random.
+    sequences
+        What was measured, by key.
+    failures
+        Cause of what was not, by key.
+    """
+
+    settings_hash: str
+    versions: dict[str, str]
+    machine: dict[str, str]
+    seed: int
+    sequences: dict[str, SequenceEntry] = field(default_factory=dict)
+    failures: dict[str, str] = field(default_factory=dict)
+
+
+def sequence_key(scene: str, lighting: str, rotation: int) -> str:
+    """File-safe name of a sequence, different for different sequences."""
+    parts = [quote(scene, safe=" "), quote(lighting, safe=" ")] + ([f"r{rotation}"] if rotation else [])
+    return "__".join(parts)
+
+
+class RunFolder:
+    """A run folder on disk.
+
+    Parameters
+    ----------
+    path
+        Of the folder; it need not exist yet.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = Path(path)
+
+    @property
+    def exists(self) -> bool:
+        """Whether a run was begun here."""
+        return (self.path / "manifest.json").is_file()
+
+    def create(self, experiment_toml: str, manifest: Manifest) -> None:
+        """Begin a run: write the settings and an empty manifest.
+
+        Raises
+        ------
+        StoreError
+            If the folder cannot be written, or holds other things.
+        """
+        if self.path.is_dir() and any(self.path.iterdir()) and not self.exists:
+            raise StoreError(f"{self.path}: holds files that are no run, expected a new or empty folder")
+        _write_atomically(self.path / "experiment.toml", experiment_toml.encode())
+        self.write_manifest(manifest)
+
+    def experiment_toml(self) -> str:
+        """Return the resolved settings as the text of a TOML file.
+
+        Raises
+        ------
+        StoreError
+            If there is no run here.
+        """
+        return self._read_text("experiment.toml")
+
+    def manifest(self) -> Manifest:
+        """Read the manifest.
+
+        Raises
+        ------
+        StoreError
+            If there is no run here, or the manifest is damaged or of another format.
+        """
+        text = self._read_text("manifest.json")
+        try:
+            raw: dict[str, Any] = json.loads(text)
+            found = raw.pop("format")
+            if found != FORMAT:
+                raise StoreError(f"{self.path / 'manifest.json'}: format {found}, expected {FORMAT}")
+            raw["sequences"] = {
+                key: SequenceEntry(**{**entry, "notes": tuple(entry["notes"])})
+                for key, entry in raw["sequences"].items()
+            }
+            return Manifest(**raw)
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise StoreError(f"{self.path / 'manifest.json'}: damaged ({error}), expected a run's manifest") from error
+
+    def write_manifest(self, manifest: Manifest) -> None:
+        """Write the manifest, by atomic rename.
+
+        Raises
+        ------
+        StoreError
+            If the folder cannot be written.
+        """
+        document = {"format": FORMAT, **asdict(manifest)}
+        document["sequences"] = dict(sorted(document["sequences"].items()))
+        _write_atomically(self.path / "manifest.json", (json.dumps(document, indent=2) + "\n").encode())
+
+    def write_sequence(self, key: str, tables: Mapping[str, pl.DataFrame], snapshot_png: bytes) -> None:
+        """Write the tables of `SEQUENCE_TABLES` and the image of one sequence.
+
+        Raises
+        ------
+        SchemaError
+            If a table does not have its columns.
+        StoreError
+            If the folder cannot be written.
+        """
+        for name, columns in SEQUENCE_TABLES.items():
+            table = schema.check(tables[name], columns, name)
+            _write_parquet(self.path / name / f"{key}.parquet", table)
+        _write_atomically(self.snapshot_path(key), snapshot_png)
+
+    def snapshot_path(self, key: str) -> Path:
+        """Path of the image of one sequence, PNG."""
+        return self.path / "snapshots" / f"{key}.png"
+
+    def sequence_table(self, name: str, key: str) -> pl.DataFrame:
+        """One table of one sequence.
+
+        Raises
+        ------
+        StoreError, SchemaError
+            If the file is missing or damaged, or has other columns.
+        """
+        return _read_parquet(self.path / name / f"{key}.parquet", SEQUENCE_TABLES[name])
+
+    def sequence_tables(self, name: str) -> Iterator[pl.DataFrame]:
+        """One table of every measured sequence in turn, in the order of their keys."""
+        for key in sorted(self.manifest().sequences):
+            yield self.sequence_table(name, key)
+
+    def write_statistics(self, name: str, table: pl.DataFrame) -> None:
+        """Write one table of `STATISTICS_TABLES`.
+
+        Raises
+        ------
+        SchemaError, StoreError
+            If the table does not have its columns, or the folder cannot be written.
+        """
+        checked = schema.check(table, STATISTICS_TABLES[name], name)
+        _write_parquet(self.path / "statistics" / f"{name}.parquet", checked)
+
+    def statistics(self, name: str) -> pl.DataFrame:
+        """One table of `STATISTICS_TABLES`.
+
+        Raises
+        ------
+        StoreError, SchemaError
+            If the file is missing or damaged, or has other columns.
+        """
+        return _read_parquet(self.path / "statistics" / f"{name}.parquet", STATISTICS_TABLES[name])
+
+    def write_failures(self, failures: Mapping[str, str]) -> None:
+        """Write ``failures.jsonl``, a line each with sequence and cause; remove it when there is none."""
+        path = self.path / "failures.jsonl"
+        if not failures:
+            path.unlink(missing_ok=True)
+            return
+        lines = [json.dumps({"sequence": key, "cause": cause}) for key, cause in sorted(failures.items())]
+        _write_atomically(path, ("\n".join(lines) + "\n").encode())
+
+    def _read_text(self, name: str) -> str:
+        try:
+            return (self.path / name).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise StoreError(f"{self.path}: no readable {name}, expected the folder of a run") from error
+
+
+def _write_atomically(path: Path, content: bytes) -> None:
+    temporary = _temporary(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary.write_bytes(content)
+        temporary.replace(path)
+    except OSError as error:
+        _discard(temporary)
+        raise StoreError(f"{path}: cannot be written ({error.strerror}), expected a writable folder") from error
+
+
+def _write_parquet(path: Path, table: pl.DataFrame) -> None:
+    temporary = _temporary(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        table.write_parquet(temporary, compression="zstd")
+        temporary.replace(path)
+    except OSError as error:
+        _discard(temporary)
+        raise StoreError(f"{path}: cannot be written ({error}), expected a writable folder") from error
+
+
+def _discard(temporary: Path) -> None:
+    with suppress(OSError):
+        temporary.unlink()
+
+
+def _temporary(path: Path) -> Path:
+    return path.with_name(f".{path.name}.{os.getpid()}.tmp")
+
+
+def _read_parquet(path: Path, columns: schema.Schema) -> pl.DataFrame:
+    try:
+        table = pl.read_parquet(path)
+    except FileNotFoundError as error:
+        raise StoreError(f"{path}: missing, expected a table of the run") from error
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise StoreError(f"{path}: damaged ({error}), expected a Parquet table") from error
+    return schema.check(table, columns, str(path))

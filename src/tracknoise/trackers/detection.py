@@ -1,0 +1,87 @@
+"""AGAST keypoints of a whole image, strongest first, shared by all trackers that see the frame."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.trackers.checks import require, require_at_least, require_odd
+from tracknoise.trackers.frame import Frame
+
+_SMALLEST_SIDE_PX = 7  # OAST_9_16 compares a pixel with a circle of radius 3
+
+
+@dataclass(frozen=True, slots=True)
+class Detection:
+    """Where features may begin. The defaults are those of XIVO's tracker.
+
+    Parameters
+    ----------
+    threshold
+        Least difference of gray values between a corner and the circle of pixels around it, 1 to 255.
+    min_response
+        Keypoints whose response is lower are refused.
+    square_px
+        Side of the square around a feature in which no other may begin or stay; odd.
+    margin_px
+        Width of the border of the image without features.
+    """
+
+    threshold: int = 10
+    min_response: float = 5.0
+    square_px: int = 15
+    margin_px: int = 8
+
+    def __post_init__(self) -> None:
+        require(1 <= self.threshold <= 255, "threshold", self.threshold, "a whole number from 1 to 255")
+        require_at_least("min_response", self.min_response, 0)
+        require_odd("square_px", self.square_px)
+        require_at_least("margin_px", self.margin_px, 0)
+
+
+@dataclass(frozen=True, slots=True)
+class Keypoints:
+    """Keypoints of an image, strongest first; equally strong ones in the order of detection.
+
+    Attributes
+    ----------
+    raw
+        As OpenCV made them.
+    uv : (n, 2) float64
+        Positions, px.
+    response : (n,) float32
+        AGAST's score: the largest threshold at which the corner would still be one.
+    """
+
+    raw: tuple[cv2.KeyPoint, ...]
+    uv: NDArray[np.float64]
+    response: NDArray[np.float32]
+
+
+def keypoints(frame: Frame, detection: Detection) -> Keypoints:
+    """AGAST keypoints (OAST_9_16, non-maximum suppression) of the whole image, computed once a frame.
+
+    Neither margin nor squares are applied here.
+    """
+
+    def detect(image: NDArray[np.uint8]) -> Keypoints:
+        if min(image.shape) < _SMALLEST_SIDE_PX:
+            return _strongest_first((), detection.min_response)
+        detector = cv2.xfeatures2d.AgastFeatureDetector.create(
+            threshold=detection.threshold,
+            nonmaxSuppression=True,
+            type=cv2.xfeatures2d.AgastFeatureDetector_OAST_9_16,
+        )
+        return _strongest_first(tuple(detector.detect(image)), detection.min_response)
+
+    return frame.memo(("keypoints", detection.threshold, detection.min_response), detect)
+
+
+def _strongest_first(raw: tuple[cv2.KeyPoint, ...], min_response: float) -> Keypoints:
+    response = np.array([point.response for point in raw], dtype=np.float32)
+    order = np.argsort(-response, kind="stable")
+    order = order[response[order] >= min_response]
+    chosen = tuple(raw[index] for index in order.tolist())
+    uv = cv2.KeyPoint.convert(chosen) if chosen else np.empty((0, 2))
+    return Keypoints(chosen, np.asarray(uv, dtype=np.float64).reshape(-1, 2), response[order])

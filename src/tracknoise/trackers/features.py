@@ -1,0 +1,101 @@
+"""What trackers of image features keep: the live features, and the report of a step."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.tables.schema import TrackEnd
+from tracknoise.trackers.tracker import Step
+
+ALIVE = -1
+"""Stands where a feature that goes on has no `TrackEnd`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Features:
+    """The live features of a tracker, oldest first.
+
+    Attributes
+    ----------
+    ids : (n,) int64
+        Ascending.
+    uv : (n, 2) float64
+        Where each was last seen, px.
+    first_uv : (n, 2) float64
+        Where each was first seen, px.
+    """
+
+    ids: NDArray[np.int64]
+    uv: NDArray[np.float64]
+    first_uv: NDArray[np.float64]
+
+    @classmethod
+    def begin(cls, first_id: int, uv: NDArray[np.float64]) -> "Features":
+        """New features at (n, 2) positions, with ids counting up from `first_id`."""
+        return cls(np.arange(first_id, first_id + len(uv), dtype=np.int64), uv, uv)
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def chosen(self, rows: NDArray[np.intp] | NDArray[np.bool_], uv: NDArray[np.float64]) -> "Features":
+        """Some of the features, by index or mask, now at (m, 2) `uv`."""
+        return Features(self.ids[rows], uv, self.first_uv[rows])
+
+    def joined(self, later: "Features") -> "Features":
+        """These and then the others."""
+        return Features(
+            np.concatenate([self.ids, later.ids]),
+            np.concatenate([self.uv, later.uv]),
+            np.concatenate([self.first_uv, later.first_uv]),
+        )
+
+
+def displacement_px(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distance between (n, 2) positions, (n,) px."""
+    return np.hypot(after[:, 0] - before[:, 0], after[:, 1] - before[:, 1])
+
+
+def report(
+    *,
+    offered: NDArray[np.int64],
+    end: NDArray[np.int8],
+    matched: int,
+    found: Features,
+    new: Features,
+    response: NDArray[np.float32],
+    missed: int = 0,
+) -> Step:
+    """The report of a step.
+
+    Parameters
+    ----------
+    offered
+        (n,) ids of the features that the tracker set out with.
+    end
+        (n,) what became of each: a `TrackEnd`, or `ALIVE`.
+    matched
+        How many of them were found again.
+    found, new
+        The features found and begun in this frame.
+    response
+        (len(new),) of the detector.
+    missed
+        How many go on without having been found.
+    """
+    over = end != ALIVE
+    shown = found.joined(new)
+    born = np.zeros(len(shown), dtype=np.bool_)
+    born[len(found) :] = True
+    return Step(
+        ids=shown.ids,
+        uv=shown.uv,
+        born=born,
+        response=np.concatenate([np.full(len(found), np.nan, dtype=np.float32), response]),
+        ended_ids=offered[over],
+        ended=end[over],
+        offered=len(offered),
+        matched=matched,
+        outliers=int(np.count_nonzero(end == TrackEnd.outlier)),
+        alive=len(shown) + missed,
+    )

@@ -1,0 +1,149 @@
+"""Pyramidal Lucas-Kanade: each feature's patch is followed from frame to frame."""
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.tables.schema import TrackEnd
+from tracknoise.trackers.checks import require, require_at_least, require_odd, require_positive
+from tracknoise.trackers.detection import Detection, keypoints
+from tracknoise.trackers.features import ALIVE, Features, displacement_px, report
+from tracknoise.trackers.frame import Frame
+from tracknoise.trackers.rejection import Inliers, Reference, Rejection
+from tracknoise.trackers.suppression import Mask
+from tracknoise.trackers.tracker import Setting, Step
+
+
+@dataclass(frozen=True, slots=True)
+class LucasKanade:
+    """Settings of the Lucas-Kanade tracker. The defaults are those of XIVO's, which the paper used.
+
+    Parameters
+    ----------
+    detection, rejection
+        Where features may begin and stay; which are outliers.
+    window_px
+        Side of the patch that is followed; odd.
+    extra_levels
+        Levels of the image pyramid above the full resolution.
+    iterations, epsilon
+        When a patch has settled: after so many iterations, or when it moves less than `epsilon` px.
+    max_displacement_px
+        A feature that moved this far or farther in one step is dropped.
+    min_features, max_features
+        New features are detected when fewer than `min_features` are left, up to `max_features`.
+    """
+
+    kind: ClassVar[str] = "lucas-kanade"
+    description: ClassVar[str] = "AGAST corners followed by pyramidal Lucas-Kanade, with outlier rejection"
+
+    detection: Detection = field(default_factory=Detection)
+    rejection: Rejection = field(default_factory=Rejection)
+    window_px: int = 15
+    extra_levels: int = 4
+    iterations: int = 30
+    epsilon: float = 0.01
+    max_displacement_px: float = 64.0
+    min_features: int = 1000
+    max_features: int = 1200
+
+    def __post_init__(self) -> None:
+        require_odd("window_px", self.window_px, 3)
+        require_at_least("extra_levels", self.extra_levels, 0)
+        require_at_least("iterations", self.iterations, 1)
+        require_positive("epsilon", self.epsilon)
+        require_positive("max_displacement_px", self.max_displacement_px)
+        require_at_least("min_features", self.min_features, 1)
+        expected = f"a number not below min_features, {self.min_features}"
+        require(self.max_features >= self.min_features, "max_features", self.max_features, expected)
+
+    def start(self, setting: Setting) -> "LucasKanadeTracker":
+        """Make a tracker at work on one sequence at one speed."""
+        return LucasKanadeTracker(self, self.rejection.inliers)
+
+
+class LucasKanadeTracker:
+    """Lucas-Kanade at work.
+
+    A step takes the live features through these gates, oldest first, in the order of XIVO's tracker:
+
+    1. Lucas-Kanade finds the feature (else ``lost``). `Step.matched` counts those found.
+    2. It moved less than the largest displacement (else ``displaced``).
+    3. It lies outside the margin, and outside the squares of the features that passed this gate before it in
+       this frame (else ``masked``). Passing takes its square.
+    4. The outlier rejection between previous and present positions of all that are left keeps it (else
+       ``outlier``). An outlier's square stays taken in this frame, so that it is not detected again at once.
+    5. If fewer than `min_features` are left, the strongest keypoints outside margin and squares fill up to
+       `max_features`; each takes its square.
+
+    Parameters
+    ----------
+    settings
+        The settings.
+    inliers
+        The outlier rejection.
+    """
+
+    def __init__(self, settings: LucasKanade, inliers: Inliers) -> None:
+        self._settings = settings
+        self._inliers = inliers
+        self._image: NDArray[np.uint8] | None = None
+        self._features = Features.begin(0, np.empty((0, 2)))
+        self._next_id = 0
+
+    def step(self, frame: Frame) -> Step:
+        """Track into the next frame."""
+        before, mask = self._features, Mask(frame.size, self._settings.detection)
+        uv, end, matched = self._follow(frame, mask)
+        alive = end == ALIVE
+        found = before.chosen(alive, uv[alive])
+        new, response = self._detect(frame, mask, len(found))
+        self._image, self._features = frame.image, found.joined(new)
+        self._next_id += len(new)
+        return report(offered=before.ids, end=end, matched=matched, found=found, new=new, response=response)
+
+    def _follow(self, frame: Frame, mask: Mask) -> tuple[NDArray[np.float64], NDArray[np.int8], int]:
+        """Gates 1 to 4: positions, fates, and how many passed the first."""
+        before = self._features
+        uv, found = self._flow(frame.image)
+        end = np.full(len(before), TrackEnd.lost, dtype=np.int8)
+        near = found & (displacement_px(before.uv, uv) < self._settings.max_displacement_px)
+        end[found] = TrackEnd.displaced
+        rows = np.flatnonzero(near)
+        end[rows] = TrackEnd.masked
+        rows = rows[mask.claim(uv[rows])]
+        first = self._settings.rejection.reference is Reference.first
+        source = before.first_uv if first else before.uv
+        inlier = self._inliers(source[rows], uv[rows], frame.index)
+        end[rows] = np.where(inlier, ALIVE, TrackEnd.outlier)
+        return uv, end, int(np.count_nonzero(found))
+
+    def _flow(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Where Lucas-Kanade sees the live features, and which it found."""
+        if self._image is None or not len(self._features):
+            return np.empty((0, 2)), np.zeros(0, dtype=np.bool_)
+        settings = self._settings
+        start = self._features.uv.astype(np.float32)
+        uv, status, _ = cv2.calcOpticalFlowPyrLK(
+            self._image,
+            image,
+            start,
+            start.copy(),
+            winSize=(settings.window_px, settings.window_px),
+            maxLevel=settings.extra_levels,
+            criteria=(cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, settings.iterations, settings.epsilon),
+            flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+        )
+        positions = np.asarray(uv, dtype=np.float64)
+        return positions, (status[:, 0] == 1) & np.isfinite(positions).all(axis=1)
+
+    def _detect(self, frame: Frame, mask: Mask, alive: int) -> tuple[Features, NDArray[np.float32]]:
+        """Gate 5: new features, and their responses."""
+        if alive >= self._settings.min_features:
+            return Features.begin(self._next_id, np.empty((0, 2))), np.empty(0, dtype=np.float32)
+        points = keypoints(frame, self._settings.detection)
+        rows = mask.claim(points.uv, limit=self._settings.max_features - alive)
+        return Features.begin(self._next_id, points.uv[rows]), points.response[rows]

@@ -1,0 +1,121 @@
+"""Random sample consensus: the hypothesis through few matches that most of the others agree with."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+_FIRST_DRAW, _LARGEST_DRAW = 16, 128
+_MAX_BARREN_DRAWS = 100
+
+
+class Geometry(Protocol):
+    """A relation between two images that a few matches determine."""
+
+    @property
+    def sample_size(self) -> int:
+        """How many matches determine it."""
+        ...
+
+    def hypotheses(self, source: Floats, target: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """Models (b, 3, 3) through samples (b, sample_size, 2), and which samples were not degenerate."""
+        ...
+
+    def agrees(self, models: Floats, source: Floats, target: Floats, threshold: float) -> NDArray[np.bool_]:
+        """Which matches (n, 2) each model (b, 3, 3) explains to within the threshold: (b, n)."""
+        ...
+
+    def refine(self, model: Floats, source: Floats, target: Floats) -> Floats:
+        """The model (3, 3) that explains all these matches (n, 2) best, starting from one that does so roughly."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Hypothesis:
+    """A model (3, 3) and the matches (n,) that agree with it."""
+
+    model: Floats
+    inliers: NDArray[np.bool_]
+
+
+def best_hypothesis(
+    geometry: Geometry,
+    source: Floats,
+    target: Floats,
+    *,
+    threshold: float,
+    confidence: float,
+    max_hypotheses: int,
+    rng: np.random.Generator,
+) -> Hypothesis | None:
+    """The first hypothesis with the most inliers, among as many as `confidence` asks for.
+
+    Hypotheses are judged one after the other. Each that has more inliers than all before lowers the number needed
+    (`hypotheses_needed`). They are computed in batches, which changes nothing but the time: the matches drawn
+    depend on the generator alone, and what a batch holds beyond the number needed is not looked at.
+
+    Parameters
+    ----------
+    geometry
+        What is sought.
+    source, target
+        (n, 2) float64: matched points, n > geometry.sample_size.
+    threshold
+        Largest error of an inlier, in the unit of the points.
+    confidence
+        Probability of having drawn one sample of inliers alone.
+    max_hypotheses
+        How many are judged at most.
+    rng
+        Draws the samples, with degenerate ones drawn again.
+
+    Returns
+    -------
+    Hypothesis or None
+        None if all samples are degenerate.
+    """
+    best, most, judged, needed = None, geometry.sample_size - 1, 0, max_hypotheses
+    for models in _drawn(geometry, source, target, rng):
+        while judged < needed and len(models):
+            batch, models = np.split(models, [min(needed - judged, _FIRST_DRAW // 2)])
+            agreement = geometry.agrees(batch, source, target, threshold)
+            for model, inliers, count in zip(batch, agreement, np.count_nonzero(agreement, axis=1).tolist(), strict=True):
+                if judged < needed:
+                    judged += 1
+                    if count > most:
+                        best, most = Hypothesis(model, inliers), count
+                        needed = hypotheses_needed(count / len(source), geometry.sample_size, confidence, needed)
+        if judged >= needed:
+            break
+    return best
+
+
+def hypotheses_needed(inlier_share: float, sample_size: int, confidence: float, most: int) -> int:
+    """How many samples hold one without outliers with that confidence: log(1 - p) / log(1 - share^size).
+
+    Rounded to the nearest whole number, and never more than `most`.
+    """
+    failure = 1.0 - inlier_share**sample_size
+    if failure < np.finfo(np.float64).tiny:
+        return 0
+    needed = math.log(1.0 - confidence) / math.log(failure) if failure < 1.0 else math.inf
+    return most if needed >= most else round(needed)
+
+
+def _drawn(geometry: Geometry, source: Floats, target: Floats, rng: np.random.Generator) -> Iterator[Floats]:
+    """Models through random samples of distinct matches, degenerate ones left out, in batches that grow."""
+    size, barren = _FIRST_DRAW, 0
+    while barren < _MAX_BARREN_DRAWS:
+        rows = rng.integers(len(source), size=(size, geometry.sample_size))
+        ordered = np.sort(rows, axis=1)
+        distinct = np.all(ordered[:, 1:] != ordered[:, :-1], axis=1)
+        models, usable = geometry.hypotheses(source[rows], target[rows])
+        usable &= distinct
+        barren = 0 if usable.any() else barren + 1
+        yield models[usable]
+        size = min(2 * size, _LARGEST_DRAW)

@@ -1,0 +1,51 @@
+"""What truth needs of a sequence's frames: poses both ways, and depth of the frame at hand."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.depth import DepthMap
+from tracknoise.geometry.pose import invert, transform
+from tracknoise.sequences.sequence import Sequence
+
+
+class Frames:
+    """A sequence seen frame by frame: the depth of the latest frame asked for is kept, that of no other.
+
+    Parameters
+    ----------
+    sequence
+        The sequence.
+    """
+
+    __slots__ = ("_depth", "_index", "sequence")
+
+    def __init__(self, sequence: Sequence) -> None:
+        self.sequence = sequence
+        self._index: int | None = None
+        self._depth: DepthMap | None = None
+
+    @property
+    def camera(self) -> Camera:
+        """Intrinsics of all frames."""
+        return self.sequence.camera
+
+    def depth(self, index: int) -> DepthMap | None:
+        """Depth of one frame, or None where it has none; read once however often it is asked for in a row.
+
+        Raises
+        ------
+        DataError
+            If the depth cannot be read.
+        """
+        if index != self._index:
+            self._depth, self._index = self.sequence.depth(index), index
+        return self._depth
+
+    def to_world(self, index: int, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n, 3) float64, metres: from the camera frame of one frame to the world."""
+        return transform(self.sequence.world_from_camera[index], points)
+
+    def to_camera(self, index: int, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n, 3) float64, metres: from the world to the camera frame of one frame."""
+        return transform(invert(self.sequence.world_from_camera[index]), points_world)

@@ -1,0 +1,208 @@
+import cv2
+import numpy as np
+import pytest
+
+from tracknoise.exceptions import DataError
+from tracknoise.geometry.camera import Camera
+from tracknoise.sequences.images import (
+    image_size,
+    read_depth_npy,
+    read_depth_png16,
+    read_depth_png_float32,
+    read_gray,
+)
+
+CAMERA = Camera(64, 48, 50.0, 50.0, 31.5, 23.5)
+MILLIMETRES = {"metres_per_unit": 0.001}
+
+
+@pytest.fixture
+def colour():
+    return np.random.default_rng(0).integers(0, 256, (48, 64, 3), dtype=np.uint8)
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(name, array):
+        path = tmp_path / name
+        assert cv2.imwrite(str(path), array)
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("name", ["image.png", "image.jpg"])
+def test_gray_is_what_opencv_reads(write, colour, name):
+    path = write(name, colour)
+    image = read_gray(path, CAMERA)
+    assert image.dtype == np.uint8
+    np.testing.assert_array_equal(image, cv2.imread(str(path), cv2.IMREAD_GRAYSCALE))
+    assert image_size(path) == (64, 48)
+
+
+def test_gray_of_a_jpeg_is_its_luma_and_not_a_conversion_of_its_colours(write, colour):
+    path = write("image.jpg", colour)
+    converted = cv2.cvtColor(cv2.imread(str(path)), cv2.COLOR_BGR2GRAY)
+    assert np.any(read_gray(path, CAMERA) != converted)
+
+
+@pytest.mark.parametrize(("array", "name"), [("gray", "a.png"), ("gray", "a.jpg"), ("gray16", "a.png")])
+def test_gray_of_other_layouts_is_8_bit(write, colour, array, name):
+    source = colour[..., 0] if array == "gray" else colour[..., 0].astype(np.uint16) * 257
+    path = write(name, source)
+    image = read_gray(path, CAMERA)
+    assert image.dtype == np.uint8
+    if name.endswith("png"):
+        np.testing.assert_array_equal(image, colour[..., 0])
+
+
+@pytest.mark.parametrize("name", ["image.png", "image.jpg"])
+@pytest.mark.parametrize("share", [0.02, 0.3, 0.7, 0.99])
+def test_truncated_images_are_refused_in_silence(write, colour, capfd, name, share):
+    path = write(name, colour)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(DataError) as caught:
+        read_gray(path, CAMERA)
+    assert str(caught.value).startswith(f"{path}: truncated or damaged image of ")
+    assert str(caught.value).endswith("expected a whole PNG or JPEG image")
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("name", ["image.png", "image.jpg"])
+def test_every_cut_is_noticed(write, name):
+    path = write(name, np.random.default_rng(1).integers(0, 256, (48, 64), dtype=np.uint8))
+    whole = path.read_bytes()
+    for length in range(3, len(whole) - 1, 97):
+        path.write_bytes(whole[:length])
+        with pytest.raises(DataError):
+            read_gray(path, CAMERA)
+
+
+def test_a_cut_jpeg_with_a_whole_thumbnail_is_refused(write, colour):
+    """The thumbnail's own end marker must not pass for the image's."""
+    path = write("image.jpg", colour)
+    whole = path.read_bytes()
+    small = cv2.imencode(".jpg", colour[:8, :8])[1].tobytes()
+    segment = b"\xff\xe1" + (len(small) + 2).to_bytes(2, "big") + small
+    path.write_bytes(whole[:2] + segment + whole[2:])
+    assert read_gray(path, CAMERA).shape == (48, 64)
+    path.write_bytes(whole[:2] + segment + whole[2:-200])
+    with pytest.raises(DataError, match="truncated or damaged image"):
+        read_gray(path, CAMERA)
+
+
+def test_a_png_with_a_flipped_bit_is_refused(write, colour, capfd):
+    path = write("image.png", colour)
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(DataError, match="truncated or damaged image"):
+        read_gray(path, CAMERA)
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "an empty file, expected a PNG or JPEG image"),
+        (b"<html>", "no image, expected a PNG or JPEG image"),
+        (None, "no such file, expected an image"),
+    ],
+)
+def test_what_is_no_image_is_refused(tmp_path, content, message):
+    path = tmp_path / "image.png"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(DataError) as caught:
+        read_gray(path, CAMERA)
+    assert str(caught.value) == f"{path}: {message}"
+
+
+def test_a_folder_is_no_image(tmp_path):
+    with pytest.raises(DataError, match="unreadable"):
+        read_gray(tmp_path, CAMERA)
+
+
+@pytest.mark.parametrize("shape", [(48, 60), (64, 48)])
+def test_an_image_of_another_size_is_refused(write, shape):
+    path = write("image.png", np.zeros(shape, np.uint8))
+    with pytest.raises(DataError) as caught:
+        read_gray(path, CAMERA)
+    assert str(caught.value) == f"{path}: size {shape[1]}x{shape[0]}, expected the camera's 64x48"
+
+
+def test_integer_depth(write):
+    units = np.full((48, 64), 1234, np.uint16)
+    units[0, :3] = 0, 65535, 40000
+    depth = read_depth_png16(write("depth.png", units), CAMERA, **MILLIMETRES, invalid=(0, 65535))
+    assert depth.valid[0, :4].tolist() == [False, False, True, True]
+    np.testing.assert_allclose(depth.depth_m[0, 2:4], (40.0, 1.234), rtol=1e-15)
+
+
+def test_depth_of_four_bytes(write):
+    metres = np.random.default_rng(2).uniform(0.5, 50.0, (48, 64)).astype("<f4")
+    metres[0, :5] = 20_000.0, np.inf, np.nan, -1.0, 0.0
+    path = write("depth.png", metres.view(np.uint8).reshape(48, 64, 4))
+    depth = read_depth_png_float32(path, CAMERA, farthest_m=10_000.0)
+    np.testing.assert_array_equal(depth.depth_m, metres)
+    assert not depth.valid[0, :5].any()
+    assert np.count_nonzero(~depth.valid) == 5
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_depth_of_numpy_files(tmp_path, kind):
+    metres = np.random.default_rng(3).uniform(0.5, 50.0, (48, 64)).astype(kind)
+    metres[0, :5] = 20_000.0, np.inf, np.nan, -1.0, 0.0
+    np.save(tmp_path / "depth.npy", metres)
+    depth = read_depth_npy(tmp_path / "depth.npy", CAMERA, farthest_m=10_000.0)
+    np.testing.assert_array_equal(depth.depth_m, metres)
+    assert np.count_nonzero(~depth.valid) == 5
+
+
+def test_depth_of_another_size_is_refused(write, tmp_path):
+    png16 = write("d16.png", np.ones((24, 32), np.uint16))
+    packed = write("d32.png", np.ones((24, 32, 4), np.uint8))
+    npy = tmp_path / "d.npy"
+    np.save(npy, np.ones((24, 32), np.float32))
+    for path, read in ((packed, read_depth_png_float32), (npy, read_depth_npy)):
+        with pytest.raises(DataError) as caught:
+            read(path, CAMERA)
+        assert str(caught.value) == f"{path}: size 32x24, expected the camera's 64x48"
+    with pytest.raises(DataError, match="size 32x24, expected the camera's 64x48"):
+        read_depth_png16(png16, CAMERA, **MILLIMETRES)
+
+
+def test_depth_of_another_type_is_refused(write, tmp_path):
+    gray = write("gray.png", np.ones((48, 64), np.uint8))
+    with pytest.raises(DataError, match="8-bit image of 1 channel, expected 16-bit single-channel depth"):
+        read_depth_png16(gray, CAMERA, **MILLIMETRES)
+    with pytest.raises(DataError, match="8-bit image of 1 channel, expected 8-bit four-channel depth"):
+        read_depth_png_float32(gray, CAMERA)
+    np.save(tmp_path / "d.npy", np.ones((48, 64), np.int32))
+    with pytest.raises(DataError, match="int32 numbers, expected float32 or float64 depth in metres"):
+        read_depth_npy(tmp_path / "d.npy", CAMERA)
+    np.save(tmp_path / "d3.npy", np.ones((48, 64, 2), np.float32))
+    with pytest.raises(DataError, match="size 64x48x2, expected the camera's 64x48"):
+        read_depth_npy(tmp_path / "d3.npy", CAMERA)
+
+
+@pytest.mark.parametrize("keep", [0, 5, 60, 1000])
+def test_truncated_numpy_files_are_refused(tmp_path, keep):
+    path = tmp_path / "depth.npy"
+    np.save(path, np.ones((48, 64), np.float32))
+    path.write_bytes(path.read_bytes()[:keep])
+    with pytest.raises(DataError) as caught:
+        read_depth_npy(path, CAMERA)
+    assert str(caught.value) == f"{path}: damaged or truncated file, expected a NumPy array of float32 depth"
+
+
+def test_a_missing_numpy_file(tmp_path):
+    with pytest.raises(DataError, match=r"depth\.npy: no such file, expected a depth map"):
+        read_depth_npy(tmp_path / "depth.npy", CAMERA)
+
+
+def test_pickles_are_not_opened(tmp_path):
+    np.save(tmp_path / "depth.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    with pytest.raises(DataError, match="damaged or truncated file"):
+        read_depth_npy(tmp_path / "depth.npy", CAMERA)

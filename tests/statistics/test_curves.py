@@ -1,0 +1,119 @@
+import numpy as np
+import polars as pl
+import pytest
+
+from tracknoise.exceptions import SchemaError
+from tracknoise.statistics.curves import UNITS, curves
+from tracknoise.statistics.moments import scene_moments
+from tracknoise.tables.schema import CURVES, MOMENTS, empty
+
+
+def select(table: pl.DataFrame, **values: object) -> pl.DataFrame:
+    chosen = {"population": "visible", "trimming": "untrimmed", "weighting": "features"} | values
+    return table.filter(**chosen)
+
+
+@pytest.fixture(scope="module")
+def two_scenes(observations) -> pl.DataFrame:
+    """Scene a: 3 features, scene b: 1 feature, at age 0."""
+    return scene_moments(
+        observations(scene=["a", "a", "a", "b"], du_px=[1.0, 2.0, -3.0, 4.0], dv_px=[0.0, 1.0, -1.0, 2.0])
+    )
+
+
+def test_pooled_features_agree_with_numpy(observations) -> None:
+    rng = np.random.default_rng(6)
+    u, v = rng.normal(size=(2, 500)) + [[0.3], [-0.2]]
+    table = select(curves(scene_moments(observations(du_px=u.tolist(), dv_px=v.tolist()))))
+    row = {statistic: table.filter(statistic=statistic).row(0, named=True) for statistic in UNITS}
+    assert [row["nu"][axis] for axis in "uv"] == pytest.approx([u.mean(), v.mean()])
+    assert [row["eta"][axis] for axis in "uv"] == pytest.approx([np.abs(u).mean(), np.abs(v).mean()])
+    covariance, second = np.cov(u, v), np.array([[u @ u, u @ v], [u @ v, v @ v]]) / 499
+    central = [row["central"][name] for name in ("u", "v", "uv")]
+    about_zero = [row["Phi"][name] for name in ("u", "v", "uv")]
+    assert central == pytest.approx([covariance[0, 0], covariance[1, 1], covariance[0, 1]])
+    assert about_zero == pytest.approx([second[0, 0], second[1, 1], second[0, 1]])
+    assert row["nu"]["uv"] is None
+    assert row["eta"]["uv"] is None
+    assert {statistic: row[statistic]["unit"] for statistic in UNITS} == UNITS
+
+
+def test_features_pools_and_scenes_averages(two_scenes) -> None:
+    table = curves(two_scenes)
+    pooled = select(table, statistic="nu").row(0, named=True)
+    averaged = select(table, statistic="nu", weighting="scenes").row(0, named=True)
+    assert (pooled["u"], pooled["v"], pooled["n"], pooled["n_scenes"]) == (1.0, 0.5, 4, 2)
+    assert (averaged["u"], averaged["v"], averaged["n"], averaged["n_scenes"]) == (2.0, 1.0, 4, 2)
+
+
+def test_a_scene_with_one_feature_has_no_second_moment_to_average(two_scenes) -> None:
+    table = select(curves(two_scenes), weighting="scenes", statistic="Phi").row(0, named=True)
+    assert (table["u"], table["v"], table["uv"]) == pytest.approx((7.0, 1.0, 2.5))  # of scene a alone
+    assert table["n_scenes"] == 1
+
+
+@pytest.mark.parametrize("weighting", ["features", "scenes"])
+def test_one_feature_has_no_second_moment(observations, weighting: str) -> None:
+    table = select(curves(scene_moments(observations(du_px=[2.0]))), weighting=weighting)
+    assert select(table, weighting=weighting, statistic="nu")["u"].to_list() == [2.0]
+    for statistic in ("Phi", "central"):
+        assert table.filter(statistic=statistic).select("u", "v", "uv").row(0) == (None, None, None)
+    numbers = table.select("u", "v", "uv")
+    assert numbers.select(pl.all().is_nan().any()).row(0) in [(False, False, False), (False, False, None)]
+
+
+def test_curves_are_cut_from_the_first_thin_age_on(observations) -> None:
+    ages = [0] * 5 + [4] * 3 + [8] * 2 + [12] * 4  # 12 has enough again, but stays cut
+    table = select(curves(scene_moments(observations(age=ages)), min_features=3), statistic="nu")
+    assert table["at"].to_list() == [0, 4, 8, 12]
+    assert table["cut"].to_list() == [False, False, True, True]
+
+
+def test_the_cut_counts_all_scenes_together_and_each_condition_alone(observations) -> None:
+    moments = scene_moments(observations(scene=["a", "b", "a", "a"], speed=[1, 1, 2, 2], age=[0, 0, 0, 2]))
+    table = curves(moments, min_features=2).filter(statistic="eta", population="visible", trimming="trimmed")
+    found = {(row["weighting"], row["speed"], row["at"]): row["cut"] for row in table.iter_rows(named=True)}
+    expected = {(1, 0): False, (2, 0): True, (2, 2): True}
+    assert found == {(weight, *key): cut for weight in ("features", "scenes") for key, cut in expected.items()}
+
+
+def test_a_scene_drawn_twice_counts_twice(two_scenes) -> None:
+    drawn = pl.concat([two_scenes, two_scenes.filter(scene="b")])
+    table = select(curves(drawn), weighting="scenes", statistic="nu").row(0, named=True)
+    assert table["u"] == pytest.approx((0.0 + 4.0 + 4.0) / 3)
+    assert table["n_scenes"] == 3
+
+
+def test_lightings_and_rotations_are_never_pooled(observations) -> None:
+    moments = scene_moments(observations(lighting=["x", "y", "x"], rotation=[0, 0, 90], du_px=[1.0, 2.0, 3.0]))
+    table = select(curves(moments), statistic="nu")
+    assert table.select("lighting", "rotation", "u").rows() == [("x", 0, 1.0), ("x", 90, 3.0), ("y", 0, 2.0)]
+
+
+def test_rows_without_observations_are_left_out(two_scenes) -> None:
+    nothing = two_scenes.with_columns(n=pl.lit(0, dtype=pl.Int64), scene=pl.lit("c"))
+    assert curves(pl.concat([two_scenes, nothing])).equals(curves(two_scenes))
+
+
+def test_rows_are_sorted_and_do_not_depend_on_the_order_of_the_input(observations) -> None:
+    rng = np.random.default_rng(7)
+    moments = scene_moments(
+        observations(
+            scene=rng.choice(["a", "b", "c"], 300).tolist(),
+            age=rng.integers(0, 4, 300).tolist(),
+            du_px=rng.normal(size=300).tolist(),
+        )
+    )
+    table = curves(moments)
+    keys = ["population", "trimming", "weighting", "statistic", "at"]
+    assert table.select(keys).equals(table.select(keys).sort(keys))
+    assert curves(moments.sample(fraction=1.0, shuffle=True, seed=2)).equals(table)
+
+
+def test_no_moments_give_no_curves() -> None:
+    assert curves(empty(MOMENTS)).equals(empty(CURVES))
+
+
+def test_another_table_is_refused() -> None:
+    with pytest.raises(SchemaError, match="moments"):
+        curves(empty(CURVES))

@@ -1,0 +1,60 @@
+from collections.abc import Iterator
+
+import numpy as np
+import polars as pl
+import pytest
+
+from tracknoise.exceptions import SchemaError
+from tracknoise.statistics.grouping import group_rows, reduce_each
+
+NUMBERS = {"n": pl.Int64}
+
+
+def test_groups_are_sorted_and_every_row_knows_its_own() -> None:
+    table = pl.DataFrame({"name": ["b", "a", "b", "a", "c"], "k": [1, 2, 1, 1, 0]})
+    groups = group_rows(table, ["name", "k"])
+    assert groups.keys.rows() == [("a", 1), ("a", 2), ("b", 1), ("c", 0)]
+    assert groups.index.tolist() == [2, 1, 2, 0, 3]
+    assert groups.count == 4
+
+
+def test_enumerations_sort_by_definition_and_not_by_name() -> None:
+    kind = pl.Enum(["z", "a"])
+    groups = group_rows(pl.DataFrame({"e": ["a", "z", "a"]}, schema={"e": kind}), ["e"])
+    assert groups.keys["e"].to_list() == ["z", "a"]
+    assert groups.index.tolist() == [1, 0, 1]
+
+
+def test_no_rows_make_no_groups() -> None:
+    groups = group_rows(pl.DataFrame(schema={"name": pl.String}), ["name"])
+    assert groups.count == 0
+    assert groups.index.shape == (0,)
+
+
+def test_a_large_table_gives_each_row_the_group_with_its_key() -> None:
+    rng = np.random.default_rng(0)
+    table = pl.DataFrame({"a": rng.integers(0, 5, 20_000), "b": rng.integers(0, 7, 20_000)})
+    groups = group_rows(table, ["a", "b"])
+    assert groups.keys[groups.index].equals(table)
+
+
+def test_tables_are_read_one_at_a_time() -> None:
+    alive: list[int] = []
+
+    def read() -> Iterator[pl.DataFrame]:
+        for number in range(3):
+            alive.append(number)
+            yield pl.DataFrame({"n": [number, number]})
+
+    def total(table: pl.DataFrame) -> pl.DataFrame:
+        if table.height:
+            assert table["n"][0] == alive[-1]
+        return table.select(pl.col("n").sum()) if table.height else table
+
+    assert reduce_each(read(), NUMBERS, "numbers", total)["n"].to_list() == [0, 2, 4]
+
+
+def test_each_table_is_checked() -> None:
+    good, bad = pl.DataFrame({"n": [1]}), pl.DataFrame({"m": [1]})
+    with pytest.raises(SchemaError, match="numbers: column 0 is m: Int64, expected n: Int64"):
+        reduce_each([good, bad], NUMBERS, "numbers", lambda table: table)

@@ -1,0 +1,61 @@
+import polars as pl
+import pytest
+
+from tracknoise.exceptions import SchemaError
+from tracknoise.tables import schema
+from tracknoise.tables.schema import TrackEnd, TruthStatus, check, empty
+
+SCHEMAS = {
+    name: value for name, value in vars(schema).items() if name.isupper() and isinstance(value, dict)
+}  # fmt: skip
+PAIR = {"name": pl.String, "n": pl.Int64}
+
+
+@pytest.mark.parametrize("name", SCHEMAS)
+def test_an_empty_table_meets_its_own_schema(name: str) -> None:
+    table = empty(SCHEMAS[name])
+    assert table.height == 0
+    assert check(table, SCHEMAS[name], name) is table
+
+
+def test_enumerations_list_the_names_in_the_order_of_their_numbers() -> None:
+    assert schema.TRUTH.categories.to_list() == [TruthStatus(value).name for value in range(6)]
+    assert schema.END.categories.to_list() == [TrackEnd(value).name for value in range(5)]
+
+
+def test_the_known_truth_statuses_are_those_with_a_true_position() -> None:
+    assert [status.name for status in TruthStatus] == [
+        "valid",
+        "no_depth",
+        "edge",
+        "occluded",
+        "out_of_image",
+        "behind_camera",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        (pl.DataFrame({"name": ["a"]}), "pairs: column 1 is nothing, expected n: Int64"),
+        (pl.DataFrame({"name": ["a"], "n": [1.0]}), "pairs: column 1 is n: Float64, expected n: Int64"),
+        (pl.DataFrame({"n": [1], "name": ["a"]}), "pairs: column 0 is n: Int64, expected name: String"),
+        (pl.DataFrame({"name": ["a"], "n": [1], "more": [2]}), "pairs: unexpected column 'more'"),
+    ],
+)
+def test_check_names_the_first_column_that_differs(table: pl.DataFrame, message: str) -> None:
+    with pytest.raises(SchemaError) as error:
+        check(table, PAIR, "pairs")
+    assert str(error.value) == message
+
+
+def test_moments_hold_every_joint_central_sum_of_orders_two_to_four() -> None:
+    expected = {"m_" + "u" * (total - q) + "v" * q for total in (2, 3, 4) for q in range(total + 1)}
+    assert expected <= set(schema.MOMENTS)
+    assert len(expected) == 12
+
+
+def test_summary_has_the_same_values_trimmed_and_untrimmed() -> None:
+    names = [name.removeprefix("trimmed_") for name in schema.SUMMARY if name.startswith("trimmed_")]
+    assert names == ["n", "nu_u_px", "nu_v_px", "eta_u_px", "eta_v_px", "rms_u_px", "rms_v_px"]
+    assert [f"untrimmed_{name}" for name in names] == [name for name in schema.SUMMARY if name.startswith("untrimmed_")]

@@ -4,10 +4,12 @@ Exit status: 0 done, 1 the user's error, 2 some scenes failed. Results go to std
 """
 
 import sys
+from typing import Annotated
 
 import click
 import typer
 
+from tracknoise import __version__
 from tracknoise.cli import datasets, demo, report, run, simulate, trackers
 from tracknoise.cli.terminal import Terminal
 from tracknoise.exceptions import TracknoiseError
@@ -24,8 +26,18 @@ for command in (demo, run, report, simulate, datasets, trackers):
     command.register(app)
 
 
+def _print_version(asked: bool) -> None:
+    if asked:
+        sys.stdout.write(f"tracknoise {__version__}\n")
+        raise typer.Exit
+
+
 @app.callback()
-def _root() -> None:
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", callback=_print_version, is_eager=True)
+    ] = False,
+) -> None:
     """Measure how wrong feature tracks are: bias, covariance, drift, outlier ratio and lifetime."""
 
 

@@ -47,7 +47,7 @@ class RunProgress:
         self._advance()
         self._terminal.say(f"measured {key}: {entry.n_frames} frames in {entry.seconds:.1f} s")
         for note in entry.notes:
-            self._terminal.warn(f"{key}: {note}")
+            self._terminal.say(f"note: {key}: {note}")
 
     def failed(self, key: str, cause: str) -> None:
         """Say that a sequence failed, and why."""

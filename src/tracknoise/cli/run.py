@@ -67,5 +67,5 @@ def run_experiment(
             terminal.result(f"report: {write(terminal, folder)}")
     if not outcome.failures:
         return 0
-    terminal.error(f"{len(outcome.failures)} of {len(outcome.failures) + len(outcome.measured)} sequences failed")
+    terminal.say(f"{len(outcome.failures)} of {len(outcome.failures) + len(outcome.measured)} sequences failed")
     return 2 if outcome.measured else 1

@@ -1,7 +1,7 @@
 """``tracknoise simulate``: render a simulated sequence to files."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -38,7 +38,7 @@ def simulate(
     from tracknoise.sequences.folder import write_folder
     from tracknoise.sequences.registry import open_sequence
 
-    options = {
+    options: dict[str, Any] = {
         "motions": [motion],
         "frames": frames,
         "width": width,

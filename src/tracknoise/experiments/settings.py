@@ -51,6 +51,13 @@ class TrackerChoice(_Section):
         """Its name in tables and figures."""
         return self.name or self.kind
 
+    def with_path_from(self, folder: Path) -> "TrackerChoice":
+        """Return the same choice with the option `path`, where it has one, taken from a folder."""
+        path = self.options.get("path")
+        if not isinstance(path, str):
+            return self
+        return self.model_copy(update={"options": {**self.options, "path": str((folder / path).resolve())}})
+
 
 class TruthSettings(_Section):
     """Where each feature really was."""
@@ -97,6 +104,12 @@ class Experiment(_Section):
         """Return the same experiment on data in another folder."""
         return self.model_copy(update={"dataset": self.dataset.model_copy(update={"root": root})})
 
+    def with_paths_from(self, folder: Path) -> "Experiment":
+        """Return the same experiment with `dataset.root` and trackers' option `path` taken from a folder."""
+        root = self.dataset.root
+        based = self.with_root(None if root is None else (folder / root).resolve())
+        return based.model_copy(update={"trackers": [tracker.with_path_from(folder) for tracker in self.trackers]})
+
     def to_toml(self) -> str:
         """Every setting, defaults included, as the text of an experiment file."""
         return tomlkit.dumps(self.model_dump(mode="json", exclude_none=True))
@@ -132,15 +145,13 @@ def load_experiment(name: str | Path, *, root: Path | None = None) -> Experiment
     path = Path(name)
     if path.is_file():
         experiment = parse_experiment(_read(path), place=str(path))
-        written = experiment.dataset.root
-        resolved = written if written is None else path.parent / written
+        experiment = experiment.with_paths_from(path.parent)
     elif str(name) in preset_names():
         text = (resources.files("tracknoise.experiments") / "presets" / f"{name}.toml").read_text(encoding="utf-8")
-        experiment, resolved = parse_experiment(text, place=f"preset {name}"), None
+        experiment = parse_experiment(text, place=f"preset {name}")
     else:
         raise UnknownNameError("experiment file or preset", str(name), preset_names())
-    chosen = resolved if root is None else root
-    return experiment.with_root(None if chosen is None else chosen.resolve())
+    return experiment if root is None else experiment.with_root(root.resolve())
 
 
 def parse_experiment(text: str, *, place: str) -> Experiment:

@@ -199,3 +199,10 @@ def _require_size(path: Path, array: NDArray[Any], camera: Camera) -> None:
 def _layout(array: NDArray[Any]) -> str:
     channels = array.shape[2] if array.ndim == 3 else 1
     return f"{array.dtype.itemsize * 8}-bit image of {channels} channel{'s' if channels > 1 else ''}"
+
+
+def encode_png(image: NDArray[np.uint8]) -> bytes:
+    """Encode an 8-bit grayscale image, (height, width) uint8, as the bytes of a PNG file."""
+    done, encoded = cv2.imencode(".png", image)
+    assert done, "an 8-bit image can always be encoded"
+    return encoded.tobytes()

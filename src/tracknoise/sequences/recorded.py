@@ -69,6 +69,11 @@ class RecordedSequence:
         return len(self.image_paths)
 
     @property
+    def source(self) -> str:
+        """Folder of the images."""
+        return str(self.image_paths[0].parent)
+
+    @property
     def truths(self) -> tuple[TruthKind, ...]:
         """Birth where any frame has depth."""
         return (TruthKind.birth,) if self.depth_paths is not None and any(self.depth_paths) else ()

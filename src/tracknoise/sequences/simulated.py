@@ -152,6 +152,11 @@ class SimulatedSequence:
         return {name: self.__dict__[name] for name in self.__dataclass_fields__}
 
     @property
+    def source(self) -> str:
+        """What is simulated."""
+        return f"simulated scene {self.id.scene}"
+
+    @property
     def truths(self) -> tuple[TruthKind, ...]:
         """Ray cast first: it needs no interpolation."""
         return (TruthKind.raycast, TruthKind.birth)

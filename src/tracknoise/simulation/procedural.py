@@ -40,9 +40,9 @@ def procedural_world(rng: np.random.Generator) -> World:
 
 
 def _backdrop() -> Iterator[Quad]:
-    """Clouds on the inside of a large box."""
+    """Clouds on the inside of a large box, in pieces: a few huge triangles would spoil the search tree of the rays."""
     for face in box(np.zeros(3), np.full(3, _FAR_M), Rotation.identity()):
-        yield face.reversed().dressed(_CLOUDS, repeat_m=_FAR_M, start=(0.0, 0.0))
+        yield from face.reversed().dressed(_CLOUDS, repeat_m=_FAR_M, start=(0.0, 0.0)).pieces(4)
 
 
 def _ground(rng: np.random.Generator) -> Iterator[Quad]:

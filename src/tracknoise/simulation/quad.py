@@ -47,6 +47,16 @@ class Quad:
         """The same rectangle with its texture turned by a quarter, clockwise."""
         return replace(self, corner=self.corner + self.right, right=self.down, down=-self.right)
 
+    def pieces(self, count: int) -> "Iterator[Quad]":
+        """The same rectangle, texture and all, cut into `count` pieces along each side."""
+        right, down = self.right / count, self.down / count
+        columns, rows = (np.linalg.norm([right, down], axis=1) / self.repeat_m).tolist()
+        for row in range(count):
+            for column in range(count):
+                start = (self.start[0] + column * columns, self.start[1] + row * rows)
+                corner = self.corner + column * right + row * down
+                yield replace(self, corner=corner, right=right, down=down, start=start)
+
     @property
     def corners(self) -> NDArray[np.float64]:
         """(4, 3) float64: corners counter-clockwise from the upper left, metres."""

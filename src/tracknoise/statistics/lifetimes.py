@@ -132,9 +132,9 @@ def surviving(lifetimes: pl.DataFrame) -> pl.DataFrame:
         Schema `SURVIVING`, sorted by condition and lifetime: for every lifetime from 1 to the longest, the age in
         frames of the nominal sequence that its last frame has, and the number of tracks that lived as long.
     """
-    found = lifetimes.select(*POOLED, "lifetime", n=pl.col("n_ended") + pl.col("n_censored"))
     every = pl.int_range(1, pl.col("lifetime").max().cast(pl.Int64) + 1, dtype=pl.UInt32)
     dense = check(lifetimes, LIFETIMES, "lifetimes").group_by(POOLED).agg(lifetime=every).explode("lifetime")
+    found = lifetimes.select(*POOLED, "lifetime", n=pl.col("n_ended") + pl.col("n_censored"))
     table = dense.join(found, on=[*POOLED, "lifetime"], how="left").sort(*POOLED, "lifetime")
     age = (pl.col("lifetime") - 1) * pl.col("speed").cast(pl.UInt32)
     table = table.with_columns(age=age, n=_total_from(pl.col("n").fill_null(0)))

@@ -2,8 +2,10 @@
 
 import polars as pl
 
+from tracknoise.exceptions import UnknownNameError
 from tracknoise.statistics.grouping import POOLED
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
+from tracknoise.statistics.populations import POPULATIONS
 from tracknoise.tables.schema import CURVES, OUTLIERS, SUMMARY, TRIMMING, check
 
 REFERENCE_AGE = 10
@@ -37,9 +39,13 @@ def summary(
 
     Raises
     ------
+    UnknownNameError
+        If there is no such population.
     SchemaError
         If a table has other columns.
     """
+    if population not in POPULATIONS:
+        raise UnknownNameError("population", population, POPULATIONS)
     chosen = (pl.col("weighting") == "features") & (pl.col("population") == population) & (pl.col("at") <= age)
     points = check(curves, CURVES, "curves").filter(chosen)
     lived = mean_lifetime(lifetimes).join(median_survival(lifetimes), on=POOLED)

@@ -107,9 +107,9 @@ class Manifest:
 
 
 def sequence_key(scene: str, lighting: str, rotation: int) -> str:
-    """File-safe name of a sequence, different for different sequences."""
-    parts = [quote(scene, safe=" "), quote(lighting, safe=" ")] + ([f"r{rotation}"] if rotation else [])
-    return "__".join(parts)
+    """File-safe name of a sequence, different for different sequences: ``scene@lighting``, with ``@rDEGREES`` if turned."""
+    parts = [quote(scene, safe=" "), quote(lighting, safe=" "), *([f"r{rotation}"] if rotation else [])]
+    return "@".join(parts)
 
 
 class RunFolder:

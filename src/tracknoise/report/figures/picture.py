@@ -1,0 +1,205 @@
+"""One frame of each scene, with every tracker's features, their errors enlarged, and where they came from."""
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import altair as alt
+import numpy as np
+import polars as pl
+
+from tracknoise.report.evidence import Evidence
+from tracknoise.report.figures import marks
+from tracknoise.report.figures.figure import Absence, Family, Figure
+from tracknoise.report.sentences import capitalised, count, px
+from tracknoise.tables.store import SequenceEntry
+
+MOST_SCENES, MOST_FEATURES, TRAIL = 6, 250, 8
+_ROUND = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000]
+_ERROR_COLOURS = ["#56B4E9", "#F0E442", "#D55E00"]
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """What is drawn of one sequence.
+
+    Attributes
+    ----------
+    entry
+        Which sequence.
+    png
+        Its image.
+    features
+        A row a feature: tracker, track, age, u_px, v_px, du_px, dv_px, error_px, truth.
+    trails
+        The features' last positions: tracker, track, frame, u_px, v_px.
+    magnification
+        How many times longer than the error its line is.
+    longest_px
+        Errors above this are drawn as long as this one.
+    """
+
+    entry: SequenceEntry
+    png: bytes
+    features: pl.DataFrame
+    trails: pl.DataFrame
+    magnification: int
+    longest_px: float
+
+
+def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
+    """One figure a scene, of the first few scenes."""
+    entries = [entry for _, entry in sorted(evidence.manifest.sequences.items()) if _is_reference(evidence, entry)]
+    if not entries:
+        return [Absence("picture", "The picture", "No scene was measured, so there is no frame to draw on.")]
+    made: list[Figure | Absence] = [
+        _figure(evidence, entry, place) for place, entry in enumerate(entries[:MOST_SCENES], start=1)
+    ]
+    if len(entries) > MOST_SCENES:
+        why = f"The first {MOST_SCENES} of {len(entries)} scenes are drawn; the numbers below are of all of them."
+        made.append(Absence("picture-others", "Other scenes", why))
+    return made
+
+
+def _is_reference(evidence: Evidence, entry: SequenceEntry) -> bool:
+    if not evidence.lightings:
+        return False
+    return entry.lighting == evidence.lightings[0] and entry.rotation == evidence.rotations[0]
+
+
+def _figure(evidence: Evidence, entry: SequenceEntry, place: int) -> Figure | Absence:
+    name, title = f"picture-{place}", f"Scene {entry.scene}"
+    png = _image(evidence, entry)
+    if png is None:
+        return Absence(name, title, f"The image of frame {entry.snapshot_frame} is missing or damaged in the run folder.")
+    scene = _scene(evidence, entry, png)
+    if scene.features.is_empty():
+        why = f"At speed {evidence.slowest} frame {entry.snapshot_frame} holds no feature of known error that is older "
+        return Absence(name, title, why + "than its first frame.")
+    return Figure(name, title, _shows(evidence, scene), _look_for(evidence, scene), _chart(evidence, scene))
+
+
+def _image(evidence: Evidence, entry: SequenceEntry) -> bytes | None:
+    path = evidence.run.snapshot_path(entry.key)
+    content = path.read_bytes() if path.is_file() else b""
+    return content if content.startswith(b"\x89PNG") else None
+
+
+def _scene(evidence: Evidence, entry: SequenceEntry, png: bytes) -> Scene:
+    observed = evidence.run.sequence_table("observations", entry.key).filter(
+        (pl.col("speed") == evidence.slowest)
+        & (pl.col("frame") <= entry.snapshot_frame)
+        & (pl.col("frame").cast(pl.Int64) >= entry.snapshot_frame - TRAIL * evidence.slowest)
+    )
+    error = (pl.col("du_px").pow(2) + pl.col("dv_px").pow(2)).sqrt()
+    now = observed.filter(pl.col("frame") == entry.snapshot_frame, pl.col("age") > 0).drop_nulls("du_px")
+    now = now.with_columns(error_px=error).sort("tracker", "track")
+    features = pl.concat([now.clear(), *(_spread(now.filter(tracker=name)) for name in evidence.trackers)])
+    columns = ["tracker", "track", "frame", "u_px", "v_px"]
+    trails = observed.select(columns).join(features.select("tracker", "track"), on=["tracker", "track"], how="semi")
+    magnification = _magnification(features["error_px"], entry.width)
+    return Scene(entry, png, features, trails.sort(columns[:3]), magnification, 0.1 * entry.width / magnification)
+
+
+def _spread(features: pl.DataFrame) -> pl.DataFrame:
+    """At most `MOST_FEATURES` rows, evenly spread over the table."""
+    if features.height <= MOST_FEATURES:
+        return features
+    return features[np.linspace(0, features.height - 1, MOST_FEATURES).round().astype(int).tolist()]
+
+
+def _magnification(errors: pl.Series, width: int) -> int:
+    """Largest round number that draws three quarters of the errors no longer than a fortieth of the image's width."""
+    typical = errors.quantile(0.75) if errors.len() else None
+    fitting = [factor for factor in _ROUND if factor * (typical or 0.0) <= width / 40]
+    return fitting[-1] if fitting and typical else 1
+
+
+def _shows(evidence: Evidence, scene: Scene) -> str:
+    times = f"{scene.magnification} times as long as" if scene.magnification > 1 else "as long as"
+    return (
+        f"Frame {scene.entry.snapshot_frame} at speed {evidence.slowest}{evidence.where}: a dot is where the tracker found a feature, "
+        f"the line leads from it towards where the feature truly was and is {times} the error; the thin trail is where "
+        f"it was found in the {TRAIL} frames before. At most {MOST_FEATURES} features a tracker are drawn."
+    )
+
+
+def _look_for(evidence: Evidence, scene: Scene) -> str:
+    parts = []
+    for tracker in evidence.trackers:
+        errors = scene.features.filter(tracker=tracker)["error_px"]
+        if errors.len():
+            half = f"{px(errors.median())}"  # type: ignore[arg-type]
+            parts.append(f"the median error of {tracker}'s {count(errors.len(), 'drawn feature')} is {half}")
+    capped = scene.features.filter(pl.col("error_px") > scene.longest_px).height
+    cap = f" {count(capped, 'error').capitalize()} above {px(scene.longest_px)} {'is' if capped == 1 else 'are'} drawn "
+    cap = cap + "at that length." if capped else ""
+    return f"{capitalised('; '.join(parts))}.{cap} Lines that point the same way across a region are bias, not noise."
+
+
+def _chart(evidence: Evidence, scene: Scene) -> alt.ConcatChart:
+    present = [name for name in evidence.trackers if scene.features.filter(tracker=name).height]
+    width = 425 if len(present) > 1 else 640
+    panels = [_panel(evidence, scene, tracker, width) for tracker in present]
+    url = "data:image/png;base64," + base64.b64encode(scene.png).decode()
+    left, right, top, bottom = -0.5, scene.entry.width - 0.5, -0.5, scene.entry.height - 0.5
+    image = [{"url": url, "left": left, "right": right, "top": top, "bottom": bottom}]
+    return alt.concat(*panels, columns=2, datasets={"image": image})
+
+
+def _panel(evidence: Evidence, scene: Scene, tracker: str, width: int) -> alt.LayerChart:
+    height = round(width * scene.entry.height / scene.entry.width)
+    layers = alt.layer(_background(scene), _trails(scene, tracker), *_errors(scene, tracker))
+    title = alt.Title(tracker, color=evidence.colour[tracker])
+    return layers.properties(width=width, height=height, title=title).add_params(marks.zoom("x", "y"))
+
+
+def _x(shorthand: str, scene: Scene) -> alt.X:
+    scale = alt.Scale(domain=[-0.5, scene.entry.width - 0.5], nice=False, zero=False)
+    return alt.X(shorthand, scale=scale, title="u (px)", axis=alt.Axis(grid=False, tickCount=6))
+
+
+def _y(shorthand: str, scene: Scene) -> alt.Y:
+    scale = alt.Scale(domain=[scene.entry.height - 0.5, -0.5], nice=False, zero=False)
+    return alt.Y(shorthand, scale=scale, title="v (px)", axis=alt.Axis(grid=False, tickCount=5))
+
+
+def _background(scene: Scene) -> alt.Chart:
+    """The image, its first pixel's centre at 0 and its border half a pixel further out."""
+    chart = alt.Chart(alt.NamedData("image")).mark_image(aspect=False, clip=True)
+    x, y = _x("left:Q", scene), _y("top:Q", scene)
+    return chart.encode(x=x, x2="right:Q", y=y, y2="bottom:Q", url="url:N")
+
+
+def _trails(scene: Scene, tracker: str) -> alt.Chart:
+    table = scene.trails.filter(tracker=tracker).select("track", "frame", u="u_px", v="v_px")
+    chart = alt.Chart(marks.rows(table)).mark_line(clip=True, color="#ffffff", strokeWidth=0.8, opacity=0.55)
+    return chart.encode(x=_x("u:Q", scene), y=_y("v:Q", scene), detail="track:N", order="frame:Q")
+
+
+def _errors(scene: Scene, tracker: str) -> list[alt.Chart]:
+    length = scene.magnification * pl.min_horizontal(1.0, scene.longest_px / pl.col("error_px"))
+    table = scene.features.filter(tracker=tracker).select(
+        "track", "age", "truth", u="u_px", v="v_px", du="du_px", dv="dv_px", error="error_px",
+        u_tip=pl.col("u_px") - length * pl.col("du_px"), v_tip=pl.col("v_px") - length * pl.col("dv_px"),
+    ).fill_nan(None)
+    scale = alt.Scale(domain=[0, scene.longest_px / 2, scene.longest_px], range=_ERROR_COLOURS, clamp=True)
+    tips = [alt.Tooltip(f"{name}:Q", title=title) for name, title in _TIPS.items()] + [alt.Tooltip("truth:N")]
+    base = alt.Chart(marks.rows(table)).encode(
+        x=_x("u:Q", scene), y=_y("v:Q", scene), tooltip=tips,
+        color=alt.Color("error:Q", scale=scale, title="error (px)", legend=alt.Legend(gradientLength=160)),
+    )
+    return [
+        base.mark_rule(clip=True, strokeWidth=1.4).encode(x2="u_tip:Q", y2="v_tip:Q"),
+        base.mark_point(clip=True, size=9, opacity=1),
+    ]
+
+
+_TIPS = {"error": "error (px)", "du": "error in u (px)", "dv": "error in v (px)", "age": "age (frames)", "track": "track"}
+
+FAMILY = Family(
+    id="picture",
+    title="The picture",
+    lead="One frame of each scene, so that the numbers have a face.",
+    figures=figures,
+)

@@ -1,0 +1,193 @@
+"""Bad input, as a user meets it: one clear line on stderr, the exit status, and no results that look whole."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from tracknoise.cli.app import main
+
+SIZE = (96, 128)
+N_FRAMES = 4
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """A sequence in 7-Scenes' layout that can be measured: a textured wall, seen by a camera that moves right."""
+    folder = tmp_path / "data" / "seq-01"
+    folder.mkdir(parents=True)
+    rng = np.random.default_rng(0)
+    wall = cv2.GaussianBlur(rng.integers(0, 256, (SIZE[0], SIZE[1] + 40), dtype=np.uint8), (0, 0), 1.2)
+    wall = cv2.normalize(wall, None, 0, 255, cv2.NORM_MINMAX)
+    depth = np.full(SIZE, 585, np.uint16)
+    for i in range(N_FRAMES):
+        pose = np.eye(4)
+        pose[0, 3] = i * 2e-3  # at 0.585 m and a focal length of 585 px, 1 mm is 1 px
+        cv2.imwrite(str(folder / f"frame-{i:06d}.color.png"), wall[:, 2 * i : 2 * i + SIZE[1]])
+        cv2.imwrite(str(folder / f"frame-{i:06d}.depth.png"), depth)
+        np.savetxt(folder / f"frame-{i:06d}.pose.txt", pose)
+    np.savetxt(folder / "camera-intrinsics.txt", [[585, 0, 63.5], [0, 585, 47.5], [0, 0, 1]])
+    (tmp_path / "x.toml").write_text(
+        'name = "x"\nspeeds = [1]\n[dataset]\nreader = "sevenscenes"\nroot = "data"\n'
+        '[[trackers]]\nkind = "lucas-kanade"\n[statistics]\nmin_features = 2\n'
+    )
+    return folder
+
+
+@pytest.fixture
+def run(scene, tmp_path, capsys):
+    """Run the experiment, perhaps with some of its text replaced; returns exit status, stderr and the run folder."""
+
+    def go(*replacements):
+        text = (tmp_path / "x.toml").read_text()
+        for old, new in replacements:
+            assert old in text
+            text = text.replace(old, new)
+        (tmp_path / "x.toml").write_text(text)
+        out = tmp_path / "run"
+        with pytest.raises(SystemExit) as exit_:
+            main(["run", str(tmp_path / "x.toml"), "--out", str(out), "--quiet", "--no-report", "--workers", "1"])
+        return exit_.value.code, capsys.readouterr().err, out
+
+    return go
+
+
+def assert_one_line(result, *parts):
+    code, stderr, out = result
+    assert code == 1
+    errors = [line for line in stderr.splitlines() if line]
+    assert errors[0].startswith("tracknoise: error: ")
+    for part in parts:
+        assert str(part) in errors[0]
+    assert len(errors) == 1, stderr
+    assert "Traceback" not in stderr
+    assert not (out / "statistics").exists()
+    if (out / "manifest.json").exists():
+        assert json.loads((out / "manifest.json").read_text())["sequences"] == {}
+
+
+def test_the_scene_is_fine_before_it_is_damaged(run):
+    code, stderr, out = run()
+    assert (code, stderr) == (0, "")
+    assert (out / "statistics" / "summary.parquet").exists()
+
+
+def test_missing_image(run, scene):
+    (scene / "frame-000002.color.png").unlink()
+    assert_one_line(run(), "frame-000002.color", "missing")
+
+
+@pytest.mark.parametrize("kind", ["color", "depth"])
+def test_truncated_image(run, scene, kind):
+    path = scene / f"frame-000002.{kind}.png"
+    path.write_bytes(path.read_bytes()[:-20])
+    assert_one_line(run(), path.name, "truncated", "expected")
+
+
+def test_depth_of_another_size(run, scene):
+    cv2.imwrite(str(scene / "frame-000000.depth.png"), np.ones((48, 64), np.uint16))
+    assert_one_line(run(), "frame-000000.depth.png", "64x48", "expected", "128x96")
+
+
+def test_image_of_another_size(run, scene):
+    cv2.imwrite(str(scene / "frame-000001.color.png"), np.zeros((48, 64), np.uint8))
+    assert_one_line(run(), "frame-000001.color.png", "64x48", "expected", "128x96")
+
+
+def test_nan_in_a_pose(run, scene):
+    (scene / "frame-000001.pose.txt").write_text("1 0 0 nan\n0 1 0 0\n0 0 1 0\n0 0 0 1\n")
+    assert_one_line(run(), "frame-000001.pose.txt", "nan", "expected")
+
+
+def test_pose_that_is_not_rigid(run, scene):
+    (scene / "frame-000001.pose.txt").write_text("2 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n")
+    assert_one_line(run(), "frame-000001.pose.txt", "rigid", "expected")
+
+
+def test_fewer_poses_than_images(run, scene):
+    (scene / f"frame-{N_FRAMES - 1:06d}.pose.txt").unlink()
+    assert_one_line(run(), "pose", "expected")
+
+
+def test_no_frames_at_all(run, scene):
+    for path in scene.glob("frame-*"):
+        path.unlink()
+    assert_one_line(run(), "data", "expected")
+
+
+def test_a_single_frame(run, scene):
+    for path in scene.glob("frame-*"):
+        if "000000" not in path.name:
+            path.unlink()
+    assert_one_line(run(), "seq-01", "1 frame", "expected at least 2")
+
+
+def test_black_images(run, scene):
+    for path in scene.glob("*.color.png"):
+        cv2.imwrite(str(path), np.zeros(SIZE, np.uint8))
+    assert_one_line(run(), "seq-01", "no tracker found a feature", "expected images with texture")
+
+
+def test_a_speed_larger_than_the_sequence(run):
+    assert_one_line(run(("[1]", "[1, 4]")), "seq-01", "speed 4 for a sequence of 4 frames", "expected", "at most 3")
+
+
+def test_unknown_tracker(run):
+    assert_one_line(run(("lucas-kanade", "lucas-kanda")), "unknown tracker 'lucas-kanda'", "known: correspondence")
+
+
+def test_unknown_reader(run):
+    assert_one_line(run(("sevenscenes", "eightscenes")), "unknown dataset reader 'eightscenes'", "sevenscenes")
+
+
+def test_misspelt_key(run):
+    assert_one_line(run(("min_features", "min_feature")), "x.toml", "unknown key 'min_feature'", "min_features")
+
+
+def test_wrong_type(run):
+    assert_one_line(run(("[1]", '["fast"]')), "x.toml: speeds[0]: found 'fast', expected a valid integer")
+
+
+def test_misspelt_tracker_option(run):
+    options = '"lucas-kanade"\noptions = { windw_px = 15 }'
+    assert_one_line(run(('"lucas-kanade"', options)), "lucas-kanade", "windw_px", "window_px")
+
+
+def test_no_such_data_folder(run):
+    assert_one_line(run(('"data"', '"nowhere"')), "nowhere", "no such directory", "expected")
+
+
+def test_one_bad_scene_of_two_leaves_the_other_and_exits_2(run, scene):
+    other = scene.parent / "seq-02"
+    other.mkdir()
+    for path in scene.iterdir():
+        (other / path.name).write_bytes(path.read_bytes())
+    (other / "frame-000001.color.png").unlink()
+    code, stderr, out = run()
+    assert code == 2
+    assert "frame-000001.color" in stderr
+    assert "seq-02" in stderr
+    manifest = json.loads((out / "manifest.json").read_text())
+    assert list(manifest["sequences"]) == ["seq-01@default"]
+    assert list(manifest["failures"]) == ["seq-02@default"]
+    assert (out / "failures.jsonl").read_text().count("\n") == 1
+
+
+def test_a_failed_scene_is_measured_after_repair(run, scene):
+    path = scene / "frame-000001.color.png"
+    content = path.read_bytes()
+    path.unlink()
+    assert run()[0] == 1
+    path.write_bytes(content)
+    code, _, out = run()
+    assert code == 0
+    assert not (out / "failures.jsonl").exists()
+
+
+def test_another_experiment_is_not_mixed_into_a_run(run):
+    assert run()[0] == 0
+    code, stderr, _ = run(("min_features = 2", "min_features = 3"))
+    assert code == 1
+    assert "holds a run of other settings" in stderr
+    assert stderr.count("\n") == 1

@@ -1,0 +1,102 @@
+"""Experiment files: what is read, and what is said about what cannot be."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.experiments.plan import plan
+from tracknoise.experiments.settings import load_experiment, parse_experiment, preset_names
+
+MINIMAL = """
+name = "x"
+[dataset]
+reader = "simulated"
+[[trackers]]
+kind = "lucas-kanade"
+"""
+
+
+def test_defaults_are_those_of_the_paper():
+    experiment = parse_experiment(MINIMAL, place="x.toml")
+    assert experiment.speeds == [1]
+    assert experiment.statistics.trim_percentile == 90
+    assert experiment.statistics.min_features == 100
+
+
+def test_resolved_settings_read_back_as_the_same_experiment():
+    experiment = parse_experiment(MINIMAL + '[truth]\nkind = "raycast"\n', place="x.toml")
+    assert parse_experiment(experiment.to_toml(), place="again") == experiment
+    assert parse_experiment(experiment.to_toml(), place="again").digest() == experiment.digest()
+
+
+def test_digest_ignores_where_the_data_lie_and_nothing_else():
+    one, other = (parse_experiment(MINIMAL, place="").with_root(root) for root in (None, Path("/data")))
+    assert one.digest() == other.digest()
+    assert one.digest() != parse_experiment("seed = 1\n" + MINIMAL, place="").digest()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("spedes = [1]\n" + MINIMAL, "x.toml: unknown key 'spedes' (did you mean 'speeds'?)"),
+        (MINIMAL + "[statistics]\ntrim_percentle = 80\n", "did you mean 'trim_percentile'?"),
+        (MINIMAL + "[statistics]\ntrim_percentle = 80\n", "(in section 'statistics')"),
+        (MINIMAL + "colour = 1\n", "unknown key 'colour'; known: kind, name, options (in section 'trackers[0]')"),
+        ('speeds = [1, "fast"]\n' + MINIMAL, "x.toml: speeds[1]: found 'fast', expected a valid integer"),
+        ("speeds = [0]\n" + MINIMAL, "x.toml: speeds[0]: found 0, expected greater than or equal to 1"),
+        ("speeds = 3\n" + MINIMAL, "x.toml: speeds: found 3, expected a valid list"),
+        ("seed = true\n" + MINIMAL, "x.toml: seed: found True, expected a valid integer"),
+        ("speeds = [2, 2]\n" + MINIMAL, "x.toml: speeds must differ, found [2, 2]"),
+        (MINIMAL + '[[trackers]]\nkind = "lucas-kanade"\n', "x.toml: trackers need different names"),
+        (MINIMAL.replace('name = "x"', ""), "x.toml: name: missing"),
+        (MINIMAL + '[truth]\nkind = "laser"\n', "x.toml: truth.kind: found 'laser', expected 'birth' or 'raycast'"),
+        (MINIMAL + "[truth]\nkind = \n", "x.toml: Invalid value"),
+    ],
+)
+def test_mistakes_name_file_key_found_and_expected(text, message):
+    with pytest.raises(SettingsError, match=re.escape(message)) as caught:
+        parse_experiment(text, place="x.toml")
+    assert "\n" not in str(caught.value)
+
+
+def test_neither_file_nor_preset_lists_the_presets():
+    with pytest.raises(UnknownNameError, match=r"'dmeo' \(did you mean 'demo'\?\)"):
+        load_experiment("dmeo")
+
+
+def test_paths_are_taken_from_the_files_folder_and_root_can_be_replaced(tmp_path):
+    text = MINIMAL.replace('reader = "simulated"', 'reader = "folder"\nroot = "images"')
+    text += '[[trackers]]\nkind = "imported"\noptions = { path = "tracks/{scene}.csv" }\n'
+    (tmp_path / "x.toml").write_text(text)
+    experiment = load_experiment(tmp_path / "x.toml")
+    assert experiment.dataset.root == tmp_path / "images"
+    assert experiment.trackers[1].options["path"] == str(tmp_path / "tracks" / "{scene}.csv")
+    assert load_experiment(tmp_path / "x.toml", root=Path("/elsewhere")).dataset.root == Path("/elsewhere")
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_every_preset_can_be_planned(name):
+    assert plan(load_experiment(name))
+
+
+@pytest.mark.parametrize("path", sorted((Path(__file__).parents[2] / "examples").glob("*.toml")), ids=lambda path: path.stem)
+def test_every_example_is_a_valid_experiment(path):
+    assert load_experiment(path).trackers
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("lucas-kanade", "lukas-kanade"), "unknown tracker 'lukas-kanade' (did you mean 'lucas-kanade'?)"),
+        (('"simulated"', '"simulate"'), "unknown dataset reader 'simulate' (did you mean 'simulated'?)"),
+        (('"simulated"', '"simulated"\nscenes = ["nowhere-00"]'), "unknown scene 'nowhere-00'; known: arvr-00"),
+        (('"simulated"', '"simulated"\nlightings = ["moon"]'), "unknown lighting 'moon'"),
+        (('"simulated"', '"simulated"\noptions = { frame = 3 }'), "unknown option of reader 'simulated' 'frame'"),
+        (('"simulated"', '"sevenscenes"'), "reader 'sevenscenes' needs the folder of its data"),
+    ],
+)
+def test_unknown_names_are_found_before_anything_is_read(change, message):
+    with pytest.raises((SettingsError, UnknownNameError), match=re.escape(message)):
+        plan(parse_experiment(MINIMAL.replace(*change), place="x.toml"))

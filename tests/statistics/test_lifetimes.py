@@ -1,0 +1,175 @@
+from collections.abc import Iterator
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import CensoredData, ecdf
+
+from tracknoise.exceptions import SchemaError
+from tracknoise.statistics.lifetimes import (
+    MEAN_LIFETIMES,
+    MEDIAN_SURVIVALS,
+    SURVIVING,
+    lifetimes,
+    mean_lifetime,
+    median_survival,
+    surviving,
+)
+from tracknoise.tables.schema import LIFETIMES, TRACKS, empty
+
+LIVES = st.lists(st.tuples(st.integers(1, 8), st.booleans()), min_size=1, max_size=40)
+
+
+@pytest.fixture(scope="session")
+def lived(tracks):
+    def build(lives: list[tuple[int, bool]], **columns: object) -> pl.DataFrame:
+        """A tracks table from (lifetime, censored) pairs."""
+        ends = ["sequence_end" if censored else "lost" for _, censored in lives]
+        return tracks(track=list(range(len(lives))), lifetime=[length for length, _ in lives], end=ends, **columns)
+
+    return build
+
+
+def test_by_hand(lived) -> None:
+    # Ended at 1, 2, 2, 4; censored at 2, 3.
+    #   lifetime 1: all 6 at risk, 1 ends                    S = 5/6
+    #   lifetime 2: 5 reached it, 1 censored there: 4, 2 end S = 5/6 * 2/4 = 5/12
+    #   lifetime 3: 2 reached it, 1 censored there: 1, 0 end S = 5/12
+    #   lifetime 4: 1 at risk, 1 ends                        S = 0
+    table = lifetimes(lived([(1, False), (2, False), (2, False), (4, False), (2, True), (3, True)]))
+    assert table["lifetime"].to_list() == [1, 2, 3, 4]
+    assert table["n_ended"].to_list() == [1, 2, 0, 1]
+    assert table["n_censored"].to_list() == [0, 1, 1, 0]
+    assert table["at_risk"].to_list() == [6, 4, 1, 1]
+    assert table["survival"].to_list() == pytest.approx([5 / 6, 5 / 12, 5 / 12, 0.0])
+    assert table["n_scenes"].to_list() == [1] * 4
+
+
+@settings(deadline=None, max_examples=50)
+@given(LIVES)
+def test_survival_is_that_of_scipy(lived, lives: list[tuple[int, bool]]) -> None:
+    # SciPy lets an event precede a censoring at the same time. Here a censored track was not looked for in the next
+    # frame, so that its censoring comes first: half a frame earlier.
+    table = lifetimes(lived(lives)).filter(pl.col("survival").is_not_null())
+    ended = [float(length) for length, censored in lives if not censored]
+    censored = [length - 0.5 for length, censored in lives if censored]
+    expected = ecdf(CensoredData(uncensored=ended, right=censored)).sf
+    np.testing.assert_allclose(table["survival"], expected.evaluate(table["lifetime"].to_numpy()), atol=1e-12)
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.lists(st.integers(1, 9), min_size=1, max_size=50))
+def test_without_censoring_everything_is_the_plain_sample(lived, lengths: list[int]) -> None:
+    table = lifetimes(lived([(length, False) for length in lengths]))
+    for length, survival in table.select("lifetime", "survival").rows():
+        assert survival == pytest.approx(np.mean(np.array(lengths) > length))
+    means = mean_lifetime(table).row(0, named=True)
+    assert means["mean_lifetime"] == pytest.approx(np.mean(lengths))
+    assert means["restricted_mean_lifetime"] == pytest.approx(np.mean(lengths))
+    median = median_survival(table)["median_lifetime"].item()
+    assert median == np.sort(lengths)[(len(lengths) - 1) // 2]
+
+
+def test_a_constant_hazard_comes_back_although_most_tracks_are_censored(lived) -> None:
+    # Features are born in each of 6 frames and found again with probability 0.7, so that many are alive at the end.
+    rng = np.random.default_rng(8)
+    life = rng.geometric(0.3, 60_000)
+    most = 6 - rng.integers(0, 6, len(life))
+    pairs = [(int(min(a, b)), bool(a >= b)) for a, b in zip(life, most, strict=True)]
+    table = lifetimes(lived(pairs)).filter(pl.col("at_risk") > 0)
+    expected = 0.7 ** table["lifetime"].to_numpy()
+    assert table["n_censored"].sum() > len(life) / 3
+    np.testing.assert_allclose(table["survival"], expected, atol=4 * 0.5 / np.sqrt(5000))
+
+
+def test_where_nobody_was_at_risk_survival_is_unknown(lived) -> None:
+    table = lifetimes(lived([(2, False), (5, True), (5, True)]))
+    assert table["at_risk"].to_list() == [3, 0]
+    assert table["survival"].to_list() == [pytest.approx(2 / 3), None]
+
+
+def test_scenes_are_pooled_and_conditions_are_not(lived) -> None:
+    one = lived([(1, False), (3, True)], scene="a")
+    two = lived([(1, False)], scene="b")
+    other = lived([(7, False)], scene="a", speed=2)
+    table = lifetimes([one, two, other])
+    assert table.select("speed", "lifetime", "n_ended", "n_scenes").rows() == [(1, 1, 2, 2), (1, 3, 0, 2), (2, 7, 1, 1)]
+    assert lifetimes(pl.concat([other, two, one])).equals(table)
+
+
+def test_the_same_scene_name_in_two_datasets_is_two_scenes(lived) -> None:
+    table = lifetimes([lived([(1, False)], dataset="x"), lived([(1, False)], dataset="y")])
+    assert table.select("dataset", "n_scenes").rows() == [("x", 1), ("y", 1)]
+
+
+def test_tables_may_be_streamed(lived) -> None:
+    def read() -> Iterator[pl.DataFrame]:
+        for scene in "ab":
+            yield lived([(2, False)], scene=scene)
+
+    assert lifetimes(read()).select("n_ended", "n_scenes").rows() == [(2, 2)]
+
+
+def test_mean_lifetime_by_hand(lived) -> None:
+    # As in test_by_hand: 14 frames over 6 tracks. Area under S up to 4: 1 + 5/6 + 5/12 + 5/12.
+    table = lifetimes(lived([(1, False), (2, False), (2, False), (4, False), (2, True), (3, True)]))
+    row = mean_lifetime(table).row(0, named=True)
+    assert (row["n_tracks"], row["n_censored"], row["restricted_to"]) == (6, 2, 4)
+    assert row["mean_lifetime"] == pytest.approx(14 / 6)
+    assert row["restricted_mean_lifetime"] == pytest.approx(1 + 5 / 6 + 5 / 12 + 5 / 12)
+
+
+def test_gaps_between_lifetimes_count_with_their_width(lived) -> None:
+    # S is 1 up to 3, 1/2 up to 10, where the last track is censored: 3 + 7/2.
+    row = mean_lifetime(lifetimes(lived([(3, False), (10, True)]))).row(0, named=True)
+    assert row["restricted_mean_lifetime"] == pytest.approx(6.5)
+    assert row["restricted_to"] == 10
+
+
+def test_conditions_do_not_leak_into_one_another(lived) -> None:
+    slow, fast = lived([(2, False), (5, True)]), lived([(3, False), (4, False)], speed=2)
+    both = lifetimes([slow, fast])
+    for part in (slow, fast):
+        speed = part["speed"][0]
+        for function in (mean_lifetime, median_survival, surviving):
+            assert function(both).filter(speed=speed).equals(function(lifetimes(part)))
+
+
+def test_median_survival(lived) -> None:
+    # S: 3/4, 1/2, 1/4, 0: at most half exceed 2.
+    four = lifetimes(lived([(length, False) for length in (1, 2, 3, 4)]))
+    assert median_survival(four)["median_lifetime"].to_list() == [2]
+
+
+@pytest.mark.parametrize("count", [6, 10, 22, 94])
+def test_a_survival_of_exactly_a_half_is_not_lost_to_rounding(lived, count: int) -> None:
+    table = lifetimes(lived([(length, False) for length in range(1, count + 1)]))
+    assert median_survival(table)["median_lifetime"].to_list() == [count // 2]
+
+
+def test_a_curve_that_stays_above_a_half_has_no_median(lived) -> None:
+    assert median_survival(lifetimes(lived([(1, False), (9, True), (9, True)])))["median_lifetime"].to_list() == [None]
+
+
+def test_surviving_counts_tracks_by_age_without_gaps(lived) -> None:
+    table = surviving(lifetimes(lived([(1, False), (1, True), (4, False)], speed=3)))
+    assert table.select("lifetime", "age", "n").rows() == [(1, 0, 3), (2, 3, 1), (3, 6, 1), (4, 9, 1)]
+
+
+def test_no_tracks_give_empty_tables() -> None:
+    table = lifetimes(empty(TRACKS))
+    assert table.equals(empty(LIFETIMES))
+    assert lifetimes([]).equals(table)
+    assert mean_lifetime(table).equals(empty(MEAN_LIFETIMES))
+    assert median_survival(table).equals(empty(MEDIAN_SURVIVALS))
+    assert surviving(table).equals(empty(SURVIVING))
+
+
+def test_another_table_is_refused() -> None:
+    with pytest.raises(SchemaError, match="tracks"):
+        lifetimes(empty(LIFETIMES))
+    for function in (mean_lifetime, median_survival, surviving):
+        with pytest.raises(SchemaError, match="lifetimes"):
+            function(empty(TRACKS))

@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+
+from tracknoise.exceptions import SchemaError
+from tracknoise.statistics.outliers import FRAME_RATIOS, frame_ratios, outlier_ratios
+from tracknoise.tables.schema import FRAMES, OUTLIERS, TRACKS, empty
+
+
+def test_by_hand(frames) -> None:
+    # 1/10, 0/20, 2/20, 8/40; frame 0 had nothing to track. Sorted 0, .1, .1, .2: quartiles .075, .1, .125, reach
+    # .075: from 0 to .2, all within.
+    table = frames(frame=[0, 1, 2, 3, 4], offered=[0, 10, 20, 20, 40], outliers=[0, 1, 0, 2, 8])
+    row = outlier_ratios(table).row(0, named=True)
+    assert (row["n_frames"], row["n_scenes"], row["offered"], row["outliers"]) == (4, 1, 90, 11)
+    assert row["pooled_ratio"] == pytest.approx(11 / 90)
+    assert [row[name] for name in ("mean", "median", "lower_quartile", "upper_quartile")] == pytest.approx(
+        [0.1, 0.1, 0.075, 0.125]
+    )
+
+
+def test_whiskers_stop_at_the_last_value_in_reach(frames) -> None:
+    outliers = [10, 11, 12, 13, 14, 15, 16, 17, 90]
+    row = outlier_ratios(frames(frame=list(range(9)), offered=100, outliers=outliers)).row(0, named=True)
+    assert (row["lower_whisker"], row["upper_whisker"]) == (0.10, 0.17)
+
+
+def test_frames_of_all_scenes_stand_together(frames) -> None:
+    one = frames(scene="a", frame=[1, 2], offered=[10, 10], outliers=[1, 3])
+    two = frames(scene="b", frame=[1], offered=[10], outliers=[2])
+    table = outlier_ratios(iter([one, two]))
+    assert table.select("n_frames", "n_scenes", "median").rows() == [(3, 2, 0.2)]
+    assert outlier_ratios([two, one]).equals(table)
+
+
+def test_ratios_of_each_frame(frames) -> None:
+    table = frame_ratios(frames(frame=[2, 1, 0], offered=[4, 2, 0], outliers=[1, 2, 0], speed=[1, 1, 1]))
+    assert table.select("frame", "ratio").rows() == [(1, 1.0), (2, 0.25)]
+
+
+def test_a_tracker_that_never_had_a_feature_has_no_row(frames) -> None:
+    table = outlier_ratios(frames(frame=[0, 1, 0], offered=[0, 0, 5], tracker=["black", "black", "seeing"]))
+    assert table["tracker"].to_list() == ["seeing"]
+
+
+def test_sums_do_not_overflow_the_type_of_a_frame(frames) -> None:
+    most = np.iinfo(np.uint32).max
+    row = outlier_ratios(frames(frame=[0, 1], offered=[most, most], outliers=[most, most])).row(0, named=True)
+    assert (row["offered"], row["outliers"], row["pooled_ratio"]) == (2 * int(most), 2 * int(most), 1.0)
+
+
+def test_no_frames_give_empty_tables() -> None:
+    assert outlier_ratios(empty(FRAMES)).equals(empty(OUTLIERS))
+    assert outlier_ratios([]).equals(empty(OUTLIERS))
+    assert frame_ratios(empty(FRAMES)).equals(empty(FRAME_RATIOS))
+
+
+def test_another_table_is_refused() -> None:
+    with pytest.raises(SchemaError, match="frames"):
+        outlier_ratios(empty(TRACKS))

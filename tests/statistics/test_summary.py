@@ -1,0 +1,101 @@
+import math
+
+import polars as pl
+import pytest
+
+from tracknoise.exceptions import SchemaError, UnknownNameError
+from tracknoise.statistics.curves import curves
+from tracknoise.statistics.lifetimes import lifetimes
+from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.outliers import outlier_ratios
+from tracknoise.statistics.summary import summary
+from tracknoise.tables.schema import CURVES, LIFETIMES, OUTLIERS, SUMMARY, empty
+
+
+@pytest.fixture(scope="module")
+def by_age(observations):
+    def build(ages: list[int], *, min_features: int = 1, **columns: object) -> pl.DataFrame:
+        return curves(scene_moments(observations(age=ages, **columns)), min_features=min_features)
+
+    return build
+
+
+def summarise(table: pl.DataFrame, **options: object) -> dict[str, object]:
+    return summary(table, empty(LIFETIMES), empty(OUTLIERS), **options).row(0, named=True)
+
+
+def test_one_row_says_it_all(observations, tracks, frames) -> None:
+    seen = observations(age=[8, 8, 8], kept=[True, True, False], du_px=[1.0, 3.0, -10.0], dv_px=[0.0, 0.0, 2.0])
+    lived = tracks(lifetime=[1, 2, 9], end=["lost", "outlier", "lost"])
+    row = summary(
+        curves(scene_moments(seen), min_features=2),
+        lifetimes(lived),
+        outlier_ratios(frames(offered=[10, 30], outliers=[1, 3])),
+    ).row(0, named=True)
+    assert (row["dataset"], row["tracker"], row["speed"], row["n_scenes"], row["n_tracks"]) == ("d", "lk", 1, 1, 3)
+    assert (row["mean_lifetime"], row["median_lifetime"], row["outlier_ratio"]) == (4.0, 2, 0.1)
+    assert (row["age"], row["untrimmed_n"], row["trimmed_n"]) == (8, 3, 2)
+    expected = {
+        "trimmed_nu_u_px": 2.0, "trimmed_eta_u_px": 2.0, "trimmed_rms_u_px": math.sqrt(10),
+        "trimmed_nu_v_px": 0.0, "trimmed_eta_v_px": 0.0, "trimmed_rms_v_px": 0.0,
+        "untrimmed_nu_u_px": -2.0, "untrimmed_eta_u_px": 14 / 3, "untrimmed_rms_u_px": math.sqrt(110 / 2),
+        "untrimmed_nu_v_px": 2 / 3, "untrimmed_eta_v_px": 2 / 3, "untrimmed_rms_v_px": math.sqrt(4 / 2),
+    }  # fmt: skip
+    assert {name: row[name] for name in expected} == pytest.approx(expected)
+
+
+def test_the_reference_age_is_the_last_one_up_to_the_limit(by_age) -> None:
+    assert summarise(by_age([0, 4, 8, 12]))["age"] == 8
+    assert summarise(by_age([0, 4, 8, 12]), age=12)["age"] == 12
+    assert summarise(by_age([0, 4, 8, 12]), age=3)["age"] == 0
+
+
+def test_the_reference_age_is_not_cut_trimmed_or_untrimmed(by_age) -> None:
+    ages, kept = [0] * 3 + [1] * 3 + [2] * 2, [True] * 3 + [True, True, False] + [True] * 2
+    assert summarise(by_age(ages, kept=kept, min_features=2))["age"] == 2
+    assert summarise(by_age(ages, kept=kept, min_features=3))["age"] == 0
+
+
+def test_an_age_that_trimming_emptied_is_not_used(by_age) -> None:
+    assert summarise(by_age([0, 1], kept=[True, False]))["age"] == 0
+
+
+def test_too_few_features_everywhere_leave_the_errors_null(by_age) -> None:
+    row = summarise(by_age([0, 1], min_features=100))
+    errors = [name for name in row if name.startswith(("trimmed", "untrimmed"))]
+    assert [row[name] for name in ["age", *errors]] == [None] * (1 + len(errors))
+
+
+def test_the_population_is_chosen(by_age) -> None:
+    table = by_age([0, 0], truth=["valid", "occluded"], du_px=[1.0, 3.0])
+    assert summarise(table)["untrimmed_nu_u_px"] == 1.0
+    assert summarise(table, population="projected")["untrimmed_nu_u_px"] == 2.0
+
+
+def test_an_unknown_population_is_refused(by_age) -> None:
+    with pytest.raises(UnknownNameError, match="population 'all'"):
+        summarise(by_age([0]), population="all")
+
+
+def test_every_condition_of_any_table_has_one_row(by_age, tracks, frames) -> None:
+    table = summary(
+        by_age([0], tracker="seen"),
+        lifetimes(tracks(tracker=["lived", "seen"])),
+        outlier_ratios(frames(tracker=["offered"], offered=[1])),
+    )
+    assert table["tracker"].to_list() == ["lived", "offered", "seen"]
+    assert table["n_tracks"].to_list() == [1, None, 1]
+    assert table["outlier_ratio"].to_list() == [None, 0.0, None]
+
+
+def test_nothing_gives_nothing() -> None:
+    assert summary(empty(CURVES), empty(LIFETIMES), empty(OUTLIERS)).equals(empty(SUMMARY))
+
+
+def test_the_wrong_tables_are_refused() -> None:
+    with pytest.raises(SchemaError, match="curves"):
+        summary(empty(LIFETIMES), empty(LIFETIMES), empty(OUTLIERS))
+    with pytest.raises(SchemaError, match="lifetimes"):
+        summary(empty(CURVES), empty(CURVES), empty(OUTLIERS))
+    with pytest.raises(SchemaError, match="outliers"):
+        summary(empty(CURVES), empty(LIFETIMES), empty(CURVES))

@@ -5,9 +5,9 @@ import polars as pl
 
 from benchmarks.harness import Row, median_ms
 from tracknoise.statistics.curves import curves
-from tracknoise.statistics.moments import merge, scene_moments
+from tracknoise.statistics.moments import KEYS, merge, scene_moments
 from tracknoise.statistics.trimming import trim
-from tracknoise.tables.schema import OBSERVATIONS, TRACKS
+from tracknoise.tables.schema import OBSERVATIONS, TRACKS, Schema
 
 TRACKS_PER_CONDITION = 12_000
 TRACKERS = ("lucas-kanade", "correspondence")
@@ -20,7 +20,7 @@ def rows() -> list[Row]:
     observations, tracks = _tables(np.random.default_rng(0))
     moments = scene_moments(observations)
     scenes = pl.concat([moments.with_columns(scene=pl.lit(f"scene {index}")) for index in range(SCENES)])
-    by = [column for column in ("dataset", "lighting", "rotation", "tracker", "speed", "population", "trimming", "age")]
+    by = [column for column in KEYS if column != "scene"]
     trim_ms = median_ms(lambda: trim(observations, tracks, percentile=90.0), repeats=5)
     moments_ms = median_ms(lambda: scene_moments(observations), repeats=5)
     merge_ms = median_ms(lambda: merge(scenes, by=by), repeats=5)
@@ -54,7 +54,7 @@ def _condition(rng: np.random.Generator, tracker: str, speed: int) -> tuple[pl.D
     return _typed(seen | condition, OBSERVATIONS), _typed(lived | condition, TRACKS)
 
 
-def _typed(columns: dict[str, object], schema: dict[str, object]) -> pl.DataFrame:
+def _typed(columns: dict[str, object], schema: Schema) -> pl.DataFrame:
     table = pl.DataFrame(columns)
     missing = [pl.lit(None).alias(name) for name in schema if name not in columns]
     return table.with_columns(missing).select(pl.col(name).cast(kind) for name, kind in schema.items())

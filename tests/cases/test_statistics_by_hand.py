@@ -42,7 +42,8 @@ OFFERED = [(0, 0, 0), (2, 3, 0), (4, 2, 1)]  # frame, F(t-1), f1
 def table(schema: Schema, names: list[str], rows: list[tuple[object, ...]], scene: str = "a") -> pl.DataFrame:
     """A table of one scene at speed 2; columns that are not given are null, kept is true."""
     origin = dict(zip(ORIGIN, ("paper", scene, "nominal", 0, "tracker", 2), strict=True))
-    values = {"kept": True} | origin | {name: list(column) for name, column in zip(names, zip(*rows), strict=True)}
+    given = {name: [row[place] for row in rows] for place, name in enumerate(names)}
+    values = {"kept": True} | origin | given
     filled = {name: values.get(name) for name in schema}
     columns = {name: value if isinstance(value, list) else [value] * len(rows) for name, value in filled.items()}
     return pl.DataFrame(columns, schema=dict(schema))
@@ -60,9 +61,7 @@ def trimmed() -> Trimmed:
 
 def at(curve_table: pl.DataFrame, statistic: str, trimming: str = "untrimmed") -> dict[int, tuple[float | None, ...]]:
     """u, v, uv of a statistic by age, features pooled, visible ones only."""
-    chosen = curve_table.filter(
-        statistic=statistic, trimming=trimming, population="visible", weighting="features"
-    )  # fmt: skip
+    chosen = curve_table.filter(statistic=statistic, trimming=trimming, population="visible", weighting="features")
     return {row["at"]: (row["u"], row["v"], row["uv"]) for row in chosen.iter_rows(named=True)}
 
 
@@ -106,9 +105,7 @@ def test_the_cut(trimmed: Trimmed) -> None:
 
 def test_occluded_features_count_as_projected_only() -> None:
     rows = [(0, 2, 2, "valid", 1.0, 0.0), (1, 2, 2, "occluded", 3.0, 4.0), (2, 2, 2, "no_depth", None, None)]
-    table = curves(scene_moments(observed(rows))).filter(
-        statistic="nu", trimming="untrimmed", weighting="features"
-    )  # fmt: skip
+    table = curves(scene_moments(observed(rows))).filter(statistic="nu", trimming="untrimmed", weighting="features")
     assert table.select("population", "n", "u", "v").rows() == [("visible", 1, 1.0, 0.0), ("projected", 2, 2.0, 2.0)]
 
 

@@ -23,7 +23,7 @@ def two_scenes(observations) -> pl.DataFrame:
 
 def test_pooled_features_agree_with_numpy(observations) -> None:
     rng = np.random.default_rng(6)
-    u, v = rng.normal(size=(2, 500)) + [[0.3], [-0.2]]
+    u, v = rng.normal(0.3, size=500), rng.normal(-0.2, size=500)
     table = select(curves(scene_moments(observations(du_px=u.tolist(), dv_px=v.tolist()))))
     row = {statistic: table.filter(statistic=statistic).row(0, named=True) for statistic in UNITS}
     assert [row["nu"][axis] for axis in "uv"] == pytest.approx([u.mean(), v.mean()])

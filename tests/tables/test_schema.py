@@ -5,9 +5,7 @@ from tracknoise.exceptions import SchemaError
 from tracknoise.tables import schema
 from tracknoise.tables.schema import TrackEnd, TruthStatus, check, empty
 
-SCHEMAS = {
-    name: value for name, value in vars(schema).items() if name.isupper() and isinstance(value, dict)
-}  # fmt: skip
+SCHEMAS = {name: value for name, value in vars(schema).items() if name.isupper() and isinstance(value, dict)}
 PAIR = {"name": pl.String, "n": pl.Int64}
 
 

@@ -64,7 +64,7 @@ class Recorder:
         self._n_tracks = 0
         self._births: list[tuple[int, NDArray[np.float64], NDArray[np.float32]]] = []
         self._ends: list[tuple[NDArray[np.int64], NDArray[np.int8]]] = []
-        self._observations: list[tuple[int, NDArray[np.int64], NDArray[np.float64], NDArray[np.int8]]] = []
+        self._observations: list[tuple[int, NDArray[np.uint32], NDArray[np.float64], NDArray[np.int8]]] = []
         self._frames: list[tuple[int, ...]] = []
 
     def add(self, index: int, step: Step) -> None:
@@ -88,10 +88,10 @@ class Recorder:
         for tracks, reasons in self._ends:
             end[tracks] = reasons
         counts = [len(tracks) for _, tracks, _, _ in self._observations]
-        track = _concatenated([tracks for _, tracks, _, _ in self._observations], np.empty(0, np.int64))
+        track = _concatenated([tracks for _, tracks, _, _ in self._observations], np.empty(0, np.uint32))
         births = [len(points) for _, points, _ in self._births]
         return Recording(
-            track=track.astype(np.uint32),
+            track=track,
             frame=np.repeat(np.array([index for index, _, _, _ in self._observations], np.uint32), counts),
             uv=_concatenated([uv for _, _, uv, _ in self._observations], np.empty((0, 2))),
             visibility=_concatenated([status for _, _, _, status in self._observations], np.empty(0, np.int8)),
@@ -128,7 +128,7 @@ class Recorder:
         status = self._live_status[slots].copy()
         anchored = status == TruthStatus.valid
         status[anchored] = self._truth.visibility(index, self._live_points[slots[anchored]])
-        self._observations.append((index, self._live_tracks[slots], step.uv, status))
+        self._observations.append((index, self._live_tracks[slots].astype(np.uint32), step.uv, status))
 
     def _slots(self, ids: NDArray[np.int64]) -> NDArray[np.intp]:
         """Where live features lie in the live arrays."""

@@ -11,8 +11,7 @@ import polars as pl
 
 from tracknoise.exceptions import StoreError
 from tracknoise.report import style
-from tracknoise.statistics.summary import summary
-from tracknoise.tables.store import Manifest, RunFolder
+from tracknoise.tables.store import STATISTICS_TABLES, Manifest, RunFolder
 
 
 @dataclass(frozen=True)
@@ -25,7 +24,7 @@ class Evidence:
         The folder, for tables a sequence.
     manifest, settings
         Where the run stands, and its resolved experiment.
-    curves, lifetimes, outliers, trims, errors, counts
+    curves, lifetimes, outliers, trims, errors, counts, summary
         Its pooled tables.
     """
 
@@ -38,6 +37,7 @@ class Evidence:
     trims: pl.DataFrame
     errors: pl.DataFrame
     counts: pl.DataFrame
+    summary: pl.DataFrame
 
     @classmethod
     def of(cls, run: RunFolder) -> "Evidence":
@@ -48,9 +48,13 @@ class Evidence:
         StoreError, SchemaError
             If there is no run, or one of its files is missing or damaged.
         """
-        names = ("curves", "lifetimes", "outliers", "trims", "errors", "counts")
-        tables = {name: run.statistics(name) for name in names}
+        tables = {name: run.statistics(name) for name in STATISTICS_TABLES}
         return cls(run=run, manifest=run.manifest(), settings=_settings(run), **tables)
+
+    @property
+    def name(self) -> str:
+        """What the experiment is called."""
+        return str(self.settings.get("name", self.run.path.name))
 
     @property
     def population(self) -> str:
@@ -67,13 +71,6 @@ class Evidence:
         """Percentile of the tracks' largest error above which they were dropped; None where none was."""
         found = self.trims["percentile"].drop_nulls().unique().to_list()
         return found[0] if found and found[0] < 100 else None
-
-    @cached_property
-    def summary(self) -> pl.DataFrame:
-        """The first numbers of every condition: schema `SUMMARY`, trackers in the experiment's order."""
-        table = summary(self.curves, self.lifetimes, self.outliers, population=self.population)
-        place = pl.col("tracker").replace_strict(self.trackers, range(len(self.trackers)), return_dtype=pl.Int64)
-        return table.sort("lighting", "rotation", place, "speed") if table.height else table
 
     @cached_property
     def points(self) -> pl.DataFrame:
@@ -116,10 +113,14 @@ class Evidence:
         """Colour of each tracker."""
         return dict(zip(self.trackers, style.colours(self.trackers), strict=True))
 
+    def place(self, tracker: str) -> int:
+        """Position of a tracker in every list of trackers."""
+        return self.trackers.index(tracker)
+
     def slug(self, tracker: str) -> str:
         """A tracker's name as part of a file name, different for different trackers."""
         slugs = [re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-") or "tracker" for name in self.trackers]
-        place = self.trackers.index(tracker)
+        place = self.place(tracker)
         return slugs[place] if slugs.count(slugs[place]) == 1 else f"{slugs[place]}-{place + 1}"
 
     def speed_colours(self, tracker: str) -> dict[str, str]:

@@ -24,6 +24,9 @@ _CURVE = [*POOLED, "population", "trimming"]
 _POINT = [*_CURVE, "age"]
 _COLUMNS = ["u", "v", "uv"]
 
+_Values = dict[str, tuple[NDArray[np.float64], NDArray[np.int64]]]
+"""For each statistic: u, v and uv, (points, 3), NaN where undefined; and the scenes it rests on, (points,)."""
+
 
 def curves(moments: pl.DataFrame, *, min_features: int = 100) -> pl.DataFrame:
     """Curves of (nu), (eta), (Phi) and central covariance over age, pooled over scenes.
@@ -64,36 +67,32 @@ def curves(moments: pl.DataFrame, *, min_features: int = 100) -> pl.DataFrame:
     return check(pl.concat(tables).sort(sorting), CURVES, "curves")
 
 
-Values = dict[str, tuple[NDArray[np.float64], NDArray[np.int64]]]
-"""For each statistic its u, v, uv, (points, 3) with NaN for what is undefined, and the scenes it rests on."""
-
-
 def _is_cut(min_features: int) -> pl.Expr:
     return (pl.col("n") < min_features).cast(pl.UInt8).cum_max().over(_CURVE).cast(pl.Boolean)
 
 
 def _statistics(moments: pl.DataFrame) -> dict[str, NDArray[np.float64]]:
     """u, v and uv of every statistic for each row, (rows, 3), NaN where undefined."""
-    column = {name: moments[name].to_numpy() for name in moments.columns if name.startswith(("n", "m"))}
-    n, nu = column["n"], np.stack([column["mean_u"], column["mean_v"]], axis=1)
-    divisor = np.where(n > 1, n - 1.0, np.nan)[:, None]
-    central = np.stack([column["m_uu"], column["m_vv"], column["m_uv"]], axis=1)
-    products = np.stack([nu[:, 0] ** 2, nu[:, 1] ** 2, nu[:, 0] * nu[:, 1]], axis=1)
+    n = moments["n"].to_numpy()[:, None]
+    nu, eta = (moments.select(names).to_numpy() for names in (["mean_u", "mean_v"], ["mean_abs_u", "mean_abs_v"]))
+    central = moments.select("m_uu", "m_vv", "m_uv").to_numpy()
+    about_zero = central + n * np.column_stack([nu**2, nu.prod(axis=1)])
+    divisor = np.where(n > 1, n - 1.0, np.nan)
     undefined = np.full(len(n), np.nan)
     return {
         "nu": np.column_stack([nu, undefined]),
-        "eta": np.column_stack([column["mean_abs_u"], column["mean_abs_v"], undefined]),
-        "Phi": (central + n[:, None] * products) / divisor,
+        "eta": np.column_stack([eta, undefined]),
+        "Phi": about_zero / divisor,
         "central": central / divisor,
     }
 
 
-def _by_features(pooled: pl.DataFrame, points: Groups) -> Values:
+def _by_features(pooled: pl.DataFrame, points: Groups) -> _Values:
     n_scenes = np.bincount(points.index, minlength=points.count)
     return {statistic: (values, n_scenes) for statistic, values in _statistics(pooled).items()}
 
 
-def _by_scenes(scenes: pl.DataFrame, points: Groups) -> Values:
+def _by_scenes(scenes: pl.DataFrame, points: Groups) -> _Values:
     return {statistic: _mean_over_scenes(values, points) for statistic, values in _statistics(scenes).items()}
 
 

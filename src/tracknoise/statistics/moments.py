@@ -8,7 +8,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from tracknoise.statistics.grouping import Groups, group_rows
 from tracknoise.statistics.joint import FOURTH, VARIANCES, JointMoments, measure, pool
@@ -101,13 +100,9 @@ def _joint(table: pl.DataFrame, orders: Sequence[tuple[int, int]], means: list[s
     return JointMoments(
         tuple(orders),
         table["n"].to_numpy(),
-        _matrix(table.select(pl.col(means).fill_null(0.0))),
-        _matrix(table.select(sums)),
+        table.select(pl.col(means).fill_null(0.0)).to_numpy(),
+        table.select(sums).to_numpy(),
     )
-
-
-def _matrix(table: pl.DataFrame) -> NDArray[np.float64]:
-    return table.to_numpy().reshape(table.shape).astype(np.float64)
 
 
 def _table(groups: Groups, signed: JointMoments, absolute: JointMoments) -> pl.DataFrame:

@@ -1,11 +1,18 @@
 """Trackers by name: the built-in ones, and those of other packages' entry points ``tracknoise.trackers``."""
 
+import json
 from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from difflib import get_close_matches
 from importlib import import_module
 from importlib.metadata import entry_points
+from typing import TYPE_CHECKING, Any, get_type_hints
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.trackers.tracker import TrackerSettings
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
 
 ENTRY_POINT_GROUP = "tracknoise.trackers"
 
@@ -44,22 +51,59 @@ def tracker_type(kind: str) -> type[TrackerSettings]:
 def make_tracker(kind: str, options: Mapping[str, object] | None = None) -> TrackerSettings:
     """Make a tracker's settings from its name and options, types checked.
 
-    Nested settings (``detection``, ``rejection``) are given as mappings.
+    Options are what a TOML or JSON file can hold: nested settings (``detection``, ``rejection``) are mappings, the
+    members of enumerations their names, tuples lists. Types must fit as they are: "12" is no number.
 
     Raises
     ------
     UnknownNameError
         If there is no tracker of that name.
     SettingsError
-        If an option is unknown, or has a wrong type or value.
+        If an option is unknown or missing, or has a wrong type or value; the message names it.
     """
-    from pydantic import ConfigDict, TypeAdapter, ValidationError, with_config
+    from pydantic import TypeAdapter, ValidationError
 
-    settings_type = with_config(ConfigDict(extra="forbid"))(tracker_type(kind))
+    settings_type = tracker_type(kind)
+    _refuse_unknown(settings_type)
     try:
-        settings: TrackerSettings = TypeAdapter(settings_type).validate_python(dict(options or {}))
+        written = json.dumps(dict(options or {}))
+        settings: TrackerSettings = TypeAdapter(settings_type).validate_json(written, strict=True)
+    except TypeError as error:
+        raise SettingsError(f"tracker {kind!r}: {error}, expected what a TOML file can hold") from error
     except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"]) or "settings"
-        raise SettingsError(f"tracker {kind!r}: {place}: {first['msg']}, found {first['input']!r}") from error
+        raise SettingsError(f"tracker {kind!r}: {_explain(settings_type, error.errors()[0])}") from error
     return settings
+
+
+def _refuse_unknown(settings_type: type) -> None:
+    """Make pydantic refuse unknown keys in a dataclass and in all dataclasses that are its fields."""
+    from pydantic import ConfigDict, with_config
+
+    with_config(ConfigDict(extra="forbid"))(settings_type)
+    for nested in _nested(settings_type).values():
+        _refuse_unknown(nested)
+
+
+def _nested(settings_type: type) -> dict[str, type]:
+    return {name: hint for name, hint in get_type_hints(settings_type).items() if is_dataclass(hint)}
+
+
+def _explain(settings_type: type, error: "ErrorDetails") -> str:
+    place = ".".join(str(part) for part in error["loc"])
+    if error["type"] == "unexpected_keyword_argument":
+        return f"{place}: unknown setting{_known(settings_type, error['loc'])}"
+    if error["type"] == "value_error":
+        return f"{place}{'.' if place else ''}{error['ctx']['error']}"
+    if error["type"] == "missing_argument":
+        return f"{place}: missing, expected a value"
+    return f"{place or 'settings'}: {error['msg']}, found {error['input']!r}"
+
+
+def _known(settings_type: type, location: tuple[Any, ...]) -> str:
+    """The known names beside an unknown one, and the likeliest."""
+    for part in location[:-1]:
+        settings_type = _nested(settings_type)[part]
+    known = sorted(field.name for field in fields(settings_type))
+    close = get_close_matches(str(location[-1]), known, n=1)
+    hint = f" (did you mean {close[0]!r}?)" if close else ""
+    return f"{hint}; known: {', '.join(known)}"

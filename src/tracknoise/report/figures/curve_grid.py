@@ -101,7 +101,7 @@ def _row(points: pl.DataFrame, statistic: str, series: Series, *, boxes: bool) -
     bounds = marks.domain(pl.concat([table["u"], table["v"]]), zero=True)
     panels: list[Chart] = []
     for axis, label in _AXES.items():
-        title = alt.Title(label) if statistic == "nu" else alt.Undefined
+        title = alt.Title(label if statistic == "nu" else "")
         y = alt.Y(f"{axis}:Q", scale=alt.Scale(domain=bounds, nice=False), title=STATISTICS[statistic])
         if axis == "v":
             y.title = None

@@ -69,5 +69,5 @@ FAMILY = Family(
     title="Error by age",
     lead="How the error grows while a feature is tracked. Age counts frames of the sequence since the feature was first "
     "seen, where its error is zero by construction.",
-    figures=figures,
+    make=figures,
 )

@@ -71,11 +71,11 @@ SPEED = Family(
     id="speeds",
     title="Error by age and speed",
     lead="What changes when the camera moves faster, or the tracker sees fewer frames.",
-    figures=by_speed,
+    make=by_speed,
 )
 LIGHTING = Family(
     id="lightings",
     title="Error by age and lighting",
     lead="What changes when the same path is seen under other light.",
-    figures=by_lighting,
+    make=by_lighting,
 )

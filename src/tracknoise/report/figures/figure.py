@@ -1,5 +1,6 @@
 """What a figure is: a chart with its two sentences, or the reason why there is none."""
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -63,11 +64,18 @@ class Family:
         Anchor and heading of the section.
     lead
         A sentence or two that open it, true of any data.
-    figures
+    make
         Makes the figures.
     """
 
     id: str
     title: str
     lead: str
-    figures: Callable[[Evidence], Sequence[Figure | Absence]]
+    make: Callable[[Evidence], Sequence[Figure | Absence]]
+
+    def figures(self, evidence: Evidence) -> Sequence[Figure | Absence]:
+        """Figures of a run, in order."""
+        with warnings.catch_warnings():
+            # One selection that many panels share is meant: a legend mutes a name in all of them.
+            warnings.filterwarnings("ignore", message="Automatically deduplicated selection parameter")
+            return self.make(evidence)

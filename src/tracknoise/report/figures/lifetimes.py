@@ -116,5 +116,5 @@ FAMILY = Family(
     title="Lifetimes",
     lead="A track's lifetime is the number of consecutive frames in which its tracker found it, the first included. "
     "Tracks alive in the last frame are cut short by the data, not by the tracker: they are censored.",
-    figures=figures,
+    make=figures,
 )

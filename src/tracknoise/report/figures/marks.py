@@ -79,7 +79,7 @@ def boxes(table: pl.DataFrame, *, x: alt.X, y: alt.Y, fill: alt.Color, width: in
         Of the panel, px.
     """
     names = [*("upper_whisker", "upper_quartile", "mean", "median", "lower_quartile", "lower_whisker")]
-    tips = [alt.Tooltip(name, format=".4~g", title=name.replace("_", " ")) for name in names]
+    tips = [alt.Tooltip(f"{name}:Q", format=".4~g", title=name.replace("_", " ")) for name in names]
     base = alt.Chart(rows(table)).encode(x=x, tooltip=[alt.Tooltip(x.shorthand), *tips])
     across = min(34, 0.6 * width / max(1, table.height))
 

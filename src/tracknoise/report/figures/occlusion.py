@@ -108,5 +108,5 @@ FAMILY = Family(
     title="What could not be seen",
     lead="A tracker may go on following a point that something else has come to hide: then it follows that other thing. "
     "The paper counts such features; whether they count decides part of the error.",
-    figures=figures,
+    make=figures,
 )

@@ -101,5 +101,5 @@ FAMILY = Family(
     title=_TITLE,
     lead="Before a tracker reports a frame it rejects the features that do not move like the others. The outlier ratio is "
     "the share it rejects of those it carried over from the previous frame.",
-    figures=figures,
+    make=figures,
 )

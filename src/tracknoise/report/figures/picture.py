@@ -201,5 +201,5 @@ FAMILY = Family(
     id="picture",
     title="The picture",
     lead="One frame of each scene, so that the numbers have a face.",
-    figures=figures,
+    make=figures,
 )

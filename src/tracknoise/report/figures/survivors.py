@@ -101,5 +101,5 @@ FAMILY = Family(
     title=_TITLE,
     lead="Old features are few. Where few remain, an average says more about these few than about the tracker, so the "
     "curves further down are cut there.",
-    figures=figures,
+    make=figures,
 )

@@ -115,5 +115,5 @@ FAMILY = Family(
     title=_TITLE,
     lead="Some tracks follow the wrong thing. Trimming drops the tracks with the largest errors, scene by scene, as the "
     "paper does; what is dropped is no longer in the curves that follow, unless they say untrimmed.",
-    figures=figures,
+    make=figures,
 )

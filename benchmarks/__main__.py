@@ -1,0 +1,34 @@
+"""Run the benchmarks and print a table: ``python -m benchmarks [NAME ...] [--json FILE]``."""
+
+import argparse
+import json
+import pkgutil
+from dataclasses import asdict
+from importlib import import_module
+from pathlib import Path
+
+import benchmarks
+
+_NOT_BENCHMARKS = {"__main__", "harness", "validity"}
+
+
+def main() -> None:
+    """Run the named benchmarks, or all, one after another."""
+    names = sorted({module.name for module in pkgutil.iter_modules(benchmarks.__path__)} - _NOT_BENCHMARKS)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description="Time and weigh the parts.")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"which: {', '.join(names)}; by default all")
+    parser.add_argument("--json", type=Path, default=Path("runs/benchmarks.json"), help="where to write the figures")
+    arguments = parser.parse_args()
+    if unknown := set(arguments.names) - set(names):
+        parser.error(f"no such benchmark: {', '.join(sorted(unknown))}; known: {', '.join(names)}")
+    rows = []
+    for name in arguments.names or names:
+        for row in import_module(f"benchmarks.{name}").rows():
+            rows.append(row)
+            print(f"{row.value:12.4g} {row.unit:<14} {row.name}{f'  ({row.note})' if row.note else ''}", flush=True)
+    arguments.json.parent.mkdir(parents=True, exist_ok=True)
+    arguments.json.write_text(json.dumps([asdict(row) for row in rows], indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,45 @@
+"""Charts as Vega-Lite specifications, and these as SVG, PNG and PDF."""
+
+import json
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import altair as alt
+import vl_convert as vlc
+
+from tracknoise.report import style
+from tracknoise.report.figures import Figure
+
+PNG_SCALE = 2
+
+_FROM_SVG: Mapping[str, Callable[[str], bytes]] = {
+    "svg": lambda svg: svg.encode(),
+    "png": lambda svg: vlc.svg_to_png(svg, scale=PNG_SCALE),
+    "pdf": lambda svg: vlc.svg_to_pdf(svg),
+}
+FORMATS = tuple(_FROM_SVG)
+"""What a figure can be written as."""
+
+
+def specification(figure: Figure) -> dict[str, Any]:
+    """Vega-Lite specification of a figure, with the report's look."""
+    described = figure.chart.properties(description=f"{figure.title}. {figure.shows}")
+    spec: dict[str, Any] = described.to_dict()
+    return {**spec, "config": style.config()}
+
+
+def render(spec: Mapping[str, Any], formats: tuple[str, ...]) -> dict[str, bytes]:
+    """Draw a specification once and write it in each of the formats."""
+    svg = vlc.vegalite_to_svg(json.dumps(spec), vl_version=_version())
+    return {name: _FROM_SVG[name](svg) for name in formats}
+
+
+def scripts() -> str:
+    """Vega, Vega-Lite and Vega-Embed as one script that needs nothing else, fit to stand inside a page."""
+    bundle: str = vlc.javascript_bundle(vl_version=_version())
+    return bundle.replace("</script", "<\\/script")
+
+
+def _version() -> str:
+    """Version of Vega-Lite that the specifications are of: major and minor, as the converter names it."""
+    return "v" + ".".join(alt.SCHEMA_VERSION.lstrip("v").split(".")[:2])

@@ -1,0 +1,126 @@
+"""The report: one page that needs no network, its figures and its tables, written into the run folder."""
+
+import json
+import os
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from tracknoise.exceptions import StoreError, UnknownNameError
+from tracknoise.report import export, measured, tables
+from tracknoise.report.evidence import Evidence
+from tracknoise.report.figures import FAMILIES, Absence, Figure
+from tracknoise.tables.store import RunFolder
+
+_GROUPS = {"trimmed": "trimmed (px)", "untrimmed": "untrimmed (px)"}
+_ERRORS = {"nu": "ν", "eta": "η", "rms": "√Φ"}
+
+
+def write_report(run: RunFolder, *, figure_formats: Sequence[str] = export.FORMATS) -> Path:
+    """Write ``report/`` of a run: ``index.html``, ``figures/`` and ``tables/``; it replaces an earlier one when whole.
+
+    Parameters
+    ----------
+    run
+        A run whose statistics were computed.
+    figure_formats
+        What figures are written as beside the page: any of ``svg``, ``png``, ``pdf``.
+
+    Returns
+    -------
+    Path
+        Of the page.
+
+    Raises
+    ------
+    StoreError, SchemaError
+        If there is no run, one of its files is missing or damaged, or the folder cannot be written.
+    UnknownNameError
+        If there is no such format.
+    """
+    for name in figure_formats:
+        if name not in export.FORMATS:
+            raise UnknownNameError("figure format", name, export.FORMATS)
+    files = _files(Evidence.of(run), tuple(figure_formats))
+    return _replace(run.path / "report", files) / "index.html"
+
+
+def _files(evidence: Evidence, formats: tuple[str, ...]) -> dict[str, bytes]:
+    """Content of every file of the report, by its path within it."""
+    sections = [(family, family.figures(evidence)) for family in FAMILIES]
+    specs = {
+        figure.id: export.specification(figure)
+        for _, figures in sections
+        for figure in figures
+        if isinstance(figure, Figure)
+    }
+    files = {}
+    for name, spec in specs.items():
+        files |= {f"figures/{name}.{kind}": content for kind, content in export.render(spec, formats).items()}
+    for item in tables.EXPORTS:
+        table = item.make(evidence)
+        files[f"tables/{item.id}.csv"] = tables.to_csv(table).encode()
+        files[f"tables/{item.id}.tex"] = tables.to_latex(table).encode()
+    files["index.html"] = _page(evidence, sections, specs, formats).encode()
+    return files
+
+
+def _page(evidence: Evidence, sections: Sequence[Any], specs: Mapping[str, Any], formats: tuple[str, ...]) -> str:
+    loader = PackageLoader("tracknoise.report", "template")
+    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.tests["figure"] = lambda item: isinstance(item, Figure)
+    raw = {name: Markup(loader.get_source(environment, name)[0]) for name in ("page.css", "page.js")}
+    return environment.get_template("index.html.j2").render(
+        evidence=evidence,
+        measured=measured,
+        summary=_summary(evidence),
+        exports=tables.EXPORTS,
+        sections=[(family, figures) for family, figures in sections if figures],
+        specs={name: Markup(_embedded(spec)) for name, spec in specs.items()},
+        formats=formats,
+        vega=Markup(export.scripts()),
+        css=raw["page.css"],
+        script=raw["page.js"],
+    )
+
+
+def _embedded(spec: Mapping[str, Any]) -> str:
+    """JSON that cannot end the script element it stands in."""
+    return json.dumps(spec, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
+
+
+def _summary(evidence: Evidence) -> tables.Cells:
+    conditions = measured.condition_columns(evidence)
+    lived = {"n_tracks": "tracks", "mean_lifetime": "mean", "median_lifetime": "median", "outlier_ratio": "outliers", "age": "age"}
+    errors = {
+        f"{trimming}_{statistic}_{axis}_px": f"{sign} {axis}"
+        for trimming in _GROUPS
+        for statistic, sign in _ERRORS.items()
+        for axis in "uv"
+    }
+    groups = [("", len(conditions) + 1), ("lifetime (frames)", 2), ("", 2), *((title, 6) for title in _GROUPS.values())]
+    table = measured.in_order(evidence, evidence.summary)
+    return tables.cells(table, {**conditions, **lived, **errors}, "Every condition at a glance", groups=groups)
+
+
+def _replace(folder: Path, files: Mapping[str, bytes]) -> Path:
+    """Write files into a new folder, and put it in the place of the old one once it is whole."""
+    building, old = (folder.with_name(f".{folder.name}.{os.getpid()}.{state}") for state in ("new", "old"))
+    try:
+        for name, content in files.items():
+            path = building / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+        if folder.exists():
+            folder.rename(old)
+        building.rename(folder)
+    except OSError as error:
+        raise StoreError(f"{folder}: cannot be written ({error.strerror}), expected a writable folder") from error
+    finally:
+        shutil.rmtree(building, ignore_errors=True)
+        shutil.rmtree(old, ignore_errors=True)
+    return folder

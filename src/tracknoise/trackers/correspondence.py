@@ -1,0 +1,135 @@
+"""Correspondence: features are recognised from frame to frame by their descriptors."""
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.tables.schema import TrackEnd
+from tracknoise.trackers.checks import require_at_least, require_positive
+from tracknoise.trackers.description import DESCRIPTOR_SIZE, Described, describe
+from tracknoise.trackers.detection import Detection
+from tracknoise.trackers.features import ALIVE, Features, displacement_px, report
+from tracknoise.trackers.frame import Frame
+from tracknoise.trackers.matching import mutual_nearest
+from tracknoise.trackers.rejection import Inliers, Reference, Rejection
+from tracknoise.trackers.tracker import Setting, Step
+
+
+@dataclass(frozen=True, slots=True)
+class Correspondence:
+    """Settings of the correspondence tracker. The defaults are those of XIVO's matching tracker, with one difference.
+
+    Differences from the paper: `Rejection.reference` is ``previous`` by default. XIVO's matching tracker compares
+    each track's *first* position with its present one; set ``first`` to do the same.
+
+    Parameters
+    ----------
+    detection, rejection
+        Which keypoints there are (its margin and squares are not for this tracker, see `CorrespondenceTracker`);
+        which matches are outliers.
+    max_displacement_px
+        A feature that moved this far or farther since it was last seen is dropped.
+    max_features
+        Keypoints without a feature begin new ones up to this count.
+    max_missed_frames
+        In how many frames in a row a feature may go unseen and still be sought; 0 drops it at once.
+    """
+
+    kind: ClassVar[str] = "correspondence"
+    description: ClassVar[str] = "AGAST corners recognised by SIFT descriptors, with outlier rejection"
+
+    detection: Detection = field(default_factory=Detection)
+    rejection: Rejection = field(default_factory=Rejection)
+    max_displacement_px: float = 64.0
+    max_features: int = 1200
+    max_missed_frames: int = 0
+
+    def __post_init__(self) -> None:
+        require_positive("max_displacement_px", self.max_displacement_px)
+        require_at_least("max_features", self.max_features, 1)
+        require_at_least("max_missed_frames", self.max_missed_frames, 0)
+
+    def start(self, setting: Setting) -> "CorrespondenceTracker":
+        """Make a tracker at work on one sequence at one speed."""
+        return CorrespondenceTracker(self, self.rejection.inliers)
+
+
+class CorrespondenceTracker:
+    """Correspondence at work.
+
+    A step takes the live features through these gates, in the order of XIVO's matching tracker:
+
+    1. Feature and keypoint are mutual nearest neighbours by descriptor. A feature without a match goes on unseen
+       for up to `max_missed_frames` frames in a row (else ``lost``). `Step.matched` counts the matches.
+    2. The keypoint lies nearer than the largest displacement to where the feature was last seen (else
+       ``displaced``).
+    3. The outlier rejection keeps the match (else ``outlier``).
+    4. The strongest keypoints that continue no feature begin new ones, up to `max_features` alive.
+
+    As in XIVO, keypoints may lie anywhere: neither margin nor squares apply. The descriptor of a feature is that of
+    its first frame.
+
+    Parameters
+    ----------
+    settings
+        The settings.
+    inliers
+        The outlier rejection.
+    """
+
+    def __init__(self, settings: Correspondence, inliers: Inliers) -> None:
+        self._settings = settings
+        self._inliers = inliers
+        self._features = Features.begin(0, np.empty((0, 2)))
+        self._descriptors = np.empty((0, DESCRIPTOR_SIZE), dtype=np.float32)
+        self._missed = np.empty(0, dtype=np.int64)
+        self._next_id = 0
+
+    def step(self, frame: Frame) -> Step:
+        """Track into the next frame."""
+        points, before = describe(frame, self._settings.detection), self._features
+        rows, columns = mutual_nearest(self._descriptors, points.descriptors)
+        end, seen = self._judge(rows, points.uv[columns], frame.index)
+        alive = end == ALIVE
+        uv = before.uv.copy()
+        uv[rows[seen]] = points.uv[columns[seen]]
+        missed = self._missed + 1
+        missed[rows[seen]] = 0
+        fresh = self._unused(points, columns[seen], int(np.count_nonzero(alive)))
+        new = Features.begin(self._next_id, points.uv[fresh])
+        self._features = before.chosen(alive, uv[alive]).joined(new)
+        self._descriptors = np.concatenate([self._descriptors[alive], points.descriptors[fresh]])
+        self._missed = np.concatenate([missed[alive], np.zeros(len(fresh), dtype=np.int64)])
+        self._next_id += len(new)
+        return report(
+            offered=before.ids,
+            end=end,
+            matched=len(rows),
+            found=before.chosen(rows[seen], uv[rows[seen]]),
+            new=new,
+            response=points.response[fresh],
+            missed=int(np.count_nonzero(alive)) - int(np.count_nonzero(seen)),
+        )
+
+    def _judge(
+        self, rows: NDArray[np.intp], uv: NDArray[np.float64], frame: int
+    ) -> tuple[NDArray[np.int8], NDArray[np.bool_]]:
+        """Gates 1 to 3: the fate of every live feature, and which matches passed them all."""
+        settings, features = self._settings, self._features
+        end = np.where(self._missed < settings.max_missed_frames, ALIVE, TrackEnd.lost).astype(np.int8)
+        seen = displacement_px(features.uv[rows], uv) < settings.max_displacement_px
+        end[rows] = TrackEnd.displaced
+        near = rows[seen]
+        source = features.first_uv if settings.rejection.reference is Reference.first else features.uv
+        inlier = self._inliers(source[near], uv[seen], frame)
+        end[near] = np.where(inlier, ALIVE, TrackEnd.outlier)
+        seen[seen] = inlier
+        return end, seen
+
+    def _unused(self, points: Described, used: NDArray[np.intp], alive: int) -> NDArray[np.intp]:
+        """Gate 4: the strongest keypoints that continue no feature."""
+        free = np.ones(len(points.uv), dtype=np.bool_)
+        free[used] = False
+        return np.flatnonzero(free)[: max(self._settings.max_features - alive, 0)]

@@ -1,0 +1,84 @@
+"""The commands, as a user types them."""
+
+import pytest
+
+from tracknoise.cli.app import main
+
+
+@pytest.fixture
+def tracknoise(capsys):
+    def go(*arguments):
+        with pytest.raises(SystemExit) as exit_:
+            main(list(arguments))
+        captured = capsys.readouterr()
+        return exit_.value.code, captured.out, captured.err
+
+    return go
+
+
+@pytest.mark.parametrize("command", ["run", "report", "demo", "simulate", "datasets", "trackers"])
+def test_every_command_has_help_with_an_example(tracknoise, command):
+    code, out, _ = tracknoise(command, "--help")
+    assert code == 0
+    assert f"tracknoise {command}" in " ".join(out.replace("│", " ").split())
+
+
+def test_datasets_lists_the_readers(tracknoise):
+    code, out, _ = tracknoise("datasets")
+    assert code == 0
+    assert [line.split()[0] for line in out.splitlines()] == ["folder", "sevenscenes", "simulated", "tartanair"]
+
+
+def test_datasets_lists_the_sequences_of_one(tracknoise):
+    code, out, _ = tracknoise("datasets", "simulated")
+    assert code == 0
+    assert [line.split()[0] for line in out.splitlines()] == ["arvr-00", "fixating-00", "forward-00", "sideways-00"]
+
+
+def test_trackers_lists_the_trackers(tracknoise):
+    code, out, _ = tracknoise("trackers")
+    assert code == 0
+    assert [line.split()[0] for line in out.splitlines()] == ["correspondence", "imported", "lucas-kanade", "oracle"]
+
+
+def test_a_trackers_settings_are_shown_as_an_experiment_file_has_them(tracknoise):
+    code, out, _ = tracknoise("trackers", "lucas-kanade")
+    assert code == 0
+    assert "window_px = 15" in out
+    assert "[rejection]" in out
+
+
+def test_simulate_writes_what_the_folder_reader_measures(tracknoise, tmp_path):
+    out = tmp_path / "data" / "forward"
+    small = ["--frames", "4", "--width", "160", "--height", "120", "--supersampling", "1", "--quiet"]
+    code, printed, _ = tracknoise("simulate", "--motion", "forward", "--out", str(out), *small)
+    assert code == 0
+    assert "4 frames" in printed
+    (tmp_path / "x.toml").write_text(
+        'name = "x"\n[dataset]\nreader = "folder"\nroot = "data"\n[[trackers]]\nkind = "lucas-kanade"\n'
+    )
+    run = tmp_path / "run"
+    code, printed, err = tracknoise("run", str(tmp_path / "x.toml"), "--out", str(run), "--quiet", "-w", "1")
+    assert (code, err) == (0, "")
+    assert "lucas-kanade" in printed
+    page = run / "report" / "index.html"
+    assert f"report: {page.resolve()}" in printed
+    assert page.exists()
+
+
+def test_wrong_usage_is_the_users_error(tracknoise):
+    code, _, err = tracknoise("run", "x.toml", "--speeed", "3")
+    assert code == 1
+    assert "--speeed" in err
+
+
+def test_a_run_that_does_not_exist_cannot_be_reported(tracknoise, tmp_path):
+    code, _, err = tracknoise("report", str(tmp_path / "nowhere"))
+    assert code == 1
+    assert err.count("\n") == 1
+    assert "nowhere" in err
+
+
+def test_debug_shows_the_traceback(tmp_path):
+    with pytest.raises(Exception, match="nowhere"):
+        main(["report", str(tmp_path / "nowhere"), "--debug"])

@@ -1,0 +1,28 @@
+"""The package's public face: quick to import, complete, and typed."""
+
+import subprocess
+import sys
+
+import tracknoise
+
+
+def test_every_public_name_can_be_loaded():
+    for name in tracknoise.__all__:
+        assert getattr(tracknoise, name).__name__ == name
+
+
+def test_importing_loads_nothing_heavy():
+    code = "import sys, tracknoise; print(sorted({'numpy', 'cv2', 'polars', 'altair', 'dask'} & set(sys.modules)))"
+    finished = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert finished.stdout.strip() == "[]"
+
+
+def test_help_loads_nothing_heavy():
+    code = (
+        "import sys\nfrom tracknoise.cli.app import main\n"
+        "try: main(['run', '--help'])\nexcept SystemExit: pass\n"
+        "print(sorted({'numpy', 'cv2', 'polars', 'altair', 'dask', 'pydantic'} & set(sys.modules)), file=sys.stderr)"
+    )
+    finished = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert finished.stderr.strip() == "[]"
+    assert "Example" in finished.stdout

@@ -7,7 +7,7 @@ import pytest
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.experiments.plan import plan
-from tracknoise.experiments.settings import load_experiment, parse_experiment, preset_names
+from tracknoise.experiments.settings import experiment_schema, load_experiment, parse_experiment, preset_names
 
 MINIMAL = """
 name = "x"
@@ -81,7 +81,9 @@ def test_every_preset_can_be_planned(name):
     assert plan(load_experiment(name))
 
 
-@pytest.mark.parametrize("path", sorted((Path(__file__).parents[2] / "examples").glob("*.toml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", sorted((Path(__file__).parents[2] / "examples").glob("*.toml")), ids=lambda path: path.stem
+)
 def test_every_example_is_a_valid_experiment(path):
     assert load_experiment(path).trackers
 
@@ -100,3 +102,10 @@ def test_every_example_is_a_valid_experiment(path):
 def test_unknown_names_are_found_before_anything_is_read(change, message):
     with pytest.raises((SettingsError, UnknownNameError), match=re.escape(message)):
         plan(parse_experiment(MINIMAL.replace(*change), place="x.toml"))
+
+
+def test_the_documented_schema_is_that_of_the_program():
+    documented = Path(__file__).parents[2] / "docs" / "experiment.schema.json"
+    assert documented.read_text() == experiment_schema(), (
+        "renew it: tracknoise run --schema > docs/experiment.schema.json"
+    )

@@ -94,6 +94,11 @@ def test_failures_are_a_line_each_and_vanish_when_there_are_none(run):
 
 
 def test_keys_are_file_names_and_differ():
-    keys = {sequence_key("a/b", "l", 0), sequence_key("a", "b__l", 0), sequence_key("a__b", "l", 0), sequence_key("a/b", "l", 90)}
+    keys = {
+        sequence_key("a/b", "l", 0),
+        sequence_key("a", "b__l", 0),
+        sequence_key("a__b", "l", 0),
+        sequence_key("a/b", "l", 90),
+    }
     assert len(keys) == 4
     assert not any("/" in key for key in keys)

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,6 +22,14 @@ def register(app: typer.Typer) -> None:
     app.command("run", no_args_is_help=True)(run)
 
 
+def _print_schema(asked: bool) -> None:
+    if asked:
+        from tracknoise.experiments.settings import experiment_schema
+
+        sys.stdout.write(experiment_schema())
+        raise typer.Exit
+
+
 def run(
     context: typer.Context,
     experiment: Annotated[str, typer.Argument(help="A TOML file, or the name of a preset.")],
@@ -29,6 +38,12 @@ def run(
     workers: WorkersOption = None,
     fresh: FreshOption = False,
     report: Annotated[bool, typer.Option(help="Write the report.")] = True,
+    schema: Annotated[
+        bool,
+        typer.Option(
+            "--schema", help="Print the JSON Schema of experiment files.", callback=_print_schema, is_eager=True
+        ),
+    ] = False,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:

@@ -1,6 +1,7 @@
 """What to run: the experiment file, its checks, and the presets."""
 
 import hashlib
+import json
 import tomllib
 from importlib import resources
 from pathlib import Path
@@ -175,6 +176,11 @@ def parse_experiment(text: str, *, place: str) -> Experiment:
         raise SettingsError(f"{place}: {error}, expected TOML") from error
     except ValidationError as error:
         raise SettingsError(f"{place}: {_first_problem(error)}") from error
+
+
+def experiment_schema() -> str:
+    """JSON Schema of experiment files, as text; editors check and complete with it."""
+    return json.dumps(Experiment.model_json_schema(), indent=2) + "\n"
 
 
 def _read(path: Path) -> str:

@@ -23,9 +23,7 @@ FORMATS = tuple(_FROM_SVG)
 
 def specification(figure: Figure) -> dict[str, Any]:
     """Vega-Lite specification of a figure, with the report's look."""
-    described = figure.chart.properties(description=f"{figure.title}. {figure.shows}")
-    spec: dict[str, Any] = described.to_dict()
-    return {**spec, "config": style.config()}
+    return {**figure.spec, "description": f"{figure.title}. {figure.shows}", "config": style.config()}
 
 
 def render(spec: Mapping[str, Any], formats: tuple[str, ...]) -> dict[str, bytes]:

@@ -36,10 +36,10 @@ def scenes(evidence: Evidence) -> Cells:
     entries = [entry for _, entry in sorted(evidence.manifest.sequences.items())]
     rows = [
         {name: getattr(entry, name) for name in columns if name != "size"}
-        | {"size": f"{entry.width} × {entry.height}", "seconds": round(entry.seconds, 1)}
+        | {"size": f"{entry.width} × {entry.height}", "seconds": f"{entry.seconds:.1f}"}
         for entry in entries
     ]
-    kinds = dict.fromkeys(columns, pl.String) | {"rotation": pl.Int64, "n_frames": pl.Int64, "seconds": pl.Float64}
+    kinds = dict.fromkeys(columns, pl.String) | {"rotation": pl.Int64, "n_frames": pl.Int64}
     return cells(pl.DataFrame(rows, schema=kinds), columns, "Sequences")
 
 

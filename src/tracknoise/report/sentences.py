@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
+SPACE = "\N{NO-BREAK SPACE}"
 MINUS, TIMES = "\N{MINUS SIGN}", "\N{MULTIPLICATION SIGN}"
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -20,12 +21,12 @@ def number(value: float | None, *, digits: int = 3) -> str:
 
 def px(value: float | None) -> str:
     """Write a length in pixels."""
-    return "unknown" if value is None else f"{number(value)} px"
+    return "unknown" if value is None else f"{number(value)}{SPACE}px"
 
 
 def percent(share: float | None) -> str:
     """Write a share between 0 and 1 in percent, to a tenth."""
-    return "unknown" if share is None else f"{100 * share:.1f} %"
+    return "unknown" if share is None else f"{100 * share:.1f}{SPACE}%"
 
 
 def count(n: int, noun: str) -> str:

@@ -45,7 +45,7 @@ def config() -> dict[str, Any]:
         "axis": {**text, **ink, "gridColor": FAINT, "domainColor": "#9aa5b1", "tickColor": "#9aa5b1", "tickSize": 4},
         "legend": {**text, **ink, "orient": "top", "symbolStrokeWidth": 2.5, "titleAnchor": "start"},
         "header": {**text, **ink, "labelFontSize": 12},
-        "title": {"font": FONT, "fontSize": 12, "fontWeight": 600, "color": INK, "anchor": "start", "offset": 6},
+        "title": {"font": FONT, "fontSize": 12, "fontWeight": 600, "color": INK, "anchor": "start", "frame": "group"},
         "view": {"stroke": None},
         "line": {"strokeWidth": 1.8},
         "point": {"filled": True},

@@ -104,7 +104,7 @@ def cells(
     table: pl.DataFrame, columns: Mapping[str, str], caption: str, *, groups: Sequence[tuple[str, int]] = ()
 ) -> Cells:
     """Format the columns that `columns` names, under its headings; shares in percent."""
-    chosen = table.select(columns)
+    chosen = table.select(list(columns))
     shares = [name in _SHARES for name in columns]
     rows = [[_cell(value, share) for value, share in zip(row, shares, strict=True)] for row in chosen.iter_rows()]
     return Cells(caption, list(columns.values()), rows, [kind.is_numeric() for kind in chosen.dtypes], groups)

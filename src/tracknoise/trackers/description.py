@@ -39,9 +39,10 @@ def describe(frame: Frame, detection: Detection) -> Described:
 
     def compute(image: NDArray[np.uint8]) -> Described:
         points = keypoints(frame, detection)
-        if not points.raw:
+        raw = [points.raw[index] for index in points.order.tolist()]
+        if not raw:
             return Described(points.uv, points.response, np.empty((0, DESCRIPTOR_SIZE), dtype=np.float32))
-        kept, descriptors = cv2.SIFT.create().compute(image, points.raw)
+        kept, descriptors = cv2.SIFT.create().compute(image, raw)
         uv = np.asarray(cv2.KeyPoint.convert(kept), dtype=np.float64).reshape(-1, 2)
         response = np.array([point.response for point in kept], dtype=np.float32)
         return Described(uv, response, np.asarray(descriptors, dtype=np.float32).reshape(-1, DESCRIPTOR_SIZE))

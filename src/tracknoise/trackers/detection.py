@@ -1,5 +1,6 @@
 """AGAST keypoints of a whole image, strongest first, shared by all trackers that see the frame."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -47,14 +48,17 @@ class Keypoints:
     Attributes
     ----------
     raw
-        As OpenCV made them.
+        As OpenCV made them, in the order of detection.
+    order : (n,) intp
+        Which of `raw` they are.
     uv : (n, 2) float64
         Positions, px.
     response : (n,) float32
         AGAST's score: the largest threshold at which the corner would still be one.
     """
 
-    raw: tuple[cv2.KeyPoint, ...]
+    raw: Sequence[cv2.KeyPoint]
+    order: NDArray[np.intp]
     uv: NDArray[np.float64]
     response: NDArray[np.float32]
 
@@ -67,21 +71,20 @@ def keypoints(frame: Frame, detection: Detection) -> Keypoints:
 
     def detect(image: NDArray[np.uint8]) -> Keypoints:
         if min(image.shape) < _SMALLEST_SIDE_PX:
-            return _strongest_first((), detection.min_response)
+            return _strongest_first([], detection.min_response)
         detector = cv2.xfeatures2d.AgastFeatureDetector.create(
             threshold=detection.threshold,
             nonmaxSuppression=True,
             type=cv2.xfeatures2d.AgastFeatureDetector_OAST_9_16,
         )
-        return _strongest_first(tuple(detector.detect(image)), detection.min_response)
+        return _strongest_first(detector.detect(image), detection.min_response)
 
     return frame.memo(("keypoints", detection.threshold, detection.min_response), detect)
 
 
-def _strongest_first(raw: tuple[cv2.KeyPoint, ...], min_response: float) -> Keypoints:
+def _strongest_first(raw: Sequence[cv2.KeyPoint], min_response: float) -> Keypoints:
     response = np.array([point.response for point in raw], dtype=np.float32)
+    uv = np.asarray(cv2.KeyPoint.convert(raw), dtype=np.float64).reshape(-1, 2)
     order = np.argsort(-response, kind="stable")
     order = order[response[order] >= min_response]
-    chosen = tuple(raw[index] for index in order.tolist())
-    uv = cv2.KeyPoint.convert(chosen) if chosen else np.empty((0, 2))
-    return Keypoints(chosen, np.asarray(uv, dtype=np.float64).reshape(-1, 2), response[order])
+    return Keypoints(raw, order, uv[order], response[order])

@@ -74,7 +74,8 @@ class Fundamental:
         values, vectors = np.linalg.eigh(np.einsum("ni,nj->ij", equations, equations))
         if values[1] <= _RANK_DEFICIENT * values[-1]:
             return model
-        return _rank_two(vectors[:, :1].T.reshape(1, 3, 3))[0]
+        closest: Floats = _rank_two(vectors[:, 0].reshape(1, 3, 3))[0]
+        return closest
 
 
 def _equations(source: Floats, target: Floats) -> Floats:
@@ -88,8 +89,7 @@ def _equations(source: Floats, target: Floats) -> Floats:
 def _rank_two(models: Floats) -> Floats:
     left, singular, right = np.linalg.svd(models)
     singular[:, 2] = 0.0
-    closest: Floats = (left * singular[:, None, :]) @ right
-    return closest
+    return np.asarray((left * singular[:, None, :]) @ right, dtype=np.float64)
 
 
 def _epipolar_lines(models: Floats, points: Floats) -> tuple[Floats, Floats, Floats]:

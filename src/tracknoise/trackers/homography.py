@@ -33,7 +33,7 @@ class Homography:
         usable : (b,) bool
         """
         from_areas, from_lines, from_flat = _triangles(source)
-        to_areas, to_lines, to_flat = _triangles(target)
+        to_areas, _, to_flat = _triangles(target)
         turned = np.count_nonzero(from_areas * to_areas < 0, axis=1)
         usable = ~(from_flat | to_flat) & ((turned == 0) | (turned == 4))
         return _through_four(target, from_areas, to_areas, from_lines), usable
@@ -58,7 +58,8 @@ class Homography:
         x -= target[:, 0] * w  # the error times w, so that nothing is divided by zero
         y -= target[:, 1] * w
         w *= threshold
-        return x * x + y * y <= w * w
+        within: NDArray[np.bool_] = x * x + y * y <= w * w
+        return within
 
     def refine(self, model: Floats, source: Floats, target: Floats) -> Floats:
         """The homography with the least sum of squared errors, by Levenberg-Marquardt from `model`.
@@ -74,7 +75,7 @@ class Homography:
         -------
         (3, 3) float64
         """
-        best = model / model[2, 2]
+        best: Floats = model / model[2, 2]
         residual, jacobian = _linearise(best, source, target)
         cost, damping = float(np.sum(residual * residual)), 1e-3
         for _ in range(_MAX_REFINEMENTS):
@@ -149,6 +150,7 @@ def _linearise(model: Floats, source: Floats, target: Floats) -> tuple[Floats, F
 
 
 def _step(residual: Floats, jacobian: Floats, damping: float) -> Floats:
+    """Change (3, 3) of H, its last entry held."""
     normal = np.einsum("ni,nj->ij", jacobian, jacobian)
     gradient = np.einsum("ni,n->i", jacobian, residual)
     normal[np.diag_indices(8)] *= 1.0 + damping

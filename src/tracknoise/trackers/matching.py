@@ -4,9 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def mutual_nearest(
-    query: NDArray[np.float32], train: NDArray[np.float32]
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def mutual_nearest(query: NDArray[np.float32], train: NDArray[np.float32]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Pairs of descriptors each of which is the other's nearest, in Euclidean distance.
 
     The matches are those of ``cv2.BFMatcher(cv2.NORM_L2, crossCheck=True)``: of several nearest ones the first
@@ -39,4 +37,5 @@ def mutual_nearest(
 
 
 def _squared_length(descriptors: NDArray[np.float32]) -> NDArray[np.float32]:
-    return np.einsum("ij,ij->i", descriptors, descriptors)
+    squares: NDArray[np.float32] = np.einsum("ij,ij->i", descriptors, descriptors)
+    return squares

@@ -79,19 +79,17 @@ def best_hypothesis(
     Hypothesis or None
         None if all samples are degenerate.
     """
-    best, most, judged, needed = None, geometry.sample_size - 1, 0, max_hypotheses
+    best: Hypothesis | None = None
+    most, judged, needed = geometry.sample_size - 1, 0, max_hypotheses
     for models in _drawn(geometry, source, target, rng):
-        while judged < needed and len(models):
-            batch, models = np.split(models, [min(needed - judged, _FIRST_DRAW // 2)])
-            agreement = geometry.agrees(batch, source, target, threshold)
-            for model, inliers, count in zip(batch, agreement, np.count_nonzero(agreement, axis=1).tolist(), strict=True):
-                if judged < needed:
-                    judged += 1
-                    if count > most:
-                        best, most = Hypothesis(model, inliers), count
-                        needed = hypotheses_needed(count / len(source), geometry.sample_size, confidence, needed)
-        if judged >= needed:
-            break
+        agreement = geometry.agrees(models[: needed - judged], source, target, threshold)
+        for index, count in enumerate(np.count_nonzero(agreement, axis=1).tolist()):
+            if count > most:
+                best, most = Hypothesis(models[index], agreement[index]), count
+                needed = hypotheses_needed(count / len(source), geometry.sample_size, confidence, needed)
+            judged += 1
+            if judged >= needed:
+                return best
     return best
 
 
@@ -108,14 +106,17 @@ def hypotheses_needed(inlier_share: float, sample_size: int, confidence: float, 
 
 
 def _drawn(geometry: Geometry, source: Floats, target: Floats, rng: np.random.Generator) -> Iterator[Floats]:
-    """Models through random samples of distinct matches, degenerate ones left out, in batches that grow."""
+    """Models through random samples of distinct matches, degenerate ones left out, in batches that grow.
+
+    Ends when no usable sample turns up any more.
+    """
     size, barren = _FIRST_DRAW, 0
     while barren < _MAX_BARREN_DRAWS:
         rows = rng.integers(len(source), size=(size, geometry.sample_size))
         ordered = np.sort(rows, axis=1)
         distinct = np.all(ordered[:, 1:] != ordered[:, :-1], axis=1)
         models, usable = geometry.hypotheses(source[rows], target[rows])
-        usable &= distinct
-        barren = 0 if usable.any() else barren + 1
-        yield models[usable]
+        models = models[usable & distinct]
+        yield from (models[: size // 2], models[size // 2 :])  # one half is often enough
+        barren = 0 if len(models) else barren + 1
         size = min(2 * size, _LARGEST_DRAW)

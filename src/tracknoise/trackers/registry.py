@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import MISSING, asdict, fields, is_dataclass
 from difflib import get_close_matches
 from importlib import import_module
 from importlib.metadata import entry_points
@@ -75,6 +75,29 @@ def make_tracker(kind: str, options: Mapping[str, object] | None = None) -> Trac
     return settings
 
 
+def tracker_defaults(kind: str) -> str:
+    """The settings of a tracker with their defaults as TOML, those without a default as comments.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no tracker of that name.
+    """
+    import tomlkit
+
+    settings_type: type = tracker_type(kind)
+    required, defaults = [], {}
+    for field in fields(settings_type):
+        if field.default is not MISSING:
+            defaults[field.name] = field.default
+        elif field.default_factory is not MISSING:
+            defaults[field.name] = field.default_factory()
+        else:
+            required.append(f"# {field.name} = ... (required)\n")
+    plain = json.loads(json.dumps(defaults, default=asdict))
+    return ("".join(required) + tomlkit.dumps(plain)).rstrip()
+
+
 def _refuse_unknown(settings_type: type) -> None:
     """Make pydantic refuse unknown keys in a dataclass and in all dataclasses that are its fields."""
     from pydantic import ConfigDict, with_config
@@ -85,7 +108,8 @@ def _refuse_unknown(settings_type: type) -> None:
 
 
 def _nested(settings_type: type) -> dict[str, type]:
-    return {name: hint for name, hint in get_type_hints(settings_type).items() if is_dataclass(hint)}
+    hints = get_type_hints(settings_type).items()
+    return {name: hint for name, hint in hints if isinstance(hint, type) and is_dataclass(hint)}
 
 
 def _explain(settings_type: type, error: "ErrorDetails") -> str:

@@ -122,7 +122,8 @@ class Rejection:
         if self.consensus is Consensus.hypothesis:
             return best.inliers
         refined = geometry.refine(best.model, source[best.inliers], target[best.inliers])
-        return geometry.agrees(refined[None], source, target, threshold)[0]
+        within: NDArray[np.bool_] = geometry.agrees(refined[None], source, target, threshold)[0]
+        return within
 
 
 def _conditioned(source: Floats, target: Floats) -> tuple[Floats, Floats, float]:

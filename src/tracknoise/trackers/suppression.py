@@ -53,9 +53,11 @@ class Mask:
         inside = (uv >= self._margin_px) & (uv < np.array(self._size) - self._margin_px)
         rows = np.flatnonzero(inside[:, 0] & inside[:, 1])
         column, row = np.floor(uv[rows]).astype(np.intp).T + self._reach
-        left, top = np.floor(uv[rows] + 0.5).astype(np.intp).T
-        places = (row * self._squares.shape[1] + column).tolist()
-        return rows[self._first_come(places, left.tolist(), top.tolist(), len(rows) if limit is None else limit)]
+        place = row * self._squares.shape[1] + column
+        free = np.flatnonzero(self._squares.ravel()[place] == 0)
+        rows, place = rows[free], place[free]
+        left, top = np.floor(uv[rows] + 0.5).astype(np.intp).T.tolist()
+        return rows[self._first_come(place.tolist(), left, top, len(rows) if limit is None else limit)]
 
     def _first_come(self, places: list[int], left: list[int], top: list[int], limit: int) -> list[int]:
         """The sequential loop; a byte string is much faster to look into than an array, and shares its memory."""

@@ -13,9 +13,9 @@ from tracknoise.report.figures import (
     survivors,
     throw_out,
 )
-from tracknoise.report.figures.figure import Absence, Chart, Family, Figure
+from tracknoise.report.figures.figure import Absence, Family, Figure
 
-__all__ = ["FAMILIES", "Absence", "Chart", "Family", "Figure"]
+__all__ = ["FAMILIES", "Absence", "Family", "Figure"]
 
 FAMILIES: tuple[Family, ...] = (
     picture.FAMILY,

@@ -8,7 +8,7 @@ import polars as pl
 
 from tracknoise.report import style
 from tracknoise.report.figures import marks
-from tracknoise.report.figures.figure import Chart
+from tracknoise.report.figures.layout import Panel, Spec, arranged
 from tracknoise.report.sentences import listing, px
 from tracknoise.statistics.box import box_summary
 from tracknoise.statistics.summary import REFERENCE_AGE
@@ -36,7 +36,7 @@ class Series:
     colours: Mapping[str, str]
 
 
-def grid(points: pl.DataFrame, series: Series, *, boxes: bool) -> Chart:
+def grid(points: pl.DataFrame, series: Series, *, boxes: bool) -> Spec:
     """Panels of `points` (see `Evidence.points`): rows nu, eta and root second moment, columns u and v.
 
     Parameters
@@ -51,8 +51,8 @@ def grid(points: pl.DataFrame, series: Series, *, boxes: bool) -> Chart:
     named = points.with_columns(pl.col(series.field).cast(pl.String))
     present = [name for name in series.colours if name in named[series.field].unique()]
     chosen = Series(series.field, {name: series.colours[name] for name in present})
-    rows = [_row(named, statistic, chosen, boxes=boxes) for statistic in STATISTICS]
-    return alt.vconcat(*rows, spacing=18)
+    panels = [panel for statistic in STATISTICS for panel in _row(named, statistic, chosen, boxes=boxes)]
+    return arranged(panels, columns=4 if boxes else 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,25 +94,25 @@ def _reading(name: str, curve: pl.DataFrame, age: int) -> Reading:
     return Reading(name, age, values)
 
 
-def _row(points: pl.DataFrame, statistic: str, series: Series, *, boxes: bool) -> alt.HConcatChart:
+def _row(points: pl.DataFrame, statistic: str, series: Series, *, boxes: bool) -> list[Panel]:
     """Both coordinates of one statistic, on one scale."""
     names = ["Phi", "central"] if statistic == "Phi" else [statistic]
     table = points.filter(pl.col("statistic").is_in(names)).sort("statistic", series.field, "at")
     bounds = marks.domain(pl.concat([table["u"], table["v"]]), zero=True)
-    panels: list[Chart] = []
+    panels = []
     for axis, label in _AXES.items():
         title = alt.Title(label if statistic == "nu" else "")
         y = alt.Y(f"{axis}:Q", scale=alt.Scale(domain=bounds, nice=False), title=STATISTICS[statistic])
         if axis == "v":
             y.title = None
-        panels.append(_lines(table, series, y).properties(title=title, width=250 if boxes else 400, height=_HEIGHT))
+        lines = _lines(table, series, y).properties(title=title, width=240 if boxes else 395, height=_HEIGHT)
+        panels.append(Panel(lines, (marks.shown(series.field, series.colours), marks.zoom("x"))))
         if boxes:
-            panels.append(_boxes(table.filter(statistic=statistic), axis, series, y))
-    return alt.hconcat(*panels, spacing=12)
+            panels.append(Panel(_boxes(table.filter(statistic=statistic), axis, series, y)))
+    return panels
 
 
 def _lines(table: pl.DataFrame, series: Series, y: alt.Y) -> alt.LayerChart:
-    selection = marks.shown(series.field, list(series.colours))
     labelled = table.with_columns(of=pl.col("statistic").replace(_ABOUT))
     tips = [
         alt.Tooltip(f"{series.field}:N"),
@@ -124,17 +124,18 @@ def _lines(table: pl.DataFrame, series: Series, y: alt.Y) -> alt.LayerChart:
     ]
     dash = alt.StrokeDash("of:N", scale=alt.Scale(domain=[*_ABOUT.values()], range=[[1, 0], [3, 3]]), legend=None)
     data = marks.rows(labelled.select(series.field, "at", "n", "u", "v", "of"))
+    oldest = float(table["at"].max())  # type: ignore[arg-type]
     lines = alt.Chart(data).encode(
-        x=alt.X("at:Q", title="age (frames of the sequence)", scale=alt.Scale(zero=True, nice=False)),
+        x=alt.X("at:Q", title="age (frames of the sequence)", scale=alt.Scale(domain=[0, 1.03 * (oldest or 1)], nice=False)),
         y=y,
         color=marks.colour(series.field, series.colours, series.field),
-        opacity=marks.opacity(selection),
+        opacity=marks.opacity(series.field),
         tooltip=tips,
     )
     curve = lines.mark_line(clip=True).encode(strokeDash=dash)
     dots = lines.mark_point(size=14, clip=True).transform_filter("datum.of != 'about the mean'")
     zero = alt.Chart(alt.InlineData(values=[{"zero": 0}])).mark_rule(color="#9aa5b1").encode(y="zero:Q")
-    return alt.layer(zero, curve, dots).add_params(selection, marks.zoom("x"))
+    return alt.layer(curve, dots, zero)
 
 
 def _boxes(table: pl.DataFrame, axis: str, series: Series, y: alt.Y) -> alt.LayerChart:
@@ -144,6 +145,5 @@ def _boxes(table: pl.DataFrame, axis: str, series: Series, y: alt.Y) -> alt.Laye
     ]
     bare = y.copy()
     bare.title, bare.axis = None, alt.Axis(labels=False, ticks=False)
-    x = alt.X(f"{series.field}:N", sort=list(series.colours), axis=alt.Axis(labelAngle=0), title=series.field)
-    fill = marks.colour(series.field, series.colours, series.field, legend=False)
-    return marks.boxes(pl.DataFrame(summaries), x=x, y=bare, fill=fill, width=105, height=_HEIGHT)
+    table = pl.DataFrame(summaries)
+    return marks.boxes(table, field=series.field, colours=series.colours, y=bare, width=105, height=_HEIGHT)

@@ -28,7 +28,7 @@ def _trimmed(evidence: Evidence) -> Figure | Absence:
         shows=f"Errors of the tracks that trimming kept{evidence.where}, as they age. {_HOW}{share}",
         look_for=_numbers(evidence, "trimmed") + " A mean that leaves zero with age is drift; where dashed runs below "
         "solid, a bias is part of the error.",
-        chart=grid(nominal, Series("tracker", evidence.colour), boxes=False),
+        spec=grid(nominal, Series("tracker", evidence.colour), boxes=False),
     )
 
 
@@ -43,7 +43,7 @@ def _untrimmed(evidence: Evidence) -> Figure | Absence:
         shows=f"The same for all tracks{evidence.where}, none dropped; mind the other scale of the axes.",
         look_for=_numbers(evidence, "untrimmed") + " What is larger here than above is due to the few tracks that "
         "trimming dropped: an estimator meets them too.",
-        chart=grid(nominal, Series("tracker", evidence.colour), boxes=False),
+        spec=grid(nominal, Series("tracker", evidence.colour), boxes=False),
     )
 
 
@@ -69,5 +69,5 @@ FAMILY = Family(
     title="Error by age",
     lead="How the error grows while a feature is tracked. Age counts frames of the sequence since the feature was first "
     "seen, where its error is zero by construction.",
-    make=figures,
+    figures=figures,
 )

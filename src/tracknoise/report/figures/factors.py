@@ -71,11 +71,11 @@ SPEED = Family(
     id="speeds",
     title="Error by age and speed",
     lead="What changes when the camera moves faster, or the tracker sees fewer frames.",
-    make=by_speed,
+    figures=by_speed,
 )
 LIGHTING = Family(
     id="lightings",
     title="Error by age and lighting",
     lead="What changes when the same path is seen under other light.",
-    make=by_lighting,
+    figures=by_lighting,
 )

@@ -1,15 +1,10 @@
 """What a figure is: a chart with its two sentences, or the reason why there is none."""
 
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
-
-import altair as alt
 
 from tracknoise.report.evidence import Evidence
-
-Chart: TypeAlias = alt.Chart | alt.LayerChart | alt.HConcatChart | alt.VConcatChart | alt.ConcatChart
+from tracknoise.report.figures.layout import Spec
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,15 +21,15 @@ class Figure:
         One sentence or two: what is drawn.
     look_for
         What to look for, written from the numbers.
-    chart
-        The chart.
+    spec
+        The chart, as a Vega-Lite specification.
     """
 
     id: str
     title: str
     shows: str
     look_for: str
-    chart: Chart
+    spec: Spec
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,18 +59,11 @@ class Family:
         Anchor and heading of the section.
     lead
         A sentence or two that open it, true of any data.
-    make
-        Makes the figures.
+    figures
+        Makes the figures of a run, in order.
     """
 
     id: str
     title: str
     lead: str
-    make: Callable[[Evidence], Sequence[Figure | Absence]]
-
-    def figures(self, evidence: Evidence) -> Sequence[Figure | Absence]:
-        """Figures of a run, in order."""
-        with warnings.catch_warnings():
-            # One selection that many panels share is meant: a legend mutes a name in all of them.
-            warnings.filterwarnings("ignore", message="Automatically deduplicated selection parameter")
-            return self.make(evidence)
+    figures: Callable[[Evidence], Sequence[Figure | Absence]]

@@ -8,7 +8,8 @@ import polars as pl
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Family, Figure
-from tracknoise.report.sentences import capitalised, count, number, percent
+from tracknoise.report.figures.layout import Panel, Spec, arranged
+from tracknoise.report.sentences import count, number, percent
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
 
 _SIZE = {"width": 385, "height": 240}
@@ -34,8 +35,8 @@ def _by_tracker(evidence: Evidence, nominal: pl.DataFrame) -> Figure:
         shows=f"Left: how many tracks lived how long at speed {evidence.slowest}{evidence.where} (logarithmic). Right: "
         "the share of tracks expected to live longer than that (Kaplan-Meier), which does not take a track that was "
         "still alive at the end of its sequence for one that had ended.",
-        look_for=_numbers(table, evidence.trackers),
-        chart=_pair(table, evidence.colour, "tracker"),
+        look_for=_numbers(table, evidence.trackers, lead=f"At speed {evidence.slowest}, "),
+        spec=_pair(table, evidence.colour, "tracker"),
     )
 
 
@@ -43,26 +44,26 @@ def _by_speed(evidence: Evidence, tracker: str) -> Figure | Absence:
     name, title = f"lifetimes-{evidence.slug(tracker)}", f"Lifetimes of {tracker} by speed"
     table = evidence.reference(evidence.lifetimes).filter(pl.col("tracker") == tracker)
     if table.is_empty():
-        return Absence(name, title, f"{capitalised(tracker)} found no feature, so no track has a lifetime.")
+        return Absence(name, title, f"The tracker {tracker} found no feature, so no track has a lifetime.")
     table = table.with_columns(series=pl.col("speed").cast(pl.String))
     return Figure(
         id=name,
         title=title,
         shows=f"The same for {tracker} at every speed{evidence.where}; a lifetime counts the frames the tracker saw, so "
         "that at speed 2 each of them is two frames of the sequence.",
-        look_for=_numbers(table, list(evidence.speed_colours(tracker)), prefix="speed "),
-        chart=_pair(table, evidence.speed_colours(tracker), "speed"),
+        look_for=_numbers(table, list(evidence.speed_colours(tracker)), lead=f"For {tracker}, ", prefix="speed "),
+        spec=_pair(table, evidence.speed_colours(tracker), "speed"),
     )
 
 
-def _numbers(table: pl.DataFrame, names: Sequence[str], *, prefix: str = "") -> str:
+def _numbers(table: pl.DataFrame, names: Sequence[str], *, lead: str, prefix: str = "") -> str:
     """Mean, median and censored share of each series."""
     keys = table.drop("series").columns
     labels = table.select("tracker", "speed", "series").unique()
     lived = mean_lifetime(table.select(keys)).join(median_survival(table.select(keys)), on=["tracker", "speed"])
     found = {row["series"]: row for row in lived.join(labels, on=["tracker", "speed"]).to_dicts()}
     parts = [_sentence(f"{prefix}{name}", found[name]) for name in names if name in found]
-    return capitalised("; ".join(parts)) + "."
+    return f"{lead}{'; '.join(parts)}."
 
 
 def _sentence(name: str, row: Mapping[str, int | float | None]) -> str:
@@ -72,16 +73,10 @@ def _sentence(name: str, row: Mapping[str, int | float | None]) -> str:
     return f"{name}: {count(int(n or 0), 'track')}, {number(mean)} frames on average, {half}; {share} cut by the end"
 
 
-def _pair(table: pl.DataFrame, colours: Mapping[str, str], title: str) -> alt.HConcatChart:
-    selection = marks.shown("series", list(colours))
-    hue = marks.colour("series", {name: colours[name] for name in colours}, title)
-    charts = [_histogram(table), _survival(table)]
-    return alt.hconcat(
-        *(
-            chart.encode(color=hue, opacity=marks.opacity(selection)).properties(**_SIZE).add_params(selection)
-            for chart in charts
-        )
-    )
+def _pair(table: pl.DataFrame, colours: Mapping[str, str], title: str) -> Spec:
+    look = {"color": marks.colour("series", colours, title), "opacity": marks.opacity("series")}
+    charts = [chart.encode(**look).properties(**_SIZE) for chart in (_histogram(table), _survival(table))]
+    return arranged([Panel(chart, (marks.shown("series", colours),)) for chart in charts], columns=2)
 
 
 def _histogram(table: pl.DataFrame) -> alt.Chart:
@@ -116,5 +111,5 @@ FAMILY = Family(
     title="Lifetimes",
     lead="A track's lifetime is the number of consecutive frames in which its tracker found it, the first included. "
     "Tracks alive in the last frame are cut short by the data, not by the tracker: they are censored.",
-    make=figures,
+    figures=figures,
 )

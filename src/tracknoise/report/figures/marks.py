@@ -1,46 +1,54 @@
 """Pieces that figures are put together from."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping
 
 import altair as alt
 import polars as pl
 import polars.selectors as cs
 
 from tracknoise.report import style
+from tracknoise.report.figures.layout import Selection
 
 MUTED = 0.07
 _NONE = 0.6
 
 
 def rows(table: pl.DataFrame, *, digits: int = 4) -> alt.InlineData:
-    """A table as inline data, its numbers rounded to `digits` significant digits: a figure cannot show more."""
-    return alt.InlineData(values=table.with_columns(cs.float().round_sig_figs(digits)).to_dicts())
+    """A table as inline data, its numbers rounded to `digits` significant digits: a figure cannot show more.
+
+    It is text, whose copies cost nothing, with the type of every column beside it.
+    """
+    text = table.with_columns(cs.float().round_sig_figs(digits)).write_csv()
+    parse = {name: "number" if kind.is_numeric() else "string" for name, kind in table.schema.items()}
+    return alt.InlineData(values=text, format=alt.CsvDataFormat(type="csv", parse=parse))
 
 
-def shown(field: str, names: Sequence[str]) -> alt.Parameter:
+def shown(field: str, names: Iterable[str]) -> Selection:
     """Which of the names in a legend are shown: all, until a click on one mutes it."""
     start = [{field: name} for name in names]
-    return alt.selection_point(name=f"shown_{field}", fields=[field], bind="legend", toggle="true", value=start)
+    select = {"type": "point", "fields": [field], "toggle": "true"}
+    return {"name": f"shown_{field}", "select": select, "bind": "legend", "value": start}
 
 
-def opacity(selection: alt.Parameter, full: float = 1.0) -> Any:
-    """Full where shown, faint where muted."""
-    return alt.when(selection).then(alt.value(full)).otherwise(alt.value(MUTED))
+def opacity(field: str) -> alt.OpacityValue:
+    """Full where `shown` holds the mark's value of `field`, faint where it is muted."""
+    return alt.OpacityValue(MUTED, condition={"param": f"shown_{field}", "value": 1})
 
 
-def zoom(*encodings: str) -> alt.Parameter:
+def zoom(*encodings: str) -> Selection:
     """Drag moves, shift and wheel zoom, a double click goes back; the wheel alone scrolls the page."""
-    return alt.selection_interval(
-        name="zoom", bind="scales", encodings=list(encodings), zoom="wheel![event.shiftKey]"
-    )
+    select = {"type": "interval", "encodings": list(encodings), "zoom": "wheel![event.shiftKey]"}
+    return {"name": "zoom", "select": select, "bind": "scales"}
 
 
 def colour(field: str, colours: Mapping[str, str], title: str, *, legend: bool = True) -> alt.Color:
     """Nominal colours in a stated order."""
-    scale = alt.Scale(domain=list(colours), range=list(colours.values()))
     shape = alt.Legend(title=title, symbolType="stroke", columns=8) if legend else None
-    return alt.Color(f"{field}:N", scale=scale, sort=None, legend=shape)
+    return alt.Color(f"{field}:N", scale=_scale(colours), sort=None, legend=shape)
+
+
+def _scale(colours: Mapping[str, str]) -> alt.Scale:
+    return alt.Scale(domain=list(colours), range=list(colours.values()))
 
 
 def domain(values: pl.Series, *, zero: bool = False) -> list[float]:
@@ -64,15 +72,17 @@ def drawn_count(n: pl.Expr) -> pl.Expr:
     return n.cast(pl.Float64).clip(lower_bound=_NONE).alias("drawn")
 
 
-def boxes(table: pl.DataFrame, *, x: alt.X, y: alt.Y, fill: alt.Color, width: int, height: int) -> alt.LayerChart:
+def boxes(
+    table: pl.DataFrame, *, field: str, colours: Mapping[str, str], y: alt.Y, width: int, height: int
+) -> alt.LayerChart:
     """Box plots: orange median, green triangle mean, whiskers to the last value within 1.5 interquartile ranges.
 
     Parameters
     ----------
     table
-        Columns mean, median, lower_quartile, upper_quartile, lower_whisker, upper_whisker, and those of `x`, `fill`.
-    x, fill
-        Groups.
+        Columns mean, median, lower_quartile, upper_quartile, lower_whisker, upper_whisker and `field`.
+    field, colours
+        Column that tells the boxes apart, and the colour of each of its values, in order.
     y
         Axis of the values, for any of the columns.
     width, height
@@ -80,7 +90,8 @@ def boxes(table: pl.DataFrame, *, x: alt.X, y: alt.Y, fill: alt.Color, width: in
     """
     names = [*("upper_whisker", "upper_quartile", "mean", "median", "lower_quartile", "lower_whisker")]
     tips = [alt.Tooltip(f"{name}:Q", format=".4~g", title=name.replace("_", " ")) for name in names]
-    base = alt.Chart(rows(table)).encode(x=x, tooltip=[alt.Tooltip(x.shorthand), *tips])
+    x = alt.X(f"{field}:N", sort=list(colours), title=field, axis=alt.Axis(labelAngle=0))
+    base = alt.Chart(rows(table)).encode(x=x, tooltip=[alt.Tooltip(f"{field}:N"), *tips])
     across = min(34, 0.6 * width / max(1, table.height))
 
     def at(name: str) -> alt.Y:
@@ -95,7 +106,10 @@ def boxes(table: pl.DataFrame, *, x: alt.X, y: alt.Y, fill: alt.Color, width: in
         for end in ("lower_whisker", "upper_whisker")
     ]
     box = base.mark_bar(size=across, fillOpacity=0.25, strokeWidth=1.2).encode(
-        y=at("lower_quartile"), y2="upper_quartile:Q", color=fill, stroke=alt.Stroke(fill.shorthand, scale=fill.scale)
+        y=at("lower_quartile"),
+        y2="upper_quartile:Q",
+        color=colour(field, colours, field, legend=False),
+        stroke=alt.Stroke(f"{field}:N", scale=_scale(colours), legend=None),
     )
     middle = base.mark_tick(color=style.MEDIAN, thickness=2.5, size=across, orient="horizontal").encode(y=at("median"))
     mean = base.mark_point(shape="triangle-up", color=style.MEAN, size=36, opacity=1).encode(y=at("mean"))

@@ -8,6 +8,7 @@ import polars as pl
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Family, Figure
+from tracknoise.report.figures.layout import Panel, arranged
 from tracknoise.report.sentences import count, percent, px
 from tracknoise.statistics.summary import REFERENCE_AGE
 
@@ -62,7 +63,7 @@ def _figure(evidence: Evidence, table: pl.DataFrame) -> Figure:
         shows=f"Trimmed errors at {age}{evidence.where}: a filled dot where only features that could be seen count, a "
         "ring where all whose true position is known do, hidden ones too.",
         look_for=_look_for(evidence, table),
-        chart=alt.hconcat(*(_panel(evidence, table, key) for key in _PANELS), spacing=12),
+        spec=arranged([_panel(evidence, table, key) for key in _PANELS], columns=4),
     )
 
 
@@ -80,7 +81,7 @@ def _sentence(name: str, row: dict[str, float]) -> str:
     return f"{count(hidden, 'hidden feature')} ({share}) at age {row['at']}; {name}'s √Φ in u is {change}"
 
 
-def _panel(evidence: Evidence, table: pl.DataFrame, key: tuple[str, str]) -> alt.LayerChart:
+def _panel(evidence: Evidence, table: pl.DataFrame, key: tuple[str, str]) -> Panel:
     statistic, axis = key
     table = table.filter(statistic=statistic).with_columns(
         condition=pl.col("tracker") + ", speed " + pl.col("speed").cast(pl.String)
@@ -100,7 +101,7 @@ def _panel(evidence: Evidence, table: pl.DataFrame, key: tuple[str, str]) -> alt
     ring = base.mark_point(filled=False, size=60, strokeWidth=1.5).encode(x=f"{axis}_projected:Q")
     dot = base.mark_point(filled=True, size=45, opacity=1).encode(x=x)
     rows = table["condition"].n_unique()
-    return alt.layer(link, ring, dot).properties(width=175, height=max(60, 26 * rows))
+    return Panel(alt.layer(link, ring, dot).properties(width=175, height=max(60, 26 * rows)))
 
 
 FAMILY = Family(
@@ -108,5 +109,5 @@ FAMILY = Family(
     title="What could not be seen",
     lead="A tracker may go on following a point that something else has come to hide: then it follows that other thing. "
     "The paper counts such features; whether they count decides part of the error.",
-    make=figures,
+    figures=figures,
 )

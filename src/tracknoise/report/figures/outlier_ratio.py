@@ -9,7 +9,8 @@ from tracknoise.report import style
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Family, Figure
-from tracknoise.report.sentences import capitalised, listing, percent
+from tracknoise.report.figures.layout import Panel, arranged
+from tracknoise.report.sentences import listing, percent
 
 _TITLE = "Outlier ratio"
 
@@ -44,7 +45,7 @@ def _by_speed(evidence: Evidence, table: pl.DataFrame) -> Figure:
         "first to the third quartile, orange line the median, green triangle the mean, whiskers to the last frame "
         "within 1.5 interquartile ranges.",
         look_for=_look_for(evidence, table),
-        chart=alt.concat(*panels, columns=3),
+        spec=arranged(panels, columns=3, independent=["color", "stroke"]),
     )
 
 
@@ -60,8 +61,8 @@ def _by_lighting(evidence: Evidence) -> Figure:
         id="outlier-ratio-lighting",
         title=f"{_TITLE} by lighting",
         shows=f"The same by lighting, at speed {evidence.slowest}.",
-        look_for=capitalised("; ".join(part for part in parts if part)) + ".",
-        chart=alt.concat(*panels, columns=3),
+        look_for=f"Of all features carried into a frame, {'; '.join(part for part in parts if part)}.",
+        spec=arranged(panels, columns=3, independent=["color", "stroke"]),
     )
 
 
@@ -85,15 +86,13 @@ def _range(tracker: str, table: pl.DataFrame) -> str:
 
 def _panel(
     evidence: Evidence, table: pl.DataFrame, field: str, colours: Mapping[str, str], tracker: str
-) -> alt.LayerChart:
+) -> Panel:
     largest = max([*evidence.outliers["upper_whisker"].drop_nulls(), *evidence.outliers["mean"].drop_nulls()])
     scale = alt.Scale(domain=[0, 1.05 * largest or 1.0], nice=False)
     width = 780 // min(3, max(2, len(evidence.trackers)))
-    x = alt.X(f"{field}:N", sort=list(colours), title=field, axis=alt.Axis(labelAngle=0))
     y = alt.Y("median:Q", scale=scale, title="outlier ratio (share of features)")
-    fill = marks.colour(field, colours, field, legend=False)
-    chart = marks.boxes(table, x=x, y=y, fill=fill, width=width, height=230)
-    return chart.properties(title=alt.Title(tracker, color=evidence.colour[tracker]))
+    chart = marks.boxes(table, field=field, colours=colours, y=y, width=width, height=230)
+    return Panel(chart.properties(title=alt.Title(tracker, color=evidence.colour[tracker])))
 
 
 FAMILY = Family(
@@ -101,5 +100,5 @@ FAMILY = Family(
     title=_TITLE,
     lead="Before a tracker reports a frame it rejects the features that do not move like the others. The outlier ratio is "
     "the share it rejects of those it carried over from the previous frame.",
-    make=figures,
+    figures=figures,
 )

@@ -11,7 +11,8 @@ import polars as pl
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Family, Figure
-from tracknoise.report.sentences import capitalised, count, px
+from tracknoise.report.figures.layout import Panel, Spec, arranged
+from tracknoise.report.sentences import count, px
 from tracknoise.tables.store import SequenceEntry
 
 MOST_SCENES, MOST_FEATURES, TRAIL = 6, 250, 8
@@ -134,24 +135,24 @@ def _look_for(evidence: Evidence, scene: Scene) -> str:
     capped = scene.features.filter(pl.col("error_px") > scene.longest_px).height
     cap = f" {count(capped, 'error').capitalize()} above {px(scene.longest_px)} {'is' if capped == 1 else 'are'} drawn "
     cap = cap + "at that length." if capped else ""
-    return f"{capitalised('; '.join(parts))}.{cap} Lines that point the same way across a region are bias, not noise."
+    return f"Here {'; '.join(parts)}.{cap} Lines that point the same way across a region are bias, not noise."
 
 
-def _chart(evidence: Evidence, scene: Scene) -> alt.ConcatChart:
+def _chart(evidence: Evidence, scene: Scene) -> Spec:
     present = [name for name in evidence.trackers if scene.features.filter(tracker=name).height]
     width = 425 if len(present) > 1 else 640
     panels = [_panel(evidence, scene, tracker, width) for tracker in present]
     url = "data:image/png;base64," + base64.b64encode(scene.png).decode()
     left, right, top, bottom = -0.5, scene.entry.width - 0.5, -0.5, scene.entry.height - 0.5
     image = [{"url": url, "left": left, "right": right, "top": top, "bottom": bottom}]
-    return alt.concat(*panels, columns=2, datasets={"image": image})
+    return {**arranged(panels, columns=2), "datasets": {"image": image}}
 
 
-def _panel(evidence: Evidence, scene: Scene, tracker: str, width: int) -> alt.LayerChart:
+def _panel(evidence: Evidence, scene: Scene, tracker: str, width: int) -> Panel:
     height = round(width * scene.entry.height / scene.entry.width)
     layers = alt.layer(_background(scene), _trails(scene, tracker), *_errors(scene, tracker))
     title = alt.Title(tracker, color=evidence.colour[tracker])
-    return layers.properties(width=width, height=height, title=title).add_params(marks.zoom("x", "y"))
+    return Panel(layers.properties(width=width, height=height, title=title), (marks.zoom("x", "y"),))
 
 
 def _x(shorthand: str, scene: Scene) -> alt.X:
@@ -187,7 +188,7 @@ def _errors(scene: Scene, tracker: str) -> list[alt.Chart]:
     tips = [alt.Tooltip(f"{name}:Q", title=title) for name, title in _TIPS.items()] + [alt.Tooltip("truth:N")]
     base = alt.Chart(marks.rows(table)).encode(
         x=_x("u:Q", scene), y=_y("v:Q", scene), tooltip=tips,
-        color=alt.Color("error:Q", scale=scale, title="error (px)", legend=alt.Legend(gradientLength=160)),
+        color=alt.Color("error:Q", scale=scale, title="error (px)", legend=alt.Legend(type="gradient", gradientLength=160)),
     )
     return [
         base.mark_rule(clip=True, strokeWidth=1.4).encode(x2="u_tip:Q", y2="v_tip:Q"),
@@ -201,5 +202,5 @@ FAMILY = Family(
     id="picture",
     title="The picture",
     lead="One frame of each scene, so that the numbers have a face.",
-    make=figures,
+    figures=figures,
 )

@@ -9,6 +9,7 @@ from tracknoise.report import style
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Family, Figure
+from tracknoise.report.figures.layout import Panel, arranged
 from tracknoise.report.sentences import count
 from tracknoise.statistics.lifetimes import surviving
 
@@ -45,7 +46,7 @@ def _figure(evidence: Evidence, table: pl.DataFrame, nominal: pl.DataFrame) -> F
         "solid all tracks, dashed those whose error is known and that trimming kept. The horizontal line marks "
         f"{evidence.min_features} features, under which curves are cut.",
         look_for=_look_for(evidence, nominal),
-        chart=alt.concat(*panels, columns=2).resolve_scale(color="independent"),
+        spec=arranged(panels, columns=2, independent=["color"]),
     )
 
 
@@ -66,18 +67,17 @@ def _sentence(evidence: Evidence, tracker: str, counts: pl.DataFrame) -> str:
     return f"{told}; {lasts if enough is not None else f'it never has {evidence.min_features}'}"
 
 
-def _speed_panel(evidence: Evidence, table: pl.DataFrame, tracker: str) -> alt.LayerChart:
+def _speed_panel(evidence: Evidence, table: pl.DataFrame, tracker: str) -> Panel:
     counts = table.filter(tracker=tracker).with_columns(pl.col("speed").cast(pl.String))
     return _panel(counts, "speed", evidence.speed_colours(tracker), evidence, title=f"{tracker}, every speed")
 
 
 def _panel(
     counts: pl.DataFrame, field: str, colours: Mapping[str, str], evidence: Evidence, *, title: str
-) -> alt.LayerChart:
-    selection = marks.shown(field, list(colours))
+) -> Panel:
     table = counts.select(field, "of", "age", "n", marks.drawn_count(pl.col("n"))).sort(field, "of", "age")
     tips = [alt.Tooltip(f"{field}:N"), alt.Tooltip("of:N", title="counted"), alt.Tooltip("age:Q"), alt.Tooltip("n:Q")]
-    dash = alt.StrokeDash("of:N", scale=alt.Scale(domain=[_ALL, _MEASURED], range=[[1, 0], [4, 3]]), title="counted")
+    dash = alt.StrokeDash("of:N", scale=alt.Scale(domain=[_ALL, _MEASURED], range=[[1, 0], [4, 3]]), legend=None)
     largest = float(table["drawn"].max() or 1)  # type: ignore[arg-type]
     lines = (
         alt.Chart(marks.rows(table))
@@ -87,13 +87,13 @@ def _panel(
             y=marks.log_count("features (count)", largest),
             color=marks.colour(field, colours, field),
             strokeDash=dash,
-            opacity=marks.opacity(selection),
+            opacity=marks.opacity(field),
             tooltip=tips,
         )
     )
     limit = alt.Chart(alt.InlineData(values=[{"drawn": evidence.min_features}])).mark_rule(color=style.QUIET)
     layers = alt.layer(limit.encode(y="drawn:Q"), lines).properties(width=385, height=230, title=title)
-    return layers.add_params(selection)
+    return Panel(layers, (marks.shown(field, colours),))
 
 
 FAMILY = Family(
@@ -101,5 +101,5 @@ FAMILY = Family(
     title=_TITLE,
     lead="Old features are few. Where few remain, an average says more about these few than about the tracker, so the "
     "curves further down are cut there.",
-    make=figures,
+    figures=figures,
 )

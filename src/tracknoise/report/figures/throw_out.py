@@ -9,9 +9,11 @@ from tracknoise.report import style
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Family, Figure
-from tracknoise.report.sentences import count, number, percent, px
+from tracknoise.report.figures.layout import Panel, arranged
+from tracknoise.report.sentences import SPACE, count, number, percent, px
 
 _TITLE = "Errors before trimming"
+_DECADES = alt.Axis(values=[10.0**power for power in range(-3, 4)], format="~g")
 
 
 def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
@@ -28,13 +30,13 @@ def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
         f"life{evidence.where}, both axes logarithmic; the leftmost bin holds all errors below {_first_bound(table)}. "
         + _cut_explained(evidence),
         look_for=_look_for(evidence, trackers),
-        chart=alt.concat(*panels, columns=2).resolve_scale(color="independent"),
+        spec=arranged(panels, columns=2, independent=["color"]),
     )
     return [figure]
 
 
 def _first_bound(table: pl.DataFrame) -> str:
-    return px(table.filter(bin_low_px=0.0)["bin_high_px"].min())  # type: ignore[arg-type]
+    return f"{table.filter(bin_low_px=0.0)['bin_high_px'].min():g}{SPACE}px"
 
 
 def _cut_explained(evidence: Evidence) -> str:
@@ -68,16 +70,16 @@ def _tracks(lifetimes: pl.DataFrame) -> int:
     return int(lifetimes["n_ended"].sum() + lifetimes["n_censored"].sum())
 
 
-def _panel(evidence: Evidence, tracker: str, errors: pl.DataFrame, *, width: int) -> alt.LayerChart:
+def _panel(evidence: Evidence, tracker: str, errors: pl.DataFrame, *, width: int) -> Panel:
     bins = errors.filter(tracker=tracker).with_columns(speed=pl.col("speed").cast(pl.String))
     hue = marks.colour("speed", evidence.speed_colours(tracker), "speed", legend=len(evidence.speeds) > 1)
-    selection = marks.shown("speed", list(evidence.speed_colours(tracker)))
-    layers = [_histogram(bins, hue, selection), _cuts(evidence, tracker, hue, selection)]
     title = alt.Title(tracker, color=evidence.colour[tracker])
-    return alt.layer(*layers).properties(width=width, height=230, title=title).add_params(selection)
+    chart = alt.layer(_histogram(bins, hue), _cuts(evidence, tracker, hue))
+    chart = chart.properties(width=width, height=230, title=title)
+    return Panel(chart, (marks.shown("speed", evidence.speed_colours(tracker)),))
 
 
-def _histogram(bins: pl.DataFrame, hue: alt.Color, selection: alt.Parameter) -> alt.Chart:
+def _histogram(bins: pl.DataFrame, hue: alt.Color) -> alt.Chart:
     """Steps from bin to bin; the first and the last bin, which have no finite size, are drawn a tenth decade wide."""
     tenth = 10**0.1
     low = pl.when(pl.col("bin_low_px") > 0).then("bin_low_px").otherwise(pl.col("bin_high_px") / tenth)
@@ -86,7 +88,7 @@ def _histogram(bins: pl.DataFrame, hue: alt.Color, selection: alt.Parameter) -> 
     table = bins.filter(pl.col("bin_low_px") <= last).select(
         "speed", "n", marks.drawn_count(pl.col("n")), low=low, to="bin_high_px", of="bin_low_px"
     )
-    x = alt.X("low:Q", scale=alt.Scale(type="log", nice=False), title="largest error of the track (px)")
+    x = alt.X("low:Q", scale=alt.Scale(type="log", nice=False), title="largest error of the track (px)", axis=_DECADES)
     tips = [
         alt.Tooltip("speed:N"),
         alt.Tooltip("of:Q", title="from (px)"),
@@ -95,10 +97,10 @@ def _histogram(bins: pl.DataFrame, hue: alt.Color, selection: alt.Parameter) -> 
     ]
     y = marks.log_count("tracks (count)", float(table["drawn"].max()))  # type: ignore[arg-type]
     chart = alt.Chart(marks.rows(table)).mark_line(interpolate="step-after", clip=True)
-    return chart.encode(x=x, y=y, color=hue, opacity=marks.opacity(selection), tooltip=tips)
+    return chart.encode(x=x, y=y, color=hue, opacity=marks.opacity("speed"), tooltip=tips)
 
 
-def _cuts(evidence: Evidence, tracker: str, hue: alt.Color, selection: alt.Parameter) -> alt.Chart:
+def _cuts(evidence: Evidence, tracker: str, hue: alt.Color) -> alt.Chart:
     """Median over the scenes of each speed's cut; one of 0 px, where a logarithmic axis has no place, is left out."""
     trims = evidence.reference(evidence.trims).filter(tracker=tracker).drop_nulls("threshold_px")
     if evidence.percentile is None:
@@ -107,7 +109,7 @@ def _cuts(evidence: Evidence, tracker: str, hue: alt.Color, selection: alt.Param
     table = cuts.with_columns(pl.col("speed").cast(pl.String))
     tips = [alt.Tooltip("speed:N"), alt.Tooltip("cut:Q", title="cut (px)")]
     chart = alt.Chart(marks.rows(table)).mark_rule(strokeDash=[5, 3], strokeWidth=1.5, color=style.INK)
-    return chart.encode(x="cut:Q", color=hue, opacity=marks.opacity(selection), tooltip=tips)
+    return chart.encode(x="cut:Q", color=hue, opacity=marks.opacity("speed"), tooltip=tips)
 
 
 FAMILY = Family(
@@ -115,5 +117,5 @@ FAMILY = Family(
     title=_TITLE,
     lead="Some tracks follow the wrong thing. Trimming drops the tracks with the largest errors, scene by scene, as the "
     "paper does; what is dropped is no longer in the curves that follow, unless they say untrimmed.",
-    make=figures,
+    figures=figures,
 )

@@ -1,0 +1,93 @@
+"""Imported tracks: what any other front end wrote down."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from tracknoise.tables.schema import TrackEnd
+from tracknoise.trackers.checks import require
+from tracknoise.trackers.features import ALIVE, Features, report
+from tracknoise.trackers.frame import Frame
+from tracknoise.trackers.track_file import Tracks, read_tracks
+from tracknoise.trackers.tracker import Setting, Step
+
+_PLACEHOLDERS = ("scene", "lighting", "rotation", "speed")
+
+
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """Settings of imported tracks.
+
+    Parameters
+    ----------
+    path
+        A ``.csv`` file with a header, or a ``.parquet`` file, with columns ``track`` (a whole number), ``frame``
+        (index in the nominal sequence), ``u_px`` and ``v_px`` (integer = pixel centre) and, if known,
+        ``response``; others are ignored, and the order of rows does not matter. ``{scene}``, ``{lighting}``,
+        ``{rotation}`` and ``{speed}`` in it are replaced by those of the condition.
+    """
+
+    kind: ClassVar[str] = "imported"
+    description: ClassVar[str] = "tracks that another front end wrote to a CSV or Parquet file"
+
+    path: str
+
+    def __post_init__(self) -> None:
+        try:
+            self.path.format(**dict.fromkeys(_PLACEHOLDERS, 0))
+            known = True
+        except (LookupError, ValueError, AttributeError):
+            known = False
+        require(known, "path", self.path, f"no placeholders but {', '.join(f'{{{name}}}' for name in _PLACEHOLDERS)}")
+        suffix = Path(self.path).suffix
+        require(suffix in (".csv", ".parquet"), "path", self.path, "a file that ends in .csv or .parquet")
+
+    def start(self, setting: Setting) -> "ImportedTracker":
+        """Read the file of one sequence and speed.
+
+        Raises
+        ------
+        DataError
+            If it is missing, lacks a column, holds something that is not a number there, or two rows for one
+            track and frame; with the line.
+        """
+        path = self.path.format(**{name: getattr(setting, name) for name in _PLACEHOLDERS})
+        return ImportedTracker(read_tracks(Path(path)))
+
+
+class ImportedTracker:
+    """Imported tracks, handed out frame by frame.
+
+    A track begins with its first row among the frames that the tracker sees. One without a row in a frame ends
+    there as ``lost``; rows of it that follow are a new track, since a lifetime counts frames without a gap.
+
+    Parameters
+    ----------
+    tracks
+        All rows.
+    """
+
+    def __init__(self, tracks: Tracks) -> None:
+        self._tracks = tracks
+        self._features = Features.begin(0, np.empty((0, 2)))
+        self._names = np.empty(0, dtype=np.int64)
+        self._next_id = 0
+
+    def step(self, frame: Frame) -> Step:
+        """Hand out the rows of a frame."""
+        start, stop = np.searchsorted(self._tracks.frame, [frame.index, frame.index + 1])
+        names, uv = self._tracks.track[start:stop], self._tracks.uv[start:stop]
+        before = self._features
+        _, live, row = np.intersect1d(self._names, names, assume_unique=True, return_indices=True)
+        row = row[np.argsort(live)]
+        end = np.full(len(before), TrackEnd.lost, dtype=np.int8)
+        end[live] = ALIVE
+        first = np.delete(np.arange(len(names)), row)
+        found, new = before.chosen(np.sort(live), uv[row]), Features.begin(self._next_id, uv[first])
+        self._features = found.joined(new)
+        self._names = names[np.concatenate([row, first])]
+        self._next_id += len(new)
+        response = self._tracks.response[start:stop][first]
+        return report(offered=before.ids, end=end, matched=len(row), found=found, new=new, response=response)

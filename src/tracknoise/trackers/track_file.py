@@ -1,0 +1,90 @@
+"""Files of tracks: what other front ends write, read and checked."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import DataError
+
+_COLUMNS: dict[str, type[pl.DataType]] = {"track": pl.Int64, "frame": pl.Int64, "u_px": pl.Float64, "v_px": pl.Float64}
+
+
+@dataclass(frozen=True, slots=True)
+class Tracks:
+    """Rows of a file of tracks, sorted by frame and track.
+
+    Attributes
+    ----------
+    track, frame : (n,) int64
+    uv : (n, 2) float64
+        px.
+    response : (n,) float32
+        NaN where unknown.
+    """
+
+    track: NDArray[np.int64]
+    frame: NDArray[np.int64]
+    uv: NDArray[np.float64]
+    response: NDArray[np.float32]
+
+
+def read_tracks(path: Path) -> Tracks:
+    """Read and check a file of tracks; see `Imported`.
+
+    Raises
+    ------
+    DataError
+        Naming the file and, where it has one, the line or row.
+    """
+    table = _read(path)
+    missing = [column for column in _COLUMNS if column not in table.columns]
+    if missing:
+        raise DataError(path, f"no column {', '.join(missing)} among {', '.join(table.columns)}", ", ".join(_COLUMNS))
+    columns = {name: _numbers(path, table[name], kind) for name, kind in _COLUMNS.items()}
+    track, frame = columns["track"], columns["frame"]
+    _refuse(path, frame < 0, table["frame"], "a frame not below 0")
+    order = np.lexsort([track, frame])
+    again = (np.diff(frame[order]) == 0) & (np.diff(track[order]) == 0)
+    twice = np.zeros(len(order), dtype=np.bool_)
+    twice[order[1:][again]] = True
+    _refuse(path, twice, table["track"], "one row for each track and frame")
+    uv = np.column_stack([columns["u_px"], columns["v_px"]])
+    response = np.full(len(table), np.nan)
+    if "response" in table.columns:
+        response = _numbers(path, table["response"], pl.Float64, optional=True)
+    return Tracks(track[order], frame[order], uv[order], response[order].astype(np.float32))
+
+
+def _read(path: Path) -> pl.DataFrame:
+    """The table as it is; of a CSV file all columns as text, so that what is wrong can be shown."""
+    if not path.is_file():
+        raise DataError(path, "no such file", "a file of tracks")
+    try:
+        return pl.read_parquet(path) if path.suffix == ".parquet" else pl.read_csv(path, infer_schema=False)
+    except (pl.exceptions.PolarsError, OSError, UnicodeError) as error:
+        found = str(error).splitlines()[0]
+        raise DataError(path, f"not readable ({found})", f"a {path.suffix} file of tracks") from error
+
+
+def _numbers(path: Path, column: pl.Series, kind: type[pl.DataType], *, optional: bool = False) -> NDArray[Any]:
+    """The finite numbers of a column, NaN where it may be empty, or an error that shows the first cell that is none."""
+    expected = f"a {'whole ' if kind is pl.Int64 else 'finite '}number"
+    if not (column.dtype.is_integer() or column.dtype == pl.String or (kind is pl.Float64 and column.dtype.is_float())):
+        raise DataError(path, f"column {column.name} of type {column.dtype}", f"{expected} in each row")
+    text = column.str.strip_chars() if column.dtype == pl.String else column
+    cast = text.cast(kind, strict=False)
+    bad = cast.is_null() if kind is pl.Int64 else ~cast.is_finite().fill_null(value=False)
+    _refuse(path, (bad & column.is_not_null()).to_numpy() if optional else bad.to_numpy(), column, expected)
+    return cast.fill_null(np.nan).to_numpy() if optional else cast.to_numpy()
+
+
+def _refuse(path: Path, bad: NDArray[np.bool_], column: pl.Series, expected: str) -> None:
+    rows = np.flatnonzero(bad)
+    if len(rows):
+        row = int(rows[0])
+        place = f"{path}:{row + 2}" if path.suffix == ".csv" else f"{path}: row {row + 1}"
+        raise DataError(place, f"{column.name} {column[row]!r}", expected)

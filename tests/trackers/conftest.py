@@ -1,0 +1,51 @@
+"""Images with known motion, and settings of a sequence."""
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+import pytest
+
+from tracknoise.tables.schema import TruthStatus
+from tracknoise.trackers.frame import Frame
+from tracknoise.trackers.tracker import Setting
+
+SIZE = (320, 240)
+
+
+def textured(width: int, height: int, seed: int = 0) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    coarse, fine = (cv2.GaussianBlur(rng.normal(size=(height, width)), (0, 0), sigma) for sigma in (5.0, 1.2))
+    return np.clip(128 + 300 * coarse / np.ptp(coarse) + 300 * fine / np.ptp(fine), 0, 255).astype(np.uint8)
+
+
+@pytest.fixture(scope="session")
+def sideways() -> list[Frame]:
+    """A texture that moves by exactly (3, -2) px a frame."""
+    texture = textured(420, 340)
+    width, height = SIZE
+    return [Frame(k, texture[20 + 2 * k :][:height, 60 - 3 * k :][:, :width].copy()) for k in range(6)]
+
+
+@pytest.fixture
+def setting() -> Callable[..., Setting]:
+    def make(size: tuple[int, int] = SIZE, speed: int = 1, scene: str = "scene", truth: object = None) -> Setting:
+        return Setting(scene, "default", 0, size, speed, 0, truth if truth is not None else FlatTruth(size))
+
+    return make
+
+
+class FlatTruth:
+    """Points on a plane that slides by `velocity` px a frame; no depth in the left `hole_px` columns."""
+
+    def __init__(self, size: tuple[int, int], velocity: tuple[float, float] = (1.0, 0.5), hole_px: float = 0.0) -> None:
+        self.size, self.velocity, self.hole_px = size, np.array(velocity), hole_px
+
+    def anchor(self, index: int, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        status = np.where(uv[:, 0] < self.hole_px, TruthStatus.no_depth, TruthStatus.valid).astype(np.int8)
+        world = np.column_stack([uv - index * self.velocity, np.ones(len(uv))])
+        world[status != TruthStatus.valid] = np.nan
+        return world, status
+
+    def project(self, index: int, points_world: np.ndarray) -> np.ndarray:
+        return points_world[:, :2] + index * self.velocity

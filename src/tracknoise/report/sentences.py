@@ -19,9 +19,16 @@ def number(value: float | None, *, digits: int = 3) -> str:
     return f"{value:#.{digits}g}".rstrip(".").replace("-", MINUS) if value else "0"
 
 
+def pixels(value: float | None) -> str:
+    """Write a length in px without its unit: to a thousandth where it is short, otherwise to three digits."""
+    if value is None or value == 0 or abs(value) < 5e-4 or abs(value) >= 10:
+        return number(value)
+    return f"{value:.3f}".replace("-", MINUS)
+
+
 def px(value: float | None) -> str:
-    """Write a length in pixels."""
-    return "unknown" if value is None else f"{number(value)}{SPACE}px"
+    """Write a length in px."""
+    return "unknown" if value is None else f"{pixels(value)}{SPACE}px"
 
 
 def percent(share: float | None) -> str:

@@ -47,7 +47,7 @@ def config() -> dict[str, Any]:
         "header": {**text, **ink, "labelFontSize": 12},
         "title": {"font": FONT, "fontSize": 12, "fontWeight": 600, "color": INK, "anchor": "start", "frame": "group"},
         "view": {"stroke": None},
-        "line": {"strokeWidth": 1.8},
+        "line": {"strokeWidth": 1.8, "strokeJoin": "round"},
         "point": {"filled": True},
         "concat": {"spacing": 14},
     }

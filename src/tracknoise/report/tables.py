@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import polars as pl
 
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.sentences import number
+from tracknoise.report.sentences import number, percent, pixels
 
 _LATEX = {
     "\\": r"\textbackslash{}",
@@ -105,12 +105,13 @@ def cells(
 ) -> Cells:
     """Format the columns that `columns` names, under its headings; shares in percent."""
     chosen = table.select(list(columns))
-    shares = [name in _SHARES for name in columns]
-    rows = [[_cell(value, share) for value, share in zip(row, shares, strict=True)] for row in chosen.iter_rows()]
+    rows = [[_cell(value, name) for value, name in zip(row, columns, strict=True)] for row in chosen.iter_rows()]
     return Cells(caption, list(columns.values()), rows, [kind.is_numeric() for kind in chosen.dtypes], groups)
 
 
-def _cell(value: object, share: bool) -> str:
-    if isinstance(value, float) and share:
-        return f"{100 * value:.1f} %"
-    return number(value) if isinstance(value, int | float) or value is None else str(value)
+def _cell(value: object, column: str) -> str:
+    if not isinstance(value, int | float | None):
+        return str(value)
+    if value is not None and column in _SHARES:
+        return percent(value)
+    return pixels(value) if column.endswith("_px") else number(value)

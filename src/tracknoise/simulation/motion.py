@@ -45,7 +45,7 @@ def sideways(frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
         world_from_camera.
     """
     step = _SIDEWAYS_STEP_M * rng.uniform(0.9, 1.1)
-    x = _back_and_forth(step * np.arange(frames), 2.0 * TRACK_HALF_M) - TRACK_HALF_M
+    x = _back_and_forth(step, frames, 2.0 * TRACK_HALF_M) - TRACK_HALF_M
     shift = rng.uniform(-0.3, 0.3, 2)
     centres = np.stack([x, np.full(frames, _HOME[1] + shift[0]), np.full(frames, EYE_HEIGHT_M + shift[1])], axis=-1)
     return looking(centres, np.broadcast_to([0.0, 1.0, 0.0], centres.shape))
@@ -69,7 +69,7 @@ def fixating(frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
 def forward(frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """Drive north along the street at constant speed, looking ahead; reverse at its end."""
     step = _FORWARD_STEP_M * rng.uniform(0.9, 1.1)
-    y = LANE_SOUTH_M + _back_and_forth(step * np.arange(frames), LANE_NORTH_M - LANE_SOUTH_M)
+    y = LANE_SOUTH_M + _back_and_forth(step, frames, LANE_NORTH_M - LANE_SOUTH_M)
     x = LANE_X_M + rng.uniform(-0.5, 0.5)
     centres = np.stack([np.full(frames, x), y, np.full(frames, EYE_HEIGHT_M)], axis=-1)
     return looking(centres, np.broadcast_to([0.0, 1.0, 0.0], centres.shape))
@@ -78,8 +78,8 @@ def forward(frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
 def arvr(frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """Look around a scene from nearly one place, as with glasses on, coming to rest at each of many waypoints.
 
-    Between waypoints the position is eased by the haversine function, hav(a) = sin^2(a / 2), and the rotation follows by
-    spherical linear interpolation at the same pace.
+    Between waypoints the position is eased by the haversine function, hav(a) = sin^2(a / 2), and the rotation follows
+    by spherical linear interpolation at the same pace.
     """
     legs = max(-(-(frames - 1) // _FRAMES_A_LEG), 1)
     chance = rng.uniform(-1.0, 1.0, (legs + 1, 6))
@@ -126,9 +126,10 @@ def looking(centres: NDArray[np.float64], forwards: NDArray[np.float64]) -> NDAr
     return poses
 
 
-def _back_and_forth(distance: NDArray[np.float64], span: float) -> NDArray[np.float64]:
-    """Distance from the start of a track of given length after going so far along it, turning at its ends."""
-    return span - np.abs(distance % (2.0 * span) - span)
+def _back_and_forth(step: float, frames: int, span: float) -> NDArray[np.float64]:
+    """Distance of each frame from the start of a track of given length, turning at its ends."""
+    travelled = step * np.arange(frames, dtype=np.float64)
+    return span - np.abs(travelled % (2.0 * span) - span)
 
 
 MOTIONS: Mapping[str, Motion] = MappingProxyType(

@@ -59,7 +59,8 @@ def paint(recipe: Recipe, side: int, rng: np.random.Generator) -> NDArray[np.flo
         patch = texture[top : top + size, left : left + size]
         opacity = _STENCILS[rng.integers(len(_STENCILS))](size, rng) * np.float32(rng.uniform(0.6, 1.0))
         patch += opacity * (np.float32(rng.uniform(_DARKEST, _LIGHTEST)) - patch)
-    return np.clip(texture, _DARKEST, _LIGHTEST)
+    clipped: NDArray[np.float32] = np.clip(texture, _DARKEST, _LIGHTEST)
+    return clipped
 
 
 def _natural(side: int, exponent: float, rng: np.random.Generator) -> NDArray[np.float32]:
@@ -68,7 +69,8 @@ def _natural(side: int, exponent: float, rng: np.random.Generator) -> NDArray[np
     frequency = np.hypot(np.fft.fftfreq(side)[:, None], np.fft.rfftfreq(side)[None])
     frequency[0, 0] = np.inf
     noise = np.fft.irfft2(spectrum * frequency**-exponent, s=(side, side))
-    return (noise / noise.std()).astype(np.float32)
+    scaled: NDArray[np.float32] = (noise / noise.std()).astype(np.float32)
+    return scaled
 
 
 def _polygon(size: int, rng: np.random.Generator) -> NDArray[np.float32]:
@@ -104,7 +106,8 @@ def _stripes(size: int, rng: np.random.Generator) -> NDArray[np.float32]:
     row, column = np.indices((size, size))
     phase = (column * np.cos(angle) + row * np.sin(angle)) % period
     inside = period / 4 - np.abs(phase - period / 2)  # texels from the stripe's edge
-    return np.clip(inside + 0.5, 0.0, 1.0).astype(np.float32)
+    opacity: NDArray[np.float32] = np.clip(inside + 0.5, 0.0, 1.0).astype(np.float32)
+    return opacity
 
 
 _STENCILS = (_polygon, _glyph, _checkers, _stripes)

@@ -24,4 +24,5 @@ def expose(irradiance: NDArray[np.float32], noise_sigma: float, rng: np.random.G
     grey = irradiance * np.float32(255.0)
     if noise_sigma > 0.0:
         grey += np.float32(noise_sigma) * rng.standard_normal(grey.shape, dtype=np.float32)
-    return np.clip(np.rint(grey), 0.0, 255.0).astype(np.uint8)
+    levels: NDArray[np.uint8] = np.clip(np.rint(grey), 0.0, 255.0).astype(np.uint8)
+    return levels

@@ -56,10 +56,10 @@ class Atlas:
         level = np.clip(np.log2(footprint), np.float32(0.0), coarsest.astype(np.float32))
         finer = level.astype(np.intp)
         blend = level - finer.astype(np.float32)
-        s, t = (s - np.floor(s)).astype(np.float32), (t - np.floor(t)).astype(np.float32)
-        value = self._bilinear(texture, s, t, finer)
-        value += blend * (self._bilinear(texture, s, t, np.minimum(finer + 1, coarsest)) - value)
-        return value
+        column, row = _within_repeat(s), _within_repeat(t)
+        fine = self._bilinear(texture, column, row, finer)
+        coarse = self._bilinear(texture, column, row, np.minimum(finer + 1, coarsest))
+        return _blend(fine, coarse, blend)
 
     def _bilinear(
         self, texture: NDArray[np.int64], s: NDArray[np.float32], t: NDArray[np.float32], level: NDArray[np.intp]
@@ -79,6 +79,11 @@ class Atlas:
         return _blend(above, below, down)
 
 
+def _within_repeat(coordinate: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Coordinate within one repeat; whole repeats are taken off before float32 would lose digits to them."""
+    return (coordinate - np.floor(coordinate)).astype(np.float32)
+
+
 def _split(coordinate: NDArray[np.float32], scale: NDArray[np.float32]) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
     """Index of the texel centre at or before a coordinate (-1 before the first), and the way on to the next."""
     texel = coordinate * scale
@@ -87,9 +92,7 @@ def _split(coordinate: NDArray[np.float32], scale: NDArray[np.float32]) -> tuple
     return index.astype(np.intp), texel - index
 
 
-def _blend(
-    first: NDArray[np.float32], second: NDArray[np.float32], share: NDArray[np.float32]
-) -> NDArray[np.float32]:
+def _blend(first: NDArray[np.float32], second: NDArray[np.float32], share: NDArray[np.float32]) -> NDArray[np.float32]:
     return first + share * (second - first)
 
 

@@ -91,5 +91,5 @@ def _cross(corners: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _require_range(name: str, values: NDArray[np.int64], count: int) -> None:
-    if values.size and not (0 <= values.min() and values.max() < count):
+    if np.any((values < 0) | (values >= count)):
         raise ValueError(f"{name} must lie in 0..{count - 1}")

@@ -118,7 +118,7 @@ def _explain(settings_type: type, error: "ErrorDetails") -> str:
         return f"{place}: unknown setting{_known(settings_type, error['loc'])}"
     if error["type"] == "value_error":
         return f"{place}{'.' if place else ''}{error['ctx']['error']}"
-    if error["type"] == "missing_argument":
+    if error["type"] == "missing":
         return f"{place}: missing, expected a value"
     return f"{place or 'settings'}: {error['msg']}, found {error['input']!r}"
 

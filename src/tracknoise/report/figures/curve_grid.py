@@ -132,8 +132,8 @@ def _lines(table: pl.DataFrame, series: Series, y: alt.Y) -> alt.LayerChart:
         opacity=marks.opacity(series.field),
         tooltip=tips,
     )
-    curve = lines.mark_line(clip=True).encode(strokeDash=dash)
-    dots = lines.mark_point(size=14, clip=True).transform_filter("datum.of != 'about the mean'")
+    curve = lines.mark_line().encode(strokeDash=dash)
+    dots = lines.mark_point(size=14, opacity=1).transform_filter("datum.of != 'about the mean'")
     zero = alt.Chart(alt.InlineData(values=[{"zero": 0}])).mark_rule(color="#9aa5b1").encode(y="zero:Q")
     return alt.layer(curve, dots, zero)
 

@@ -34,9 +34,11 @@ def arranged(panels: Sequence[Panel], *, columns: int, independent: Sequence[str
     Altair can do the same, but copies every chart at every level, which took half of the time of a report.
     """
     parameters: dict[str, Spec] = {}
+    datasets: Spec = {}
     specs = []
     for place, panel in enumerate(panels):
         spec = panel.chart.to_dict()
+        datasets |= spec.pop("datasets", {})
         view = f"panel_{place}"
         _unit(spec)["name"] = view
         specs.append({key: value for key, value in spec.items() if key not in ("$schema", "config")})
@@ -46,6 +48,7 @@ def arranged(panels: Sequence[Panel], *, columns: int, independent: Sequence[str
         "$schema": alt.SCHEMA_URL,
         "columns": columns,
         "concat": specs,
+        "datasets": datasets,
         "params": list(parameters.values()),
         "resolve": {"scale": dict.fromkeys(independent, "independent")},
     }

@@ -68,7 +68,7 @@ def _numbers(table: pl.DataFrame, names: Sequence[str], *, lead: str, prefix: st
 
 def _sentence(name: str, row: Mapping[str, int | float | None]) -> str:
     n, censored, mean, median = (row[key] for key in ("n_tracks", "n_censored", "mean_lifetime", "median_lifetime"))
-    half = "more than half outlive the data" if median is None else f"half of them live no longer than {median}"
+    half = "more than half of them outlive the data" if median is None else f"an estimated half live no longer than {median}"
     share = percent(float(censored or 0) / float(n or 1))
     return f"{name}: {count(int(n or 0), 'track')}, {number(mean)} frames on average, {half}; {share} cut by the end"
 
@@ -91,7 +91,7 @@ def _histogram(table: pl.DataFrame) -> alt.Chart:
         alt.Tooltip("n:Q", title="tracks"),
         alt.Tooltip("cut:Q", title="of them cut by the end"),
     ]
-    chart = alt.Chart(marks.rows(counts)).mark_line(interpolate="step", clip=True)
+    chart = alt.Chart(marks.rows(counts)).mark_line(interpolate="step")
     y = marks.log_count("tracks (count)", float(counts["drawn"].max()))  # type: ignore[arg-type]
     return chart.encode(x=alt.X("lifetime:Q", title=_UNIT), y=y, tooltip=tips)
 

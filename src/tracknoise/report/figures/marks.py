@@ -111,6 +111,6 @@ def boxes(
         color=colour(field, colours, field, legend=False),
         stroke=alt.Stroke(f"{field}:N", scale=_scale(colours), legend=None),
     )
-    middle = base.mark_tick(color=style.MEDIAN, thickness=2.5, size=across, orient="horizontal").encode(y=at("median"))
+    middle = base.mark_tick(color=style.MEDIAN, thickness=2.5, size=across, orient="horizontal", opacity=1).encode(y=at("median"))
     mean = base.mark_point(shape="triangle-up", color=style.MEAN, size=36, opacity=1).encode(y=at("mean"))
     return alt.layer(lower, upper, *caps, box, middle, mean).properties(width=width, height=height)

@@ -16,6 +16,7 @@ from tracknoise.report.sentences import count, px
 from tracknoise.tables.store import SequenceEntry
 
 MOST_SCENES, MOST_FEATURES, TRAIL = 6, 250, 8
+_LAST = 2**32 - 1
 _ROUND = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000]
 _ERROR_COLOURS = ["#56B4E9", "#F0E442", "#D55E00"]
 
@@ -121,7 +122,7 @@ def _shows(evidence: Evidence, scene: Scene) -> str:
     return (
         f"Frame {scene.entry.snapshot_frame} at speed {evidence.slowest}{evidence.where}: a dot is where the tracker found a feature, "
         f"the line leads from it towards where the feature truly was and is {times} the error; the thin trail is where "
-        f"it was found in the {TRAIL} frames before. At most {MOST_FEATURES} features a tracker are drawn."
+        f"it was found up to {TRAIL} times before. At most {MOST_FEATURES} features a tracker are drawn."
     )
 
 
@@ -145,7 +146,8 @@ def _chart(evidence: Evidence, scene: Scene) -> Spec:
     url = "data:image/png;base64," + base64.b64encode(scene.png).decode()
     left, right, top, bottom = -0.5, scene.entry.width - 0.5, -0.5, scene.entry.height - 0.5
     image = [{"url": url, "left": left, "right": right, "top": top, "bottom": bottom}]
-    return {**arranged(panels, columns=2), "datasets": {"image": image}}
+    spec = arranged(panels, columns=2)
+    return {**spec, "datasets": {**spec["datasets"], "image": image}}
 
 
 def _panel(evidence: Evidence, scene: Scene, tracker: str, width: int) -> Panel:
@@ -173,9 +175,13 @@ def _background(scene: Scene) -> alt.Chart:
 
 
 def _trails(scene: Scene, tracker: str) -> alt.Chart:
+    """One line for all tracks, broken after each by a row without a position: many lines take long to draw."""
     table = scene.trails.filter(tracker=tracker).select("track", "frame", u="u_px", v="v_px")
-    chart = alt.Chart(marks.rows(table)).mark_line(clip=True, color="#ffffff", strokeWidth=0.8, opacity=0.55)
-    return chart.encode(x=_x("u:Q", scene), y=_y("v:Q", scene), detail="track:N", order="frame:Q")
+    breaks = table.select("track").unique().with_columns(frame=pl.lit(_LAST, dtype=pl.UInt32), u=None, v=None)
+    ordered = pl.concat([table, breaks.cast(dict(table.schema))]).sort("track", "frame").with_row_index("place")
+    chart = alt.Chart(marks.rows(ordered.select("place", "u", "v")))
+    line = chart.mark_line(clip=True, color="#ffffff", strokeWidth=0.9, opacity=0.6, invalid="break-paths-show-domains")
+    return line.encode(x=_x("u:Q", scene), y=_y("v:Q", scene), order="place:Q")
 
 
 def _errors(scene: Scene, tracker: str) -> list[alt.Chart]:
@@ -188,7 +194,7 @@ def _errors(scene: Scene, tracker: str) -> list[alt.Chart]:
     tips = [alt.Tooltip(f"{name}:Q", title=title) for name, title in _TIPS.items()] + [alt.Tooltip("truth:N")]
     base = alt.Chart(marks.rows(table)).encode(
         x=_x("u:Q", scene), y=_y("v:Q", scene), tooltip=tips,
-        color=alt.Color("error:Q", scale=scale, title="error (px)", legend=alt.Legend(type="gradient", gradientLength=160)),
+        color=alt.Color("error:Q", scale=scale, title="error (px)"),
     )
     return [
         base.mark_rule(clip=True, strokeWidth=1.4).encode(x2="u_tip:Q", y2="v_tip:Q"),

@@ -81,7 +81,7 @@ def _panel(
     largest = float(table["drawn"].max() or 1)  # type: ignore[arg-type]
     lines = (
         alt.Chart(marks.rows(table))
-        .mark_line(clip=True)
+        .mark_line()
         .encode(
             x=alt.X("age:Q", title="age (frames of the sequence)"),
             y=marks.log_count("features (count)", largest),

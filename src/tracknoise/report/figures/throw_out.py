@@ -50,7 +50,7 @@ def _cut_explained(evidence: Evidence) -> str:
 
 def _look_for(evidence: Evidence, trackers: Sequence[str]) -> str:
     parts = [_sentence(evidence, tracker) for tracker in trackers]
-    return f"At speed {evidence.slowest}: " + "; ".join(parts) + ". A second hump on the right is failed tracking."
+    return f"At speed {evidence.slowest}: " + "; ".join(parts) + ". A second hump on the right is a group of tracks that follow the wrong thing."
 
 
 def _sentence(evidence: Evidence, tracker: str) -> str:
@@ -84,8 +84,7 @@ def _histogram(bins: pl.DataFrame, hue: alt.Color) -> alt.Chart:
     tenth = 10**0.1
     low = pl.when(pl.col("bin_low_px") > 0).then("bin_low_px").otherwise(pl.col("bin_high_px") / tenth)
     used = bins.filter(pl.col("n") > 0)
-    last = used["bin_low_px"].max()
-    table = bins.filter(pl.col("bin_low_px") <= last).select(
+    table = bins.filter(pl.col("bin_low_px") <= used["bin_high_px"].max()).select(
         "speed", "n", marks.drawn_count(pl.col("n")), low=low, to="bin_high_px", of="bin_low_px"
     )
     x = alt.X("low:Q", scale=alt.Scale(type="log", nice=False), title="largest error of the track (px)", axis=_DECADES)
@@ -96,7 +95,7 @@ def _histogram(bins: pl.DataFrame, hue: alt.Color) -> alt.Chart:
         alt.Tooltip("n:Q", title="tracks"),
     ]
     y = marks.log_count("tracks (count)", float(table["drawn"].max()))  # type: ignore[arg-type]
-    chart = alt.Chart(marks.rows(table)).mark_line(interpolate="step-after", clip=True)
+    chart = alt.Chart(marks.rows(table)).mark_line(interpolate="step-after")
     return chart.encode(x=x, y=y, color=hue, opacity=marks.opacity("speed"), tooltip=tips)
 
 

@@ -1,0 +1,229 @@
+"""A plain layout on disk, for users' own data and for simulated sequences: see docs/folder-layout.md.
+
+``images/NNNNNN.png``, ``depth/NNNNNN.npy``, ``poses.txt`` and ``camera.json``; frames are numbered from 0.
+"""
+
+import json
+import math
+import os
+import shutil
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, ClassVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from tracknoise.exceptions import DataError
+from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.depth import DepthMap
+from tracknoise.sequences.images import read_depth_npy, read_depth_png16
+from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses
+from tracknoise.sequences.recorded import DepthReader, RecordedSequence, depth_notes
+from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken, scene_folder
+from tracknoise.sequences.sequence import Sequence, SequenceId
+
+_IMAGES, _DEPTH, _POSES, _CAMERA = "images", "depth", "poses.txt", "camera.json"
+_COLUMNS = "tx ty tz qx qy qz qw"
+_COUNTS, _FOCAL, _CENTRE = ("width", "height"), ("fx", "fy"), ("cx", "cy")
+_OPTIONAL = ("distortion", "depth_unit_m", "source")
+
+
+@dataclass(frozen=True, slots=True)
+class Folder:
+    """Reader of tracknoise's plain layout.
+
+    Parameters
+    ----------
+    root
+        Folder of one sequence, or one that holds several at any depth.
+    """
+
+    name: ClassVar[str] = "folder"
+    description: ClassVar[str] = "tracknoise's plain layout: images/, depth/, poses.txt, camera.json"
+    needs_root: ClassVar[bool] = True
+
+    root: Path
+
+    def sequences(self) -> list[SequenceId]:
+        """All sequences, sorted: each folder that holds ``images`` and ``poses.txt``.
+
+        Raises
+        ------
+        DataError
+            If there is none.
+        """
+        return [SequenceId(self.name, scene) for scene in self._scenes()]
+
+    def open(self, sequence: SequenceId) -> RecordedSequence:
+        """Read and check everything but the images and depths of one sequence.
+
+        Raises
+        ------
+        DataError
+            If an image is missing, or the poses or the camera are missing or damaged.
+        UnknownNameError
+            If there is no such scene or lighting.
+        """
+        folder = scene_folder(self._scenes(), sequence)
+        camera, depth_unit_m = _read_camera(folder / _CAMERA)
+        rows, places = read_rows(folder / _POSES, _COLUMNS)
+        images = _image_paths(folder, poses=len(rows))
+        depths, read_depth = _depth_paths(folder, len(images), depth_unit_m)
+        return RecordedSequence(
+            id=sequence,
+            camera=camera,
+            world_from_camera=quaternion_poses(rows[:, :3], rows[:, 3:], places),
+            image_paths=images,
+            depth_paths=depths,
+            read_depth=read_depth,
+            notes=depth_notes(depths) if depths else (),
+        )
+
+    def _scenes(self) -> dict[str, Path]:
+        return find_scenes(
+            self.root,
+            lambda below, files: _IMAGES in below and _POSES in files,
+            expected=f"folders with {_IMAGES}/ and {_POSES}",
+        )
+
+
+def write_folder(sequence: Sequence, path: Path, *, progress: Callable[[int, int], None] | None = None) -> None:
+    """Write a sequence to a folder that `Folder` reads; all of it appears at once, when it is complete.
+
+    Depth is rounded to float32, by at most 6e-8 of itself.
+
+    Parameters
+    ----------
+    sequence
+        Of any format.
+    path
+        Folder to write, new or empty.
+    progress
+        Called after each frame with the count of frames done and of all.
+
+    Raises
+    ------
+    DataError
+        If the folder is neither new nor empty, or cannot be written.
+    """
+    path = Path(path).absolute()
+    if path.exists() and not (path.is_dir() and not any(path.iterdir())):
+        raise DataError(path, "something is there already", "a new or empty folder")
+    unfinished = path.with_name(f".{path.name}.{os.getpid()}.unfinished")
+    try:
+        unfinished.mkdir(parents=True)
+        _write_files(sequence, unfinished, progress)
+        unfinished.replace(path)
+    except OSError as error:
+        raise DataError(path, f"cannot be written ({error.strerror})", "a folder that can be written") from error
+    finally:
+        shutil.rmtree(unfinished, ignore_errors=True)
+
+
+def _write_files(sequence: Sequence, folder: Path, progress: Callable[[int, int], None] | None) -> None:
+    (folder / _IMAGES).mkdir()
+    (folder / _DEPTH).mkdir()
+    for index in range(len(sequence)):
+        _, png = cv2.imencode(".png", sequence.image(index))
+        (folder / _IMAGES / f"{index:06d}.png").write_bytes(png.tobytes())
+        depth = sequence.depth(index)
+        if depth is not None:
+            np.save(folder / _DEPTH / f"{index:06d}.npy", _plain(depth))
+        if progress is not None:
+            progress(index + 1, len(sequence))
+    source = f"{sequence.id.dataset} {sequence.id.scene} {sequence.id.lighting}"
+    camera = {**asdict(sequence.camera), "source": source}
+    (folder / _CAMERA).write_text(json.dumps(camera, indent=2) + "\n", encoding="utf-8")
+    (folder / _POSES).write_text(_pose_lines(sequence.world_from_camera), encoding="utf-8")
+
+
+def _plain(depth: DepthMap) -> NDArray[np.float32]:
+    """(height, width) float32: metres, 0 where there is no depth."""
+    return np.where(depth.valid, depth.depth_m, 0.0).astype(np.float32)
+
+
+def _pose_lines(world_from_camera: NDArray[np.float64]) -> str:
+    """A row a frame, with all digits that a float64 has."""
+    xyzw = Rotation.from_matrix(world_from_camera[:, :3, :3]).as_quat()
+    rows = np.concatenate([world_from_camera[:, :3, 3], xyzw], axis=1).tolist()
+    lines = (" ".join(map(repr, row)) for row in rows)
+    return "\n".join([f"# {_COLUMNS} (world_from_camera, metres; a row a frame)", *lines, ""])
+
+
+def _image_paths(folder: Path, *, poses: int) -> tuple[Path, ...]:
+    """The image of each frame, of which there must be as many as poses."""
+    images = numbered_files(folder / _IMAGES, r"(\d+)\.jpe?g") | numbered_files(folder / _IMAGES, r"(\d+)\.png")
+    frames = require_unbroken(images, range(poses), lambda number: folder / _IMAGES / f"{number:06d}.png")
+    require_poses(folder / _POSES, poses=poses, images=len(frames))
+    return tuple(images[number] for number in frames)
+
+
+def _depth_paths(
+    folder: Path, frames: int, depth_unit_m: float | None
+) -> tuple[tuple[Path | None, ...] | None, DepthReader | None]:
+    """The depth file of each frame, and what reads it; None and None where there are no depths."""
+    if not (folder / _DEPTH).exists():
+        return None, None
+    arrays = numbered_files(folder / _DEPTH, r"(\d+)\.npy")
+    integers = numbered_files(folder / _DEPTH, r"(\d+)\.png")
+    if arrays and integers:
+        raise DataError(folder / _DEPTH, "both .npy and .png files", "files of one kind")
+    if not integers:
+        return tuple(map(arrays.get, range(frames))), read_depth_npy
+    if depth_unit_m is None:
+        raise DataError(folder / _CAMERA, "no depth_unit_m", "it, since the depths are 16-bit PNG files")
+    return tuple(map(integers.get, range(frames))), partial(read_depth_png16, metres_per_unit=depth_unit_m)
+
+
+def _read_camera(path: Path) -> tuple[Camera, float | None]:
+    """Camera and depth unit of a ``camera.json`` file."""
+    entries = _read_object(path)
+    _require_keys(path, entries)
+    width, height = (_number(path, key, entries[key], whole=True, positive=True) for key in _COUNTS)
+    fx, fy = (_number(path, key, entries[key], positive=True) for key in _FOCAL)
+    cx, cy = (_number(path, key, entries[key]) for key in _CENTRE)
+    distortion = entries.get("distortion", [])
+    if not isinstance(distortion, list) or len(distortion) not in (0, 5):
+        raise DataError(path, f"distortion = {json.dumps(distortion)}", "a list of k1, k2, p1, p2, k3, or an empty one")
+    coefficients = tuple(_number(path, "distortion", value) for value in distortion)
+    unit = _number(path, "depth_unit_m", entries["depth_unit_m"], positive=True) if "depth_unit_m" in entries else None
+    return Camera(int(width), int(height), fx, fy, cx, cy, coefficients), unit
+
+
+def _require_keys(path: Path, entries: dict[str, Any]) -> None:
+    required = (*_COUNTS, *_FOCAL, *_CENTRE)
+    expected = f"{', '.join(required)} and, if need be, {', '.join(_OPTIONAL)}"
+    for key in required:
+        if key not in entries:
+            raise DataError(path, f"no {key}", expected)
+    for key in entries:
+        if key not in (*required, *_OPTIONAL):
+            raise DataError(path, f"unknown key {key!r}", expected)
+
+
+def _read_object(path: Path) -> dict[str, Any]:
+    try:
+        entries = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise DataError(path, "no such file", "the camera's width, height, fx, fy, cx and cy in JSON") from error
+    except json.JSONDecodeError as error:
+        raise DataError(f"{path}:{error.lineno}", f"no JSON ({error.msg})", "a JSON object") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError(path, "unreadable file", "a JSON object") from error
+    if not isinstance(entries, dict):
+        raise DataError(path, "JSON, but no object", "a JSON object")
+    return entries
+
+
+def _number(path: Path, key: str, value: Any, *, whole: bool = False, positive: bool = False) -> float:
+    kinds = int if whole else int | float
+    usable = isinstance(value, kinds) and not isinstance(value, bool) and math.isfinite(value)
+    if not usable or (positive and value <= 0):
+        expected = f"a {'whole' if whole else 'finite'} number{' above 0' if positive else ''}"
+        raise DataError(path, f"{key} = {json.dumps(value)}", expected)
+    return float(value)

@@ -1,0 +1,157 @@
+"""What every registered tracker must do."""
+
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import polars as pl
+import pytest
+
+from tracknoise.tables.schema import TrackEnd, TruthStatus
+from tracknoise.trackers.frame import Frame
+from tracknoise.trackers.registry import tracker_kinds, tracker_type
+from tracknoise.trackers.tracker import Setting, Step, TrackerSettings
+
+SIZE = (200, 160)
+FRAMES = 8
+
+
+class Still:
+    """True positions that never move."""
+
+    def anchor(self, index: int, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.column_stack([uv, np.ones(len(uv))]), np.full(len(uv), TruthStatus.valid, dtype=np.int8)
+
+    def project(self, index: int, points_world: np.ndarray) -> np.ndarray:
+        return points_world[:, :2].copy()
+
+
+@pytest.fixture(params=tracker_kinds())
+def settings(request: pytest.FixtureRequest, tmp_path: Path) -> TrackerSettings:
+    """Each tracker with settings under which tracks end early."""
+    options: dict[str, dict[str, object]] = {
+        "lucas-kanade": {"min_features": 80, "max_features": 100},
+        "correspondence": {"max_features": 100, "max_missed_frames": 1},
+        "oracle": {"outlier_rate": 0.1, "loss_rate": 0.1},
+        "imported": {"path": _track_file(tmp_path / "tracks.csv")},
+    }
+    return tracker_type(request.param)(**options.get(request.param, {}))
+
+
+def _track_file(path: Path) -> str:
+    rng = np.random.default_rng(0)
+    track, frame = np.nonzero(rng.random((40, FRAMES)) < 0.8)
+    u_px, v_px = rng.uniform(10, 150, (2, len(track)))
+    pl.DataFrame({"track": track, "frame": frame, "u_px": u_px, "v_px": v_px}).write_csv(path)
+    return str(path)
+
+
+def start(settings: TrackerSettings, size: tuple[int, int] = SIZE, speed: int = 1) -> Callable[[Frame], Step]:
+    return settings.start(Setting("scene", "default", 0, size, speed, 0, Still())).step
+
+
+def images() -> list[np.ndarray]:
+    """A texture that slides, jumps, goes black and returns."""
+    rng = np.random.default_rng(0)
+    noise = cv2.GaussianBlur(rng.normal(size=(260, 300)), (0, 0), 1.5)
+    texture = np.clip(128 + 500 * noise / np.ptp(noise), 0, 255).astype(np.uint8)
+    corners = [(2 * k, k) for k in range(FRAMES)]
+    corners[4] = (90, 60)
+    shown = [texture[y : y + SIZE[1], x : x + SIZE[0]].copy() for x, y in corners]
+    shown[5] = np.zeros_like(shown[5])
+    return shown
+
+
+def run(settings: TrackerSettings, speed: int = 1) -> list[Step]:
+    step = start(settings, speed=speed)
+    return [step(Frame(k, image)) for k, image in enumerate(images()) if k % speed == 0]
+
+
+def as_bytes(steps: list[Step]) -> list[bytes]:
+    return [pickle.dumps((s.ids, s.uv, s.born, s.response, s.ended_ids, s.ended, s.matched, s.alive)) for s in steps]
+
+
+def test_settings_pickle_and_hash(settings):
+    copy = pickle.loads(pickle.dumps(settings))
+    assert copy == settings
+    assert hash(copy) == hash(settings)
+
+
+@pytest.mark.parametrize("speed", [1, 2])
+def test_the_report_has_the_types_and_shapes_it_promises(settings, speed):
+    for step in run(settings, speed):
+        n, m = len(step.ids), len(step.ended_ids)
+        assert (step.ids.dtype, step.ids.shape) == (np.int64, (n,))
+        assert (step.uv.dtype, step.uv.shape) == (np.float64, (n, 2))
+        assert (step.born.dtype, step.born.shape) == (np.bool_, (n,))
+        assert (step.response.dtype, step.response.shape) == (np.float32, (n,))
+        assert (step.ended_ids.dtype, step.ended_ids.shape) == (np.int64, (m,))
+        assert (step.ended.dtype, step.ended.shape) == (np.int8, (m,))
+        assert np.isfinite(step.uv).all()
+
+
+@pytest.mark.parametrize("speed", [1, 3])
+def test_every_feature_is_reported_missed_or_ended_exactly_once(settings, speed):
+    may_miss = getattr(settings, "max_missed_frames", 0) > 0
+    alive: set[int] = set()
+    used: set[int] = set()
+    for step in run(settings, speed):
+        ids, ended, born = set(step.ids.tolist()), set(step.ended_ids.tolist()), set(step.ids[step.born].tolist())
+        assert len(ids) == len(step.ids)
+        assert len(ended) == len(step.ended_ids)
+        assert step.offered == len(alive)
+        assert not born & used
+        assert ended <= alive
+        assert ids - born <= alive - ended
+        missed = alive - ended - ids
+        assert may_miss or not missed
+        assert step.outliers == np.count_nonzero(step.ended == TrackEnd.outlier)
+        assert step.outliers <= step.matched <= step.offered
+        assert step.alive == len(ids) + len(missed)
+        assert not np.any(step.ended == TrackEnd.sequence_end)
+        alive, used = (alive - ended) | born, used | born
+    assert len(used) > 20
+
+
+def test_it_is_repeatable_whatever_the_count_of_threads(settings):
+    before = cv2.getNumThreads()
+    runs = []
+    try:
+        for threads in (1, 2, 1):
+            cv2.setNumThreads(threads)
+            runs.append(as_bytes(run(settings)))
+    finally:
+        cv2.setNumThreads(before)
+    assert runs[0] == runs[1] == runs[2]
+
+
+def test_trackers_at_work_do_not_disturb_each_other_on_shared_frames(settings):
+    alone = as_bytes(run(settings))
+    first, second = start(settings), start(settings)
+    shared = [Frame(k, image) for k, image in enumerate(images())]
+    both = [(first(frame), second(frame)) for frame in shared]
+    assert as_bytes([pair[0] for pair in both]) == as_bytes([pair[1] for pair in both]) == alone
+    assert all((frame.image == image).all() for frame, image in zip(shared, images(), strict=True))
+
+
+@pytest.mark.parametrize("size", [(1, 1), (5, 9), (16, 16), (17, 40)])
+@pytest.mark.parametrize("black", [True, False])
+def test_tiny_and_black_images_do_no_harm(settings, size, black):
+    step = start(settings, size=size)
+    shape = size[::-1]
+    for index in range(3):
+        noise = np.random.default_rng(index).integers(0, 255, shape).astype(np.uint8)
+        report = step(Frame(index, np.zeros(shape, np.uint8) if black else noise))
+        if settings.kind in ("lucas-kanade", "correspondence") and black:
+            assert report.alive == report.offered == 0
+        if settings.kind in ("lucas-kanade", "oracle") and min(size) <= 16:
+            assert report.alive == 0
+
+
+def test_one_frame_is_enough(settings):
+    step = start(settings)(Frame(0, images()[0]))
+    assert step.offered == step.matched == step.outliers == len(step.ended_ids) == 0
+    assert step.born.all()
+    assert step.new == step.alive > 0

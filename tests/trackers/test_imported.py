@@ -1,0 +1,133 @@
+import numpy as np
+import polars as pl
+import pytest
+
+from tracknoise.exceptions import DataError
+from tracknoise.tables.schema import TrackEnd
+from tracknoise.trackers.frame import Frame
+from tracknoise.trackers.imported import Imported
+from tracknoise.trackers.tracker import Step
+
+ROWS = {
+    "track": [7, 7, 7, 9, 9, 9, 4],
+    "frame": [0, 1, 2, 0, 2, 3, 2],
+    "u_px": [10.0, 11.0, 12.0, 20.0, 22.0, 23.0, 5.25],
+    "v_px": [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.5],
+}
+
+
+def written(path, rows=ROWS, **more) -> Imported:
+    table = pl.DataFrame({**rows, **more})
+    table.write_parquet(path) if path.suffix == ".parquet" else table.write_csv(path)
+    return Imported(str(path))
+
+
+def run(settings: Imported, setting, indices: range) -> list[Step]:
+    tracker = settings.start(setting)
+    return [tracker.step(Frame(k, np.zeros((50, 50), np.uint8))) for k in indices]
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_tracks_are_handed_out_and_a_gap_begins_a_new_one(suffix, tmp_path, setting):
+    steps = run(written(tmp_path / f"tracks.{suffix}"), setting(), range(5))
+    assert [step.ids.tolist() for step in steps] == [[0, 1], [0], [0, 2, 3], [3], []]
+    assert [step.born.tolist() for step in steps] == [[True, True], [False], [False, True, True], [False], []]
+    assert steps[2].uv.tolist() == [[12.0, 3.0], [5.25, 7.5], [22.0, 5.0]]
+    assert [step.ended_ids.tolist() for step in steps] == [[], [1], [], [0, 2], [3]]
+    assert all((step.ended == TrackEnd.lost).all() for step in steps)
+    assert [(step.offered, step.matched, step.alive) for step in steps] == [
+        (0, 0, 2),
+        (2, 1, 1),
+        (1, 1, 3),
+        (3, 1, 1),
+        (1, 0, 0),
+    ]
+
+
+def test_at_another_speed_only_frames_seen_count(tmp_path, setting):
+    steps = run(written(tmp_path / "tracks.csv"), setting(speed=2), range(0, 6, 2))
+    assert [step.ids.tolist() for step in steps] == [[0, 1], [0, 1, 2], []]
+    assert steps[1].uv.tolist() == [[12.0, 3.0], [22.0, 5.0], [5.25, 7.5]]
+
+
+def test_the_order_of_rows_does_not_matter(tmp_path, setting):
+    order = [6, 2, 5, 0, 3, 1, 4]
+    shuffled = {name: [values[i] for i in order] for name, values in ROWS.items()}
+    here = setting()
+    plain = run(written(tmp_path / "a.csv"), here, range(5))
+    other = run(written(tmp_path / "b.csv", shuffled), here, range(5))
+    assert [step.uv.tolist() for step in plain] == [step.uv.tolist() for step in other]
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_a_response_is_kept_where_known_and_other_columns_are_ignored(suffix, tmp_path, setting):
+    response = [3.0, None, None, 8.0, None, None, None]
+    settings = written(tmp_path / f"tracks.{suffix}", response=response, name=["x"] * 7)
+    steps = run(settings, setting(), range(3))
+    assert steps[0].response.tolist() == [3.0, 8.0]
+    assert np.isnan(steps[2].response).all()
+
+
+def test_placeholders_name_the_condition(tmp_path, setting):
+    written(tmp_path / "scene_default_0_2.csv")
+    settings = Imported(str(tmp_path / "{scene}_{lighting}_{rotation}_{speed}.csv"))
+    assert run(settings, setting(speed=2), range(1))[0].alive == 2
+    with pytest.raises(DataError, match=r"scene_default_0_1.csv: no such file, expected a file of tracks"):
+        settings.start(setting(speed=1))
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_a_file_without_rows_has_no_tracks(suffix, tmp_path, setting):
+    kinds = {"track": pl.Int64, "frame": pl.Int64, "u_px": pl.Float64, "v_px": pl.Float64}
+    path = tmp_path / f"tracks.{suffix}"
+    pl.DataFrame(schema=kinds).write_csv(path) if suffix == "csv" else pl.DataFrame(schema=kinds).write_parquet(path)
+    assert run(Imported(str(path)), setting(), range(2))[1].alive == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("track,frame,u_px\n1,0,2\n", r"no column v_px among track, frame, u_px, expected track, frame, u_px, v_px$"),
+        ("track,frame,u_px,v_px\n1,0,2,3\n1,1,abc,3\n", r"tracks.csv:3: u_px 'abc', expected a finite number$"),
+        ("track,frame,u_px,v_px\n1,0,2,nan\n", r"tracks.csv:2: v_px 'nan', expected a finite number$"),
+        ("track,frame,u_px,v_px\n1,0,2,inf\n", r"tracks.csv:2: v_px 'inf', expected a finite number$"),
+        ("track,frame,u_px,v_px\n1,0,2,\n", r"tracks.csv:2: v_px None, expected a finite number$"),
+        ("track,frame,u_px,v_px\n1,0.5,2,3\n", r"tracks.csv:2: frame '0.5', expected a whole number$"),
+        ("track,frame,u_px,v_px\n1,-1,2,3\n", r"tracks.csv:2: frame '-1', expected a frame not below 0$"),
+        ("track,frame,u_px,v_px\n1,0,2,3\n2,0,2,3\n1,0,5,5\n", r"tracks.csv:4: track '1', expected one row for each"),
+        ("track,frame,u_px,v_px,response\n1,0,2,3,high\n", r"tracks.csv:2: response 'high', expected a finite number$"),
+        ("track,frame,u_px,v_px\n1,0,2,3,4\n", r"tracks.csv: not readable \(.*\), expected a .csv file of tracks$"),
+        ("", r"tracks.csv: not readable \(.*\), expected a .csv file of tracks$"),
+    ],
+)
+def test_what_is_wrong_with_a_file_is_said_in_one_line(text, message, tmp_path, setting):
+    (tmp_path / "tracks.csv").write_text(text)
+    with pytest.raises(DataError, match=message) as caught:
+        Imported(str(tmp_path / "tracks.csv")).start(setting())
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"frame": [0.0] * 7}, r"column frame of type Float64, expected a whole number in each row$"),
+        ({"u_px": [True] * 7}, r"column u_px of type Boolean, expected a finite number in each row$"),
+        ({"v_px": [1.0, 2.0, float("nan"), 4.0, 5.0, 6.0, 7.0]}, r"tracks.parquet: row 3: v_px nan, expected"),
+    ],
+)
+def test_what_is_wrong_with_a_parquet_file_is_said_in_one_line(more, message, tmp_path, setting):
+    with pytest.raises(DataError, match=message):
+        written(tmp_path / "tracks.parquet", **more).start(setting())
+
+
+@pytest.mark.parametrize("name", ["tracks.parquet", "tracks.csv"])
+def test_bytes_that_are_no_table_are_refused(name, tmp_path, setting):
+    (tmp_path / name).write_bytes(b"\xff\xfe\x00PAR1 nonsense")
+    with pytest.raises(DataError, match=name):
+        Imported(str(tmp_path / name)).start(setting())
+
+
+@pytest.mark.parametrize("path", ["tracks.txt", "{scen}.csv", "{}.csv", "{scene.csv", "{scene.x}.csv"])
+def test_impossible_paths_are_refused_by_name(path):
+    with pytest.raises(ValueError, match="path is"):
+        Imported(path)

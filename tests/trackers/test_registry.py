@@ -1,0 +1,70 @@
+import pytest
+
+from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.trackers.correspondence import Correspondence
+from tracknoise.trackers.lucas_kanade import LucasKanade
+from tracknoise.trackers.oracle import Oracle
+from tracknoise.trackers.registry import make_tracker, tracker_defaults, tracker_kinds, tracker_type
+from tracknoise.trackers.rejection import Consensus, Model, Rejection
+
+
+def test_the_built_in_trackers_are_known_by_name():
+    assert tracker_kinds() == ["correspondence", "imported", "lucas-kanade", "oracle"]
+    assert all(tracker_type(kind).kind == kind for kind in tracker_kinds())
+    assert all(tracker_type(kind).description for kind in tracker_kinds())
+
+
+def test_options_become_settings_nested_ones_and_names_of_members_too():
+    made = make_tracker("lucas-kanade", {"window_px": 21, "rejection": {"model": "fundamental", "threshold_px": 1}})
+    assert made == LucasKanade(window_px=21, rejection=Rejection(model=Model.fundamental, threshold_px=1.0))
+    refined = make_tracker("correspondence", {"rejection": {"consensus": "refined"}})
+    assert refined == Correspondence(rejection=Rejection(consensus=Consensus.refined))
+    oracle = make_tracker("oracle", {"bias_px": [1, 0.5], "covariance_px2": [[1, 0], [0, 2]]})
+    assert oracle == Oracle(bias_px=(1.0, 0.5), covariance_px2=((1.0, 0.0), (0.0, 2.0)))
+    assert make_tracker("lucas-kanade") == LucasKanade()
+
+
+@pytest.mark.parametrize(
+    ("kind", "options", "message"),
+    [
+        (
+            "lucas-kanade",
+            {"windw_px": 15},
+            r"windw_px: unknown setting \(did you mean 'window_px'\?\); known: detection,",
+        ),
+        ("lucas-kanade", {"rejection": {"treshold_px": 3}}, r"rejection.treshold_px: unknown .*'threshold_px'"),
+        ("lucas-kanade", {"rejection": {"model": "affine"}}, r"rejection.model: .*'homography'.*found 'affine'$"),
+        (
+            "lucas-kanade",
+            {"rejection": {"threshold_px": -1}},
+            r"rejection.threshold_px is -1.0, expected a number above",
+        ),
+        ("lucas-kanade", {"window_px": 14}, r": window_px is 14, expected an odd number not below 3$"),
+        ("lucas-kanade", {"window_px": "15"}, r"window_px: .*integer, found '15'$"),
+        ("lucas-kanade", {"window_px": True}, r"window_px: .*integer, found True$"),
+        ("lucas-kanade", {"rejection": 3}, r"rejection: .*found 3$"),
+        ("lucas-kanade", {"rejection": object()}, r"expected what a TOML file can hold$"),
+        ("oracle", {"bias_px": [1.0]}, r"oracle.*bias_px"),
+        ("oracle", {"covariance_px2": [[1.0, 2.0], [2.0, 1.0]]}, r"covariance_px2 is .*eigenvalues$"),
+        ("imported", {}, r"'imported': path: missing, expected a value$"),
+        ("imported", {"path": "x.csv", "pth": "y"}, r"pth: unknown setting"),
+    ],
+)
+def test_wrong_options_are_refused_in_one_line_that_names_them(kind, options, message):
+    with pytest.raises(SettingsError, match=message) as caught:
+        make_tracker(kind, options)
+    assert "\n" not in str(caught.value)
+    assert f"tracker {kind!r}: " in str(caught.value)
+
+
+def test_an_unknown_tracker_is_refused_with_the_known_ones():
+    with pytest.raises(UnknownNameError, match=r"'lucas-kanade'.*known: correspondence, imported"):
+        make_tracker("lucas-kanda")
+
+
+def test_defaults_are_shown_as_toml_that_makes_the_same_tracker():
+    import tomllib
+
+    for kind in ("lucas-kanade", "correspondence", "oracle"):
+        assert make_tracker(kind, tomllib.loads(tracker_defaults(kind))) == tracker_type(kind)()
+    assert tracker_defaults("imported") == "# path = ... (required)"

@@ -61,7 +61,9 @@ def write_run(path: Path, world: World, *, seed: int = 0) -> RunFolder:
 
 
 def _toml(world: World) -> str:
-    blocks = [f'[[trackers]]\nname = "{name}"\nkind = "{name}"\n[trackers.options]\nwindow = 15' for name in world.trackers]
+    blocks = [
+        f'[[trackers]]\nname = "{name}"\nkind = "{name}"\n[trackers.options]\nwindow = 15' for name in world.trackers
+    ]
     trim_line = f"trim_percentile = {world.percentile or 100.0}"
     return "\n".join(
         [
@@ -118,20 +120,32 @@ def _condition(
     observations = pl.DataFrame(
         {
             "track": track, "frame": (first[track] + step) * speed, "age": step * speed,
-            "u_px": uv[:, 0], "v_px": uv[:, 1], "u_true_px": uv[:, 0] - error[:, 0], "v_true_px": uv[:, 1] - error[:, 1],
+            "u_px": uv[:, 0], "v_px": uv[:, 1],
+            "u_true_px": uv[:, 0] - error[:, 0], "v_true_px": uv[:, 1] - error[:, 1],
             "truth": np.broadcast_to(status, step.size), "du_px": error[:, 0], "dv_px": error[:, 1],
         }
     ).with_columns(kept=pl.lit(value=True))  # fmt: skip
     if not world.depth:
-        observations = observations.with_columns(pl.lit(None).alias(c) for c in ("u_true_px", "v_true_px", "du_px", "dv_px"))
+        observations = observations.with_columns(
+            pl.lit(None).alias(c) for c in ("u_true_px", "v_true_px", "du_px", "dv_px")
+        )
     end = np.where(first + life == seen, TrackEnd.sequence_end.name, TrackEnd.lost.name)
     tracks = pl.DataFrame({"track": np.arange(first.size), "first_frame": first * speed, "lifetime": life, "end": end})
-    tracks = tracks.with_columns(response=pl.lit(9.0), depth_m=pl.lit(3.0), max_error_px=pl.lit(None), kept=pl.lit(value=True))
+    tracks = tracks.with_columns(
+        response=pl.lit(9.0), depth_m=pl.lit(3.0), max_error_px=pl.lit(None), kept=pl.lit(value=True)
+    )
     alive = np.bincount(first[track] + step, minlength=seen)
     offered = np.concatenate([[0], alive[:-1]])
     outliers = rng.binomial(offered, 0.05 * worse)
     frames = pl.DataFrame(
-        {"frame": np.arange(seen) * speed, "offered": offered, "matched": offered, "outliers": outliers, "new": world.born, "alive": alive}
+        {
+            "frame": np.arange(seen) * speed,
+            "offered": offered,
+            "matched": offered,
+            "outliers": outliers,
+            "new": world.born,
+            "alive": alive,
+        }
     )
     made = ((observations, OBSERVATIONS), (tracks, TRACKS), (frames, FRAMES))
     observations, tracks, frames = (_labelled(table, origin).cast(dict(kinds)).select(*kinds) for table, kinds in made)

@@ -38,7 +38,7 @@ def render(spec: Mapping[str, Any], formats: tuple[str, ...]) -> dict[str, bytes
 
 def scripts() -> str:
     """Vega, Vega-Lite and Vega-Embed as one script that needs nothing else, fit to stand inside a page."""
-    bundle: str = vlc.javascript_bundle(vl_version=_version())
+    bundle: str = vlc.javascript_bundle("window.vegaEmbed = vegaEmbed;", vl_version=_version())
     return bundle.replace("</script", "<\\/script")
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import polars as pl
 
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.sentences import listing, number
+from tracknoise.report.sentences import TIMES, listing, number
 from tracknoise.report.tables import Cells, cells
 from tracknoise.tables.schema import TrackEnd, TruthStatus
 
@@ -36,7 +36,7 @@ def scenes(evidence: Evidence) -> Cells:
     entries = [entry for _, entry in sorted(evidence.manifest.sequences.items())]
     rows = [
         {name: getattr(entry, name) for name in columns if name != "size"}
-        | {"size": f"{entry.width} × {entry.height}", "seconds": f"{entry.seconds:.1f}"}
+        | {"size": f"{entry.width} {TIMES} {entry.height}", "seconds": f"{entry.seconds:.1f}"}
         for entry in entries
     ]
     kinds = dict.fromkeys(columns, pl.String) | {"rotation": pl.Int64, "n_frames": pl.Int64}
@@ -107,7 +107,9 @@ def _pivot(evidence: Evidence, kind: str, names: Mapping[str, str], caption: str
     wide = in_order(evidence, wide)
     shown = [_with_share(pl.col(name), pl.col("all")).alias(name) for name in names]
     result = cells(wide.with_columns(shown), {**keys, "all": "all", **names}, caption)
-    return Cells(caption, result.headings, result.rows, [name not in ("tracker", "lighting") for name in [*keys, "all", *names]])
+    return Cells(
+        caption, result.headings, result.rows, [name not in ("tracker", "lighting") for name in [*keys, "all", *names]]
+    )
 
 
 def _with_share(n: pl.Expr, total: pl.Expr) -> pl.Expr:
@@ -120,10 +122,9 @@ def _with_share(n: pl.Expr, total: pl.Expr) -> pl.Expr:
 
 def condition_columns(evidence: Evidence) -> dict[str, str]:
     """Columns that tell this run's conditions apart, with their headings."""
-    several = {"lighting": evidence.lightings, "rotation": evidence.rotations}
-    headings = {"lighting": "lighting", "rotation": "rotation (°)"}
-    extra = {name: headings[name] for name, values in several.items() if len(values) > 1}
-    return {"tracker": "tracker", "speed": "speed", **extra}
+    lighting = {"lighting": "lighting"} if len(evidence.lightings) > 1 else {}
+    rotation = {"rotation": "rotation (°)"} if len(evidence.rotations) > 1 else {}
+    return {"tracker": "tracker", "speed": "speed", **lighting, **rotation}
 
 
 def in_order(evidence: Evidence, table: pl.DataFrame) -> pl.DataFrame:
@@ -145,4 +146,10 @@ def _written(options: Mapping[str, Any]) -> str:
 
 
 def _value(value: object) -> str:
-    return listing(map(str, value)) if isinstance(value, list) else str(value).lower() if isinstance(value, bool) else str(value)
+    return (
+        listing(map(str, value))
+        if isinstance(value, list)
+        else str(value).lower()
+        if isinstance(value, bool)
+        else str(value)
+    )

@@ -13,11 +13,12 @@ from markupsafe import Markup
 from tracknoise.exceptions import StoreError, UnknownNameError
 from tracknoise.report import export, measured, tables
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures import FAMILIES, Absence, Figure
+from tracknoise.report.figures import FAMILIES, Figure
+from tracknoise.report.sentences import NU
 from tracknoise.tables.store import RunFolder
 
 _GROUPS = {"trimmed": "trimmed (px)", "untrimmed": "untrimmed (px)"}
-_ERRORS = {"nu": "ν", "eta": "η", "rms": "√Φ"}
+_ERRORS = {"nu": NU, "eta": "η", "rms": "√Φ"}
 
 
 def write_report(run: RunFolder, *, figure_formats: Sequence[str] = export.FORMATS) -> Path:
@@ -58,7 +59,7 @@ def _files(evidence: Evidence, formats: tuple[str, ...]) -> dict[str, bytes]:
         for figure in figures
         if isinstance(figure, Figure)
     }
-    files = {}
+    files: dict[str, bytes] = {}
     for name, spec in specs.items():
         files |= {f"figures/{name}.{kind}": content for kind, content in export.render(spec, formats).items()}
     for item in tables.EXPORTS:
@@ -71,7 +72,9 @@ def _files(evidence: Evidence, formats: tuple[str, ...]) -> dict[str, bytes]:
 
 def _page(evidence: Evidence, sections: Sequence[Any], specs: Mapping[str, Any], formats: tuple[str, ...]) -> str:
     loader = PackageLoader("tracknoise.report", "template")
-    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
     environment.tests["figure"] = lambda item: isinstance(item, Figure)
     raw = {name: Markup(loader.get_source(environment, name)[0]) for name in ("page.css", "page.js")}
     return environment.get_template("index.html.j2").render(
@@ -95,7 +98,13 @@ def _embedded(spec: Mapping[str, Any]) -> str:
 
 def _summary(evidence: Evidence) -> tables.Cells:
     conditions = measured.condition_columns(evidence)
-    lived = {"n_tracks": "tracks", "mean_lifetime": "mean", "median_lifetime": "median", "outlier_ratio": "outliers", "age": "age"}
+    lived = {
+        "n_tracks": "tracks",
+        "mean_lifetime": "mean",
+        "median_lifetime": "median",
+        "outlier_ratio": "outliers",
+        "age": "age",
+    }
     errors = {
         f"{trimming}_{statistic}_{axis}_px": f"{sign} {axis}"
         for trimming in _GROUPS

@@ -3,14 +3,15 @@
 from collections.abc import Iterable, Sequence
 
 SPACE = "\N{NO-BREAK SPACE}"
-MINUS, TIMES = "\N{MINUS SIGN}", "\N{MULTIPLICATION SIGN}"
+MINUS, DASH, TIMES = "\N{MINUS SIGN}", "\N{EN DASH}", "\N{MULTIPLICATION SIGN}"
+NU = "\N{GREEK SMALL LETTER NU}"
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def number(value: float | None, *, digits: int = 3) -> str:
     """Write a number to `digits` significant digits; whole numbers whole, a dash where it is missing."""
     if value is None:
-        return "–"
+        return DASH
     if isinstance(value, int) or abs(value) >= 10**digits:
         return f"{round(value):,}".replace("-", MINUS)
     if value != 0 and abs(value) < 1e-3:

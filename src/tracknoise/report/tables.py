@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import polars as pl
 
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.sentences import number, percent, pixels
+from tracknoise.report.sentences import DASH, MINUS, TIMES, number, percent, pixels
 
 _LATEX = {
     "\\": r"\textbackslash{}",
@@ -15,9 +15,9 @@ _LATEX = {
     "^": r"\textasciicircum{}",
     "<": r"\textless{}",
     ">": r"\textgreater{}",
-    "−": "$-$",
-    "–": "--",
-    "×": r"$\times$",
+    MINUS: "$-$",
+    DASH: "--",
+    TIMES: r"$\times$",
 }
 _SHARES = ("outlier_ratio", "pooled_ratio", "dropped_share", "survival")
 
@@ -57,7 +57,7 @@ def to_csv(table: pl.DataFrame) -> str:
 
 
 def to_latex(table: pl.DataFrame) -> str:
-    """Write a table as a LaTeX ``tabular`` that needs no package: numbers to four digits, a dash where one is missing."""
+    """Write a table as a LaTeX ``tabular`` without packages: numbers to four digits, a dash where one is missing."""
     alignment = "".join("r" if kind.is_numeric() else "l" for kind in table.dtypes)
     heading = " & ".join(map(escape_latex, table.columns))
     lines = [_latex_row(row) for row in table.iter_rows()]

@@ -167,7 +167,7 @@ def _numbers(fields: list[str], columns: str, place: str) -> list[float]:
 
 
 def _require_finite(values: NDArray[np.float64], places: Sequence[Place]) -> None:
-    finite = np.isfinite(values).reshape(len(values), -1).all(axis=1)
+    finite = np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
     for index in np.flatnonzero(~finite)[:1]:
         raise DataError(places[index], "NaN or infinity in the pose", "finite numbers")
 

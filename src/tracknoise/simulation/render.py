@@ -85,8 +85,9 @@ class Renderer:
         self._atlas = Atlas(world.textures)
         self._texture = world.texture
         self._gradient, self._offset = texture_gradients(world)
-        self._x = (_samples(camera.width, quality.supersampling) - camera.cx) / camera.fx
-        self._y = (_samples(camera.height, quality.supersampling) - camera.cy) / camera.fy
+        right, down = sample_offsets(quality.supersampling).T
+        self._x = (np.arange(camera.width) + right[:, None] - camera.cx) / camera.fx
+        self._y = (np.arange(camera.height)[:, None] + down - camera.cy) / camera.fy
         self._pitch = np.array([1.0 / camera.fx, 1.0 / camera.fy]) / quality.supersampling
         self._side = self._atlas.side(world.texture)
 
@@ -103,14 +104,13 @@ class Renderer:
         (height, width) float32
             0 (black) to 1 (the sensor's full range) and above.
         """
-        n, width = self._quality.supersampling, self._camera.width
         view = self._view(world_from_camera)
-        image = np.empty((self._camera.height, width), np.float32)
-        step = max(_RAYS_AT_ONCE // (len(self._x) * n), 1)
+        image = np.empty((self._camera.height, self._camera.width), np.float32)
+        step = max(_RAYS_AT_ONCE // self._x.size, 1)
         for top in range(0, len(image), step):
-            y, x = np.meshgrid(self._y[top * n : (top + step) * n], self._x, indexing="ij")
-            samples = self._shade(view, x.ravel(), y.ravel()).reshape(-1, n, width, n)
-            image[top : top + step] = samples.mean(axis=(1, 3), dtype=np.float32)
+            x, y = np.broadcast_arrays(self._x, self._y[top : top + step, :, None])  # (rows, samples, width)
+            samples = self._shade(view, x.ravel(), y.ravel()).reshape(x.shape)
+            image[top : top + step] = samples.mean(axis=1, dtype=np.float32)
         return image
 
     def _view(self, world_from_camera: NDArray[np.float64]) -> _View:
@@ -163,9 +163,27 @@ class Renderer:
         return total
 
 
-def _samples(pixels: int, per_pixel: int) -> NDArray[np.float64]:
-    """Coordinates of the samples along one side of an image, px, symmetric about each pixel's centre."""
-    return (np.arange(pixels * per_pixel) + 0.5) / per_pixel - 0.5
+def sample_offsets(supersampling: int) -> NDArray[np.float64]:
+    """Where in a pixel its rays go through.
+
+    One in each cell of an n x n grid, shifted within it so that no two rays share a row or column: an edge along the
+    image's axes then has n^2 shades instead of n. The pattern is point-symmetric about the pixel's centre.
+
+    Parameters
+    ----------
+    supersampling
+        n, at least 1.
+
+    Returns
+    -------
+    (n * n, 2) float64
+        Right and down from the pixel's centre, px.
+    """
+    n = supersampling
+    column, row = np.indices((n, n)).reshape(2, -1)
+    right = (column + (row + 0.5) / n) / n - 0.5
+    down = (row + (n - 1 - column + 0.5) / n) / n - 0.5
+    return np.stack([right, down], axis=-1)
 
 
 def _rotate(

@@ -6,14 +6,13 @@ from dataclasses import asdict, dataclass
 import altair as alt
 import polars as pl
 
-from tracknoise.report import style
 from tracknoise.report.figures import marks
-from tracknoise.report.figures.layout import Panel, Spec, arranged
-from tracknoise.report.sentences import listing, px
+from tracknoise.report.figures.layout import Chart, Panel, Spec, arranged
+from tracknoise.report.sentences import NU, listing, px
 from tracknoise.statistics.box import box_summary
 from tracknoise.statistics.summary import REFERENCE_AGE
 
-STATISTICS = {"nu": "mean error ν (px)", "eta": "mean absolute error η (px)", "Phi": "root second moment √Φ (px)"}
+STATISTICS = {"nu": f"mean error {NU} (px)", "eta": "mean absolute error η (px)", "Phi": "root second moment √Φ (px)"}
 """Rows of the grid, and what their axes say."""
 _AXES = {"u": "u (horizontal)", "v": "v (vertical)"}
 _ABOUT = {"Phi": "about zero", "central": "about the mean"}
@@ -102,17 +101,16 @@ def _row(points: pl.DataFrame, statistic: str, series: Series, *, boxes: bool) -
     panels = []
     for axis, label in _AXES.items():
         title = alt.Title(label if statistic == "nu" else "")
-        y = alt.Y(f"{axis}:Q", scale=alt.Scale(domain=bounds, nice=False), title=STATISTICS[statistic])
-        if axis == "v":
-            y.title = None
+        heading = STATISTICS[statistic] if axis == "u" else None
+        y = alt.Y(f"{axis}:Q", scale=alt.Scale(domain=bounds, nice=False), title=heading)
         lines = _lines(table, series, y).properties(title=title, width=240 if boxes else 395, height=_HEIGHT)
         panels.append(Panel(lines, (marks.shown(series.field, series.colours), marks.zoom("x"))))
         if boxes:
-            panels.append(Panel(_boxes(table.filter(statistic=statistic), axis, series, y)))
+            panels.append(Panel(_boxes(table.filter(statistic=statistic), axis, series, bounds)))
     return panels
 
 
-def _lines(table: pl.DataFrame, series: Series, y: alt.Y) -> alt.LayerChart:
+def _lines(table: pl.DataFrame, series: Series, y: alt.Y) -> Chart:
     labelled = table.with_columns(of=pl.col("statistic").replace(_ABOUT))
     tips = [
         alt.Tooltip(f"{series.field}:N"),
@@ -126,7 +124,9 @@ def _lines(table: pl.DataFrame, series: Series, y: alt.Y) -> alt.LayerChart:
     data = marks.rows(labelled.select(series.field, "at", "n", "u", "v", "of"))
     oldest = float(table["at"].max())  # type: ignore[arg-type]
     lines = alt.Chart(data).encode(
-        x=alt.X("at:Q", title="age (frames of the sequence)", scale=alt.Scale(domain=[0, 1.03 * (oldest or 1)], nice=False)),
+        x=alt.X(
+            "at:Q", title="age (frames of the sequence)", scale=alt.Scale(domain=[0, 1.03 * (oldest or 1)], nice=False)
+        ),
         y=y,
         color=marks.colour(series.field, series.colours, series.field),
         opacity=marks.opacity(series.field),
@@ -138,12 +138,12 @@ def _lines(table: pl.DataFrame, series: Series, y: alt.Y) -> alt.LayerChart:
     return alt.layer(curve, dots, zero)
 
 
-def _boxes(table: pl.DataFrame, axis: str, series: Series, y: alt.Y) -> alt.LayerChart:
+def _boxes(table: pl.DataFrame, axis: str, series: Series, bounds: list[float]) -> Chart:
     summaries = [
         {series.field: name, **asdict(box_summary(table.filter(pl.col(series.field) == name)[axis]))}
         for name in series.colours
     ]
-    bare = y.copy()
-    bare.title, bare.axis = None, alt.Axis(labels=False, ticks=False)
+    scale = alt.Scale(domain=bounds, nice=False)
+    bare = alt.Y("median:Q", scale=scale, title=None, axis=alt.Axis(labels=False, ticks=False))
     table = pl.DataFrame(summaries)
     return marks.boxes(table, field=series.field, colours=series.colours, y=bare, width=105, height=_HEIGHT)

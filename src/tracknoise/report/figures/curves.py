@@ -7,8 +7,10 @@ from tracknoise.report.figures.curve_grid import Series, grid, readings, when
 from tracknoise.report.figures.figure import Absence, Family, Figure
 from tracknoise.report.sentences import number
 
-_HOW = "Rows: mean error, mean absolute error, and the root of the second moment about zero (solid) with that of the " \
+_HOW = (
+    "Rows: mean error, mean absolute error, and the root of the second moment about zero (solid) with that of the "
     "covariance about the mean (dashed); columns: u and v."
+)
 
 
 def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
@@ -18,33 +20,36 @@ def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
 
 def _trimmed(evidence: Evidence) -> Figure | Absence:
     name, title = "curves-trimmed", f"Error by age at speed {evidence.slowest}, trimmed"
-    nominal = evidence.nominal(evidence.points).filter(trimming="trimmed", population=evidence.population)
-    if nominal.is_empty():
-        return Absence(name, title, _nothing(evidence))
-    share = "" if evidence.percentile is not None else " Nothing was trimmed in this run."
-    return Figure(
-        id=name,
-        title=title,
-        shows=f"Errors of the tracks that trimming kept{evidence.where}, as they age. {_HOW}{share}",
-        look_for=_numbers(evidence, "trimmed") + " A mean that leaves zero with age is drift; where dashed runs below "
-        "solid, a bias is part of the error.",
-        spec=grid(nominal, Series("tracker", evidence.colour), boxes=False),
-    )
+    kept = "the tracks that trimming kept"
+    if evidence.percentile is None:
+        title, kept = f"Error by age at speed {evidence.slowest}", "all tracks, for nothing was trimmed in this run,"
+    shows = f"Errors of {kept}{evidence.where} as they age. {_HOW}"
+    advice = "A mean that leaves zero with age is drift; where dashed runs below solid, a bias is part of the error."
+    return _figure(evidence, "trimmed", name, title, shows, advice)
 
 
 def _untrimmed(evidence: Evidence) -> Figure | Absence:
     name, title = "curves-untrimmed", f"Error by age at speed {evidence.slowest}, untrimmed"
-    nominal = evidence.nominal(evidence.points).filter(trimming="untrimmed", population=evidence.population)
-    if nominal.is_empty():
-        return Absence(name, title, _nothing(evidence))
-    return Figure(
-        id=name,
-        title=title,
-        shows=f"The same for all tracks{evidence.where}, none dropped; mind the other scale of the axes.",
-        look_for=_numbers(evidence, "untrimmed") + " What is larger here than above is due to the few tracks that "
-        "trimming dropped: an estimator meets them too.",
-        spec=grid(nominal, Series("tracker", evidence.colour), boxes=False),
+    if evidence.percentile is None:
+        return Absence(name, title, "Nothing was trimmed in this run, so this would show the same.")
+    shows = f"The same for all tracks{evidence.where}, none dropped; mind the other scale of the axes."
+    advice = (
+        "What differs from the figure above is the work of the tracks that were dropped: an estimator meets them too."
     )
+    return _figure(evidence, "untrimmed", name, title, shows, advice)
+
+
+def _figure(evidence: Evidence, trimming: str, name: str, title: str, shows: str, advice: str) -> Figure | Absence:
+    points = evidence.nominal(evidence.points).filter(trimming=trimming, population=evidence.population)
+    found = readings(points, "tracker", evidence.trackers)
+    if not found:
+        return Absence(name, title, _nothing(evidence))
+    parts = [
+        f"{one.name} has a mean error of {one.told('nu')}, and a root second moment of {one.told('Phi')}"
+        for one in found
+    ]
+    look_for = f"{when(found)} {'; '.join(parts)}. {advice}"
+    return Figure(name, title, shows, look_for, grid(points, Series("tracker", evidence.colour), boxes=False))
 
 
 def _nothing(evidence: Evidence) -> str:
@@ -54,20 +59,10 @@ def _nothing(evidence: Evidence) -> str:
     )
 
 
-def _numbers(evidence: Evidence, trimming: str) -> str:
-    points = evidence.nominal(evidence.points).filter(trimming=trimming, population=evidence.population)
-    found = readings(points, "tracker", evidence.trackers)
-    parts = [
-        f"{one.name} has a mean error of {one.told('nu')}, and a root second moment of {one.told('Phi')}"
-        for one in found
-    ]
-    return f"{when(found)} {'; '.join(parts)}."
-
-
 FAMILY = Family(
     id="curves",
     title="Error by age",
-    lead="How the error grows while a feature is tracked. Age counts frames of the sequence since the feature was first "
-    "seen, where its error is zero by construction.",
+    lead="How the error grows while a feature is tracked. Age counts frames of the sequence since the feature was "
+    "first seen, where its error is zero by construction.",
     figures=figures,
 )

@@ -10,14 +10,16 @@ from tracknoise.report.figures.curve_grid import Series, grid, readings, when
 from tracknoise.report.figures.figure import Absence, Family, Figure
 from tracknoise.report.sentences import listing
 
-_BOXES = "The box plots beside the curves show the curves' own values over all ages drawn: orange line the median, green " \
+_BOXES = (
+    "The box plots beside the curves show the curves' own values over all ages drawn: orange line the median, green "
     "triangle the mean, whiskers to the last value within 1.5 interquartile ranges."
+)
 
 
 def by_speed(evidence: Evidence) -> Sequence[Figure | Absence]:
     """One figure a tracker, one colour a speed."""
     if len(evidence.speeds) < 2:
-        only = f"Only speed {evidence.slowest} was run" if evidence.speeds else "No tracker was measured"
+        only = f"Only speed {evidence.slowest} was run" if evidence.speeds else "No tracker found a feature"
         return [Absence("curves-by-speed", "Error by age and speed", f"{only}, so there are no speeds to compare.")]
     return [_speeds_of(evidence, tracker) for tracker in evidence.trackers]
 
@@ -32,8 +34,8 @@ def by_lighting(evidence: Evidence) -> Sequence[Figure | Absence]:
 def _speeds_of(evidence: Evidence, tracker: str) -> Figure | Absence:
     points = _kept(evidence, evidence.reference(evidence.points), tracker)
     shows = (
-        f"Trimmed errors of {tracker} at every speed{evidence.where}: at speed s it sees every s-th frame only, so that "
-        "features move farther between the frames it sees. Dashed: about the mean."
+        f"Trimmed errors of {tracker} at every speed{evidence.where}: at speed s it sees every s-th frame only, so "
+        "that features move farther between the frames it sees. Dashed: about the mean."
     )
     advice = "Curves that lie on each other mean that error comes with age, whatever the number of steps it took."
     title, series = f"{tracker} by speed", Series("speed", evidence.speed_colours(tracker))
@@ -45,7 +47,9 @@ def _lightings_of(evidence: Evidence, tracker: str) -> Figure | Absence:
     points = _kept(evidence, evidence.points.filter(here), tracker)
     shows = f"Trimmed errors of {tracker} at speed {evidence.slowest} under every lighting. Dashed: about the mean."
     advice = "Curves that lie on each other mean that the lighting makes no difference."
-    colours = dict(zip(evidence.lightings, style.shades(evidence.colour[tracker], len(evidence.lightings)), strict=True))
+    colours = dict(
+        zip(evidence.lightings, style.shades(evidence.colour[tracker], len(evidence.lightings)), strict=True)
+    )
     series = Series("lighting", colours)
     return _figure(f"lighting-{evidence.slug(tracker)}", f"{tracker} by lighting", points, series, shows, advice)
 
@@ -54,9 +58,7 @@ def _kept(evidence: Evidence, points: pl.DataFrame, tracker: str) -> pl.DataFram
     return points.filter(tracker=tracker, trimming="trimmed", population=evidence.population)
 
 
-def _figure(
-    name: str, title: str, points: pl.DataFrame, series: Series, shows: str, advice: str
-) -> Figure | Absence:
+def _figure(name: str, title: str, points: pl.DataFrame, series: Series, shows: str, advice: str) -> Figure | Absence:
     found = readings(points, series.field, list(series.colours))
     if not found:
         return Absence(name, title, "No age has enough features with a known error, so there is no curve to draw.")

@@ -8,6 +8,7 @@ import altair as alt
 
 Spec: TypeAlias = dict[str, Any]
 """A Vega-Lite specification."""
+Chart: TypeAlias = alt.Chart | alt.LayerChart | alt.FacetChart
 Selection: TypeAlias = Mapping[str, Any]
 """A Vega-Lite selection parameter, without the views that it lives in."""
 
@@ -24,7 +25,7 @@ class Panel:
         Those of one name in several panels of a figure are one selection: what is muted in one is muted in all.
     """
 
-    chart: alt.Chart | alt.LayerChart
+    chart: Chart
     selections: tuple[Selection, ...] = ()
 
 
@@ -55,6 +56,6 @@ def arranged(panels: Sequence[Panel], *, columns: int, independent: Sequence[str
 
 
 def _unit(spec: Spec) -> Spec:
-    """The view that selections of a chart live in: its first layer, if it has layers."""
+    """The view that selections of a chart live in: its first layer, which must have the scales and the legend."""
     first: Spec = spec["layer"][0] if "layer" in spec else spec
     return first

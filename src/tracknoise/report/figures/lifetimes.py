@@ -1,6 +1,7 @@
 """How long tracks live: histogram and Kaplan-Meier survival, side by side."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import altair as alt
 import polars as pl
@@ -12,7 +13,7 @@ from tracknoise.report.figures.layout import Panel, Spec, arranged
 from tracknoise.report.sentences import count, number, percent
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
 
-_SIZE = {"width": 385, "height": 240}
+_SIZE: dict[str, Any] = {"width": 385, "height": 240}
 _UNIT = "lifetime (frames its tracker saw)"
 
 
@@ -49,8 +50,8 @@ def _by_speed(evidence: Evidence, tracker: str) -> Figure | Absence:
     return Figure(
         id=name,
         title=title,
-        shows=f"The same for {tracker} at every speed{evidence.where}; a lifetime counts the frames the tracker saw, so "
-        "that at speed 2 each of them is two frames of the sequence.",
+        shows=f"The same for {tracker} at every speed{evidence.where}; a lifetime counts the frames the tracker saw, "
+        "so that at speed 2 each of them is two frames of the sequence.",
         look_for=_numbers(table, list(evidence.speed_colours(tracker)), lead=f"For {tracker}, ", prefix="speed "),
         spec=_pair(table, evidence.speed_colours(tracker), "speed"),
     )
@@ -66,17 +67,18 @@ def _numbers(table: pl.DataFrame, names: Sequence[str], *, lead: str, prefix: st
     return f"{lead}{'; '.join(parts)}."
 
 
-def _sentence(name: str, row: Mapping[str, int | float | None]) -> str:
-    n, censored, mean, median = (row[key] for key in ("n_tracks", "n_censored", "mean_lifetime", "median_lifetime"))
-    half = "more than half of them outlive the data" if median is None else f"an estimated half live no longer than {median}"
-    share = percent(float(censored or 0) / float(n or 1))
-    return f"{name}: {count(int(n or 0), 'track')}, {number(mean)} frames on average, {half}; {share} cut by the end"
+def _sentence(name: str, row: Mapping[str, Any]) -> str:
+    median = row["median_lifetime"]
+    half = "more than half of them outlive the data" if median is None else f"an estimated half live up to {median}"
+    seen = f"{count(row['n_tracks'], 'track')}, seen in {number(row['mean_lifetime'])} frames on average"
+    return f"{name}: {seen}, {half}; {percent(row['n_censored'] / row['n_tracks'])} cut by the end"
 
 
 def _pair(table: pl.DataFrame, colours: Mapping[str, str], title: str) -> Spec:
-    look = {"color": marks.colour("series", colours, title), "opacity": marks.opacity("series")}
-    charts = [chart.encode(**look).properties(**_SIZE) for chart in (_histogram(table), _survival(table))]
-    return arranged([Panel(chart, (marks.shown("series", colours),)) for chart in charts], columns=2)
+    hue, opacity = marks.colour("series", colours, title), marks.opacity("series")
+    charts = [chart.encode(color=hue, opacity=opacity) for chart in (_histogram(table), _survival(table))]
+    shown = (marks.shown("series", colours),)
+    return arranged([Panel(chart.properties(**_SIZE), shown) for chart in charts], columns=2)
 
 
 def _histogram(table: pl.DataFrame) -> alt.Chart:
@@ -93,7 +95,8 @@ def _histogram(table: pl.DataFrame) -> alt.Chart:
     ]
     chart = alt.Chart(marks.rows(counts)).mark_line(interpolate="step")
     y = marks.log_count("tracks (count)", float(counts["drawn"].max()))  # type: ignore[arg-type]
-    return chart.encode(x=alt.X("lifetime:Q", title=_UNIT), y=y, tooltip=tips)
+    encoded: alt.Chart = chart.encode(x=alt.X("lifetime:Q", title=_UNIT), y=y, tooltip=tips)
+    return encoded
 
 
 def _survival(table: pl.DataFrame) -> alt.Chart:
@@ -103,7 +106,8 @@ def _survival(table: pl.DataFrame) -> alt.Chart:
     tips = [alt.Tooltip("series:N"), alt.Tooltip("lifetime:Q"), alt.Tooltip("survival:Q", format=".3f")]
     y = alt.Y("survival:Q", scale=alt.Scale(domain=[0, 1]), title="share of tracks that live longer")
     chart = alt.Chart(marks.rows(points)).mark_line(interpolate="step-after")
-    return chart.encode(x=alt.X("lifetime:Q", title=_UNIT), y=y, tooltip=tips)
+    encoded: alt.Chart = chart.encode(x=alt.X("lifetime:Q", title=_UNIT), y=y, tooltip=tips)
+    return encoded
 
 
 FAMILY = Family(

@@ -7,7 +7,7 @@ import polars as pl
 import polars.selectors as cs
 
 from tracknoise.report import style
-from tracknoise.report.figures.layout import Selection
+from tracknoise.report.figures.layout import Chart, Selection
 
 MUTED = 0.07
 _NONE = 0.6
@@ -72,9 +72,7 @@ def drawn_count(n: pl.Expr) -> pl.Expr:
     return n.cast(pl.Float64).clip(lower_bound=_NONE).alias("drawn")
 
 
-def boxes(
-    table: pl.DataFrame, *, field: str, colours: Mapping[str, str], y: alt.Y, width: int, height: int
-) -> alt.LayerChart:
+def boxes(table: pl.DataFrame, *, field: str, colours: Mapping[str, str], y: alt.Y, width: int, height: int) -> Chart:
     """Box plots: orange median, green triangle mean, whiskers to the last value within 1.5 interquartile ranges.
 
     Parameters
@@ -108,9 +106,11 @@ def boxes(
     box = base.mark_bar(size=across, fillOpacity=0.25, strokeWidth=1.2).encode(
         y=at("lower_quartile"),
         y2="upper_quartile:Q",
-        color=colour(field, colours, field, legend=False),
+        fill=alt.Fill(f"{field}:N", scale=_scale(colours), legend=None),
         stroke=alt.Stroke(f"{field}:N", scale=_scale(colours), legend=None),
     )
-    middle = base.mark_tick(color=style.MEDIAN, thickness=2.5, size=across, orient="horizontal", opacity=1).encode(y=at("median"))
+    middle = base.mark_tick(color=style.MEDIAN, thickness=2.5, size=across, orient="horizontal", opacity=1).encode(
+        y=at("median")
+    )
     mean = base.mark_point(shape="triangle-up", color=style.MEAN, size=36, opacity=1).encode(y=at("mean"))
     return alt.layer(lower, upper, *caps, box, middle, mean).properties(width=width, height=height)

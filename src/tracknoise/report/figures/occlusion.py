@@ -24,9 +24,8 @@ _KEYS = ["tracker", "speed", "statistic", "at"]
 
 def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
     """One figure: both populations, every tracker and speed."""
-    hidden = evidence.counts.filter(pl.col("name").is_in(["occluded", "out_of_image"]))["n"].sum()
-    if not hidden:
-        why = "Every feature with a known true position could be seen there, so there is nothing to leave out."
+    if not evidence.counts.filter(pl.col("name").is_in(["occluded", "out_of_image"]))["n"].sum():
+        why = "No feature was hidden from view at a known true position, so there is nothing to leave out."
         return [Absence("occlusion", _TITLE, why)]
     table = compare(evidence)
     if table.is_empty():
@@ -71,14 +70,14 @@ def _look_for(evidence: Evidence, table: pl.DataFrame) -> str:
     rows = {row["tracker"]: row for row in table.filter(statistic="Phi", speed=evidence.slowest).to_dicts()}
     parts = [_sentence(name, rows[name]) for name in evidence.trackers if name in rows]
     numbers = f"At speed {evidence.slowest}: {'; '.join(parts)}. " if parts else ""
-    return numbers + "Far apart, dot and ring mean that the tracker follows edges of things in front."
+    return numbers + "Where dot and ring are far apart, features that could not be seen decide part of the error."
 
 
 def _sentence(name: str, row: dict[str, float]) -> str:
     hidden = int(row["n_projected"] - row["n_visible"])
-    share = percent(abs(hidden) / row["n_projected"])
-    change = f"{px(row['u_projected'])} with and {px(row['u_visible'])} without them"
-    return f"{count(hidden, 'hidden feature')} ({share}) at age {row['at']}; {name}'s √Φ in u is {change}"
+    share = percent(hidden / row["n_projected"])
+    change = f"{px(row['u_projected'])} with them and {px(row['u_visible'])} without"
+    return f"{name} has {count(hidden, 'hidden feature')} ({share}) at age {row['at']}, and its √Φ in u is {change}"
 
 
 def _panel(evidence: Evidence, table: pl.DataFrame, key: tuple[str, str]) -> Panel:
@@ -107,7 +106,7 @@ def _panel(evidence: Evidence, table: pl.DataFrame, key: tuple[str, str]) -> Pan
 FAMILY = Family(
     id="occlusion",
     title="What could not be seen",
-    lead="A tracker may go on following a point that something else has come to hide: then it follows that other thing. "
-    "The paper counts such features; whether they count decides part of the error.",
+    lead="A tracker may go on following a point that something else has come to hide: then it follows that other "
+    "thing. The paper counts such features; whether they count decides part of the error.",
     figures=figures,
 )

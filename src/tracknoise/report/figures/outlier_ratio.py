@@ -41,18 +41,18 @@ def _by_speed(evidence: Evidence, table: pl.DataFrame) -> Figure:
     return Figure(
         id="outlier-ratio",
         title=_TITLE,
-        shows=f"The share of features that a tracker rejected in a frame, over all frames{evidence.where}: box from the "
-        "first to the third quartile, orange line the median, green triangle the mean, whiskers to the last frame "
+        shows=f"The share of features that a tracker rejected in a frame, over all frames{evidence.where}: box from "
+        "the first to the third quartile, orange line the median, green triangle the mean, whiskers to the last frame "
         "within 1.5 interquartile ranges.",
         look_for=_look_for(evidence, table),
-        spec=arranged(panels, columns=3, independent=["color", "stroke"]),
+        spec=arranged(panels, columns=3, independent=["fill", "stroke"]),
     )
 
 
 def _by_lighting(evidence: Evidence) -> Figure:
     rows = (pl.col("speed") == evidence.slowest) & (pl.col("rotation") == evidence.rotations[0])
     table = evidence.outliers.filter(rows)
-    colours = {name: style.QUIET for name in evidence.lightings}
+    colours = dict.fromkeys(evidence.lightings, style.QUIET)
     panels = [
         _panel(evidence, table.filter(tracker=tracker), "lighting", colours, tracker) for tracker in evidence.trackers
     ]
@@ -62,7 +62,7 @@ def _by_lighting(evidence: Evidence) -> Figure:
         title=f"{_TITLE} by lighting",
         shows=f"The same by lighting, at speed {evidence.slowest}.",
         look_for=f"Of all features carried into a frame, {'; '.join(part for part in parts if part)}.",
-        spec=arranged(panels, columns=3, independent=["color", "stroke"]),
+        spec=arranged(panels, columns=3, independent=["fill", "stroke"]),
     )
 
 
@@ -72,7 +72,9 @@ def _look_for(evidence: Evidence, table: pl.DataFrame) -> str:
         rows = table.filter(tracker=tracker).sort("speed").to_dicts()
         told = [f"{percent(row['pooled_ratio'])} at speed {row['speed']}" for row in rows]
         parts += [f"{tracker} rejected {listing(told)}"] if told else []
-    return f"Of all features carried into a frame, {'; '.join(parts)}. A mean above the median tells of a few bad frames."
+    return (
+        f"Of all features carried into a frame, {'; '.join(parts)}. A mean above the median tells of a few bad frames."
+    )
 
 
 def _range(tracker: str, table: pl.DataFrame) -> str:
@@ -84,9 +86,7 @@ def _range(tracker: str, table: pl.DataFrame) -> str:
     return f"{tracker} rejected from {ends[0]} to {ends[1]}"
 
 
-def _panel(
-    evidence: Evidence, table: pl.DataFrame, field: str, colours: Mapping[str, str], tracker: str
-) -> Panel:
+def _panel(evidence: Evidence, table: pl.DataFrame, field: str, colours: Mapping[str, str], tracker: str) -> Panel:
     largest = max([*evidence.outliers["upper_whisker"].drop_nulls(), *evidence.outliers["mean"].drop_nulls()])
     scale = alt.Scale(domain=[0, 1.05 * largest or 1.0], nice=False)
     width = 780 // min(3, max(2, len(evidence.trackers)))
@@ -98,7 +98,7 @@ def _panel(
 FAMILY = Family(
     id="outlier-ratio",
     title=_TITLE,
-    lead="Before a tracker reports a frame it rejects the features that do not move like the others. The outlier ratio is "
-    "the share it rejects of those it carried over from the previous frame.",
+    lead="Before a tracker reports a frame it rejects the features that do not move like the others. The outlier ratio "
+    "is the share it rejects of those it carried over from the previous frame.",
     figures=figures,
 )

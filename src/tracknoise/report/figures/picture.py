@@ -53,7 +53,9 @@ def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
     """One figure a scene, of the first few scenes."""
     entries = [entry for _, entry in sorted(evidence.manifest.sequences.items()) if _is_reference(evidence, entry)]
     if not entries:
-        return [Absence("picture", "The picture", "No scene was measured, so there is no frame to draw on.")]
+        return [
+            Absence("picture", "The picture", "No tracker found a feature, so there is nothing to draw on a frame.")
+        ]
     made: list[Figure | Absence] = [
         _figure(evidence, entry, place) for place, entry in enumerate(entries[:MOST_SCENES], start=1)
     ]
@@ -73,7 +75,9 @@ def _figure(evidence: Evidence, entry: SequenceEntry, place: int) -> Figure | Ab
     name, title = f"picture-{place}", f"Scene {entry.scene}"
     png = _image(evidence, entry)
     if png is None:
-        return Absence(name, title, f"The image of frame {entry.snapshot_frame} is missing or damaged in the run folder.")
+        return Absence(
+            name, title, f"The image of frame {entry.snapshot_frame} is missing or damaged in the run folder."
+        )
     scene = _scene(evidence, entry, png)
     if scene.features.is_empty():
         why = f"At speed {evidence.slowest} frame {entry.snapshot_frame} holds no feature of known error that is older "
@@ -107,7 +111,8 @@ def _spread(features: pl.DataFrame) -> pl.DataFrame:
     """At most `MOST_FEATURES` rows, evenly spread over the table."""
     if features.height <= MOST_FEATURES:
         return features
-    return features[np.linspace(0, features.height - 1, MOST_FEATURES).round().astype(int).tolist()]
+    chosen = np.linspace(0, features.height - 1, MOST_FEATURES).round().astype(np.int64)
+    return features.select(pl.all().gather(chosen))
 
 
 def _magnification(errors: pl.Series, width: int) -> int:
@@ -120,9 +125,9 @@ def _magnification(errors: pl.Series, width: int) -> int:
 def _shows(evidence: Evidence, scene: Scene) -> str:
     times = f"{scene.magnification} times as long as" if scene.magnification > 1 else "as long as"
     return (
-        f"Frame {scene.entry.snapshot_frame} at speed {evidence.slowest}{evidence.where}: a dot is where the tracker found a feature, "
-        f"the line leads from it towards where the feature truly was and is {times} the error; the thin trail is where "
-        f"it was found up to {TRAIL} times before. At most {MOST_FEATURES} features a tracker are drawn."
+        f"Frame {scene.entry.snapshot_frame} at speed {evidence.slowest}{evidence.where}: a dot is where the tracker "
+        f"found a feature, the line leads from it towards where the feature truly was and is {times} the "
+        f"error; the thin trail is where it was found up to {TRAIL} times before. At most {MOST_FEATURES} features a tracker are drawn."
     )
 
 
@@ -171,29 +176,45 @@ def _background(scene: Scene) -> alt.Chart:
     """The image, its first pixel's centre at 0 and its border half a pixel further out."""
     chart = alt.Chart(alt.NamedData("image")).mark_image(aspect=False, clip=True)
     x, y = _x("left:Q", scene), _y("top:Q", scene)
-    return chart.encode(x=x, x2="right:Q", y=y, y2="bottom:Q", url="url:N")
+    encoded: alt.Chart = chart.encode(x=x, x2="right:Q", y=y, y2="bottom:Q", url="url:N")
+    return encoded
 
 
 def _trails(scene: Scene, tracker: str) -> alt.Chart:
     """One line for all tracks, broken after each by a row without a position: many lines take long to draw."""
     table = scene.trails.filter(tracker=tracker).select("track", "frame", u="u_px", v="v_px")
     breaks = table.select("track").unique().with_columns(frame=pl.lit(_LAST, dtype=pl.UInt32), u=None, v=None)
-    ordered = pl.concat([table, breaks.cast(dict(table.schema))]).sort("track", "frame").with_row_index("place")
+    ordered = pl.concat([table, breaks.cast(table.schema)]).sort("track", "frame").with_row_index("place")
     chart = alt.Chart(marks.rows(ordered.select("place", "u", "v")))
     line = chart.mark_line(clip=True, color="#ffffff", strokeWidth=0.9, opacity=0.6, invalid="break-paths-show-domains")
-    return line.encode(x=_x("u:Q", scene), y=_y("v:Q", scene), order="place:Q")
+    encoded: alt.Chart = line.encode(x=_x("u:Q", scene), y=_y("v:Q", scene), order="place:Q")
+    return encoded
 
 
 def _errors(scene: Scene, tracker: str) -> list[alt.Chart]:
     length = scene.magnification * pl.min_horizontal(1.0, scene.longest_px / pl.col("error_px"))
-    table = scene.features.filter(tracker=tracker).select(
-        "track", "age", "truth", u="u_px", v="v_px", du="du_px", dv="dv_px", error="error_px",
-        u_tip=pl.col("u_px") - length * pl.col("du_px"), v_tip=pl.col("v_px") - length * pl.col("dv_px"),
-    ).fill_nan(None)
+    table = (
+        scene.features.filter(tracker=tracker)
+        .select(
+            "track",
+            "age",
+            "truth",
+            u="u_px",
+            v="v_px",
+            du="du_px",
+            dv="dv_px",
+            error="error_px",
+            u_tip=pl.col("u_px") - length * pl.col("du_px"),
+            v_tip=pl.col("v_px") - length * pl.col("dv_px"),
+        )
+        .fill_nan(None)
+    )
     scale = alt.Scale(domain=[0, scene.longest_px / 2, scene.longest_px], range=_ERROR_COLOURS, clamp=True)
     tips = [alt.Tooltip(f"{name}:Q", title=title) for name, title in _TIPS.items()] + [alt.Tooltip("truth:N")]
     base = alt.Chart(marks.rows(table)).encode(
-        x=_x("u:Q", scene), y=_y("v:Q", scene), tooltip=tips,
+        x=_x("u:Q", scene),
+        y=_y("v:Q", scene),
+        tooltip=tips,
         color=alt.Color("error:Q", scale=scale, title="error (px)"),
     )
     return [
@@ -202,7 +223,13 @@ def _errors(scene: Scene, tracker: str) -> list[alt.Chart]:
     ]
 
 
-_TIPS = {"error": "error (px)", "du": "error in u (px)", "dv": "error in v (px)", "age": "age (frames)", "track": "track"}
+_TIPS = {
+    "error": "error (px)",
+    "du": "error in u (px)",
+    "dv": "error in v (px)",
+    "age": "age (frames)",
+    "track": "track",
+}
 
 FAMILY = Family(
     id="picture",

@@ -10,7 +10,7 @@ from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Family, Figure
 from tracknoise.report.figures.layout import Panel, arranged
-from tracknoise.report.sentences import count
+from tracknoise.report.sentences import count, number
 from tracknoise.statistics.lifetimes import surviving
 
 _TITLE = "Features surviving by age"
@@ -44,7 +44,7 @@ def _figure(evidence: Evidence, table: pl.DataFrame, nominal: pl.DataFrame) -> F
         title=_TITLE,
         shows=f"How many features were still tracked at each age{evidence.where} (logarithmic), all scenes together: "
         "solid all tracks, dashed those whose error is known and that trimming kept. The horizontal line marks "
-        f"{evidence.min_features} features, under which curves are cut.",
+        f"{number(evidence.min_features)} features, under which curves are cut.",
         look_for=_look_for(evidence, nominal),
         spec=arranged(panels, columns=2, independent=["color"]),
     )
@@ -52,19 +52,21 @@ def _figure(evidence: Evidence, table: pl.DataFrame, nominal: pl.DataFrame) -> F
 
 def _look_for(evidence: Evidence, nominal: pl.DataFrame) -> str:
     parts = [_sentence(evidence, tracker, nominal.filter(tracker=tracker, of=_ALL)) for tracker in evidence.trackers]
-    return f"At speed {evidence.slowest}: " + "; ".join(part for part in parts if part) + ". A straight line means that a "\
+    return (
+        f"At speed {evidence.slowest}: " + "; ".join(part for part in parts if part) + ". A straight line means that a "
         "track's chance to be lost does not depend on its age."
+    )
 
 
 def _sentence(evidence: Evidence, tracker: str, counts: pl.DataFrame) -> str:
     if counts.is_empty():
         return ""
     begun = int(counts.filter(age=0)["n"].sum())
-    enough = counts.filter(pl.col("n") >= evidence.min_features)["age"].max()
-    half = counts.filter(pl.col("n") * 2 >= begun)["age"].max()
-    told = f"{tracker} began {count(begun, 'feature')}, and at least half of them reach age {half}"
-    lasts = f"{evidence.min_features} or more are left up to age {enough}"
-    return f"{told}; {lasts if enough is not None else f'it never has {evidence.min_features}'}"
+    enough = counts.filter(pl.col("n") >= evidence.min_features)["age"].to_list()
+    half = counts.filter(pl.col("n") * 2 >= begun)["age"].to_list()
+    limit = number(evidence.min_features)
+    last = f"{limit} or more are left up to age {max(enough)}" if enough else f"never are there {limit}"
+    return f"{tracker} began {count(begun, 'feature')}, of which at least half reach age {max(half)}; {last}"
 
 
 def _speed_panel(evidence: Evidence, table: pl.DataFrame, tracker: str) -> Panel:
@@ -72,9 +74,7 @@ def _speed_panel(evidence: Evidence, table: pl.DataFrame, tracker: str) -> Panel
     return _panel(counts, "speed", evidence.speed_colours(tracker), evidence, title=f"{tracker}, every speed")
 
 
-def _panel(
-    counts: pl.DataFrame, field: str, colours: Mapping[str, str], evidence: Evidence, *, title: str
-) -> Panel:
+def _panel(counts: pl.DataFrame, field: str, colours: Mapping[str, str], evidence: Evidence, *, title: str) -> Panel:
     table = counts.select(field, "of", "age", "n", marks.drawn_count(pl.col("n"))).sort(field, "of", "age")
     tips = [alt.Tooltip(f"{field}:N"), alt.Tooltip("of:N", title="counted"), alt.Tooltip("age:Q"), alt.Tooltip("n:Q")]
     dash = alt.StrokeDash("of:N", scale=alt.Scale(domain=[_ALL, _MEASURED], range=[[1, 0], [4, 3]]), legend=None)
@@ -91,8 +91,8 @@ def _panel(
             tooltip=tips,
         )
     )
-    limit = alt.Chart(alt.InlineData(values=[{"drawn": evidence.min_features}])).mark_rule(color=style.QUIET)
-    layers = alt.layer(limit.encode(y="drawn:Q"), lines).properties(width=385, height=230, title=title)
+    limit = alt.Chart(alt.InlineData(values=[{"drawn": evidence.min_features}])).mark_rule(color=style.QUIET, clip=True)
+    layers = alt.layer(lines, limit.encode(y="drawn:Q")).properties(width=385, height=230, title=title)
     return Panel(layers, (marks.shown(field, colours),))
 
 

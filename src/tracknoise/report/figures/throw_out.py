@@ -22,13 +22,15 @@ def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
     if not table["n"].sum():
         return [Absence("errors", _TITLE, "No track has a known true position, so there is no error to count.")]
     trackers = [name for name in evidence.trackers if table.filter(tracker=name)["n"].sum()]
-    panels = [_panel(evidence, tracker, table, width=max(240, 850 // min(2, len(trackers)) - 40)) for tracker in trackers]
+    panels = [
+        _panel(evidence, tracker, table, width=max(240, 850 // min(2, len(trackers)) - 40)) for tracker in trackers
+    ]
     figure = Figure(
         id="errors",
         title=_TITLE,
-        shows="For every track the largest distance between where the tracker found it and where it was, over its whole "
-        f"life{evidence.where}, both axes logarithmic; the leftmost bin holds all errors below {_first_bound(table)}. "
-        + _cut_explained(evidence),
+        shows="For every track the largest distance between where the tracker found it and where it was, over its "
+        f"whole life{evidence.where}, both axes logarithmic; the leftmost bin holds all errors below "
+        f"{_first_bound(table)}. " + _cut_explained(evidence),
         look_for=_look_for(evidence, trackers),
         spec=arranged(panels, columns=2, independent=["color"]),
     )
@@ -36,7 +38,7 @@ def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
 
 
 def _first_bound(table: pl.DataFrame) -> str:
-    return f"{table.filter(bin_low_px=0.0)['bin_high_px'].min():g}{SPACE}px"
+    return f"{table.filter(bin_low_px=0.0)['bin_high_px'][0]:g}{SPACE}px"
 
 
 def _cut_explained(evidence: Evidence) -> str:
@@ -50,24 +52,31 @@ def _cut_explained(evidence: Evidence) -> str:
 
 def _look_for(evidence: Evidence, trackers: Sequence[str]) -> str:
     parts = [_sentence(evidence, tracker) for tracker in trackers]
-    return f"At speed {evidence.slowest}: " + "; ".join(parts) + ". A second hump on the right is a group of tracks that follow the wrong thing."
+    return (
+        f"At speed {evidence.slowest}: "
+        + "; ".join(parts)
+        + ". A second hump on the right is a group of tracks that follow the wrong thing."
+    )
 
 
 def _sentence(evidence: Evidence, tracker: str) -> str:
     lived = evidence.nominal(evidence.lifetimes).filter(tracker=tracker)
     total, once = (_tracks(lived), _tracks(lived.filter(lifetime=1)))
-    seen_once = f"of {tracker}'s {count(total, 'track')}, {number(once)} have only their first frame, where the error is 0"
+    seen_once = (
+        f"of {tracker}'s {count(total, 'track')}, {number(once)} have only their first frame, where the error is 0"
+    )
     trims = evidence.nominal(evidence.trims).filter(tracker=tracker)
     cuts = trims["threshold_px"].drop_nulls().sort().to_list()
     if evidence.percentile is None or not cuts:
         return seen_once
-    dropped, measured = trims["n_dropped"].sum(), trims["n_measured"].sum()
-    where = px(cuts[0]) if len(cuts) == 1 else f"{px(cuts[0])} to {px(cuts[-1])}, depending on the scene"
-    return f"{seen_once}; the cut lies at {where}, and {percent(dropped / measured)} were dropped"
+    dropped, measured = int(trims["n_dropped"].sum()), int(trims["n_measured"].sum())
+    low, high = px(cuts[0]), px(cuts[-1])
+    where = low if low == high else f"{low} to {high}, depending on the scene,"
+    return f"{seen_once}; the cut lies at {where} and drops {percent(dropped / measured)} of those with a known error"
 
 
 def _tracks(lifetimes: pl.DataFrame) -> int:
-    return int(lifetimes["n_ended"].sum() + lifetimes["n_censored"].sum())
+    return int(lifetimes["n_ended"].sum()) + int(lifetimes["n_censored"].sum())
 
 
 def _panel(evidence: Evidence, tracker: str, errors: pl.DataFrame, *, width: int) -> Panel:
@@ -96,7 +105,8 @@ def _histogram(bins: pl.DataFrame, hue: alt.Color) -> alt.Chart:
     ]
     y = marks.log_count("tracks (count)", float(table["drawn"].max()))  # type: ignore[arg-type]
     chart = alt.Chart(marks.rows(table)).mark_line(interpolate="step-after")
-    return chart.encode(x=x, y=y, color=hue, opacity=marks.opacity("speed"), tooltip=tips)
+    encoded: alt.Chart = chart.encode(x=x, y=y, color=hue, opacity=marks.opacity("speed"), tooltip=tips)
+    return encoded
 
 
 def _cuts(evidence: Evidence, tracker: str, hue: alt.Color) -> alt.Chart:
@@ -108,13 +118,14 @@ def _cuts(evidence: Evidence, tracker: str, hue: alt.Color) -> alt.Chart:
     table = cuts.with_columns(pl.col("speed").cast(pl.String))
     tips = [alt.Tooltip("speed:N"), alt.Tooltip("cut:Q", title="cut (px)")]
     chart = alt.Chart(marks.rows(table)).mark_rule(strokeDash=[5, 3], strokeWidth=1.5, color=style.INK)
-    return chart.encode(x="cut:Q", color=hue, opacity=marks.opacity("speed"), tooltip=tips)
+    encoded: alt.Chart = chart.encode(x="cut:Q", color=hue, opacity=marks.opacity("speed"), tooltip=tips)
+    return encoded
 
 
 FAMILY = Family(
     id="errors-before-trimming",
     title=_TITLE,
-    lead="Some tracks follow the wrong thing. Trimming drops the tracks with the largest errors, scene by scene, as the "
-    "paper does; what is dropped is no longer in the curves that follow, unless they say untrimmed.",
+    lead="Some tracks follow the wrong thing. Trimming drops the tracks with the largest errors, scene by scene, as "
+    "the paper does; what is dropped is no longer in the curves that follow, unless they say untrimmed.",
     figures=figures,
 )

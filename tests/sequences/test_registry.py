@@ -1,0 +1,59 @@
+import pytest
+
+from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.sequences.registry import make_reader, open_sequence, reader_names, reader_type, select
+from tracknoise.sequences.sequence import SequenceId
+from tracknoise.sequences.sevenscenes import SevenScenes
+
+
+def test_names():
+    assert {"folder", "sevenscenes", "simulated", "tartanair"} <= set(reader_names())
+    assert reader_names() == sorted(reader_names())
+
+
+@pytest.mark.parametrize("name", reader_names())
+def test_each_reader_says_what_it_is(name):
+    kind = reader_type(name)
+    assert kind.name == name
+    assert kind.description
+    assert isinstance(kind.needs_root, bool)
+
+
+def test_an_unknown_reader_lists_the_known():
+    with pytest.raises(UnknownNameError) as caught:
+        make_reader("sevenscene")
+    assert str(caught.value).startswith("unknown dataset reader 'sevenscene' (did you mean 'sevenscenes'?); known: ")
+
+
+def test_options_are_checked(tmp_path):
+    with pytest.raises(SettingsError, match="unknown option of reader 'tartanair' 'camra'"):
+        make_reader("tartanair", tmp_path, {"camra": "left"})
+    with pytest.raises(SettingsError, match="reader 'sevenscenes' needs the folder of its data"):
+        make_reader("sevenscenes")
+
+
+class Listed(SevenScenes):
+    def sequences(self):
+        return [
+            SequenceId("x", "a", "dim"),
+            SequenceId("x", "a", "lit"),
+            SequenceId("x", "b", "lit"),
+        ]
+
+
+def test_select_takes_the_first_that_matches(tmp_path):
+    reader = Listed(tmp_path)
+    assert select(reader) == SequenceId("x", "a", "dim")
+    assert select(reader, "b") == SequenceId("x", "b", "lit")
+    assert select(reader, None, "lit") == SequenceId("x", "a", "lit")
+    with pytest.raises(UnknownNameError, match="unknown scene 'c'; known: a, b"):
+        select(reader, "c")
+    with pytest.raises(UnknownNameError, match="unknown lighting 'dim'; known: lit"):
+        select(reader, "b", "dim")
+
+
+def test_open_sequence_takes_names_and_paths(tmp_path, write_sevenscenes):
+    for scene in ("a", "b"):
+        write_sevenscenes(tmp_path / scene, frames=1)
+    assert open_sequence("sevenscenes", str(tmp_path)).id.scene == "a"
+    assert open_sequence("sevenscenes", tmp_path, scene="b").id.scene == "b"

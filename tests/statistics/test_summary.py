@@ -47,27 +47,27 @@ def test_one_row_says_it_all(observations, tracks, frames) -> None:
 def test_the_reference_age_is_the_last_one_up_to_the_limit(by_age) -> None:
     assert summarise(by_age([0, 4, 8, 12]))["age"] == 8
     assert summarise(by_age([0, 4, 8, 12]), age=12)["age"] == 12
-    assert summarise(by_age([0, 4, 8, 12]), age=3)["age"] == 0
+    assert summarise(by_age([0, 4, 8, 12]), age=3)["age"] is None  # at age 0 there is no error to speak of
 
 
 def test_the_reference_age_is_not_cut_trimmed_or_untrimmed(by_age) -> None:
-    ages, kept = [0] * 3 + [1] * 3 + [2] * 2, [True] * 3 + [True, True, False] + [True] * 2
-    assert summarise(by_age(ages, kept=kept, min_features=2))["age"] == 2
-    assert summarise(by_age(ages, kept=kept, min_features=3))["age"] == 0
+    ages, kept = [1] * 3 + [2] * 3 + [3] * 2, [True] * 3 + [True, True, False] + [True] * 2
+    assert summarise(by_age(ages, kept=kept, min_features=2))["age"] == 3
+    assert summarise(by_age(ages, kept=kept, min_features=3))["age"] == 1
 
 
 def test_an_age_that_trimming_emptied_is_not_used(by_age) -> None:
-    assert summarise(by_age([0, 1], kept=[True, False]))["age"] == 0
+    assert summarise(by_age([1, 2], kept=[True, False]))["age"] == 1
 
 
 def test_too_few_features_everywhere_leave_the_errors_null(by_age) -> None:
-    row = summarise(by_age([0, 1], min_features=100))
+    row = summarise(by_age([1, 2], min_features=100))
     errors = [name for name in row if name.startswith(("trimmed", "untrimmed"))]
     assert [row[name] for name in ["age", *errors]] == [None] * (1 + len(errors))
 
 
 def test_the_population_is_chosen(by_age) -> None:
-    table = by_age([0, 0], truth=["valid", "occluded"], du_px=[1.0, 3.0])
+    table = by_age([1, 1], truth=["valid", "occluded"], du_px=[1.0, 3.0])
     assert summarise(table)["untrimmed_nu_u_px"] == 1.0
     assert summarise(table, population="projected")["untrimmed_nu_u_px"] == 2.0
 

@@ -26,8 +26,9 @@ def summary(
     curves, lifetimes, outliers
         What the functions of these names (`outlier_ratios` for the last) returned for the same scenes.
     age
-        The reference age of a condition is the largest one not above this, in frames of the nominal sequence, at which
+        The reference age of a condition is the largest one from 1 to this, in frames of the nominal sequence, at which
         neither its trimmed nor its untrimmed curves are cut. It differs between speeds whose frames do not coincide.
+        At age 0 there is no error to speak of.
     population
         Which observations the errors are of: `visible` or `projected`.
 
@@ -46,7 +47,7 @@ def summary(
     """
     if population not in POPULATIONS:
         raise UnknownNameError("population", population, POPULATIONS)
-    chosen = (pl.col("weighting") == "features") & (pl.col("population") == population) & (pl.col("at") <= age)
+    chosen = (pl.col("weighting") == "features") & (pl.col("population") == population) & pl.col("at").is_between(1, age)
     points = check(curves, CURVES, "curves").filter(chosen)
     lived = mean_lifetime(lifetimes).join(median_survival(lifetimes), on=POOLED)
     rejected = check(outliers, OUTLIERS, "outliers").select(*POOLED, outlier_ratio="pooled_ratio")

@@ -51,7 +51,7 @@ def grid(points: pl.DataFrame, series: Series, *, boxes: bool) -> Spec:
     present = [name for name in series.colours if name in named[series.field].unique()]
     chosen = Series(series.field, {name: series.colours[name] for name in present})
     panels = [panel for statistic in STATISTICS for panel in _row(named, statistic, chosen, boxes=boxes)]
-    return arranged(panels, columns=4 if boxes else 2)
+    return arranged(panels, columns=4 if boxes else 2, independent=["fill", "stroke"])
 
 
 @dataclass(frozen=True, slots=True)

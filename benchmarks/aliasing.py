@@ -5,6 +5,8 @@ absolute error at age 10 (eta) is compared. Tracks whose true point is hidden in
 largest tenth, are left out of both.
 """
 
+from itertools import pairwise
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -83,7 +85,7 @@ def _true_positions(sequence: SimulatedSequence, start: int, corners: NDArray[np
 def _track(images: Images, corners: NDArray[np.float32]) -> NDArray[np.float64]:
     """(n, 2) where Lucas-Kanade ends up, px; NaN where it lost its way."""
     positions, found = corners.copy(), np.ones(len(corners), bool)
-    for previous, image in zip(images, images[1:], strict=False):
+    for previous, image in pairwise(images):
         positions, status, _ = cv2.calcOpticalFlowPyrLK(previous, image, positions, None, winSize=(15, 15), maxLevel=4)
         found &= status.ravel() == 1
     return np.where(found[:, None], positions, np.nan).astype(np.float64)

@@ -1,5 +1,6 @@
 """A run folder of made-up measurements whose distributions are known: no images, no trackers."""
 
+import json
 import struct
 import zlib
 from collections.abc import Sequence
@@ -21,6 +22,29 @@ from tracknoise.tables.schema import FRAMES, OBSERVATIONS, ORIGIN, TRACKS, Track
 from tracknoise.tables.store import Manifest, RunFolder, SequenceEntry
 
 WIDTH, HEIGHT = 160, 120
+SMALL: dict[str, object] = {
+    "scenes": ("fixating", "forward"),
+    "speeds": (1, 2),
+    "n_frames": 20,
+    "born": 20,
+    "min_features": 40,
+}
+"""Settings of a world that is quick to draw."""
+DEGENERATE: dict[str, dict[str, object]] = {
+    "one of everything": {"scenes": ("only",), "trackers": ("lucas-kanade",), "speeds": (1,)},
+    "no feature found": {"born": 0},
+    "no age has enough features": {"min_features": 10**6},
+    "only age 0 has enough features": {"loss": 1.0, "min_features": 10},
+    "a perfect tracker": {"sigma_px": 0.0, "bias_px": 0.0, "hidden": 0.0},
+    "no depth": {"depth": False},
+    "everything censored": {"loss": 1e-12},
+    "nothing trimmed": {"percentile": None},
+    "no image": {"snapshot": False},
+    "three lightings": {"lightings": ("led-1", "led-2", "led-3"), "scenes": ("only",)},
+    "all that is projected": {"population": "projected", "hidden": 0.3},
+    "odd names": {"trackers": ('<b>"&\\_%', "$%_<b>"), "scenes": ("a/b c", "<i>")},
+}
+"""Worlds at the edge of what a report can be about, by what is odd about them."""
 
 
 @dataclass(frozen=True)
@@ -61,19 +85,17 @@ def write_run(path: Path, world: World, *, seed: int = 0) -> RunFolder:
 
 
 def _toml(world: World) -> str:
-    blocks = [
-        f'[[trackers]]\nname = "{name}"\nkind = "{name}"\n[trackers.options]\nwindow = 15' for name in world.trackers
-    ]
-    trim_line = f"trim_percentile = {world.percentile or 100.0}"
+    names = [json.dumps(name) for name in world.trackers]
+    trackers = [f"[[trackers]]\nname = {name}\nkind = {name}\n[trackers.options]\nwindow = 15" for name in names]
     return "\n".join(
         [
             'name = "made up"',
             f"speeds = {list(world.speeds)}",
             "seed = 0",
-            '[dataset]\nreader = "simulated"\n[dataset.options]\nframes = 30',
-            *blocks,
+            f'[dataset]\nreader = "simulated"\nlightings = {list(world.lightings)}\n[dataset.options]\nframes = 30',
+            *trackers,
             f'[truth]\npopulation = "{world.population}"',
-            f"[statistics]\n{trim_line}\nmin_features = {world.min_features}",
+            f"[statistics]\ntrim_percentile = {world.percentile or 100.0}\nmin_features = {world.min_features}",
         ]
     )
 

@@ -35,7 +35,7 @@ def test_reads_images_depth_and_intrinsics(tmp_path, write_tartanair, camera):
     assert len(sequence) == 3
     assert sequence.truths == (TruthKind.birth,)
     intrinsics = (sequence.camera.fx, sequence.camera.fy, sequence.camera.cx, sequence.camera.cy)
-    assert intrinsics == (320, 320, 320, 240 if camera == "left" else 320)
+    assert intrinsics == (320, 320, 319.5, 239.5 if camera == "left" else 319.5)
     file = str(folder / f"image_{camera}/000002_{camera}.png")
     np.testing.assert_array_equal(sequence.image(2), cv2.imread(file, cv2.IMREAD_GRAYSCALE))
     depth = sequence.depth(2)

@@ -94,9 +94,8 @@ class Evidence:
 
     @cached_property
     def lightings(self) -> list[str]:
-        """Lightings with results, in the order in which they were measured."""
-        entries = self.manifest.sequences.values()
-        return _ordered(self._measured("lighting"), [entry.lighting for entry in entries])
+        """Lightings with results, in the order in which the experiment names them, or else by name."""
+        return _ordered(sorted(self._measured("lighting")), self._section("dataset").get("lightings") or [])
 
     @cached_property
     def rotations(self) -> list[int]:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
 
 from tracknoise.exceptions import StoreError, UnknownNameError
 from tracknoise.report import export, measured, tables
@@ -76,16 +75,16 @@ def _page(evidence: Evidence, sections: Sequence[Any], specs: Mapping[str, Any],
         loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.tests["figure"] = lambda item: isinstance(item, Figure)
-    raw = {name: Markup(loader.get_source(environment, name)[0]) for name in ("page.css", "page.js")}
+    raw = {name: loader.get_source(environment, name)[0] for name in ("page.css", "page.js")}
     return environment.get_template("index.html.j2").render(
         evidence=evidence,
         measured=measured,
         summary=_summary(evidence),
         exports=tables.EXPORTS,
         sections=[(family, figures) for family, figures in sections if figures],
-        specs={name: Markup(_embedded(spec)) for name, spec in specs.items()},
+        specs={name: _embedded(spec) for name, spec in specs.items()},
         formats=formats,
-        vega=Markup(export.scripts()),
+        vega=export.scripts(),
         css=raw["page.css"],
         script=raw["page.js"],
     )
@@ -120,6 +119,8 @@ def _replace(folder: Path, files: Mapping[str, bytes]) -> Path:
     """Write files into a new folder, and put it in the place of the old one once it is whole."""
     building, old = (folder.with_name(f".{folder.name}.{os.getpid()}.{state}") for state in ("new", "old"))
     try:
+        if folder.exists() and not folder.is_dir():
+            raise FileExistsError(0, "it is a file")
         for name, content in files.items():
             path = building / name
             path.parent.mkdir(parents=True, exist_ok=True)

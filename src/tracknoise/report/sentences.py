@@ -1,5 +1,6 @@
 """Words and numbers as the report writes them."""
 
+import math
 from collections.abc import Iterable, Sequence
 
 SPACE = "\N{NO-BREAK SPACE}"
@@ -17,7 +18,10 @@ def number(value: float | None, *, digits: int = 3) -> str:
     if value != 0 and abs(value) < 1e-3:
         mantissa, exponent = f"{value:.{digits - 2}e}".split("e")
         return f"{mantissa} {TIMES} 10{str(int(exponent)).translate(_SUPERSCRIPT)}".replace("-", MINUS)
-    return f"{value:#.{digits}g}".rstrip(".").replace("-", MINUS) if value else "0"
+    if value == 0:
+        return "0"
+    decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
+    return f"{value:.{decimals}f}".replace("-", MINUS)
 
 
 def pixels(value: float | None) -> str:
@@ -46,8 +50,3 @@ def listing(items: Iterable[str], *, joint: str = "and") -> str:
     """Join items as prose does: ``a``, ``a and b``, ``a, b and c``."""
     parts: Sequence[str] = list(items)
     return f" {joint} ".join([", ".join(parts[:-1]), parts[-1]]) if len(parts) > 1 else "".join(parts)
-
-
-def capitalised(sentence: str) -> str:
-    """Begin a sentence with a capital, leaving the rest as it is."""
-    return sentence[:1].upper() + sentence[1:]

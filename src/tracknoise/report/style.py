@@ -8,8 +8,6 @@ PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#0
 INK, QUIET, FAINT = "#1b2430", "#5b6775", "#e3e7ec"
 MEDIAN, MEAN = "#E69F00", "#009E73"
 FONT = "Helvetica Neue, Helvetica, Arial, Liberation Sans, DejaVu Sans, sans-serif"
-WIDTH = 900
-"""Of a figure without its axes, px: it fits the page in a window of 1280."""
 
 
 def colours(names: Sequence[str]) -> list[str]:

@@ -3,6 +3,10 @@
 Layout of a scene, v1: ``image_left/NNNNNN_left.png``, ``depth_left/NNNNNN_left_depth.npy`` (float32, metres) and
 ``pose_left.txt``; v2: the same with ``lcam_front`` for ``left``, and depth in PNG files whose four 8-bit channels are
 the bytes of a float32. Row i of a pose file, ``x y z qx qy qz qw``, is the NED camera-to-world pose of frame i.
+
+The published principal point, (320, 240) or (320, 320), is the centre of the image counted from the corner of its
+first pixel. Counted from that pixel's centre, as everywhere here, it is half a pixel less; the optical flow that comes
+with v2 agrees with depth and poses to its last bit (1/64 px) then, and not otherwise.
 """
 
 from dataclasses import dataclass
@@ -35,8 +39,8 @@ class _Version:
     read_depth: DepthReader
 
 
-_V1 = _Version(Camera(640, 480, 320.0, 320.0, 320.0, 240.0), "npy", partial(read_depth_npy, farthest_m=SKY_M))
-_V2 = _Version(Camera(640, 640, 320.0, 320.0, 320.0, 320.0), "png", partial(read_depth_png_float32, farthest_m=SKY_M))
+_V1 = _Version(Camera(640, 480, 320.0, 320.0, 319.5, 239.5), "npy", partial(read_depth_npy, farthest_m=SKY_M))
+_V2 = _Version(Camera(640, 640, 320.0, 320.0, 319.5, 319.5), "png", partial(read_depth_png_float32, farthest_m=SKY_M))
 _SIDES = ("front", "back", "left", "right", "top", "bottom")
 _VERSIONS = {
     **dict.fromkeys(("left", "right"), _V1),

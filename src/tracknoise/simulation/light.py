@@ -68,8 +68,8 @@ class Lighting:
 LIGHTINGS: Mapping[str, Lighting] = MappingProxyType(
     {
         "default": Lighting(0.55, (Lamp(200.0, 50.0, 0.5), Lamp(100.0, 30.0, 0.15))),
-        "east": Lighting(0.3, (Lamp(90.0, 25.0, 0.8),)),
-        "west": Lighting(0.3, (Lamp(270.0, 25.0, 0.8),)),
+        "east": Lighting(0.4, (Lamp(90.0, 25.0, 0.75),)),
+        "west": Lighting(0.4, (Lamp(270.0, 25.0, 0.75),)),
         "overhead": Lighting(0.35, (Lamp(180.0, 85.0, 0.8),)),
     }
 )

@@ -23,7 +23,7 @@ _SIDEWAYS_STEP_M = 0.03
 _ORBIT_STEP_DEG = 0.4
 _FORWARD_STEP_M = 0.1
 _HOME = np.array([0.0, -ORBIT_M, EYE_HEIGHT_M])
-_FRAMES_A_LEG = 50
+_FRAMES_A_LEG = 70
 
 Motion = Callable[[int, np.random.Generator], NDArray[np.float64]]
 """Takes a count of frames and a generator; gives (n, 4, 4) float64, world_from_camera."""

@@ -68,8 +68,8 @@ def _natural(side: int, exponent: float, rng: np.random.Generator) -> NDArray[np
     spectrum = np.fft.rfft2(rng.standard_normal((side, side), dtype=np.float32))
     frequency = np.hypot(np.fft.fftfreq(side)[:, None], np.fft.rfftfreq(side)[None])
     frequency[0, 0] = np.inf
-    noise = np.fft.irfft2(spectrum * frequency**-exponent, s=(side, side))
-    scaled: NDArray[np.float32] = (noise / noise.std()).astype(np.float32)
+    noise = np.fft.irfft2(spectrum * (frequency**-exponent).astype(np.float32), s=(side, side))
+    scaled: NDArray[np.float32] = noise / noise.std()
     return scaled
 
 

@@ -5,6 +5,7 @@ in, and a box of clouds stands far behind all. Every path of `tracknoise.simulat
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +43,8 @@ def procedural_world(rng: np.random.Generator) -> World:
 def _backdrop() -> Iterator[Quad]:
     """Clouds on the inside of a large box, in pieces: a few huge triangles would spoil the search tree of the rays."""
     for face in box(np.zeros(3), np.full(3, _FAR_M), Rotation.identity()):
-        yield from face.reversed().dressed(_CLOUDS, repeat_m=_FAR_M, start=(0.0, 0.0)).pieces(4)
+        sky = replace(face.reversed(), texture=_CLOUDS, repeat_m=_FAR_M, blocks_light=False)
+        yield from sky.pieces(4)
 
 
 def _ground(rng: np.random.Generator) -> Iterator[Quad]:

@@ -26,6 +26,8 @@ class Quad:
         Size of one repeat of the texture, metres.
     start
         Texture coordinates of the upper left corner, repeats.
+    blocks_light
+        Whether it casts a shadow.
     """
 
     corner: NDArray[np.float64]
@@ -34,6 +36,7 @@ class Quad:
     texture: int = 0
     repeat_m: float = 1.0
     start: tuple[float, float] = (0.0, 0.0)
+    blocks_light: bool = True
 
     def dressed(self, texture: int, *, repeat_m: float, start: tuple[float, float]) -> "Quad":
         """The same rectangle in another texture."""
@@ -108,4 +111,5 @@ def assemble(quads: Sequence[Quad], textures: tuple[NDArray[np.float32], ...]) -
         corner_uv=uv[faces],
         texture=np.repeat([quad.texture for quad in quads], 2),
         textures=textures,
+        blocks_light=np.repeat([quad.blocks_light for quad in quads], 2),
     )

@@ -1,5 +1,7 @@
 """Rays and the first surface they meet: which triangle from Embree, where exactly from its plane in float64."""
 
+from functools import cached_property
+
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
@@ -27,8 +29,9 @@ class Raycaster:
     def __init__(self, world: World) -> None:
         self.normals = world.normals
         self.plane_offsets = np.einsum("ti,ti->t", self.normals, world.corners[:, 0])
-        self._scene = EmbreeScene(robust=True)
-        TriangleMesh(self._scene, world.corners.astype(np.float32))
+        self._corners = world.corners.astype(np.float32)
+        self._blocks_light = world.blocks_light
+        self._scene = _embree(self._corners)
 
     def first_triangle(self, origin: NDArray[np.float64], directions: NDArray[np.float32]) -> NDArray[np.int32]:
         """Which triangle each ray meets first.
@@ -95,8 +98,12 @@ class Raycaster:
         """
         starts = (points + lift_m * towards_light).astype(np.float32)
         directions = np.broadcast_to(towards_light.astype(np.float32), starts.shape)
-        clear: NDArray[np.bool_] = self._scene.run(starts, directions, query="OCCLUDED") == MISS
+        clear: NDArray[np.bool_] = self._blockers.run(starts, directions, query="OCCLUDED") == MISS
         return clear
+
+    @cached_property
+    def _blockers(self) -> EmbreeScene:
+        return _embree(self._corners[self._blocks_light])
 
 
 def surface_points(
@@ -142,6 +149,13 @@ def depth_map(raycaster: Raycaster, camera: Camera, world_from_camera: NDArray[n
     uv = np.stack([u.ravel(), v.ravel()], axis=-1)
     _, depth_m, hit = _cast(raycaster, camera, world_from_camera, uv)
     return DepthMap(depth_m.reshape(shape), hit.reshape(shape))
+
+
+def _embree(corners: NDArray[np.float32]) -> EmbreeScene:
+    """A scene whose triangles let no ray slip through between them."""
+    scene = EmbreeScene(robust=True)
+    TriangleMesh(scene, corners)
+    return scene
 
 
 def _cast(

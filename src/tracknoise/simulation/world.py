@@ -26,6 +26,8 @@ class World:
         (t,) int64, which texture each triangle wears.
     textures
         (side, side) float32 each, reflectance, side a power of two. They repeat without end.
+    blocks_light
+        (t,) bool, which triangles cast shadows; a sky that encloses the world must not.
 
     Raises
     ------
@@ -39,11 +41,13 @@ class World:
     corner_uv: NDArray[np.float64]
     texture: NDArray[np.int64]
     textures: tuple[NDArray[np.float32], ...]
+    blocks_light: NDArray[np.bool_]
 
     def __post_init__(self) -> None:
         count = len(self.faces)
-        if self.faces.shape != (count, 3) or self.corner_uv.shape != (count, 3, 2) or self.texture.shape != (count,):
-            raise ValueError("faces (t, 3), corner_uv (t, 3, 2) and texture (t,) must agree")
+        shapes = [array.shape for array in (self.faces, self.corner_uv, self.texture, self.blocks_light)]
+        if shapes != [(count, 3), (count, 3, 2), (count,), (count,)]:
+            raise ValueError("faces (t, 3), corner_uv (t, 3, 2), texture (t,) and blocks_light (t,) must agree")
         _require_range("faces", self.faces, len(self.vertices))
         _require_range("texture", self.texture, len(self.textures))
         for image in self.textures:

@@ -117,8 +117,7 @@ def make_truth(sequence: Sequence, kind: TruthKind | None = None) -> Truth:
     SettingsError
         If it does not offer this kind.
     """
-    place = f"{sequence.id.dataset} {sequence.id.scene}"
-    offered = sequence.truths
+    place, offered = sequence.source, sequence.truths
     if not offered:
         raise DataError(place, "neither depth nor an exact surface", "one of them, to know where features really are")
     kind = offered[0] if kind is None else kind

@@ -71,10 +71,11 @@ class Reading:
 def readings(points: pl.DataFrame, field: str, names: Sequence[str]) -> list[Reading]:
     """Values of each curve at the last age, not above the reference age, that all of them have.
 
-    Where they share none, each is read at the last age that it has itself.
+    Where they share none, each is read at the last age that it has itself. Age 0 is never read, for every error is
+    zero there; a curve with nothing else has no reading.
     """
     curves = {name: points.filter(pl.col(field).cast(pl.String) == name) for name in names}
-    ages = {name: set(curve.filter(statistic="Phi")["at"]) for name, curve in curves.items()}
+    ages = {name: set(curve.filter(pl.col("at") > 0, statistic="Phi")["at"]) for name, curve in curves.items()}
     ages = {name: found for name, found in ages.items() if found}
     common = {age for age in set.intersection(*ages.values()) if age <= REFERENCE_AGE} if ages else set()
     return [_reading(name, curves[name], max(common or found)) for name, found in ages.items()]
@@ -125,7 +126,10 @@ def _lines(table: pl.DataFrame, series: Series, y: alt.Y) -> Chart:
     oldest = float(table["at"].max())  # type: ignore[arg-type]
     lines = alt.Chart(data).encode(
         x=alt.X(
-            "at:Q", title="age (frames of the sequence)", scale=alt.Scale(domain=[0, 1.03 * (oldest or 1)], nice=False)
+            "at:Q",
+            title="age (frames of the sequence)",
+            axis=alt.Axis(tickMinStep=1),
+            scale=alt.Scale(domain=[0, 1.03 * (oldest or 1)], nice=False),
         ),
         y=y,
         color=marks.colour(series.field, series.colours, series.field),

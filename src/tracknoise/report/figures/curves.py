@@ -54,8 +54,8 @@ def _figure(evidence: Evidence, trimming: str, name: str, title: str, shows: str
 
 def _nothing(evidence: Evidence) -> str:
     return (
-        f"At speed {evidence.slowest} no age has {number(evidence.min_features)} features with a known error, so there "
-        "is no curve to draw."
+        f"At speed {evidence.slowest} no age beyond the first frame has {number(evidence.min_features)} features of "
+        "known error, so there is no curve to draw."
     )
 
 

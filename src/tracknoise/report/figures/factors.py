@@ -61,7 +61,9 @@ def _kept(evidence: Evidence, points: pl.DataFrame, tracker: str) -> pl.DataFram
 def _figure(name: str, title: str, points: pl.DataFrame, series: Series, shows: str, advice: str) -> Figure | Absence:
     found = readings(points, series.field, list(series.colours))
     if not found:
-        return Absence(name, title, "No age has enough features with a known error, so there is no curve to draw.")
+        return Absence(
+            name, title, "Beyond the first frame no age has enough features of known error, so there is no curve."
+        )
     told = listing(f"{one.told('Phi')} for {series.field} {one.name}" for one in found)
     missing = [label for label in series.colours if label not in {one.name for one in found}]
     gap = f" No age has enough features for {series.field} {listing(missing)}." if missing else ""

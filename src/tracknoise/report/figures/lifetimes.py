@@ -14,7 +14,7 @@ from tracknoise.report.sentences import count, number, percent
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
 
 _SIZE: dict[str, Any] = {"width": 385, "height": 240}
-_UNIT = "lifetime (frames its tracker saw)"
+_LIFETIME = alt.X("lifetime:Q", title="lifetime (frames its tracker saw)", axis=alt.Axis(tickMinStep=1))
 
 
 def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
@@ -69,7 +69,11 @@ def _numbers(table: pl.DataFrame, names: Sequence[str], *, lead: str, prefix: st
 
 def _sentence(name: str, row: Mapping[str, Any]) -> str:
     median = row["median_lifetime"]
-    half = "more than half of them outlive the data" if median is None else f"an estimated half live up to {median}"
+    half = (
+        "more than half of them outlive the data"
+        if median is None
+        else f"an estimated half live no longer than {count(median, 'frame')}"
+    )
     seen = f"{count(row['n_tracks'], 'track')}, seen in {number(row['mean_lifetime'])} frames on average"
     return f"{name}: {seen}, {half}; {percent(row['n_censored'] / row['n_tracks'])} cut by the end"
 
@@ -95,7 +99,7 @@ def _histogram(table: pl.DataFrame) -> alt.Chart:
     ]
     chart = alt.Chart(marks.rows(counts)).mark_line(interpolate="step")
     y = marks.log_count("tracks (count)", float(counts["drawn"].max()))  # type: ignore[arg-type]
-    encoded: alt.Chart = chart.encode(x=alt.X("lifetime:Q", title=_UNIT), y=y, tooltip=tips)
+    encoded: alt.Chart = chart.encode(x=_LIFETIME, y=y, tooltip=tips)
     return encoded
 
 
@@ -106,7 +110,7 @@ def _survival(table: pl.DataFrame) -> alt.Chart:
     tips = [alt.Tooltip("series:N"), alt.Tooltip("lifetime:Q"), alt.Tooltip("survival:Q", format=".3f")]
     y = alt.Y("survival:Q", scale=alt.Scale(domain=[0, 1]), title="share of tracks that live longer")
     chart = alt.Chart(marks.rows(points)).mark_line(interpolate="step-after")
-    encoded: alt.Chart = chart.encode(x=alt.X("lifetime:Q", title=_UNIT), y=y, tooltip=tips)
+    encoded: alt.Chart = chart.encode(x=_LIFETIME, y=y, tooltip=tips)
     return encoded
 
 

@@ -88,7 +88,8 @@ def boxes(table: pl.DataFrame, *, field: str, colours: Mapping[str, str], y: alt
     """
     names = [*("upper_whisker", "upper_quartile", "mean", "median", "lower_quartile", "lower_whisker")]
     tips = [alt.Tooltip(f"{name}:Q", format=".4~g", title=name.replace("_", " ")) for name in names]
-    x = alt.X(f"{field}:N", sort=list(colours), title=field, axis=alt.Axis(labelAngle=0))
+    upright = sum(map(len, colours)) * 7 > width
+    x = alt.X(f"{field}:N", sort=list(colours), title=field, axis=alt.Axis(labelAngle=-90 if upright else 0))
     base = alt.Chart(rows(table)).encode(x=x, tooltip=[alt.Tooltip(f"{field}:N"), *tips])
     across = min(34, 0.6 * width / max(1, table.height))
 

@@ -42,7 +42,9 @@ def compare(evidence: Evidence) -> pl.DataFrame:
         tracker, speed, statistic (eta, Phi), at, and for each population its n and its value in u and v, px.
     """
     points = evidence.reference(evidence.points).filter(
-        (pl.col("trimming") == "trimmed") & (pl.col("at") <= REFERENCE_AGE) & pl.col("statistic").is_in(["eta", "Phi"])
+        (pl.col("trimming") == "trimmed")
+        & pl.col("at").is_between(1, REFERENCE_AGE)
+        & pl.col("statistic").is_in(["eta", "Phi"])
     )
     sides = [
         points.filter(population=side).select(*_KEYS, pl.col("n", "u", "v").name.suffix(f"_{side}"))

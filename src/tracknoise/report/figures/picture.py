@@ -127,7 +127,8 @@ def _shows(evidence: Evidence, scene: Scene) -> str:
     return (
         f"Frame {scene.entry.snapshot_frame} at speed {evidence.slowest}{evidence.where}: a dot is where the tracker "
         f"found a feature, the line leads from it towards where the feature truly was and is {times} the "
-        f"error; the thin trail is where it was found up to {TRAIL} times before. At most {MOST_FEATURES} features a tracker are drawn."
+        f"error; the thin trail is where it was found up to {TRAIL} times before. At most "
+        f"{MOST_FEATURES} features a tracker are drawn."
     )
 
 

@@ -66,7 +66,8 @@ def _sentence(evidence: Evidence, tracker: str, counts: pl.DataFrame) -> str:
     half = counts.filter(pl.col("n") * 2 >= begun)["age"].to_list()
     limit = number(evidence.min_features)
     last = f"{limit} or more are left up to age {max(enough)}" if enough else f"never are there {limit}"
-    return f"{tracker} began {count(begun, 'feature')}, of which at least half reach age {max(half)}; {last}"
+    reach = f"at least half reach age {max(half)}" if max(half) else "fewer than half outlive their first frame"
+    return f"{tracker} began {count(begun, 'feature')}, of which {reach}; {last}"
 
 
 def _speed_panel(evidence: Evidence, table: pl.DataFrame, tracker: str) -> Panel:
@@ -83,7 +84,7 @@ def _panel(counts: pl.DataFrame, field: str, colours: Mapping[str, str], evidenc
         alt.Chart(marks.rows(table))
         .mark_line()
         .encode(
-            x=alt.X("age:Q", title="age (frames of the sequence)"),
+            x=alt.X("age:Q", title="age (frames of the sequence)", axis=alt.Axis(tickMinStep=1)),
             y=marks.log_count("features (count)", largest),
             color=marks.colour(field, colours, field),
             strokeDash=dash,

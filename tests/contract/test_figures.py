@@ -1,0 +1,70 @@
+"""What every family of figures keeps to, whatever the run: valid, drawable, explained in words, and repeatable."""
+
+import importlib.util
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import vl_convert as vlc
+
+from tracknoise.report.evidence import Evidence
+from tracknoise.report.export import specification
+from tracknoise.report.figures import FAMILIES, Absence, Family, Figure
+
+
+def _synthetic() -> Any:
+    path = Path(__file__).parents[1] / "report" / "synthetic.py"
+    spec = importlib.util.spec_from_file_location("tracknoise_synthetic", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+synthetic = _synthetic()
+WORLDS: dict[str, dict[str, object]] = {"an ordinary run": {}, **synthetic.DEGENERATE}
+
+
+@pytest.fixture(scope="module", params=WORLDS, ids=str)
+def evidence(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Evidence:
+    world = synthetic.World(**{**synthetic.SMALL, **WORLDS[request.param]})
+    return Evidence.of(synthetic.write_run(tmp_path_factory.mktemp("run"), world))
+
+
+@pytest.fixture(scope="module")
+def made(evidence: Evidence) -> list[Figure | Absence]:
+    """What all families make; Altair checks every panel against the schema of Vega-Lite on the way."""
+    return [item for family in FAMILIES for item in family.figures(evidence)]
+
+
+def test_figures_draw_without_a_warning(made: list[Figure | Absence], capfd: pytest.CaptureFixture[str]) -> None:
+    for figure in made:
+        if isinstance(figure, Figure):
+            svg = vlc.vegalite_to_svg(specification(figure), show_warnings=True)
+            assert "<path" in svg
+            assert "NaN" not in re.sub(r"base64,[^\"]*", "", svg)
+    assert "WARN" not in capfd.readouterr().err
+
+
+def test_every_figure_says_what_it_shows_and_what_to_look_for(made: list[Figure | Absence]) -> None:
+    for item in made:
+        for text in [item.why] if isinstance(item, Absence) else [item.shows, item.look_for]:
+            assert text.endswith(".")
+            assert text[0].isupper()
+            assert not re.search(r"\b(nan|None|inf|null)\b|\.\.|  | ;|: \.|\(\)", text), text
+
+
+def test_names_are_file_names_and_differ(made: list[Figure | Absence]) -> None:
+    names = [item.id for item in made]
+    assert len(set(names)) == len(names)
+    assert all(re.fullmatch(r"[a-z0-9-]+", name) for name in names)
+
+
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.id)
+def test_figures_are_repeatable(family: Family, tmp_path: Path) -> None:
+    run = synthetic.write_run(tmp_path, synthetic.World(scenes=("only",), n_frames=6, born=10, min_features=5))
+    assert family.figures(Evidence.of(run)) == family.figures(Evidence.of(run))

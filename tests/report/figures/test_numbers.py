@@ -1,0 +1,216 @@
+"""The numbers in the sentences, and in the specifications, are those of the tables they are about."""
+
+import io
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+from tracknoise.report.evidence import Evidence
+from tracknoise.report.figures import (
+    Absence,
+    Figure,
+    curves,
+    factors,
+    lifetimes,
+    occlusion,
+    outlier_ratio,
+    picture,
+    survivors,
+    throw_out,
+)
+from tracknoise.report.sentences import SPACE, number, percent, px
+from tracknoise.tables.store import RunFolder
+
+
+def _by_id(items: Any) -> dict[str, Any]:
+    return {item.id: item for item in items}
+
+
+def _datasets(figure: Figure) -> list[pl.DataFrame]:
+    texts = [data for data in figure.spec["datasets"].values() if isinstance(data, str)]
+    return [pl.read_csv(io.StringIO(text)) for text in texts]
+
+
+@pytest.fixture(scope="module")
+def evidence(run: RunFolder) -> Evidence:
+    return Evidence.of(run)
+
+
+def test_curves_quote_the_summary(evidence: Evidence) -> None:
+    figure = _by_id(curves.figures(evidence))["curves-trimmed"]
+    rows = evidence.summary.filter(speed=1)
+    assert rows["age"].n_unique() == 1
+    assert f"At age {rows['age'][0]} " in figure.look_for
+    for row in rows.to_dicts():
+        bias = f"{px(row['trimmed_nu_u_px'])} in u and {px(row['trimmed_nu_v_px'])} in v"
+        spread = f"{px(row['trimmed_rms_u_px'])} in u and {px(row['trimmed_rms_v_px'])} in v"
+        told = f"{row['tracker']} has a mean error of {bias}, and a root second moment of {spread}"
+        assert told in figure.look_for
+
+
+def test_curves_draw_what_is_in_the_tables(evidence: Evidence) -> None:
+    figure = _by_id(curves.figures(evidence))["curves-trimmed"]
+    drawn = pl.concat(
+        _drawn
+        for _drawn in _datasets(figure)
+        if "about zero" in (_drawn.get_column("of").to_list() if "of" in _drawn.columns else [])
+    )
+    expected = evidence.curves.filter(
+        ~pl.col("cut"), tracker="lucas-kanade", speed=1, population="visible", trimming="trimmed",
+        weighting="features", statistic="Phi",
+    )  # fmt: skip
+    shown = drawn.filter(tracker="lucas-kanade", of="about zero").sort("at")
+    assert shown["at"].to_list() == expected["at"].to_list()
+    np.testing.assert_allclose(shown["v"], np.sqrt(expected["v"]), rtol=1e-3)
+
+
+def test_without_trimming_one_figure_shows_all_tracks(make_run: Callable[..., RunFolder]) -> None:
+    items = _by_id(curves.figures(Evidence.of(make_run(percentile=None))))
+    assert isinstance(items["curves-untrimmed"], Absence)
+    assert items["curves-trimmed"].shows.startswith("Errors of all tracks")
+
+
+def test_speeds_are_read_at_an_age_that_all_have(evidence: Evidence) -> None:
+    figure = _by_id(factors.by_speed(evidence))["speed-lucas-kanade"]
+    age = int(re.match(r"At age (\d+) ", figure.look_for).group(1))
+    assert age % 2 == 0
+    for speed in (1, 2):
+        where = {"tracker": "lucas-kanade", "speed": speed, "population": "visible", "trimming": "trimmed", "at": age}
+        row = evidence.points.filter(**where, statistic="Phi").row(0, named=True)
+        assert f"{px(row['u'])} in u and {px(row['v'])} in v for speed {speed}" in figure.look_for
+
+
+def test_one_speed_leaves_nothing_to_compare(make_run: Callable[..., RunFolder]) -> None:
+    (absence,) = factors.by_speed(Evidence.of(make_run(speeds=(3,))))
+    assert absence.why == "Only speed 3 was run, so there are no speeds to compare."
+
+
+def test_lightings_are_compared_where_there_are_several(make_run: Callable[..., RunFolder], evidence: Evidence) -> None:
+    assert factors.by_lighting(evidence) == []
+    several = Evidence.of(make_run(lightings=("led-1", "led-2"), scenes=("only",), born=40))
+    assert [item.id for item in factors.by_lighting(several)] == ["lighting-lucas-kanade", "lighting-correspondence"]
+
+
+def test_lifetimes_quote_counts_and_censoring(evidence: Evidence, run: RunFolder) -> None:
+    figure = _by_id(lifetimes.figures(evidence))["lifetimes"]
+    tracks = pl.concat(run.sequence_tables("tracks")).filter(tracker="correspondence", speed=1)
+    censored = (tracks["end"] == "sequence_end").mean()
+    told = f"correspondence: {tracks.height} tracks, seen in {number(tracks['lifetime'].mean())} frames on average"
+    assert told in figure.look_for
+    assert f"{percent(censored)} cut by the end" in figure.look_for
+
+
+def test_the_lifetime_histogram_holds_every_track(evidence: Evidence, run: RunFolder) -> None:
+    figure = _by_id(lifetimes.figures(evidence))["lifetimes"]
+    (histogram,) = [table for table in _datasets(figure) if "n" in table.columns]
+    assert histogram["n"].sum() == pl.concat(run.sequence_tables("tracks")).filter(speed=1).height
+    assert histogram.filter(pl.col("n") == 0)["drawn"].is_between(0.5, 1, closed="left").all()
+
+
+def test_survival_starts_with_everyone(evidence: Evidence) -> None:
+    figure = _by_id(lifetimes.figures(evidence))["lifetimes"]
+    (survival,) = [table for table in _datasets(figure) if "survival" in table.columns]
+    assert survival.filter(lifetime=0)["survival"].to_list() == [1.0, 1.0]
+
+
+def test_a_survival_that_never_reaches_a_half_says_so(make_run: Callable[..., RunFolder]) -> None:
+    (figure, *_) = lifetimes.figures(Evidence.of(make_run(loss=1e-12)))
+    assert "more than half of them outlive the data" in figure.look_for
+    assert f"100.0{SPACE}% cut by the end" in figure.look_for
+
+
+def test_errors_quote_the_cut_and_single_sightings(evidence: Evidence, run: RunFolder) -> None:
+    (figure,) = throw_out.figures(evidence)
+    tracks = pl.concat(run.sequence_tables("tracks")).filter(tracker="lucas-kanade", speed=1)
+    once = tracks.filter(lifetime=1).height
+    assert f"of lucas-kanade's {tracks.height} tracks, {once} have only their first frame" in figure.look_for
+    cuts = evidence.trims.filter(tracker="lucas-kanade", speed=1)["threshold_px"]
+    assert f"the cut lies at {px(cuts.min())} to {px(cuts.max())}, depending on the scene," in figure.look_for
+    kept = tracks.drop_nulls("max_error_px")["kept"]
+    assert f"drops {percent(1 - kept.mean())} of those with a known error" in figure.look_for
+
+
+def test_error_histograms_hold_every_measured_track(evidence: Evidence, run: RunFolder) -> None:
+    (figure,) = throw_out.figures(evidence)
+    drawn = sum(table["n"].sum() for table in _datasets(figure) if "low" in table.columns)
+    assert drawn == pl.concat(run.sequence_tables("tracks"))["max_error_px"].count()
+
+
+def test_nothing_trimmed_has_no_cut(make_run: Callable[..., RunFolder]) -> None:
+    (figure,) = throw_out.figures(Evidence.of(make_run(percentile=None)))
+    assert "Nothing was trimmed in this run." in figure.shows
+    assert "cut lies" not in figure.look_for
+    assert not any("cut" in table.columns and table.height for table in _datasets(figure))
+
+
+def test_survivors_quote_where_half_are_left(evidence: Evidence, run: RunFolder) -> None:
+    (figure,) = survivors.figures(evidence)
+    lived = pl.concat(run.sequence_tables("tracks")).filter(tracker="lucas-kanade", speed=1)["lifetime"]
+    half = max(age for age in range(20) if 2 * (lived > age).sum() >= lived.len())
+    last = max(age for age in range(20) if (lived > age).sum() >= 40)
+    told = f"lucas-kanade began {lived.len()} features, of which at least half reach age {half}"
+    assert f"{told}; 40 or more are left up to age {last}" in figure.look_for
+
+
+def test_outlier_ratios_are_the_pooled_ones(evidence: Evidence, run: RunFolder) -> None:
+    (figure,) = outlier_ratio.figures(evidence)
+    frames = pl.concat(run.sequence_tables("frames")).filter(tracker="correspondence", speed=2)
+    share = percent(frames["outliers"].sum() / frames["offered"].sum())
+    assert re.search(f"correspondence rejected .* and {share} at speed 2", figure.look_for)
+
+
+def test_occlusion_compares_both_populations_at_one_age(evidence: Evidence) -> None:
+    table = occlusion.compare(evidence)
+    row = table.filter(tracker="lucas-kanade", speed=1, statistic="Phi").row(0, named=True)
+    assert row["n_projected"] > row["n_visible"]
+    (figure,) = occlusion.figures(evidence)
+    hidden = row["n_projected"] - row["n_visible"]
+    assert f"lucas-kanade has {hidden} hidden feature" in figure.look_for
+    assert f"{px(row['u_projected'])} with them and {px(row['u_visible'])} without" in figure.look_for
+
+
+def test_error_lines_lead_towards_the_truth(evidence: Evidence, run: RunFolder) -> None:
+    (figure, _) = picture.figures(evidence)
+    times = int(re.search(r"is (\d+) times as long", figure.shows).group(1))
+    (drawn,) = [table for table in _datasets(figure) if "u_tip" in table.columns and table.height][:1]
+    seen = run.sequence_table("observations", "fixating@default").filter(frame=10, speed=1, tracker="lucas-kanade")
+    for row in drawn.to_dicts():
+        truth = seen.filter(track=row["track"]).row(0, named=True)
+        shortened = min(1.0, 16 / times / row["error"])
+        for axis in "uv":
+            expected = truth[f"{axis}_px"] + shortened * times * (truth[f"{axis}_true_px"] - truth[f"{axis}_px"])
+            assert row[f"{axis}_tip"] == pytest.approx(expected, rel=1e-3, abs=0.02)
+
+
+def test_the_picture_spans_the_image_with_pixel_centres_at_integers(evidence: Evidence) -> None:
+    (figure, _) = picture.figures(evidence)
+    (image,) = figure.spec["datasets"]["image"]
+    assert [image[side] for side in ("left", "right", "top", "bottom")] == [-0.5, 159.5, -0.5, 119.5]
+    background = figure.spec["concat"][0]["layer"][0]["encoding"]
+    assert background["x"]["scale"]["domain"] == [-0.5, 159.5]
+    assert background["y"]["scale"]["domain"] == [119.5, -0.5]
+
+
+def test_trails_are_broken_between_tracks(evidence: Evidence) -> None:
+    (figure, _) = picture.figures(evidence)
+    (trails,) = [table for table in _datasets(figure) if table.columns == ["place", "u", "v"]][:1]
+    (drawn,) = [table for table in _datasets(figure) if "u_tip" in table.columns][:1]
+    assert trails["u"].null_count() == drawn.height
+
+
+@pytest.mark.parametrize(
+    ("typical_px", "width", "factor"), [(0.4, 480, 20), (0.0, 480, 1), (100.0, 480, 1), (12.0, 480, 1)]
+)
+def test_magnification_is_a_round_number(typical_px: float, width: int, factor: int) -> None:
+    assert picture._magnification(pl.Series([typical_px] * 4), width) == factor
+
+
+def test_many_scenes_are_not_all_drawn(make_run: Callable[..., RunFolder]) -> None:
+    names = tuple(f"scene-{i}" for i in range(8))
+    items = picture.figures(Evidence.of(make_run(scenes=names, trackers=("one",), speeds=(1,), n_frames=6)))
+    assert len(items) == picture.MOST_SCENES + 1
+    assert items[-1].why == "The first 6 of 8 scenes are drawn; the numbers below are of all of them."

@@ -1,0 +1,173 @@
+import html
+import json
+import re
+import shutil
+from collections.abc import Callable
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from tracknoise.exceptions import StoreError, UnknownNameError
+from tracknoise.report.page import write_report
+from tracknoise.tables.store import RunFolder
+
+MAGIC = {".png": b"\x89PNG\r\n", ".pdf": b"%PDF", ".svg": b"<svg"}
+
+
+class Page(HTMLParser):
+    """Every element of a page with its attributes, and the text of its scripts."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.scripts: list[str] = []
+        self._in_script = False
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attributes)))
+        self._in_script = tag == "script"
+
+    def handle_endtag(self, tag: str) -> None:
+        self._in_script = False
+
+    def handle_data(self, data: str) -> None:
+        if self._in_script:
+            self.scripts.append(data)
+
+    def named(self, tag: str) -> list[dict[str, str | None]]:
+        return [attributes for name, attributes in self.elements if name == tag]
+
+
+@pytest.fixture(scope="module")
+def report(run: RunFolder) -> Path:
+    return write_report(run)
+
+
+@pytest.fixture(scope="module")
+def page(report: Path) -> Page:
+    return Page(report.read_text(encoding="utf-8"))
+
+
+def test_nothing_is_loaded_from_anywhere(page: Page) -> None:
+    loading = [
+        attributes[name]
+        for tag, attributes in page.elements
+        for name in ("src", "srcset", "data", "poster", "action", "background", "xlink:href")
+        if name in attributes and tag != "a"
+    ]
+    assert all(value.startswith("figures/") for value in loading)  # pictures shown where scripts are switched off
+    assert not page.named("link")
+    assert not page.named("iframe")
+    (policy,) = [meta["content"] for meta in page.named("meta") if meta.get("http-equiv") == "Content-Security-Policy"]
+    assert policy.startswith("default-src 'none'")
+    assert "http" not in policy
+
+
+def test_styles_load_nothing(report: Path) -> None:
+    (style,) = re.findall(r"<style>(.*?)</style>", report.read_text(), flags=re.DOTALL)
+    assert "url(" not in style
+    assert "@import" not in style
+
+
+def test_links_lead_to_files_that_are_there_or_to_the_paper(page: Page, report: Path) -> None:
+    for link in page.named("a"):
+        target = link["href"]
+        if target.startswith("#"):
+            assert any(attributes.get("id") == target[1:] for _, attributes in page.elements)
+        elif target != "https://arxiv.org/abs/2303.14315":
+            assert (report.parent / target).is_file()
+
+
+def test_every_figure_is_there_in_every_format_and_linked(page: Page, report: Path) -> None:
+    names = [attributes["data-figure"] for _, attributes in page.elements if "data-figure" in attributes]
+    assert len(names) >= 9
+    linked = {link["href"] for link in page.named("a")}
+    written = {f"figures/{path.name}" for path in (report.parent / "figures").iterdir()}
+    assert written == {f"figures/{name}{kind}" for name in names for kind in MAGIC} <= linked
+    for path in (report.parent / "figures").iterdir():
+        assert path.read_bytes().startswith(MAGIC[path.suffix])
+
+
+def test_the_libraries_stand_in_the_page_once_and_specifications_are_json(page: Page) -> None:
+    kinds = [attributes.get("type") for attributes in page.named("script")]
+    assert kinds.count(None) == 2
+    for text, kind in zip(page.scripts, kinds, strict=True):
+        if kind == "application/json":
+            assert "concat" in json.loads(text)
+
+
+def test_figures_are_described_for_those_who_do_not_see_them(page: Page) -> None:
+    charts = [attributes for _, attributes in page.elements if "data-figure" in attributes]
+    assert all(chart["role"] == "img" and chart["aria-label"] for chart in charts)
+    assert all(image["alt"] for image in page.named("img"))
+
+
+def test_what_the_reader_is_told_first(report: Path) -> None:
+    text = html.unescape(report.read_text(encoding="utf-8"))
+    for words in ("observed minus true position", "population", "Summary", "arXiv 2303.14315"):
+        assert words in text
+    assert "poses were projected to the nearest rotation, by up to 0.002" in text
+
+
+def test_the_same_run_gives_the_same_bytes(make_run: Callable[..., RunFolder]) -> None:
+    run = make_run(scenes=("repeated",), trackers=("one",), speeds=(1,), n_frames=8)
+
+    def written() -> dict[Path, bytes]:  # PNG follows from SVG; in PDF the converter orders objects by chance
+        folder = write_report(run, figure_formats=("svg",)).parent
+        return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+    assert written() == written()
+
+
+def test_a_new_report_replaces_the_old_one_whole(make_run: Callable[..., RunFolder]) -> None:
+    run = make_run(scenes=("replaced",), trackers=("one",), speeds=(1,), n_frames=6, born=4)
+    write_report(run)
+    (run.path / "report" / "figures" / "stale.svg").write_text("of an earlier run")
+    index = write_report(run, figure_formats=("svg",))
+    assert {path.suffix for path in (index.parent / "figures").iterdir()} == {".svg"}
+    assert not (index.parent / "figures" / "stale.svg").exists()
+    assert [path.name for path in run.path.iterdir() if path.name.startswith(".")] == []
+
+
+def test_names_that_look_like_markup_are_only_names(make_run: Callable[..., RunFolder]) -> None:
+    name = "</script><script>alert(1)</script><b>&"
+    run = make_run(trackers=(name,), scenes=("<i>",), speeds=(1,), n_frames=6, born=6, min_features=5)
+    text = write_report(run, figure_formats=()).read_text(encoding="utf-8")
+    assert "<script>alert(1)" not in text
+    assert "&lt;script&gt;alert(1)" in text
+
+
+def test_failures_are_told(make_run: Callable[..., RunFolder]) -> None:
+    run = make_run(scenes=("failing",), trackers=("one",), speeds=(1,), n_frames=6, born=4)
+    manifest = run.manifest()
+    manifest.failures["gone@default"] = "gone/depth.png: truncated, expected a PNG"
+    run.write_manifest(manifest)
+    text = write_report(run, figure_formats=()).read_text(encoding="utf-8")
+    assert "Could not be measured" in text
+    assert "gone/depth.png: truncated, expected a PNG" in text
+
+
+def test_an_unknown_format_is_refused(run: RunFolder) -> None:
+    with pytest.raises(UnknownNameError, match="unknown figure format 'gif'"):
+        write_report(run, figure_formats=("gif",))
+
+
+def test_a_missing_table_is_named_and_leaves_the_old_report(make_run: Callable[..., RunFolder]) -> None:
+    run = make_run(scenes=("torn",), trackers=("one",), speeds=(1,), n_frames=6, born=4)
+    index = write_report(run, figure_formats=())
+    before = index.read_bytes()
+    (run.path / "statistics" / "curves.parquet").unlink()
+    with pytest.raises(StoreError, match=r"curves\.parquet: missing"):
+        write_report(run, figure_formats=())
+    assert index.read_bytes() == before
+
+
+def test_a_report_that_cannot_be_written_is_one_line(make_run: Callable[..., RunFolder], tmp_path: Path) -> None:
+    source = make_run(scenes=("blocked",), trackers=("one",), speeds=(1,), n_frames=6, born=4)
+    run = RunFolder(tmp_path / "run")
+    shutil.copytree(source.path, run.path)
+    (run.path / "report").write_text("a file where a folder should be")
+    with pytest.raises(StoreError, match="cannot be written"):
+        write_report(run, figure_formats=())

@@ -1,0 +1,46 @@
+import pytest
+
+from tracknoise.report.sentences import count, listing, number, percent, pixels, px
+
+
+@pytest.mark.parametrize(
+    ("value", "written"),
+    [
+        (None, "–"),
+        (0, "0"),
+        (0.0, "0"),
+        (12345, "12,345"),
+        (-3, "−3"),
+        (11.52, "11.5"),
+        (0.12345, "0.123"),
+        (-0.5, "−0.500"),
+        (999.6, "1000"),
+        (123456.7, "123,457"),
+        (0.00012, "1.2 × 10⁻⁴"),
+        (-3e-12, "−3.0 × 10⁻¹²"),
+    ],
+)
+def test_numbers_have_three_significant_digits(value: float | None, written: str) -> None:
+    assert number(value) == written
+
+
+@pytest.mark.parametrize(
+    ("value", "written"),
+    [(0.0, "0"), (0.0304, "0.030"), (-0.0006, "−0.001"), (1.23456, "1.235"), (12.345, "12.3"), (None, "–")],
+)
+def test_short_lengths_are_written_to_a_thousandth_of_a_pixel(value: float | None, written: str) -> None:
+    assert pixels(value) == written
+
+
+def test_units_stay_with_their_numbers() -> None:
+    assert px(0.5) == "0.500\N{NO-BREAK SPACE}px"
+    assert percent(0.0483) == "4.8\N{NO-BREAK SPACE}%"
+    assert px(None) == percent(None) == "unknown"
+
+
+def test_counts_agree_with_their_noun() -> None:
+    assert [count(n, "track") for n in (0, 1, 1200)] == ["no tracks", "1 track", "1,200 tracks"]
+
+
+def test_listings_read_like_prose() -> None:
+    assert [listing("abc"[:n]) for n in range(4)] == ["", "a", "a and b", "a, b and c"]

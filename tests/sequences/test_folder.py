@@ -1,0 +1,294 @@
+import json
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tracknoise.exceptions import DataError, UnknownNameError
+from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.depth import DepthMap
+from tracknoise.sequences.folder import Folder, write_folder
+from tracknoise.sequences.recorded import RecordedSequence
+from tracknoise.sequences.sequence import SequenceId, TruthKind
+
+FRAMES, WIDTH, HEIGHT = 3, 20, 16
+CAMERA = Camera(WIDTH, HEIGHT, 18.5, 18.25, 9.3, 7.9, (0.1, -0.02, 0.001, 0.002, 0.003))
+
+
+class Made:
+    """A sequence made of random numbers; the last frame has no depth, nor has the first pixel."""
+
+    id = SequenceId("made", "up", "default")
+    camera = CAMERA
+    notes = ()
+    truths = (TruthKind.birth,)
+    surface = None
+
+    def __init__(self, frames: int = FRAMES, *, deep: bool = True) -> None:
+        self.world_from_camera = np.broadcast_to(np.eye(4), (frames, 4, 4)).copy()
+        self.world_from_camera[:, :3, :3] = Rotation.random(frames, rng=np.random.default_rng(0)).as_matrix()
+        self.world_from_camera[:, :3, 3] = np.random.default_rng(1).normal(0.0, 50.0, (frames, 3))
+        self._deep = deep
+
+    def __len__(self) -> int:
+        return len(self.world_from_camera)
+
+    def image(self, index: int) -> np.ndarray:
+        return np.random.default_rng(index).integers(0, 256, (HEIGHT, WIDTH), dtype=np.uint8)
+
+    def depth(self, index: int) -> DepthMap | None:
+        depth = np.random.default_rng(index).uniform(1.0, 300.0, (HEIGHT, WIDTH))
+        return DepthMap(depth, np.arange(depth.size).reshape(depth.shape) > 0) if self._deep and index < 2 else None
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    write_folder(Made(), tmp_path / "scene")
+    return tmp_path / "scene"
+
+
+def opened(root: Path) -> RecordedSequence:
+    reader = Folder(root)
+    return reader.open(reader.sequences()[0])
+
+
+def read_all(root: Path) -> None:
+    sequence = opened(root)
+    for index in range(len(sequence)):
+        sequence.image(index)
+        sequence.depth(index)
+
+
+def expect(root: Path, place: str, message: str) -> None:
+    """All of the sequence is read; the error is one line that names the place."""
+    with pytest.raises(DataError) as caught:
+        read_all(root)
+    assert str(caught.value) == f"{root / place if place else root}{message}"
+
+
+def test_what_is_written_comes_back(scene: Path) -> None:
+    made, read = Made(), opened(scene)
+    assert read.id == SequenceId("folder", "scene")
+    assert (len(read), read.camera, read.truths, read.surface) == (FRAMES, CAMERA, (TruthKind.birth,), None)
+    assert read.notes == ("1 of 3 frames have no depth",)
+    np.testing.assert_allclose(read.world_from_camera, made.world_from_camera, rtol=0.0, atol=1e-15)
+    np.testing.assert_array_equal(read.world_from_camera[:, :3, 3], made.world_from_camera[:, :3, 3])
+    for index in range(FRAMES):
+        np.testing.assert_array_equal(read.image(index), made.image(index))
+    for index in range(2):
+        before, after = made.depth(index), read.depth(index)
+        np.testing.assert_array_equal(after.valid, before.valid)
+        np.testing.assert_allclose(after.depth_m[after.valid], before.depth_m[before.valid], rtol=6e-8)
+    assert read.depth(2) is None
+
+
+def test_a_read_sequence_can_be_pickled(scene: Path) -> None:
+    copy = pickle.loads(pickle.dumps(opened(scene)))
+    np.testing.assert_array_equal(copy.depth(0).valid, opened(scene).depth(0).valid)
+
+
+def test_the_files_have_the_documented_names(scene: Path) -> None:
+    names = {path.relative_to(scene).as_posix() for path in scene.rglob("*") if path.is_file()}
+    images = {f"images/00000{index}.png" for index in range(FRAMES)}
+    assert names == images | {"depth/000000.npy", "depth/000001.npy", "poses.txt", "camera.json"}
+
+
+def test_progress_is_told_after_each_frame(tmp_path: Path) -> None:
+    told: list[tuple[int, int]] = []
+    write_folder(Made(), tmp_path / "scene", progress=lambda done, total: told.append((done, total)))
+    assert told == [(1, 3), (2, 3), (3, 3)]
+
+
+def test_a_root_may_hold_scenes_at_any_depth(tmp_path: Path) -> None:
+    for name in ("b", "a/deep/one", "a/two"):
+        write_folder(Made(frames=1), tmp_path / name)
+    reader = Folder(tmp_path)
+    assert [item.scene for item in reader.sequences()] == ["a/deep/one", "a/two", "b"]
+    assert len(reader.open(SequenceId("folder", "a/two"))) == 1
+    with pytest.raises(UnknownNameError, match="unknown scene 'c'; known: a/deep/one, a/two, b"):
+        reader.open(SequenceId("folder", "c"))
+
+
+def test_depth_is_optional(tmp_path: Path) -> None:
+    write_folder(Made(deep=False), tmp_path / "scene")
+    (tmp_path / "scene/depth").rmdir()
+    sequence = opened(tmp_path / "scene")
+    assert sequence.truths == ()
+    assert sequence.depth(0) is None
+
+
+def test_depth_may_be_integers_of_a_stated_unit(scene: Path) -> None:
+    (scene / "depth/000000.npy").unlink()
+    (scene / "depth/000001.npy").unlink()
+    cv2.imwrite(str(scene / "depth/1.png"), np.pad(np.full((1, 1), 2500, np.uint16), ((0, HEIGHT - 1), (0, WIDTH - 1))))
+    change_camera(scene, depth_unit_m=0.0002)
+    depth = opened(scene).depth(1)
+    assert depth.valid.sum() == 1
+    assert depth.depth_m[0, 0] == pytest.approx(0.5)
+
+
+def test_images_may_be_jpeg_and_poses_have_comments(scene: Path) -> None:
+    for index in range(FRAMES):
+        (scene / f"images/{index:06d}.png").unlink()
+        cv2.imwrite(str(scene / f"images/{index}.jpg"), np.full((HEIGHT, WIDTH), 77, np.uint8))
+    (scene / "poses.txt").write_text("# nothing moves\n\n" + "0 0 0 0 0 0 1\n" * FRAMES)
+    sequence = opened(scene)
+    assert np.all(sequence.image(2) == 77)
+    np.testing.assert_array_equal(sequence.world_from_camera[2], np.eye(4))
+
+
+def change_camera(scene: Path, **entries: object) -> None:
+    path = scene / "camera.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), **entries}))
+
+
+def test_a_missing_image_is_named(scene: Path) -> None:
+    (scene / "images/000001.png").unlink()
+    expect(scene, "images/000001.png", ": missing image, expected images 0 to 2 without a gap")
+
+
+def test_a_missing_last_image_is_named(scene: Path) -> None:
+    (scene / "images/000002.png").unlink()
+    expect(scene, "images/000002.png", ": missing image, expected images 0 to 2 without a gap")
+
+
+def test_a_truncated_image_is_named(scene: Path) -> None:
+    path = scene / "images/000001.png"
+    path.write_bytes(path.read_bytes()[:200])
+    expect(scene, "images/000001.png", ": truncated or damaged image of 200 bytes, expected a whole PNG or JPEG image")
+
+
+def test_an_image_of_another_size_is_named(scene: Path) -> None:
+    cv2.imwrite(str(scene / "images/000001.png"), np.zeros((HEIGHT, WIDTH + 1), np.uint8))
+    expect(scene, "images/000001.png", ": size 21x16, expected the camera's 20x16")
+
+
+def test_depth_of_another_size_is_named(scene: Path) -> None:
+    np.save(scene / "depth/000001.npy", np.ones((HEIGHT, WIDTH // 2), np.float32))
+    expect(scene, "depth/000001.npy", ": size 10x16, expected the camera's 20x16")
+
+
+def test_truncated_depth_is_named(scene: Path) -> None:
+    path = scene / "depth/000001.npy"
+    path.write_bytes(path.read_bytes()[:-8])
+    expect(scene, "depth/000001.npy", ": damaged or truncated file, expected a NumPy array of float32 depth")
+
+
+def test_depth_of_two_kinds_is_refused(scene: Path) -> None:
+    cv2.imwrite(str(scene / "depth/000002.png"), np.ones((HEIGHT, WIDTH), np.uint16))
+    expect(scene, "depth", ": both .npy and .png files, expected files of one kind")
+
+
+def test_integer_depth_needs_its_unit(scene: Path) -> None:
+    for index in range(2):
+        (scene / f"depth/00000{index}.npy").unlink()
+    cv2.imwrite(str(scene / "depth/000000.png"), np.ones((HEIGHT, WIDTH), np.uint16))
+    expect(scene, "camera.json", ": no depth_unit_m, expected it, since the depths are 16-bit PNG files")
+
+
+STILL = "0 0 0 0 0 0 1"
+
+
+@pytest.mark.parametrize(
+    ("rows", "place", "message"),
+    [
+        ([STILL] * 2, "poses.txt", ": 2 poses, expected at least 3, one for each image"),
+        ([], "poses.txt", ": 0 poses, expected at least 3, one for each image"),
+        ([STILL] * 4, "images/000003.png", ": missing image, expected images 0 to 3 without a gap"),
+        ([STILL, "0 nan 0 0 0 0 1", STILL], "poses.txt", ":2: NaN or infinity in the pose, expected finite numbers"),
+        ([STILL, "0 0 0 0 0 1 1", STILL], "poses.txt", ":2: a quaternion of norm 1.41421, expected norm 1"),
+        (["0 0 0 0 0 1"], "poses.txt", ":1: 6 fields, expected 7 (tx ty tz qx qy qz qw)"),
+        (["0 0 0 0 0 0 one"], "poses.txt", ":1: 'one', expected a number (tx ty tz qx qy qz qw)"),
+    ],
+)
+def test_bad_poses_are_named(scene: Path, rows: list[str], place: str, message: str) -> None:
+    (scene / "poses.txt").write_text("\n".join(rows) + "\n")
+    expect(scene, place, message)
+
+
+NEEDED = "width, height, fx, fy, cx, cy and, if need be, distortion, depth_unit_m, source"
+
+
+@pytest.mark.parametrize(
+    ("entries", "message"),
+    [
+        ({"width": 20.0}, "width = 20.0, expected a whole number above 0"),
+        ({"width": True}, "width = true, expected a whole number above 0"),
+        ({"height": 0}, "height = 0, expected a whole number above 0"),
+        ({"fx": "18"}, 'fx = "18", expected a finite number above 0'),
+        ({"fy": -18.0}, "fy = -18.0, expected a finite number above 0"),
+        ({"cx": None}, "cx = null, expected a finite number"),
+        ({"cy": float("nan")}, "cy = NaN, expected a finite number"),
+        ({"distortion": [0.1, 0.2]}, "distortion = [0.1, 0.2], expected a list of k1, k2, p1, p2, k3, or an empty one"),
+        ({"distortion": [0.1, 0, 0, 0, "x"]}, 'distortion = "x", expected a finite number'),
+        ({"depth_unit_m": 0}, "depth_unit_m = 0, expected a finite number above 0"),
+        ({"distorsion": []}, f"unknown key 'distorsion', expected {NEEDED}"),
+    ],
+)
+def test_bad_cameras_are_named(scene: Path, entries: dict[str, object], message: str) -> None:
+    change_camera(scene, **entries)
+    expect(scene, "camera.json", f": {message}")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('{"width": 20}', f": no height, expected {NEEDED}"),
+        ('{"width": 20,\n', ":2: no JSON (Expecting property name enclosed in double quotes), expected a JSON object"),
+        ("[20, 16]", ": JSON, but no object, expected a JSON object"),
+    ],
+)
+def test_a_malformed_camera_file_is_named(scene: Path, text: str, message: str) -> None:
+    (scene / "camera.json").write_text(text)
+    expect(scene, "camera.json", message)
+
+
+def test_a_missing_camera_file_is_named(scene: Path) -> None:
+    (scene / "camera.json").unlink()
+    expect(scene, "camera.json", ": no such file, expected the camera's width, height, fx, fy, cx and cy in JSON")
+
+
+def test_a_sequence_without_frames_is_refused(scene: Path) -> None:
+    for path in (scene / "images").iterdir():
+        path.unlink()
+    (scene / "poses.txt").write_text("# none\n")
+    expect(scene, "images", ": no images, expected files such as 000000.png")
+
+
+def test_a_folder_without_a_scene_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "images").mkdir()
+    expect(tmp_path, "", ": no scene, expected folders with images/ and poses.txt")
+
+
+def test_nothing_is_overwritten(scene: Path) -> None:
+    with pytest.raises(DataError, match="something is there already, expected a new or empty folder"):
+        write_folder(Made(), scene)
+    with pytest.raises(DataError, match="something is there already, expected a new or empty folder"):
+        write_folder(Made(), scene / "poses.txt")
+
+
+def test_an_empty_folder_may_be_filled(tmp_path: Path) -> None:
+    (tmp_path / "scene").mkdir()
+    write_folder(Made(), tmp_path / "scene")
+    assert len(opened(tmp_path / "scene")) == FRAMES
+
+
+def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(DataError, match=r"file/scene: cannot be written \(.+\), expected a folder that can be written"):
+        write_folder(Made(), tmp_path / "file/scene")
+
+
+def test_an_interrupted_write_leaves_nothing(tmp_path: Path) -> None:
+    def interrupt(done: int, _: int) -> None:
+        if done == 2:
+            raise KeyboardInterrupt
+
+    stop: Callable[[int, int], None] = interrupt
+    with pytest.raises(KeyboardInterrupt):
+        write_folder(Made(), tmp_path / "scene", progress=stop)
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,181 @@
+import pickle
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.geometry.depth import interpolate
+from tracknoise.geometry.pose import invert, transform
+from tracknoise.sequences.registry import make_reader, open_sequence
+from tracknoise.sequences.sequence import Sequence, SequenceId, TruthKind
+from tracknoise.sequences.simulated import Simulated, SimulatedSequence
+
+MOTIONS = ("sideways", "fixating", "forward", "arvr")
+FRAMES, WIDTH, HEIGHT = 11, 160, 120
+
+
+@pytest.fixture(scope="module", params=MOTIONS)
+def sequence(request: pytest.FixtureRequest) -> SimulatedSequence:
+    reader = Simulated(motions=(request.param,), frames=FRAMES, width=WIDTH, height=HEIGHT)
+    return reader.open(reader.sequences()[0])
+
+
+def places(sequence: SimulatedSequence, count: int = 2000) -> np.ndarray:
+    border = 4.0
+    camera = sequence.camera
+    return np.random.default_rng(0).uniform(border, (camera.width - 1 - border, camera.height - 1 - border), (count, 2))
+
+
+def project(sequence: SimulatedSequence, index: int, points: np.ndarray) -> np.ndarray:
+    return sequence.camera.project(transform(invert(sequence.world_from_camera[index]), points))
+
+
+def test_scenes_are_named_by_motion_and_world() -> None:
+    listed = Simulated(motions=("forward", "arvr"), worlds=2, lightings=("default", "east")).sequences()
+    assert [(item.scene, item.lighting) for item in listed[:3]] == [
+        ("arvr-00", "default"),
+        ("arvr-00", "east"),
+        ("arvr-01", "default"),
+    ]
+    assert len(listed) == 8
+    assert listed == sorted(listed)
+    assert {item.dataset for item in listed} == {"simulated"}
+
+
+def test_the_camera_has_its_field_of_view_and_its_centre_between_the_middle_pixels() -> None:
+    camera = Simulated(width=800, height=600, hfov_deg=60.0).camera
+    assert camera.fx == camera.fy == pytest.approx(692.8203230275509)
+    assert (camera.cx, camera.cy) == (399.5, 299.5)
+    left, right = camera.bearings(np.array([[-0.5, 299.5], [799.5, 299.5]]))
+    assert np.rad2deg(np.arctan(right[0]) - np.arctan(left[0])) == pytest.approx(60.0)
+
+
+def test_a_sequence_is_what_the_protocol_says(sequence: SimulatedSequence) -> None:
+    assert isinstance(sequence, Sequence)
+    assert len(sequence) == FRAMES == len(sequence.world_from_camera)
+    assert sequence.truths == (TruthKind.raycast, TruthKind.birth)
+    image = sequence.image(0)
+    assert (image.shape, image.dtype) == ((HEIGHT, WIDTH), np.uint8)
+    assert 60 < image.mean() < 200
+    assert image.std() > 20
+
+
+def test_a_frame_is_the_same_in_any_order_and_in_any_copy(sequence: SimulatedSequence) -> None:
+    first = [sequence.image(index) for index in (0, 3)]
+    data = pickle.dumps(sequence)
+    copy: SimulatedSequence = pickle.loads(data)
+    assert len(data) < 10_000
+    again = [copy.image(index) for index in (3, 0)]
+    for before, after in zip(first, reversed(again), strict=True):
+        np.testing.assert_array_equal(before, after)
+    assert np.any(first[0] != first[1])
+
+
+def test_cast_points_project_to_where_they_were_cast_from(sequence: SimulatedSequence) -> None:
+    uv = places(sequence)
+    assert sequence.surface is not None
+    points, hit = sequence.surface.cast(4, uv)
+    assert hit.all()
+    assert np.abs(project(sequence, 4, points) - uv).max() < 1e-9
+
+
+def test_depth_is_that_of_cast_points(sequence: SimulatedSequence) -> None:
+    v, u = np.indices((HEIGHT, WIDTH), dtype=np.float64)
+    points, hit = sequence.cast(2, np.stack([u.ravel(), v.ravel()], axis=-1))
+    z = transform(invert(sequence.world_from_camera[2]), points)[:, 2]
+    depth = sequence.depth(2)
+    np.testing.assert_array_equal(depth.valid.ravel(), hit)
+    np.testing.assert_allclose(depth.depth_m.ravel(), z, rtol=1e-12)
+
+
+def test_interpolated_depth_gives_the_truth_that_ray_casting_gives(sequence: SimulatedSequence) -> None:
+    uv = places(sequence)
+    sample = interpolate(sequence.depth(0), uv)
+    assert sample.valid.mean() > 0.5
+    by_depth = transform(sequence.world_from_camera[0], sequence.camera.unproject(uv, sample.depth_m))
+    by_ray, _ = sequence.cast(0, uv)
+    difference = np.linalg.norm(project(sequence, 10, by_depth) - project(sequence, 10, by_ray), axis=1)[sample.valid]
+    assert np.median(difference) < 1e-6
+    assert np.quantile(difference, 0.95) < 0.02
+
+
+def test_images_move_as_the_geometry_says(sequence: SimulatedSequence) -> None:
+    """Lucas-Kanade knows nothing of the poses: half a pixel of offset anywhere, or a mirrored axis, would show."""
+    start, end = (sequence.image(index) for index in (0, 2))
+    corners = cv2.goodFeaturesToTrack(start, 150, 0.02, 5).astype(np.float32)
+    found, status, _ = cv2.calcOpticalFlowPyrLK(start, end, corners, None, winSize=(15, 15), maxLevel=3)
+    tracked = status.ravel() == 1
+    points, _ = sequence.cast(0, corners[tracked, 0].astype(np.float64))
+    error = found[tracked, 0] - project(sequence, 2, points)
+    assert np.abs(np.median(error, axis=0)).max() < 0.05
+    assert np.median(np.abs(error)) < 0.15
+
+
+def test_noise_is_of_the_size_asked_for_and_differs_between_frames() -> None:
+    settings = {"frames": 2, "width": WIDTH, "height": HEIGHT, "scene": "sideways-00"}
+    clean, noisy = (open_sequence("simulated", noise_sigma=sigma, **settings) for sigma in (0.0, 4.0))
+    first, second = (noisy.image(index).astype(np.float64) - clean.image(index) for index in (0, 1))
+    inside = (clean.image(0) > 20) & (clean.image(0) < 235)
+    assert np.std(first[inside]) == pytest.approx(4.0, rel=0.05)
+    assert abs(np.corrcoef(first.ravel(), second.ravel())[0, 1]) < 0.05
+
+
+def test_lighting_and_seed_change_the_image_but_lighting_not_the_geometry() -> None:
+    def opened(**options: Any) -> Sequence:
+        small = {"frames": 1, "width": 80, "height": 60, "motions": ["sideways"], "noise_sigma": 0.0}
+        return open_sequence("simulated", **{**small, **options})
+
+    usual, east, other = opened(), opened(lightings=["east"]), opened(seed=1)
+    assert np.abs(usual.image(0).astype(float) - east.image(0)).mean() > 5.0
+    assert np.abs(usual.image(0).astype(float) - other.image(0)).mean() > 5.0
+    np.testing.assert_array_equal(usual.world_from_camera, east.world_from_camera)
+    np.testing.assert_array_equal(usual.depth(0).depth_m, east.depth(0).depth_m)
+    assert np.any(usual.depth(0).depth_m != other.depth(0).depth_m)
+
+
+def test_shadows_darken_some_of_the_image() -> None:
+    settings = {"frames": 1, "width": 80, "height": 60, "noise_sigma": 0.0}
+    plain, shaded = (
+        open_sequence("simulated", scene="sideways-00", shadows=shadows, **settings).image(0)
+        for shadows in (False, True)
+    )
+    assert np.all(shaded <= plain)
+    assert 0.02 < np.mean(shaded < plain - 5.0) < 0.6
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"frames": 0}, "frames must be a whole number of at least 1, not 0"),
+        ({"frames": "60"}, "frames must be a whole number of at least 1, not '60'"),
+        ({"worlds": True}, "worlds must be a whole number of at least 1, not True"),
+        ({"width": 640.0}, "width must be a whole number of at least 2, not 640.0"),
+        ({"supersampling": 0}, "supersampling must be a whole number of at least 1, not 0"),
+        ({"seed": -1}, "seed must be a whole number of at least 0, not -1"),
+        ({"hfov_deg": 180.0}, "hfov_deg must be a number between 0 and 180, not 180.0"),
+        ({"noise_sigma": float("nan")}, "noise_sigma must be a number of at least 0, not nan"),
+        ({"noise_sigma": "2"}, "noise_sigma must be a number of at least 0, not '2'"),
+        ({"shadows": 1}, "shadows must be true or false, not 1"),
+        ({"motions": "forward"}, "motions must be a list of names, not 'forward'"),
+        ({"lightings": []}, "lightings must be a list of names, not []"),
+        ({"motions": ["foward"]}, "unknown motion 'foward' (did you mean 'forward'?)"),
+        ({"lightings": ["moon"]}, "unknown lighting 'moon'; known: default, east, overhead, west"),
+        ({"hfov": 60.0}, "unknown option of reader 'simulated' 'hfov' (did you mean 'hfov_deg'?)"),
+    ],
+)
+def test_bad_options_are_named(options: dict[str, object], message: str) -> None:
+    with pytest.raises((SettingsError, UnknownNameError)) as caught:
+        make_reader("simulated", options=options)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("scene", "lighting", "message"),
+    [("sideways-01", "default", "unknown scene 'sideways-01'"), ("sideways-00", "east", "unknown lighting 'east'")],
+)
+def test_an_unknown_sequence_is_named(scene: str, lighting: str, message: str) -> None:
+    with pytest.raises(UnknownNameError, match=message):
+        Simulated().open(SequenceId("simulated", scene, lighting))

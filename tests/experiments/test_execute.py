@@ -139,3 +139,14 @@ def test_tables_of_one_condition_agree_with_each_other(finished):
     assert tracks["lifetime"].sum() == len(rows)
     previous = frames.with_columns(pl.col("alive").shift(1).over(keys).fill_null(0))
     assert frames["offered"].to_list() == previous["alive"].to_list()
+
+
+def test_the_record_holds_every_setting_and_runs_as_the_same_experiment(finished, tmp_path):
+    recorded = parse_experiment(finished.experiment_toml(), place="recorded")
+    assert recorded.trackers[0].options["window_px"] == 15
+    assert recorded.trackers[0].options["rejection"]["consensus"] == "hypothesis"
+    assert recorded.dataset.options["noise_sigma"] == 2.0
+    again = RunFolder(tmp_path / "again")
+    execute(recorded, again, listener=Silent())
+    assert again.manifest().settings_hash == finished.manifest().settings_hash
+    assert tables(again) == tables(finished)

@@ -30,19 +30,20 @@ SMALL: dict[str, object] = {
     "min_features": 40,
 }
 """Settings of a world that is quick to draw."""
+_ONE: dict[str, object] = {"scenes": ("only",), "trackers": ("lucas-kanade",), "speeds": (1,), "born": 40}
 DEGENERATE: dict[str, dict[str, object]] = {
-    "one of everything": {"scenes": ("only",), "trackers": ("lucas-kanade",), "speeds": (1,)},
+    "one of everything": _ONE,
     "no feature found": {"born": 0},
-    "no age has enough features": {"min_features": 10**6},
-    "only age 0 has enough features": {"loss": 1.0, "min_features": 10},
-    "a perfect tracker": {"sigma_px": 0.0, "bias_px": 0.0, "hidden": 0.0},
-    "no depth": {"depth": False},
-    "everything censored": {"loss": 1e-12},
-    "nothing trimmed": {"percentile": None},
-    "no image": {"snapshot": False},
-    "three lightings": {"lightings": ("led-1", "led-2", "led-3"), "scenes": ("only",)},
-    "all that is projected": {"population": "projected", "hidden": 0.3},
-    "odd names": {"trackers": ('<b>"&\\_%', "$%_<b>"), "scenes": ("a/b c", "<i>")},
+    "no age has enough features": {**_ONE, "min_features": 10**6},
+    "only age 0 has enough features": {**_ONE, "loss": 1.0, "min_features": 10},
+    "a perfect tracker": {**_ONE, "sigma_px": 0.0, "bias_px": 0.0, "hidden": 0.0, "speeds": (1, 2)},
+    "no depth": {**_ONE, "depth": False},
+    "everything censored": {**_ONE, "loss": 1e-12},
+    "nothing trimmed": {**_ONE, "percentile": None},
+    "no image": {**_ONE, "snapshot": False},
+    "two lightings": {**_ONE, "lightings": ("led-1", "led-2")},
+    "all that is projected": {**_ONE, "population": "projected", "hidden": 0.3},
+    "odd names": {"trackers": ('<b>"&\\_%', "$%_<b>"), "scenes": ("a/b c", "<i>"), "speeds": (1,), "n_frames": 8},
 }
 """Worlds at the edge of what a report can be about, by what is odd about them."""
 

@@ -9,6 +9,7 @@ from tracknoise.exceptions import StoreError, TracknoiseError
 from tracknoise.experiments.plan import Task, plan
 from tracknoise.experiments.pool import pool
 from tracknoise.experiments.provenance import new_manifest
+from tracknoise.experiments.resolve import resolve
 from tracknoise.experiments.settings import Experiment
 from tracknoise.experiments.task import run_task
 from tracknoise.tables.store import Manifest, RunFolder, SequenceEntry
@@ -83,6 +84,7 @@ def execute(
     TracknoiseError
         If the experiment cannot be planned, or the folder belongs to another one or cannot be written.
     """
+    experiment = resolve(experiment)
     tasks = plan(experiment)
     manifest = _begin(experiment, run)
     manifest.failures.clear()

@@ -7,6 +7,7 @@ import altair as alt
 import polars as pl
 
 from tracknoise.report.figures import marks
+from tracknoise.report.figures.box_plot import box_plot
 from tracknoise.report.figures.layout import Chart, Panel, Spec, arranged
 from tracknoise.report.sentences import NU, listing, px
 from tracknoise.statistics.box import box_summary
@@ -150,4 +151,4 @@ def _boxes(table: pl.DataFrame, axis: str, series: Series, bounds: list[float]) 
     scale = alt.Scale(domain=bounds, nice=False)
     bare = alt.Y("median:Q", scale=scale, title=None, axis=alt.Axis(labels=False, ticks=False))
     table = pl.DataFrame(summaries)
-    return marks.boxes(table, field=series.field, colours=series.colours, y=bare, width=105, height=_HEIGHT)
+    return box_plot(table, field=series.field, colours=series.colours, y=bare, width=105, height=_HEIGHT)

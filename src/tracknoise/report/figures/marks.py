@@ -6,8 +6,7 @@ import altair as alt
 import polars as pl
 import polars.selectors as cs
 
-from tracknoise.report import style
-from tracknoise.report.figures.layout import Chart, Selection
+from tracknoise.report.figures.layout import Selection
 
 MUTED = 0.07
 _NONE = 0.6
@@ -44,10 +43,11 @@ def zoom(*encodings: str) -> Selection:
 def colour(field: str, colours: Mapping[str, str], title: str, *, legend: bool = True) -> alt.Color:
     """Nominal colours in a stated order."""
     shape = alt.Legend(title=title, symbolType="stroke", columns=8) if legend else None
-    return alt.Color(f"{field}:N", scale=_scale(colours), sort=None, legend=shape)
+    return alt.Color(f"{field}:N", scale=scale(colours), sort=None, legend=shape)
 
 
-def _scale(colours: Mapping[str, str]) -> alt.Scale:
+def scale(colours: Mapping[str, str]) -> alt.Scale:
+    """Colours by name, in their order."""
     return alt.Scale(domain=list(colours), range=list(colours.values()))
 
 
@@ -70,48 +70,3 @@ def log_count(title: str, largest: float) -> alt.Y:
 def drawn_count(n: pl.Expr) -> pl.Expr:
     """Counts as a logarithmic axis draws them: none lies a little below one."""
     return n.cast(pl.Float64).clip(lower_bound=_NONE).alias("drawn")
-
-
-def boxes(table: pl.DataFrame, *, field: str, colours: Mapping[str, str], y: alt.Y, width: int, height: int) -> Chart:
-    """Box plots: orange median, green triangle mean, whiskers to the last value within 1.5 interquartile ranges.
-
-    Parameters
-    ----------
-    table
-        Columns mean, median, lower_quartile, upper_quartile, lower_whisker, upper_whisker and `field`.
-    field, colours
-        Column that tells the boxes apart, and the colour of each of its values, in order.
-    y
-        Axis of the values, for any of the columns.
-    width, height
-        Of the panel, px.
-    """
-    names = [*("upper_whisker", "upper_quartile", "mean", "median", "lower_quartile", "lower_whisker")]
-    tips = [alt.Tooltip(f"{name}:Q", format=".4~g", title=name.replace("_", " ")) for name in names]
-    upright = sum(map(len, colours)) * 7 > width
-    x = alt.X(f"{field}:N", sort=list(colours), title=field, axis=alt.Axis(labelAngle=-90 if upright else 0))
-    base = alt.Chart(rows(table)).encode(x=x, tooltip=[alt.Tooltip(f"{field}:N"), *tips])
-    across = min(34, 0.6 * width / max(1, table.height))
-
-    def at(name: str) -> alt.Y:
-        placed = y.copy()
-        placed.shorthand = f"{name}:Q"
-        return placed
-
-    lower = base.mark_rule(color=style.QUIET).encode(y=at("lower_whisker"), y2="lower_quartile:Q")
-    upper = base.mark_rule(color=style.QUIET).encode(y=at("upper_quartile"), y2="upper_whisker:Q")
-    caps = [
-        base.mark_tick(color=style.QUIET, thickness=1, size=across / 2, orient="horizontal").encode(y=at(end))
-        for end in ("lower_whisker", "upper_whisker")
-    ]
-    box = base.mark_bar(size=across, fillOpacity=0.25, strokeWidth=1.2).encode(
-        y=at("lower_quartile"),
-        y2="upper_quartile:Q",
-        fill=alt.Fill(f"{field}:N", scale=_scale(colours), legend=None),
-        stroke=alt.Stroke(f"{field}:N", scale=_scale(colours), legend=None),
-    )
-    middle = base.mark_tick(color=style.MEDIAN, thickness=2.5, size=across, orient="horizontal", opacity=1).encode(
-        y=at("median")
-    )
-    mean = base.mark_point(shape="triangle-up", color=style.MEAN, size=36, opacity=1).encode(y=at("mean"))
-    return alt.layer(lower, upper, *caps, box, middle, mean).properties(width=width, height=height)

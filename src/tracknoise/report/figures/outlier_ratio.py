@@ -7,7 +7,7 @@ import polars as pl
 
 from tracknoise.report import style
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures import marks
+from tracknoise.report.figures.box_plot import box_plot
 from tracknoise.report.figures.figure import Absence, Family, Figure
 from tracknoise.report.figures.layout import Panel, arranged
 from tracknoise.report.sentences import listing, percent
@@ -91,7 +91,7 @@ def _panel(evidence: Evidence, table: pl.DataFrame, field: str, colours: Mapping
     scale = alt.Scale(domain=[0, 1.05 * largest or 1.0], nice=False)
     width = 780 // min(3, max(2, len(evidence.trackers)))
     y = alt.Y("median:Q", scale=scale, title="outlier ratio (share of features)")
-    chart = marks.boxes(table, field=field, colours=colours, y=y, width=width, height=230)
+    chart = box_plot(table, field=field, colours=colours, y=y, width=width, height=230)
     return Panel(chart.properties(title=alt.Title(tracker, color=evidence.colour[tracker])))
 
 

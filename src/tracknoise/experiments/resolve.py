@@ -1,0 +1,41 @@
+"""Write out every option that an experiment leaves to its defaults, so that its record does not depend on them."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+from tracknoise.experiments.settings import Experiment, TrackerChoice
+from tracknoise.sequences.registry import make_reader
+from tracknoise.trackers.registry import make_tracker
+
+
+def resolve(experiment: Experiment) -> Experiment:
+    """Return the same experiment with all options of its trackers and its reader written out.
+
+    Raises
+    ------
+    UnknownNameError, SettingsError
+        If a tracker, the reader or an option is unknown, or a value is wrong.
+    """
+    dataset = experiment.dataset
+    reader = _plain(asdict(make_reader(dataset.reader, dataset.root, dataset.options)))  # type: ignore[call-overload]
+    reader.pop("root", None)
+    return experiment.model_copy(
+        update={
+            "dataset": dataset.model_copy(update={"options": reader}),
+            "trackers": [_resolved(choice) for choice in experiment.trackers],
+        }
+    )
+
+
+def _resolved(choice: TrackerChoice) -> TrackerChoice:
+    options = _plain(asdict(make_tracker(choice.kind, choice.options)))  # type: ignore[call-overload]
+    return choice.model_copy(update={"options": options})
+
+
+def _plain(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings as a TOML file can hold them: a setting that is None is left out."""
+    present = {name: value for name, value in settings.items() if value is not None}
+    plain: dict[str, Any] = json.loads(json.dumps(present, default=str))
+    return plain

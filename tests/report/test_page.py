@@ -41,8 +41,8 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def report(run: RunFolder) -> Path:
-    return write_report(run)
+def report(make_run: Callable[..., RunFolder]) -> Path:
+    return write_report(make_run(scenes=("forward",), trackers=("lucas-kanade",), born=40))
 
 
 @pytest.fixture(scope="module")

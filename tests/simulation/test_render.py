@@ -140,3 +140,18 @@ def test_what_cannot_be_rendered_is_refused(facing: Facing, camera: Camera) -> N
         Renderer(world, Raycaster(world), camera=bent, lighting=Lighting(1.0, ()), quality=Quality())
     with pytest.raises(ValueError, match="supersampling must be at least 1, not 0"):
         Quality(supersampling=0)
+
+
+def test_a_ray_along_the_ground_sees_the_sky(north: np.ndarray) -> None:
+    """The middle row never meets the plane of the only surface."""
+    camera = Camera(9, 9, 10.0, 10.0, 4.0, 4.0)
+    ground = Quad(np.array([-50.0, 50.0, -1.0]), np.array([100.0, 0.0, 0.0]), np.array([0.0, -100.0, 0.0]))
+    world = assemble([ground], plain(0.3))
+    even, once = Lighting(ambient=1.0, lamps=()), Quality(supersampling=1)
+    image = Renderer(world, Raycaster(world), camera=camera, lighting=even, quality=once).image(north)
+    np.testing.assert_allclose(image[:, 4], [0.8] * 5 + [0.3] * 4)
+
+
+def test_a_surface_without_texture_coordinates_has_one_grey(facing: Facing, render: Render) -> None:
+    world = assemble([facing(0.0, 0.0, width=16.0, height=16.0, distance=4.0)], plain(0.6))
+    np.testing.assert_allclose(render(replace(world, corner_uv=np.zeros((2, 3, 2)))), 0.6, rtol=1e-6)

@@ -72,6 +72,17 @@ class Evidence:
         found = self.trims["percentile"].drop_nulls().unique().to_list()
         return found[0] if found and found[0] < 100 else None
 
+    @property
+    def errors_kept(self) -> str:
+        """What the errors of the kept tracks are called, at the start of a sentence."""
+        return "Errors" if self.percentile is None else "Trimmed errors"
+
+    def cuts(self, tracker: str) -> pl.DataFrame:
+        """Where trimming cut a tracker's tracks, px, the median over the scenes: columns speed and cut."""
+        trims = self.reference(self.trims).filter(tracker=tracker).drop_nulls("threshold_px")
+        cuts = trims.group_by("speed").agg(cut=pl.col("threshold_px").median()).sort("speed")
+        return cuts.clear() if self.percentile is None else cuts
+
     @cached_property
     def points(self) -> pl.DataFrame:
         """Curves that are not cut, features pooled, of the experiment's population; second moments as roots, px."""

@@ -13,6 +13,9 @@ from tracknoise.simulation.world import World, texture_gradients
 
 _RAYS_AT_ONCE = 16384  # so that what is worked on stays in the processor's cache
 _SKY = np.float32(0.8)
+_TINY = 1e-300
+
+_Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +52,9 @@ class _View:
     """
 
     world_from_camera: NDArray[np.float64]  # (4, 4)
-    rows: NDArray[np.float64]  # (t, 9), the 3x3 matrix of each triangle
+    rows: NDArray[
+        np.float64
+    ]  # (t + 1, 9), the 3x3 matrix of each triangle; last, for rays that meet none, a harmless one
     ahead: NDArray[np.float64]  # (t,) rows[2] . p times depth
     light: NDArray[np.float32]  # (lamps, t) irradiance of the side that is seen
 
@@ -88,7 +93,7 @@ class Renderer:
         right, down = sample_offsets(quality.supersampling).T
         self._x = (np.arange(camera.width) + right[:, None] - camera.cx) / camera.fx
         self._y = (np.arange(camera.height)[:, None] + down - camera.cy) / camera.fy
-        self._pitch = np.array([1.0 / camera.fx, 1.0 / camera.fy]) / quality.supersampling
+        self._pitch = 1.0 / camera.fx, 1.0 / camera.fy
         self._side = self._atlas.side(world.texture)
 
     def image(self, world_from_camera: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -118,10 +123,11 @@ class Renderer:
         normals = self._raycaster.normals
         ahead = self._raycaster.plane_offsets - np.einsum("ti,i->t", normals, centre)
         here = np.einsum("tci,i->tc", self._gradient, centre) + self._offset
-        rows = np.empty((len(normals), 3, 3))
-        rows[:, 2] = np.einsum("ti,ij->tj", normals, rotation)
-        rows[:, :2] = here[:, :, None] * rows[:, None, 2]
-        rows[:, :2] += ahead[:, None, None] * np.einsum("tci,ij->tcj", self._gradient, rotation)
+        rows = np.zeros((len(normals) + 1, 3, 3))
+        rows[:-1, 2] = np.einsum("ti,ij->tj", normals, rotation)
+        rows[:-1, :2] = here[:, :, None] * rows[:-1, None, 2]
+        rows[:-1, :2] += ahead[:, None, None] * np.einsum("tci,ij->tcj", self._gradient, rotation)
+        rows[MISS, 2, 2] = 1.0
         seen = normals * -np.sign(ahead)[:, None]
         light = np.array([lamp.irradiance(seen) for lamp in self._lighting.lamps], np.float32)
         return _View(world_from_camera, rows.reshape(-1, 9), ahead, light.reshape(-1, len(normals)))
@@ -130,7 +136,7 @@ class Renderer:
         """Irradiance on the sensor along the bearings (x, y, 1)."""
         directions = _rotate(view.world_from_camera, x, y)
         found = self._raycaster.first_triangle(view.world_from_camera[:3, 3], directions.astype(np.float32))
-        triangle = np.maximum(found, 0).astype(np.intp)
+        triangle = found.astype(np.intp)  # of a miss, whatever is last: it is painted over
         s, t, depth_m, footprint = self._locate(view, triangle, x, y)
         grey = self._atlas.read(self._texture[triangle], s, t, footprint)
         grey *= self._light(view, triangle, directions, depth_m)
@@ -143,11 +149,23 @@ class Renderer:
         a, b, c, d, e, f, g, h, i = view.rows.take(triangle, axis=0).T
         shrink = 1.0 / (g * x + h * y + i)
         s, t = (a * x + b * y + c) * shrink, (d * x + e * y + f) * shrink
-        # The longer of the steps in the texture that one sample to the right, or down, makes.
-        right = np.square(a - s * g) + np.square(d - t * g)
-        down = np.square(b - s * h) + np.square(e - t * h)
-        step = np.sqrt(np.maximum(right * self._pitch[0] ** 2, down * self._pitch[1] ** 2)) * np.abs(shrink)
-        return s, t, view.ahead[triangle] * shrink, (step * self._side[triangle]).astype(np.float32)
+        step_x, step_y = shrink * self._pitch[0], shrink * self._pitch[1]
+        right = ((a - s * g) * step_x, (d - t * g) * step_x)
+        down = ((b - s * h) * step_y, (e - t * h) * step_y)
+        return s, t, view.ahead[triangle] * shrink, self._footprint(right, down, self._side[triangle])
+
+    def _footprint(
+        self, right: tuple[_Floats, _Floats], down: tuple[_Floats, _Floats], side: NDArray[np.int64]
+    ) -> NDArray[np.float32]:
+        """How many texels one ray stands for, given the steps in the texture that a pixel to the right, or down, makes.
+
+        A pixel's n^2 rays lie 1/n px apart; but along one direction, such as that in which a slanted surface is
+        foreshortened, their projections lie only 1/n^2 px apart, and so the texture need not be blurred as much.
+        """
+        n = self._quality.supersampling
+        longer = np.sqrt(np.maximum(right[0] ** 2 + right[1] ** 2, down[0] ** 2 + down[1] ** 2))
+        shorter = np.abs(right[0] * down[1] - right[1] * down[0]) / np.maximum(longer, _TINY)
+        return (np.maximum(longer / n**2, shorter / n) * side).astype(np.float32)
 
     def _light(
         self, view: _View, triangle: NDArray[np.intp], directions: NDArray[np.float64], depth_m: NDArray[np.float64]

@@ -53,7 +53,7 @@ class Atlas:
             In the textures' own unit.
         """
         coarsest = self._depth[texture]
-        level = np.clip(np.log2(footprint), np.float32(0.0), coarsest.astype(np.float32))
+        level = np.minimum(np.log2(np.maximum(footprint, np.float32(1.0))), coarsest.astype(np.float32))
         finer = level.astype(np.intp)
         blend = level - finer.astype(np.float32)
         column, row = _within_repeat(s), _within_repeat(t)

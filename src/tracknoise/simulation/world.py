@@ -33,7 +33,7 @@ class World:
     ------
     ValueError
         If shapes do not fit together, an index is out of range, a texture is not square with a side that is a power
-        of two, or a triangle has no area, in space or in its texture.
+        of two, or a triangle has no area.
     """
 
     vertices: NDArray[np.float64]

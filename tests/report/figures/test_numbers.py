@@ -84,6 +84,18 @@ def test_speeds_are_read_at_an_age_that_all_have(evidence: Evidence) -> None:
         assert f"{px(row['u'])} in u and {px(row['v'])} in v for speed {speed}" in figure.look_for
 
 
+def test_speeds_that_were_cut_differently_are_told_apart(
+    make_run: Callable[..., RunFolder], evidence: Evidence
+) -> None:
+    figure = _by_id(factors.by_speed(evidence))["speed-correspondence"]
+    trims = evidence.trims.filter(tracker="correspondence")
+    cuts = [trims.filter(speed=speed)["threshold_px"].median() for speed in (1, 2)]
+    assert f"trimming cut at {px(cuts[0])} at speed 1 and {px(cuts[1])} at speed 2" in figure.look_for
+    for untrimmed in factors.by_speed(Evidence.of(make_run(percentile=None))):
+        assert "trimming" not in untrimmed.look_for
+        assert untrimmed.shows.startswith("Errors of")
+
+
 def test_one_speed_leaves_nothing_to_compare(make_run: Callable[..., RunFolder]) -> None:
     (absence,) = factors.by_speed(Evidence.of(make_run(speeds=(3,))))
     assert absence.why == "Only speed 3 was run, so there are no speeds to compare."

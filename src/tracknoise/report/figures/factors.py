@@ -8,7 +8,7 @@ from tracknoise.report import style
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures.curve_grid import Series, grid, readings, when
 from tracknoise.report.figures.figure import Absence, Family, Figure
-from tracknoise.report.sentences import listing
+from tracknoise.report.sentences import listing, px
 
 _BOXES = (
     "The box plots beside the curves show the curves' own values over all ages drawn: orange line the median, green "
@@ -34,10 +34,11 @@ def by_lighting(evidence: Evidence) -> Sequence[Figure | Absence]:
 def _speeds_of(evidence: Evidence, tracker: str) -> Figure | Absence:
     points = _kept(evidence, evidence.reference(evidence.points), tracker)
     shows = (
-        f"Trimmed errors of {tracker} at every speed{evidence.where}: at speed s it sees every s-th frame only, so "
-        "that features move farther between the frames it sees. Dashed: about the mean."
+        f"{evidence.errors_kept} of {tracker} at every speed{evidence.where}: at speed s it sees every s-th frame "
+        "only, so that features move farther between the frames it sees. Dashed: about the mean."
     )
     advice = "Curves that lie on each other mean that error comes with age, whatever the number of steps it took."
+    advice += _cuts_differ(evidence, tracker)
     title, series = f"{tracker} by speed", Series("speed", evidence.speed_colours(tracker))
     return _figure(f"speed-{evidence.slug(tracker)}", title, points, series, shows, advice)
 
@@ -45,13 +46,24 @@ def _speeds_of(evidence: Evidence, tracker: str) -> Figure | Absence:
 def _lightings_of(evidence: Evidence, tracker: str) -> Figure | Absence:
     here = (pl.col("speed") == evidence.slowest) & (pl.col("rotation") == evidence.rotations[0])
     points = _kept(evidence, evidence.points.filter(here), tracker)
-    shows = f"Trimmed errors of {tracker} at speed {evidence.slowest} under every lighting. Dashed: about the mean."
-    advice = "Curves that lie on each other mean that the lighting makes no difference."
+    shows = (
+        f"{evidence.errors_kept} of {tracker} at speed {evidence.slowest} under every lighting. Dashed: about the mean."
+    )
+    advice = "Curves that lie on each other speak for a lighting that makes no difference."
     colours = dict(
         zip(evidence.lightings, style.shades(evidence.colour[tracker], len(evidence.lightings)), strict=True)
     )
     series = Series("lighting", colours)
     return _figure(f"lighting-{evidence.slug(tracker)}", f"{tracker} by lighting", points, series, shows, advice)
+
+
+def _cuts_differ(evidence: Evidence, tracker: str) -> str:
+    """Warn that speeds were not trimmed at the same error: where few tracks live on, most errors are 0."""
+    cuts = evidence.cuts(tracker)
+    if cuts["cut"].n_unique() < 2:
+        return ""
+    told = listing(f"{px(row['cut'])} at speed {row['speed']}" for row in cuts.to_dicts())
+    return f" Mind that trimming cut at {told}: some of the difference is the cut's."
 
 
 def _kept(evidence: Evidence, points: pl.DataFrame, tracker: str) -> pl.DataFrame:

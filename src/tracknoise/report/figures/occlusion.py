@@ -61,8 +61,8 @@ def _figure(evidence: Evidence, table: pl.DataFrame) -> Figure:
     return Figure(
         id="occlusion",
         title=_TITLE,
-        shows=f"Trimmed errors at {age}{evidence.where}: a filled dot where only features that could be seen count, a "
-        "ring where all whose true position is known do, hidden ones too.",
+        shows=f"{evidence.errors_kept} at {age}{evidence.where}: a filled dot where only features that could be seen "
+        "count, a ring where all whose true position is known do, hidden ones too.",
         look_for=_look_for(evidence, table),
         spec=arranged([_panel(evidence, table, key) for key in _PANELS], columns=4),
     )

@@ -110,12 +110,8 @@ def _histogram(bins: pl.DataFrame, hue: alt.Color) -> alt.Chart:
 
 
 def _cuts(evidence: Evidence, tracker: str, hue: alt.Color) -> alt.Chart:
-    """Median over the scenes of each speed's cut; one of 0 px, where a logarithmic axis has no place, is left out."""
-    trims = evidence.reference(evidence.trims).filter(tracker=tracker).drop_nulls("threshold_px")
-    if evidence.percentile is None:
-        trims = trims.clear()
-    cuts = trims.group_by("speed").agg(cut=pl.col("threshold_px").median()).sort("speed").filter(pl.col("cut") > 0)
-    table = cuts.with_columns(pl.col("speed").cast(pl.String))
+    """A line at each speed's cut; one at 0 px, where a logarithmic axis has no place, is left out."""
+    table = evidence.cuts(tracker).filter(pl.col("cut") > 0).with_columns(pl.col("speed").cast(pl.String))
     tips = [alt.Tooltip("speed:N"), alt.Tooltip("cut:Q", title="cut (px)")]
     chart = alt.Chart(marks.rows(table)).mark_rule(strokeDash=[5, 3], strokeWidth=1.5, color=style.INK)
     encoded: alt.Chart = chart.encode(x="cut:Q", color=hue, opacity=marks.opacity("speed"), tooltip=tips)

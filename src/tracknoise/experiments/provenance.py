@@ -7,7 +7,7 @@ from importlib.metadata import version
 from tracknoise.experiments.settings import Experiment
 from tracknoise.tables.store import Manifest
 
-_LIBRARIES = ("tracknoise", "numpy", "scipy", "opencv-contrib-python-headless", "polars", "embreex", "trimesh")
+_LIBRARIES = ("tracknoise", "numpy", "scipy", "opencv-contrib-python-headless", "polars", "embreex")
 
 
 def new_manifest(experiment: Experiment) -> Manifest:

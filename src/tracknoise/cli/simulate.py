@@ -16,7 +16,7 @@ def register(app: typer.Typer) -> None:
 def simulate(
     context: typer.Context,
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder to write; must be new or empty.")],
-    motion: Annotated[str, typer.Option(help="sideways, fixating, forward or arvr.")] = "sideways",
+    motion: Annotated[str, typer.Option(help="sideways, sideways-left, fixating, forward or arvr.")] = "sideways",
     frames: Annotated[int, typer.Option(min=1, help="Count of frames.")] = 60,
     width: Annotated[int, typer.Option(min=16, help="Of the images, px.")] = 800,
     height: Annotated[int, typer.Option(min=16, help="Of the images, px.")] = 600,

@@ -11,7 +11,7 @@ import pytest
 
 from tracknoise.tables.schema import TrackEnd, TruthStatus
 from tracknoise.trackers.frame import Frame
-from tracknoise.trackers.registry import tracker_kinds, tracker_type
+from tracknoise.trackers.registry import TRACKERS
 from tracknoise.trackers.tracker import Setting, Step, TrackerSettings
 
 SIZE = (200, 160)
@@ -28,7 +28,7 @@ class Still:
         return points_world[:, :2].copy()
 
 
-@pytest.fixture(params=tracker_kinds())
+@pytest.fixture(params=TRACKERS.names())
 def settings(request: pytest.FixtureRequest, tmp_path: Path) -> TrackerSettings:
     """Each tracker with settings under which tracks end early."""
     options: dict[str, dict[str, object]] = {
@@ -37,7 +37,7 @@ def settings(request: pytest.FixtureRequest, tmp_path: Path) -> TrackerSettings:
         "oracle": {"outlier_rate": 0.1, "loss_rate": 0.1},
         "imported": {"path": _track_file(tmp_path / "tracks.csv")},
     }
-    return tracker_type(request.param)(**options.get(request.param, {}))
+    return TRACKERS.load(request.param)(**options.get(request.param, {}))
 
 
 def _track_file(path: Path) -> str:

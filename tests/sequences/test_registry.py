@@ -1,19 +1,19 @@
 import pytest
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
-from tracknoise.sequences.registry import make_reader, open_sequence, reader_names, reader_type, select
+from tracknoise.sequences.registry import READERS, make_reader, open_sequence, select
 from tracknoise.sequences.sequence import SequenceId
 from tracknoise.sequences.sevenscenes import SevenScenes
 
 
 def test_names():
-    assert {"folder", "sevenscenes", "simulated", "tartanair"} <= set(reader_names())
-    assert reader_names() == sorted(reader_names())
+    assert {"folder", "sevenscenes", "simulated", "tartanair"} <= set(READERS.names())
+    assert READERS.names() == sorted(READERS.names())
 
 
-@pytest.mark.parametrize("name", reader_names())
+@pytest.mark.parametrize("name", READERS.names())
 def test_each_reader_says_what_it_is(name):
-    kind = reader_type(name)
+    kind = READERS.load(name)
     assert kind.name == name
     assert kind.description
     assert isinstance(kind.needs_root, bool)

@@ -4,14 +4,14 @@ from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.trackers.correspondence import Correspondence
 from tracknoise.trackers.lucas_kanade import LucasKanade
 from tracknoise.trackers.oracle import Oracle
-from tracknoise.trackers.registry import make_tracker, tracker_defaults, tracker_kinds, tracker_type
+from tracknoise.trackers.registry import TRACKERS, make_tracker, tracker_defaults
 from tracknoise.trackers.rejection import Consensus, Model, Rejection
 
 
 def test_the_built_in_trackers_are_known_by_name():
-    assert tracker_kinds() == ["correspondence", "imported", "lucas-kanade", "oracle"]
-    assert all(tracker_type(kind).kind == kind for kind in tracker_kinds())
-    assert all(tracker_type(kind).description for kind in tracker_kinds())
+    assert TRACKERS.names() == ["correspondence", "imported", "lucas-kanade", "oracle"]
+    assert all(TRACKERS.load(kind).kind == kind for kind in TRACKERS.names())
+    assert all(TRACKERS.load(kind).description for kind in TRACKERS.names())
 
 
 def test_options_become_settings_nested_ones_and_names_of_members_too():
@@ -66,5 +66,5 @@ def test_defaults_are_shown_as_toml_that_makes_the_same_tracker():
     import tomllib
 
     for kind in ("lucas-kanade", "correspondence", "oracle"):
-        assert make_tracker(kind, tomllib.loads(tracker_defaults(kind))) == tracker_type(kind)()
+        assert make_tracker(kind, tomllib.loads(tracker_defaults(kind))) == TRACKERS.load(kind)()
     assert tracker_defaults("imported") == "# path = ... (required)"

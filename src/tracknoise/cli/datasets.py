@@ -24,10 +24,10 @@ def datasets(
 
     Example: `tracknoise datasets sevenscenes --data /data/7scenes`
     """
-    from tracknoise.sequences.registry import make_reader, reader_names, reader_type
+    from tracknoise.sequences.registry import READERS, make_reader
 
     if reader is None:
-        context.obj.result(listing({name: reader_type(name).description for name in reader_names()}))
+        context.obj.result(listing({name: READERS.load(name).description for name in READERS.names()}))
         return 0
     made = make_reader(reader, data)
     for item in made.sequences():

@@ -22,10 +22,10 @@ def trackers(
 
     Example: `tracknoise trackers lucas-kanade`
     """
-    from tracknoise.trackers.registry import tracker_defaults, tracker_kinds, tracker_type
+    from tracknoise.trackers.registry import TRACKERS, tracker_defaults
 
     if kind is None:
-        context.obj.result(listing({name: tracker_type(name).description for name in tracker_kinds()}))
+        context.obj.result(listing({name: TRACKERS.load(name).description for name in TRACKERS.names()}))
     else:
         context.obj.result(tracker_defaults(kind))
     return 0

@@ -2,45 +2,22 @@
 
 import dataclasses
 from collections.abc import Mapping
-from importlib import import_module
-from importlib.metadata import entry_points
 from pathlib import Path
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.plugins import Plugins
 from tracknoise.sequences.sequence import Reader, Sequence, SequenceId
 
-ENTRY_POINT_GROUP = "tracknoise.sequences"
-
-_BUILT_IN = {
-    "folder": "tracknoise.sequences.folder:Folder",
-    "sevenscenes": "tracknoise.sequences.sevenscenes:SevenScenes",
-    "simulated": "tracknoise.sequences.simulated:Simulated",
-    "tartanair": "tracknoise.sequences.tartanair:TartanAir",
-}
-
-
-def reader_names() -> list[str]:
-    """Names of all readers, sorted."""
-    return sorted({*_BUILT_IN, *(point.name for point in entry_points(group=ENTRY_POINT_GROUP))})
-
-
-def reader_type(name: str) -> type[Reader]:
-    """The reader class of that name.
-
-    Raises
-    ------
-    UnknownNameError
-        Listing the known names.
-    """
-    if name in _BUILT_IN:
-        module, attribute = _BUILT_IN[name].split(":")
-        kind: type[Reader] = getattr(import_module(module), attribute)
-        return kind
-    for point in entry_points(group=ENTRY_POINT_GROUP):
-        if point.name == name:
-            plugin: type[Reader] = point.load()
-            return plugin
-    raise UnknownNameError("dataset reader", name, reader_names())
+READERS: Plugins[Reader] = Plugins(
+    what="dataset reader",
+    group="tracknoise.sequences",
+    built_in={
+        "folder": "tracknoise.sequences.folder:Folder",
+        "sevenscenes": "tracknoise.sequences.sevenscenes:SevenScenes",
+        "simulated": "tracknoise.sequences.simulated:Simulated",
+        "tartanair": "tracknoise.sequences.tartanair:TartanAir",
+    },
+)
 
 
 def make_reader(name: str, root: Path | None = None, options: Mapping[str, object] | None = None) -> Reader:
@@ -53,7 +30,7 @@ def make_reader(name: str, root: Path | None = None, options: Mapping[str, objec
     SettingsError
         If the folder is missing where the reader needs one, or an option is unknown or has a bad value.
     """
-    kind = reader_type(name)
+    kind = READERS.load(name)
     options = dict(options or {})
     known = {field.name for field in dataclasses.fields(kind)} - {"root"}  # type: ignore[arg-type]
     for option in options:
@@ -100,7 +77,7 @@ def open_sequence(
     Parameters
     ----------
     reader
-        Name of the format: see `reader_names`.
+        Name of the format: see `READERS.names()`.
     root
         Folder of the data; None for ``simulated``.
     scene, lighting

@@ -47,7 +47,9 @@ def summary(
     """
     if population not in POPULATIONS:
         raise UnknownNameError("population", population, POPULATIONS)
-    chosen = (pl.col("weighting") == "features") & (pl.col("population") == population) & pl.col("at").is_between(1, age)
+    chosen = (
+        (pl.col("weighting") == "features") & (pl.col("population") == population) & pl.col("at").is_between(1, age)
+    )
     points = check(curves, CURVES, "curves").filter(chosen)
     lived = mean_lifetime(lifetimes).join(median_survival(lifetimes), on=POOLED)
     rejected = check(outliers, OUTLIERS, "outliers").select(*POOLED, outlier_ratio="pooled_ratio")

@@ -107,7 +107,7 @@ class Manifest:
 
 
 def sequence_key(scene: str, lighting: str, rotation: int) -> str:
-    """File-safe name of a sequence, different for different sequences: ``scene@lighting``, with ``@rDEGREES`` if turned."""
+    """File-safe name of a sequence, unique in a data set: ``scene@lighting``, with ``@rDEGREES`` if it is turned."""
     parts = [quote(scene, safe=" "), quote(lighting, safe=" "), *([f"r{rotation}"] if rotation else [])]
     return "@".join(parts)
 

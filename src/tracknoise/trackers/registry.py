@@ -4,48 +4,25 @@ import json
 from collections.abc import Mapping
 from dataclasses import MISSING, asdict, fields, is_dataclass
 from difflib import get_close_matches
-from importlib import import_module
-from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any, get_type_hints
 
-from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.exceptions import SettingsError
+from tracknoise.plugins import Plugins
 from tracknoise.trackers.tracker import TrackerSettings
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
-ENTRY_POINT_GROUP = "tracknoise.trackers"
-
-_BUILT_IN = {
-    "correspondence": "tracknoise.trackers.correspondence:Correspondence",
-    "imported": "tracknoise.trackers.imported:Imported",
-    "lucas-kanade": "tracknoise.trackers.lucas_kanade:LucasKanade",
-    "oracle": "tracknoise.trackers.oracle:Oracle",
-}
-
-
-def tracker_kinds() -> list[str]:
-    """Names of all trackers, sorted."""
-    return sorted({*_BUILT_IN, *(point.name for point in entry_points(group=ENTRY_POINT_GROUP))})
-
-
-def tracker_type(kind: str) -> type[TrackerSettings]:
-    """The settings class of the tracker of that name.
-
-    Raises
-    ------
-    UnknownNameError
-        Listing the known names.
-    """
-    if kind in _BUILT_IN:
-        module, attribute = _BUILT_IN[kind].split(":")
-        built_in: type[TrackerSettings] = getattr(import_module(module), attribute)
-        return built_in
-    for point in entry_points(group=ENTRY_POINT_GROUP):
-        if point.name == kind:
-            plugin: type[TrackerSettings] = point.load()
-            return plugin
-    raise UnknownNameError("tracker", kind, tracker_kinds())
+TRACKERS: Plugins[TrackerSettings] = Plugins(
+    what="tracker",
+    group="tracknoise.trackers",
+    built_in={
+        "correspondence": "tracknoise.trackers.correspondence:Correspondence",
+        "imported": "tracknoise.trackers.imported:Imported",
+        "lucas-kanade": "tracknoise.trackers.lucas_kanade:LucasKanade",
+        "oracle": "tracknoise.trackers.oracle:Oracle",
+    },
+)
 
 
 def make_tracker(kind: str, options: Mapping[str, object] | None = None) -> TrackerSettings:
@@ -63,7 +40,7 @@ def make_tracker(kind: str, options: Mapping[str, object] | None = None) -> Trac
     """
     from pydantic import TypeAdapter, ValidationError
 
-    settings_type = tracker_type(kind)
+    settings_type = TRACKERS.load(kind)
     _refuse_unknown(settings_type)
     try:
         written = json.dumps(dict(options or {}))
@@ -85,7 +62,7 @@ def tracker_defaults(kind: str) -> str:
     """
     import tomlkit
 
-    settings_type: type = tracker_type(kind)
+    settings_type: type = TRACKERS.load(kind)
     required, defaults = [], {}
     for field in fields(settings_type):
         if field.default is not MISSING:

@@ -1,6 +1,7 @@
 """Bad input, as a user meets it: one clear line on stderr, the exit status, and no results that look whole."""
 
 import json
+import shutil
 
 import cv2
 import numpy as np
@@ -134,11 +135,17 @@ def test_a_speed_larger_than_the_sequence(run):
 
 
 def test_unknown_tracker(run):
-    assert_one_line(run(("lucas-kanade", "lucas-kanda")), "unknown tracker 'lucas-kanda'", "known: correspondence")
+    assert_one_line(
+        run(("lucas-kanade", "lucas-kanda")),
+        "x.toml: trackers[0]: unknown tracker 'lucas-kanda'",
+        "known: correspondence",
+    )
 
 
 def test_unknown_reader(run):
-    assert_one_line(run(("sevenscenes", "eightscenes")), "unknown dataset reader 'eightscenes'", "sevenscenes")
+    assert_one_line(
+        run(("sevenscenes", "eightscenes")), "x.toml: dataset: unknown dataset reader 'eightscenes'", "sevenscenes"
+    )
 
 
 def test_misspelt_key(run):
@@ -151,7 +158,7 @@ def test_wrong_type(run):
 
 def test_misspelt_tracker_option(run):
     options = '"lucas-kanade"\noptions = { windw_px = 15 }'
-    assert_one_line(run(('"lucas-kanade"', options)), "lucas-kanade", "windw_px", "window_px")
+    assert_one_line(run(('"lucas-kanade"', options)), "x.toml: trackers[0]", "windw_px", "window_px")
 
 
 def test_no_such_data_folder(run):
@@ -189,5 +196,75 @@ def test_another_experiment_is_not_mixed_into_a_run(run):
     assert run()[0] == 0
     code, stderr, _ = run(("min_features = 2", "min_features = 3"))
     assert code == 1
-    assert "holds a run of other settings" in stderr
+    assert "holds a run with statistics.min_features = 2, expected 3" in stderr
     assert stderr.count("\n") == 1
+
+
+def test_other_data_are_not_mixed_into_a_run(run, scene):
+    assert run()[0] == 0
+    (scene.parents[1] / "other").mkdir()
+    shutil.copytree(scene, scene.parents[1] / "other" / "seq-02")
+    code, stderr, _ = run(('root = "data"', 'root = "other"'))
+    assert code == 1
+    assert "holds a run with dataset.root = " in stderr
+
+
+def test_data_that_have_moved_are_the_same_data(run, scene):
+    assert run()[0] == 0
+    scene.parent.rename(scene.parents[1] / "moved")
+    assert run(('root = "data"', 'root = "moved"'))[:2] == (0, "")
+
+
+def test_depth_that_is_nowhere_valid(run, scene):
+    for path in scene.glob("*.depth.png"):
+        cv2.imwrite(str(path), np.zeros(SIZE, np.uint16))
+    assert_one_line(run(), "seq-01", "no depth where any feature begins", "expected depth")
+
+
+@pytest.mark.parametrize("name", ["observations", "moments", "tracks"])
+def test_a_sequence_whose_table_was_deleted_is_measured_again(run, name):
+    _, _, out = run()
+    table = out / name / "seq-01@default.parquet"
+    content = table.read_bytes()
+    table.unlink()
+    assert run()[:2] == (0, "")
+    assert table.read_bytes() == content
+
+
+def test_imported_tracks_that_changed_are_measured_again(run, tmp_path):
+    rows = [f"{track},{frame},{60 - 2 * frame},{20 + 10 * track}" for track in range(5) for frame in range(N_FRAMES)]
+    (tmp_path / "tracks.csv").write_text("\n".join(["track,frame,u_px,v_px", *rows]))
+    code, _, out = run(('kind = "lucas-kanade"', 'kind = "imported"\noptions = { path = "tracks.csv" }'))
+    before = (out / "tracks" / "seq-01@default.parquet").read_bytes()
+    assert code == 0
+    (tmp_path / "tracks.csv").write_text("\n".join(["track,frame,u_px,v_px", *rows[:-1]]))
+    assert run()[0] == 0
+    assert (out / "tracks" / "seq-01@default.parquet").read_bytes() != before
+
+
+def test_fresh_replaces_a_run_but_nothing_else_in_its_folder(run, tmp_path):
+    _, _, out = run()
+    (out / "notes.txt").write_text("mine")
+    with pytest.raises(SystemExit) as exit_:
+        main(["run", str(tmp_path / "x.toml"), "--out", str(out), "--fresh", "-q", "--no-report", "-w", "1"])
+    assert exit_.value.code == 0
+    assert (out / "notes.txt").read_text() == "mine"
+
+
+def test_fresh_deletes_nothing_where_there_is_no_run(scene, tmp_path, capsys):
+    web = tmp_path / "web"
+    web.mkdir()
+    (web / "manifest.json").write_text('{"name": "my web site"}')
+    (web / "report").mkdir()
+    with pytest.raises(SystemExit) as exit_:
+        main(["run", str(tmp_path / "x.toml"), "--out", str(web), "--fresh", "-q"])
+    assert exit_.value.code == 1
+    assert "expected a run's manifest" in capsys.readouterr().err
+    assert sorted(path.name for path in web.iterdir()) == ["manifest.json", "report"]
+
+
+def test_fresh_keeps_the_old_run_if_the_new_one_is_impossible(run, scene, tmp_path):
+    _, _, out = run()
+    with pytest.raises(SystemExit):
+        main(["run", str(tmp_path / "x.toml"), "--data", str(tmp_path / "nowhere"), "-o", str(out), "--fresh", "-q"])
+    assert (out / "statistics" / "summary.parquet").exists()

@@ -66,10 +66,29 @@ def test_simulate_writes_what_the_folder_reader_measures(tracknoise, tmp_path):
     assert page.exists()
 
 
-def test_wrong_usage_is_the_users_error(tracknoise):
-    code, _, err = tracknoise("run", "x.toml", "--speeed", "3")
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["run", "x.toml", "--speeed", "3"], "--speeed"),
+        (["run", "x.toml", "--workers", "0"], "--workers"),
+        (["simulate", "--out", "x", "--frames", "few"], "--frames"),
+        (["demo", "extra"], "extra"),
+        (["fly"], "fly"),
+    ],
+)
+def test_wrong_usage_is_one_line_that_names_it(tracknoise, arguments, named):
+    code, _, err = tracknoise(*arguments)
     assert code == 1
-    assert "--speeed" in err
+    assert named in err
+    assert "internal" not in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("arguments", [[], ["run"], ["simulate"]])
+def test_a_bare_command_shows_its_help(tracknoise, arguments):
+    _, out, err = tracknoise(*arguments)
+    assert "Usage" in out
+    assert err == ""
 
 
 def test_a_run_that_does_not_exist_cannot_be_reported(tracknoise, tmp_path):

@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.experiments.load import load_experiment, preset_names
 from tracknoise.experiments.plan import plan
-from tracknoise.experiments.settings import experiment_schema, load_experiment, parse_experiment, preset_names
+from tracknoise.experiments.settings import experiment_schema, parse_experiment
 
 MINIMAL = """
 name = "x"
@@ -53,6 +54,7 @@ def test_digest_ignores_where_the_data_lie_and_nothing_else():
         (MINIMAL.replace('name = "x"', ""), "x.toml: name: missing"),
         (MINIMAL + '[truth]\nkind = "laser"\n', "x.toml: truth.kind: found 'laser', expected 'birth' or 'raycast'"),
         (MINIMAL + "[truth]\nkind = \n", "x.toml: Invalid value"),
+        (MINIMAL.replace('"x"', '"../x"'), "x.toml: name: found '../x', expected"),
     ],
 )
 def test_mistakes_name_file_key_found_and_expected(text, message):
@@ -85,23 +87,50 @@ def test_every_preset_can_be_planned(name):
     "path", sorted((Path(__file__).parents[2] / "examples").glob("*.toml")), ids=lambda path: path.stem
 )
 def test_every_example_is_a_valid_experiment(path):
-    assert load_experiment(path).trackers
+    assert load_experiment(path, root=Path("/data")).trackers
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("lucas-kanade", "lukas-kanade"), "unknown tracker 'lukas-kanade' (did you mean 'lucas-kanade'?)"),
-        (('"simulated"', '"simulate"'), "unknown dataset reader 'simulate' (did you mean 'simulated'?)"),
-        (('"simulated"', '"simulated"\nscenes = ["nowhere-00"]'), "unknown scene 'nowhere-00'; known: arvr-00"),
-        (('"simulated"', '"simulated"\nlightings = ["moon"]'), "unknown lighting 'moon'"),
-        (('"simulated"', '"simulated"\noptions = { frame = 3 }'), "unknown option of reader 'simulated' 'frame'"),
-        (('"simulated"', '"sevenscenes"'), "reader 'sevenscenes' needs the folder of its data"),
+        (
+            ("lucas-kanade", "lukas-kanade"),
+            "trackers[0]: unknown tracker 'lukas-kanade' (did you mean 'lucas-kanade'?)",
+        ),
+        (('"simulated"', '"simulate"'), "dataset: unknown dataset reader 'simulate' (did you mean 'simulated'?)"),
+        (
+            ('"simulated"', '"simulated"\noptions = { frame = 3 }'),
+            "dataset: unknown option of reader 'simulated' 'frame'",
+        ),
+        (('"simulated"', '"sevenscenes"'), "dataset: reader 'sevenscenes' needs the folder of its data"),
+        (
+            ('"lucas-kanade"', '"lucas-kanade"\noptions = { window_px = 4 }'),
+            "trackers[0]: tracker 'lucas-kanade': window_px",
+        ),
     ],
 )
-def test_unknown_names_are_found_before_anything_is_read(change, message):
-    with pytest.raises((SettingsError, UnknownNameError), match=re.escape(message)):
-        plan(parse_experiment(MINIMAL.replace(*change), place="x.toml"))
+def test_what_trackers_and_readers_refuse_is_said_with_the_files_name(tmp_path, change, message):
+    (tmp_path / "x.toml").write_text(MINIMAL.replace(*change))
+    with pytest.raises(SettingsError, match=re.escape(f"{tmp_path / 'x.toml'}: {message}")):
+        load_experiment(tmp_path / "x.toml")
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ('scenes = ["nowhere-00"]', "unknown scene 'nowhere-00'; known: arvr-00"),
+        ('lightings = ["moon"]', "unknown lighting 'moon'"),
+    ],
+)
+def test_unknown_scenes_are_found_before_anything_is_read(line, message):
+    text = MINIMAL.replace('"simulated"', f'"simulated"\n{line}')
+    with pytest.raises(UnknownNameError, match=re.escape(message)):
+        plan(parse_experiment(text, place="x.toml"))
+
+
+def test_a_file_with_a_byte_order_mark_is_read(tmp_path):
+    (tmp_path / "x.toml").write_text(MINIMAL, encoding="utf-8-sig")
+    assert load_experiment(tmp_path / "x.toml").name == "x"
 
 
 def test_the_documented_schema_is_that_of_the_program():

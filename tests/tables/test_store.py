@@ -60,7 +60,7 @@ def test_a_damaged_manifest_is_named(run, content, message):
 def test_a_folder_that_is_no_run_is_not_written_into(tmp_path):
     (tmp_path / "holiday.jpg").write_bytes(b"")
     with pytest.raises(StoreError, match="holds files that are no run"):
-        RunFolder(tmp_path).create("", Manifest("h", {}, {}, 0))
+        RunFolder(tmp_path).require_empty()
 
 
 def test_a_missing_run_is_one_line(tmp_path):
@@ -102,3 +102,8 @@ def test_keys_are_file_names_and_differ():
     }
     assert len(keys) == 4
     assert not any("/" in key for key in keys)
+
+
+def test_statistics_of_a_run_that_is_not_finished_say_so(run):
+    with pytest.raises(StoreError, match="holds no finished run"):
+        run.statistics("summary")

@@ -6,13 +6,14 @@ Exit status: 0 done, 1 the user's error, 2 some scenes failed. Results go to std
 import sys
 from typing import Annotated
 
-import click
 import typer
 
 from tracknoise import __version__
 from tracknoise.cli import datasets, demo, report, run, simulate, trackers
 from tracknoise.cli.terminal import Terminal
 from tracknoise.exceptions import TracknoiseError
+
+_INTERRUPTED = 130
 
 app = typer.Typer(
     name="tracknoise",
@@ -54,12 +55,12 @@ def main(arguments: list[str] | None = None) -> None:
         status = typer.main.get_command(app).main(
             args=arguments, prog_name="tracknoise", standalone_mode=False, obj=terminal
         )
-    except click.ClickException as error:
-        error.show(file=sys.stderr)
+    except typer.TyperException as error:
+        if message := error.format_message():  # none where the help was printed in place of it
+            terminal.error(message)
         status = 1
-    except (click.Abort, KeyboardInterrupt):
-        terminal.error("interrupted")
-        status = 130
+    except (typer.Abort, KeyboardInterrupt):
+        status = _INTERRUPTED
     except TracknoiseError as error:
         if terminal.debug:
             raise
@@ -70,4 +71,6 @@ def main(arguments: list[str] | None = None) -> None:
             raise
         terminal.error(f"internal error ({type(error).__name__}: {error}); --debug shows where")
         status = 1
+    if status == _INTERRUPTED:
+        terminal.error("interrupted; a run goes on where it stopped when it is started again")
     sys.exit(status)

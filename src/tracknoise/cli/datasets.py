@@ -20,7 +20,7 @@ def datasets(
     data: Annotated[Path | None, typer.Option("--data", "-d", help="Folder of the data.")] = None,
     debug: DebugOption = False,
 ) -> int:
-    """List the formats that can be read, or the sequences of a data set: scene, lighting, frames, truth.
+    """List the formats that can be read, or the sequences of a data set by scene and lighting.
 
     Example: `tracknoise datasets sevenscenes --data /data/7scenes`
     """

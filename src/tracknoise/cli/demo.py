@@ -25,6 +25,6 @@ def demo(
 
     Example: `tracknoise demo`
     """
-    from tracknoise.experiments.settings import load_experiment
+    from tracknoise.experiments.load import load_experiment
 
     return run_experiment(context.obj, load_experiment("demo"), out, workers, fresh=True, report=True)

@@ -33,7 +33,7 @@ class RunProgress:
     def planned(self, keys: list[str], done: int) -> None:
         """Begin, with some sequences perhaps measured earlier."""
         if done:
-            self._terminal.say(f"{done} sequences are measured already; {len(keys)} to go")
+            self._terminal.say(f"measured already: {done}; to go: {len(keys)}")
         self._all = self._bars.add_task("sequences", total=len(keys) + done, completed=done)
 
     def frame(self, key: str, done: int, total: int) -> None:

@@ -1,7 +1,6 @@
 """``tracknoise run``: measure what an experiment file or preset describes, and write the report."""
 
 import os
-import shutil
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -53,7 +52,7 @@ def run(
 
     Example: `tracknoise run examples/sevenscenes.toml --data /data/7scenes --out runs/7scenes`
     """
-    from tracknoise.experiments.settings import load_experiment
+    from tracknoise.experiments.load import load_experiment
 
     loaded = load_experiment(experiment, root=data)
     return run_experiment(context.obj, loaded, out or Path("runs") / loaded.name, workers, fresh=fresh, report=report)
@@ -70,11 +69,14 @@ def run_experiment(
     from tracknoise.tables.store import RunFolder
 
     folder = RunFolder(out)
-    if fresh and folder.exists:
-        shutil.rmtree(out)
     with RunProgress(terminal) as progress:
         outcome = execute(
-            experiment, folder, listener=progress, workers=workers or os.cpu_count() or 1, debug=terminal.debug
+            experiment,
+            folder,
+            listener=progress,
+            workers=workers or os.cpu_count() or 1,
+            fresh=fresh,
+            debug=terminal.debug,
         )
     if outcome.measured:
         terminal.result(summary_text(folder))
@@ -82,5 +84,6 @@ def run_experiment(
             terminal.result(f"report: {write(terminal, folder)}")
     if not outcome.failures:
         return 0
-    terminal.say(f"{len(outcome.failures)} of {len(outcome.failures) + len(outcome.measured)} sequences failed")
+    if outcome.measured:
+        terminal.say(f"{len(outcome.failures)} of {len(outcome.failures) + len(outcome.measured)} sequences failed")
     return 2 if outcome.measured else 1

@@ -3,7 +3,6 @@
 import sys
 from typing import Annotated
 
-import click
 import typer
 
 
@@ -44,12 +43,12 @@ class Terminal:
         sys.stderr.flush()
 
 
-def _remember_debug(context: click.Context, value: bool) -> bool:
+def _remember_debug(context: typer.Context, value: bool) -> bool:
     context.obj.debug = value
     return value
 
 
-def _remember_quiet(context: click.Context, value: bool) -> bool:
+def _remember_quiet(context: typer.Context, value: bool) -> bool:
     context.obj.quiet = value
     return value
 

@@ -1,18 +1,22 @@
 """Run an experiment: every sequence measured, in this process or in several, then the statistics of all."""
 
-from collections.abc import Iterator
+import logging
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
 
-from tracknoise.exceptions import StoreError, TracknoiseError
+from tracknoise.exceptions import TracknoiseError
 from tracknoise.experiments.plan import Task, plan
 from tracknoise.experiments.pool import pool
-from tracknoise.experiments.provenance import new_manifest
 from tracknoise.experiments.resolve import resolve
+from tracknoise.experiments.resume import begin, due
 from tracknoise.experiments.settings import Experiment
 from tracknoise.experiments.task import run_task
-from tracknoise.tables.store import Manifest, RunFolder, SequenceEntry
+from tracknoise.tables.store import RunFolder, SequenceEntry
 
 _THREAD_LIMITS = (
     "OPENCV_FOR_THREADS_NUM",
@@ -60,7 +64,13 @@ class Outcome:
 
 
 def execute(
-    experiment: Experiment, run: RunFolder, *, listener: Listener, workers: int = 1, debug: bool = False
+    experiment: Experiment,
+    run: RunFolder,
+    *,
+    listener: Listener,
+    workers: int = 1,
+    fresh: bool = False,
+    debug: bool = False,
 ) -> Outcome:
     """Measure every sequence of an experiment that is not yet measured, and compute the statistics of all.
 
@@ -76,6 +86,8 @@ def execute(
         Told how it goes on.
     workers
         Count of processes.
+    fresh
+        Remove the run that the folder holds, once the new one is known to be possible.
     debug
         Raise the first failure instead of recording it.
 
@@ -86,11 +98,13 @@ def execute(
     """
     experiment = resolve(experiment)
     tasks = plan(experiment)
-    manifest = _begin(experiment, run)
+    manifest = begin(experiment, run, fresh=fresh)
     manifest.failures.clear()
-    due = [task for task in tasks if task.key not in manifest.sequences]
-    listener.planned([task.key for task in due], len(tasks) - len(due))
-    for task, result in _results(due, run, listener=listener, workers=min(workers, len(due))):
+    todo = due(tasks, run, manifest)
+    listener.planned([task.key for task in todo], len(tasks) - len(todo))
+    if todo:
+        run.discard_results()
+    for task, result in _results(todo, run, listener=listener, workers=min(workers, len(todo))):
         if isinstance(result, SequenceEntry):
             manifest.sequences[task.key] = result
             listener.measured(task.key, result)
@@ -104,18 +118,6 @@ def execute(
     if manifest.sequences:
         pool(run, experiment)
     return Outcome(sorted(manifest.sequences), dict(manifest.failures))
-
-
-def _begin(experiment: Experiment, run: RunFolder) -> Manifest:
-    """The manifest of the run to resume, or of a new one."""
-    if not run.exists:
-        run.create(experiment.to_toml(), new_manifest(experiment))
-    manifest = run.manifest()
-    if manifest.settings_hash != experiment.digest():
-        raise StoreError(
-            f"{run.path}: holds a run of other settings, expected another folder, or --fresh to replace it"
-        )
-    return manifest
 
 
 def _results(
@@ -143,12 +145,36 @@ def _in_workers(tasks: list[Task], run: RunFolder, workers: int) -> Iterator[tup
 
     with (
         dask.config.set({"distributed.nanny.pre-spawn-environ": dict.fromkeys(_THREAD_LIMITS, "1")}),
-        LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as cluster,
+        _interrupts_ignored() as restore,
+        LocalCluster(
+            n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=logging.CRITICAL
+        ) as cluster,
         Client(cluster) as client,
     ):
+        restore()
         futures = {client.submit(_attempt, task, run, pure=False): task for task in tasks}
         for future in as_completed(futures):
             yield futures[future], future.result()
+
+
+@contextmanager
+def _interrupts_ignored() -> Iterator[Callable[[], None]]:
+    """Let processes started now ignore Ctrl-C, which a terminal sends to all: this one alone shall act on it.
+
+    Yields what ends that; so does leaving the context.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: None  # only the main thread may say what signals do, and only it is interrupted
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def restore() -> None:
+        signal.signal(signal.SIGINT, before)
+
+    try:
+        yield restore
+    finally:
+        restore()
 
 
 def _cause(error: Exception) -> str:

@@ -1,10 +1,12 @@
 """Write out every option that an experiment leaves to its defaults, so that its record does not depend on them."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict
 from typing import Any
 
+from tracknoise.exceptions import SettingsError, TracknoiseError
 from tracknoise.experiments.settings import Experiment, TrackerChoice
 from tracknoise.sequences.registry import make_reader
 from tracknoise.trackers.registry import make_tracker
@@ -15,23 +17,33 @@ def resolve(experiment: Experiment) -> Experiment:
 
     Raises
     ------
-    UnknownNameError, SettingsError
-        If a tracker, the reader or an option is unknown, or a value is wrong.
+    SettingsError
+        If a tracker, the reader or an option is unknown, or a value is wrong; the message names the section.
     """
     dataset = experiment.dataset
-    reader = _plain(asdict(make_reader(dataset.reader, dataset.root, dataset.options)))  # type: ignore[call-overload]
+    with _errors_of("dataset"):
+        reader = _plain(asdict(make_reader(dataset.reader, dataset.root, dataset.options)))  # type: ignore[call-overload]
     reader.pop("root", None)
     return experiment.model_copy(
         update={
             "dataset": dataset.model_copy(update={"options": reader}),
-            "trackers": [_resolved(choice) for choice in experiment.trackers],
+            "trackers": [_resolved(choice, f"trackers[{i}]") for i, choice in enumerate(experiment.trackers)],
         }
     )
 
 
-def _resolved(choice: TrackerChoice) -> TrackerChoice:
-    options = _plain(asdict(make_tracker(choice.kind, choice.options)))  # type: ignore[call-overload]
+def _resolved(choice: TrackerChoice, section: str) -> TrackerChoice:
+    with _errors_of(section):
+        options = _plain(asdict(make_tracker(choice.kind, choice.options)))  # type: ignore[call-overload]
     return choice.model_copy(update={"options": options})
+
+
+@contextmanager
+def _errors_of(section: str) -> Iterator[None]:
+    try:
+        yield
+    except TracknoiseError as error:
+        raise SettingsError(f"{section}: {error}") from error
 
 
 def _plain(settings: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,9 +1,8 @@
-"""What to run: the experiment file, its checks, and the presets."""
+"""What to run: the sections of an experiment file, and their checks."""
 
 import hashlib
 import json
 import tomllib
-from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -42,7 +41,7 @@ class TrackerChoice(_Section):
 
     kind: str
     """Which tracker: see `tracknoise trackers`."""
-    name: str | None = None
+    name: Annotated[str, Field(min_length=1)] | None = None
     """What to call it in tables and figures; by default its kind."""
     options: dict[str, Any] = {}
     """Its own settings, where they are not the defaults."""
@@ -81,14 +80,14 @@ class StatisticsSettings(_Section):
 class Experiment(_Section):
     """Everything that decides an experiment's numbers."""
 
-    name: str
-    """What to call it in the report."""
+    name: Annotated[str, Field(pattern=r"^[^/\\]*[^/\\.][^/\\]*$")]
+    """What to call it in the report, and its run folder: a file name."""
     dataset: DatasetSettings
     trackers: Annotated[list[TrackerChoice], Field(min_length=1)]
     speeds: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1)] = [1]
     """Every how many frames a tracker sees one."""
     seed: Annotated[int, Field(ge=0)] = 0
-    """Of everything random."""
+    """Of trackers that are random by nature, such as the oracle. Simulations and outlier rejection have their own."""
     truth: TruthSettings = TruthSettings()
     statistics: StatisticsSettings = StatisticsSettings()
 
@@ -120,41 +119,6 @@ class Experiment(_Section):
         return hashlib.sha256(self.with_root(None).to_toml().encode()).hexdigest()
 
 
-def preset_names() -> list[str]:
-    """Names of the experiments that come with the package, sorted."""
-    folder = resources.files("tracknoise.experiments") / "presets"
-    return sorted(item.name.removesuffix(".toml") for item in folder.iterdir() if item.name.endswith(".toml"))
-
-
-def load_experiment(name: str | Path, *, root: Path | None = None) -> Experiment:
-    """Read and check an experiment.
-
-    Parameters
-    ----------
-    name
-        A TOML file, or the name of a preset.
-    root
-        Folder of the data, instead of the one that the file names.
-
-    Raises
-    ------
-    SettingsError
-        Naming file, key, what was found and what was expected.
-    UnknownNameError
-        If there is neither such a file nor such a preset.
-    """
-    path = Path(name)
-    if path.is_file():
-        experiment = parse_experiment(_read(path), place=str(path))
-        experiment = experiment.with_paths_from(path.parent)
-    elif str(name) in preset_names():
-        text = (resources.files("tracknoise.experiments") / "presets" / f"{name}.toml").read_text(encoding="utf-8")
-        experiment = parse_experiment(text, place=f"preset {name}")
-    else:
-        raise UnknownNameError("experiment file or preset", str(name), preset_names())
-    return experiment if root is None else experiment.with_root(root.resolve())
-
-
 def parse_experiment(text: str, *, place: str) -> Experiment:
     """Check the text of an experiment file.
 
@@ -181,13 +145,6 @@ def parse_experiment(text: str, *, place: str) -> Experiment:
 def experiment_schema() -> str:
     """JSON Schema of experiment files, as text; editors check and complete with it."""
     return json.dumps(Experiment.model_json_schema(), indent=2) + "\n"
-
-
-def _read(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise SettingsError(f"{path}: cannot be read ({error}), expected an experiment file") from error
 
 
 def _first_problem(error: ValidationError) -> str:

@@ -6,6 +6,7 @@ import warnings
 import polars as pl
 
 from tracknoise.exceptions import DataWarning
+from tracknoise.experiments.inputs import inputs_digest
 from tracknoise.experiments.measure import Measurement, measure
 from tracknoise.experiments.plan import Task, make_trackers, open_task
 from tracknoise.measurement.sweep import Progress
@@ -37,7 +38,7 @@ def run_task(task: Task, run: RunFolder, *, progress: Progress | None = None) ->
     TracknoiseError
         If the data cannot be used, or the folder cannot be written.
     """
-    started = time.monotonic()
+    started, inputs = time.monotonic(), inputs_digest(task)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DataWarning)  # the sequence's notes say the same, and are kept
         sequence = open_task(task)
@@ -55,6 +56,7 @@ def run_task(task: Task, run: RunFolder, *, progress: Progress | None = None) ->
         snapshot_frame=measurement.snapshot_frame,
         seconds=round(time.monotonic() - started, 3),
         notes=sequence.notes,
+        inputs=inputs,
     )
 
 

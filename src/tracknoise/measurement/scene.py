@@ -72,7 +72,7 @@ def measure_scene(
     ------
     DataError
         If the sequence is too short for a speed, an image, depth map or pose cannot be used, or no condition
-        finds a single feature.
+        finds a single feature, or none that begins where there is depth.
     """
     n_frames = len(sequence) if max_frames is None else min(max_frames, len(sequence))
     _check_length(sequence, n_frames, conditions)
@@ -109,6 +109,8 @@ def _check_length(sequence: Sequence, n_frames: int, conditions: Items[Condition
 def _check_features(sequence: Sequence, recordings: Items[Recording]) -> None:
     if not any(len(recording.first_frame) for recording in recordings):
         raise DataError(sequence.source, "no tracker found a feature in any image", "images with texture")
+    if not any(np.isfinite(recording.points_world).any() for recording in recordings):
+        raise DataError(sequence.source, "no depth where any feature begins", "depth for some, to know where they are")
 
 
 def _tables(

@@ -8,6 +8,7 @@ atomic rename, and a sequence counts as measured only once the manifest, written
 
 import json
 import os
+import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
@@ -21,6 +22,7 @@ from tracknoise.exceptions import StoreError
 from tracknoise.tables import schema
 
 FORMAT = 1
+_RESULTS = ("report", "statistics")
 SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "observations": schema.OBSERVATIONS,
     "tracks": schema.TRACKS,
@@ -58,6 +60,8 @@ class SequenceEntry:
         Wall time of the measurement.
     notes
         What was corrected or assumed while reading, one sentence each.
+    inputs
+        Hash of the files besides the images that the numbers depend on.
     """
 
     dataset: str
@@ -71,6 +75,7 @@ class SequenceEntry:
     snapshot_frame: int
     seconds: float
     notes: tuple[str, ...] = ()
+    inputs: str = ""
 
     @property
     def key(self) -> str:
@@ -129,16 +134,27 @@ class RunFolder:
         """Whether a run was begun here."""
         return (self.path / "manifest.json").is_file()
 
+    def require_empty(self) -> None:
+        """Refuse a folder that holds anything.
+
+        Raises
+        ------
+        StoreError
+            If it does, or is no folder.
+        """
+        if self.path.exists() and not self.path.is_dir():
+            raise StoreError(f"{self.path}: is a file, expected a new or empty folder")
+        if self.path.is_dir() and any(self.path.iterdir()):
+            raise StoreError(f"{self.path}: holds files that are no run, expected a new or empty folder")
+
     def create(self, experiment_toml: str, manifest: Manifest) -> None:
         """Begin a run: write the settings and an empty manifest.
 
         Raises
         ------
         StoreError
-            If the folder cannot be written, or holds other things.
+            If the folder cannot be written.
         """
-        if self.path.is_dir() and any(self.path.iterdir()) and not self.exists:
-            raise StoreError(f"{self.path}: holds files that are no run, expected a new or empty folder")
         _write_atomically(self.path / "experiment.toml", experiment_toml.encode())
         self.write_manifest(manifest)
 
@@ -201,6 +217,35 @@ class RunFolder:
             _write_parquet(self.path / name / f"{key}.parquet", table)
         _write_atomically(self.snapshot_path(key), snapshot_png)
 
+    def has_sequence(self, key: str) -> bool:
+        """Whether all files of one sequence are there."""
+        tables = (self.path / name / f"{key}.parquet" for name in SEQUENCE_TABLES)
+        return all(path.is_file() for path in (*tables, self.snapshot_path(key)))
+
+    def discard_results(self) -> None:
+        """Remove what was derived from the sequences, which is stale as soon as one is added.
+
+        Raises
+        ------
+        StoreError
+            If the folder cannot be written.
+        """
+        for name in _RESULTS:
+            _remove(self.path / name)
+
+    def clear(self) -> None:
+        """Remove the run and nothing else that may lie in its folder; the manifest goes last.
+
+        Raises
+        ------
+        StoreError
+            If the manifest is not one of a run, or the folder cannot be written.
+        """
+        self.manifest()
+        self.discard_results()
+        for name in (*SEQUENCE_TABLES, "snapshots", "failures.jsonl", "experiment.toml", "manifest.json"):
+            _remove(self.path / name)
+
     def snapshot_path(self, key: str) -> Path:
         """Path of the image of one sequence, PNG."""
         return self.path / "snapshots" / f"{key}.png"
@@ -237,8 +282,10 @@ class RunFolder:
         Raises
         ------
         StoreError, SchemaError
-            If the file is missing or damaged, or has other columns.
+            If the run is not finished, or the file is missing or damaged, or has other columns.
         """
+        if not (self.path / "statistics").is_dir():
+            raise StoreError(f"{self.path}: holds no finished run, expected one: `tracknoise run` goes on with it")
         return _read_parquet(self.path / "statistics" / f"{name}.parquet", STATISTICS_TABLES[name])
 
     def write_failures(self, failures: Mapping[str, str]) -> None:
@@ -279,6 +326,16 @@ def _write_parquet(path: Path, table: pl.DataFrame) -> None:
         raise StoreError(f"{path}: cannot be written ({error}), expected a writable folder") from error
 
 
+def _remove(path: Path) -> None:
+    try:
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink(missing_ok=True)
+    except OSError as error:
+        raise StoreError(f"{path}: cannot be removed ({error.strerror}), expected a writable folder") from error
+
+
 def _discard(temporary: Path) -> None:
     with suppress(OSError):
         temporary.unlink()
@@ -293,6 +350,6 @@ def _read_parquet(path: Path, columns: schema.Schema) -> pl.DataFrame:
         table = pl.read_parquet(path)
     except FileNotFoundError as error:
         raise StoreError(f"{path}: missing, expected a table of the run") from error
-    except (OSError, pl.exceptions.PolarsError) as error:
-        raise StoreError(f"{path}: damaged ({error}), expected a Parquet table") from error
+    except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+        raise StoreError(f"{path}: damaged ({error}), expected a Parquet table; delete it and run again") from error
     return schema.check(table, columns, str(path))

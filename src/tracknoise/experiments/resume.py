@@ -1,0 +1,79 @@
+"""Begin a run, or go on with one: which sequences are still to be measured, and whether the folder is the right one."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from tracknoise.exceptions import StoreError
+from tracknoise.experiments.inputs import inputs_digest
+from tracknoise.experiments.plan import Task
+from tracknoise.experiments.provenance import new_manifest
+from tracknoise.experiments.settings import Experiment, parse_experiment
+from tracknoise.tables.store import Manifest, RunFolder
+
+
+def begin(experiment: Experiment, run: RunFolder, *, fresh: bool) -> Manifest:
+    """The manifest of the run to go on with, or of a new one.
+
+    Parameters
+    ----------
+    experiment
+        What is to be run, every option written out.
+    run
+        Where.
+    fresh
+        Remove the run that is there.
+
+    Raises
+    ------
+    StoreError
+        If the folder holds another experiment's run, naming the first setting that differs, or no run at all.
+    """
+    if run.exists and not fresh:
+        _check_same(experiment, run)
+        return run.manifest()
+    if run.exists:
+        run.clear()
+    else:
+        run.require_empty()
+    run.create(experiment.to_toml(), new_manifest(experiment))
+    return run.manifest()
+
+
+def due(tasks: list[Task], run: RunFolder, manifest: Manifest) -> list[Task]:
+    """The tasks that are not measured yet, whose tables are gone, or whose input files have changed since."""
+
+    def is_measured(task: Task) -> bool:
+        entry = manifest.sequences.get(task.key)
+        return entry is not None and run.has_sequence(task.key) and entry.inputs == inputs_digest(task)
+
+    return [task for task in tasks if not is_measured(task)]
+
+
+def _check_same(experiment: Experiment, run: RunFolder) -> None:
+    there = parse_experiment(run.experiment_toml(), place=str(run.path / "experiment.toml"))
+    if _has_moved(there, experiment):
+        there = there.with_root(experiment.dataset.root)
+    written, wanted = dict(_flat(there.model_dump(mode="json"))), dict(_flat(experiment.model_dump(mode="json")))
+    for key in [*wanted, *written]:
+        if written.get(key) != wanted.get(key):
+            raise StoreError(
+                f"{run.path}: holds a run with {key} = {written.get(key)!r}, expected {wanted.get(key)!r}; "
+                "choose another folder, or --fresh to replace that run"
+            )
+
+
+def _has_moved(there: Experiment, wanted: Experiment) -> bool:
+    """Whether the data of an earlier start are no longer where they were, so that they may be those found now."""
+    return there.dataset.root is not None and wanted.dataset.root is not None and not there.dataset.root.exists()
+
+
+def _flat(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """Every single setting with its dotted name."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _flat(inner, f"{key}.{name}".lstrip("."))
+    elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
+        for position, inner in enumerate(value):
+            yield from _flat(inner, f"{key}[{position}]")
+    else:
+        yield key, value

@@ -111,18 +111,18 @@ def test_age_counts_nominal_frames_and_lifetime_the_trackers_own(errors):
 
 def test_a_feature_without_depth_at_birth_has_no_error(errors):
     hole = {0: [(slice(20, 30), slice(20, 30), 0.0)]}
-    measured = errors(Plane(poses(2), hole), {0: [(0, 25, 25), (1, 26, 25)]})
-    assert values(measured, "truth") == ["no_depth", "no_depth"]
-    assert values(measured, "du_px") == [None, None]
-    assert measured.tracks["depth_m"].to_list() == [None]
-    assert measured.tracks["max_error_px"].to_list() == [None]
+    measured = errors(Plane(poses(2), hole), {0: [(0, 25, 25), (1, 26, 25)], 1: [(0, 60, 60)]})
+    assert values(measured, "truth") == ["no_depth", "no_depth", "valid"]
+    assert values(measured, "du_px")[:2] == [None, None]
+    assert measured.tracks["depth_m"].to_list() == [None, PLANE_M]
+    assert measured.tracks["max_error_px"][0] is None
 
 
 def test_a_feature_born_on_a_depth_edge_has_no_error(errors):
     box = {0: [(slice(0, 80), slice(50, 100), 1.0)]}
-    measured = errors(Plane(poses(2), box), {0: [(0, 49.5, 30), (1, 49.5, 30)]})
-    assert values(measured, "truth") == ["edge", "edge"]
-    assert values(measured, "u_true_px") == [None, None]
+    measured = errors(Plane(poses(2), box), {0: [(0, 49.5, 30), (1, 49.5, 30)], 1: [(0, 30, 60)]})
+    assert values(measured, "truth") == ["edge", "edge", "valid"]
+    assert values(measured, "u_true_px")[:2] == [None, None]
 
 
 def test_a_hidden_feature_is_occluded_but_its_true_position_is_known(errors):

@@ -38,6 +38,7 @@ DEGENERATE: dict[str, dict[str, object]] = {
     "only age 0 has enough features": {**_ONE, "loss": 1.0, "min_features": 10},
     "a perfect tracker": {**_ONE, "sigma_px": 0.0, "bias_px": 0.0, "hidden": 0.0, "speeds": (1, 2)},
     "no depth": {**_ONE, "depth": False},
+    "one tracker finds nothing": {**_ONE, "trackers": ("lucas-kanade", "blind"), "featureless": ("blind",)},
     "everything censored": {**_ONE, "loss": 1e-12},
     "nothing trimmed": {**_ONE, "percentile": None},
     "no image": {**_ONE, "snapshot": False},
@@ -67,6 +68,12 @@ class World:
     population: str = "visible"
     depth: bool = True
     snapshot: bool = True
+    depthless: Sequence[str] = ()
+    """Scenes and trackers whose features have no depth."""
+    featureless: Sequence[str] = ()
+    """Trackers that find no feature."""
+    dataset: str = "simulated"
+    truth: str = "raycast"
 
 
 def write_run(path: Path, world: World, *, seed: int = 0) -> RunFolder:
@@ -104,7 +111,7 @@ def _toml(world: World) -> str:
 def _entry(scene: str, lighting: str, world: World) -> SequenceEntry:
     notes = ("poses were projected to the nearest rotation, by up to 0.002",) if scene == "forward" else ()
     return SequenceEntry(
-        "simulated", scene, lighting, 0, world.n_frames, WIDTH, HEIGHT, "raycast", world.n_frames // 2, 3.2, notes
+        world.dataset, scene, lighting, 0, world.n_frames, WIDTH, HEIGHT, world.truth, world.n_frames // 2, 3.2, notes
     )
 
 
@@ -129,7 +136,9 @@ def _condition(
 ) -> tuple[pl.DataFrame, pl.DataFrame, pl.DataFrame]:
     """Features born in every frame, lost by chance, with errors that walk and drift."""
     seen = len(range(0, world.n_frames, speed))
-    first = np.repeat(np.arange(seen), world.born)
+    born = 0 if tracker in world.featureless else world.born
+    depth = world.depth and not {scene, tracker} & {*world.depthless}
+    first = np.repeat(np.arange(seen), born)
     worse = 1.0 + 0.6 * world.trackers.index(tracker)
     life = np.minimum(rng.geometric(min(1.0, world.loss * worse), first.size), seen - first)
     track = np.repeat(np.arange(first.size), life)
@@ -138,8 +147,8 @@ def _condition(
     walk = rng.standard_normal((step.size, 2)) * (size * np.sqrt(step * speed))[:, None]
     error = walk + world.bias_px * worse * (step * speed)[:, None] * [1.0, -0.5]
     uv = rng.uniform([0, 0], [WIDTH, HEIGHT], (first.size, 2))[track] + step[:, None] * [0.8 * speed, 0.3]
-    status = np.where(rng.random(step.size) < world.hidden, "occluded", "valid") if world.depth else "no_depth"
-    origin = ["simulated", scene, lighting, 0, tracker, speed]
+    status = np.where(rng.random(step.size) < world.hidden, "occluded", "valid") if depth else "no_depth"
+    origin = [world.dataset, scene, lighting, 0, tracker, speed]
     observations = pl.DataFrame(
         {
             "track": track, "frame": (first[track] + step) * speed, "age": step * speed,
@@ -148,7 +157,7 @@ def _condition(
             "truth": np.broadcast_to(status, step.size), "du_px": error[:, 0], "dv_px": error[:, 1],
         }
     ).with_columns(kept=pl.lit(value=True))  # fmt: skip
-    if not world.depth:
+    if not depth:
         observations = observations.with_columns(
             pl.lit(None).alias(c) for c in ("u_true_px", "v_true_px", "du_px", "dv_px")
         )
@@ -166,7 +175,7 @@ def _condition(
             "offered": offered,
             "matched": offered,
             "outliers": outliers,
-            "new": world.born,
+            "new": born,
             "alive": alive,
         }
     )

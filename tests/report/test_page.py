@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 from tracknoise.exceptions import StoreError, UnknownNameError
+from tracknoise.report.evidence import Evidence
+from tracknoise.report.measured import truth_was_read
 from tracknoise.report.page import write_report
 from tracknoise.tables.store import RunFolder
 
@@ -147,6 +149,28 @@ def test_failures_are_told(make_run: Callable[..., RunFolder]) -> None:
     text = write_report(run, figure_formats=()).read_text(encoding="utf-8")
     assert "Could not be measured" in text
     assert "gone/depth.png: truncated, expected a PNG" in text
+
+
+def test_what_the_numbers_rest_on_is_told_before_the_first_table(make_run: Callable[..., RunFolder]) -> None:
+    small = {"scenes": ("read",), "trackers": ("one",), "speeds": (1,), "n_frames": 6, "born": 4}
+    run = make_run(**small, dataset="tum", truth="birth", depth=False)
+    first = html.unescape(write_report(run, figure_formats=()).read_text(encoding="utf-8").split("<table")[0])
+    assert "their own error is inside every number below" in first
+    assert '<a href="#limits">limits</a>' in first
+    assert "<strong>The whole run</strong>: the true position of 100.0" in first
+
+
+@pytest.mark.parametrize(("dataset", "truth"), [("simulated", "raycast"), ("simulated", "birth"), ("tum", "raycast")])
+def test_simulated_truth_is_not_called_read(make_run: Callable[..., RunFolder], dataset: str, truth: str) -> None:
+    run = make_run(scenes=("one",), trackers=("one",), speeds=(1,), n_frames=6, born=4, dataset=dataset, truth=truth)
+    assert not truth_was_read(Evidence.of(run))
+
+
+def test_the_summary_says_which_lifetime_is_which(report: Path) -> None:
+    text = report.read_text(encoding="utf-8")
+    summary = text.split('<section id="summary">')[1].split("</table>")[0]
+    assert "mean as seen</th>" in summary
+    assert "Kaplan-Meier median</th>" in summary
 
 
 def test_an_unknown_format_is_refused(run: RunFolder) -> None:

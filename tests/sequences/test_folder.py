@@ -212,6 +212,11 @@ def test_bad_poses_are_named(scene: Path, rows: list[str], place: str, message: 
 
 NEEDED = "width, height, fx, fy, cx, cy and, if need be, distortion, depth_unit_m, source"
 
+NO_INVERSE = (
+    "fx, fy, cx, cy and distortion that cannot be inverted over the whole image, "
+    "expected a ray of its own for every pixel"
+)
+
 
 @pytest.mark.parametrize(
     ("entries", "message"),
@@ -226,6 +231,16 @@ NEEDED = "width, height, fx, fy, cx, cy and, if need be, distortion, depth_unit_
         ({"distortion": [0.1, 0.2]}, "distortion = [0.1, 0.2], expected a list of k1, k2, p1, p2, k3, or an empty one"),
         ({"distortion": [0.1, 0, 0, 0, "x"]}, 'distortion = "x", expected a finite number'),
         ({"depth_unit_m": 0}, "depth_unit_m = 0, expected a finite number above 0"),
+        ({"height": -5}, "height = -5, expected a whole number above 0"),
+        ({"width": 10**400}, f"width = 1{'0' * 59}..., expected a whole number above 0"),
+        ({"fx": 10**400}, f"fx = 1{'0' * 59}..., expected a finite number above 0"),
+        ({"fx": float("inf")}, "fx = Infinity, expected a finite number above 0"),
+        ({"cx": False}, "cx = false, expected a finite number"),
+        ({"distortion": True}, "distortion = true, expected a list of k1, k2, p1, p2, k3, or an empty one"),
+        ({"distortion": [0, 0, 0, 0, [[]]]}, "distortion = [[]], expected a finite number"),
+        ({"distortion": [-5, 0, 0, 0, 0]}, NO_INVERSE),
+        ({"distortion": [1e308] * 5}, NO_INVERSE),
+        ({"cx": 1e300, "distortion": []}, NO_INVERSE),
         ({"distorsion": []}, f"unknown key 'distorsion', expected {NEEDED}"),
     ],
 )
@@ -239,12 +254,32 @@ def test_bad_cameras_are_named(scene: Path, entries: dict[str, object], message:
     [
         ('{"width": 20}', f": no height, expected {NEEDED}"),
         ('{"width": 20,\n', ":2: no JSON (Expecting property name enclosed in double quotes), expected a JSON object"),
+        ('{"width": 1' + "0" * 5000 + "}", ": unreadable file, expected a JSON object"),
+        ("[" * 200_000, ": unreadable file, expected a JSON object"),
         ("[20, 16]", ": JSON, but no object, expected a JSON object"),
     ],
 )
 def test_a_malformed_camera_file_is_named(scene: Path, text: str, message: str) -> None:
     (scene / "camera.json").write_text(text)
     expect(scene, "camera.json", message)
+
+
+@pytest.mark.parametrize("depth", [100, 500, 900, 2000, 20_000])
+def test_lists_in_lists_are_refused_however_deep(scene: Path, depth: int) -> None:
+    path = scene / "camera.json"
+    path.write_text(path.read_text().replace('"width": 20', f'"width": {"[" * depth}{"]" * depth}'))
+    with pytest.raises(
+        DataError, match=r"camera\.json: (width = .+, expected a whole|unreadable file, expected a JSON)"
+    ):
+        read_all(scene)
+
+
+def test_files_may_begin_with_a_byte_order_mark(scene: Path) -> None:
+    before = opened(scene)
+    for name in ("camera.json", "poses.txt"):
+        (scene / name).write_bytes(b"\xef\xbb\xbf" + (scene / name).read_bytes())
+    assert opened(scene).camera == before.camera
+    np.testing.assert_array_equal(opened(scene).world_from_camera, before.world_from_camera)
 
 
 def test_a_missing_camera_file_is_named(scene: Path) -> None:
@@ -261,7 +296,58 @@ def test_a_sequence_without_frames_is_refused(scene: Path) -> None:
 
 def test_a_folder_without_a_scene_is_refused(tmp_path: Path) -> None:
     (tmp_path / "images").mkdir()
-    expect(tmp_path, "", ": no scene, expected folders with images/ and poses.txt")
+    expect(tmp_path, "", ": no scene, expected folders with images/, poses.txt and camera.json")
+
+
+MISSING_POSES = ": no such file, expected rows of tx ty tz qx qy qz qw"
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("poses.txt", MISSING_POSES),
+        ("camera.json", ": no such file, expected the camera's width, height, fx, fy, cx and cy in JSON"),
+        ("images", ": no such directory, expected a data set's folder"),
+    ],
+)
+def test_an_incomplete_scene_is_not_passed_over(tmp_path: Path, name: str, message: str) -> None:
+    for scene in ("a", "b"):
+        write_folder(Made(), tmp_path / scene)
+    (tmp_path / "a" / name).rename(tmp_path / "elsewhere")
+    assert [item.scene for item in Folder(tmp_path).sequences()] == ["a", "b"]
+    expect(tmp_path, f"a/{name}", message)
+
+
+@pytest.mark.parametrize("left", ["camera.json", "depth"])
+def test_images_and_one_more_part_are_a_scene(scene: Path, left: str) -> None:
+    for name in {"camera.json", "depth"} - {left}:
+        (scene / name).rename(scene.parent / f"{name} elsewhere")
+    (scene / "poses.txt").unlink()
+    assert [item.scene for item in Folder(scene).sequences()] == ["scene"]
+    if left == "camera.json":
+        expect(scene, "poses.txt", MISSING_POSES)
+
+
+def test_a_folder_in_place_of_a_file_is_named(scene: Path) -> None:
+    (scene / "poses.txt").unlink()
+    (scene / "poses.txt").mkdir()
+    expect(scene, "poses.txt", ": unreadable (Is a directory), expected text of rows of tx ty tz qx qy qz qw")
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("images/1.png", "images"), ("images/1.jpg", "images"), ("depth/1.npy", "depth")]
+)
+def test_two_files_of_one_frame_are_refused(scene: Path, name: str, kind: str) -> None:
+    first = next((scene / kind).glob("000001.*"))
+    first.with_name(Path(name).name).write_bytes(first.read_bytes())
+    with pytest.raises(DataError) as caught:
+        read_all(scene)
+    assert str(caught.value) == f"{scene / name}: the number of {first.name} again, expected one file for each frame"
+
+
+def test_depth_without_an_image_is_named(scene: Path) -> None:
+    np.save(scene / "depth/000003.npy", np.ones((HEIGHT, WIDTH), np.float32))
+    expect(scene, "images/000003.png", ": missing image, expected images 0 to 3 without a gap")
 
 
 def test_nothing_is_overwritten(scene: Path) -> None:

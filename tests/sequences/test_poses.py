@@ -28,6 +28,16 @@ def test_rows_with_their_lines(tmp_path):
     assert places == [f"{path}:2", f"{path}:4"]
 
 
+def test_a_byte_order_mark_is_skipped(tmp_path):
+    (tmp_path / "pose.txt").write_bytes(b"\xef\xbb\xbf1 2\n")
+    assert read_rows(tmp_path / "pose.txt", "x y")[0].tolist() == [[1.0, 2.0]]
+
+
+def test_a_folder_is_no_file_of_rows(tmp_path):
+    with pytest.raises(DataError, match=r"unreadable \(Is a directory\), expected text of rows of x y"):
+        read_rows(tmp_path, "x y")
+
+
 def test_an_empty_file_has_no_rows(tmp_path):
     (tmp_path / "pose.txt").touch()
     rows, places = read_rows(tmp_path / "pose.txt", COLUMNS)
@@ -42,6 +52,8 @@ def test_an_empty_file_has_no_rows(tmp_path):
         ("1", "1 field, expected 7 (x y z qx qy qz qw)"),
         ("1 2 3 0 0 0 1 9", "8 fields, expected 7 (x y z qx qy qz qw)"),
         ("1 2 three 0 0 0 1", "'three', expected a number (x y z qx qy qz qw)"),
+        ("1_0.0 2 3 0 0 0 1", "'1_0.0', expected a number (x y z qx qy qz qw)"),
+        ("1 2 \u0663 0 0 0 1", "'\u0663', expected a number (x y z qx qy qz qw)"),
         ("1,2,3,0,0,0,1", "1 field, expected 7 (x y z qx qy qz qw)"),
     ],
 )
@@ -85,6 +97,7 @@ def test_quaternions_have_the_scalar_last():
     ("row", "message"),
     [
         ([0, 0, 0, 0, 0, 0, 0], "a quaternion of norm 0, expected norm 1"),
+        ([0, 0, 0, 1e200, 1e200, 0, 1], "a quaternion of norm inf, expected norm 1"),
         ([0, 0, 0, 1, 1, 1, 1], "a quaternion of norm 2, expected norm 1"),
         ([0, np.nan, 0, 0, 0, 0, 1], "NaN or infinity in the pose, expected finite numbers"),
         ([0, 0, 0, 0, np.inf, 0, 1], "NaN or infinity in the pose, expected finite numbers"),

@@ -66,10 +66,19 @@ def test_frames_without_a_gap(tmp_path):
     assert require_unbroken({3, 4, 5}, {4}, lambda number: tmp_path / f"{number}.png") == range(3, 6)
 
 
-@pytest.mark.parametrize(("images", "poses", "missing"), [({0, 1, 3}, (), 2), ({0, 1}, {0, 1, 2}, 2), ({1}, {0}, 0)])
-def test_a_gap_is_named(tmp_path, images, poses, missing):
+def test_a_number_used_twice_is_named(tmp_path):
+    for name in ("4.png", "5.png", "000004.png"):
+        (tmp_path / name).touch()
     with pytest.raises(DataError) as caught:
-        require_unbroken(images, poses, lambda number: tmp_path / f"{number}.png")
+        numbered_files(tmp_path, r"(\d+)\.png")
+    expected = f"{tmp_path / '4.png'}: the number of 000004.png again, expected one file for each frame"
+    assert str(caught.value) == expected
+
+
+@pytest.mark.parametrize(("images", "others", "missing"), [({0, 1, 3}, (), 2), ({0, 1}, {0, 1, 2}, 2), ({1}, {0}, 0)])
+def test_a_gap_is_named(tmp_path, images, others, missing):
+    with pytest.raises(DataError) as caught:
+        require_unbroken(images, others, lambda number: tmp_path / f"{number}.png")
     assert str(caught.value).startswith(f"{tmp_path / f'{missing}.png'}: missing image, expected images ")
 
 

@@ -124,6 +124,31 @@ def test_a_missing_image_is_named_and_not_skipped(tmp_path, write_sevenscenes, m
     assert str(caught.value) == f"{image}: missing image, expected images 0 to 2 without a gap"
 
 
+def test_depth_without_image_and_pose(tmp_path, write_sevenscenes):
+    folder = write_sevenscenes(tmp_path / "seq-01", frames=3)
+    (folder / "frame-000002.color.png").unlink()
+    (folder / "frame-000002.pose.txt").unlink()
+    with pytest.raises(DataError, match=r"frame-000002\.color\.png: missing image, expected images 0 to 2"):
+        only(tmp_path)
+
+
+def test_two_images_of_one_frame(tmp_path, write_sevenscenes):
+    write_sevenscenes(tmp_path / "seq-01", suffix="jpg")
+    folder = write_sevenscenes(tmp_path / "seq-01", frames=1)
+    with pytest.raises(DataError) as caught:
+        only(tmp_path)
+    found = "the number of frame-000000.color.jpg again, expected one file for each frame"
+    assert str(caught.value) == f"{folder / 'frame-000000.color.png'}: {found}"
+
+
+def test_files_may_begin_with_a_byte_order_mark(tmp_path, write_sevenscenes):
+    folder = write_sevenscenes(tmp_path / "seq-01", frames=1)
+    np.savetxt(folder / "camera-intrinsics.txt", [[50, 0, 31], [0, 51, 23], [0, 0, 1]])
+    for file in folder.glob("*.txt"):
+        file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())
+    assert only(tmp_path).camera.fx == 50
+
+
 def test_fewer_poses_than_images(tmp_path, write_sevenscenes):
     folder = write_sevenscenes(tmp_path / "seq-01", frames=3)
     (folder / "frame-000002.pose.txt").unlink()

@@ -67,6 +67,7 @@ def test_pose_rows_belong_to_frame_numbers(tmp_path, write_tartanair):
     folder = write_tartanair(tmp_path / "P000", frames=5, rows=40, camera="lcam_front")
     for index in (0, 1):
         (folder / f"image_lcam_front/{index:06d}_lcam_front.png").unlink()
+        (folder / f"depth_lcam_front/{index:06d}_lcam_front_depth.png").unlink()
     sequence = only(tmp_path)
     assert len(sequence) == 3
     np.testing.assert_allclose(sequence.world_from_camera[:, 2, 3], (1.0, 1.5, 2.0))
@@ -126,10 +127,23 @@ def test_no_images(tmp_path, write_tartanair):
     assert str(caught.value) == f"{folder / 'image_left'}: no images, expected files such as 000000_left.png"
 
 
-def test_a_missing_image_is_named_and_not_skipped(tmp_path, write_tartanair):
-    folder = write_tartanair(tmp_path / "P000", frames=3)
-    missing = folder / "image_left/000001_left.png"
+@BOTH
+@pytest.mark.parametrize("number", [0, 1, 2], ids=["first", "middle", "last"])
+def test_a_missing_image_is_named_and_not_skipped(tmp_path, write_tartanair, camera, number):
+    folder = write_tartanair(tmp_path / "P000", frames=3, camera=camera)
+    missing = folder / f"image_{camera}/{number:06d}_{camera}.png"
     missing.unlink()
+    with pytest.raises(DataError) as caught:
+        only(tmp_path)
+    assert str(caught.value) == f"{missing}: missing image, expected images 0 to 2 without a gap"
+
+
+@pytest.mark.parametrize("number", [0, 2], ids=["first", "last"])
+def test_in_v1_a_pose_without_its_image_is_enough_to_miss_it(tmp_path, write_tartanair, number):
+    folder = write_tartanair(tmp_path / "P000", frames=3)
+    missing = folder / f"image_left/{number:06d}_left.png"
+    missing.unlink()
+    (folder / f"depth_left/{number:06d}_left_depth.npy").unlink()
     with pytest.raises(DataError) as caught:
         only(tmp_path)
     assert str(caught.value) == f"{missing}: missing image, expected images 0 to 2 without a gap"

@@ -37,9 +37,19 @@ def test_ratios_of_each_frame(frames) -> None:
     assert table.select("frame", "ratio").rows() == [(1, 1.0), (2, 0.25)]
 
 
-def test_a_tracker_that_never_had_a_feature_has_no_row(frames) -> None:
+def test_a_tracker_that_never_had_a_feature_has_counts_of_zero_and_no_ratio(frames) -> None:
     table = outlier_ratios(frames(frame=[0, 1, 0], offered=[0, 0, 5], tracker=["black", "black", "seeing"]))
-    assert table["tracker"].to_list() == ["seeing"]
+    assert table["tracker"].to_list() == ["black", "seeing"]
+    row = table.row(0, named=True)
+    counted = ("n_frames", "n_scenes", "offered", "outliers")
+    assert [row[name] for name in counted] == [0, 0, 0, 0]
+    measured = list(OUTLIERS)[list(OUTLIERS).index("pooled_ratio") :]
+    assert [row[name] for name in measured] == [None] * 7
+
+
+def test_a_scene_that_never_had_a_feature_does_not_count(frames) -> None:
+    table = outlier_ratios(frames(scene=["a", "b"], offered=[0, 4], outliers=[0, 1]))
+    assert table.select("n_frames", "n_scenes", "pooled_ratio").rows() == [(1, 1, 0.25)]
 
 
 def test_sums_do_not_overflow_the_type_of_a_frame(frames) -> None:

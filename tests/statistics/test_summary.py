@@ -84,8 +84,16 @@ def test_every_condition_of_any_table_has_one_row(by_age, tracks, frames) -> Non
         outlier_ratios(frames(tracker=["offered"], offered=[1])),
     )
     assert table["tracker"].to_list() == ["lived", "offered", "seen"]
-    assert table["n_tracks"].to_list() == [1, None, 1]
+    assert table["n_tracks"].to_list() == [1, 0, 1]
     assert table["outlier_ratio"].to_list() == [None, 0.0, None]
+
+
+def test_a_condition_without_a_feature_has_no_tracks_and_nothing_else(frames) -> None:
+    offered = outlier_ratios(frames(frame=[0, 1], offered=[0, 0], tracker="blind"))
+    row = summary(empty(CURVES), empty(LIFETIMES), offered).row(0, named=True)
+    assert {name: row[name] for name in row if row[name] is not None} == {
+        "dataset": "d", "lighting": "nominal", "rotation": 0, "tracker": "blind", "speed": 1, "n_tracks": 0,
+    }  # fmt: skip
 
 
 def test_nothing_gives_nothing() -> None:

@@ -77,11 +77,41 @@ def test_placeholders_name_the_condition(tmp_path, setting):
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
-def test_a_file_without_rows_has_no_tracks(suffix, tmp_path, setting):
+def test_a_file_without_rows_is_refused_by_name(suffix, tmp_path, setting):
     kinds = {"track": pl.Int64, "frame": pl.Int64, "u_px": pl.Float64, "v_px": pl.Float64}
     path = tmp_path / f"tracks.{suffix}"
     pl.DataFrame(schema=kinds).write_csv(path) if suffix == "csv" else pl.DataFrame(schema=kinds).write_parquet(path)
-    assert run(Imported(str(path)), setting(), range(2))[1].alive == 0
+    with pytest.raises(DataError, match=rf"tracks.{suffix}: no track, expected at least one row$"):
+        Imported(str(path)).start(setting())
+
+
+def test_frames_counted_from_1_are_noticed_by_the_one_beyond_the_sequence(tmp_path, setting):
+    from_1 = {**ROWS, "frame": [frame + 1 for frame in ROWS["frame"]]}
+    beyond = r"row 6: frame 4, expected a frame from 0 to 3 of the sequence$"
+    with pytest.raises(DataError, match=r"tracks.parquet: " + beyond):
+        written(tmp_path / "tracks.parquet", from_1).start(setting(n_frames=4))
+    with pytest.raises(DataError, match=r"tracks.csv:7: frame 4, expected a frame from 0 to 3"):
+        written(tmp_path / "tracks.csv", from_1).start(setting(n_frames=4))
+
+
+def test_frames_of_the_sequence_that_a_run_does_not_read_are_fine(tmp_path, setting):
+    assert [step.alive for step in run(written(tmp_path / "tracks.csv"), setting(n_frames=4), range(2))] == [2, 1]
+
+
+def test_names_between_spaces_and_whole_numbers_written_as_floats_are_read(tmp_path, setting):
+    (tmp_path / "tracks.csv").write_text("track , frame, u_px,v_px\n 7.0, 0.0, 1,2\n9007199254740993,1,3,4\n")
+    steps = run(Imported(str(tmp_path / "tracks.csv")), setting(), range(2))
+    assert [step.uv.tolist() for step in steps] == [[[1.0, 2.0]], [[3.0, 4.0]]]
+
+
+def test_long_names_of_tracks_are_not_rounded(tmp_path, setting):
+    long = {"track": [2**53, 2**53 + 1], "frame": [0, 0], "u_px": [1.0, 2.0], "v_px": [1.0, 2.0]}
+    assert run(written(tmp_path / "tracks.csv", long), setting(), range(1))[0].alive == 2
+
+
+def test_parquet_columns_of_whole_floats_are_read(tmp_path, setting):
+    frame = [float(frame) for frame in ROWS["frame"]]
+    assert run(written(tmp_path / "tracks.parquet", frame=frame), setting(), range(1))[0].alive == 2
 
 
 @pytest.mark.parametrize(
@@ -93,7 +123,10 @@ def test_a_file_without_rows_has_no_tracks(suffix, tmp_path, setting):
         ("track,frame,u_px,v_px\n1,0,2,inf\n", r"tracks.csv:2: v_px 'inf', expected a finite number$"),
         ("track,frame,u_px,v_px\n1,0,2,\n", r"tracks.csv:2: v_px None, expected a finite number$"),
         ("track,frame,u_px,v_px\n1,0.5,2,3\n", r"tracks.csv:2: frame '0.5', expected a whole number$"),
-        ("track,frame,u_px,v_px\n1,-1,2,3\n", r"tracks.csv:2: frame '-1', expected a frame not below 0$"),
+        ("track,frame,u_px,v_px\n1,1e30,2,3\n", r"tracks.csv:2: frame '1e30', expected a whole number$"),
+        ("track,frame,u_px,v_px\nnan,0,2,3\n", r"tracks.csv:2: track 'nan', expected a whole number$"),
+        ("track,frame,u_px,v_px\n1,-1,2,3\n", r"tracks.csv:2: frame -1, expected a frame from 0 to 5 of the"),
+        ("track, track,frame,u_px,v_px\n1,1,0,2,3\n", r"tracks.csv: not readable \(.*duplicate.*\), expected"),
         ("track,frame,u_px,v_px\n1,0,2,3\n2,0,2,3\n1,0,5,5\n", r"tracks.csv:4: track '1', expected one row for each"),
         ("track,frame,u_px,v_px,response\n1,0,2,3,high\n", r"tracks.csv:2: response 'high', expected a finite number$"),
         ("track,frame,u_px,v_px\n1,0,2,3,4\n", r"tracks.csv: not readable \(.*\), expected a .csv file of tracks$"),
@@ -110,7 +143,7 @@ def test_what_is_wrong_with_a_file_is_said_in_one_line(text, message, tmp_path, 
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        ({"frame": [0.0] * 7}, r"column frame of type Float64, expected a whole number in each row$"),
+        ({"frame": [0.0, 1.0, 2.5] + [0.0] * 4}, r"tracks.parquet: row 3: frame 2.5, expected a whole number$"),
         ({"u_px": [True] * 7}, r"column u_px of type Boolean, expected a finite number in each row$"),
         ({"v_px": [1.0, 2.0, float("nan"), 4.0, 5.0, 6.0, 7.0]}, r"tracks.parquet: row 3: v_px nan, expected"),
     ],

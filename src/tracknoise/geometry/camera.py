@@ -5,7 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-_UNDISTORT_ITERATIONS = 50
+from tracknoise.geometry.distortion import distort, undistort
+
+_OUTLINE_POSITIONS = 1001
+_ROUND_TRIP_PX = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,23 +51,37 @@ class Camera:
         """The 3x3 float64 matrix K."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
+    @property
+    def is_invertible(self) -> bool:
+        """Whether every position on the outline of the image has a ray, and this leads back to it within 1e-6 px."""
+        u = np.linspace(-0.5, self.width - 0.5, _OUTLINE_POSITIONS)
+        v = np.linspace(-0.5, self.height - 0.5, _OUTLINE_POSITIONS)
+        left, top = np.full_like(v, u[0]), np.full_like(u, v[0])
+        right, bottom = np.full_like(v, u[-1]), np.full_like(u, v[-1])
+        sides = [(u, top), (u, bottom), (left, v), (right, v)]
+        outline = np.concatenate([np.stack(side, axis=-1) for side in sides])
+        with np.errstate(all="ignore"):
+            there_and_back = self.project(self.bearings(outline))
+            return bool(np.all(np.abs(there_and_back - outline) <= _ROUND_TRIP_PX))
+
     def project(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Project points of the camera frame: pi(X).
 
         Parameters
         ----------
         points
-            (..., 3) float64, metres, camera frame. Points with z <= 0 have no image: their result is NaN.
+            (..., 3) float64, metres, camera frame.
 
         Returns
         -------
         (..., 2) float64
-            Pixel coordinates u, v.
+            Pixel coordinates u, v. NaN for points that have no image: those with z <= 0, and those so far from the
+            axis that the distortion would fold them back.
         """
         depth = np.where(points[..., 2] > 0.0, points[..., 2], np.nan)
         xy = points[..., :2] / depth[..., None]
         if self.distortion:
-            xy = self._distort(xy)
+            xy = distort(xy, self.distortion)
         return xy * (self.fx, self.fy) + (self.cx, self.cy)
 
     def bearings(self, uv: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -78,11 +95,11 @@ class Camera:
         Returns
         -------
         (..., 3) float64
-            Camera frame, z = 1.
+            Camera frame, z = 1; x and y are NaN where the distortion gives the pixel no ray (see `is_invertible`).
         """
         xy = (np.asarray(uv, dtype=np.float64) - (self.cx, self.cy)) / (self.fx, self.fy)
         if self.distortion:
-            xy = self._undistort(xy)
+            xy = undistort(xy, self.distortion)
         return np.concatenate([xy, np.ones_like(xy[..., :1])], axis=-1)
 
     def unproject(self, uv: NDArray[np.float64], depth_m: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -128,26 +145,3 @@ class Camera:
             cx=(self.cx + 0.5) / 2 - 0.5,
             cy=(self.cy + 0.5) / 2 - 0.5,
         )
-
-    def _distort(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        k1, k2, p1, p2, k3 = self.distortion
-        x, y = xy[..., 0], xy[..., 1]
-        r2 = x * x + y * y
-        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        return np.stack(
-            [
-                x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-                y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
-            ],
-            axis=-1,
-        )
-
-    def _undistort(self, distorted: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Invert the distortion by fixed-point iteration, to the last bits in the image's area."""
-        xy = distorted.copy()
-        for _ in range(_UNDISTORT_ITERATIONS):
-            residual = distorted - self._distort(xy)
-            xy += residual
-            if not np.any(np.abs(residual) > 1e-14):
-                break
-        return xy

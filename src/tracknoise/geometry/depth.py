@@ -57,7 +57,9 @@ def interpolate(depth: DepthMap, uv: NDArray[np.float64], *, spread: float = EDG
 
     Inverse depth is interpolated bilinearly: on a plane inverse depth is linear in the image, so that the result
     is exact there. Where the farthest of the four neighbours exceeds the nearest by more than `spread`, relative
-    to the nearest, the position lies on an edge and has no depth.
+    to the nearest, the position lies on an edge and has no depth. All four have a say, even those of weight 0 at a
+    pixel's centre, where they are the pixels to the right and below: corners like to lie on outlines, and a feature on
+    an outline may belong to either side of it.
 
     Parameters
     ----------

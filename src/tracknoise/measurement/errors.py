@@ -18,7 +18,7 @@ class TruePaths:
     Attributes
     ----------
     uv : (n, 2) float64
-        True position of each observation, px; NaN where its track has no anchor or that lies behind the camera.
+        True position of each observation, px; NaN where its track has no anchor, or that has no image.
     depth_m : (m,) float64
         Depth of each track's anchor in its first frame, metres; NaN where it has none.
     """

@@ -108,7 +108,11 @@ def _check_length(sequence: Sequence, n_frames: int, conditions: Items[Condition
 
 def _check_features(sequence: Sequence, recordings: Items[Recording]) -> None:
     if not any(len(recording.first_frame) for recording in recordings):
-        raise DataError(sequence.source, "no tracker found a feature in any image", "images with texture")
+        raise DataError(
+            sequence.source,
+            "no tracker found a feature in any image",
+            "images with texture, or tracks in the frames read",
+        )
     if not any(np.isfinite(recording.points_world).any() for recording in recordings):
         raise DataError(sequence.source, "no depth where any feature begins", "depth for some, to know where they are")
 

@@ -112,6 +112,7 @@ def _start(condition: Condition, sequence: Sequence, truth: Truth, seed: int) ->
             lighting=name.lighting,
             rotation=name.rotation,
             size=(sequence.camera.width, sequence.camera.height),
+            n_frames=len(sequence),
             speed=condition.speed,
             seed=seed,
             truth=truth,

@@ -6,8 +6,9 @@ from typing import Any
 import polars as pl
 
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.sentences import TIMES, listing, number
+from tracknoise.report.sentences import TIMES, count, listing, number, percent
 from tracknoise.report.tables import Cells, cells
+from tracknoise.statistics.populations import POPULATIONS
 from tracknoise.tables.schema import TrackEnd, TruthStatus
 
 _TRUTHS = {
@@ -25,6 +26,8 @@ _ENDS = {
     "masked": "masked",
     "sequence_end": "end of data",
 }
+_MANY = 0.5
+"""Share of observations without a true position above which the page says so at its top."""
 
 
 def scenes(evidence: Evidence) -> Cells:
@@ -81,6 +84,45 @@ def provenance(evidence: Evidence) -> Cells:
     return cells(table, {"what": "made with", "value": "version"}, "Versions and machine")
 
 
+def truth_was_read(evidence: Evidence) -> bool:
+    """Whether any true positions come from poses and depth that were read rather than simulated."""
+    entries = evidence.manifest.sequences.values()
+    return any(entry.truth == "birth" and entry.dataset != "simulated" for entry in entries)
+
+
+def without_truth(evidence: Evidence) -> list[tuple[str, str]]:
+    """Conditions, then sequences, most of whose observations have no true position: which, and a sentence."""
+    statuses = evidence.counts.filter(kind="truth")
+    if statuses["n"].sum() > 0 and not statuses.filter(pl.col("name").is_in(POPULATIONS["projected"]))["n"].sum():
+        return [("The whole run", _unknown(statuses))]
+    keys = list(condition_columns(evidence))
+    conditions = in_order(evidence, statuses.select(keys).unique()).iter_rows(named=True)
+    groups = [(_condition(evidence, names), statuses.filter(**names)) for names in conditions]
+    for key in sorted(evidence.manifest.sequences):
+        groups.append((key, evidence.run.sequence_table("counts", key).filter(kind="truth")))
+    return [(place, sentence) for place, rows in groups if (sentence := _unknown(rows))]
+
+
+def _unknown(rows: pl.DataFrame) -> str:
+    """What share of observations, counted by truth status, has no true position, and why; empty where it is small."""
+    n = {name: int(rows.filter(name=name)["n"].sum()) for name in _TRUTHS}
+    total = sum(n.values())
+    unknown = {name: n[name] for name in _TRUTHS if name not in POPULATIONS["projected"] and n[name]}
+    if sum(unknown.values()) <= _MANY * total:
+        return ""
+    reasons = listing(f"{percent(value / total)} {_TRUTHS[name]}" for name, value in unknown.items())
+    rest = "its errors are of the rest alone" if sum(unknown.values()) < total else "no error could be measured"
+    share = percent(sum(unknown.values()) / total)
+    return f"the true position of {share} of {count(total, 'observation')} is unknown ({reasons}); {rest}."
+
+
+def _condition(evidence: Evidence, names: Mapping[str, Any]) -> str:
+    """A condition in words, by the values of `condition_columns`."""
+    lighting = f" under lighting {names['lighting']}" if "lighting" in names else ""
+    rotation = f" at rotation {names['rotation']}°" if "rotation" in names else ""
+    return f"{names['tracker']} at speed {names['speed']}{lighting}{rotation}"
+
+
 def truth_counts(evidence: Evidence) -> Cells:
     """Observations of each condition by truth status."""
     names = {status.name: _TRUTHS[status.name] for status in TruthStatus}
@@ -99,12 +141,13 @@ def failures(evidence: Evidence) -> list[tuple[str, str]]:
 
 
 def _pivot(evidence: Evidence, kind: str, names: Mapping[str, str], caption: str) -> Cells:
-    """Counts, conditions down and names across; each with its share of the row."""
+    """Counts, every measured condition down and names across; each with its share of the row."""
     keys = condition_columns(evidence)
     table = evidence.counts.filter(kind=kind)
     totals = [pl.col("n").filter(pl.col("name") == name).sum().alias(name) for name in names]
     wide = table.group_by(list(keys)).agg(*totals, all=pl.col("n").sum())
-    wide = in_order(evidence, wide)
+    every = evidence.summary.select(list(keys)).unique()
+    wide = in_order(evidence, every.join(wide, on=list(keys), how="left").fill_null(0))
     shown = [_with_share(pl.col(name), pl.col("all")).alias(name) for name in names]
     result = cells(wide.with_columns(shown), {**keys, "all": "all", **names}, caption)
     return Cells(

@@ -28,8 +28,10 @@ from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unb
 from tracknoise.sequences.sequence import Sequence, SequenceId
 
 _IMAGES, _DEPTH, _POSES, _CAMERA = "images", "depth", "poses.txt", "camera.json"
+_PARTS = frozenset((_IMAGES, _DEPTH, _POSES, _CAMERA))
 _COLUMNS = "tx ty tz qx qy qz qw"
 _COUNTS, _FOCAL, _CENTRE = ("width", "height"), ("fx", "fy"), ("cx", "cy")
+_SHOWN = 60
 _OPTIONAL = ("distortion", "depth_unit_m", "source")
 
 
@@ -50,7 +52,9 @@ class Folder:
     root: Path
 
     def sequences(self) -> list[SequenceId]:
-        """All sequences, sorted: each folder that holds ``images`` and ``poses.txt``.
+        """All sequences, sorted: each folder that holds two of ``images``, ``depth``, ``poses.txt``, ``camera.json``.
+
+        A sequence that lacks something is listed, so that `open` can say what, instead of being passed over.
 
         Raises
         ------
@@ -72,8 +76,8 @@ class Folder:
         folder = scene_folder(self._scenes(), sequence)
         camera, depth_unit_m = _read_camera(folder / _CAMERA)
         rows, places = read_rows(folder / _POSES, _COLUMNS)
-        images = _image_paths(folder, poses=len(rows))
-        depths, read_depth = _depth_paths(folder, len(images), depth_unit_m)
+        images, depths = _frame_files(folder, poses=len(rows))
+        read_depth = None if depths is None else _depth_reader(folder, depths, depth_unit_m)
         return RecordedSequence(
             id=sequence,
             camera=camera,
@@ -87,8 +91,8 @@ class Folder:
     def _scenes(self) -> dict[str, Path]:
         return find_scenes(
             self.root,
-            lambda below, files: _IMAGES in below and _POSES in files,
-            expected=f"folders with {_IMAGES}/ and {_POSES}",
+            lambda below, files: len(_PARTS.intersection((*below, *files))) >= 2,
+            expected=f"folders with {_IMAGES}/, {_POSES} and {_CAMERA}",
         )
 
 
@@ -155,29 +159,27 @@ def _pose_lines(world_from_camera: NDArray[np.float64]) -> str:
     return "\n".join([f"# {_COLUMNS} (world_from_camera, metres; a row a frame)", *lines, ""])
 
 
-def _image_paths(folder: Path, *, poses: int) -> tuple[Path, ...]:
-    """The image of each frame, of which there must be as many as poses."""
-    images = numbered_files(folder / _IMAGES, r"(\d+)\.jpe?g") | numbered_files(folder / _IMAGES, r"(\d+)\.png")
-    frames = require_unbroken(images, range(poses), lambda number: folder / _IMAGES / f"{number:06d}.png")
+def _frame_files(folder: Path, *, poses: int) -> tuple[tuple[Path, ...], tuple[Path | None, ...] | None]:
+    """Image and depth of each frame, of which there must be as many as poses; None where no frame has depth."""
+    images = numbered_files(folder / _IMAGES, r"(\d+)\.(?:png|jpe?g)")
+    depths = numbered_files(folder / _DEPTH, r"(\d+)\.(?:npy|png)") if (folder / _DEPTH).exists() else None
+    frames = require_unbroken(
+        images, {*range(poses), *(depths or ())}, lambda number: folder / _IMAGES / f"{number:06d}.png"
+    )
     require_poses(folder / _POSES, poses=poses, images=len(frames))
-    return tuple(images[number] for number in frames)
+    return tuple(images[number] for number in frames), None if depths is None else tuple(map(depths.get, frames))
 
 
-def _depth_paths(
-    folder: Path, frames: int, depth_unit_m: float | None
-) -> tuple[tuple[Path | None, ...] | None, DepthReader | None]:
-    """The depth file of each frame, and what reads it; None and None where there are no depths."""
-    if not (folder / _DEPTH).exists():
-        return None, None
-    arrays = numbered_files(folder / _DEPTH, r"(\d+)\.npy")
-    integers = numbered_files(folder / _DEPTH, r"(\d+)\.png")
-    if arrays and integers:
+def _depth_reader(folder: Path, depths: tuple[Path | None, ...], depth_unit_m: float | None) -> DepthReader:
+    """What reads the depth files."""
+    kinds = {path.suffix for path in depths if path is not None}
+    if len(kinds) > 1:
         raise DataError(folder / _DEPTH, "both .npy and .png files", "files of one kind")
-    if not integers:
-        return tuple(map(arrays.get, range(frames))), read_depth_npy
+    if ".png" not in kinds:
+        return read_depth_npy
     if depth_unit_m is None:
         raise DataError(folder / _CAMERA, "no depth_unit_m", "it, since the depths are 16-bit PNG files")
-    return tuple(map(integers.get, range(frames))), partial(read_depth_png16, metres_per_unit=depth_unit_m)
+    return partial(read_depth_png16, metres_per_unit=depth_unit_m)
 
 
 def _read_camera(path: Path) -> tuple[Camera, float | None]:
@@ -189,10 +191,14 @@ def _read_camera(path: Path) -> tuple[Camera, float | None]:
     cx, cy = (_number(path, key, entries[key]) for key in _CENTRE)
     distortion = entries.get("distortion", [])
     if not isinstance(distortion, list) or len(distortion) not in (0, 5):
-        raise DataError(path, f"distortion = {json.dumps(distortion)}", "a list of k1, k2, p1, p2, k3, or an empty one")
+        raise DataError(path, f"distortion = {_shown(distortion)}", "a list of k1, k2, p1, p2, k3, or an empty one")
     coefficients = tuple(_number(path, "distortion", value) for value in distortion)
     unit = _number(path, "depth_unit_m", entries["depth_unit_m"], positive=True) if "depth_unit_m" in entries else None
-    return Camera(int(width), int(height), fx, fy, cx, cy, coefficients), unit
+    camera = Camera(int(width), int(height), fx, fy, cx, cy, coefficients)
+    if not camera.is_invertible:
+        found = "fx, fy, cx, cy and distortion that cannot be inverted over the whole image"
+        raise DataError(path, found, "a ray of its own for every pixel")
+    return camera, unit
 
 
 def _require_keys(path: Path, entries: dict[str, Any]) -> None:
@@ -208,12 +214,14 @@ def _require_keys(path: Path, entries: dict[str, Any]) -> None:
 
 def _read_object(path: Path) -> dict[str, Any]:
     try:
-        entries = json.loads(path.read_text(encoding="utf-8"))
+        entries = json.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError as error:
         raise DataError(path, "no such file", "the camera's width, height, fx, fy, cx and cy in JSON") from error
     except json.JSONDecodeError as error:
         raise DataError(f"{path}:{error.lineno}", f"no JSON ({error.msg})", "a JSON object") from error
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
+        raise DataError(path, f"unreadable ({error.strerror})", "a JSON object") from error
+    except (ValueError, RecursionError) as error:  # no text, a number of thousands of digits, or thousands of brackets
         raise DataError(path, "unreadable file", "a JSON object") from error
     if not isinstance(entries, dict):
         raise DataError(path, "JSON, but no object", "a JSON object")
@@ -222,8 +230,27 @@ def _read_object(path: Path) -> dict[str, Any]:
 
 def _number(path: Path, key: str, value: Any, *, whole: bool = False, positive: bool = False) -> float:
     kinds = int if whole else int | float
-    usable = isinstance(value, kinds) and not isinstance(value, bool) and math.isfinite(value)
-    if not usable or (positive and value <= 0):
-        expected = f"a {'whole' if whole else 'finite'} number{' above 0' if positive else ''}"
-        raise DataError(path, f"{key} = {json.dumps(value)}", expected)
-    return float(value)
+    if isinstance(value, kinds) and not isinstance(value, bool):
+        number = _finite(value)
+        if number is not None and (number > 0.0 or not positive):
+            return number
+    raise DataError(
+        path, f"{key} = {_shown(value)}", f"a {'whole' if whole else 'finite'} number{' above 0' if positive else ''}"
+    )
+
+
+def _finite(value: float) -> float | None:
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None
+
+
+def _shown(value: Any) -> str:
+    """A value as JSON, cut off where it is long."""
+    try:
+        text = json.dumps(value)
+    except RecursionError:
+        return "lists in lists"
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."

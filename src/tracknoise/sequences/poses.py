@@ -45,10 +45,12 @@ def read_rows(path: Path, columns: str) -> tuple[NDArray[np.float64], list[str]]
         If the file is missing or unreadable, or a row has another count of fields or something else than numbers.
     """
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
     except FileNotFoundError as error:
         raise DataError(path, "no such file", f"rows of {columns}") from error
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
+        raise DataError(path, f"unreadable ({error.strerror})", f"text of rows of {columns}") from error
+    except UnicodeDecodeError as error:
         raise DataError(path, "unreadable file", f"text of rows of {columns}") from error
     rows, places = [], []
     for number, line in enumerate(lines, start=1):
@@ -100,7 +102,8 @@ def quaternion_poses(
         Naming the first place with NaN, infinity, or a quaternion of another norm.
     """
     _require_finite(np.concatenate([translation_m, xyzw], axis=1), places)
-    norm = np.linalg.norm(xyzw, axis=1)
+    with np.errstate(over="ignore"):
+        norm = np.linalg.norm(xyzw, axis=1)
     for index in np.flatnonzero(np.abs(norm - 1.0) > RIGID_TOLERANCE)[:1]:
         raise DataError(places[index], f"a quaternion of norm {norm[index]:.6g}", "norm 1")
     return from_quaternion(translation_m, xyzw)
@@ -159,11 +162,18 @@ def _numbers(fields: list[str], columns: str, place: str) -> list[float]:
     if len(fields) != expected:
         raise DataError(place, f"{len(fields)} field{'s' if len(fields) != 1 else ''}", f"{expected} ({columns})")
     for field in fields:
-        try:
-            float(field)
-        except ValueError as error:
-            raise DataError(place, repr(field), f"a number ({columns})") from error
+        if not _is_number(field):
+            raise DataError(place, repr(field), f"a number ({columns})")
     return [float(field) for field in fields]
+
+
+def _is_number(field: str) -> bool:
+    """Whether a field is a decimal number; digits with underscores, which Python reads, are more likely a slip."""
+    try:
+        float(field)
+    except ValueError:
+        return False
+    return "_" not in field and field.isascii()
 
 
 def _require_finite(values: NDArray[np.float64], places: Sequence[Place]) -> None:
@@ -175,7 +185,8 @@ def _require_finite(values: NDArray[np.float64], places: Sequence[Place]) -> Non
 def _require_rigid(poses: NDArray[np.float64], places: Sequence[Place]) -> None:
     block = poses[:, :3, :3]
     stretch = np.abs(np.linalg.svd(block, compute_uv=False) - 1.0).max(axis=1, initial=0.0)
-    reflected = np.linalg.det(block) < 0
+    with np.errstate(over="ignore", invalid="ignore"):
+        reflected = np.linalg.det(block) < 0
     last_row = np.abs(poses[:, 3] - (0.0, 0.0, 0.0, 1.0)).max(axis=1, initial=0.0) > 1e-6
     for index in np.flatnonzero((stretch > RIGID_TOLERANCE) | reflected | last_row)[:1]:
         if last_row[index]:

@@ -68,21 +68,26 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
     Raises
     ------
     DataError
-        If there is no such folder.
+        If there is no such folder, or two files have one number.
     """
     matches = ((re.fullmatch(pattern, path.name), path) for path in require_directory(folder).iterdir())
-    return dict(sorted((int(match[1]), path) for match, path in matches if match))
+    files: dict[int, Path] = {}
+    for number, path in sorted((int(match[1]), path) for match, path in matches if match):
+        if number in files:
+            raise DataError(path, f"the number of {files[number].name} again", "one file for each frame")
+        files[number] = path
+    return files
 
 
-def require_unbroken(images: Collection[int], poses: Collection[int], path_of: Callable[[int], Path]) -> range:
+def require_unbroken(images: Collection[int], others: Collection[int], path_of: Callable[[int], Path]) -> range:
     """Check that there is an image of every frame from the first to the last: a gap would silently change the speed.
 
     Parameters
     ----------
     images
         Frame numbers of the images.
-    poses
-        Frame numbers of the poses, where these have a file each; otherwise empty.
+    others
+        Frame numbers of what there cannot be without an image: depths, and poses that belong to images one to one.
     path_of
         Where the image of a frame should be, for the error.
 
@@ -98,7 +103,7 @@ def require_unbroken(images: Collection[int], poses: Collection[int], path_of: C
     """
     if not images:
         raise DataError(path_of(0).parent, "no images", f"files such as {path_of(0).name}")
-    numbers = {*images, *poses}
+    numbers = {*images, *others}
     frames = range(min(numbers), max(numbers) + 1)
     for number in frames:
         if number not in images:

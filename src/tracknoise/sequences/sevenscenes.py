@@ -98,10 +98,10 @@ class SevenScenes:
 
 def _frame_files(folder: Path) -> tuple[tuple[Path, ...], tuple[Path, ...], tuple[Path | None, ...]]:
     """Image, pose and (where there is one) depth of each frame."""
-    images = numbered_files(folder, r"frame-(\d+)\.color\.jpg") | numbered_files(folder, r"frame-(\d+)\.color\.png")
+    images = numbered_files(folder, r"frame-(\d+)\.color\.(?:png|jpg)")
     depths = numbered_files(folder, r"frame-(\d+)\.depth\.png")
     poses = numbered_files(folder, _POSE.pattern)
-    frames = require_unbroken(images, poses, lambda number: folder / f"frame-{number:06d}.color.png")
+    frames = require_unbroken(images, {*poses, *depths}, lambda number: folder / f"frame-{number:06d}.color.png")
     for number in frames:
         if number not in poses:
             require_poses(folder / f"frame-{number:06d}.pose.txt", poses=len(poses), images=len(frames))

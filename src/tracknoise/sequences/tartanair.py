@@ -2,7 +2,8 @@
 
 Layout of a scene, v1: ``image_left/NNNNNN_left.png``, ``depth_left/NNNNNN_left_depth.npy`` (float32, metres) and
 ``pose_left.txt``; v2: the same with ``lcam_front`` for ``left``, and depth in PNG files whose four 8-bit channels are
-the bytes of a float32. Row i of a pose file, ``x y z qx qy qz qw``, is the NED camera-to-world pose of frame i.
+the bytes of a float32. Row i of a pose file, ``x y z qx qy qz qw``, is the NED camera-to-world pose of frame i; in v2
+there may be rows without an image.
 
 The published principal point, (320, 240) or (320, 320), is the centre of the image counted from the corner of its
 first pixel. Counted from that pixel's centre, as everywhere here, it is half a pixel less; the optical flow that comes
@@ -32,15 +33,26 @@ _CV_FROM_NED = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 
 _COLUMNS = "x y z qx qy qz qw"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Version:
     intrinsics: Camera
     depth_suffix: str
     read_depth: DepthReader
+    image_for_each_pose: bool
 
 
-_V1 = _Version(Camera(640, 480, 320.0, 320.0, 319.5, 239.5), "npy", partial(read_depth_npy, farthest_m=SKY_M))
-_V2 = _Version(Camera(640, 640, 320.0, 320.0, 319.5, 319.5), "png", partial(read_depth_png_float32, farthest_m=SKY_M))
+_V1 = _Version(
+    intrinsics=Camera(640, 480, 320.0, 320.0, 319.5, 239.5),
+    depth_suffix="npy",
+    read_depth=partial(read_depth_npy, farthest_m=SKY_M),
+    image_for_each_pose=True,
+)
+_V2 = _Version(
+    intrinsics=Camera(640, 640, 320.0, 320.0, 319.5, 319.5),
+    depth_suffix="png",
+    read_depth=partial(read_depth_png_float32, farthest_m=SKY_M),
+    image_for_each_pose=False,
+)
 _SIDES = ("front", "back", "left", "right", "top", "bottom")
 _VERSIONS = {
     **dict.fromkeys(("left", "right"), _V1),
@@ -101,13 +113,19 @@ class TartanAir:
         camera = self._camera_of({path.name for path in folder.iterdir()})
         version = _VERSIONS[str(camera)]
         images = numbered_files(folder / f"image_{camera}", rf"(\d+)_{camera}\.png")
-        frames = require_unbroken(images, (), lambda number: folder / f"image_{camera}" / f"{number:06d}_{camera}.png")
-        depths = _depths(folder / f"depth_{camera}", rf"(\d+)_{camera}_depth\.{version.depth_suffix}", frames)
+        depth_files = _depth_files(folder / f"depth_{camera}", rf"(\d+)_{camera}_depth\.{version.depth_suffix}")
+        rows, places = read_rows(folder / f"pose_{camera}.txt", _COLUMNS)
+        others = {*depth_files, *(range(len(rows)) if version.image_for_each_pose else ())}
+        frames = require_unbroken(
+            images, others, lambda number: folder / f"image_{camera}" / f"{number:06d}_{camera}.png"
+        )
+        require_poses(folder / f"pose_{camera}.txt", poses=len(rows), images=frames.stop)
         _require_size(images[frames[0]], version.intrinsics)
+        depths = tuple(map(depth_files.get, frames))
         return RecordedSequence(
             id=sequence,
             camera=version.intrinsics,
-            world_from_camera=_read_poses(folder / f"pose_{camera}.txt", frames),
+            world_from_camera=_poses(rows[frames.start : frames.stop], places[frames.start : frames.stop]),
             image_paths=tuple(images.values()),
             depth_paths=depths,
             read_depth=version.read_depth,
@@ -127,16 +145,12 @@ class TartanAir:
         return next((camera for camera in cameras if names & {f"image_{camera}", f"pose_{camera}.txt"}), None)
 
 
-def _depths(folder: Path, pattern: str, frames: range) -> tuple[Path | None, ...]:
-    files = numbered_files(folder, pattern) if folder.exists() else {}
-    return tuple(files.get(number) for number in frames)
+def _depth_files(folder: Path, pattern: str) -> dict[int, Path]:
+    return numbered_files(folder, pattern) if folder.exists() else {}
 
 
-def _read_poses(path: Path, frames: range) -> NDArray[np.float64]:
+def _poses(rows: NDArray[np.float64], places: list[str]) -> NDArray[np.float64]:
     """(n, 4, 4) float64: world_from_camera, where the world is NED with its axes renamed as a camera's: M T M^-1."""
-    rows, places = read_rows(path, _COLUMNS)
-    require_poses(path, poses=len(rows), images=frames.stop)
-    rows, places = rows[frames.start : frames.stop], places[frames.start : frames.stop]
     poses: NDArray[np.float64] = _CV_FROM_NED @ quaternion_poses(rows[:, :3], rows[:, 3:], places) @ _CV_FROM_NED.T
     return poses
 

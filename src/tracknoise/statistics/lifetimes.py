@@ -119,7 +119,11 @@ def median_survival(lifetimes: pl.DataFrame) -> pl.DataFrame:
 
 
 def surviving(lifetimes: pl.DataFrame) -> pl.DataFrame:
-    """How many tracks reached each age: Psi(k) over all tracks, with or without a known true position.
+    """How many tracks were found often enough to reach each age: Psi(k), with or without a known true position.
+
+    A lifetime says in how many frames a track was found, not in which. Its age follows from that for a tracker that
+    gives a feature up in the first frame that it misses it in. For one that goes on looking (correspondence with
+    ``max_missed_frames > 0``) the age is the least that so many finds take, and the track may have been older.
 
     Parameters
     ----------
@@ -129,8 +133,9 @@ def surviving(lifetimes: pl.DataFrame) -> pl.DataFrame:
     Returns
     -------
     polars.DataFrame
-        Schema `SURVIVING`, sorted by condition and lifetime: for every lifetime from 1 to the longest, the age in
-        frames of the nominal sequence that its last frame has, and the number of tracks that lived as long.
+        Schema `SURVIVING`, sorted by condition and lifetime: for every lifetime from 1 to the longest, the age, in
+        frames of the nominal sequence, of a track when found that often without a gap, and the number of tracks that
+        were found as often.
     """
     every = pl.int_range(1, pl.col("lifetime").max().cast(pl.Int64) + 1, dtype=pl.UInt32)
     dense = check(lifetimes, LIFETIMES, "lifetimes").group_by(POOLED).agg(lifetime=every).explode("lifetime")

@@ -17,6 +17,8 @@ FRAME_RATIOS: Schema = {
     "ratio": pl.Float64,
 }
 
+_RATIO = pl.when(pl.col("offered") > 0).then(pl.col("outliers") / pl.col("offered"))
+
 
 def frame_ratios(frames: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
     """Outlier ratio f1(t) / F(t-1) of every frame that the tracker entered with features.
@@ -36,9 +38,8 @@ def frame_ratios(frames: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
     SchemaError
         If a table has other columns.
     """
-    ratio = pl.col("outliers") / pl.col("offered")
-    found = reduce_each(frames, FRAMES, "frames", _offered).with_columns(ratio=ratio)
-    return check(found.select(*FRAME_RATIOS).sort(*ORIGIN, "frame"), FRAME_RATIOS, "frame ratios")
+    found = _each_frame(frames).drop_nulls("ratio")
+    return check(found.sort(*ORIGIN, "frame"), FRAME_RATIOS, "frame ratios")
 
 
 def outlier_ratios(frames: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
@@ -52,8 +53,9 @@ def outlier_ratios(frames: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFram
     Returns
     -------
     polars.DataFrame
-        Schema `OUTLIERS`, sorted by condition; see `tracknoise.statistics.box` for the box. `pooled_ratio` is
-        sum f1(t) / sum F(t-1). A condition that never had a feature to track has no row.
+        Schema `OUTLIERS`, sorted by condition: every condition that the frames have; see `tracknoise.statistics.box`
+        for the box. `n_frames` and `n_scenes` count those with F(t-1) > 0. `pooled_ratio` is sum f1(t) / sum F(t-1).
+        Where a condition never had a feature to track, counts are 0 and ratios null.
 
     Raises
     ------
@@ -61,22 +63,24 @@ def outlier_ratios(frames: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFram
         If a table has other columns.
     """
     conditions = (
-        frame_ratios(frames)
+        _each_frame(frames)
         .group_by(POOLED)
         .agg(
-            pl.col("ratio"),
-            n_frames=pl.len().cast(pl.Int64),
-            n_scenes=pl.col("scene").n_unique().cast(pl.Int32),
+            pl.col("ratio").drop_nulls(),
+            n_frames=pl.col("ratio").count().cast(pl.Int64),
+            n_scenes=pl.col("scene").filter(pl.col("ratio").is_not_null()).n_unique().cast(pl.Int32),
             offered=pl.col("offered").cast(pl.Int64).sum(),
             outliers=pl.col("outliers").cast(pl.Int64).sum(),
         )
     )
-    conditions = conditions.sort(POOLED).with_columns(pooled_ratio=pl.col("outliers") / pl.col("offered"))
+    conditions = conditions.sort(POOLED).with_columns(pooled_ratio=_RATIO)
     boxes = [asdict(box_summary(ratios.to_numpy())) for ratios in conditions["ratio"]]
     kinds = {column: pl.Float64 for column in OUTLIERS if column not in conditions.columns}
     table = conditions.hstack(pl.DataFrame(boxes, schema=kinds))
     return check(table.select(*OUTLIERS), OUTLIERS, "outliers")
 
 
-def _offered(frames: pl.DataFrame) -> pl.DataFrame:
-    return frames.filter(pl.col("offered") > 0).select(*ORIGIN, "frame", "offered", "outliers")
+def _each_frame(frames: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
+    """All frames with the columns of `FRAME_RATIOS`; the ratio is null where F(t-1) = 0."""
+    columns = [*ORIGIN, "frame", "offered", "outliers"]
+    return reduce_each(frames, FRAMES, "frames", lambda table: table.select(columns)).with_columns(ratio=_RATIO)

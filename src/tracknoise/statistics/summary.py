@@ -35,8 +35,9 @@ def summary(
     Returns
     -------
     polars.DataFrame
-        Schema `SUMMARY`, sorted by condition: every condition of any of the three tables. What a table does not have,
-        or errors where every age is cut, is null. Features are pooled over scenes.
+        Schema `SUMMARY`, sorted by condition: every condition of any of the three tables, and so, by `outliers`, every
+        one that was measured. One without a feature has 0 tracks. Whatever else a table does not have, or errors where
+        every age is cut, is null. Features are pooled over scenes.
 
     Raises
     ------
@@ -58,6 +59,7 @@ def summary(
     table = pl.concat([part.select(POOLED) for part in (*parts, curves)]).unique()
     for part in parts:
         table = table.join(part, on=POOLED, how="left")
+    table = table.with_columns(pl.col("n_tracks").fill_null(0))
     return check(table.select(*SUMMARY).sort(POOLED), SUMMARY, "summary")
 
 

@@ -24,7 +24,7 @@ class Imported:
     ----------
     path
         A ``.csv`` file with a header, or a ``.parquet`` file, with columns ``track`` (a whole number), ``frame``
-        (index in the nominal sequence), ``u_px`` and ``v_px`` (integer = pixel centre) and, if known,
+        (index in the nominal sequence, counted from 0), ``u_px`` and ``v_px`` (integer = pixel centre) and, if known,
         ``response``; others are ignored, and the order of rows does not matter. ``{scene}``, ``{lighting}``,
         ``{rotation}`` and ``{speed}`` in it are replaced by those of the condition.
     """
@@ -50,11 +50,11 @@ class Imported:
         Raises
         ------
         DataError
-            If it is missing, lacks a column, holds something that is not a number there, or two rows for one
-            track and frame; with the line.
+            If it is missing, lacks a column, holds no track, something that is not a number, a frame that the
+            sequence does not have, or two rows for one track and frame; with the line.
         """
         path = self.path.format(**{name: getattr(setting, name) for name in _PLACEHOLDERS})
-        return ImportedTracker(read_tracks(Path(path)))
+        return ImportedTracker(read_tracks(Path(path), n_frames=setting.n_frames))
 
 
 class ImportedTracker:

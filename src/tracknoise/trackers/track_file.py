@@ -32,8 +32,16 @@ class Tracks:
     response: NDArray[np.float32]
 
 
-def read_tracks(path: Path) -> Tracks:
+def read_tracks(path: Path, *, n_frames: int) -> Tracks:
     """Read and check a file of tracks; see `Imported`.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+    n_frames
+        Count of the frames of the whole sequence. A frame beyond it is refused: it is the sign of frames counted
+        from 1, or of tracks of another sequence.
 
     Raises
     ------
@@ -44,9 +52,12 @@ def read_tracks(path: Path) -> Tracks:
     missing = [column for column in _COLUMNS if column not in table.columns]
     if missing:
         raise DataError(path, f"no column {', '.join(missing)} among {', '.join(table.columns)}", ", ".join(_COLUMNS))
+    if table.is_empty():
+        raise DataError(path, "no track", "at least one row")
     columns = {name: _numbers(path, table[name], kind) for name, kind in _COLUMNS.items()}
     track, frame = columns["track"], columns["frame"]
-    _refuse(path, frame < 0, table["frame"], "a frame not below 0")
+    outside = (frame < 0) | (frame >= n_frames)
+    _refuse(path, outside, pl.Series("frame", frame), f"a frame from 0 to {n_frames - 1} of the sequence")
     order = np.lexsort([track, frame])
     again = (np.diff(frame[order]) == 0) & (np.diff(track[order]) == 0)
     twice = np.zeros(len(order), dtype=np.bool_)
@@ -60,11 +71,12 @@ def read_tracks(path: Path) -> Tracks:
 
 
 def _read(path: Path) -> pl.DataFrame:
-    """The table as it is; of a CSV file all columns as text, so that what is wrong can be shown."""
+    """The table as it is, but for spaces around names; of CSV all columns as text, to show what is wrong."""
     if not path.is_file():
         raise DataError(path, "no such file", "a file of tracks")
     try:
-        return pl.read_parquet(path) if path.suffix == ".parquet" else pl.read_csv(path, infer_schema=False)
+        table = pl.read_parquet(path) if path.suffix == ".parquet" else pl.read_csv(path, infer_schema=False)
+        return table.rename(str.strip)
     except (pl.exceptions.PolarsError, OSError, UnicodeError) as error:
         found = str(error).splitlines()[0]
         raise DataError(path, f"not readable ({found})", f"a {path.suffix} file of tracks") from error
@@ -73,13 +85,20 @@ def _read(path: Path) -> pl.DataFrame:
 def _numbers(path: Path, column: pl.Series, kind: type[pl.DataType], *, optional: bool = False) -> NDArray[Any]:
     """The finite numbers of a column, NaN where it may be empty, or an error that shows the first cell that is none."""
     expected = f"a {'whole ' if kind is pl.Int64 else 'finite '}number"
-    if not (column.dtype.is_integer() or column.dtype == pl.String or (kind is pl.Float64 and column.dtype.is_float())):
+    if not (column.dtype.is_integer() or column.dtype.is_float() or column.dtype == pl.String):
         raise DataError(path, f"column {column.name} of type {column.dtype}", f"{expected} in each row")
     text = column.str.strip_chars() if column.dtype == pl.String else column
-    cast = text.cast(kind, strict=False)
+    cast = _whole(text) if kind is pl.Int64 else text.cast(kind, strict=False)
     bad = cast.is_null() if kind is pl.Int64 else ~cast.is_finite().fill_null(value=False)
     _refuse(path, (bad & column.is_not_null()).to_numpy() if optional else bad.to_numpy(), column, expected)
     return cast.fill_null(np.nan).to_numpy() if optional else cast.to_numpy()
+
+
+def _whole(text: pl.Series) -> pl.Series:
+    """Whole numbers, also those written as ``7.0``; null where there is none. Long ones are not rounded to floats."""
+    number = text.cast(pl.Float64, strict=False)
+    truncated = text.cast(pl.Int64, strict=False).fill_null(number.cast(pl.Int64, strict=False))
+    return truncated.set(truncated != number, None)
 
 
 def _refuse(path: Path, bad: NDArray[np.bool_], column: pl.Series, expected: str) -> None:

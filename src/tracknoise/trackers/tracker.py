@@ -92,7 +92,7 @@ class TruePositions(Protocol):
         Returns
         -------
         (n, 2) float64
-            px; NaN behind the camera.
+            px; NaN behind the camera, and where its distortion has no image.
         """
         ...
 
@@ -107,6 +107,8 @@ class Setting:
         Names of the sequence.
     size
         (width, height) of its images, px.
+    n_frames
+        Count of the frames of the whole sequence; a run may read fewer.
     speed
         Every how many frames of the nominal sequence the tracker sees.
     seed
@@ -119,6 +121,7 @@ class Setting:
     lighting: str
     rotation: int
     size: tuple[int, int]
+    n_frames: int
     speed: int
     seed: int
     truth: TruePositions

@@ -73,7 +73,8 @@ class Truth:
         Returns
         -------
         (n, 2) float64
-            px; NaN behind the camera. Points outside the image are projected all the same.
+            px; NaN behind the camera, and where its distortion has no image. Points outside the image are projected
+            all the same.
         """
         return self._frames.camera.project(self._frames.to_camera(index, points_world))
 

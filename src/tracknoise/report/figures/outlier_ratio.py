@@ -17,7 +17,7 @@ _TITLE = "Outlier ratio"
 
 def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
     """By speed, and by lighting where there are several."""
-    table = evidence.reference(evidence.outliers)
+    table = evidence.reference(_entered(evidence))
     if table.is_empty():
         why = "No tracker ever carried a feature from one frame to the next, so no share of them was rejected."
         return [Absence("outlier-ratio", _TITLE, why)]
@@ -25,6 +25,11 @@ def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
     if len(evidence.lightings) > 1:
         made.append(_by_lighting(evidence))
     return made
+
+
+def _entered(evidence: Evidence) -> pl.DataFrame:
+    """Conditions that carried a feature into some frame, and so have a ratio."""
+    return evidence.outliers.filter(pl.col("n_frames") > 0)
 
 
 def _by_speed(evidence: Evidence, table: pl.DataFrame) -> Figure:
@@ -51,7 +56,7 @@ def _by_speed(evidence: Evidence, table: pl.DataFrame) -> Figure:
 
 def _by_lighting(evidence: Evidence) -> Figure:
     rows = (pl.col("speed") == evidence.slowest) & (pl.col("rotation") == evidence.rotations[0])
-    table = evidence.outliers.filter(rows)
+    table = _entered(evidence).filter(rows)
     colours = dict.fromkeys(evidence.lightings, style.QUIET)
     panels = [
         _panel(evidence, table.filter(tracker=tracker), "lighting", colours, tracker) for tracker in evidence.trackers

@@ -43,7 +43,8 @@ def _figure(evidence: Evidence, table: pl.DataFrame, nominal: pl.DataFrame) -> F
         id="survivors",
         title=_TITLE,
         shows=f"How many features were still tracked at each age{evidence.where} (logarithmic), all scenes together: "
-        "solid all tracks, dashed those whose error is known and that trimming kept. The horizontal line marks "
+        "solid all tracks, by the frames they were found in (one found again after a gap is older than drawn), dashed "
+        "those whose error is known and that trimming kept, by their age. The horizontal line marks "
         f"{number(evidence.min_features)} features, under which curves are cut.",
         look_for=_look_for(evidence, nominal),
         spec=arranged(panels, columns=2, independent=["color"]),

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from tracknoise.trackers.ransac import hypotheses_needed
-from tracknoise.trackers.rejection import Consensus, Model, Rejection
+from tracknoise.trackers.rejection import Consensus, Model, Reference, Rejection
 
 H = np.array([[1.02, 0.01, 3.0], [-0.01, 0.99, 2.0], [1e-5, 2e-5, 1.0]])
 
@@ -138,3 +138,11 @@ def test_hypotheses_needed(share, needed):
 def test_impossible_settings_are_refused_by_name(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         Rejection(**wrong)
+
+
+def test_names_do_for_members_and_unknown_ones_are_refused():
+    assert Rejection(consensus="hypothesis", reference="first", model="none") == Rejection(
+        consensus=Consensus.hypothesis, reference=Reference.first, model=Model.none
+    )
+    with pytest.raises(ValueError, match=r"consensus is 'best', expected one of hypothesis, refined"):
+        Rejection(consensus="best")

@@ -81,6 +81,10 @@ class Rejection:
     seed: int = 0
 
     def __post_init__(self) -> None:
+        for name, kind in (("model", Model), ("consensus", Consensus), ("reference", Reference)):
+            value = getattr(self, name)
+            require(value in tuple(kind), name, value, f"one of {', '.join(kind)}")
+            object.__setattr__(self, name, kind(value))  # so that a name will do for the member
         require_positive("threshold_px", self.threshold_px)
         require(0 < self.confidence < 1, "confidence", self.confidence, "a number between 0 and 1")
         require_at_least("max_hypotheses", self.max_hypotheses, 1)

@@ -144,8 +144,10 @@ def _lines(table: pl.DataFrame, series: Series, y: alt.Y) -> Chart:
 
 
 def _boxes(table: pl.DataFrame, axis: str, series: Series, bounds: list[float]) -> Chart:
+    """Spread of a curve's values, without age 0, where they are zero by construction."""
+    aged = table.filter(pl.col("at") > 0)
     summaries = [
-        {series.field: name, **asdict(box_summary(table.filter(pl.col(series.field) == name)[axis]))}
+        {series.field: name, **asdict(box_summary(aged.filter(pl.col(series.field) == name)[axis]))}
         for name in series.colours
     ]
     scale = alt.Scale(domain=bounds, nice=False)

@@ -11,8 +11,8 @@ from tracknoise.report.figures.figure import Absence, Family, Figure
 from tracknoise.report.sentences import listing, px
 
 _BOXES = (
-    "The box plots beside the curves show the curves' own values over all ages drawn: orange line the median, green "
-    "triangle the mean, whiskers to the last value within 1.5 interquartile ranges."
+    "The box plots beside the curves show the curves' own values over all ages drawn but 0: orange line the median, "
+    "green triangle the mean, whiskers to the last value within 1.5 interquartile ranges."
 )
 
 

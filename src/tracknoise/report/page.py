@@ -99,8 +99,8 @@ def _summary(evidence: Evidence) -> tables.Cells:
     conditions = measured.condition_columns(evidence)
     lived = {
         "n_tracks": "tracks",
-        "mean_lifetime": "mean as seen",
-        "median_lifetime": "Kaplan-Meier median",
+        "mean_lifetime": "mean",
+        "median_lifetime": "KM median",
         "outlier_ratio": "outliers",
         "age": "age",
     }

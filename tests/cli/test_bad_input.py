@@ -242,6 +242,13 @@ def test_imported_tracks_that_changed_are_measured_again(run, tmp_path):
     assert (out / "tracks" / "seq-01@default.parquet").read_bytes() != before
 
 
+def test_imported_tracks_that_are_damaged_later_do_not_leave_the_old_numbers(run, tmp_path):
+    (tmp_path / "tracks.csv").write_text("track,frame,u_px,v_px\n0,0,60,20\n0,1,58,20\n")
+    assert run(('kind = "lucas-kanade"', 'kind = "imported"\noptions = { path = "tracks.csv" }'))[0] == 0
+    (tmp_path / "tracks.csv").write_text("track,frame,u_px,v_px\n0,0,sixty,20\n")
+    assert_one_line(run(), "tracks.csv", "sixty")
+
+
 def test_fresh_replaces_a_run_but_nothing_else_in_its_folder(run, tmp_path):
     _, _, out = run()
     (out / "notes.txt").write_text("mine")

@@ -104,6 +104,9 @@ def execute(
     listener.planned([task.key for task in todo], len(tasks) - len(todo))
     if todo:
         run.discard_results()
+    for task in todo:  # an earlier measurement that is stale must not stand in for one that fails
+        manifest.sequences.pop(task.key, None)
+    run.write_manifest(manifest)
     for task, result in _results(todo, run, listener=listener, workers=min(workers, len(todo))):
         if isinstance(result, SequenceEntry):
             manifest.sequences[task.key] = result

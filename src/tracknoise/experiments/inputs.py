@@ -22,7 +22,7 @@ def inputs_digest(task: Task) -> str:
 
 def _track_files(task: Task) -> list[Path]:
     name = task.sequence
-    paths = [choice.options["path"] for choice in task.experiment.trackers if "path" in choice.options]
+    paths = [choice.path for choice in task.experiment.trackers if choice.path is not None]
     return [
         Path(path.format(scene=name.scene, lighting=name.lighting, rotation=name.rotation, speed=speed))
         for path in paths

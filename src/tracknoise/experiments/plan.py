@@ -34,14 +34,13 @@ class Task:
 
 
 def plan(experiment: Experiment) -> list[Task]:
-    """List the sequences of an experiment, having checked everything that can be checked before any is read.
+    """List the sequences of an experiment, from file names alone.
 
     Raises
     ------
     TracknoiseError
-        If the reader, a tracker, an option, a scene or a lighting is unknown, or the data's folder is wrong.
+        If the reader, one of its options, a scene or a lighting is unknown, or the data's folder is wrong.
     """
-    make_trackers(experiment)
     listed = make_reader(*_reader_arguments(experiment.dataset)).sequences()
     _check_selected("scene", experiment.dataset.scenes, {item.scene for item in listed})
     _check_selected("lighting", experiment.dataset.lightings, {item.lighting for item in listed})

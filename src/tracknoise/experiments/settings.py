@@ -51,12 +51,17 @@ class TrackerChoice(_Section):
         """Its name in tables and figures."""
         return self.name or self.kind
 
+    @property
+    def path(self) -> str | None:
+        """The option `path`, by which trackers name a file that they read; None where there is none."""
+        path = self.options.get("path")
+        return path if isinstance(path, str) else None
+
     def with_path_from(self, folder: Path) -> "TrackerChoice":
         """Return the same choice with the option `path`, where it has one, taken from a folder."""
-        path = self.options.get("path")
-        if not isinstance(path, str):
+        if self.path is None:
             return self
-        return self.model_copy(update={"options": {**self.options, "path": str((folder / path).resolve())}})
+        return self.model_copy(update={"options": {**self.options, "path": str((folder / self.path).resolve())}})
 
 
 class TruthSettings(_Section):

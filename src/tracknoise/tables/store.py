@@ -90,7 +90,7 @@ class Manifest:
     Attributes
     ----------
     settings_hash
-        Of the resolved experiment; a run is resumed only if it is the same.
+        Of every setting of the experiment but the place of its data.
     versions
         Of tracknoise, Python and the libraries that decide the numbers.
     machine

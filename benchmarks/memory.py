@@ -42,7 +42,7 @@ def _sweep(length: int) -> dict[str, float]:
 
     sequence = open_sequence("simulated", motions=["arvr"], frames=length, width=320, height=240, supersampling=1)
     conditions = [Condition("lucas-kanade", LucasKanade(), 1)]
-    swept = sweep(sequence, conditions, make_truth(sequence, None), n_frames=length, seed=0)
+    swept = sweep([sequence], conditions, [make_truth(sequence, None)], n_frames=length, seed=0)
     recording = swept.recordings[0]
     size = sum(getattr(recording, name).nbytes for name in recording.__slots__)
     return {"peak": _peak_kib() / 2**10, "recorded observations": size / 2**20}

@@ -41,7 +41,7 @@ OFFERED = [(0, 0, 0), (2, 3, 0), (4, 2, 1)]  # frame, F(t-1), f1
 
 def table(schema: Schema, names: list[str], rows: list[tuple[object, ...]], scene: str = "a") -> pl.DataFrame:
     """A table of one scene at speed 2; columns that are not given are null, kept is true."""
-    origin = dict(zip(ORIGIN, ("paper", scene, "nominal", 0, "tracker", 2), strict=True))
+    origin = dict(zip(ORIGIN, ("paper", scene, "nominal", 0, "forward", "tracker", 2), strict=True))
     given = {name: [row[place] for row in rows] for place, name in enumerate(names)}
     values = {"kept": True} | origin | given
     filled = {name: values.get(name) for name in schema}
@@ -75,7 +75,7 @@ def test_trimming(trimmed: Trimmed) -> None:
 
 def test_moments_at_age_two(trimmed: Trimmed) -> None:
     # Mean (2, 2); deviations (-1, -2) and (1, 2): even sums double, odd ones cancel.
-    row = scene_moments(trimmed.observations).filter(age=2, population="visible", trimming="untrimmed")
+    row = scene_moments(trimmed.observations).filter(at=2, population="visible", trimming="untrimmed")
     expected = {
         "n": 2, "mean_u": 2, "mean_v": 2,
         "m_uu": 2, "m_uv": 4, "m_vv": 8,
@@ -163,7 +163,7 @@ def test_summary(trimmed: Trimmed) -> None:
     table = curves(scene_moments(trimmed.observations), min_features=1)
     row = summary(table, lifetimes(trimmed.tracks), outlier_ratios(table_of_frames()), age=3).row(0, named=True)
     assert (row["n_tracks"], row["mean_lifetime"], row["median_lifetime"], row["outlier_ratio"]) == (3, 2.0, 2, 0.2)
-    assert (row["age"], row["untrimmed_n"], row["trimmed_n"]) == (2, 2, 1)
+    assert (row["at"], row["untrimmed_n"], row["trimmed_n"]) == (2, 2, 1)
     assert (row["untrimmed_nu_u_px"], row["untrimmed_rms_u_px"], row["untrimmed_rms_v_px"]) == (2.0, math.sqrt(10), 4.0)
     assert (row["trimmed_nu_u_px"], row["trimmed_eta_v_px"], row["trimmed_rms_u_px"]) == (1.0, 0.0, None)
 

@@ -218,7 +218,7 @@ def test_data_that_have_moved_are_the_same_data(run, scene):
 def test_depth_that_is_nowhere_valid(run, scene):
     for path in scene.glob("*.depth.png"):
         cv2.imwrite(str(path), np.zeros(SIZE, np.uint16))
-    assert_one_line(run(), "seq-01", "no depth where any feature begins", "expected depth")
+    assert_one_line(run(), "seq-01", "no depth for any feature", "expected depth")
 
 
 @pytest.mark.parametrize("name", ["observations", "moments", "tracks"])

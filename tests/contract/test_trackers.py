@@ -49,7 +49,7 @@ def _track_file(path: Path) -> str:
 
 
 def start(settings: TrackerSettings, size: tuple[int, int] = SIZE, speed: int = 1) -> Callable[[Frame], Step]:
-    return settings.start(Setting("scene", "default", 0, size, FRAMES, speed, 0, Still())).step
+    return settings.start(Setting("scene", "default", 0, "forward", size, FRAMES, speed, 0, Still())).step
 
 
 def images() -> list[np.ndarray]:

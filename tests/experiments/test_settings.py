@@ -52,7 +52,10 @@ def test_digest_ignores_where_the_data_lie_and_nothing_else():
         ("speeds = [2, 2]\n" + MINIMAL, "x.toml: speeds must differ, found [2, 2]"),
         (MINIMAL + '[[trackers]]\nkind = "lucas-kanade"\n', "x.toml: trackers need different names"),
         (MINIMAL.replace('name = "x"', ""), "x.toml: name: missing"),
-        (MINIMAL + '[truth]\nkind = "laser"\n', "x.toml: truth.kind: found 'laser', expected 'birth' or 'raycast'"),
+        (
+            MINIMAL + '[truth]\nkind = "laser"\n',
+            "x.toml: truth.kind: found 'laser', expected 'birth', 'raycast' or 'scan'",
+        ),
         (MINIMAL + "[truth]\nkind = \n", "x.toml: Invalid value"),
         (MINIMAL.replace('"x"', '"../x"'), "x.toml: name: found '../x', expected"),
     ],
@@ -78,9 +81,27 @@ def test_paths_are_taken_from_the_files_folder_and_root_can_be_replaced(tmp_path
     assert load_experiment(tmp_path / "x.toml", root=Path("/elsewhere")).dataset.root == Path("/elsewhere")
 
 
-@pytest.mark.parametrize("name", preset_names())
-def test_every_preset_can_be_planned(name):
+@pytest.mark.parametrize("name", ["demo", "gazebo-arvr", "gazebo-linear"])
+def test_every_preset_that_needs_no_data_can_be_planned(name):
     assert plan(load_experiment(name))
+
+
+@pytest.mark.parametrize("name", ["dtu", "kitti"])
+def test_every_other_preset_asks_for_its_data(name):
+    with pytest.raises(SettingsError, match=f"preset {name}: dataset: reader '{name}' needs the folder of its data"):
+        load_experiment(name)
+    assert load_experiment(name, root=Path("/data")).paper == name
+
+
+def test_the_presets_are_the_demo_and_the_papers_four_experiments():
+    assert preset_names() == ["demo", "dtu", "gazebo-arvr", "gazebo-linear", "kitti"]
+
+
+def test_limits_and_options_take_the_place_of_what_the_preset_says():
+    experiment = load_experiment("gazebo-arvr", scenes=2, frames=30, options={"seed": 7})
+    assert (experiment.dataset.max_scenes, experiment.dataset.max_frames) == (2, 30)
+    assert experiment.dataset.options["seed"] == 7
+    assert {task.sequence.scene for task in plan(experiment)} == {"arvr-00", "arvr-01"}
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,8 @@ from tracknoise.trackers.tracker import Step
 class FlatTruth:
     """Anchors every feature one metre away, but for those left of u = 10, which have no depth; u > 90 is occluded."""
 
+    key_frame: int | None = None
+
     def anchor(self, index, uv):
         status = np.where(uv[:, 0] < 10, TruthStatus.no_depth, TruthStatus.valid).astype(np.int8)
         points = np.column_stack([uv, np.ones(len(uv))])
@@ -73,3 +75,22 @@ def test_a_tracker_that_reports_an_unknown_feature_is_refused():
     recorder.add(0, step([(50, 1)], [7], [True]))
     with pytest.raises(TrackerError, match="feature 8"):
         recorder.add(1, step([(50, 1)], [8], [False]))
+
+
+class KeyFrame(FlatTruth):
+    """As `FlatTruth`, but anchors only in frame 2."""
+
+    key_frame = 2
+
+
+def test_in_a_key_frame_what_is_found_there_is_anchored_and_looked_at_again():
+    recorder = Recorder(KeyFrame())
+    recorder.add(0, step([(50, 1), (60, 2), (95, 3)], [70, 30, 50], [True, True, True]))
+    recorder.add(2, step([(52, 1), (96, 3), (5, 5)], [70, 50, 90], [False, False, True], [(30, TrackEnd.lost)]))
+    recorder.add(4, step([(53, 1), (97, 3), (20, 9)], [70, 50, 10], [False, False, True], [(90, TrackEnd.lost)]))
+    recording = recorder.finish()
+    valid, none, hidden = TruthStatus.valid, TruthStatus.no_depth, TruthStatus.occluded
+    assert recording.track.tolist() == [0, 1, 2, 0, 2, 3, 0, 2, 4]
+    assert recording.visibility.tolist() == [valid, none, hidden, valid, hidden, none, valid, hidden, none]
+    np.testing.assert_array_equal(np.isfinite(recording.points_world).all(axis=1), [True, False, True, False, False])
+    np.testing.assert_array_equal(recording.points_world[[0, 2]], [[52, 1, 1], [96, 3, 1]])

@@ -7,7 +7,15 @@ from tracknoise.tables.schema import FRAMES, OBSERVATIONS, TRACKS, Schema
 
 Build = Callable[..., pl.DataFrame]
 
-ORIGIN = {"dataset": "d", "scene": "a", "lighting": "nominal", "rotation": 0, "tracker": "lk", "speed": 1}
+ORIGIN = {
+    "dataset": "d",
+    "scene": "a",
+    "lighting": "nominal",
+    "rotation": 0,
+    "direction": "forward",
+    "tracker": "lk",
+    "speed": 1,
+}
 POSITIONS = {"u_px": 0.0, "v_px": 0.0, "u_true_px": 0.0, "v_true_px": 0.0}
 OBSERVATION = ORIGIN | POSITIONS | {
     "track": 0, "frame": 0, "age": 0, "truth": "valid", "du_px": 0.0, "dv_px": 0.0, "kept": True,

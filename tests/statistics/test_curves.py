@@ -3,7 +3,7 @@ import polars as pl
 import pytest
 
 from tracknoise.exceptions import SchemaError
-from tracknoise.statistics.curves import UNITS, curves
+from tracknoise.statistics.curves import NAMES, UNITS, curves
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.tables.schema import CURVES, MOMENTS, empty
 
@@ -25,7 +25,7 @@ def test_pooled_features_agree_with_numpy(observations) -> None:
     rng = np.random.default_rng(6)
     u, v = rng.normal(0.3, size=500), rng.normal(-0.2, size=500)
     table = select(curves(scene_moments(observations(du_px=u.tolist(), dv_px=v.tolist()))))
-    row = {statistic: table.filter(statistic=statistic).row(0, named=True) for statistic in UNITS}
+    row = {statistic: table.filter(statistic=statistic).row(0, named=True) for statistic in NAMES["age"].values()}
     assert [row["nu"][axis] for axis in "uv"] == pytest.approx([u.mean(), v.mean()])
     assert [row["eta"][axis] for axis in "uv"] == pytest.approx([np.abs(u).mean(), np.abs(v).mean()])
     covariance, second = np.cov(u, v), np.array([[u @ u, u @ v], [u @ v, v @ v]]) / 499
@@ -35,7 +35,7 @@ def test_pooled_features_agree_with_numpy(observations) -> None:
     assert about_zero == pytest.approx([second[0, 0], second[1, 1], second[0, 1]])
     assert row["nu"]["uv"] is None
     assert row["eta"]["uv"] is None
-    assert {statistic: row[statistic]["unit"] for statistic in UNITS} == UNITS
+    assert {role: row[name]["unit"] for role, name in NAMES["age"].items()} == UNITS
 
 
 def test_features_pools_and_scenes_averages(two_scenes) -> None:
@@ -116,3 +116,18 @@ def test_no_moments_give_no_curves() -> None:
 def test_another_table_is_refused() -> None:
     with pytest.raises(SchemaError, match="moments"):
         curves(empty(CURVES))
+
+
+def test_along_frames_curves_have_the_names_of_time(observations) -> None:
+    seen = observations(frame=[3, 3], age=[1, 2], du_px=[1.0, 3.0])
+    table = select(curves(scene_moments(seen, axis="frame"), min_features=1))
+    assert set(table["axis"]) == {"frame"}
+    assert table.sort("statistic").select("statistic", "at", "u").rows() == [
+        ("Sigma", 3, 10.0), ("central", 3, 2.0), ("kappa", 3, 2.0), ("mu", 3, 2.0),
+    ]  # fmt: skip
+
+
+def test_along_frames_curves_are_cut_on_both_sides_of_the_fullest(observations) -> None:
+    frames = [0] * 3 + [1] * 2 + [2] * 4 + [3] * 6 + [4] * 3 + [5] * 1 + [6] * 5
+    table = select(curves(scene_moments(observations(frame=frames), axis="frame"), min_features=3), statistic="mu")
+    assert table["cut"].to_list() == [True, True, False, False, False, True, True]

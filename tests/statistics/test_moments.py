@@ -46,7 +46,7 @@ def test_every_group_has_the_moments_of_its_observations(many) -> None:
     moments = scene_moments(many)
     assert moments.height == 2 * 2 * 3 * 4
     for row in moments.iter_rows(named=True):
-        key = {name: row[name] for name in (*ORIGIN, "age")}
+        key = {name: row[name] for name in ORIGIN} | {"age": row["at"]}
         group = selected(many.filter(**key), row["population"], row["trimming"])
         expected = direct(group)
         assert row["n"] == expected["n"]
@@ -68,7 +68,7 @@ def test_pooling_scenes_equals_measuring_them_as_one(many) -> None:
 
 def test_pooling_in_two_steps_equals_one(many) -> None:
     moments = scene_moments(many)
-    by_age = merge(moments, by=["tracker", "population", "trimming", "age"])
+    by_age = merge(moments, by=["tracker", "population", "trimming", "at"])
     twice = merge(by_age, by=["tracker", "population", "trimming"])
     once = merge(moments, by=["tracker", "population", "trimming"])
     assert_frame_equal(twice, once, rel_tol=1e-9, abs_tol=1e-6)
@@ -119,7 +119,7 @@ def test_a_known_gaussian_comes_back_within_four_standard_errors(observations, s
 def test_no_observations_give_no_moments() -> None:
     moments = scene_moments(empty(OBSERVATIONS))
     assert moments.equals(empty(MOMENTS))
-    assert merge(moments, by=["age"]).height == 0
+    assert merge(moments, by=["at"]).height == 0
 
 
 def test_observations_without_known_truth_give_no_moments(observations) -> None:
@@ -132,10 +132,10 @@ def test_occluded_observations_alone_make_no_visible_rows(observations) -> None:
 
 
 def test_the_wrong_tables_are_refused(many) -> None:
-    with pytest.raises(SchemaError, match="observations: column 6"):
+    with pytest.raises(SchemaError, match="observations: column 7"):
         scene_moments(many.drop("track"))
     with pytest.raises(SchemaError, match="moments: column 0 is mean_u"):
-        merge(scene_moments(many).drop("n"), by=["age"])
+        merge(scene_moments(many).drop("n"), by=["at"])
 
 
 def test_the_input_stays_as_it_was(many) -> None:

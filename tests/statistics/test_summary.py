@@ -34,7 +34,7 @@ def test_one_row_says_it_all(observations, tracks, frames) -> None:
     ).row(0, named=True)
     assert (row["dataset"], row["tracker"], row["speed"], row["n_scenes"], row["n_tracks"]) == ("d", "lk", 1, 1, 3)
     assert (row["mean_lifetime"], row["median_lifetime"], row["outlier_ratio"]) == (4.0, 2, 0.1)
-    assert (row["age"], row["untrimmed_n"], row["trimmed_n"]) == (8, 3, 2)
+    assert (row["at"], row["untrimmed_n"], row["trimmed_n"]) == (8, 3, 2)
     expected = {
         "trimmed_nu_u_px": 2.0, "trimmed_eta_u_px": 2.0, "trimmed_rms_u_px": math.sqrt(10),
         "trimmed_nu_v_px": 0.0, "trimmed_eta_v_px": 0.0, "trimmed_rms_v_px": 0.0,
@@ -45,25 +45,33 @@ def test_one_row_says_it_all(observations, tracks, frames) -> None:
 
 
 def test_the_reference_age_is_the_last_one_up_to_the_limit(by_age) -> None:
-    assert summarise(by_age([0, 4, 8, 12]))["age"] == 8
-    assert summarise(by_age([0, 4, 8, 12]), age=12)["age"] == 12
-    assert summarise(by_age([0, 4, 8, 12]), age=3)["age"] is None  # at age 0 there is no error to speak of
+    assert summarise(by_age([0, 4, 8, 12]))["at"] == 8
+    assert summarise(by_age([0, 4, 8, 12]), age=12)["at"] == 12
+    assert summarise(by_age([0, 4, 8, 12]), age=3)["at"] is None  # at age 0 there is no error to speak of
 
 
 def test_the_reference_age_is_not_cut_trimmed_or_untrimmed(by_age) -> None:
     ages, kept = [1] * 3 + [2] * 3 + [3] * 2, [True] * 3 + [True, True, False] + [True] * 2
-    assert summarise(by_age(ages, kept=kept, min_features=2))["age"] == 3
-    assert summarise(by_age(ages, kept=kept, min_features=3))["age"] == 1
+    assert summarise(by_age(ages, kept=kept, min_features=2))["at"] == 3
+    assert summarise(by_age(ages, kept=kept, min_features=3))["at"] == 1
 
 
 def test_an_age_that_trimming_emptied_is_not_used(by_age) -> None:
-    assert summarise(by_age([1, 2], kept=[True, False]))["age"] == 1
+    assert summarise(by_age([1, 2], kept=[True, False]))["at"] == 1
 
 
 def test_too_few_features_everywhere_leave_the_errors_null(by_age) -> None:
     row = summarise(by_age([1, 2], min_features=100))
     errors = [name for name in row if name.startswith(("trimmed", "untrimmed"))]
-    assert [row[name] for name in ["age", *errors]] == [None] * (1 + len(errors))
+    assert [row[name] for name in ["at", *errors]] == [None] * (1 + len(errors))
+
+
+def test_the_reference_frame_is_the_last_one_up_to_ten_after_the_key_frame(observations) -> None:
+    seen = observations(frame=[0, 24, 30, 34, 35], du_px=[9.0, 0.0, 1.0, 2.0, 9.0])
+    table = curves(scene_moments(seen, axis="frame"), min_features=1)
+    row = summarise(table, key_frame=24)
+    assert (row["axis"], row["at"], row["untrimmed_nu_u_px"], row["untrimmed_eta_u_px"]) == ("frame", 34, 2.0, 2.0)
+    assert summarise(table.filter(pl.col("at") <= 24), key_frame=24)["at"] is None
 
 
 def test_the_population_is_chosen(by_age) -> None:
@@ -92,7 +100,8 @@ def test_a_condition_without_a_feature_has_no_tracks_and_nothing_else(frames) ->
     offered = outlier_ratios(frames(frame=[0, 1], offered=[0, 0], tracker="blind"))
     row = summary(empty(CURVES), empty(LIFETIMES), offered).row(0, named=True)
     assert {name: row[name] for name in row if row[name] is not None} == {
-        "dataset": "d", "lighting": "nominal", "rotation": 0, "tracker": "blind", "speed": 1, "n_tracks": 0,
+        "dataset": "d", "lighting": "nominal", "rotation": 0, "direction": "forward",
+        "tracker": "blind", "speed": 1, "n_tracks": 0,
     }  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from tracknoise.exceptions import SchemaError, StoreError
 from tracknoise.tables import schema
 from tracknoise.tables.store import SEQUENCE_TABLES, Manifest, RunFolder, SequenceEntry, sequence_key
 
-ENTRY = SequenceEntry("d", "a/b", "default", 0, 10, 64, 48, "birth", 5, 1.5, ("a note",))
+ENTRY = SequenceEntry("d", "a/b", "default", 0, "forward", 10, 64, 48, "birth", 5, 1.5, ("a note",))
 
 
 @pytest.fixture
@@ -49,7 +49,7 @@ def test_no_temporary_file_is_left(run):
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [("{", "damaged"), ('{"format": 99}', "format 99, expected 1"), ('{"format": 1}', "damaged"), ("[]", "damaged")],
+    [("{", "damaged"), ('{"format": 99}', "format 99, expected 2"), ('{"format": 2}', "damaged"), ("[]", "damaged")],
 )
 def test_a_damaged_manifest_is_named(run, content, message):
     (run.path / "manifest.json").write_text(content)
@@ -95,10 +95,10 @@ def test_failures_are_a_line_each_and_vanish_when_there_are_none(run):
 
 def test_keys_are_file_names_and_differ():
     keys = {
-        sequence_key("a/b", "l", 0),
-        sequence_key("a", "b__l", 0),
-        sequence_key("a__b", "l", 0),
-        sequence_key("a/b", "l", 90),
+        sequence_key("a/b", "l", 0, "forward"),
+        sequence_key("a", "b__l", 0, "forward"),
+        sequence_key("a__b", "l", 0, "forward"),
+        sequence_key("a/b", "l", 90, "forward"),
     }
     assert len(keys) == 4
     assert not any("/" in key for key in keys)

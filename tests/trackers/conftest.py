@@ -32,7 +32,9 @@ def setting() -> Callable[..., Setting]:
     def make(
         size: tuple[int, int] = SIZE, n_frames: int = 6, speed: int = 1, scene: str = "scene", truth: object = None
     ) -> Setting:
-        return Setting(scene, "default", 0, size, n_frames, speed, 0, truth if truth is not None else FlatTruth(size))
+        return Setting(
+            scene, "default", 0, "forward", size, n_frames, speed, 0, truth if truth is not None else FlatTruth(size)
+        )
 
     return make
 

@@ -8,7 +8,7 @@ import pytest
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import invert
-from tracknoise.sequences.sequence import SequenceId, TruthKind
+from tracknoise.sequences.sequence import Scan, SequenceId, TruthKind
 
 WALL_M = 4.0
 BOARD_M = 2.0
@@ -33,6 +33,7 @@ class Room:
     camera: Camera = CAMERA
     truths: tuple[TruthKind, ...] = (TruthKind.raycast, TruthKind.birth)
     with_depth: bool = True
+    scan: Scan | None = None
     id: SequenceId = ID
     source: str = "made room"
     notes: tuple[str, ...] = ()

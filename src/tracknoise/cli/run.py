@@ -13,6 +13,11 @@ if TYPE_CHECKING:
     from tracknoise.experiments.settings import Experiment
 
 WorkersOption = Annotated[int | None, typer.Option("--workers", "-w", min=1, help="Processes; by default one a core.")]
+ScenesOption = Annotated[int | None, typer.Option("--scenes", min=1, help="Only so many scenes, the first by name.")]
+FramesOption = Annotated[int | None, typer.Option("--frames", min=2, help="Only so many frames of each scene.")]
+ModelsOption = Annotated[
+    Path | None, typer.Option("--models", help="Folder of Gazebo models, for simulated worlds made of them.")
+]
 FreshOption = Annotated[bool, typer.Option("--fresh", help="Replace the run that the folder holds.")]
 
 
@@ -34,6 +39,9 @@ def run(
     experiment: Annotated[str, typer.Argument(help="A TOML file, or the name of a preset.")],
     data: Annotated[Path | None, typer.Option("--data", "-d", help="Folder of the data.")] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Run folder; by default runs/NAME.")] = None,
+    scenes: ScenesOption = None,
+    frames: FramesOption = None,
+    models: ModelsOption = None,
     workers: WorkersOption = None,
     fresh: FreshOption = False,
     report: Annotated[bool, typer.Option(help="Write the report.")] = True,
@@ -54,7 +62,8 @@ def run(
     """
     from tracknoise.experiments.load import load_experiment
 
-    loaded = load_experiment(experiment, root=data)
+    options = {} if models is None else {"models": str(models.resolve())}
+    loaded = load_experiment(experiment, root=data, scenes=scenes, frames=frames, options=options)
     return run_experiment(context.obj, loaded, out or Path("runs") / loaded.name, workers, fresh=fresh, report=report)
 
 

@@ -10,12 +10,12 @@ from functools import partial
 from typing import Protocol
 
 from tracknoise.exceptions import TracknoiseError
-from tracknoise.experiments.plan import Task, plan
+from tracknoise.experiments.plan import Task, batches, left_out, plan
 from tracknoise.experiments.pool import pool
 from tracknoise.experiments.resolve import resolve
 from tracknoise.experiments.resume import begin, due
 from tracknoise.experiments.settings import Experiment
-from tracknoise.experiments.task import run_task
+from tracknoise.experiments.task import run_batch
 from tracknoise.tables.store import RunFolder, SequenceEntry
 
 _THREAD_LIMITS = (
@@ -25,6 +25,10 @@ _THREAD_LIMITS = (
     "MKL_NUM_THREADS",
     "POLARS_MAX_THREADS",
 )
+
+
+Result = list[SequenceEntry] | Exception
+"""What measuring a batch came to."""
 
 
 class Listener(Protocol):
@@ -100,6 +104,7 @@ def execute(
     tasks = plan(experiment)
     manifest = begin(experiment, run, fresh=fresh)
     manifest.failures.clear()
+    manifest.left_out = left_out(experiment)
     todo = due(tasks, run, manifest)
     listener.planned([task.key for task in todo], len(tasks) - len(todo))
     if todo:
@@ -107,15 +112,18 @@ def execute(
     for task in todo:  # an earlier measurement that is stale must not stand in for one that fails
         manifest.sequences.pop(task.key, None)
     run.write_manifest(manifest)
-    for task, result in _results(todo, run, listener=listener, workers=min(workers, len(todo))):
-        if isinstance(result, SequenceEntry):
-            manifest.sequences[task.key] = result
-            listener.measured(task.key, result)
-        else:
+    together = batches(todo)
+    for batch, result in _results(together, run, listener=listener, workers=min(workers, len(together))):
+        if isinstance(result, Exception):
             if debug:
                 raise result
-            manifest.failures[task.key] = _cause(result)
-            listener.failed(task.key, manifest.failures[task.key])
+            for task in batch:
+                manifest.failures[task.key] = _cause(result)
+                listener.failed(task.key, manifest.failures[task.key])
+        else:
+            for task, entry in zip(batch, result, strict=True):
+                manifest.sequences[task.key] = entry
+                listener.measured(task.key, entry)
         run.write_manifest(manifest)
     run.write_failures(manifest.failures)
     if manifest.sequences:
@@ -124,24 +132,24 @@ def execute(
 
 
 def _results(
-    tasks: list[Task], run: RunFolder, *, listener: Listener, workers: int
-) -> Iterator[tuple[Task, SequenceEntry | Exception]]:
+    together: list[list[Task]], run: RunFolder, *, listener: Listener, workers: int
+) -> Iterator[tuple[list[Task], Result]]:
     if workers > 1:
-        yield from _in_workers(tasks, run, workers)
+        yield from _in_workers(together, run, workers)
         return
-    for task in tasks:
-        yield task, _attempt(task, run, listener)
+    for batch in together:
+        yield batch, _attempt(batch, run, listener)
 
 
-def _attempt(task: Task, run: RunFolder, listener: Listener | None = None) -> SequenceEntry | Exception:
-    """Measure one sequence; whatever goes wrong is a result, so that the others go on."""
+def _attempt(batch: list[Task], run: RunFolder, listener: Listener | None = None) -> Result:
+    """Measure a batch; whatever goes wrong is a result, so that the others go on."""
     try:
-        return run_task(task, run, progress=partial(listener.frame, task.key) if listener else None)
+        return run_batch(batch, run, progress=partial(listener.frame, batch[0].key) if listener else None)
     except Exception as error:
         return error
 
 
-def _in_workers(tasks: list[Task], run: RunFolder, workers: int) -> Iterator[tuple[Task, SequenceEntry | Exception]]:
+def _in_workers(together: list[list[Task]], run: RunFolder, workers: int) -> Iterator[tuple[list[Task], Result]]:
     """Measure in processes of one thread each: more threads would not make the whole faster."""
     import dask
     from distributed import Client, LocalCluster, as_completed
@@ -155,7 +163,7 @@ def _in_workers(tasks: list[Task], run: RunFolder, workers: int) -> Iterator[tup
         Client(cluster) as client,
     ):
         restore()
-        futures = {client.submit(_attempt, task, run, pure=False): task for task in tasks}
+        futures = {client.submit(_attempt, batch, run, pure=False): batch for batch in together}
         for future in as_completed(futures):
             yield futures[future], future.result()
 

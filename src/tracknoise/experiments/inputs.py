@@ -24,7 +24,11 @@ def _track_files(task: Task) -> list[Path]:
     name = task.sequence
     paths = [choice.path for choice in task.experiment.trackers if choice.path is not None]
     return [
-        Path(path.format(scene=name.scene, lighting=name.lighting, rotation=name.rotation, speed=speed))
+        Path(
+            path.format(
+                scene=name.scene, lighting=name.lighting, rotation=name.rotation, direction=name.direction, speed=speed
+            )
+        )
         for path in paths
-        for speed in task.experiment.speeds
+        for speed in task.speeds
     ]

@@ -1,11 +1,13 @@
 """Read an experiment from a file or a preset, with everything checked that can be before any data is read."""
 
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 
 from tracknoise.exceptions import SettingsError, TracknoiseError, UnknownNameError
 from tracknoise.experiments.resolve import resolve
 from tracknoise.experiments.settings import Experiment, parse_experiment
+from tracknoise.sequences.registry import path_options
 
 _PRESETS = resources.files("tracknoise.experiments") / "presets"
 
@@ -15,8 +17,15 @@ def preset_names() -> list[str]:
     return sorted(item.name.removesuffix(".toml") for item in _PRESETS.iterdir() if item.name.endswith(".toml"))
 
 
-def load_experiment(name: str | Path, *, root: Path | None = None) -> Experiment:
-    """Read and check an experiment, and write out every option that it leaves to its default.
+def load_experiment(
+    name: str | Path,
+    *,
+    root: Path | None = None,
+    scenes: int | None = None,
+    frames: int | None = None,
+    options: Mapping[str, object] | None = None,
+) -> Experiment:
+    """Load an experiment with all its options written out.
 
     Parameters
     ----------
@@ -24,6 +33,10 @@ def load_experiment(name: str | Path, *, root: Path | None = None) -> Experiment
         A TOML file, or the name of a preset. Paths in a file are taken from its folder.
     root
         Folder of the data, instead of the one that the file names.
+    scenes, frames
+        Only so many scenes, and frames of each, instead of what the file says.
+    options
+        Options of the reader that take the place of those in the file.
 
     Raises
     ------
@@ -34,16 +47,29 @@ def load_experiment(name: str | Path, *, root: Path | None = None) -> Experiment
     """
     path = Path(name)
     if path.is_file():
-        place, experiment = str(path), parse_experiment(_read(path), place=str(path)).with_paths_from(path.parent)
+        place, text = str(path), _read(path)
     elif str(name) in preset_names():
-        place = f"preset {name}"
-        experiment = parse_experiment((_PRESETS / f"{name}.toml").read_text(encoding="utf-8"), place=place)
+        place, text = f"preset {name}", (_PRESETS / f"{name}.toml").read_text(encoding="utf-8")
     else:
         raise UnknownNameError("experiment file or preset", str(name), preset_names())
+    experiment = parse_experiment(text, place=place)
     try:
+        if path.is_file():
+            experiment = experiment.with_paths_from(path.parent, _paths(experiment.dataset.reader))
+        experiment = experiment.with_limits(scenes=scenes, frames=frames)
+        for option, value in (options or {}).items():
+            experiment = experiment.with_option(option, value)
         return resolve(experiment if root is None else experiment.with_root(root.resolve()))
     except TracknoiseError as error:
         raise SettingsError(f"{place}: {error}") from error
+
+
+def _paths(reader: str) -> tuple[str, ...]:
+    """The reader's options that are paths; none of an unknown reader, which is not refused before its options are."""
+    try:
+        return path_options(reader)
+    except UnknownNameError:
+        return ()
 
 
 def _read(path: Path) -> str:

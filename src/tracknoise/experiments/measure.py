@@ -1,6 +1,6 @@
-"""Measure one sequence completely: tables, trimming and moments."""
+"""Measure sequences completely: tables, trimming and moments."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from collections.abc import Sequence as Items
 from dataclasses import dataclass
 
@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import SettingsError
 from tracknoise.experiments.settings import Population
-from tracknoise.measurement.scene import measure_scene
+from tracknoise.measurement.scene import SceneTables, measure_scenes
 from tracknoise.measurement.sweep import Condition, Progress
 from tracknoise.sequences.sequence import Sequence, TruthKind
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.trimming import trim
 from tracknoise.trackers.tracker import TrackerSettings
+from tracknoise.truth.scan import ScanRule
+from tracknoise.truth.truth import SCAN_RULE
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +31,8 @@ class Measurement:
         frames of the nominal sequence.
     truth
         The kind of truth used.
+    key_frame
+        Where that is a scan, the frame in which features were associated with it.
     n_frames
         Count of frames read.
     snapshot_frame, snapshot
@@ -41,6 +45,7 @@ class Measurement:
     moments: pl.DataFrame
     trims: pl.DataFrame
     truth: TruthKind
+    key_frame: int | None
     n_frames: int
     snapshot_frame: int
     snapshot: NDArray[np.uint8]
@@ -52,6 +57,7 @@ def measure(
     *,
     speeds: Items[int] = (1,),
     truth: TruthKind | None = None,
+    scan_rule: ScanRule = SCAN_RULE,
     population: Population = "visible",
     trim_percentile: float = 90.0,
     max_frames: int | None = None,
@@ -60,16 +66,50 @@ def measure(
 ) -> Measurement:
     """Run trackers over a sequence of known geometry and work out the error of every observation.
 
+    See `measure_together` for the parameters.
+    """
+    measured = measure_together(
+        [sequence],
+        trackers,
+        speeds=speeds,
+        truth=truth,
+        scan_rule=scan_rule,
+        population=population,
+        trim_percentile=trim_percentile,
+        max_frames=max_frames,
+        seed=seed,
+        progress=progress,
+    )
+    return next(measured)
+
+
+def measure_together(
+    sequences: Items[Sequence],
+    trackers: TrackerSettings | Items[TrackerSettings] | Mapping[str, TrackerSettings],
+    *,
+    speeds: Items[int] = (1,),
+    truth: TruthKind | None = None,
+    scan_rule: ScanRule = SCAN_RULE,
+    population: Population = "visible",
+    trim_percentile: float = 90.0,
+    max_frames: int | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Iterator[Measurement]:
+    """Run trackers over sequences that go in step, because they share what they read.
+
     Parameters
     ----------
-    sequence
-        From `tracknoise.open_sequence`, or anything of the same protocol.
+    sequences
+        From `tracknoise.open_sequence`, or anything of the same protocol; all of as many frames.
     trackers
         Settings of one tracker or several; a mapping gives them names, otherwise they go by their kind.
     speeds
         At speed s a tracker sees frames 0, s, 2s, ...
     truth
-        How features are fixed in the world; by default the best that the sequence offers.
+        How features are fixed in the world; by default the best that a sequence offers.
+    scan_rule
+        How features are associated with a scan, where that fixes them.
     population
         Which observations trimming looks at: ``visible`` ones, or all that can be ``projected``.
     trim_percentile
@@ -81,6 +121,11 @@ def measure(
     progress
         Called after each frame with the count of frames done and of all.
 
+    Yields
+    ------
+    Measurement
+        One a sequence, in order.
+
     Raises
     ------
     TracknoiseError
@@ -88,15 +133,24 @@ def measure(
         the truth asked for, or no tracker finds a feature.
     """
     conditions = [Condition(name, settings, speed) for name, settings in _named(trackers).items() for speed in speeds]
-    scene = measure_scene(sequence, conditions, truth=truth, max_frames=max_frames, seed=seed, progress=progress)
+    scenes = measure_scenes(
+        sequences, conditions, truth=truth, scan_rule=scan_rule, max_frames=max_frames, seed=seed, progress=progress
+    )
+    for scene in scenes:
+        yield _measurement(scene, trim_percentile, population)
+
+
+def _measurement(scene: SceneTables, trim_percentile: float, population: Population) -> Measurement:
     trimmed = trim(scene.observations, scene.tracks, percentile=trim_percentile, population=population)
+    axis = "age" if scene.key_frame is None else "frame"
     return Measurement(
         observations=trimmed.observations,
         tracks=trimmed.tracks,
         frames=scene.frames,
-        moments=scene_moments(trimmed.observations),
+        moments=scene_moments(trimmed.observations, axis=axis),
         trims=trimmed.trims,
         truth=scene.truth,
+        key_frame=scene.key_frame,
         n_frames=scene.n_frames,
         snapshot_frame=scene.snapshot_frame,
         snapshot=scene.snapshot,

@@ -30,6 +30,7 @@ def pool(run: RunFolder, experiment: Experiment) -> None:
         If a table is damaged, or the folder cannot be written.
     """
     moments = pl.concat(run.sequence_tables("moments"))
+    key_frames = [entry.key_frame for entry in run.manifest().sequences.values() if entry.key_frame is not None]
     tables = {
         "curves": curves(moments, min_features=experiment.statistics.min_features),
         "lifetimes": lifetimes(run.sequence_tables("tracks")),
@@ -39,7 +40,11 @@ def pool(run: RunFolder, experiment: Experiment) -> None:
         "counts": merge_counts(run.sequence_tables("counts")),
     }
     tables["summary"] = summary(
-        tables["curves"], tables["lifetimes"], tables["outliers"], population=experiment.truth.population
+        tables["curves"],
+        tables["lifetimes"],
+        tables["outliers"],
+        key_frame=max(key_frames, default=0),
+        population=experiment.truth.population,
     )
     for name, table in tables.items():
         run.write_statistics(name, table)

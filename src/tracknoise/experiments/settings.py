@@ -3,6 +3,7 @@
 import hashlib
 import json
 import tomllib
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -10,7 +11,8 @@ import tomlkit
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
-from tracknoise.sequences.sequence import TruthKind
+from tracknoise.sequences.sequence import Direction, TruthKind
+from tracknoise.truth.scan import ScanAnchoring
 
 Population = Literal["visible", "projected"]
 
@@ -32,8 +34,23 @@ class DatasetSettings(_Section):
     """Only these lightings; by default all."""
     max_frames: Annotated[int, Field(ge=2)] | None = None
     """Only so many frames of each sequence, from the first; by default all."""
+    max_scenes: Annotated[int, Field(ge=1)] | None = None
+    """Only so many scenes, the first by name; by default all."""
     options: dict[str, Any] = {}
     """The reader's own settings."""
+
+
+class ViewSettings(_Section):
+    """One way to see every scene."""
+
+    rotation: Literal[0, 90, 180, 270] = 0
+    """By how many degrees images are turned counter-clockwise, and the camera with them."""
+    direction: Annotated[Direction, Field(strict=False)] = Direction.forward
+    """Whether frames come in the order of their recording, or the last first."""
+    lightings: list[str] | None = None
+    """Only under these lightings; by default all of the experiment."""
+    speeds: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1)] | None = None
+    """Only at these speeds; by default all of the experiment."""
 
 
 class TrackerChoice(_Section):
@@ -71,6 +88,10 @@ class TruthSettings(_Section):
     """How a feature is fixed in the world; by default the best that the data offer."""
     population: Population = "visible"
     """Which observations trimming looks at: `visible`, or all that can be `projected`, the occluded too."""
+    scan_radius_px: Annotated[float, Field(gt=0)] = 0.25
+    """How near the projection of a scan point must lie to a feature in the key frame to be associated with it."""
+    scan_anchoring: Annotated[ScanAnchoring, Field(strict=False)] = ScanAnchoring.ray
+    """What a feature takes of its scan point: the depth along its own `ray`, or the `point` itself."""
 
 
 class StatisticsSettings(_Section):
@@ -91,29 +112,60 @@ class Experiment(_Section):
     trackers: Annotated[list[TrackerChoice], Field(min_length=1)]
     speeds: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1)] = [1]
     """Every how many frames a tracker sees one."""
+    views: Annotated[list[ViewSettings], Field(min_length=1)] = [ViewSettings()]
+    """In which ways scenes are seen: by default as they were recorded."""
+    paper: str | None = None
+    """Which experiment of the paper this repeats: the report sets the paper's findings beside its own."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Of trackers that are random by nature, such as the oracle. Simulations and outlier rejection have their own."""
     truth: TruthSettings = TruthSettings()
     statistics: StatisticsSettings = StatisticsSettings()
 
     @model_validator(mode="after")
-    def _names_and_speeds_differ(self) -> Self:
+    def _values_differ(self) -> Self:
         labels = [tracker.label for tracker in self.trackers]
         if len(set(labels)) < len(labels):
             raise ValueError(f"trackers need different names, found {', '.join(labels)}")
-        if len(set(self.speeds)) < len(self.speeds):
-            raise ValueError(f"speeds must differ, found {self.speeds}")
+        for speeds in (self.speeds, *(view.speeds or [] for view in self.views)):
+            if len(set(speeds)) < len(speeds):
+                raise ValueError(f"speeds must differ, found {speeds}")
+        ways = [(view.rotation, str(view.direction)) for view in self.views]
+        if len(set(ways)) < len(ways):
+            raise ValueError(f"views must differ in rotation or direction, found {ways}")
         return self
+
+    def with_limits(self, *, scenes: int | None, frames: int | None) -> "Experiment":
+        """Return the same experiment on so many scenes, and frames of each; None leaves it as it is."""
+        limits = {"max_scenes": scenes, "max_frames": frames}
+        return self._with_dataset({name: value for name, value in limits.items() if value is not None})
+
+    def with_option(self, name: str, value: object) -> "Experiment":
+        """Return the same experiment with another value of an option of its reader."""
+        return self._with_dataset({"options": {**self.dataset.options, name: value}})
 
     def with_root(self, root: Path | None) -> "Experiment":
         """Return the same experiment on data in another folder."""
-        return self.model_copy(update={"dataset": self.dataset.model_copy(update={"root": root})})
+        return self._with_dataset({"root": root})
 
-    def with_paths_from(self, folder: Path) -> "Experiment":
-        """Return the same experiment with `dataset.root` and trackers' option `path` taken from a folder."""
-        root = self.dataset.root
-        based = self.with_root(None if root is None else (folder / root).resolve())
+    def with_paths_from(self, folder: Path, reader_paths: Iterable[str] = ()) -> "Experiment":
+        """Return the same experiment with every path taken from a folder.
+
+        Parameters
+        ----------
+        folder
+            Where `dataset.root`, trackers' option `path` and the reader's paths start from.
+        reader_paths
+            Names of the reader's options that are paths.
+        """
+        root, options = self.dataset.root, dict(self.dataset.options)
+        for name in reader_paths:
+            if isinstance(options.get(name), str):
+                options[name] = str((folder / options[name]).resolve())
+        based = self._with_dataset({"root": None if root is None else (folder / root).resolve(), "options": options})
         return based.model_copy(update={"trackers": [tracker.with_path_from(folder) for tracker in self.trackers]})
+
+    def _with_dataset(self, changes: dict[str, Any]) -> "Experiment":
+        return self.model_copy(update={"dataset": self.dataset.model_copy(update=changes)})
 
     def to_toml(self) -> str:
         """Every setting, defaults included, as the text of an experiment file."""
@@ -173,6 +225,7 @@ def _parent(key: str) -> str:
 def _known_keys(location: tuple[int | str, ...]) -> list[str]:
     sections: dict[str, type[BaseModel]] = {
         "dataset": DatasetSettings,
+        "views": ViewSettings,
         "trackers": TrackerChoice,
         "truth": TruthSettings,
         "statistics": StatisticsSettings,

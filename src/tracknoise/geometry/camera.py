@@ -145,3 +145,16 @@ class Camera:
             cx=(self.cx + 0.5) / 2 - 0.5,
             cy=(self.cy + 0.5) / 2 - 0.5,
         )
+
+    def turned(self) -> "Camera":
+        """The camera of the image turned a quarter counter-clockwise, where (u, v) becomes (v, width - 1 - u).
+
+        In its own axes (x', y') = (y, -x). The tangential distortion turns with them: p1' = -p2, p2' = p1.
+        """
+        distortion = self.distortion
+        if distortion:
+            k1, k2, p1, p2, k3 = distortion
+            distortion = (k1, k2, -p2, p1, k3)
+        return Camera(
+            self.height, self.width, self.fy, self.fx, self.cy, self.width - 1 - self.cx, distortion=distortion
+        )

@@ -53,7 +53,11 @@ class Recording:
 
 
 class Recorder:
-    """Collects the steps of one condition; tracks get dense numbers in the order of their birth."""
+    """Collects the steps of one condition; tracks get dense numbers in the order of their birth.
+
+    A track is anchored at its birth; where truth is a scan, those that are found in the key frame are anchored then,
+    and what was observed of them before is looked at again.
+    """
 
     def __init__(self, truth: Truth) -> None:
         self._truth = truth
@@ -63,6 +67,7 @@ class Recorder:
         self._live_status: NDArray[np.int8] = np.empty(0, np.int8)
         self._n_tracks = 0
         self._births: list[tuple[int, NDArray[np.float64], NDArray[np.float32]]] = []
+        self._fixed: tuple[NDArray[np.int64], NDArray[np.float64]] = np.empty(0, np.int64), np.empty((0, 3))
         self._ends: list[tuple[NDArray[np.int64], NDArray[np.int8]]] = []
         self._observations: list[tuple[int, NDArray[np.uint32], NDArray[np.float64], NDArray[np.int8]]] = []
         self._frames: list[tuple[int, ...]] = []
@@ -79,6 +84,8 @@ class Recorder:
         """
         self._end(step.ended_ids, step.ended)
         self._begin(index, step)
+        if index == self._truth.key_frame:
+            self._fix(index, step)
         self._observe(index, step)
         self._frames.append((index, step.offered, step.matched, step.outliers, step.new, step.alive))
 
@@ -90,6 +97,8 @@ class Recorder:
         counts = [len(tracks) for _, tracks, _, _ in self._observations]
         track = _concatenated([tracks for _, tracks, _, _ in self._observations], np.empty(0, np.uint32))
         births = [len(points) for _, points, _ in self._births]
+        points_world = _concatenated([points for _, points, _ in self._births], np.empty((0, 3)))
+        points_world[self._fixed[0]] = self._fixed[1]
         return Recording(
             track=track,
             frame=np.repeat(np.array([index for index, _, _, _ in self._observations], np.uint32), counts),
@@ -99,7 +108,7 @@ class Recorder:
             found=np.bincount(track, minlength=self._n_tracks).astype(np.uint32),
             end=end,
             response=_concatenated([response for _, _, response in self._births], np.empty(0, np.float32)),
-            points_world=_concatenated([points for _, points, _ in self._births], np.empty((0, 3))),
+            points_world=points_world,
             frames=np.array(self._frames, np.uint32).reshape(-1, 6),
         )
 
@@ -112,7 +121,7 @@ class Recorder:
 
     def _begin(self, index: int, step: Step) -> None:
         born = step.born
-        points, status = self._truth.anchor(index, step.uv[born])
+        points, status = self._anchored(index, step.uv[born])
         tracks = self._n_tracks + np.arange(len(points))
         self._n_tracks += len(points)
         self._births.append((index, points, step.response[born]))
@@ -122,6 +131,24 @@ class Recorder:
         self._live_tracks = np.concatenate([self._live_tracks, tracks])[order]
         self._live_points = np.concatenate([self._live_points, points])[order]
         self._live_status = np.concatenate([self._live_status, status])[order]
+
+    def _anchored(self, index: int, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
+        if self._truth.key_frame is None:
+            return self._truth.anchor(index, uv)
+        return np.full((len(uv), 3), np.nan), np.full(len(uv), TruthStatus.no_depth, np.int8)
+
+    def _fix(self, index: int, step: Step) -> None:
+        """Anchor what is found in the key frame, and say of its earlier observations whether they could be seen."""
+        slots = self._slots(step.ids)
+        points, status = self._truth.anchor(index, step.uv)
+        self._live_points[slots], self._live_status[slots] = points, status
+        valid = status == TruthStatus.valid
+        self._fixed = self._live_tracks[slots][valid], points[valid]
+        row = np.full(self._n_tracks, -1)
+        row[self._fixed[0]] = np.arange(len(self._fixed[0]))
+        for earlier, tracks, _, seen in self._observations:
+            found = row[tracks]
+            seen[found >= 0] = self._truth.visibility(earlier, self._fixed[1][found[found >= 0]])
 
     def _observe(self, index: int, step: Step) -> None:
         slots = self._slots(step.ids)

@@ -1,5 +1,6 @@
-"""One sequence in, tables out."""
+"""Sequences in, tables out."""
 
+from collections.abc import Iterator
 from collections.abc import Sequence as Items
 from dataclasses import dataclass
 
@@ -7,14 +8,15 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.exceptions import DataError
+from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.measurement.errors import TruePaths, true_paths
 from tracknoise.measurement.recording import Recording
-from tracknoise.measurement.sweep import Condition, Progress, sweep
+from tracknoise.measurement.sweep import Condition, Progress, Sweep, sweep
 from tracknoise.sequences.sequence import Sequence, SequenceId, TruthKind
 from tracknoise.tables import schema
 from tracknoise.tables.schema import TrackEnd, TruthStatus
-from tracknoise.truth.truth import make_truth
+from tracknoise.truth.scan import ScanRule
+from tracknoise.truth.truth import SCAN_RULE, Truth, make_truths
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +29,8 @@ class SceneTables:
         Tables of `tracknoise.tables.schema`; `max_error_px` is null and `kept` true.
     truth
         The kind of truth used.
+    key_frame
+        Where that is a scan, the frame in which features were associated with it.
     n_frames
         Count of frames read.
     snapshot_frame, snapshot
@@ -37,6 +41,7 @@ class SceneTables:
     tracks: pl.DataFrame
     frames: pl.DataFrame
     truth: TruthKind
+    key_frame: int | None
     n_frames: int
     snapshot_frame: int
     snapshot: NDArray[np.uint8]
@@ -47,38 +52,74 @@ def measure_scene(
     conditions: Items[Condition],
     *,
     truth: TruthKind | None = None,
+    scan_rule: ScanRule = SCAN_RULE,
     max_frames: int | None = None,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> SceneTables:
-    """Run every condition over a sequence and work out the error of each observation.
+    """Run every condition over a sequence and work out the error of each observation: see `measure_scenes`."""
+    scenes = measure_scenes(
+        [sequence], conditions, truth=truth, scan_rule=scan_rule, max_frames=max_frames, seed=seed, progress=progress
+    )
+    return next(scenes)
+
+
+def measure_scenes(
+    sequences: Items[Sequence],
+    conditions: Items[Condition],
+    *,
+    truth: TruthKind | None = None,
+    scan_rule: ScanRule = SCAN_RULE,
+    max_frames: int | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Iterator[SceneTables]:
+    """Run every condition over sequences that go in step, and work out the error of each observation.
 
     Parameters
     ----------
-    sequence
-        Images of known geometry.
+    sequences
+        Images of known geometry, all of as many frames.
     conditions
         Trackers and speeds.
     truth
-        How features are anchored; by default the best that the sequence offers.
+        How features are anchored; by default the best that a sequence offers.
+    scan_rule
+        How features are associated with a scan, where that anchors them.
     max_frames
         Read no more frames than this; by default all.
     seed
         For trackers that need randomness.
     progress
-        Told after each frame.
+        Told after each frame of all sequences.
+
+    Yields
+    ------
+    SceneTables
+        One a sequence, in order, made when asked for: the tables of all together may be large.
 
     Raises
     ------
     DataError
-        If the sequence is too short for a speed, an image, depth map or pose cannot be used, or no condition
-        finds a single feature, or none that begins where there is depth.
+        If a sequence is too short for a speed, an image, depth map or pose cannot be used, or no condition
+        finds a single feature, or none whose depth is known.
+    SettingsError
+        If a speed passes over the key frame of a scan.
     """
-    n_frames = len(sequence) if max_frames is None else min(max_frames, len(sequence))
-    _check_length(sequence, n_frames, conditions)
-    known = make_truth(sequence, truth)
-    swept = sweep(sequence, conditions, known, n_frames=n_frames, seed=seed, progress=progress)
-    _check_features(sequence, swept.recordings)
+    n_frames = min(len(sequences[0]), max_frames or len(sequences[0]))
+    truths = make_truths(sequences, truth, scan_rule=scan_rule)
+    for sequence, known in zip(sequences, truths, strict=True):
+        _check_length(sequence, n_frames, conditions)
+        _check_key_frame(sequence, n_frames, conditions, known.key_frame)
+    swept = sweep(sequences, conditions, truths, n_frames=n_frames, seed=seed, progress=progress)
+    for sequence, known, one in zip(sequences, truths, swept, strict=True):
+        _check_features(sequence, one.recordings)
+        yield _scene_tables(sequence, conditions, known, one, n_frames)
+
+
+def _scene_tables(
+    sequence: Sequence, conditions: Items[Condition], known: Truth, swept: Sweep, n_frames: int
+) -> SceneTables:
     parts = [
         _tables(sequence, condition, recording)
         for condition, recording in zip(conditions, swept.recordings, strict=True)
@@ -88,6 +129,7 @@ def measure_scene(
         tracks=pl.concat([part[1] for part in parts], rechunk=True),
         frames=pl.concat([part[2] for part in parts], rechunk=True),
         truth=known.kind,
+        key_frame=known.key_frame,
         n_frames=n_frames,
         snapshot_frame=swept.snapshot_frame,
         snapshot=swept.snapshot,
@@ -106,6 +148,17 @@ def _check_length(sequence: Sequence, n_frames: int, conditions: Items[Condition
             )
 
 
+def _check_key_frame(sequence: Sequence, n_frames: int, conditions: Items[Condition], key_frame: int | None) -> None:
+    if key_frame is None:
+        return
+    if key_frame >= n_frames:
+        raise DataError(sequence.source, f"{n_frames} frames", f"at least {key_frame + 1}, to reach the key frame")
+    for condition in conditions:
+        if key_frame % condition.speed:
+            found = f"speed {condition.speed}, which passes over the key frame {key_frame}"
+            raise SettingsError(f"{sequence.source}: found {found}, expected a speed that divides its number")
+
+
 def _check_features(sequence: Sequence, recordings: Items[Recording]) -> None:
     if not any(len(recording.first_frame) for recording in recordings):
         raise DataError(
@@ -114,7 +167,7 @@ def _check_features(sequence: Sequence, recordings: Items[Recording]) -> None:
             "images with texture, or tracks in the frames read",
         )
     if not any(np.isfinite(recording.points_world).any() for recording in recordings):
-        raise DataError(sequence.source, "no depth where any feature begins", "depth for some, to know where they are")
+        raise DataError(sequence.source, "no depth for any feature", "depth for some, to know where they are")
 
 
 def _tables(
@@ -172,6 +225,7 @@ def _table(
         "scene": sequence.scene,
         "lighting": sequence.lighting,
         "rotation": sequence.rotation,
+        "direction": str(sequence.direction),
         "tracker": condition.tracker,
         "speed": condition.speed,
     }

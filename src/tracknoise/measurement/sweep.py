@@ -1,4 +1,4 @@
-"""One pass over a sequence's images that drives every tracker at every speed."""
+"""One pass over the images of sequences that drives every tracker at every speed."""
 
 from collections.abc import Callable
 from collections.abc import Sequence as Items
@@ -56,30 +56,37 @@ class Sweep:
 
 
 def sweep(
-    sequence: Sequence,
+    sequences: Items[Sequence],
     conditions: Items[Condition],
-    truth: Truth,
+    truths: Items[Truth],
     *,
     n_frames: int,
     seed: int,
     progress: Progress | None = None,
-) -> Sweep:
+) -> list[Sweep]:
     """Read each image once, in order, and step every condition that is due.
+
+    Sequences go in step: each frame is read of all of them before the next, so that they can share what they read.
 
     Parameters
     ----------
-    sequence
+    sequences
         The images.
     conditions
         Trackers and speeds.
-    truth
-        Of the same sequence.
+    truths
+        Of each sequence.
     n_frames
-        How many of its frames to read, from the first.
+        How many of their frames to read, from the first.
     seed
         For trackers that need randomness.
     progress
-        Told after each frame.
+        Told after each frame of all sequences.
+
+    Returns
+    -------
+    list of Sweep
+        One a sequence.
 
     Raises
     ------
@@ -88,20 +95,43 @@ def sweep(
     TrackerError
         If a tracker reports what it cannot have seen.
     """
-    trackers = [_start(condition, sequence, truth, seed) for condition in conditions]
-    recorders = [Recorder(truth) for _ in conditions]
     snapshot_frame = _snapshot_frame(n_frames, [condition.speed for condition in conditions])
-    snapshot: NDArray[np.uint8] = np.empty((0, 0), np.uint8)
+    passes = [
+        _Pass(sequence, conditions, truth, snapshot_frame=snapshot_frame, seed=seed)
+        for sequence, truth in zip(sequences, truths, strict=True)
+    ]
     for index in range(n_frames):
-        frame = Frame(index, sequence.image(index))
-        for condition, tracker, recorder in zip(conditions, trackers, recorders, strict=True):
-            if index % condition.speed == 0:
-                recorder.add(index, tracker.step(frame))
-        if index == snapshot_frame:
-            snapshot = frame.image
+        for one in passes:
+            one.step(index)
         if progress is not None:
             progress(index + 1, n_frames)
-    return Sweep([recorder.finish() for recorder in recorders], snapshot_frame, snapshot)
+    return [one.finish() for one in passes]
+
+
+class _Pass:
+    """The trackers at work on one sequence."""
+
+    def __init__(
+        self, sequence: Sequence, conditions: Items[Condition], truth: Truth, *, snapshot_frame: int, seed: int
+    ) -> None:
+        self._sequence, self._conditions = sequence, conditions
+        self._trackers = [_start(condition, sequence, truth, seed) for condition in conditions]
+        self._recorders = [Recorder(truth) for _ in conditions]
+        self._snapshot_frame = snapshot_frame
+        self._snapshot: NDArray[np.uint8] = np.empty((0, 0), np.uint8)
+
+    def step(self, index: int) -> None:
+        """Read a frame and show it to every tracker that is due."""
+        frame = Frame(index, self._sequence.image(index))
+        for condition, tracker, recorder in zip(self._conditions, self._trackers, self._recorders, strict=True):
+            if index % condition.speed == 0:
+                recorder.add(index, tracker.step(frame))
+        if index == self._snapshot_frame:
+            self._snapshot = frame.image
+
+    def finish(self) -> Sweep:
+        """What was recorded."""
+        return Sweep([recorder.finish() for recorder in self._recorders], self._snapshot_frame, self._snapshot)
 
 
 def _start(condition: Condition, sequence: Sequence, truth: Truth, seed: int) -> Tracker:
@@ -111,6 +141,7 @@ def _start(condition: Condition, sequence: Sequence, truth: Truth, seed: int) ->
             scene=name.scene,
             lighting=name.lighting,
             rotation=name.rotation,
+            direction=name.direction,
             size=(sequence.camera.width, sequence.camera.height),
             n_frames=len(sequence),
             speed=condition.speed,

@@ -83,6 +83,11 @@ class RecordedSequence:
         """None: a recording knows no exact surface."""
         return None
 
+    @property
+    def scan(self) -> None:
+        """None: its truth lies in depth maps."""
+        return None
+
     def image(self, index: int) -> NDArray[np.uint8]:
         """(height, width) uint8: one frame in 8-bit grayscale.
 

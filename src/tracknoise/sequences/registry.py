@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.plugins import Plugins
-from tracknoise.sequences.sequence import Reader, Sequence, SequenceId
+from tracknoise.sequences.sequence import Reader, Sequence, SequenceId, SharingReader
 
 READERS: Plugins[Reader] = Plugins(
     what="dataset reader",
@@ -62,6 +62,30 @@ def select(reader: Reader, scene: str | None = None, lighting: str | None = None
     if not lit:
         raise UnknownNameError("lighting", str(lighting), {item.lighting for item in matching})
     return lit[0]
+
+
+def path_options(name: str) -> tuple[str, ...]:
+    """Names of a reader's options that are paths of files or folders: its class's ``path_options``, if it has any.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no reader of that name.
+    """
+    return tuple(getattr(READERS.load(name), "path_options", ()))
+
+
+def open_together(reader: Reader, sequences: list[SequenceId]) -> list[Sequence]:
+    """Open several sequences of one scene, which share what they read where the reader knows how to.
+
+    Raises
+    ------
+    TracknoiseError
+        As `Reader.open`.
+    """
+    if isinstance(reader, SharingReader):
+        return reader.open_together(sequences)
+    return [reader.open(sequence) for sequence in sequences]
 
 
 def open_sequence(

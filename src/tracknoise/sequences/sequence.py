@@ -20,11 +20,19 @@ class TruthKind(StrEnum):
 
     birth = "birth"
     raycast = "raycast"
+    scan = "scan"
+
+
+class Direction(StrEnum):
+    """Which way the frames of a scene are played."""
+
+    forward = "forward"
+    backward = "backward"
 
 
 @dataclass(frozen=True, slots=True, order=True)
 class SequenceId:
-    """Name of a sequence: a scene under one lighting and one image rotation.
+    """Name of a sequence: a scene under one lighting, one image rotation and one direction of play.
 
     Parameters
     ----------
@@ -32,12 +40,31 @@ class SequenceId:
         Names as the user or the data set writes them.
     rotation
         Degrees by which the images are turned counter-clockwise.
+    direction
+        Whether its frames come in the order of their recording, or the last first.
     """
 
     dataset: str
     scene: str
     lighting: str = DEFAULT_LIGHTING
     rotation: int = 0
+    direction: Direction = Direction.forward
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scan:
+    """Points of a scene's surface, measured once, for features that are visible in one frame.
+
+    Parameters
+    ----------
+    points_world
+        (n, 3) float64, metres, world frame, finite.
+    key_frame
+        The frame in which features are associated with them.
+    """
+
+    points_world: NDArray[np.float64]
+    key_frame: int
 
 
 class Surface(Protocol):
@@ -125,11 +152,23 @@ class Sequence(Protocol):
         """The exact surface, where the sequence is simulated."""
         ...
 
+    @property
+    def scan(self) -> Scan | None:
+        """Points of the surface and the key frame, where there is a scan.
+
+        Raises
+        ------
+        DataError
+            If its file is missing or damaged.
+        """
+        ...
+
 
 class Reader(Protocol):
     """A data set in one on-disk format (or none, if simulated). Settings are the fields of a frozen dataclass.
 
-    The first field is ``root: Path``, unless `needs_root` is False; all others are keyword-only with defaults.
+    The first field is ``root: Path``, unless `needs_root` is False; all others are keyword-only with defaults. If some
+    of these are paths of files or folders, a class variable ``path_options`` holds their names.
     """
 
     name: ClassVar[str]
@@ -155,6 +194,36 @@ class Reader(Protocol):
             If a file is missing, damaged or contradicts another.
         UnknownNameError
             If there is no such scene or lighting.
+        """
+        ...
+
+
+@runtime_checkable
+class SharingReader(Protocol):
+    """A `Reader` whose sequences of one scene share what they read from files, such as images relit in several ways."""
+
+    def open_together(self, sequences: list[SequenceId]) -> list[Sequence]:
+        """Open several sequences of one scene, to be read in step: frame by frame, each frame from all of them.
+
+        Raises
+        ------
+        TracknoiseError
+            As `Reader.open`.
+        """
+        ...
+
+
+@runtime_checkable
+class ChoosyReader(Protocol):
+    """A `Reader` that leaves scenes out of what it lists."""
+
+    def left_out(self) -> dict[str, str]:
+        """Why each scene that is left out is, one sentence each, by name of the scene.
+
+        Raises
+        ------
+        DataError
+            If what decides it cannot be read.
         """
         ...
 

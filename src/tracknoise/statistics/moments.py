@@ -1,4 +1,4 @@
-"""Tables of moments of du, dv by age: measured from the observations of a scene, and pooled over scenes.
+"""Tables of moments of du, dv by age or frame: measured from the observations of a scene, and pooled over scenes.
 
 Everything else in this layer that concerns errors is computed from these tables, so that scenes can be pooled,
 resampled and added later without a second look at the observations.
@@ -12,10 +12,10 @@ import polars as pl
 from tracknoise.statistics.grouping import Groups, group_rows
 from tracknoise.statistics.joint import FOURTH, VARIANCES, JointMoments, measure, pool
 from tracknoise.statistics.populations import VISIBLE, measured
-from tracknoise.tables.schema import MOMENTS, OBSERVATIONS, ORIGIN, POPULATION, TRIMMING, check
+from tracknoise.tables.schema import AXIS, MOMENTS, OBSERVATIONS, ORIGIN, POPULATION, TRIMMING, check
 
-KEYS = [*ORIGIN, "population", "trimming", "age"]
-_CELL = [*ORIGIN, "age", "visible", "kept"]
+KEYS = [*ORIGIN, "population", "trimming", "axis", "at"]
+_CELL = [*ORIGIN, "at", "visible", "kept"]
 _MEANS = ["mean_u", "mean_v"]
 _SUMS = ["m_" + "u" * p + "v" * q for p, q in FOURTH]
 _ABS_MEANS = ["mean_abs_u", "mean_abs_v"]
@@ -23,13 +23,16 @@ _ABS_SUMS = ["m_abs_" + "u" * p + "v" * q for p, q in VARIANCES]
 _VALUES = {column: kind for column, kind in MOMENTS.items() if column not in KEYS}
 
 
-def scene_moments(observations: pl.DataFrame) -> pl.DataFrame:
-    """Moments of the errors of every scene and condition, by population, trimming and age.
+def scene_moments(observations: pl.DataFrame, *, axis: str = "age") -> pl.DataFrame:
+    """Moments of the errors of every scene and condition, by population, trimming, and age or frame.
 
     Parameters
     ----------
     observations
         An observations table of any number of scenes, trimmed (`tracknoise.statistics.trimming.trim`).
+    axis
+        ``age`` where the error of a feature is zero when it is first seen; ``frame`` where it is zero in the key frame
+        of a scan, so that time counts, not age.
 
     Returns
     -------
@@ -42,7 +45,8 @@ def scene_moments(observations: pl.DataFrame) -> pl.DataFrame:
     SchemaError
         If the table has other columns, or an error is missing where the true position is known.
     """
-    cells = _cell_moments(measured(check(observations, OBSERVATIONS, "observations"), population="projected"))
+    known = measured(check(observations, OBSERVATIONS, "observations"), population="projected")
+    cells = _cell_moments(known.with_columns(at=axis))
     selections = {
         ("visible", "untrimmed"): pl.col("visible"),
         ("visible", "trimmed"): pl.col("visible") & pl.col("kept"),
@@ -50,8 +54,10 @@ def scene_moments(observations: pl.DataFrame) -> pl.DataFrame:
         ("projected", "trimmed"): pl.col("kept"),
     }
     parts = [
-        merge(cells.filter(selected), by=[*ORIGIN, "age"]).with_columns(
-            population=pl.lit(population, dtype=POPULATION), trimming=pl.lit(trimming, dtype=TRIMMING)
+        merge(cells.filter(selected), by=[*ORIGIN, "at"]).with_columns(
+            population=pl.lit(population, dtype=POPULATION),
+            trimming=pl.lit(trimming, dtype=TRIMMING),
+            axis=pl.lit(axis, dtype=AXIS),
         )
         for (population, trimming), selected in selections.items()
     ]
@@ -88,7 +94,7 @@ def merge(moments: pl.DataFrame, *, by: Sequence[str]) -> pl.DataFrame:
 
 def _cell_moments(known: pl.DataFrame) -> pl.DataFrame:
     """Moments of the disjoint cells (visible or not, kept or not) of which populations and trimmings are unions."""
-    cells = known.select(*ORIGIN, "age", pl.col("truth").is_in(VISIBLE).alias("visible"), "kept")
+    cells = known.select(*ORIGIN, "at", pl.col("truth").is_in(VISIBLE).alias("visible"), "kept")
     groups = group_rows(cells, _CELL)
     errors = known.select("du_px", "dv_px").to_numpy()
     signed = measure(errors, groups.index, groups.count)

@@ -3,6 +3,7 @@
 import polars as pl
 
 from tracknoise.exceptions import UnknownNameError
+from tracknoise.statistics.curves import NAMES
 from tracknoise.statistics.grouping import POOLED
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
 from tracknoise.statistics.populations import POPULATIONS
@@ -17,6 +18,7 @@ def summary(
     outliers: pl.DataFrame,
     *,
     age: int = REFERENCE_AGE,
+    key_frame: int = 0,
     population: str = "visible",
 ) -> pl.DataFrame:
     """Lifetimes, outlier ratio, and errors at a reference age, of every condition.
@@ -29,6 +31,9 @@ def summary(
         The reference age of a condition is the largest one from 1 to this, in frames of the nominal sequence, at which
         neither its trimmed nor its untrimmed curves are cut. It differs between speeds whose frames do not coincide.
         At age 0 there is no error to speak of.
+    key_frame
+        Where curves run along frames: the one in which errors are zero. The reference frame is then the last one up to
+        `age` frames after it.
     population
         Which observations the errors are of: `visible` or `projected`.
 
@@ -48,14 +53,13 @@ def summary(
     """
     if population not in POPULATIONS:
         raise UnknownNameError("population", population, POPULATIONS)
-    chosen = (
-        (pl.col("weighting") == "features") & (pl.col("population") == population) & pl.col("at").is_between(1, age)
-    )
-    points = check(curves, CURVES, "curves").filter(chosen)
+    zero = pl.when(pl.col("axis") == "frame").then(key_frame).otherwise(0)
+    chosen = (pl.col("at") > zero) & (pl.col("at") <= zero + age)
+    points = check(curves, CURVES, "curves").filter(chosen, weighting="features", population=population)
     lived = mean_lifetime(lifetimes).join(median_survival(lifetimes), on=POOLED)
     rejected = check(outliers, OUTLIERS, "outliers").select(*POOLED, outlier_ratio="pooled_ratio")
     scenes = lifetimes.group_by(POOLED).agg(pl.col("n_scenes").max())
-    parts = [scenes, lived, rejected, _at_reference_age(points)]
+    parts = [scenes, lived, rejected, _at_reference(points)]
     table = pl.concat([part.select(POOLED) for part in (*parts, curves)]).unique()
     for part in parts:
         table = table.join(part, on=POOLED, how="left")
@@ -63,25 +67,26 @@ def summary(
     return check(table.select(*SUMMARY).sort(POOLED), SUMMARY, "summary")
 
 
-def _at_reference_age(points: pl.DataFrame) -> pl.DataFrame:
-    """Errors of every condition, trimmed and untrimmed, at the last age where both are there and neither is cut."""
+def _at_reference(points: pl.DataFrame) -> pl.DataFrame:
+    """Errors of every condition, trimmed and untrimmed, at the last place where both are there and neither is cut."""
     usable = (pl.col("trimming").n_unique() == len(TRIMMING.categories)) & ~pl.col("cut").any()
-    ages = points.group_by(*POOLED, "at").agg(usable=usable).filter("usable")
-    reference = ages.group_by(POOLED).agg(at=pl.col("at").max())
-    return points.join(reference, on=[*POOLED, "at"]).group_by(POOLED).agg(age=pl.col("at").first(), **_columns())
+    places = points.group_by(*POOLED, "axis", "at").agg(usable=usable).filter("usable")
+    reference = places.group_by(*POOLED, "axis").agg(at=pl.col("at").max())
+    return points.join(reference, on=[*POOLED, "axis", "at"]).group_by(*POOLED, "axis", "at").agg(**_columns())
 
 
 def _columns() -> dict[str, pl.Expr]:
-    """The one value of each trimming, statistic and coordinate among the rows of a condition at one age."""
+    """The one value of each trimming, statistic and coordinate among the rows of a condition at one place."""
     columns = {}
     for trimming in TRIMMING.categories:
-        columns[f"{trimming}_n"] = _value("n", trimming, "nu")
+        columns[f"{trimming}_n"] = _value("n", trimming, "mean")
         for axis in "uv":
-            columns[f"{trimming}_nu_{axis}_px"] = _value(axis, trimming, "nu")
-            columns[f"{trimming}_eta_{axis}_px"] = _value(axis, trimming, "eta")
-            columns[f"{trimming}_rms_{axis}_px"] = _value(axis, trimming, "Phi").sqrt()
+            columns[f"{trimming}_nu_{axis}_px"] = _value(axis, trimming, "mean")
+            columns[f"{trimming}_eta_{axis}_px"] = _value(axis, trimming, "absolute")
+            columns[f"{trimming}_rms_{axis}_px"] = _value(axis, trimming, "second").sqrt()
     return columns
 
 
 def _value(column: str, trimming: str, statistic: str) -> pl.Expr:
-    return pl.col(column).filter(trimming=trimming, statistic=statistic).first()
+    names = [called[statistic] for called in NAMES.values()]
+    return pl.col(column).filter(pl.col("statistic").is_in(names), trimming=trimming).first()

@@ -45,11 +45,14 @@ Schema = Mapping[str, pl.DataType | type[pl.DataType]]
 TRUTH = pl.Enum([status.name for status in TruthStatus])
 END = pl.Enum([end.name for end in TrackEnd])
 POPULATION = pl.Enum(["visible", "projected"])
+AXIS = pl.Enum(["age", "frame"])
 TRIMMING = pl.Enum(["untrimmed", "trimmed"])
 WEIGHTING = pl.Enum(["features", "scenes"])
 
-SEQUENCE: Schema = {"dataset": pl.String, "scene": pl.String, "lighting": pl.String, "rotation": pl.Int16}
-CONDITION: Schema = {"lighting": pl.String, "rotation": pl.Int16, "tracker": pl.String, "speed": pl.Int32}
+VIEW: Schema = {"lighting": pl.String, "rotation": pl.Int16, "direction": pl.String}
+"""How a scene was seen: under which lighting, turned by how many degrees, and played forward or backward."""
+SEQUENCE: Schema = {"dataset": pl.String, "scene": pl.String, **VIEW}
+CONDITION: Schema = {**VIEW, "tracker": pl.String, "speed": pl.Int32}
 ORIGIN: Schema = {**SEQUENCE, "tracker": pl.String, "speed": pl.Int32}
 
 OBSERVATIONS: Schema = {
@@ -96,7 +99,8 @@ MOMENTS: Schema = {
     **ORIGIN,
     "population": POPULATION,
     "trimming": TRIMMING,
-    "age": pl.UInt32,
+    "axis": AXIS,
+    "at": pl.UInt32,
     "n": pl.Int64,
     **dict.fromkeys(
         (
@@ -109,7 +113,7 @@ MOMENTS: Schema = {
         pl.Float64,
     ),
 }
-"""Moments of du, dv at one age: means (px) and central power sums (px^p, not divided by n), joint to order 4."""
+"""Moments of du, dv at one age, or in one frame: means (px), central power sums (px^p, not divided by n) to order 4."""
 
 CURVES: Schema = {
     "dataset": pl.String,
@@ -118,7 +122,7 @@ CURVES: Schema = {
     "trimming": TRIMMING,
     "weighting": WEIGHTING,
     "statistic": pl.String,
-    "axis": pl.String,
+    "axis": AXIS,
     "at": pl.UInt32,
     "n": pl.Int64,
     "n_scenes": pl.Int32,
@@ -128,7 +132,10 @@ CURVES: Schema = {
     "uv": pl.Float64,
     "cut": pl.Boolean,
 }
-"""nu (px), eta (px), Phi (px^2) and central covariance (px^2) by age; cut marks ages with too few features."""
+"""nu (px), eta (px), Phi (px^2) and central covariance (px^2) by age, or mu, kappa, Sigma and central by frame.
+
+cut marks ages, or frames, with too few features.
+"""
 
 LIFETIMES: Schema = {
     "dataset": pl.String,
@@ -190,16 +197,18 @@ SUMMARY: Schema = {
     "mean_lifetime": pl.Float64,
     "median_lifetime": pl.UInt32,
     "outlier_ratio": pl.Float64,
-    "age": pl.UInt32,
+    "axis": AXIS,
+    "at": pl.UInt32,
     **{
         f"{trimming}_{value}": pl.Int64 if value == "n" else pl.Float64
         for trimming in TRIMMING.categories
         for value in ("n", *(f"{statistic}_{axis}_px" for statistic in ("nu", "eta", "rms") for axis in "uv"))
     },
 }
-"""One row a condition: lifetimes (frames its tracker saw), pooled outlier ratio, and errors at one age.
+"""One row a condition: lifetimes (frames its tracker saw), pooled outlier ratio, and errors at one age or frame.
 
-rms is the square root of Phi; age in frames of the nominal sequence; n the features at that age.
+rms is the square root of Phi or Sigma; ages and frames are those of the nominal sequence; n the features there; nu and
+eta stand for mu and kappa where the axis is the frame.
 """
 
 

@@ -21,7 +21,7 @@ import polars as pl
 from tracknoise.exceptions import StoreError
 from tracknoise.tables import schema
 
-FORMAT = 1
+FORMAT = 2
 _RESULTS = ("report", "statistics")
 SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "observations": schema.OBSERVATIONS,
@@ -48,7 +48,7 @@ class SequenceEntry:
 
     Attributes
     ----------
-    dataset, scene, lighting, rotation
+    dataset, scene, lighting, rotation, direction
         Its name.
     n_frames, width, height
         Count and size (px) of its images.
@@ -57,17 +57,20 @@ class SequenceEntry:
     snapshot_frame
         Frame whose image lies in ``snapshots/``.
     seconds
-        Wall time of the measurement.
+        Wall time of the measurement; where several sequences were measured together, an equal share of it.
     notes
         What was corrected or assumed while reading, one sentence each.
     inputs
         Hash of the files besides the images that the numbers depend on.
+    key_frame
+        Where truth is a scan, the frame in which features were associated with it.
     """
 
     dataset: str
     scene: str
     lighting: str
     rotation: int
+    direction: str
     n_frames: int
     width: int
     height: int
@@ -76,11 +79,12 @@ class SequenceEntry:
     seconds: float
     notes: tuple[str, ...] = ()
     inputs: str = ""
+    key_frame: int | None = None
 
     @property
     def key(self) -> str:
         """File name, without extension, of this sequence's tables."""
-        return sequence_key(self.scene, self.lighting, self.rotation)
+        return sequence_key(self.scene, self.lighting, self.rotation, self.direction)
 
 
 @dataclass(slots=True)
@@ -101,6 +105,8 @@ class Manifest:
         What was measured, by key.
     failures
         Cause of what was not, by key.
+    left_out
+        Why scenes that the data hold were not to be measured, by scene.
     """
 
     settings_hash: str
@@ -109,11 +115,16 @@ class Manifest:
     seed: int
     sequences: dict[str, SequenceEntry] = field(default_factory=dict)
     failures: dict[str, str] = field(default_factory=dict)
+    left_out: dict[str, str] = field(default_factory=dict)
 
 
-def sequence_key(scene: str, lighting: str, rotation: int) -> str:
-    """File-safe name of a sequence, unique in a data set: ``scene@lighting``, with ``@rDEGREES`` if it is turned."""
+def sequence_key(scene: str, lighting: str, rotation: int, direction: str) -> str:
+    """File-safe name of a sequence, unique in a data set.
+
+    It is ``scene@lighting``, followed by ``@rDEGREES`` if it is turned and ``@backward`` if it is played so.
+    """
     parts = [quote(scene, safe=" "), quote(lighting, safe=" "), *([f"r{rotation}"] if rotation else [])]
+    parts += [direction] if direction != "forward" else []
     return "@".join(parts)
 
 

@@ -13,7 +13,7 @@ from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.track_file import Tracks, read_tracks
 from tracknoise.trackers.tracker import Setting, Step
 
-_PLACEHOLDERS = ("scene", "lighting", "rotation", "speed")
+_PLACEHOLDERS = ("scene", "lighting", "rotation", "direction", "speed")
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class Imported:
         A ``.csv`` file with a header, or a ``.parquet`` file, with columns ``track`` (a whole number), ``frame``
         (index in the nominal sequence, counted from 0), ``u_px`` and ``v_px`` (integer = pixel centre) and, if known,
         ``response``; others are ignored, and the order of rows does not matter. ``{scene}``, ``{lighting}``,
-        ``{rotation}`` and ``{speed}`` in it are replaced by those of the condition.
+        ``{rotation}``, ``{direction}`` and ``{speed}`` in it are replaced by those of the condition.
     """
 
     kind: ClassVar[str] = "imported"

@@ -41,7 +41,8 @@ class Oracle:
     margin_px
         Features begin at least this far inside the image.
     seed
-        Of the generator, with the names of scene, lighting and rotation, the speed, and the experiment's seed.
+        Of the generator, with the names of scene, lighting, rotation and direction, the speed, and the experiment's
+        seed.
     """
 
     kind: ClassVar[str] = "oracle"
@@ -157,7 +158,7 @@ class OracleTracker:
 
 def _generator(seed: int, setting: Setting) -> np.random.Generator:
     """Independent for every sequence and speed, and the same in every process (`hash` is not)."""
-    names = (zlib.crc32(name.encode()) for name in (setting.scene, setting.lighting))
+    names = (zlib.crc32(name.encode()) for name in (setting.scene, setting.lighting, setting.direction))
     return np.random.default_rng([seed, setting.seed, *names, setting.rotation % 360, setting.speed])
 
 

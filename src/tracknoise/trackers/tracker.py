@@ -103,7 +103,7 @@ class Setting:
 
     Parameters
     ----------
-    scene, lighting, rotation
+    scene, lighting, rotation, direction
         Names of the sequence.
     size
         (width, height) of its images, px.
@@ -120,6 +120,7 @@ class Setting:
     scene: str
     lighting: str
     rotation: int
+    direction: str
     size: tuple[int, int]
     n_frames: int
     speed: int

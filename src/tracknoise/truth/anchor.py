@@ -5,7 +5,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.geometry.depth import interpolate
+from tracknoise.geometry.depth import sample
 from tracknoise.sequences.sequence import Surface
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.truth.frames import Frames
@@ -37,7 +37,7 @@ class Anchor(Protocol):
 
 
 class BirthDepth:
-    """Dense depth of the first frame, read between pixels: (truth.birth)."""
+    """Depth of the first frame, read between pixels: (truth.birth)."""
 
     __slots__ = ("_frames",)
 
@@ -45,15 +45,15 @@ class BirthDepth:
         self._frames = frames
 
     def depths(self, index: int, uv: NDArray[np.float64]) -> Anchored:
-        """Interpolated depth: see `Anchor.depths`. Next to a depth discontinuity the status is edge."""
+        """Depth between pixels: see `Anchor.depths`. Next to a depth discontinuity the status is edge."""
         depth = self._frames.depth(index)
         if depth is None:
             return np.ones(len(uv)), np.full(len(uv), TruthStatus.no_depth, np.int8)
-        sample = interpolate(depth, uv)
+        read = sample(depth, uv)
         status = np.full(len(uv), TruthStatus.no_depth, np.int8)
-        status[sample.edge] = TruthStatus.edge
-        status[sample.valid] = TruthStatus.valid
-        return sample.depth_m, status
+        status[read.edge] = TruthStatus.edge
+        status[read.valid] = TruthStatus.valid
+        return read.depth_m, status
 
 
 class RayCast:

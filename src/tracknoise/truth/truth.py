@@ -1,13 +1,24 @@
 """Where features really are in every frame of a sequence."""
 
+from collections.abc import Callable
+from collections.abc import Sequence as Items
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.sequences.sequence import Sequence, TruthKind
-from tracknoise.truth.anchor import Anchor, Anchored, BirthDepth, RayCast, fix
+from tracknoise.truth.anchor import Anchored, BirthDepth, RayCast, fix
 from tracknoise.truth.frames import Frames
+from tracknoise.truth.scan import ScanPoints, ScanRule
 from tracknoise.truth.visibility import Measured, MeasuredDepth, MeasuredSurface, visibility
+
+SCAN_RULE = ScanRule()
+"""How features are associated with a scan unless said otherwise."""
+
+Fix = Callable[[int, NDArray[np.float64]], Anchored]
+"""Takes a frame and pixels (n, 2) of it; gives world points (n, 3) and their status (n,)."""
 
 
 class Truth:
@@ -22,22 +33,27 @@ class Truth:
         Which kind of truth this is.
     frames
         The sequence.
-    anchor
+    fix
         How features are fixed in the world.
     measured
         What hides points behind it.
+    key_frame
+        The one frame in which features are fixed; None where each is in its first.
     """
 
-    __slots__ = ("_anchor", "_frames", "_measured", "kind")
+    __slots__ = ("_fix", "_frames", "_measured", "key_frame", "kind")
 
-    def __init__(self, kind: TruthKind, frames: Frames, anchor: Anchor, measured: Measured) -> None:
+    def __init__(
+        self, kind: TruthKind, frames: Frames, fix: Fix, measured: Measured, *, key_frame: int | None = None
+    ) -> None:
         self.kind = kind
+        self.key_frame = key_frame
         self._frames = frames
-        self._anchor = anchor
+        self._fix = fix
         self._measured = measured
 
     def anchor(self, index: int, uv: NDArray[np.float64]) -> Anchored:
-        """World points of features first seen in a frame: X_w = world_from_camera pi^-1(x, Z).
+        """World points of features by where they are in a frame: X_w = world_from_camera pi^-1(x, Z).
 
         Parameters
         ----------
@@ -58,7 +74,7 @@ class Truth:
         DataError
             If the frame's depth cannot be read.
         """
-        return fix(self._frames, self._anchor, index, uv)
+        return self._fix(index, uv)
 
     def project(self, index: int, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
         """True positions of world points in a frame: x_true = pi(camera_from_world X_w).
@@ -101,7 +117,7 @@ class Truth:
         return visibility(self._frames, self._measured, index, points_world)
 
 
-def make_truth(sequence: Sequence, kind: TruthKind | None = None) -> Truth:
+def make_truth(sequence: Sequence, kind: TruthKind | None = None, *, scan_rule: ScanRule = SCAN_RULE) -> Truth:
     """The truth of a sequence.
 
     Parameters
@@ -110,6 +126,8 @@ def make_truth(sequence: Sequence, kind: TruthKind | None = None) -> Truth:
         The sequence.
     kind
         How features are fixed in the world; by default the best that the sequence offers.
+    scan_rule
+        How features are associated with a scan, where that fixes them.
 
     Raises
     ------
@@ -120,11 +138,39 @@ def make_truth(sequence: Sequence, kind: TruthKind | None = None) -> Truth:
     """
     place, offered = sequence.source, sequence.truths
     if not offered:
-        raise DataError(place, "neither depth nor an exact surface", "one of them, to know where features really are")
+        raise DataError(place, "no depth, scan or exact surface", "one of them, to know where features really are")
     kind = offered[0] if kind is None else kind
     if kind not in offered:
         raise SettingsError(f"{place}: found truth = {kind.value!r}, expected one of: {', '.join(offered)}")
-    frames, surface = Frames(sequence), sequence.surface
-    if kind is TruthKind.raycast and surface is not None:
-        return Truth(kind, frames, RayCast(frames, surface), MeasuredSurface(frames, surface))
-    return Truth(kind, frames, BirthDepth(frames), MeasuredDepth(frames))
+    frames = Frames(sequence)
+    if kind is TruthKind.raycast and (surface := sequence.surface) is not None:
+        return Truth(kind, frames, partial(fix, frames, RayCast(frames, surface)), MeasuredSurface(frames, surface))
+    if kind is TruthKind.scan and (scan := sequence.scan) is not None:
+        points = ScanPoints(frames, scan, scan_rule)
+        return Truth(kind, frames, points.points, MeasuredDepth(frames), key_frame=scan.key_frame)
+    return Truth(kind, frames, partial(fix, frames, BirthDepth(frames)), MeasuredDepth(frames))
+
+
+def make_truths(sequences: Items[Sequence], kind: TruthKind | None = None, *, scan_rule: ScanRule) -> list[Truth]:
+    """The truth of each sequence; one for all that share a scan and are seen from the same places.
+
+    Raises
+    ------
+    DataError, SettingsError
+        As `make_truth`.
+    """
+    truths: list[Truth] = []
+    for place, sequence in enumerate(sequences):
+        twins = (truths[before] for before in range(place) if _is_same_scan(sequences[before], sequence))
+        truths.append(next(twins, None) or make_truth(sequence, kind, scan_rule=scan_rule))
+    return truths
+
+
+def _is_same_scan(one: Sequence, other: Sequence) -> bool:
+    """Whether all that truth knows of two sequences is the same scan from the same places."""
+    if one.truths != (TruthKind.scan,) or other.truths != one.truths or one.camera != other.camera:
+        return False
+    scan, scanned = one.scan, other.scan
+    if scan is None or scanned is None or scan.points_world is not scanned.points_world:
+        return False
+    return scan.key_frame == scanned.key_frame and np.array_equal(one.world_from_camera, other.world_from_camera)

@@ -1,0 +1,101 @@
+"""Sequences cut short, played backward and turned: checked against the sequence itself, whose truth is exact."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.pose import invert, transform
+from tracknoise.sequences.registry import open_sequence
+from tracknoise.sequences.sequence import Direction, Scan, Sequence, TruthKind
+from tracknoise.sequences.views import View, turned, view
+
+SIZE = {"width": 48, "height": 32, "frames": 5}
+
+
+@pytest.fixture(scope="module")
+def plain() -> Sequence:
+    return open_sequence("simulated", motions=["arvr"], **SIZE)
+
+
+def project(sequence: Sequence, index: int, points: np.ndarray) -> np.ndarray:
+    return sequence.camera.project(transform(invert(sequence.world_from_camera[index]), points))
+
+
+@pytest.mark.parametrize("degrees", [0, 90, 180, 270, 360, -90])
+def test_a_world_point_lands_on_the_same_thing_in_the_turned_image(plain, degrees) -> None:
+    """Where a point lands in the turned image, that image shows what the upright one shows where it lands there."""
+    shown = turned(plain, degrees)
+    assert shown.id.rotation == degrees % 360
+    uv = np.random.default_rng(0).uniform(0, [47, 31], (50, 2))
+    points, hit = plain.surface.cast(2, uv)
+    there = project(shown, 2, points[hit])
+    quarters = degrees // 90 % 4
+    expected = {
+        0: uv, 1: np.column_stack([uv[:, 1], 47 - uv[:, 0]]),
+        2: 47 - uv + (0, -16), 3: np.column_stack([31 - uv[:, 1], uv[:, 0]]),
+    }[quarters]  # fmt: skip
+    np.testing.assert_allclose(there, expected[hit], atol=1e-4)
+    whole = np.rint(uv).astype(int)
+    turned_whole = np.rint({
+        0: whole, 1: np.column_stack([whole[:, 1], 47 - whole[:, 0]]),
+        2: 47 - whole + (0, -16), 3: np.column_stack([31 - whole[:, 1], whole[:, 0]]),
+    }[quarters]).astype(int)  # fmt: skip
+    image, upright = shown.image(2), plain.image(2)
+    np.testing.assert_array_equal(image[turned_whole[:, 1], turned_whole[:, 0]], upright[whole[:, 1], whole[:, 0]])
+    depth, plain_depth = shown.depth(2), plain.depth(2)
+    np.testing.assert_array_equal(
+        depth.depth_m[turned_whole[:, 1], turned_whole[:, 0]], plain_depth.depth_m[whole[:, 1], whole[:, 0]]
+    )
+    found, seen = shown.surface.cast(2, there)
+    assert seen.all()
+    np.testing.assert_allclose(found, points[hit], atol=1e-3)
+
+
+def test_counter_clockwise_is_what_was_right_comes_to_the_top(plain) -> None:
+    np.testing.assert_array_equal(turned(plain, 90).image(0)[0], plain.image(0)[:, -1])
+
+
+def test_a_distorted_camera_turns_with_its_distortion() -> None:
+    camera = Camera(640, 480, 500.0, 510.0, 318.3, 242.1, (0.1, -0.05, 0.003, -0.002, 0.01))
+    points = np.random.default_rng(1).uniform([-0.5, -0.5, 1.0], [0.5, 0.5, 2.0], (100, 3))
+    uv, around = camera.project(points), camera.turned().project(points[:, [1, 0, 2]] * (1, -1, 1))
+    np.testing.assert_allclose(around, np.column_stack([uv[:, 1], 639 - uv[:, 0]]), atol=1e-10)
+    again = camera.turned().turned().turned().turned()
+    np.testing.assert_allclose([again.cx, again.cy, *again.distortion], [camera.cx, camera.cy, *camera.distortion])
+
+
+def test_backward_is_the_same_frames_in_the_other_order(plain) -> None:
+    shown = view(plain, n_frames=4, direction=Direction.backward, rotation=0)
+    assert len(shown) == 4
+    assert shown.id.direction is Direction.backward
+    np.testing.assert_array_equal(shown.world_from_camera, plain.world_from_camera[[3, 2, 1, 0]])
+    np.testing.assert_array_equal(shown.image(0), plain.image(3))
+    np.testing.assert_array_equal(shown.depth(1).depth_m, plain.depth(2).depth_m)
+    uv = np.array([[10.0, 20.0]])
+    np.testing.assert_array_equal(shown.surface.cast(0, uv)[0], plain.surface.cast(3, uv)[0])
+
+
+def test_backward_the_key_frame_lies_as_far_from_the_end(plain) -> None:
+    class Scanned(View):
+        truths = (TruthKind.scan,)
+        scan = Scan(np.zeros((1, 3)), 1)
+
+    assert view(Scanned(plain), n_frames=None, direction=Direction.backward, rotation=90).scan.key_frame == 3
+
+
+def test_a_view_of_everything_is_the_sequence_itself(plain) -> None:
+    assert view(plain, n_frames=9, direction=Direction.forward, rotation=0) is plain
+
+
+def test_views_can_be_sent_to_another_process(plain) -> None:
+    shown = view(plain, n_frames=3, direction=Direction.backward, rotation=270)
+    copy = pickle.loads(pickle.dumps(shown))
+    assert (copy.id, len(copy)) == (shown.id, 3)
+    np.testing.assert_array_equal(copy.image(1), shown.image(1))
+
+
+def test_only_quarter_turns(plain) -> None:
+    with pytest.raises(ValueError, match="multiples of 90 degrees, not by 45"):
+        turned(plain, 45)

@@ -29,10 +29,10 @@ def mutual_nearest(query: NDArray[np.float32], train: NDArray[np.float32]) -> tu
         return nothing, nothing
     left = np.column_stack([query, _squared_length(query), np.ones_like(query[:, 0])])
     right = np.column_stack([-2.0 * train, np.ones_like(train[:, 0]), _squared_length(train)])
-    distance = left @ right.T
-    nearest_train, nearest_query = distance.argmin(axis=1), distance.argmin(axis=0)
-    rows = np.arange(len(query))
-    mutual = np.flatnonzero(nearest_query[nearest_train] == rows)
+    nearest_train = (left @ right.T).argmin(axis=1)
+    # Rows are searched much faster than columns, and only those that are some query's nearest need to be.
+    nearest_query = (right[nearest_train] @ left.T).argmin(axis=1)
+    mutual = np.flatnonzero(nearest_query == np.arange(len(query)))
     return mutual, nearest_train[mutual]
 
 

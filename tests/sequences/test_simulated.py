@@ -1,11 +1,13 @@
 import pickle
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
-from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.exceptions import DataError, DataWarning, SettingsError, UnknownNameError
 from tracknoise.geometry.depth import interpolate
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.registry import make_reader, open_sequence
@@ -20,6 +22,17 @@ FRAMES, WIDTH, HEIGHT = 11, 160, 120
 def sequence(request: pytest.FixtureRequest) -> SimulatedSequence:
     reader = Simulated(motions=(request.param,), frames=FRAMES, width=WIDTH, height=HEIGHT)
     return reader.open(reader.sequences()[0])
+
+
+@pytest.fixture
+def world_file(tmp_path: Path) -> Path:
+    """A wall that is 40 m wide, 20 m high and 2 m thick, with its southern side at y = 4."""
+    wall = "<geometry><box><size>40 2 20</size></box></geometry>"
+    link = f"<link name='l'><visual name='v'><pose>0 5 0 0 0 0</pose>{wall}</visual></link>"
+    world = f"<world name='w'><model name='m'>{link}</model></world>"
+    path = tmp_path / "wall.world"
+    path.write_text(f"<sdf version='1.6'>{world}</sdf>")
+    return path
 
 
 def places(sequence: SimulatedSequence, count: int = 2000) -> np.ndarray:
@@ -145,6 +158,60 @@ def test_shadows_darken_some_of_the_image() -> None:
     assert 0.02 < np.mean(shaded < plain - 5.0) < 0.6
 
 
+def test_paths_through_a_world_file_start_where_they_are_told_to(world_file: Path) -> None:
+    """The sideways camera stands near (0, -6) and looks north in its own frame: here it is moved, and looks west."""
+    options = {"frames": 3, "motions": ["sideways"]}
+    plain = open_sequence("simulated", world_file=str(world_file), **options).world_from_camera
+    placed = open_sequence("simulated", world_file=str(world_file), origin=[10, 20, 3], yaw_deg=90, **options)
+    poses = placed.world_from_camera
+    x, y, z = plain[:, :3, 3].T
+    np.testing.assert_allclose(poses[:, :3, 3], np.stack([10 - y, 20 + x, 3 + z], axis=-1))
+    np.testing.assert_allclose(poses[:, :3, 2], np.tile([-1.0, 0.0, 0.0], (3, 1)), atol=1e-12)
+    np.testing.assert_allclose(poses[:, :3, 1], np.tile([0.0, 0.0, -1.0], (3, 1)), atol=1e-12)
+
+
+def test_a_world_file_is_what_is_seen(world_file: Path) -> None:
+    """A wall at y = 4, which the camera faces, and the way to it."""
+    sequence = open_sequence("simulated", world_file=str(world_file), motions=["sideways"], frames=2)
+    uv = np.array([[400.0, 300.0]])
+    points, hit = sequence.surface.cast(1, uv)
+    assert hit.all()
+    assert points[0, 1] == pytest.approx(4.0)
+    depth = sequence.depth(1).depth_m[300, 400]
+    assert depth == pytest.approx(4.0 - sequence.world_from_camera[1, 1, 3])
+    assert sequence.source == f"simulated scene sideways-00 in {world_file}"
+
+
+def test_notes_say_what_of_a_world_is_not_shown(world_file: Path) -> None:
+    world_file.write_text(world_file.read_text().replace("</model>", "</model><light name='lamp' type='point'/>"))
+    sequence = Simulated(world_file=world_file, motions=("sideways",)).open(SequenceId("simulated", "sideways-00"))
+    with pytest.warns(DataWarning, match="<light> 'lamp' is not shown"):
+        notes = sequence.notes
+    assert notes == (f"{world_file}: <light> 'lamp' is not shown",)
+    assert Simulated().open(SequenceId("simulated", "sideways-00")).notes == ()
+
+
+def test_objects_are_the_models_of_a_folder(sample: Callable) -> None:
+    folder = sample("gazebo_models")
+    reader = Simulated(
+        motions=("linear", "arvr"), world="objects", models=str(folder), width=160, height=120, frames=300, worlds=2
+    )
+    scenes = [item.scene for item in reader.sequences()]
+    assert scenes == ["arvr-00", "arvr-01", "linear-00", "linear-01"]
+    first = reader.open(SequenceId("simulated", "linear-01"))
+    assert first.notes[0].startswith("its objects are the Gazebo models ")
+    assert first.notes[0].endswith(f" of {folder}")
+    copy: SimulatedSequence = pickle.loads(pickle.dumps(first))
+    np.testing.assert_array_equal(copy.image(299), first.image(299))
+
+
+def test_missing_worlds_and_models_are_named(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r"gone\.world: no such file, expected a Gazebo world"):
+        Simulated(world_file=tmp_path / "gone.world").sequences()
+    with pytest.raises(DataError, match="gone: no such folder, expected a folder of Gazebo models"):
+        Simulated(world="objects", motions=("arvr",), models=tmp_path / "gone").sequences()
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -162,6 +229,17 @@ def test_shadows_darken_some_of_the_image() -> None:
         ({"lightings": []}, "lightings must be a list of names, not []"),
         ({"motions": ["foward"]}, "unknown motion 'foward' (did you mean 'forward'?)"),
         ({"lightings": ["moon"]}, "unknown lighting 'moon'; known: default, east, overhead, west"),
+        ({"world": "moon"}, "unknown world 'moon'; known: objects, plaza"),
+        ({"motions": ["linear"]}, "motion 'linear' does not suit world 'plaza'; sideways, sideways-left, fixating, "),
+        ({"world": "objects", "motions": ["forward"]}, "motion 'forward' does not suit world 'objects'; sideways, "),
+        ({"models": "models"}, "world 'plaza' takes no models"),
+        ({"models": 3}, "models must be a path, not 3"),
+        ({"world_file": ["a.world"]}, "world_file must be a path, not ['a.world']"),
+        ({"world_file": "a.world", "world": "objects"}, "world and world_file exclude each other"),
+        ({"origin": [1.0, 2.0, 3.0]}, "origin and yaw_deg need a world_file"),
+        ({"yaw_deg": 3.0}, "origin and yaw_deg need a world_file"),
+        ({"world_file": "a.world", "origin": [1.0, 2.0]}, "origin must be three finite numbers (x, y, z in metres)"),
+        ({"world_file": "a.world", "yaw_deg": "90"}, "yaw_deg must be a finite number, not '90'"),
         ({"hfov": 60.0}, "unknown option of reader 'simulated' 'hfov' (did you mean 'hfov_deg'?)"),
     ],
 )

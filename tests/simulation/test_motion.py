@@ -2,10 +2,21 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.pose import invert, transform
-from tracknoise.simulation.motion import MOTIONS, Motion, arvr, fixating, forward, looking, sideways, sideways_left
+from tracknoise.simulation.motion import (
+    MOTIONS,
+    Motion,
+    arvr,
+    fixating,
+    forward,
+    linear,
+    looking,
+    sideways,
+    sideways_left,
+)
 
 FRAMES = 150
 
@@ -78,6 +89,25 @@ def test_sideways_left_goes_the_other_way() -> None:
     right, left = poses(sideways), poses(sideways_left)
     np.testing.assert_allclose(np.diff(left[:, 0, 3]), -np.diff(right[:, 0, 3]), atol=1e-12)
     np.testing.assert_array_equal(left[:, :3, :3], right[:, :3, :3])
+
+
+def test_linear_flies_right_at_constant_speed_for_more_than_300_frames_and_then_back() -> None:
+    for seed in range(5):
+        x = poses(linear, 1000, seed)[:, 0, 3]
+        assert np.all(np.diff(x[:500]) > 0.03)
+        assert np.ptp(np.diff(x[:500])) < 1e-12
+        assert np.abs(x).max() <= 12.0
+        assert np.diff(x).min() < -0.03
+
+
+def test_linear_sways_a_little_and_slowly() -> None:
+    path = poses(linear, 400)
+    north = looking(np.zeros((1, 3)), np.array([[0.0, 1.0, 0.0]]))[0, :3, :3]
+    sway_deg = np.rad2deg(Rotation.from_matrix(path[:, :3, :3] @ north.T).as_rotvec())
+    reach_deg, reach_m = np.ptp(sway_deg, axis=0), np.ptp(path[:, 1:3, 3], axis=0)
+    assert np.all((reach_deg > 0.5) & (reach_deg < 1.6))
+    assert np.all((reach_m > 0.02) & (reach_m < 0.1))
+    assert rotation_deg(path).max() < 0.1
 
 
 def test_fixating_keeps_its_target_in_the_middle_at_a_constant_distance() -> None:

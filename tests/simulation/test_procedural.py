@@ -3,6 +3,7 @@ import pytest
 
 from tracknoise.geometry.camera import Camera
 from tracknoise.simulation.motion import MOTIONS
+from tracknoise.simulation.places import PLACES
 from tracknoise.simulation.procedural import procedural_world
 from tracknoise.simulation.raycast import Raycaster, depth_map
 from tracknoise.simulation.world import World
@@ -29,7 +30,7 @@ def test_the_generator_decides(world: World, request: pytest.FixtureRequest) -> 
     assert other.vertices.shape != world.vertices.shape or np.abs(other.vertices - world.vertices).max() > 0.1
 
 
-@pytest.mark.parametrize("name", MOTIONS)
+@pytest.mark.parametrize("name", PLACES["plaza"].motions)
 def test_every_view_is_full_deep_and_clear_of_surfaces(raycaster: Raycaster, name: str) -> None:
     camera = Camera(40, 30, 34.6, 34.6, 19.5, 14.5)
     path = MOTIONS[name](1000, np.random.default_rng(0))

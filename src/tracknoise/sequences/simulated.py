@@ -4,36 +4,51 @@ import zlib
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
-from tracknoise.exceptions import UnknownNameError
+from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.sequence import DEFAULT_LIGHTING, SequenceId, TruthKind
 from tracknoise.simulation.light import LIGHTINGS
 from tracknoise.simulation.motion import MOTIONS
-from tracknoise.simulation.procedural import procedural_world
+from tracknoise.simulation.places import PLACES
 from tracknoise.simulation.raycast import Raycaster, depth_map, surface_points
 from tracknoise.simulation.render import Quality, Renderer
+from tracknoise.simulation.scenery import Scenery
+from tracknoise.simulation.sdf.library import model_names
+from tracknoise.simulation.sdf.load import load_world
 from tracknoise.simulation.sensor import expose
-from tracknoise.simulation.world import World
 
 _WORLD, _PATH, _NOISE = range(3)  # streams of random numbers that know nothing of each other
+_DEFAULT_WORLD = "plaza"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Simulated:
-    """Renders worlds that are made from a seed.
+    """Renders worlds that are made from a seed, or one from a file.
 
     Parameters
     ----------
     motions
         How the camera moves: names in `tracknoise.simulation.motion.MOTIONS`.
+    world
+        Kind of world: a name in `tracknoise.simulation.places.PLACES`, which says what motions suit it.
+    models
+        Folder of Gazebo models: objects of the worlds, or models that `world_file` includes.
+    world_file
+        Gazebo world (SDF) to move through instead; any motion will do, but nothing keeps it clear of surfaces.
+    origin, yaw_deg
+        Where in the file's frame the frame of the motion has its origin (x, y, z, metres), and by how much it is turned
+        about z, counter-clockwise seen from above: see docs/worlds.md.
     worlds
-        Count of scenes for each motion. Each has a world of its own, so that scenes are independent.
+        Count of scenes for each motion. Each has a world of its own, so that scenes are independent; with `world_file`
+        only a path of its own.
     frames
         Count of frames of each sequence.
     width, height
@@ -56,14 +71,20 @@ class Simulated:
     ValueError
         If a setting has a wrong type or an impossible value.
     UnknownNameError
-        If there is no such motion or lighting.
+        If there is no such motion, world or lighting.
     """
 
     name: ClassVar[str] = "simulated"
     description: ClassVar[str] = "rendered worlds with exact poses, depth and surface; needs no files"
     needs_root: ClassVar[bool] = False
+    path_options: ClassVar[tuple[str, ...]] = ("models", "world_file")
 
     motions: tuple[str, ...] = ("sideways", "fixating", "forward", "arvr")
+    world: str = _DEFAULT_WORLD
+    models: Path | None = None
+    world_file: Path | None = None
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    yaw_deg: float = 0.0
     worlds: int = 1
     frames: int = 60
     width: int = 800
@@ -88,6 +109,29 @@ class Simulated:
             raise ValueError(f"noise_sigma must be a number of at least 0, not {self.noise_sigma!r}")
         if type(self.shadows) is not bool:
             raise ValueError(f"shadows must be true or false, not {self.shadows!r}")
+        for name in self.path_options:
+            object.__setattr__(self, name, _path(name, getattr(self, name)))
+        object.__setattr__(self, "origin", _place(self.origin))
+        if not _is_number(self.yaw_deg) or not np.isfinite(self.yaw_deg):
+            raise ValueError(f"yaw_deg must be a finite number, not {self.yaw_deg!r}")
+        self._require_that_world_and_motions_fit()
+
+    def _require_that_world_and_motions_fit(self) -> None:
+        if self.world not in PLACES:
+            raise UnknownNameError("world", str(self.world), PLACES)
+        if self.world_file is not None:
+            if self.world != _DEFAULT_WORLD:
+                raise ValueError("world and world_file exclude each other")
+            return
+        if any(self.origin) or self.yaw_deg:
+            raise ValueError("origin and yaw_deg need a world_file")
+        place = PLACES[self.world]
+        if self.models is not None and not place.takes_models:
+            raise ValueError(f"world {self.world!r} takes no models")
+        for motion in self.motions:
+            if motion not in place.motions:
+                fitting = ", ".join(place.motions)
+                raise ValueError(f"motion {motion!r} does not suit world {self.world!r}; {fitting} do")
 
     @property
     def camera(self) -> Camera:
@@ -96,7 +140,17 @@ class Simulated:
         return Camera(self.width, self.height, focal, focal, (self.width - 1) / 2.0, (self.height - 1) / 2.0)
 
     def sequences(self) -> list[SequenceId]:
-        """All sequences, sorted: scenes are named ``<motion>-<index of the world>``."""
+        """All sequences, sorted: scenes are named ``<motion>-<index of the world>``.
+
+        Raises
+        ------
+        DataError
+            If there is no such world file, or no model in the folder of models.
+        """
+        if self.world_file is not None and not self.world_file.is_file():
+            raise DataError(self.world_file, "no such file", "a Gazebo world (.world or .sdf)")
+        if self.models is not None:
+            model_names(self.models)
         return sorted(
             SequenceId(self.name, f"{motion}-{world:02d}", lighting)
             for motion in self.motions
@@ -111,6 +165,8 @@ class Simulated:
         ------
         UnknownNameError
             If there is no such scene or lighting.
+        DataError
+            As `sequences`.
         """
         listed = self.sequences()
         if sequence not in listed:
@@ -120,7 +176,28 @@ class Simulated:
             raise UnknownNameError("scene", sequence.scene, {item.scene for item in listed})
         motion = MOTIONS[sequence.scene.rpartition("-")[0]]
         poses = motion(self.frames, _generator(self.seed, _PATH, sequence.scene))
+        if self.world_file is not None:
+            poses = self._world_from_motion() @ poses
         return SimulatedSequence(sequence, self.camera, poses, self)
+
+    def build(self, scene: str) -> Scenery:
+        """Make or read the world of a scene.
+
+        Raises
+        ------
+        DataError
+            If a world file or a model cannot be used.
+        """
+        if self.world_file is not None:
+            return load_world(self.world_file, models=self.models)
+        return PLACES[self.world].build(_generator(self.seed, _WORLD, scene), self.models)
+
+    def _world_from_motion(self) -> NDArray[np.float64]:
+        """(4, 4) float64: where the world file's frame has the frame of the motion."""
+        pose = np.eye(4)
+        pose[:3, :3] = Rotation.from_euler("z", self.yaw_deg, degrees=True).as_matrix()
+        pose[:3, 3] = self.origin
+        return pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +231,8 @@ class SimulatedSequence:
     @property
     def source(self) -> str:
         """What is simulated."""
-        return f"simulated scene {self.id.scene}"
+        file = self.settings.world_file
+        return f"simulated scene {self.id.scene}" + ("" if file is None else f" in {file}")
 
     @property
     def truths(self) -> tuple[TruthKind, ...]:
@@ -163,8 +241,8 @@ class SimulatedSequence:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Nothing: a simulation needs no corrections."""
-        return ()
+        """Which models are in the world, and what of them is not shown as Gazebo would show it."""
+        return self._scenery.notes
 
     def image(self, index: int) -> NDArray[np.uint8]:
         """(height, width) uint8: one frame, the same whenever and in whatever order it is asked for."""
@@ -179,6 +257,11 @@ class SimulatedSequence:
     def surface(self) -> "SimulatedSequence":
         """The exact surface: the sequence itself, through `cast`."""
         return self
+
+    @property
+    def scan(self) -> None:
+        """None: the surface itself is known."""
+        return None
 
     def cast(self, index: int, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """First surface points on the rays through pixels of one frame (truth.raycast).
@@ -199,18 +282,19 @@ class SimulatedSequence:
         return surface_points(self._raycaster, self.camera, self.world_from_camera[index], uv)
 
     @cached_property
-    def _world(self) -> World:
-        return procedural_world(_generator(self.settings.seed, _WORLD, self.id.scene))
+    def _scenery(self) -> Scenery:
+        return self.settings.build(self.id.scene)
 
     @cached_property
     def _raycaster(self) -> Raycaster:
-        return Raycaster(self._world)
+        return Raycaster(self._scenery.world)
 
     @cached_property
     def _renderer(self) -> Renderer:
         quality = Quality(self.settings.supersampling, self.settings.shadows)
         lighting = LIGHTINGS[self.id.lighting]
-        return Renderer(self._world, self._raycaster, camera=self.camera, lighting=lighting, quality=quality)
+        world = self._scenery.world
+        return Renderer(world, self._raycaster, camera=self.camera, lighting=lighting, quality=quality)
 
 
 def _generator(seed: int, stream: int, name: str, index: int = 0) -> np.random.Generator:
@@ -229,3 +313,17 @@ def _names(kind: str, names: object, known: Collection[str]) -> tuple[str, ...]:
 
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _path(name: str, value: object) -> Path | None:
+    if value is not None and not isinstance(value, str | Path):
+        raise ValueError(f"{name} must be a path, not {value!r}")
+    return None if value is None else Path(value)
+
+
+def _place(origin: object) -> tuple[float, float, float]:
+    if isinstance(origin, list | tuple) and len(origin) == 3 and all(map(_is_number, origin)):
+        x, y, z = (float(coordinate) for coordinate in origin)
+        if np.isfinite([x, y, z]).all():
+            return x, y, z
+    raise ValueError(f"origin must be three finite numbers (x, y, z in metres), not {origin!r}")

@@ -1,7 +1,9 @@
-"""Camera paths through the procedural world, one pose a frame.
+"""Camera paths through procedural worlds, one pose a frame.
 
-World frame: x east, y north, z up, metres. All paths are free of roll but AR/VR's, and stay in the clear lanes that
-`tracknoise.simulation.procedural` leaves. Image motion is typically 1 to 5 px a frame at 640x480 and 60 degrees.
+World frame: x east, y north, z up, metres. All paths but the quadrotor's and AR/VR's are free of roll. They stay in the
+clear lanes that `tracknoise.simulation.procedural` and `tracknoise.simulation.objects` leave:
+`tracknoise.simulation.places.PLACES` says which suits which. Image motion is typically 1 to 5 px a frame at 640x480 and
+60 degrees.
 """
 
 from collections.abc import Callable, Mapping
@@ -19,7 +21,14 @@ LANE_X_M, LANE_SOUTH_M, LANE_NORTH_M = 10.0, -14.0, 160.0
 TRACK_HALF_M = 3.5
 """The sideways camera keeps within this distance of the plane x = 0."""
 
+LINEAR_HALF_M = 12.0
+"""The quadrotor keeps within this distance of the plane x = 0."""
+
 _SIDEWAYS_STEP_M = 0.03
+_LINEAR_STEP_M = 0.04
+_HOVER_HEIGHT_M = 2.5
+_HOVER_SWAY_M, _HOVER_SWAY_DEG = 0.05, 0.8
+_HOVER_PERIODS = np.array([67.0, 109.0, 181.0])  # frames; no two in a simple ratio, so that no swing repeats
 _ORBIT_STEP_DEG = 0.4
 _FORWARD_STEP_M = 0.1
 _HOME = np.array([0.0, -ORBIT_M, EYE_HEIGHT_M])
@@ -55,6 +64,21 @@ def sideways_left(frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """As `sideways`, but to the left: the mirror image of the path about the plane x = 0."""
     poses = sideways(frames, rng)
     poses[:, 0, 3] *= -1.0
+    return poses
+
+
+def linear(frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Fly a quadrotor to the right at constant speed past large objects, looking north; turn back at the end.
+
+    As a hovering quadrotor does, it sways: across its path by up to 5 cm, and about each axis by up to 0.8 degrees, as
+    the sum of three slow oscillations.
+    """
+    step = _LINEAR_STEP_M * rng.uniform(0.9, 1.1)
+    x = _back_and_forth(step, frames, 2.0 * LINEAR_HALF_M) - LINEAR_HALF_M
+    sway = _sway(frames, 5, rng)
+    across = (_HOME[1], _HOVER_HEIGHT_M) + rng.uniform(-0.3, 0.3, 2) + _HOVER_SWAY_M * sway[:, :2]
+    poses = looking(np.column_stack([x, across]), np.broadcast_to([0.0, 1.0, 0.0], (frames, 3)))
+    poses[:, :3, :3] @= Rotation.from_rotvec(_HOVER_SWAY_DEG * sway[:, 2:], degrees=True).as_matrix()
     return poses
 
 
@@ -126,6 +150,14 @@ def looking(centres: NDArray[np.float64], forwards: NDArray[np.float64]) -> NDAr
     return poses
 
 
+def _sway(frames: int, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """(frames, count) smooth signals within -1 and 1, independent of each other."""
+    phase = rng.uniform(0.0, 2.0 * np.pi, (count, len(_HOVER_PERIODS)))
+    turns = 2.0 * np.pi * np.arange(frames)[:, None, None] / _HOVER_PERIODS
+    signals: NDArray[np.float64] = np.sin(turns + phase).mean(axis=2)
+    return signals
+
+
 def _back_and_forth(step: float, frames: int, span: float) -> NDArray[np.float64]:
     """Distance of each frame from the start of a track of given length, turning at its ends."""
     travelled = step * np.arange(frames, dtype=np.float64)
@@ -136,6 +168,7 @@ MOTIONS: Mapping[str, Motion] = MappingProxyType(
     {
         "sideways": sideways,
         "sideways-left": sideways_left,
+        "linear": linear,
         "fixating": fixating,
         "forward": forward,
         "arvr": arvr,

@@ -1,0 +1,44 @@
+"""Worlds by name, and the motions that keep clear of what stands in them."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from tracknoise.simulation.objects import objects_world
+from tracknoise.simulation.procedural import procedural_world
+from tracknoise.simulation.scenery import Scenery
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A kind of world.
+
+    Parameters
+    ----------
+    build
+        Makes one from a generator and, where it takes models, their folder or None.
+    motions
+        Names in `tracknoise.simulation.motion.MOTIONS` of the paths that are clear of surfaces.
+    takes_models
+        Whether Gazebo models can stand in it.
+    """
+
+    build: Callable[[np.random.Generator, Path | None], Scenery]
+    motions: tuple[str, ...]
+    takes_models: bool
+
+
+def _plaza(rng: np.random.Generator, models: Path | None) -> Scenery:
+    return Scenery(procedural_world(rng))
+
+
+PLACES: Mapping[str, Place] = MappingProxyType(
+    {
+        "plaza": Place(_plaza, ("sideways", "sideways-left", "fixating", "forward", "arvr"), takes_models=False),
+        "objects": Place(objects_world, ("sideways", "sideways-left", "linear", "arvr"), takes_models=True),
+    }
+)
+"""Kinds of worlds by name."""

@@ -1,0 +1,90 @@
+"""COLLADA meshes (.dae)."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from collada import Collada
+from collada.common import DaeError
+from collada.lineset import LineSet
+from collada.material import Map
+from numpy.typing import NDArray
+
+from tracknoise.simulation.sdf.library import Library
+from tracknoise.simulation.sdf.part import Look, Part, even
+from tracknoise.simulation.sdf.remarks import Remarks
+
+_DAMAGED = (DaeError, ET.ParseError, ValueError, LookupError, AttributeError, TypeError)
+_AS_GAZEBO = "Z_UP"
+
+
+def read_collada(path: Path, library: Library, remarks: Remarks) -> list[Part]:
+    """Triangles of a COLLADA file's scene, in metres.
+
+    As in Gazebo, ``<unit>`` is applied, and ``<up_axis>`` is not.
+
+    Parameters
+    ----------
+    path
+        The file.
+    library
+        Where its textures are looked for.
+    remarks
+        Takes what is not supported.
+    """
+    try:
+        document = Collada(str(path), ignore=[DaeError])
+        parts = [] if document.scene is None else list(_parts(document, path, library, remarks))
+    except _DAMAGED as error:
+        remarks.add(path, f"damaged COLLADA file ({_one_line(error)}); it is left out")
+        return []
+    if document.errors:
+        remarks.add(path, f"part of the file cannot be used ({_one_line(document.errors[0])}); it is left out")
+    if document.assetInfo.upaxis != _AS_GAZEBO:
+        remarks.add(path, f"<up_axis> {document.assetInfo.upaxis} is not applied, as in Gazebo; z is up")
+    return parts
+
+
+def _parts(document: Any, path: Path, library: Library, remarks: Remarks) -> Iterator[Part]:
+    if any(True for _ in document.scene.objects("controller")):
+        remarks.add(path, "animated or skinned geometry is not supported; it is left out")
+    for bound in document.scene.objects("geometry"):
+        for primitive in bound.original.primitives:
+            if isinstance(primitive, LineSet):  # has no surface, and Gazebo shows none
+                continue
+            triangles = primitive.triangleset() if hasattr(primitive, "triangleset") else primitive
+            material = bound.materialnodebysymbol.get(triangles.material)
+            look = None if material is None else _look(material.target.effect.diffuse, path, library, remarks)
+            corners = _transformed(triangles, bound.matrix) * document.assetInfo.unitmeter
+            yield Part(corners, _corner_uv(triangles), look)
+
+
+def _transformed(triangles: Any, matrix: NDArray[np.float32]) -> NDArray[np.float64]:
+    """(t, 3, 3) float64: corners, moved by the matrix of their node."""
+    corners = triangles.vertex[triangles.vertex_index].astype(np.float64)
+    moved: NDArray[np.float64] = corners @ matrix[:3, :3].T.astype(np.float64) + matrix[:3, 3]
+    return moved
+
+
+def _corner_uv(triangles: Any) -> NDArray[np.float64] | None:
+    """The first set of texture coordinates, with row 0 first: COLLADA counts rows from the bottom."""
+    if not triangles.texcoordset:
+        return None
+    uv = triangles.texcoordset[0][triangles.texcoord_indexset[0]].astype(np.float64)[..., :2]
+    return np.stack([uv[..., 0], 1.0 - uv[..., 1]], axis=-1)
+
+
+def _look(diffuse: Any, path: Path, library: Library, remarks: Remarks) -> Look | None:
+    if not isinstance(diffuse, Map):
+        return None if diffuse is None else even(*diffuse[:3])
+    name = diffuse.sampler.surface.image.path
+    texture = library.find_texture(name, path.parent)
+    if texture is None:
+        remarks.add(path, f"texture {name!r} is not found; plain grey is shown instead")
+    return Look(texture) if texture else None
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

@@ -1,0 +1,156 @@
+"""Worlds and models of Gazebo's as `tracknoise.simulation.world.World`."""
+
+import warnings
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import DataError, DataWarning
+from tracknoise.simulation.scenery import Scenery
+from tracknoise.simulation.sdf.coincident import set_apart
+from tracknoise.simulation.sdf.document import Visual, read_visuals
+from tracknoise.simulation.sdf.library import Library, model_file
+from tracknoise.simulation.sdf.materials import own_look
+from tracknoise.simulation.sdf.meshes import read_mesh
+from tracknoise.simulation.sdf.part import PLAIN, Look, Part
+from tracknoise.simulation.sdf.remarks import Remarks
+from tracknoise.simulation.sdf.shapes import SHAPES
+from tracknoise.simulation.sdf.xml import child_numbers, text_of
+from tracknoise.simulation.world import World
+
+_LARGEST_SIDE = 1024
+_THINNEST = 1e-7  # sine of the smallest angle of a triangle that counts as one
+_SUPPORTED = "a mesh, box, sphere, cylinder or plane that can be shown"
+
+
+def load_world(path: Path, *, models: Path | None = None) -> Scenery:
+    """Read a world, or a single model.
+
+    Parameters
+    ----------
+    path
+        A ``.world`` or ``.sdf`` file.
+    models
+        Folder in which ``model://`` URIs are looked for first; then come the file's own folder, ``models`` in it, and
+        the folder above.
+
+    Returns
+    -------
+    Scenery
+        In the file's own frame, which has z up. Its notes name all that is not shown as Gazebo would show it; there
+        is a `DataWarning` of each as well.
+
+    Raises
+    ------
+    DataError
+        If a file is missing or malformed, or nothing can be seen.
+    """
+    own = path.parent
+    library = Library((*(() if models is None else (models,)), own, own / "models", own.parent))
+    remarks = Remarks()
+    parts = [part for visual in read_visuals(path, library, remarks) for part in _parts(visual, library, remarks)]
+    world = _assemble(parts, remarks)
+    if world is None:
+        found = "; ".join(("nothing that can be seen", *remarks.lines))
+        raise DataError(path, found, _SUPPORTED)
+    for line in remarks.lines:
+        warnings.warn(line, DataWarning, stacklevel=2)
+    return Scenery(world, remarks.lines)
+
+
+def load_model(folder: Path) -> Scenery:
+    """Read a model from its folder in a folder of models; see `load_world`."""
+    return load_world(model_file(folder), models=folder.parent)
+
+
+def _parts(visual: Visual, library: Library, remarks: Remarks) -> list[Part]:
+    """Triangles of a visual, in the world frame, with what they wear."""
+    parts = _shaped(visual, library, remarks)
+    look = own_look(visual.material, visual.file, library, remarks) if parts else None
+    rotation, centre = visual.world_from_visual[:3, :3], visual.world_from_visual[:3, 3]
+    return [Part(part.corners @ rotation.T + centre, part.corner_uv, look or part.look) for part in parts]
+
+
+def _shaped(visual: Visual, library: Library, remarks: Remarks) -> list[Part]:
+    """Triangles of a visual's geometry, in its own frame."""
+    geometry = visual.geometry
+    if geometry.tag == "mesh":
+        return _mesh(visual, library, remarks)
+    if geometry.tag in SHAPES:
+        return [SHAPES[geometry.tag](geometry, f"{visual.file}: {visual.name}")]
+    if geometry.tag != "empty":
+        remarks.add(visual.file, f"<{geometry.tag}> of {visual.name} is not supported; it is left out")
+    return []
+
+
+def _mesh(visual: Visual, library: Library, remarks: Remarks) -> list[Part]:
+    uri = text_of(visual.geometry, "uri")
+    path = library.find(uri, visual.file.parent) if uri else None
+    if path is None or not path.is_file():
+        remarks.add(visual.file, f"mesh {uri!r} of {visual.name} is not found; it is left out")
+        return []
+    if visual.geometry.find("submesh") is not None:
+        remarks.add(visual.file, f"<submesh> of {visual.name} is not supported; it is left out")
+        return []
+    scale = child_numbers(visual.geometry, "scale", (1.0, 1.0, 1.0), visual.file)
+    return [Part(part.corners * scale, part.corner_uv, part.look) for part in read_mesh(path, library, remarks)]
+
+
+def _assemble(parts: list[Part], remarks: Remarks) -> World | None:
+    """A world of all triangles that have an area; None if there is none."""
+    looks: dict[Look, int] = {}
+    kept = [(part, _has_area(part.corners)) for part in parts]
+    kept = [(part, keep) for part, keep in kept if keep.any()]
+    if not kept:
+        return None
+    corners = set_apart(np.concatenate([part.corners[keep] for part, keep in kept]))
+    texture = [looks.setdefault(_worn(part, remarks), len(looks)) for part, _ in kept]
+    uv = [np.zeros((len(part.corners), 3, 2)) if part.corner_uv is None else part.corner_uv for part, _ in kept]
+    return World(
+        vertices=corners.reshape(-1, 3),
+        faces=np.arange(3 * len(corners)).reshape(-1, 3),
+        corner_uv=np.concatenate([each[keep] for each, (_, keep) in zip(uv, kept, strict=True)]),
+        texture=np.repeat(texture, [keep.sum() for _, keep in kept]),
+        textures=tuple(_texture(look, remarks) for look in looks),
+        blocks_light=np.ones(len(corners), np.bool_),
+    )
+
+
+def _worn(part: Part, remarks: Remarks) -> Look:
+    """What a part wears, where a texture needs coordinates."""
+    look = part.look or PLAIN
+    if look.texture is None or part.corner_uv is not None:
+        return look
+    remarks.add(look.texture, "worn by a mesh without texture coordinates; plain grey is shown instead")
+    return PLAIN
+
+
+def _has_area(corners: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(t,) bool: whether triangles are finite and their corners do not lie on a line."""
+    edges = np.nan_to_num(corners[:, 1:] - corners[:, :1], nan=0.0, posinf=0.0, neginf=0.0)
+    double_area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    longest = np.linalg.norm(edges, axis=2).max(axis=1, initial=0.0)
+    wide: NDArray[np.bool_] = (double_area > _THINNEST * longest**2) & (longest > 0.0)
+    return wide & np.isfinite(corners).all(axis=(1, 2))
+
+
+def _texture(look: Look, remarks: Remarks) -> NDArray[np.float32]:
+    """Reflectance as a square whose side is the power of two nearest to the image's longer side, at most 1024."""
+    if look.texture is None:
+        return np.full((1, 1), look.reflectance, np.float32)
+    data = np.fromfile(look.texture, np.uint8)
+    image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
+    if image is None:
+        remarks.add(look.texture, "cannot be read as an image; plain grey is shown instead")
+        return np.full((1, 1), PLAIN.reflectance, np.float32)
+    side = min(1 << round(float(np.log2(max(image.shape)))), _LARGEST_SIDE)
+    wide = _resized(image.astype(np.float32) / np.float32(255.0), side)
+    return np.ascontiguousarray(_resized(wide.T, side).T)
+
+
+def _resized(image: NDArray[np.float32], width: int) -> NDArray[np.float32]:
+    """The image with another width: means where it shrinks, linear interpolation where it grows."""
+    how = cv2.INTER_AREA if width < image.shape[1] else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(image, (width, image.shape[0]), interpolation=how), np.float32)

@@ -1,0 +1,86 @@
+"""What a visual's own ``<material>`` says it wears, Ogre's material scripts included."""
+
+import re
+from pathlib import Path
+
+from tracknoise.simulation.sdf.library import Library
+from tracknoise.simulation.sdf.part import Look, even
+from tracknoise.simulation.sdf.remarks import Remarks
+from tracknoise.simulation.sdf.xml import Element, numbers, text_of
+
+
+def own_look(material: Element | None, file: Path, library: Library, remarks: Remarks) -> Look | None:
+    """What a material says the whole visual wears.
+
+    Parameters
+    ----------
+    material
+        The ``<material>`` of a visual.
+    file
+        The SDF file it stands in.
+    library
+        Where scripts and textures are looked for.
+    remarks
+        Takes what is not supported or not found.
+
+    Returns
+    -------
+    Look or None
+        None where it says nothing, so that the mesh's own materials stay.
+    """
+    if material is None:
+        return None
+    script = material.find("script")
+    look = None if script is None else _scripted(script, file, library, remarks)
+    albedo = next((item.text for item in material.iter("albedo_map") if item.text), None)
+    if look is None and albedo is not None:
+        look = _textured(albedo.strip(), file.parent, file, library, remarks)
+    diffuse = material.find("diffuse")
+    if look is None and diffuse is not None:
+        count = 4 if len((diffuse.text or "").split()) == 4 else 3
+        look = even(*numbers(diffuse, count, file)[:3])
+    return look
+
+
+def _scripted(script: Element, file: Path, library: Library, remarks: Remarks) -> Look | None:
+    """Look of an Ogre material, by its name, from the first script that has it."""
+    name = text_of(script, "name") or ""
+    for uri in script.findall("uri"):
+        place = library.find((uri.text or "").strip(), file.parent)
+        for path in () if place is None else sorted(place.glob("*.material")) if place.is_dir() else (place,):
+            body = _body(path.read_text(errors="replace"), name)
+            if body is not None:
+                return _look(body, name, path, library, remarks)
+    remarks.add(file, f"material {name!r} is not found; it is passed over")
+    return None
+
+
+def _look(body: str, name: str, path: Path, library: Library, remarks: Remarks) -> Look | None:
+    texture = re.search(r"^\s*texture\s+(\S+)", body, re.MULTILINE)
+    if texture is not None:
+        return _textured(texture[1], path.parent, path, library, remarks)
+    diffuse = re.search(r"^\s*diffuse((?:\s+[\d.]+){3})", body, re.MULTILINE)
+    if diffuse is not None:
+        return even(*(float(word) for word in diffuse[1].split()))
+    remarks.add(path, f"material {name!r} has neither texture nor diffuse colour; it is passed over")
+    return None
+
+
+def _textured(name: str, beside: Path, place: Path, library: Library, remarks: Remarks) -> Look | None:
+    texture = library.find_texture(name, beside)
+    if texture is None:
+        remarks.add(place, f"texture {name!r} is not found; it is passed over")
+        return None
+    return Look(texture)
+
+
+def _body(script: str, name: str) -> str | None:
+    """What stands between the braces of a material in a script."""
+    start = re.search(rf"^\s*material\s+{re.escape(name)}\s*(?::[^{{]*)?{{", script, re.MULTILINE)
+    if start is None:
+        return None
+    depth, end = 1, start.end()
+    while depth and end < len(script):
+        depth += {"{": 1, "}": -1}.get(script[end], 0)
+        end += 1
+    return script[start.end() : end]

@@ -1,0 +1,87 @@
+"""SDF's XML: files, numbers and poses."""
+
+from pathlib import Path
+from xml.etree import ElementTree as ET
+from xml.parsers.expat import ErrorString
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from tracknoise.exceptions import DataError
+
+Element = ET.Element
+
+
+def read_xml(path: Path) -> Element:
+    """Root element of an XML file.
+
+    Raises
+    ------
+    DataError
+        If the file is missing or malformed, naming the line.
+    """
+    try:
+        return ET.fromstring(path.read_bytes())
+    except ET.ParseError as error:
+        what = ErrorString(error.code)
+        raise DataError(f"{path}:{error.position[0]}", f"malformed XML ({what})", "well-formed XML") from error
+    except OSError as error:
+        raise DataError(path, "no such file" if not path.exists() else "cannot be read", "an XML file") from error
+
+
+def text_of(element: Element | None, tag: str) -> str | None:
+    """Text of a child, without spaces around it; None where there is no child or no text."""
+    text = None if element is None else element.findtext(tag)
+    return (text or "").strip() or None
+
+
+def numbers(element: Element, count: int, place: str | Path) -> NDArray[np.float64]:
+    """(count,) float64: the numbers in an element.
+
+    Raises
+    ------
+    DataError
+        If there are more or fewer, or one is not finite.
+    """
+    text = (element.text or "").strip()
+    try:
+        values = np.array(text.split(), np.float64)
+    except ValueError:
+        values = np.empty(0)
+    if len(values) != count or not np.isfinite(values).all():
+        raise DataError(place, f"<{element.tag}> {text!r}", f"{count} finite numbers")
+    return values
+
+
+def child_numbers(element: Element, tag: str, default: tuple[float, ...], place: str | Path) -> NDArray[np.float64]:
+    """Numbers in a child, as many as in the default, which stands where there is no such child."""
+    child = element.find(tag)
+    return np.array(default) if child is None else numbers(child, len(default), place)
+
+
+def pose_of(element: Element | None, place: str | Path) -> NDArray[np.float64]:
+    """(4, 4) float64: parent_from_child of a ``<pose>``; the identity where there is none.
+
+    The six numbers are x, y, z (metres) and roll, pitch, yaw (radians; degrees if ``degrees="true"``) about the
+    parent's fixed axes in this order: R = Rz(yaw) Ry(pitch) Rx(roll). With ``rotation_format="quat_xyzw"`` the last
+    three are a quaternion instead.
+
+    Raises
+    ------
+    DataError
+        If the numbers are too few, too many or not finite, or make no rotation.
+    """
+    pose = np.eye(4)
+    if element is None or not (element.text or "").strip():
+        return pose
+    if element.get("rotation_format") == "quat_xyzw":
+        values = numbers(element, 7, place)
+        if not np.any(values[3:]):
+            raise DataError(place, f"<pose> {(element.text or '').strip()!r}", "a quaternion that is not zero")
+        rotation = Rotation.from_quat(values[3:])
+    else:
+        values = numbers(element, 6, place)
+        rotation = Rotation.from_euler("xyz", values[3:], degrees=element.get("degrees") in ("true", "1"))
+    pose[:3, :3], pose[:3, 3] = rotation.as_matrix(), values[:3]
+    return pose

@@ -1,0 +1,22 @@
+import numpy as np
+import pytest
+
+from tracknoise.simulation.motion import MOTIONS
+from tracknoise.simulation.places import PLACES
+from tracknoise.simulation.procedural import procedural_world
+
+
+def test_every_motion_suits_a_place() -> None:
+    assert {motion for place in PLACES.values() for motion in place.motions} == set(MOTIONS)
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_places_are_built_from_a_generator_alone(name: str) -> None:
+    scenery = PLACES[name].build(np.random.default_rng(0), None)
+    assert len(scenery.world.faces) > 500
+    assert scenery.notes == ()
+
+
+def test_the_plaza_is_the_procedural_world() -> None:
+    scenery = PLACES["plaza"].build(np.random.default_rng(3), None)
+    np.testing.assert_array_equal(scenery.world.vertices, procedural_world(np.random.default_rng(3)).vertices)

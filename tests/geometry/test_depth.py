@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tracknoise.geometry.camera import Camera
-from tracknoise.geometry.depth import DepthMap, farthest_neighbour, interpolate
+from tracknoise.geometry.depth import DepthMap, farthest_neighbour, interpolate, nearest, sample
 
 CAMERA = Camera(32, 24, 30.0, 30.0, 15.5, 11.5)
 
@@ -98,3 +98,71 @@ def test_no_positions_and_a_single_pixel():
 def test_depth_and_validity_have_one_shape():
     with pytest.raises(ValueError, match="must be the same 2-D shape"):
         DepthMap(np.ones((3, 4)), np.ones((4, 3), bool))
+
+
+def sparse(pixels: dict[tuple[int, int], float], *, radius_px: float = 1.0) -> DepthMap:
+    """A map with depth at a few pixels (u, v)."""
+    depth = np.zeros((24, 32))
+    for (u, v), depth_m in pixels.items():
+        depth[v, u] = depth_m
+    return DepthMap(depth, depth > 0, radius_px)
+
+
+def test_sparse_depth_is_that_of_the_nearest_pixel_by_hand():
+    depth = sparse({(10, 5): 4.0, (11, 5): 4.1, (11, 6): 4.2})
+    uv = np.array([[10.4, 5.0], [10.6, 5.0], [10.6, 5.6], [9.0, 5.0], [8.99, 5.0], [12.0, 7.0], [11.7, 6.7]])
+    read = nearest(depth, uv, 1.0)
+    assert read.valid.tolist() == [True, True, True, True, False, False, True]
+    assert read.depth_m.tolist() == [4.0, 4.1, 4.2, 4.0, 1.0, 1.0, 4.2]
+    assert not read.edge.any()
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.4, 1.0, 1.5, 2.6]))
+def test_sparse_depth_against_a_search_through_all_pixels(seed, radius_px):
+    rng = np.random.default_rng(seed)
+    depth = DepthMap(rng.uniform(4.0, 4.2, (24, 32)), rng.random((24, 32)) < 0.2, radius_px)
+    uv = rng.uniform((-2.0, -2.0), (33.0, 25.0), (40, 2))
+    uv[::4] = np.rint(uv[::4])
+    v, u = np.nonzero(depth.valid)
+    read = nearest(depth, uv, radius_px)
+    for position, depth_m, valid in zip(uv, read.depth_m, read.valid, strict=True):
+        distance = np.hypot(u - position[0], v - position[1])
+        assert valid == (distance.min() <= radius_px)
+        if valid:
+            assert depth_m == depth.depth_m[v, u][distance == distance.min()].min()
+
+
+def test_of_equally_near_pixels_the_least_depth_counts_however_the_image_is_turned():
+    depth = sparse({(9, 5): 4.2, (11, 5): 4.0, (10, 4): 4.1})
+    turned = DepthMap(np.rot90(depth.depth_m), np.rot90(depth.valid), 1.0)
+    assert nearest(depth, np.array([[10.0, 5.0]]), 1.0).depth_m == 4.0
+    assert nearest(turned, np.array([[5.0, 31.0 - 10.0]]), 1.0).depth_m == 4.0
+
+
+@pytest.mark.parametrize(("far_m", "edge"), [(2.199, False), (2.201, True)])
+def test_sparse_pixels_that_differ_by_a_tenth_are_an_edge(far_m, edge):
+    read = nearest(sparse({(10, 5): 2.0, (11, 5): far_m}), np.array([[10.4, 5.0], [9.9, 5.0]]), 1.0)
+    assert read.edge.tolist() == [edge, False]  # the second position is too far from the other pixel
+    assert read.valid.tolist() == [not edge, True]
+
+
+def test_a_map_is_read_as_its_kind_wants():
+    pixels, uv = {(10, 5): 4.0, (11, 5): 4.04, (10, 6): 4.0, (11, 6): 4.04}, np.array([[10.4, 5.5], [11.2, 5.0]])
+    dense = sample(sparse(pixels, radius_px=None), uv)
+    assert dense.valid.tolist() == [True, False]
+    np.testing.assert_allclose(dense.depth_m[0], 1 / (0.6 / 4.0 + 0.4 / 4.04))
+    assert sample(sparse(pixels), uv).depth_m.tolist() == [4.0, 4.04]
+    assert sample(sparse(pixels, radius_px=0.3), uv).valid.tolist() == [False, True]
+
+
+def test_sparse_depth_without_positions_and_beyond_the_image():
+    depth = sparse({(0, 0): 3.0, (31, 23): 5.0})
+    assert nearest(depth, np.empty((0, 2)), 1.0).depth_m.shape == (0,)
+    read = nearest(depth, np.array([[-0.5, -0.5], [31.4, 23.4], [-1.0, -1.0], [np.nan, 0.0], [1e30, 0.0]]), 1.0)
+    assert read.valid.tolist() == [True, True, False, False, False]
+    assert read.depth_m.tolist() == [3.0, 5.0, 1.0, 1.0, 1.0]
+
+
+def test_a_radius_is_no_negative_number():
+    with pytest.raises(ValueError, match="radius_px must be at least 0, not -1"):
+        sparse({}, radius_px=-1)

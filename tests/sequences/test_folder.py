@@ -86,6 +86,22 @@ def test_what_is_written_comes_back(scene: Path) -> None:
     assert read.depth(2) is None
 
 
+def test_depth_is_dense_unless_a_radius_is_given(scene: Path) -> None:
+    assert opened(scene).depth(0).radius_px is None
+    reader = Folder(scene, depth_radius_px=1.5)
+    sparse = reader.open(reader.sequences()[0])
+    assert sparse.depth(0).radius_px == 1.5
+    assert sparse.depth(2) is None
+    np.testing.assert_array_equal(sparse.depth(1).depth_m, opened(scene).depth(1).depth_m)
+    assert pickle.loads(pickle.dumps(sparse)).depth(0).radius_px == 1.5
+
+
+@pytest.mark.parametrize("radius", [-0.1, "1", True, float("inf"), float("nan")])
+def test_an_impossible_radius(scene: Path, radius: object) -> None:
+    with pytest.raises(ValueError, match="depth_radius_px must be a finite number of at least 0, not"):
+        Folder(scene, depth_radius_px=radius)
+
+
 def test_a_read_sequence_can_be_pickled(scene: Path) -> None:
     copy = pickle.loads(pickle.dumps(opened(scene)))
     np.testing.assert_array_equal(copy.depth(0).valid, opened(scene).depth(0).valid)
@@ -159,7 +175,9 @@ def test_a_missing_last_image_is_named(scene: Path) -> None:
 def test_a_truncated_image_is_named(scene: Path) -> None:
     path = scene / "images/000001.png"
     path.write_bytes(path.read_bytes()[:200])
-    expect(scene, "images/000001.png", ": truncated or damaged image of 200 bytes, expected a whole PNG or JPEG image")
+    expect(
+        scene, "images/000001.png", ": truncated or damaged image of 200 bytes, expected a whole PNG, JPEG or BMP image"
+    )
 
 
 def test_an_image_of_another_size_is_named(scene: Path) -> None:

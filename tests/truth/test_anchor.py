@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.sequence import TruthKind
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.truth.truth import make_truth
@@ -76,3 +77,19 @@ def test_no_features(make_room, at, kind):
     assert points.shape == (0, 3)
     assert status.shape == (0,)
     assert status.dtype == np.int8
+
+
+def test_sparse_depth_is_read_from_the_nearest_pixel(make_room, at):
+    """Every third pixel is measured; the board's edge lies at u = 37.5, between the measured 36 and 39."""
+
+    class Scanned(type(make_room(at()))):
+        def depth(self, index):
+            dense = super().depth(index)
+            measured = np.zeros_like(dense.valid)
+            measured[::3, ::3] = True
+            return DepthMap(dense.depth_m, dense.valid & measured, 2.0)
+
+    uv = np.array([[35.9, 24.2], [38.0, 24.0], [36.5, 24.0], [34.5, 22.5]])
+    points, status = make_truth(Scanned(np.stack([at()])), TruthKind.birth).anchor(0, uv)
+    assert status.tolist() == [TruthStatus.valid, TruthStatus.edge, TruthStatus.valid, TruthStatus.no_depth]
+    np.testing.assert_allclose(points[0], ((35.9 - 31.5) / 20.0, 0.7 / 20.0, 2.0))

@@ -1,4 +1,4 @@
-"""Dense depth maps and how they are read between pixels."""
+"""Depth maps, dense and sparse, and how they are read between pixels."""
 
 from dataclasses import dataclass
 
@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 EDGE_RELATIVE_SPREAD = 0.02
+SPARSE_RELATIVE_SPREAD = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,19 +19,25 @@ class DepthMap:
         (height, width) float32 or float64, depth along z, metres; meaningless where not valid.
     valid
         (height, width) bool.
+    radius_px
+        None where depth is dense, and read by interpolation; where it is sparse (lidar), how far the nearest valid
+        pixel may be whose depth is taken, px.
 
     Raises
     ------
     ValueError
-        If the two arrays have different shapes.
+        If the two arrays have different shapes, or the radius is negative.
     """
 
     depth_m: NDArray[np.floating]
     valid: NDArray[np.bool_]
+    radius_px: float | None = None
 
     def __post_init__(self) -> None:
         if self.depth_m.shape != self.valid.shape or self.depth_m.ndim != 2:
             raise ValueError(f"depth {self.depth_m.shape} and valid {self.valid.shape} must be the same 2-D shape")
+        if self.radius_px is not None and not self.radius_px >= 0:
+            raise ValueError(f"radius_px must be at least 0, not {self.radius_px}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,14 +49,27 @@ class DepthSample:
     depth_m
         (n,) float64, metres; 1 where not valid.
     valid
-        (n,) bool: all four neighbours are valid and agree.
+        (n,) bool: the depth is known there.
     edge
-        (n,) bool: all four neighbours are valid, but they span a depth discontinuity.
+        (n,) bool: depth was measured around, but on both sides of a discontinuity.
     """
 
     depth_m: NDArray[np.float64]
     valid: NDArray[np.bool_]
     edge: NDArray[np.bool_]
+
+
+def sample(depth: DepthMap, uv: NDArray[np.float64]) -> DepthSample:
+    """Read a map at sub-pixel positions, the way its kind wants it: `interpolate` if dense, `nearest` if sparse.
+
+    Parameters
+    ----------
+    depth
+        The map.
+    uv
+        (n, 2) float64, px.
+    """
+    return interpolate(depth, uv) if depth.radius_px is None else nearest(depth, uv, depth.radius_px)
 
 
 def interpolate(depth: DepthMap, uv: NDArray[np.float64], *, spread: float = EDGE_RELATIVE_SPREAD) -> DepthSample:
@@ -80,6 +100,37 @@ def interpolate(depth: DepthMap, uv: NDArray[np.float64], *, spread: float = EDG
     return DepthSample(np.where(usable, 1.0 / inverse, 1.0), usable, known & ~agree)
 
 
+def nearest(
+    depth: DepthMap, uv: NDArray[np.float64], radius_px: float, *, spread: float = SPARSE_RELATIVE_SPREAD
+) -> DepthSample:
+    """Read sparse depth at sub-pixel positions: the depth of the nearest valid pixel centre.
+
+    Of several at the same distance, the one of least depth counts, so that nothing depends on the order of pixels.
+    Where the farthest valid depth within the radius exceeds the nearest by more than `spread`, relative to the nearest,
+    the position lies on an edge and has no depth: a lidar's pixels are of one surface or of two, and the nearest may be
+    of the wrong one. What slants differs less: a road, two rows apart, by a tenth only beyond 60 m from KITTI's camera.
+
+    Parameters
+    ----------
+    depth
+        The map.
+    uv
+        (n, 2) float64, px.
+    radius_px
+        Pixels whose centres are farther away do not count, px.
+    spread
+        Largest relative difference between the depths within the radius, no unit.
+    """
+    depth_m, distance_px = _around(depth, uv, radius_px)
+    valid = np.isfinite(distance_px)
+    known = valid.any(axis=0)
+    closest = valid & (distance_px == distance_px.min(axis=0))
+    at_closest = np.where(closest, depth_m, np.inf).min(axis=0)
+    front, back = np.where(valid, depth_m, np.inf).min(axis=0), np.where(valid, depth_m, 0.0).max(axis=0)
+    agree = back <= (1.0 + spread) * front
+    return DepthSample(np.where(known & agree, at_closest, 1.0), known & agree, known & ~agree)
+
+
 def farthest_neighbour(depth: DepthMap, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Largest valid depth among the four pixels around sub-pixel positions.
 
@@ -101,6 +152,24 @@ def farthest_neighbour(depth: DepthMap, uv: NDArray[np.float64]) -> tuple[NDArra
     valid = corners.valid & inside
     farthest: NDArray[np.float64] = np.where(valid, corners.depth_m, 0.0).max(axis=0)
     return farthest, np.any(valid, axis=0)
+
+
+def _around(
+    depth: DepthMap, uv: NDArray[np.float64], radius_px: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Depth of the pixels around each position, (k, n), and their distance, infinite where too far or not valid."""
+    height, width = depth.depth_m.shape
+    reach = int(radius_px + 0.5)
+    rows, columns = np.indices((2 * reach + 1, 2 * reach + 1)).reshape(2, -1, 1) - reach
+    near = np.all((uv > -reach - 1) & (uv < (width + reach, height + reach)), axis=1)
+    centre = np.floor(np.where(near[:, None], uv, 0.0) + 0.5).astype(np.intp)
+    rows, columns = rows + centre[:, 1], columns + centre[:, 0]
+    distance_px = np.hypot(columns - uv[:, 0], rows - uv[:, 1])
+    usable = near & (distance_px <= radius_px)
+    usable &= (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+    rows, columns = np.where(usable, rows, 0), np.where(usable, columns, 0)
+    usable &= depth.valid[rows, columns]
+    return depth.depth_m[rows, columns].astype(np.float64), np.where(usable, distance_px, np.inf)
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,10 +5,8 @@
 
 import json
 import math
-import os
-import shutil
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import KW_ONLY, asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -22,6 +20,7 @@ from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.images import read_depth_npy, read_depth_png16
+from tracknoise.sequences.new_folder import new_folder
 from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses
 from tracknoise.sequences.recorded import DepthReader, RecordedSequence, depth_notes
 from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken, scene_folder
@@ -43,6 +42,14 @@ class Folder:
     ----------
     root
         Folder of one sequence, or one that holds several at any depth.
+    depth_radius_px
+        None for dense depth, which is interpolated; for sparse depth (lidar), how far the nearest pixel with depth may
+        be from a feature, px.
+
+    Raises
+    ------
+    ValueError
+        If `depth_radius_px` is no finite number of at least 0.
     """
 
     name: ClassVar[str] = "folder"
@@ -50,6 +57,13 @@ class Folder:
     needs_root: ClassVar[bool] = True
 
     root: Path
+    _: KW_ONLY
+    depth_radius_px: float | None = None
+
+    def __post_init__(self) -> None:
+        radius_px = self.depth_radius_px
+        if radius_px is not None and not (type(radius_px) in (int, float) and 0.0 <= radius_px < math.inf):
+            raise ValueError(f"depth_radius_px must be a finite number of at least 0, not {radius_px!r}")
 
     def sequences(self) -> list[SequenceId]:
         """All sequences, sorted: each folder that holds two of ``images``, ``depth``, ``poses.txt``, ``camera.json``.
@@ -84,7 +98,7 @@ class Folder:
             world_from_camera=quaternion_poses(rows[:, :3], rows[:, 3:], places),
             image_paths=images,
             depth_paths=depths,
-            read_depth=read_depth,
+            read_depth=None if read_depth is None else partial(_with_radius, read_depth, self.depth_radius_px),
             notes=depth_notes(depths) if depths else (),
         )
 
@@ -115,18 +129,8 @@ def write_folder(sequence: Sequence, path: Path, *, progress: Callable[[int, int
     DataError
         If the folder is neither new nor empty, or cannot be written.
     """
-    path = Path(path).absolute()
-    if path.exists() and not (path.is_dir() and not any(path.iterdir())):
-        raise DataError(path, "something is there already", "a new or empty folder")
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.unfinished")
-    try:
-        unfinished.mkdir(parents=True)
+    with new_folder(path) as unfinished:
         _write_files(sequence, unfinished, progress)
-        unfinished.replace(path)
-    except OSError as error:
-        raise DataError(path, f"cannot be written ({error.strerror})", "a folder that can be written") from error
-    finally:
-        shutil.rmtree(unfinished, ignore_errors=True)
 
 
 def _write_files(sequence: Sequence, folder: Path, progress: Callable[[int, int], None] | None) -> None:
@@ -180,6 +184,10 @@ def _depth_reader(folder: Path, depths: tuple[Path | None, ...], depth_unit_m: f
     if depth_unit_m is None:
         raise DataError(folder / _CAMERA, "no depth_unit_m", "it, since the depths are 16-bit PNG files")
     return partial(read_depth_png16, metres_per_unit=depth_unit_m)
+
+
+def _with_radius(read: DepthReader, radius_px: float | None, path: Path, camera: Camera) -> DepthMap:
+    return replace(read(path, camera), radius_px=radius_px)
 
 
 def _read_camera(path: Path) -> tuple[Camera, float | None]:

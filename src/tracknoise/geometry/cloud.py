@@ -1,0 +1,30 @@
+"""Point clouds, and the depth maps that they make."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.depth import DepthMap
+
+
+def cloud_depth(camera: Camera, points: NDArray[np.float64], *, nearest_m: float, radius_px: float) -> DepthMap:
+    """Sparse depth map of a cloud of points: each goes to the pixel that it is projected into, and the nearest wins.
+
+    Parameters
+    ----------
+    camera
+        That sees the points.
+    points
+        (n, 3) float64, metres, camera frame, finite.
+    nearest_m
+        Points of less depth are left out, metres.
+    radius_px
+        See `DepthMap`.
+    """
+    seen = points[points[:, 2] >= nearest_m]
+    uv = camera.project(seen)
+    inside = camera.contains(uv)
+    columns, rows = np.floor(uv[inside] + 0.5).astype(np.intp).T
+    depth_m = np.full((camera.height, camera.width), np.inf)
+    np.minimum.at(depth_m, (rows, columns), seen[inside, 2])
+    return DepthMap(depth_m, np.isfinite(depth_m), radius_px)

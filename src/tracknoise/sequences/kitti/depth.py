@@ -1,0 +1,58 @@
+"""Depth of a frame: a map of KITTI's depth completion, or a Velodyne scan that is projected into the image."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.cloud import cloud_depth
+from tracknoise.geometry.depth import DepthMap
+from tracknoise.geometry.pose import transform
+from tracknoise.sequences.images import read_depth_png16
+from tracknoise.sequences.kitti.velodyne import SCAN_SUFFIX, read_scan
+
+UNITS_PER_METRE = 256
+"""What a depth-completion map holds for a depth of 1 m; it holds 0 where there is none."""
+
+NEAREST_M = 0.5
+"""Points of less depth are no part of the scene: the scanner itself measures from 0.9 m on."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DepthFiles:
+    """Reads depth files of either kind: a `tracknoise.sequences.recorded.DepthReader`.
+
+    Parameters
+    ----------
+    radius_px
+        See `tracknoise.geometry.depth.DepthMap`.
+    camera_from_velodyne
+        (4, 4) float64; None where no frame needs its scan.
+    """
+
+    radius_px: float
+    camera_from_velodyne: NDArray[np.float64] | None
+
+    def __call__(self, path: Path, camera: Camera) -> DepthMap:
+        """Sparse depth of one frame.
+
+        Raises
+        ------
+        DataError
+            If the file is missing or damaged, or of another size than the camera's.
+        """
+        if path.suffix != SCAN_SUFFIX:
+            depth = read_depth_png16(path, camera, metres_per_unit=1.0 / UNITS_PER_METRE)
+            return replace(depth, radius_px=self.radius_px)
+        assert self.camera_from_velodyne is not None, "given wherever there is a scan"
+        points = transform(self.camera_from_velodyne, read_scan(path))
+        return cloud_depth(camera, points, nearest_m=NEAREST_M, radius_px=self.radius_px)
+
+
+def source_note(paths: tuple[Path | None, ...]) -> str:
+    """A sentence on what the depth of a drive comes from."""
+    scans = sum(path is not None and path.suffix == SCAN_SUFFIX for path in paths)
+    maps = len(paths) - scans - paths.count(None)
+    return f"frames with depth from depth-completion maps: {maps}, from projected Velodyne scans: {scans}"

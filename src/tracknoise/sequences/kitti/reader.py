@@ -1,0 +1,159 @@
+"""The reader of KITTI raw data with the depth of KITTI's depth completion: see docs/kitti.md."""
+
+from dataclasses import KW_ONLY, dataclass
+from math import inf
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import DataError
+from tracknoise.geometry.camera import Camera
+from tracknoise.sequences.images import image_size
+from tracknoise.sequences.kitti.calibration import read_camera, read_camera_from_velodyne
+from tracknoise.sequences.kitti.depth import DepthFiles, source_note
+from tracknoise.sequences.kitti.layout import Drive, find_drives, find_frames
+from tracknoise.sequences.kitti.stillness import StillRule, still_stretch
+from tracknoise.sequences.kitti.trajectory import read_trajectory
+from tracknoise.sequences.kitti.velodyne import SCAN_SUFFIX
+from tracknoise.sequences.recorded import RecordedSequence, depth_notes
+from tracknoise.sequences.scenes import scene_folder
+from tracknoise.sequences.sequence import SequenceId
+
+_OVERRIDE = "a drive in motion throughout, or keep_still = true"
+
+
+@dataclass(frozen=True, slots=True)
+class Kitti:
+    """Reader of KITTI raw data, synchronised and rectified, colour camera 2.
+
+    Parameters
+    ----------
+    root
+        The data set's folder, that of a date, or a single drive.
+    depth_root
+        Folder of the depth-completion release, which holds ``train`` and ``val``; by default its maps are looked for
+        in the drives' own folders.
+    radius_px
+        How far the nearest pixel with depth may be from a feature, px.
+    keep_still
+        Whether to keep drives with still stretches.
+    still_frames, still_m
+        A still stretch is at least this many frames one after another, each less than this far from the one before,
+        metres: see `tracknoise.sequences.kitti.stillness`.
+
+    Raises
+    ------
+    ValueError
+        If a setting has a wrong type or an impossible value.
+    """
+
+    name: ClassVar[str] = "kitti"
+    description: ClassVar[str] = "KITTI raw drives with depth-completion maps or Velodyne scans"
+    needs_root: ClassVar[bool] = True
+    path_options: ClassVar[tuple[str, ...]] = ("depth_root",)
+
+    root: Path
+    _: KW_ONLY
+    depth_root: Path | None = None
+    radius_px: float = 1.0
+    keep_still: bool = False
+    still_frames: int = 10
+    still_m: float = 0.02
+
+    def __post_init__(self) -> None:
+        if self.depth_root is not None:
+            object.__setattr__(self, "depth_root", Path(self.depth_root))
+        if type(self.keep_still) is not bool:
+            raise ValueError(f"keep_still must be true or false, not {self.keep_still!r}")
+        if type(self.still_frames) is not int or self.still_frames < 1:
+            raise ValueError(f"still_frames must be a whole number of at least 1, not {self.still_frames!r}")
+        for name in ("radius_px", "still_m"):
+            value = getattr(self, name)
+            if type(value) not in (int, float) or not 0.0 <= value < inf:
+                raise ValueError(f"{name} must be a finite number of at least 0, not {value!r}")
+
+    def sequences(self) -> list[SequenceId]:
+        """All drives without a still stretch, sorted; those whose poses cannot be read among them, so `open` says why.
+
+        Raises
+        ------
+        DataError
+            If there is none.
+        """
+        drives = self._drives()
+        moving = [name for name, drive in drives.items() if self._why_left_out(drive) is None]
+        if not moving:
+            found = f"{len(drives)} drive{'s' if len(drives) > 1 else ''}, none without a still stretch"
+            raise DataError(self.root, found, _OVERRIDE)
+        return [SequenceId(self.name, scene) for scene in moving]
+
+    def left_out(self) -> dict[str, str]:
+        """The still stretch of each drive that is left out, one sentence each, by name of the drive.
+
+        Raises
+        ------
+        DataError
+            If there is no drive.
+        """
+        reasons = {name: self._why_left_out(drive) for name, drive in self._drives().items()}
+        return {name: reason for name, reason in reasons.items() if reason is not None}
+
+    def open(self, sequence: SequenceId) -> RecordedSequence:
+        """Read and check everything but the images and depths of one drive.
+
+        Raises
+        ------
+        DataError
+            If a file is missing or damaged, or the drive has a still stretch that makes it left out.
+        UnknownNameError
+            If there is no such drive or lighting.
+        """
+        drives = self._drives()
+        scene_folder({name: drive.folder for name, drive in drives.items()}, sequence)
+        drive = drives[sequence.scene]
+        frames = find_frames(drive)
+        camera = read_camera(drive.day)
+        _require_size(frames.images[0], camera)
+        poses, notes = read_trajectory(drive, frames.numbers)
+        if reason := self._still_stretch(poses, frames.numbers):
+            raise DataError(drive.folder, reason, _OVERRIDE)
+        scans = any(path is not None and path.suffix == SCAN_SUFFIX for path in frames.depths)
+        return RecordedSequence(
+            id=sequence,
+            camera=camera,
+            world_from_camera=poses,
+            image_paths=frames.images,
+            depth_paths=frames.depths,
+            read_depth=DepthFiles(self.radius_px, read_camera_from_velodyne(drive.day) if scans else None),
+            notes=(*notes, source_note(frames.depths), *depth_notes(frames.depths)),
+        )
+
+    def _drives(self) -> dict[str, Drive]:
+        return find_drives(self.root, self.depth_root)
+
+    def _why_left_out(self, drive: Drive) -> str | None:
+        """Why a drive is left out; None if it is not, or cannot be read, which is for `open` to say."""
+        if self.keep_still:
+            return None
+        try:
+            numbers = find_frames(drive).numbers
+            poses, _ = read_trajectory(drive, numbers)
+        except DataError:
+            return None
+        return self._still_stretch(poses, numbers)
+
+    def _still_stretch(self, poses: NDArray[np.float64], numbers: range) -> str | None:
+        """A sentence on the longest still stretch, unless they are kept."""
+        stretch = None if self.keep_still else still_stretch(poses, StillRule(self.still_frames, self.still_m))
+        if stretch is None:
+            return None
+        first, last = numbers[stretch[0]], numbers[stretch[-1]]
+        return f"stands still in frames {first} to {last}, each less than {self.still_m:g} m from the one before"
+
+
+def _require_size(image: Path, camera: Camera) -> None:
+    width, height = image_size(image)
+    if (width, height) != (camera.width, camera.height):
+        raise DataError(image, f"size {width}x{height}", f"the {camera.width}x{camera.height} of the calibration")

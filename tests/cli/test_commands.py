@@ -5,17 +5,6 @@ import pytest
 from tracknoise.cli.app import main
 
 
-@pytest.fixture
-def tracknoise(capsys):
-    def go(*arguments):
-        with pytest.raises(SystemExit) as exit_:
-            main(list(arguments))
-        captured = capsys.readouterr()
-        return exit_.value.code, captured.out, captured.err
-
-    return go
-
-
 @pytest.mark.parametrize("command", ["run", "report", "demo", "simulate", "datasets", "trackers"])
 def test_every_command_has_help_with_an_example(tracknoise, command):
     code, out, _ = tracknoise(command, "--help")
@@ -26,7 +15,8 @@ def test_every_command_has_help_with_an_example(tracknoise, command):
 def test_datasets_lists_the_readers(tracknoise):
     code, out, _ = tracknoise("datasets")
     assert code == 0
-    assert [line.split()[0] for line in out.splitlines()] == ["folder", "sevenscenes", "simulated", "tartanair"]
+    names = [line.split()[0] for line in out.splitlines()]
+    assert names == ["dtu", "folder", "kitti", "sevenscenes", "simulated", "tartanair"]
 
 
 def test_datasets_lists_the_sequences_of_one(tracknoise):

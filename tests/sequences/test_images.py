@@ -31,7 +31,7 @@ def write(tmp_path):
     return write
 
 
-@pytest.mark.parametrize("name", ["image.png", "image.jpg"])
+@pytest.mark.parametrize("name", ["image.png", "image.jpg", "image.bmp"])
 def test_gray_is_what_opencv_reads(write, colour, name):
     path = write(name, colour)
     image = read_gray(path, CAMERA)
@@ -46,7 +46,9 @@ def test_gray_of_a_jpeg_is_its_luma_and_not_a_conversion_of_its_colours(write, c
     assert np.any(read_gray(path, CAMERA) != converted)
 
 
-@pytest.mark.parametrize(("array", "name"), [("gray", "a.png"), ("gray", "a.jpg"), ("gray16", "a.png")])
+@pytest.mark.parametrize(
+    ("array", "name"), [("gray", "a.png"), ("gray", "a.jpg"), ("gray", "a.bmp"), ("gray16", "a.png")]
+)
 def test_gray_of_other_layouts_is_8_bit(write, colour, array, name):
     source = colour[..., 0] if array == "gray" else colour[..., 0].astype(np.uint16) * 257
     path = write(name, source)
@@ -56,7 +58,7 @@ def test_gray_of_other_layouts_is_8_bit(write, colour, array, name):
         np.testing.assert_array_equal(image, colour[..., 0])
 
 
-@pytest.mark.parametrize("name", ["image.png", "image.jpg"])
+@pytest.mark.parametrize("name", ["image.png", "image.jpg", "image.bmp"])
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.7, 0.99])
 def test_truncated_images_are_refused_in_silence(write, colour, capfd, name, share):
     path = write(name, colour)
@@ -65,11 +67,11 @@ def test_truncated_images_are_refused_in_silence(write, colour, capfd, name, sha
     with pytest.raises(DataError) as caught:
         read_gray(path, CAMERA)
     assert str(caught.value).startswith(f"{path}: truncated or damaged image of ")
-    assert str(caught.value).endswith("expected a whole PNG or JPEG image")
+    assert str(caught.value).endswith("expected a whole PNG, JPEG or BMP image")
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize("name", ["image.png", "image.jpg"])
+@pytest.mark.parametrize("name", ["image.png", "image.jpg", "image.bmp"])
 def test_every_cut_is_noticed(write, name):
     path = write(name, np.random.default_rng(1).integers(0, 256, (48, 64), dtype=np.uint8))
     whole = path.read_bytes()
@@ -105,8 +107,8 @@ def test_a_png_with_a_flipped_bit_is_refused(write, colour, capfd):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "an empty file, expected a PNG or JPEG image"),
-        (b"<html>", "no image, expected a PNG or JPEG image"),
+        (b"", "an empty file, expected a PNG, JPEG or BMP image"),
+        (b"<html>", "no image, expected a PNG, JPEG or BMP image"),
         (None, "no such file, expected an image"),
     ],
 )
@@ -117,6 +119,30 @@ def test_what_is_no_image_is_refused(tmp_path, content, message):
     with pytest.raises(DataError) as caught:
         read_gray(path, CAMERA)
     assert str(caught.value) == f"{path}: {message}"
+
+
+@pytest.mark.parametrize("channels", [1, 3, 4])
+@pytest.mark.parametrize("width", [61, 62, 63, 64])
+def test_a_bmp_may_lack_none_of_its_pixels(tmp_path, channels, width):
+    """Rows are padded to four bytes; the size of the file in its header is not always right, and not needed."""
+    image = np.random.default_rng(0).integers(0, 256, (48, width, channels), dtype=np.uint8)
+    data = bytearray(cv2.imencode(".bmp", image)[1].tobytes())
+    data[2:6] = bytes(4)
+    path, camera = tmp_path / "image.bmp", Camera(width, 48, 50.0, 50.0, 31.5, 23.5)
+    path.write_bytes(data)
+    np.testing.assert_array_equal(read_gray(path, camera), cv2.imread(str(path), cv2.IMREAD_GRAYSCALE))
+    path.write_bytes(data[:-1])
+    with pytest.raises(DataError, match="truncated or damaged image"):
+        read_gray(path, camera)
+
+
+def test_a_bmp_whose_rows_go_down(tmp_path, colour):
+    data = bytearray(cv2.imencode(".bmp", colour)[1].tobytes())
+    data[22:26] = (-48).to_bytes(4, "little", signed=True)
+    path = tmp_path / "image.bmp"
+    path.write_bytes(data)
+    upright = cv2.imdecode(cv2.imencode(".bmp", colour)[1], cv2.IMREAD_GRAYSCALE)
+    np.testing.assert_array_equal(read_gray(path, CAMERA), upright[::-1])
 
 
 def test_a_folder_is_no_image(tmp_path):

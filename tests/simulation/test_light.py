@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tracknoise.simulation.light import LIGHTINGS, Lamp
+from tracknoise.simulation.light import LIGHTINGS, Lamp, PointLamp
 
 
 @pytest.mark.parametrize(
@@ -25,3 +25,11 @@ def test_no_lighting_lets_a_white_surface_exceed_the_sensor_by_much() -> None:
 
 def test_the_default_lighting_is_among_the_named() -> None:
     assert {"default", "east", "west"} <= set(LIGHTINGS)
+
+
+def test_a_point_lamp_fades_with_the_square_of_the_distance_and_the_cosine() -> None:
+    lamp = PointLamp((0.0, 0.0, 2.0), strength=0.6)
+    points = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [2.0, 0.0, 0.0], [0.0, 0.0, 3.0]])
+    height_m = np.array([2.0, 1.0, 2.0, -1.0])  # of the lamp, above level surfaces that face up
+    expected = [0.6 / 4, 0.6, 0.6 / 8 * np.sqrt(0.5), 0.0]
+    np.testing.assert_allclose(lamp.irradiance(points, height_m), expected, atol=1e-15)

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.pose import invert, transform
-from tracknoise.simulation.light import Lamp, Lighting
+from tracknoise.simulation.light import Lamp, Lighting, PointLamp
 from tracknoise.simulation.quad import Quad, assemble
 from tracknoise.simulation.raycast import Raycaster, surface_points
 from tracknoise.simulation.render import Quality, Renderer, sample_offsets
@@ -119,6 +119,63 @@ def test_shadows_fall_where_a_surface_blocks_the_lamp(facing: Facing, render: Re
     np.testing.assert_allclose(open_light, 0.7, rtol=1e-6)
     np.testing.assert_allclose(shaded[[31, 5], [47, 5]], [0.2, 0.7], rtol=1e-6)
     assert np.count_nonzero(shaded < 0.3) == pytest.approx(20 * 20, abs=41)  # 1 m at 4 m is 20 px
+
+
+@pytest.mark.parametrize("tilt_m", [0.0, 2.0])
+def test_a_point_lamp_lights_each_point_by_its_own_distance_and_angle(
+    camera: Camera, north: np.ndarray, render: Render, tilt_m: float
+) -> None:
+    lamp = PointLamp((1.5, 1.0, 0.7), strength=3.0)
+    wall = Quad(np.array([-8.0, 4.0, 8.0]), np.array([16.0, tilt_m, 0.0]), np.array([0.0, 0.0, -16.0]))
+    world = assemble([wall.dressed(0, repeat_m=1.0, start=(0.0, 0.0))], plain(0.5))
+    image = render(world, Lighting(0.1, point_lamps=(lamp,)), supersampling=1)
+    v, u = np.indices(image.shape, dtype=np.float64)
+    points, _ = surface_points(Raycaster(world), camera, north, np.stack([u.ravel(), v.ravel()], axis=-1))
+    towards = np.array(lamp.position_m) - points
+    distance = np.linalg.norm(towards, axis=1)
+    cosine = towards @ np.array([tilt_m, -16.0, 0.0]) / np.hypot(tilt_m, 16.0) / distance
+    np.testing.assert_allclose(image.ravel(), 0.5 * (0.1 + 3.0 * cosine / distance**2), rtol=1e-5)
+
+
+def test_a_point_lamp_behind_the_wall_does_not_light_it(facing: Facing, render: Render) -> None:
+    front = facing(0.0, 0.0, width=16.0, height=16.0, distance=4.0)
+    behind = Lighting(0.2, point_lamps=(PointLamp((0.0, 5.0, 0.0), 1.0),))
+    for quad in (front, front.reversed()):
+        np.testing.assert_allclose(render(assemble([quad], plain(0.5)), behind), 0.5 * 0.2, rtol=1e-6)
+
+
+def test_shadows_of_point_lamps_spread_with_the_distance(facing: Facing, render: Render) -> None:
+    """Halfway between lamp and wall, a block from x = 0.5 m to 1.5 m throws a shadow from -1 m to 1 m: 40 x 40 px."""
+    back = facing(0.0, 0.0, width=16.0, height=16.0, distance=4.0)
+    block = facing(1.0, 0.0, width=1.0, height=1.0, distance=1.0)
+    lighting = Lighting(0.2, point_lamps=(PointLamp((2.0, -2.0, 0.0), 10.0),))
+    world = assemble([back, block], plain(1.0))
+    shaded, bright = render(world, lighting, shadows=True), render(world, lighting)
+    shadow = np.zeros_like(shaded, np.bool_)
+    shadow[12:52, 28:68] = True
+    np.testing.assert_allclose(shaded[shadow], 0.2, rtol=1e-6)
+    np.testing.assert_array_equal(shaded[~shadow], bright[~shadow])
+    assert bright.min() > 0.3
+
+
+def test_lamps_add_up(facing: Facing, camera: Camera, north: np.ndarray, render: Render) -> None:
+    world = wall(facing, np.random.default_rng(0).uniform(0.2, 0.8, (64, 64)), repeat_m=3.0)
+    lamps = (PointLamp((1.0, 0.0, 1.0), 3.0), PointLamp((-1.0, 1.0, 0.0), 2.0))
+    for shadows in (False, True):
+        renderer = Renderer(
+            world,
+            Raycaster(world),
+            camera=camera,
+            lighting=Lighting(0.1, point_lamps=lamps),
+            quality=Quality(supersampling=2, shadows=shadows),
+        )
+        each = renderer.images_by_lamp(north)
+        assert len(each) == 2
+        for image, lamp in zip(each, lamps, strict=True):
+            alone = render(world, Lighting(0.1, point_lamps=(lamp,)), supersampling=2, shadows=shadows)
+            np.testing.assert_allclose(image, alone, rtol=1e-6)
+        together, ambient = renderer.image(north), render(world, Lighting(0.1), supersampling=2)
+        np.testing.assert_allclose(together, each[0] + each[1] - ambient, rtol=1e-5)
 
 
 @pytest.mark.parametrize("supersampling", [1, 2, 3, 4])

@@ -4,6 +4,7 @@ A decoder is content with half a file: what it could not read it leaves black, a
 every file is checked to be whole before it is decoded, and every result to be what the camera says.
 """
 
+import struct
 import zlib
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,11 @@ from tracknoise.geometry.depth import DepthMap
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _JPEG_SIGNATURE = b"\xff\xd8\xff"
 _JPEG_SCAN, _JPEG_END = b"\xff\xda", b"\xff\xd9"
+_BMP_SIGNATURE = b"BM"
+_BMP_HEADER = struct.Struct("<2sI4xIIiiHHII")
+"""Signature, file size, start of the pixels, size of what follows, width, height, planes, bits, compression, bytes."""
+_BMP_UNCOMPRESSED = {0, 3, 6}
+_KINDS = "PNG, JPEG or BMP image"
 
 
 def image_size(path: Path) -> tuple[int, int]:
@@ -34,7 +40,7 @@ def image_size(path: Path) -> tuple[int, int]:
 
 
 def read_gray(path: Path, camera: Camera) -> NDArray[np.uint8]:
-    """Read a PNG or JPEG file in 8-bit grayscale, exactly as ``cv2.imread(path, cv2.IMREAD_GRAYSCALE)`` gives it.
+    """Read a PNG, JPEG or BMP file in 8-bit grayscale, exactly as ``cv2.imread(path, cv2.IMREAD_GRAYSCALE)`` gives it.
 
     Parameters
     ----------
@@ -141,19 +147,19 @@ def read_depth_png_float32(path: Path, camera: Camera, *, farthest_m: float = np
 
 
 def _decode(path: Path, flags: int) -> NDArray[Any]:
-    """Decode a whole PNG or JPEG file."""
+    """Decode a whole image file."""
     data = _whole_file(path)
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error:
         image = None
     if image is None:
-        raise DataError(path, "an image that cannot be decoded", "a PNG or JPEG image")
+        raise DataError(path, "an image that cannot be decoded", f"a {_KINDS}")
     return image
 
 
 def _whole_file(path: Path) -> bytes:
-    """The bytes of a PNG or JPEG file, after checking that nothing is missing at its end."""
+    """The bytes of an image file, after checking that nothing is missing at its end."""
     try:
         data = path.read_bytes()
     except FileNotFoundError as error:
@@ -165,10 +171,12 @@ def _whole_file(path: Path) -> bytes:
     elif data.startswith(_JPEG_SIGNATURE):
         # Neither marker can occur in coded pixels, so the last scan is closed by a later end marker or cut off.
         whole = data.rfind(_JPEG_END) > data.rfind(_JPEG_SCAN)
+    elif data.startswith(_BMP_SIGNATURE):
+        whole = _is_whole_bmp(data)
     else:
-        raise DataError(path, "no image" if data else "an empty file", "a PNG or JPEG image")
+        raise DataError(path, "no image" if data else "an empty file", f"a {_KINDS}")
     if not whole:
-        raise DataError(path, f"truncated or damaged image of {len(data)} bytes", "a whole PNG or JPEG image")
+        raise DataError(path, f"truncated or damaged image of {len(data)} bytes", f"a whole {_KINDS}")
     return data
 
 
@@ -183,6 +191,16 @@ def _is_whole_png(data: bytes) -> bool:
             return True
         start = end + 4
     return False
+
+
+def _is_whole_bmp(data: bytes) -> bool:
+    """Whether a BMP file is as long as its header says; the size of the file itself is not always stated right."""
+    if len(data) < _BMP_HEADER.size:
+        return False
+    _, _, start, _, width, height, _, bits, compression, stated = _BMP_HEADER.unpack_from(data)
+    row = (width * bits + 31) // 32 * 4
+    pixels = row * abs(height) if compression in _BMP_UNCOMPRESSED else stated
+    return bool(width > 0 and len(data) >= start + pixels)
 
 
 def _depth_map(path: Path, depth: NDArray[np.floating], camera: Camera, farthest_m: float = np.inf) -> DepthMap:
@@ -201,8 +219,8 @@ def _layout(array: NDArray[Any]) -> str:
     return f"{array.dtype.itemsize * 8}-bit image of {channels} channel{'s' if channels > 1 else ''}"
 
 
-def encode_png(image: NDArray[np.uint8]) -> bytes:
-    """Encode an 8-bit grayscale image, (height, width) uint8, as the bytes of a PNG file."""
+def encode_png(image: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
+    """Encode a grayscale image, (height, width) of 8 or 16 bits, as the bytes of a PNG file."""
     done, encoded = cv2.imencode(".png", image)
-    assert done, "an 8-bit image can always be encoded"
+    assert done, "such an image can always be encoded"
     return encoded.tobytes()

@@ -12,7 +12,9 @@ READERS: Plugins[Reader] = Plugins(
     what="dataset reader",
     group="tracknoise.sequences",
     built_in={
+        "dtu": "tracknoise.sequences.dtu.reader:Dtu",
         "folder": "tracknoise.sequences.folder:Folder",
+        "kitti": "tracknoise.sequences.kitti.reader:Kitti",
         "sevenscenes": "tracknoise.sequences.sevenscenes:SevenScenes",
         "simulated": "tracknoise.sequences.simulated:Simulated",
         "tartanair": "tracknoise.sequences.tartanair:TartanAir",

@@ -1,4 +1,4 @@
-"""Light: ambient and directional lamps on matt (Lambertian) surfaces."""
+"""Light: ambient, from far away and from near, on matt (Lambertian) surfaces."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -50,6 +50,41 @@ class Lamp:
 
 
 @dataclass(frozen=True, slots=True)
+class PointLamp:
+    """A light so small and near that its direction and strength differ between the points of a surface.
+
+    Parameters
+    ----------
+    position_m
+        Where it stands, metres, world frame.
+    strength
+        Irradiance of a surface that faces it at a distance of 1 m, as a share of the full range of the sensor.
+    """
+
+    position_m: tuple[float, float, float]
+    strength: float
+
+    def irradiance(self, points: NDArray[np.float64], height_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Irradiance of surface points, without shadows: strength max(0, n . l) / r^2, where n . l is height / r.
+
+        Parameters
+        ----------
+        points
+            (n, 3) float64, metres, world frame.
+        height_m
+            (n,) float64, how high the lamp stands above the plane of each point's surface, on the side that is seen.
+
+        Returns
+        -------
+        (n,) float64
+        """
+        offset = points - np.array(self.position_m)
+        r2 = np.einsum("ni,ni->n", offset, offset)
+        lit: NDArray[np.float64] = self.strength * np.maximum(height_m, 0.0) / (r2 * np.sqrt(r2))
+        return lit
+
+
+@dataclass(frozen=True, slots=True)
 class Lighting:
     """All light in a world.
 
@@ -59,10 +94,13 @@ class Lighting:
         Irradiance that reaches every surface alike, as a share of the full range of the sensor.
     lamps
         Directional lights.
+    point_lamps
+        Lights in the world.
     """
 
     ambient: float
-    lamps: tuple[Lamp, ...]
+    lamps: tuple[Lamp, ...] = ()
+    point_lamps: tuple[PointLamp, ...] = ()
 
 
 LIGHTINGS: Mapping[str, Lighting] = MappingProxyType(

@@ -1,5 +1,6 @@
 """Images of a world through a pinhole camera."""
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,8 @@ from tracknoise.simulation.world import World, texture_gradients
 _RAYS_AT_ONCE = 16384  # so that what is worked on stays in the processor's cache
 _SKY = np.float32(0.8)
 _TINY = 1e-300
+_SHADOW_TOLERANCE = 1e-3
+"""How much shorter than to the point the way from a lamp may be to count as reaching it, no unit."""
 
 _Floats = NDArray[np.float64]
 
@@ -57,6 +60,21 @@ class _View:
     ]  # (t + 1, 9), the 3x3 matrix of each triangle; last, for rays that meet none, a harmless one
     ahead: NDArray[np.float64]  # (t,) rows[2] . p times depth
     light: NDArray[np.float32]  # (lamps, t) irradiance of the side that is seen
+    height_m: NDArray[np.float64]  # (point lamps, t) how high each stands above the triangle's plane, on that side
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """What rays see."""
+
+    triangle: NDArray[np.intp]  # (n,) of a ray that meets none, whatever is last
+    points: NDArray[np.float64]  # (n, 3)
+    reflectance: NDArray[np.float32]  # (n,)
+    missed: NDArray[np.bool_]  # (n,)
+
+
+_Lights = Callable[[_View, _Seen], Iterable[NDArray[np.float32]]]
+"""Gives the irradiance of what is seen in each of several lights, (n,) float32 each."""
 
 
 class Renderer:
@@ -109,14 +127,39 @@ class Renderer:
         (height, width) float32
             0 (black) to 1 (the sensor's full range) and above.
         """
-        view = self._view(world_from_camera)
-        image = np.empty((self._camera.height, self._camera.width), np.float32)
-        step = max(_RAYS_AT_ONCE // self._x.size, 1)
-        for top in range(0, len(image), step):
-            x, y = np.broadcast_arrays(self._x, self._y[top : top + step, :, None])  # (rows, samples, width)
-            samples = self._shade(view, x.ravel(), y.ravel()).reshape(x.shape)
-            image[top : top + step] = samples.mean(axis=1, dtype=np.float32)
+        (image,) = self._render(world_from_camera, lambda view, seen: [self._light(view, seen)])
         return image
+
+    def images_by_lamp(self, world_from_camera: NDArray[np.float64]) -> list[NDArray[np.float32]]:
+        """What the sensor would measure if each point lamp shone alone, in the ambient light; the rays are cast once.
+
+        Parameters
+        ----------
+        world_from_camera
+            (4, 4) float64.
+
+        Returns
+        -------
+        list of (height, width) float32
+            One a point lamp, as of `image`.
+        """
+        ambient = np.float32(self._lighting.ambient)
+        lamps = range(len(self._lighting.point_lamps))
+        return self._render(
+            world_from_camera, lambda view, seen: (ambient + self._from_lamp(view, seen, lamp) for lamp in lamps)
+        )
+
+    def _render(self, world_from_camera: NDArray[np.float64], lights: _Lights) -> list[NDArray[np.float32]]:
+        """(height, width) float32 each: what is seen in each of several lights."""
+        view = self._view(world_from_camera)
+        step = max(_RAYS_AT_ONCE // self._x.size, 1)
+        bands = []
+        for top in range(0, self._camera.height, step):
+            x, y = np.broadcast_arrays(self._x, self._y[top : top + step, :, None])  # (rows, samples, width)
+            seen = self._look(view, x.ravel(), y.ravel())
+            samples = [np.where(seen.missed, _SKY, seen.reflectance * light) for light in lights(view, seen)]
+            bands.append([sample.reshape(x.shape).mean(axis=1, dtype=np.float32) for sample in samples])
+        return [np.concatenate(image) for image in zip(*bands, strict=True)]
 
     def _view(self, world_from_camera: NDArray[np.float64]) -> _View:
         rotation, centre = world_from_camera[:3, :3], world_from_camera[:3, 3]
@@ -128,19 +171,29 @@ class Renderer:
         rows[:-1, :2] = here[:, :, None] * rows[:-1, None, 2]
         rows[:-1, :2] += ahead[:, None, None] * np.einsum("tci,ij->tcj", self._gradient, rotation)
         rows[MISS, 2, 2] = 1.0
-        seen = normals * -np.sign(ahead)[:, None]
+        seen_side = -np.sign(ahead)
+        seen = normals * seen_side[:, None]
         light = np.array([lamp.irradiance(seen) for lamp in self._lighting.lamps], np.float32)
-        return _View(world_from_camera, rows.reshape(-1, 9), ahead, light.reshape(-1, len(normals)))
+        return _View(
+            world_from_camera, rows.reshape(-1, 9), ahead, light.reshape(-1, len(normals)), self._heights(seen_side)
+        )
 
-    def _shade(self, view: _View, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Irradiance on the sensor along the bearings (x, y, 1)."""
+    def _heights(self, seen_side: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(point lamps, t) float64: how high each lamp stands above each triangle's plane, metres."""
+        positions = np.array([lamp.position_m for lamp in self._lighting.point_lamps]).reshape(-1, 3)
+        above = np.einsum("li,ti->lt", positions, self._raycaster.normals) - self._raycaster.plane_offsets
+        heights: NDArray[np.float64] = above * seen_side
+        return heights
+
+    def _look(self, view: _View, x: NDArray[np.float64], y: NDArray[np.float64]) -> _Seen:
+        """What is seen along the bearings (x, y, 1)."""
         directions = _rotate(view.world_from_camera, x, y)
-        found = self._raycaster.first_triangle(view.world_from_camera[:3, 3], directions.astype(np.float32))
-        triangle = found.astype(np.intp)  # of a miss, whatever is last: it is painted over
+        centre = view.world_from_camera[:3, 3]
+        found = self._raycaster.first_triangle(centre, directions.astype(np.float32))
+        triangle = found.astype(np.intp)
         s, t, depth_m, footprint = self._locate(view, triangle, x, y)
-        grey = self._atlas.read(self._texture[triangle], s, t, footprint)
-        grey *= self._light(view, triangle, directions, depth_m)
-        return np.where(found == MISS, _SKY, grey)
+        reflectance = self._atlas.read(self._texture[triangle], s, t, footprint)
+        return _Seen(triangle, centre + depth_m[:, None] * directions, reflectance, found == MISS)
 
     def _locate(
         self, view: _View, triangle: NDArray[np.intp], x: NDArray[np.float64], y: NDArray[np.float64]
@@ -167,18 +220,32 @@ class Renderer:
         shorter = np.abs(right[0] * down[1] - right[1] * down[0]) / np.maximum(longer, _TINY)
         return (np.maximum(longer / n**2, shorter / n) * side).astype(np.float32)
 
-    def _light(
-        self, view: _View, triangle: NDArray[np.intp], directions: NDArray[np.float64], depth_m: NDArray[np.float64]
-    ) -> NDArray[np.float32]:
-        """Irradiance of the surface points at given depths along rays."""
-        if not self._quality.shadows:
-            unblocked: NDArray[np.float32] = (self._lighting.ambient + view.light.sum(axis=0))[triangle]
-            return unblocked
-        points = view.world_from_camera[:3, 3] + depth_m[:, None] * directions
-        total = np.full(len(triangle), self._lighting.ambient, np.float32)
-        for lamp, light in zip(self._lighting.lamps, view.light, strict=True):
-            total += light[triangle] * self._raycaster.lit(points, lamp.towards)
+    def _light(self, view: _View, seen: _Seen) -> NDArray[np.float32]:
+        """Irradiance of what is seen, from all lamps."""
+        lighting = self._lighting
+        if self._quality.shadows:
+            total = np.full(len(seen.triangle), lighting.ambient, np.float32)
+            for lamp, light in zip(lighting.lamps, view.light, strict=True):
+                total += light[seen.triangle] * self._raycaster.lit(seen.points, lamp.towards)
+        else:
+            total = (lighting.ambient + view.light.sum(axis=0))[seen.triangle]
+        for index in range(len(lighting.point_lamps)):
+            total += self._from_lamp(view, seen, index)
         return total
+
+    def _from_lamp(self, view: _View, seen: _Seen, index: int) -> NDArray[np.float32]:
+        """Irradiance of what is seen, from one point lamp."""
+        lamp = self._lighting.point_lamps[index]
+        light = lamp.irradiance(seen.points, view.height_m[index, seen.triangle]).astype(np.float32)
+        if self._quality.shadows:
+            light *= self._reached(np.array(lamp.position_m), seen.points)
+        return light
+
+    def _reached(self, lamp: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether the first surface on the way from a lamp to each point is the one that the point lies on."""
+        share, _ = self._raycaster.distances(lamp, points - lamp)
+        reached: NDArray[np.bool_] = share > 1.0 - _SHADOW_TOLERANCE
+        return reached
 
 
 def sample_offsets(supersampling: int) -> NDArray[np.float64]:

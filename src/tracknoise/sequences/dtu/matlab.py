@@ -1,0 +1,85 @@
+"""Numbers in MATLAB files."""
+
+from collections.abc import Mapping
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.io import loadmat, savemat
+
+from tracknoise.exceptions import DataError
+
+_REMARK = b"MATLAB 5.0 MAT-file".ljust(116)
+
+
+def read_mat(path: Path, names: list[str]) -> dict[str, Any]:
+    """Read those variables of a MATLAB file (version 4 to 7.2) that it has.
+
+    Raises
+    ------
+    DataError
+        If the file is missing, damaged, or of version 7.3.
+    """
+    try:
+        file = path.open("rb")
+    except FileNotFoundError as error:
+        raise DataError(path, "no such file", "a MATLAB file") from error
+    except OSError as error:
+        raise DataError(path, f"unreadable ({error.strerror})", "a MATLAB file") from error
+    with file:
+        try:
+            return dict(loadmat(file, variable_names=names))  # type: ignore[arg-type]  # the stubs know paths only
+        except NotImplementedError as error:
+            raise DataError(path, "a MATLAB 7.3 file", "an earlier version (in MATLAB: save with -v7)") from error
+        except Exception as error:  # whatever the parser stumbles upon in a damaged file
+            raise DataError(path, "a damaged file, or none of MATLAB's", "a MATLAB file of version 4 to 7.2") from error
+
+
+def numbers(path: Path, variables: dict[str, Any], name: str, *, count: int | None = None) -> NDArray[np.float64]:
+    """One variable as float64, with the shape that it has in MATLAB.
+
+    Parameters
+    ----------
+    path
+        Of the file, for errors.
+    variables
+        From `read_mat`.
+    name
+        Which one.
+    count
+        How many finite numbers it must have; None for any count and any numbers.
+
+    Raises
+    ------
+    DataError
+        If it is missing, or something else.
+    """
+    value = variables.get(name)
+    expected = "numbers" if count is None else f"{count} finite number{'s' if count > 1 else ''}"
+    if value is None:
+        raise DataError(path, f"no {name}", f"{name}: {expected}")
+    array = np.asarray(value)
+    if array.dtype.kind not in "fiu":
+        raise DataError(path, f"{name} that is no array of real numbers", f"{name}: {expected}")
+    if count is not None and array.size != count:
+        raise DataError(path, f"{name} of {array.size} number{'s' if array.size != 1 else ''}", expected)
+    if count is not None and not np.isfinite(array).all():
+        raise DataError(path, f"NaN or infinity in {name}", expected)
+    return array.astype(np.float64)
+
+
+def write_mat(path: Path, variables: Mapping[str, ArrayLike]) -> None:
+    """Write a MATLAB file (version 5) that is the same whenever it is written: without the date.
+
+    Parameters
+    ----------
+    path
+        File to write.
+    variables
+        Arrays or numbers by name.
+    """
+    buffer = BytesIO()
+    savemat(buffer, dict(variables))  # type: ignore[arg-type]  # the stubs know paths only
+    path.write_bytes(_REMARK + buffer.getvalue()[len(_REMARK) :])

@@ -1,0 +1,48 @@
+"""The scan of a scene."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import DataError
+from tracknoise.sequences.dtu.layout import KEY_POSITION, POSITIONS
+from tracknoise.sequences.dtu.matlab import numbers, read_mat
+from tracknoise.sequences.sequence import Scan
+
+_PARTS = ("pts3D_near", "pts3D_far")
+
+
+def read_scan(path: Path) -> tuple[Scan, tuple[str, ...]]:
+    """Read ``pts3D_near`` and ``pts3D_far``: a column a point, of which the first three rows are x, y, z, metres.
+
+    Returns
+    -------
+    scan
+        Of both together; its key frame is the index of position 25.
+    notes
+        A sentence if points with NaN or infinity were left out.
+
+    Raises
+    ------
+    DataError
+        If the file is missing or damaged, one of the two is missing or no such array, or there is no finite point.
+    """
+    variables = read_mat(path, list(_PARTS))
+    points = np.concatenate([_points(path, name, numbers(path, variables, name)) for name in _PARTS])
+    finite = np.isfinite(points).all(axis=1)
+    if not finite.any():
+        raise DataError(path, "a scan without points", f"columns of x, y, z in {' and '.join(_PARTS)}")
+    broken = len(points) - int(np.count_nonzero(finite))
+    notes = (f"{path.name}: left out {broken} of {len(points)} scan points, which are not finite",) if broken else ()
+    return Scan(points[finite], POSITIONS.index(KEY_POSITION)), notes
+
+
+def _points(path: Path, name: str, columns: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 3) float64."""
+    if not columns.size:
+        return np.empty((0, 3))
+    if columns.ndim != 2 or columns.shape[0] < 3:
+        found = f"{name} of shape {'x'.join(map(str, columns.shape))}"
+        raise DataError(path, found, "a column a point, with at least the rows x, y, z")
+    return np.ascontiguousarray(columns[:3].T)

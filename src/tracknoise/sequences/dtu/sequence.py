@@ -1,0 +1,70 @@
+"""A scene of DTU Point Features under one lighting."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.geometry.camera import Camera
+from tracknoise.sequences.dtu.shots import Shots
+from tracknoise.sequences.sequence import Scan, SequenceId, TruthKind
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class LitSequence:
+    """A `tracknoise.sequences.sequence.Sequence` whose images others share, and whose truth is a scan.
+
+    Parameters
+    ----------
+    id
+        Which sequence.
+    source
+        Folder of its scene.
+    camera
+        Intrinsics of all images.
+    world_from_camera
+        (n, 4, 4) float64, rigid: one pose a frame.
+    scan
+        Of its scene.
+    shots
+        Where its images come from, the same object for all sequences that were opened together.
+    lighting
+        Which of the lightings of `shots` is its own.
+    notes
+        What was corrected or assumed while reading, one sentence each.
+    """
+
+    id: SequenceId
+    source: str
+    camera: Camera
+    world_from_camera: NDArray[np.float64]
+    scan: Scan
+    shots: Shots
+    lighting: int
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.world_from_camera)
+
+    @property
+    def truths(self) -> tuple[TruthKind, ...]:
+        """The scan."""
+        return (TruthKind.scan,)
+
+    @property
+    def surface(self) -> None:
+        """None: a scan is no exact surface."""
+        return None
+
+    def image(self, index: int) -> NDArray[np.uint8]:
+        """(height, width) uint8, read-only: one frame in 8-bit grayscale.
+
+        Raises
+        ------
+        DataError
+            If a file is missing, truncated or of another size than the camera's.
+        """
+        return self.shots.image(index, self.lighting)
+
+    def depth(self, index: int) -> None:
+        """None: only one frame was scanned."""

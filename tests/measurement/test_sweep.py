@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
-from tracknoise.exceptions import DataError
+from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.measurement.scene import measure_scene
 from tracknoise.measurement.sweep import Condition
-from tracknoise.sequences.sequence import SequenceId, TruthKind
+from tracknoise.sequences.sequence import Scan, SequenceId, TruthKind
 from tracknoise.trackers.imported import Imported
 
 
@@ -41,3 +41,32 @@ def test_a_tracker_is_told_the_length_of_the_sequence_not_of_the_part_that_is_re
     assert measured(tmp_path, last_frame=4).observations["frame"].to_list() == [0, 1]
     with pytest.raises(DataError, match=r"tracks.csv:7: frame 5, expected a frame from 0 to 4 of the sequence$"):
         measured(tmp_path, last_frame=5)
+
+
+class Scanned(Wall):
+    """The wall, with a point of it seen in the middle of pixel (9, 9) of frame 1."""
+
+    truths = (TruthKind.scan,)
+    scan = Scan(np.array([[-0.21, -0.11, 2.0]]), 1)
+
+
+def test_the_frame_kept_for_drawing_is_not_the_key_frame_but_half_way_from_it_to_the_end(tmp_path):
+    path = tmp_path / "tracks.csv"
+    path.write_text("track,frame,u_px,v_px\n" + "".join(f"0,{k},9.0,9.0\n" for k in range(5)))
+    conditions = [Condition("imported", Imported(str(path)), 1)]
+    assert measure_scene(Scanned(), conditions).snapshot_frame == 3
+    assert measure_scene(Wall(), conditions).snapshot_frame == 2
+
+
+def test_a_speed_that_passes_over_the_key_frame_and_a_run_that_ends_before_it_are_refused(tmp_path):
+    path = tmp_path / "tracks.csv"
+    path.write_text("track,frame,u_px,v_px\n0,0,9.0,9.0\n")
+    imported = Imported(str(path))
+    with pytest.raises(
+        SettingsError, match="the wall: found speed 2, which passes over the key frame 1, expected a speed"
+    ):
+        measure_scene(Scanned(), [Condition("imported", imported, 2)])
+    late = Scanned()
+    late.scan = Scan(Scanned.scan.points_world, 3)
+    with pytest.raises(DataError, match="the wall: 3 frames, expected at least 4, to reach the key frame"):
+        measure_scene(late, [Condition("imported", imported, 1)], max_frames=3)

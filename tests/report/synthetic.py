@@ -5,20 +5,23 @@ import struct
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
 
 from tracknoise.statistics.counts import counts, merge_counts
 from tracknoise.statistics.curves import curves
+from tracknoise.statistics.effects import Reference, effects
 from tracknoise.statistics.histogram import error_histogram
 from tracknoise.statistics.lifetimes import lifetimes
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.outliers import outlier_ratios
 from tracknoise.statistics.summary import summary
 from tracknoise.statistics.trimming import trim
-from tracknoise.tables.schema import FRAMES, OBSERVATIONS, ORIGIN, TRACKS, TrackEnd
+from tracknoise.tables.schema import FRAMES, OBSERVATIONS, ORIGIN, POSES, SEQUENCE, TRACKS, TrackEnd
 from tracknoise.tables.store import Manifest, RunFolder, SequenceEntry
 
 WIDTH, HEIGHT = 160, 120
@@ -44,6 +47,17 @@ DEGENERATE: dict[str, dict[str, object]] = {
     "no image": {**_ONE, "snapshot": False},
     "two lightings": {**_ONE, "lightings": ("led-1", "led-2")},
     "all that is projected": {**_ONE, "population": "projected", "hidden": 0.3},
+    "a scan, and enough features in its key frame alone": {**_ONE, "key_frame": 8, "loss": 1.0, "min_features": 10},
+    "a scan, and no feature of known error": {**_ONE, "key_frame": 8, "truth": "scan", "depth": False},
+    "a light stage": {**_ONE, "key_frame": 8, "lightings": ("diffuse", "LR0", "LR1", "BF0"), "truth": "scan"},
+    "turned, and played backward": {**_ONE, "views": ((0, "forward"), (90, "forward"), (0, "backward"))},
+    "many conditions": {
+        **_ONE,
+        "n_frames": 6,
+        "born": 4,
+        "min_features": 2,
+        "lightings": tuple(f"LR{i}" for i in range(41)),
+    },
     "odd names": {"trackers": ('<b>"&\\_%', "$%_<b>"), "scenes": ("a/b c", "<i>"), "speeds": (1,), "n_frames": 8},
 }
 """Worlds at the edge of what a report can be about, by what is odd about them."""
@@ -57,6 +71,8 @@ class World:
     trackers: Sequence[str] = ("lucas-kanade", "correspondence")
     speeds: Sequence[int] = (1, 2, 4)
     lightings: Sequence[str] = ("default",)
+    views: Sequence[tuple[int, str]] = ((0, "forward"),)
+    """Rotation and direction."""
     n_frames: int = 30
     born: int = 12
     sigma_px: float = 0.15
@@ -74,6 +90,11 @@ class World:
     """Trackers that find no feature."""
     dataset: str = "simulated"
     truth: str = "raycast"
+    key_frame: int | None = None
+    """Where truth is a scan."""
+    depth_m: float = 3.0
+    paper: str | None = None
+    """Which experiment of the paper it repeats."""
 
 
 def write_run(path: Path, world: World, *, seed: int = 0) -> RunFolder:
@@ -82,11 +103,11 @@ def write_run(path: Path, world: World, *, seed: int = 0) -> RunFolder:
     manifest = Manifest("hash", {"tracknoise": "0.1.0", "python": "3.11"}, {"system": "Linux", "cores": "2"}, seed)
     run.create(_toml(world), manifest)
     rng = np.random.default_rng(seed)
-    for scene in world.scenes:
-        for lighting in world.lightings:
-            entry = _entry(scene, lighting, world)
-            run.write_sequence(entry.key, _sequence(rng, scene, lighting, world), _png(world))
-            manifest.sequences[entry.key] = entry
+    for scene, lighting, (rotation, direction) in product(world.scenes, world.lightings, world.views):
+        origin = [world.dataset, scene, lighting, rotation, direction]
+        entry = _entry(origin, world)
+        run.write_sequence(entry.key, _sequence(rng, origin, world), _png(world))
+        manifest.sequences[entry.key] = entry
     run.write_manifest(manifest)
     _write_statistics(run, world)
     return run
@@ -100,6 +121,7 @@ def _toml(world: World) -> str:
             'name = "made up"',
             f"speeds = {list(world.speeds)}",
             "seed = 0",
+            f'paper = "{world.paper}"' if world.paper else "",
             f'[dataset]\nreader = "simulated"\nlightings = {list(world.lightings)}\n[dataset.options]\nframes = 30',
             *trackers,
             f'[truth]\npopulation = "{world.population}"',
@@ -108,33 +130,50 @@ def _toml(world: World) -> str:
     )
 
 
-def _entry(scene: str, lighting: str, world: World) -> SequenceEntry:
-    notes = ("poses were projected to the nearest rotation, by up to 0.002",) if scene == "forward" else ()
+def _entry(origin: Sequence[Any], world: World) -> SequenceEntry:
+    notes = ("poses were projected to the nearest rotation, by up to 0.002",) if origin[1] == "forward" else ()
+    size = (WIDTH, HEIGHT) if origin[3] % 180 == 0 else (HEIGHT, WIDTH)
+    middle = world.n_frames // 2
     return SequenceEntry(
-        world.dataset, scene, lighting, 0, world.n_frames, WIDTH, HEIGHT, world.truth, world.n_frames // 2, 3.2, notes
-    )
+        *origin, world.n_frames, *size, world.truth, middle, 3.2, notes, key_frame=world.key_frame
+    )  # fmt: skip
 
 
-def _sequence(rng: np.random.Generator, scene: str, lighting: str, world: World) -> dict[str, pl.DataFrame]:
-    parts = [
-        _condition(rng, scene, lighting, tracker, speed, world) for tracker in world.trackers for speed in world.speeds
-    ]
+def _sequence(rng: np.random.Generator, origin: Sequence[Any], world: World) -> dict[str, pl.DataFrame]:
+    parts = [_condition(rng, [*origin, tracker, speed], world) for tracker in world.trackers for speed in world.speeds]
     observations, tracks, frames = (pl.concat(tables) for tables in zip(*parts, strict=True))
     trimmed = trim(observations, tracks, percentile=world.percentile, population=world.population)
     return {
         "observations": trimmed.observations,
         "tracks": trimmed.tracks,
         "frames": frames,
-        "moments": scene_moments(trimmed.observations),
+        "poses": _poses(origin, world),
+        "moments": scene_moments(trimmed.observations, axis="age" if world.key_frame is None else "frame"),
         "trims": trimmed.trims,
         "counts": counts(trimmed.observations, trimmed.tracks),
     }
 
 
+def _poses(origin: Sequence[Any], world: World) -> pl.DataFrame:
+    """A step of a decimetre along x and a turn of one degree about z in every frame."""
+    frame = np.arange(world.n_frames)
+    half = np.deg2rad(30 + frame) / 2
+    zeros = np.zeros(world.n_frames)
+    place = {"x_m": 0.1 * frame, "y_m": zeros, "z_m": zeros}
+    turn = {"qx": zeros, "qy": zeros, "qz": np.sin(half), "qw": np.cos(half)}
+    labels = {name: [value] * world.n_frames for name, value in zip(SEQUENCE, origin, strict=True)}
+    return pl.DataFrame({**labels, "frame": frame, **place, **turn}, schema=dict(POSES))
+
+
 def _condition(
-    rng: np.random.Generator, scene: str, lighting: str, tracker: str, speed: int, world: World
+    rng: np.random.Generator, origin: Sequence[Any], world: World
 ) -> tuple[pl.DataFrame, pl.DataFrame, pl.DataFrame]:
-    """Features born in every frame, lost by chance, with errors that walk and drift."""
+    """Features born in every frame, lost by chance, with errors that walk and drift.
+
+    What drifts to the right in the upright image goes up in one that is turned by 90 degrees, and to the left where
+    the sequence is played backward.
+    """
+    _, scene, _, rotation, direction, tracker, speed = origin
     seen = len(range(0, world.n_frames, speed))
     born = 0 if tracker in world.featureless else world.born
     depth = world.depth and not {scene, tracker} & {*world.depthless}
@@ -145,10 +184,18 @@ def _condition(
     step = np.concatenate([np.arange(n) for n in life]) if first.size else np.empty(0, int)
     size = world.sigma_px * worse * np.where(rng.random(first.size) < 0.06, 12.0, 1.0)[track]
     walk = rng.standard_normal((step.size, 2)) * (size * np.sqrt(step * speed))[:, None]
-    error = walk + world.bias_px * worse * (step * speed)[:, None] * [1.0, -0.5]
+    drift = np.array([1.0, -0.5]) * (-1.0 if direction == "backward" else 1.0)
+    drift = np.array([drift[1], -drift[0]]) if rotation == 90 else drift
+    error = walk + world.bias_px * worse * (step * speed)[:, None] * drift
     uv = rng.uniform([0, 0], [WIDTH, HEIGHT], (first.size, 2))[track] + step[:, None] * [0.8 * speed, 0.3]
-    status = np.where(rng.random(step.size) < world.hidden, "occluded", "valid") if depth else "no_depth"
-    origin = [world.dataset, scene, lighting, 0, tracker, speed]
+    status = np.where(rng.random(step.size) < world.hidden, "occluded", "valid") if depth else np.array("no_depth")
+    if world.key_frame is not None:
+        fixed = ((first[track] + step) * speed == world.key_frame) & depth
+        known = np.isin(track, track[fixed])
+        start = np.zeros((first.size, 2))
+        start[track[fixed]] = error[fixed]
+        error -= start[track]
+        status = np.where(known, status, "no_depth")
     observations = pl.DataFrame(
         {
             "track": track, "frame": (first[track] + step) * speed, "age": step * speed,
@@ -157,14 +204,12 @@ def _condition(
             "truth": np.broadcast_to(status, step.size), "du_px": error[:, 0], "dv_px": error[:, 1],
         }
     ).with_columns(kept=pl.lit(value=True))  # fmt: skip
-    if not depth:
-        observations = observations.with_columns(
-            pl.lit(None).alias(c) for c in ("u_true_px", "v_true_px", "du_px", "dv_px")
-        )
+    known = pl.when(pl.col("truth") != "no_depth")
+    observations = observations.with_columns(known.then(pl.col("u_true_px", "v_true_px", "du_px", "dv_px")))
     end = np.where(first + life == seen, TrackEnd.sequence_end.name, TrackEnd.lost.name)
     tracks = pl.DataFrame({"track": np.arange(first.size), "first_frame": first * speed, "lifetime": life, "end": end})
     tracks = tracks.with_columns(
-        response=pl.lit(9.0), depth_m=pl.lit(3.0), max_error_px=pl.lit(None), kept=pl.lit(value=True)
+        response=pl.lit(9.0), depth_m=pl.lit(world.depth_m), max_error_px=pl.lit(None), kept=pl.lit(value=True)
     )
     alive = np.bincount(first[track] + step, minlength=seen)
     offered = np.concatenate([[0], alive[:-1]])
@@ -184,7 +229,7 @@ def _condition(
     return observations, tracks, frames
 
 
-def _labelled(table: pl.DataFrame, origin: Sequence[object]) -> pl.DataFrame:
+def _labelled(table: pl.DataFrame, origin: Sequence[Any]) -> pl.DataFrame:
     return table.with_columns(pl.lit(value).alias(name) for name, value in zip(ORIGIN, origin, strict=True))
 
 
@@ -197,7 +242,24 @@ def _write_statistics(run: RunFolder, world: World) -> None:
         "errors": error_histogram(run.sequence_tables("tracks")),
         "counts": merge_counts(run.sequence_tables("counts")),
     }
-    made["summary"] = summary(made["curves"], made["lifetimes"], made["outliers"], population=world.population)
+    made["summary"] = summary(
+        made["curves"],
+        made["lifetimes"],
+        made["outliers"],
+        key_frame=world.key_frame or 0,
+        population=world.population,
+    )
+    made["effects"] = effects(
+        made["curves"],
+        made["lifetimes"],
+        made["outliers"],
+        reference=Reference(
+            world.lightings[0],
+            speed=world.speeds[0],
+            key_frames={} if world.key_frame is None else dict.fromkeys(("forward", "backward"), world.key_frame),
+        ),
+        population=world.population,
+    )
     for name, table in made.items():
         run.write_statistics(name, table)
 

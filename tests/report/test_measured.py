@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from types import ModuleType
 
 import polars as pl
 
@@ -103,3 +104,63 @@ def test_a_large_share_is_told_with_what_the_errors_rest_on(make_run: Callable[.
 
 def test_few_unknown_true_positions_need_no_word(run: RunFolder) -> None:
     assert measured.without_truth(Evidence.of(run)) == []
+
+
+def test_directions_have_a_column_where_there_are_several(make_run: Callable[..., RunFolder]) -> None:
+    views = ((0, "forward"), (0, "backward"))
+    evidence = Evidence.of(make_run(scenes=("there", "back"), speeds=(1,), views=views))
+    shown = measured.scenes(evidence)
+    assert shown.headings[3:5] == ["rotation (°)", "direction"]
+    assert [row[4] for row in shown.rows] == ["forward", "backward"] * 2
+    conditions = [row[:3] for row in measured.end_counts(evidence).rows]
+    assert conditions[:2] == [["lucas-kanade", "1", "forward"], ["lucas-kanade", "1", "backward"]]
+
+
+def test_scenes_that_were_left_out_are_told(make_run: Callable[..., RunFolder]) -> None:
+    run = make_run(scenes=("kept",), trackers=("one",), speeds=(1,), n_frames=6)
+    manifest = run.manifest()
+    manifest.left_out["parked"] = "the camera stands still in 80 of 100 frames."
+    run.write_manifest(manifest)
+    assert measured.left_out(Evidence.of(run)) == [("parked", "the camera stands still in 80 of 100 frames.")]
+
+
+def test_the_same_note_of_many_sequences_is_told_once(make_run: Callable[..., RunFolder]) -> None:
+    lightings = tuple(f"led-{i}" for i in range(6))
+    run = make_run(scenes=("forward",), trackers=("one",), speeds=(1,), n_frames=6, lightings=lightings)
+    ((place, _),) = measured.notes(Evidence.of(run))
+    assert place == "forward@led-0, forward@led-1, forward@led-2 and 3 others"
+
+
+def test_many_places_without_true_positions_are_told_together(make_run: Callable[..., RunFolder]) -> None:
+    names = tuple(f"scene-{i}" for i in range(6))
+    evidence = Evidence.of(make_run(scenes=names, trackers=("one",), speeds=(1,), depthless=names[1:]))
+    told = dict(measured.without_truth(evidence))
+    assert list(told) == ["one at speed 1", "scene-1@default, scene-2@default, scene-3@default and 2 others"]
+    observations = pl.concat(evidence.run.sequence_tables("observations")).filter(pl.col("scene") != "scene-0")
+    share = "100.0\N{NO-BREAK SPACE}%"
+    assert f"the true position of {share} of {observations.height:,} observations" in list(told.values())[1]
+
+
+def test_a_large_run_lists_the_conditions_of_its_view(
+    make_run: Callable[..., RunFolder], synthetic: ModuleType
+) -> None:
+    evidence = Evidence.of(make_run(**synthetic.DEGENERATE["many conditions"]))
+    for shown in (measured.summary(evidence), measured.truth_counts(evidence), measured.end_counts(evidence)):
+        assert [row[:2] for row in shown.rows] == [["lucas-kanade", "1"]]
+        assert shown.caption.endswith(", under lighting LR0; 40 other conditions in the table's file")
+    assert len(measured.scenes(evidence).rows) == 1
+    assert measured.scenes(evidence).caption == "Sequences, under lighting LR0, of 41 sequences in all (41 lightings)"
+
+
+def test_the_summary_speaks_of_frames_where_there_is_a_scan(make_run: Callable[..., RunFolder]) -> None:
+    run = make_run(scenes=("only",), born=40, key_frame=8, truth="scan")
+    shown = measured.summary(Evidence.of(run))
+    assert shown.headings[6] == "frame"
+    assert shown.headings[7:13] == ["\N{GREEK SMALL LETTER MU} u", "\N{GREEK SMALL LETTER MU} v", *shown.headings[9:13]]
+    assert shown.rows[0][6] == "18"
+
+
+def test_what_a_scan_does_not_reach_is_not_called_depth(make_run: Callable[..., RunFolder]) -> None:
+    evidence = Evidence.of(make_run(scenes=("only",), born=40, key_frame=8, truth="scan"))
+    assert "not on the scan" in measured.truth_counts(evidence).headings
+    assert "no depth" not in measured.truth_counts(evidence).headings

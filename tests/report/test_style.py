@@ -1,6 +1,6 @@
 from itertools import pairwise
 
-from tracknoise.report.style import PALETTE, colours, shades
+from tracknoise.report.style import PALETTE, colours, ramp, shades
 
 
 def _brightness(colour: str) -> int:
@@ -20,3 +20,8 @@ def test_shades_run_from_dark_to_light() -> None:
 
 def test_a_single_shade_is_the_colour() -> None:
     assert shades("#0072B2", 1) == ["#0072B2"]
+
+
+def test_a_ramp_leads_from_one_end_to_the_other() -> None:
+    assert ramp(("#000000", "#ffffff"), 3) == ["#000000", "#808080", "#ffffff"]
+    assert ramp(("#123456", "#ffffff"), 1) == ["#123456"]

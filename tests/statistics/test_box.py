@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tracknoise.statistics.box import Box, box_summary
+from tracknoise.statistics.box import Box, box_of_counts, box_summary
 
 
 def test_by_hand() -> None:
@@ -39,3 +39,12 @@ def test_values_stay_as_they_were() -> None:
     values = np.array([3.0, 1.0, 2.0])
     box_summary(values)
     assert values.tolist() == [3.0, 1.0, 2.0]
+
+
+@given(st.dictionaries(st.integers(1, 50), st.integers(0, 6), max_size=8))
+def test_a_histogram_has_the_box_of_the_values_that_were_counted(counts: dict[int, int]) -> None:
+    values = [value for value, n in counts.items() for _ in range(n)]
+    found, expected = box_of_counts(list(counts), list(counts.values())), box_summary(values)
+    assert found.n == expected.n
+    for name in ("mean", "median", "lower_quartile", "upper_quartile", "lower_whisker", "upper_whisker"):
+        assert getattr(found, name) == pytest.approx(getattr(expected, name))

@@ -1,15 +1,14 @@
 """The summary of a run as a plain text table."""
 
+from tracknoise.report.evidence import Evidence
+from tracknoise.report.measured import condition_columns, in_order
 from tracknoise.tables.store import RunFolder
 
-_COLUMNS = (
-    ("tracker", "tracker", "{}"),
-    ("speed", "speed", "{}"),
-    ("lighting", "lighting", "{}"),
+_NUMBERS = (
     ("tracks", "n_tracks", "{:,}"),
     ("lifetime\nmean", "mean_lifetime", "{:.1f}"),
     ("outlier\nratio", "outlier_ratio", "{:.3f}"),
-    ("at\nage", "age", "{}"),
+    ("at\n{axis}", "at", "{}"),
     ("mean u\npx", "trimmed_nu_u_px", "{:+.3f}"),
     ("mean v\npx", "trimmed_nu_v_px", "{:+.3f}"),
     ("|err| u\npx", "trimmed_eta_u_px", "{:.3f}"),
@@ -22,16 +21,19 @@ _COLUMNS = (
 
 
 def summary_text(run: RunFolder) -> str:
-    """One line a condition: lifetimes, outlier ratio, and the trimmed errors (observed minus true) at one age.
+    """One line a condition: lifetimes, outlier ratio, and the trimmed errors (observed minus true) at one place.
+
+    Where there are too many conditions, only those that the report's figures are about have a line.
 
     Raises
     ------
     StoreError, SchemaError
         If the run has no usable statistics.
     """
-    table = run.statistics("summary")
-    shown = [column for column in _COLUMNS if column[1] != "lighting" or table["lighting"].n_unique() > 1]
-    headings = [heading.split("\n") for heading, _, _ in shown]
+    evidence = Evidence.of(run)
+    table = in_order(evidence, evidence.listed(evidence.summary))
+    shown = [*((name, name, "{}") for name in condition_columns(evidence)), *_NUMBERS]
+    headings = [heading.format(axis=evidence.axis.name).split("\n") for heading, _, _ in shown]
     rows = [[parts[0] if len(parts) > 1 else "" for parts in headings], [parts[-1] for parts in headings]]
     rows += [[_cell(row[name], form) for _, name, form in shown] for row in table.iter_rows(named=True)]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
@@ -39,7 +41,14 @@ def summary_text(run: RunFolder) -> str:
         "  ".join(_aligned(cell, width, i) for i, (cell, width) in enumerate(zip(row, widths, strict=True)))
         for row in rows
     ]
-    return "\n".join([*lines[:2], "-" * len(lines[1]), *lines[2:]])
+    return "\n".join([*lines[:2], "-" * len(lines[1]), *lines[2:], *_others(evidence)])
+
+
+def _others(evidence: Evidence) -> list[str]:
+    if not evidence.is_large:
+        return []
+    n = evidence.summary.height - evidence.listed(evidence.summary).height
+    return [f"({evidence.where.strip()}; {n} other conditions are in the report's tables/summary.csv)"]
 
 
 def _cell(value: object, form: str) -> str:

@@ -1,13 +1,17 @@
 """Files besides the images that a sequence's numbers depend on: a change in them makes a measurement stale."""
 
 import hashlib
+from collections.abc import Iterator
 from pathlib import Path
 
 from tracknoise.experiments.plan import Task
+from tracknoise.sequences.registry import path_options
 
 
 def inputs_digest(task: Task) -> str:
-    """Hash of the contents of all files that trackers read for a sequence: those that an option `path` names.
+    """Hash of what lies beside the images: the files that trackers read, and those that the reader's options name.
+
+    Of files it is the contents that count, of folders (Gazebo models, say) the names and sizes of all files in them.
 
     Returns
     -------
@@ -15,9 +19,24 @@ def inputs_digest(task: Task) -> str:
         Hexadecimal SHA-256; the same whenever there is no such file.
     """
     digest = hashlib.sha256()
-    for path in _track_files(task):
-        digest.update(path.read_bytes() if path.is_file() else b"missing")
+    for path in [*_track_files(task), *_reader_paths(task)]:
+        for part in _parts(path):
+            digest.update(part)
     return digest.hexdigest()
+
+
+def _parts(path: Path) -> Iterator[bytes]:
+    if not path.is_dir():
+        yield path.read_bytes() if path.is_file() else b"missing"
+        return
+    for file in sorted(item for item in path.rglob("*") if item.is_file()):
+        yield f"{file.relative_to(path)} {file.stat().st_size}\n".encode()
+
+
+def _reader_paths(task: Task) -> list[Path]:
+    dataset = task.experiment.dataset
+    values = [dataset.options.get(name) for name in path_options(dataset.reader)]
+    return [Path(value) for value in values if isinstance(value, str)]
 
 
 def _track_files(task: Task) -> list[Path]:
@@ -26,7 +45,11 @@ def _track_files(task: Task) -> list[Path]:
     return [
         Path(
             path.format(
-                scene=name.scene, lighting=name.lighting, rotation=name.rotation, direction=name.direction, speed=speed
+                scene=name.scene,
+                lighting=name.lighting,
+                rotation=name.rotation,
+                direction=name.direction,
+                speed=speed,
             )
         )
         for path in paths

@@ -2,9 +2,11 @@
 
 import polars as pl
 
+from tracknoise.experiments.reference import reference
 from tracknoise.experiments.settings import Experiment
 from tracknoise.statistics.counts import merge_counts
 from tracknoise.statistics.curves import curves
+from tracknoise.statistics.effects import effects
 from tracknoise.statistics.histogram import error_histogram
 from tracknoise.statistics.lifetimes import lifetimes
 from tracknoise.statistics.outliers import outlier_ratios
@@ -30,7 +32,6 @@ def pool(run: RunFolder, experiment: Experiment) -> None:
         If a table is damaged, or the folder cannot be written.
     """
     moments = pl.concat(run.sequence_tables("moments"))
-    key_frames = [entry.key_frame for entry in run.manifest().sequences.values() if entry.key_frame is not None]
     tables = {
         "curves": curves(moments, min_features=experiment.statistics.min_features),
         "lifetimes": lifetimes(run.sequence_tables("tracks")),
@@ -39,11 +40,20 @@ def pool(run: RunFolder, experiment: Experiment) -> None:
         "errors": error_histogram(run.sequence_tables("tracks")),
         "counts": merge_counts(run.sequence_tables("counts")),
     }
+    slowest = int(tables["outliers"]["speed"].min())  # type: ignore[arg-type]
+    view = reference(run.manifest(), experiment, speed=slowest)
     tables["summary"] = summary(
         tables["curves"],
         tables["lifetimes"],
         tables["outliers"],
-        key_frame=max(key_frames, default=0),
+        key_frame=view.key_frames.get(view.direction, 0),
+        population=experiment.truth.population,
+    )
+    tables["effects"] = effects(
+        tables["curves"],
+        tables["lifetimes"],
+        tables["outliers"],
+        reference=view,
         population=experiment.truth.population,
     )
     for name, table in tables.items():

@@ -95,7 +95,7 @@ def sweep(
     TrackerError
         If a tracker reports what it cannot have seen.
     """
-    snapshot_frame = _snapshot_frame(n_frames, [condition.speed for condition in conditions])
+    snapshot_frame = _snapshot_frame(n_frames, conditions, truths[0].key_frame)
     passes = [
         _Pass(sequence, conditions, truth, snapshot_frame=snapshot_frame, seed=seed)
         for sequence, truth in zip(sequences, truths, strict=True)
@@ -151,7 +151,10 @@ def _start(condition: Condition, sequence: Sequence, truth: Truth, seed: int) ->
     )
 
 
-def _snapshot_frame(n_frames: int, speeds: list[int]) -> int:
-    """The middle frame, or the one before it that the slowest condition sees."""
-    slowest = min(speeds, default=1)
-    return n_frames // 2 // slowest * slowest
+def _snapshot_frame(n_frames: int, conditions: Items[Condition], key_frame: int | None) -> int:
+    """The middle frame, or the one before it that the slowest condition sees.
+
+    In a key frame errors are zero: with one, it is the frame in the middle of those that follow it.
+    """
+    slowest = min((condition.speed for condition in conditions), default=1)
+    return (n_frames + (key_frame or 0)) // 2 // slowest * slowest

@@ -11,7 +11,17 @@ import polars as pl
 
 from tracknoise.exceptions import StoreError
 from tracknoise.report import style
-from tracknoise.tables.store import STATISTICS_TABLES, Manifest, RunFolder
+from tracknoise.report.axis import AGE, FRAME, Axis
+from tracknoise.report.sentences import natural_key
+from tracknoise.tables.schema import VIEW
+from tracknoise.tables.store import STATISTICS_TABLES, Manifest, RunFolder, SequenceEntry
+
+MOST_CONDITIONS = 40
+"""More conditions than this are not listed one by one on the page."""
+_PLAIN = ("diffuse", "default")
+"""What a lighting without a direction is called."""
+_DIRECTIONS = ("forward", "backward")
+_WORDS = {"lighting": "under lighting {}", "rotation": "at rotation {}°", "direction": "played {}"}
 
 
 @dataclass(frozen=True)
@@ -24,7 +34,7 @@ class Evidence:
         The folder, for tables a sequence.
     manifest, settings
         Where the run stands, and its resolved experiment.
-    curves, lifetimes, outliers, trims, errors, counts, summary
+    curves, lifetimes, outliers, trims, errors, counts, summary, effects
         Its pooled tables.
     """
 
@@ -38,6 +48,7 @@ class Evidence:
     errors: pl.DataFrame
     counts: pl.DataFrame
     summary: pl.DataFrame
+    effects: pl.DataFrame
 
     @classmethod
     def of(cls, run: RunFolder) -> "Evidence":
@@ -84,13 +95,38 @@ class Evidence:
         return cuts.clear() if self.percentile is None else cuts
 
     @cached_property
+    def axis(self) -> Axis:
+        """What curves run along: frames where every sequence has a key frame, otherwise ages."""
+        entries = self.manifest.sequences.values()
+        return FRAME if entries and all(entry.key_frame is not None for entry in entries) else AGE
+
+    @cached_property
     def points(self) -> pl.DataFrame:
-        """Curves that are not cut, features pooled, of the experiment's population; second moments as roots, px."""
-        whole = (pl.col("weighting") == "features") & ~pl.col("cut")
-        moments = pl.col("statistic").is_in(["Phi", "central"])
+        """Curves that are not cut, features pooled; second moments as roots, px.
+
+        Column `role` says of which statistic, whatever the axis: mean, absolute, second or central. Column `since`
+        holds the distance from where errors are zero by construction, in frames of the sequence.
+        """
+        whole = (pl.col("weighting") == "features") & (pl.col("axis") == self.axis.name) & ~pl.col("cut")
+        table = self.curves.filter(whole).with_columns(
+            role=pl.col("statistic").replace_strict(self.axis.roles, return_dtype=pl.String)
+        )
+        moments = pl.col("role").is_in(["second", "central"])
         roots = [pl.when(moments).then(pl.col(axis).sqrt()).otherwise(pl.col(axis)).alias(axis) for axis in "uv"]
-        table = self.curves.filter(whole).with_columns(roots).drop_nulls(["u", "v"])
-        return table.drop("uv", "weighting", "axis", "unit", "cut")
+        table = table.with_columns(*roots, since=pl.col("at").cast(pl.Int64) - self._zero).drop_nulls(["u", "v"])
+        return table.drop("uv", "weighting", "axis", "statistic", "unit", "cut")
+
+    def key_frame(self, direction: str) -> int | None:
+        """The frame in which errors are zero, of sequences played in a direction; None where ages count."""
+        entries = [entry for entry in self.manifest.sequences.values() if entry.direction == direction]
+        found = [entry.key_frame for entry in entries if entry.key_frame is not None]
+        return max(found, default=0) if self.axis is FRAME else None
+
+    @property
+    def _zero(self) -> pl.Expr:
+        """Where the errors of a curve are zero by construction."""
+        zeros = {direction: self.key_frame(direction) or 0 for direction in self.directions}
+        return pl.col("direction").replace_strict(zeros, return_dtype=pl.Int64)
 
     @cached_property
     def trackers(self) -> list[str]:
@@ -105,13 +141,30 @@ class Evidence:
 
     @cached_property
     def lightings(self) -> list[str]:
-        """Lightings with results, in the order in which the experiment names them, or else by name."""
-        return _ordered(sorted(self._measured("lighting")), self._section("dataset").get("lightings") or [])
+        """Lightings with results, in the order in which the experiment names them, or else by name, diffuse first."""
+        by_name = sorted(self._measured("lighting"), key=natural_key)
+        return _ordered(by_name, self._section("dataset").get("lightings") or _PLAIN)
 
     @cached_property
     def rotations(self) -> list[int]:
         """Image rotations with results, ascending."""
         return sorted(self._measured("rotation"))
+
+    @cached_property
+    def directions(self) -> list[str]:
+        """Directions of play with results, forward first."""
+        return _ordered(self._measured("direction"), _DIRECTIONS)
+
+    @cached_property
+    def view(self) -> dict[str, Any]:
+        """The view that figures are about unless they compare views: lighting, rotation and direction.
+
+        It is the first lighting, upright and forward if there is such a view, otherwise the nearest to it in this
+        order: played forward, turned the least, lit by the first of the lightings.
+        """
+        parts = [table.select(*VIEW) for table in (self.counts, self.outliers, self.lifetimes, self.curves)]
+        views = pl.concat(parts).unique().to_dicts()
+        return min(views, key=self._remoteness, default=dict.fromkeys(VIEW))
 
     @property
     def slowest(self) -> int:
@@ -139,22 +192,52 @@ class Evidence:
         return dict(zip(map(str, self.speeds), shades, strict=True))
 
     def reference(self, table: pl.DataFrame) -> pl.DataFrame:
-        """Rows under the first lighting and the first rotation."""
-        if not self.lightings:
-            return table.clear()
-        lighting, rotation = self.lightings[0], self.rotations[0]
-        return table.filter((pl.col("lighting") == lighting) & (pl.col("rotation") == rotation))
+        """Rows of the `view`."""
+        return self.across(table, "")
 
     def nominal(self, table: pl.DataFrame) -> pl.DataFrame:
-        """Rows under the first lighting and rotation at the lowest speed."""
+        """Rows of the `view` at the lowest speed."""
         return self.reference(table).filter(pl.col("speed") == self.slowest)
+
+    def across(self, table: pl.DataFrame, factor: str) -> pl.DataFrame:
+        """Rows of every lighting, rotation or direction, whichever `factor` names, and otherwise of the `view`."""
+        if not self.lightings:
+            return table.clear()
+        return table.filter(*(pl.col(name) == value for name, value in self.view.items() if name != factor))
+
+    @property
+    def sequences(self) -> dict[str, SequenceEntry]:
+        """Measured sequences of the `view`, by key."""
+        entries = sorted(self.manifest.sequences.items())
+        return {key: entry for key, entry in entries if {name: getattr(entry, name) for name in VIEW} == self.view}
 
     @property
     def where(self) -> str:
-        """Which of several lightings or rotations `reference` stands for; empty where there is no choice."""
-        parts = [f"under lighting {self.lightings[0]}"] if len(self.lightings) > 1 else []
-        parts += [f"at rotation {self.rotations[0]}°"] if len(self.rotations) > 1 else []
-        return "".join(f" {part}" for part in parts)
+        """Which of several lightings, rotations or directions the `view` has; empty where there is no choice."""
+        return self.elsewhere("")
+
+    def elsewhere(self, factor: str) -> str:
+        """As `where`, for what is `across` a factor and does not say which of its values it has."""
+        several: dict[str, list[Any]] = {
+            "lighting": self.lightings,
+            "rotation": self.rotations,
+            "direction": self.directions,
+        }
+        chosen = [name for name, values in several.items() if len(values) > 1 and name != factor]
+        return "".join(f" {_WORDS[name].format(self.view[name])}" for name in chosen)
+
+    @cached_property
+    def is_large(self) -> bool:
+        """Whether there are too many conditions for a table of them all to be read."""
+        return self.summary.height > MOST_CONDITIONS
+
+    def listed(self, table: pl.DataFrame) -> pl.DataFrame:
+        """Rows of conditions that tables on the page hold: all, or those of the `view` where there are too many."""
+        return self.reference(table) if self.is_large else table
+
+    def _remoteness(self, view: Mapping[str, Any]) -> tuple[int, int, int]:
+        direction, lighting = self.directions.index(view["direction"]), self.lightings.index(view["lighting"])
+        return direction, view["rotation"], lighting
 
     def _section(self, name: str) -> Mapping[str, Any]:
         section: Mapping[str, Any] = self.settings.get(name, {})

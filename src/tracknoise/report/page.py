@@ -7,17 +7,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
 from tracknoise.exceptions import StoreError, UnknownNameError
-from tracknoise.report import export, measured, tables
+from tracknoise.report import export, matters, measured, tables
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import FAMILIES, Figure
-from tracknoise.report.sentences import NU
 from tracknoise.tables.store import RunFolder
-
-_GROUPS = {"trimmed": "trimmed (px)", "untrimmed": "untrimmed (px)"}
-_ERRORS = {"nu": NU, "eta": "η", "rms": "√Φ"}
 
 
 def write_report(run: RunFolder, *, figure_formats: Sequence[str] = export.FORMATS) -> Path:
@@ -70,49 +66,34 @@ def _files(evidence: Evidence, formats: tuple[str, ...]) -> dict[str, bytes]:
 
 
 def _page(evidence: Evidence, sections: Sequence[Any], specs: Mapping[str, Any], formats: tuple[str, ...]) -> str:
-    loader = PackageLoader("tracknoise.report", "template")
-    environment = Environment(
-        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.tests["figure"] = lambda item: isinstance(item, Figure)
-    raw = {name: loader.get_source(environment, name)[0] for name in ("page.css", "page.js")}
-    return environment.get_template("index.html.j2").render(
+    return template("index.html.j2").render(
         evidence=evidence,
         measured=measured,
-        summary=_summary(evidence),
+        matters=matters,
+        summary=measured.summary(evidence),
         exports=tables.EXPORTS,
         sections=[(family, figures) for family, figures in sections if figures],
         specs={name: _embedded(spec) for name, spec in specs.items()},
         formats=formats,
         vega=export.scripts(),
-        css=raw["page.css"],
-        script=raw["page.js"],
     )
+
+
+def template(name: str) -> Template:
+    """A template of the package, which finds the report's style as `css` and its script as `script`."""
+    loader = PackageLoader("tracknoise.report", "template")
+    environment = Environment(
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.tests["figure"] = lambda item: isinstance(item, Figure)
+    raw = {"css": "page.css", "script": "page.js"}
+    environment.globals |= {key: loader.get_source(environment, file)[0] for key, file in raw.items()}
+    return environment.get_template(name)
 
 
 def _embedded(spec: Mapping[str, Any]) -> str:
     """JSON that cannot end the script element it stands in."""
     return json.dumps(spec, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
-
-
-def _summary(evidence: Evidence) -> tables.Cells:
-    conditions = measured.condition_columns(evidence)
-    lived = {
-        "n_tracks": "tracks",
-        "mean_lifetime": "mean",
-        "median_lifetime": "KM median",
-        "outlier_ratio": "outliers",
-        "age": "age",
-    }
-    errors = {
-        f"{trimming}_{statistic}_{axis}_px": f"{sign} {axis}"
-        for trimming in _GROUPS
-        for statistic, sign in _ERRORS.items()
-        for axis in "uv"
-    }
-    groups = [("", len(conditions) + 1), ("lifetime (frames)", 2), ("", 2), *((title, 6) for title in _GROUPS.values())]
-    table = measured.in_order(evidence, evidence.summary)
-    return tables.cells(table, {**conditions, **lived, **errors}, "Every condition at a glance", groups=groups)
 
 
 def _replace(folder: Path, files: Mapping[str, bytes]) -> Path:

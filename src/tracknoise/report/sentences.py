@@ -1,11 +1,12 @@
 """Words and numbers as the report writes them."""
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 
 SPACE = "\N{NO-BREAK SPACE}"
 MINUS, DASH, TIMES = "\N{MINUS SIGN}", "\N{EN DASH}", "\N{MULTIPLICATION SIGN}"
-NU = "\N{GREEK SMALL LETTER NU}"
+NU, MU, KAPPA = "\N{GREEK SMALL LETTER NU}", "\N{GREEK SMALL LETTER MU}", "\N{GREEK SMALL LETTER KAPPA}"
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -44,6 +45,12 @@ def percent(share: float | None) -> str:
 def count(n: int, noun: str) -> str:
     """Write a count with its noun: ``no tracks``, ``1 track``, ``1,200 tracks``."""
     return f"{number(n) if n else 'no'} {noun}{'' if n == 1 else 's'}"
+
+
+def natural_key(name: str) -> list[tuple[int, str]]:
+    """Sort key that puts ``LR9`` before ``LR10``: digits count as numbers."""
+    parts = re.split(r"(\d+)", name)
+    return [(int(part), "") if place % 2 else (0, part) for place, part in enumerate(parts)]
 
 
 def listing(items: Iterable[str], *, joint: str = "and") -> str:

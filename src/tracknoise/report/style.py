@@ -6,6 +6,9 @@ from typing import Any
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
 """Okabe and Ito's colours, which people with any colour vision can tell apart."""
 INK, QUIET, FAINT = "#1b2430", "#5b6775", "#e3e7ec"
+BLACK = "#000000"
+BLUES, REDS = ("#08306b", "#74c7ee"), ("#67000d", "#fdae5b")
+"""Ends of two ramps that stay apart whatever the colour vision."""
 MEDIAN, MEAN = "#E69F00", "#009E73"
 FONT = "Helvetica Neue, Helvetica, Arial, Liberation Sans, DejaVu Sans, sans-serif"
 
@@ -21,6 +24,11 @@ def shades(colour: str, n: int) -> list[str]:
         return [colour]
     steps = [-0.55 + 1.05 * i / (n - 1) for i in range(n)]
     return [_mixed(colour, "#000000", -step) if step < 0 else _mixed(colour, "#ffffff", step) for step in steps]
+
+
+def ramp(ends: tuple[str, str], n: int) -> list[str]:
+    """`n` colours from the first of two to the second."""
+    return [_mixed(*ends, i / max(1, n - 1)) for i in range(n)]
 
 
 def _mixed(colour: str, other: str, share: float) -> str:

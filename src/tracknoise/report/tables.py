@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import polars as pl
 
+from tracknoise.report import paper
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.sentences import DASH, MINUS, TIMES, number, percent, pixels
 
@@ -47,6 +48,8 @@ EXPORTS: tuple[Export, ...] = (
     Export("lifetimes", "lifetimes and survival", lambda evidence: evidence.lifetimes),
     Export("outliers", "outlier ratios", lambda evidence: evidence.outliers),
     Export("trims", "what trimming dropped", lambda evidence: evidence.trims),
+    Export("what-matters", "which factors matter", paper.side_by_side),
+    Export("effects", "how much they do", lambda evidence: evidence.effects),
     Export("counts", "truth statuses and track ends", lambda evidence: evidence.counts),
 )
 

@@ -48,6 +48,7 @@ POPULATION = pl.Enum(["visible", "projected"])
 AXIS = pl.Enum(["age", "frame"])
 TRIMMING = pl.Enum(["untrimmed", "trimmed"])
 WEIGHTING = pl.Enum(["features", "scenes"])
+VERDICT = pl.Enum(["yes", "no", "undecided"])
 
 VIEW: Schema = {"lighting": pl.String, "rotation": pl.Int16, "direction": pl.String}
 """How a scene was seen: under which lighting, turned by how many degrees, and played forward or backward."""
@@ -94,6 +95,13 @@ FRAMES: Schema = {
     "alive": pl.UInt32,
 }
 """One row a frame that a tracker saw: F(t-1), found again, f1, f2 and F(t)."""
+
+POSES: Schema = {
+    **SEQUENCE,
+    "frame": pl.UInt32,
+    **dict.fromkeys(("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"), pl.Float64),
+}
+"""One row a frame: world_from_camera as the camera's place in the world and a unit quaternion with qw >= 0."""
 
 MOMENTS: Schema = {
     **ORIGIN,
@@ -209,6 +217,34 @@ SUMMARY: Schema = {
 
 rms is the square root of Phi or Sigma; ages and frames are those of the nominal sequence; n the features there; nu and
 eta stand for mu and kappa where the axis is the frame.
+"""
+
+EFFECTS: Schema = {
+    "dataset": pl.String,
+    "factor": pl.String,
+    **CONDITION,
+    "statistic": pl.String,
+    "axis": AXIS,
+    "unit": pl.String,
+    "coordinate": pl.String,
+    "level_a": pl.String,
+    "level_b": pl.String,
+    "at": pl.Int64,
+    "difference": pl.Float64,
+    "common": pl.Float64,
+    "effect": pl.Float64,
+    "share_of_absolute": pl.Float64,
+    "margin": pl.Float64,
+    "n_levels": pl.Int32,
+    "n_pairs": pl.Int32,
+    "n_shared": pl.Int32,
+    "verdict": VERDICT,
+    "why": pl.String,
+}
+"""Whether a factor matters to a statistic: the pair of levels that differ most, where, and by how much.
+
+Of the condition's columns the factor's own is null, and the others say where they were held. `at` is an age, or frames
+since the key frame.
 """
 
 

@@ -14,11 +14,12 @@ from tracknoise.report.figures import (
     Absence,
     Figure,
     curves,
-    factors,
     lifetimes,
+    lightings,
     occlusion,
     outlier_ratio,
     picture,
+    speeds,
     survivors,
     throw_out,
 )
@@ -43,8 +44,8 @@ def evidence(run: RunFolder) -> Evidence:
 def test_curves_quote_the_summary(evidence: Evidence) -> None:
     figure = _by_id(curves.figures(evidence))["curves-trimmed"]
     rows = evidence.summary.filter(speed=1)
-    assert rows["age"].n_unique() == 1
-    assert f"At age {rows['age'][0]} " in figure.look_for
+    assert rows["at"].n_unique() == 1
+    assert f"At age {rows['at'][0]} " in figure.look_for
     for row in rows.to_dicts():
         bias = f"{px(row['trimmed_nu_u_px'])} in u and {px(row['trimmed_nu_v_px'])} in v"
         spread = f"{px(row['trimmed_rms_u_px'])} in u and {px(row['trimmed_rms_v_px'])} in v"
@@ -75,36 +76,45 @@ def test_without_trimming_one_figure_shows_all_tracks(make_run: Callable[..., Ru
 
 
 def test_speeds_are_read_at_an_age_that_all_have(evidence: Evidence) -> None:
-    figure = _by_id(factors.by_speed(evidence))["speed-lucas-kanade"]
+    figure = _by_id(speeds.figures(evidence))["speed-lucas-kanade"]
     age = int(re.match(r"At age (\d+) ", figure.look_for).group(1))
     assert age % 2 == 0
     for speed in (1, 2):
         where = {"tracker": "lucas-kanade", "speed": speed, "population": "visible", "trimming": "trimmed", "at": age}
-        row = evidence.points.filter(**where, statistic="Phi").row(0, named=True)
+        row = evidence.points.filter(**where, role="second").row(0, named=True)
         assert f"{px(row['u'])} in u and {px(row['v'])} in v for speed {speed}" in figure.look_for
+
+
+def test_speeds_that_share_no_age_are_read_as_near_to_ten_as_each_comes(make_run: Callable[..., RunFolder]) -> None:
+    (figure,) = speeds.figures(Evidence.of(make_run(scenes=("only",), trackers=("one",), speeds=(7, 9), born=60)))
+    assert figure.look_for.startswith(
+        "At age 10, or as near to it as each comes (7 for speed 7 and 9 for speed 9), the root second moment is "
+    )
 
 
 def test_speeds_that_were_cut_differently_are_told_apart(
     make_run: Callable[..., RunFolder], evidence: Evidence
 ) -> None:
-    figure = _by_id(factors.by_speed(evidence))["speed-correspondence"]
+    figure = _by_id(speeds.figures(evidence))["speed-correspondence"]
     trims = evidence.trims.filter(tracker="correspondence")
     cuts = [trims.filter(speed=speed)["threshold_px"].median() for speed in (1, 2)]
     assert f"trimming cut at {px(cuts[0])} at speed 1 and {px(cuts[1])} at speed 2" in figure.look_for
-    for untrimmed in factors.by_speed(Evidence.of(make_run(percentile=None))):
+    for untrimmed in speeds.figures(Evidence.of(make_run(percentile=None))):
         assert "trimming" not in untrimmed.look_for
         assert untrimmed.shows.startswith("Errors of")
 
 
 def test_one_speed_leaves_nothing_to_compare(make_run: Callable[..., RunFolder]) -> None:
-    (absence,) = factors.by_speed(Evidence.of(make_run(speeds=(3,))))
+    (absence,) = speeds.figures(Evidence.of(make_run(speeds=(3,))))
     assert absence.why == "Only speed 3 was run, so there are no speeds to compare."
 
 
 def test_lightings_are_compared_where_there_are_several(make_run: Callable[..., RunFolder], evidence: Evidence) -> None:
-    assert factors.by_lighting(evidence) == []
+    assert lightings.figures(evidence) == []
     several = Evidence.of(make_run(lightings=("led-1", "led-2"), scenes=("only",), born=40))
-    assert [item.id for item in factors.by_lighting(several)] == ["lighting-lucas-kanade", "lighting-correspondence"]
+    assert [item.id for item in lightings.figures(several)] == [
+        f"lighting-{tracker}-speed-{speed}" for tracker in ("lucas-kanade", "correspondence") for speed in (1, 2)
+    ]
 
 
 def test_lifetimes_quote_counts_and_censoring(evidence: Evidence, run: RunFolder) -> None:
@@ -177,7 +187,7 @@ def test_outlier_ratios_are_the_pooled_ones(evidence: Evidence, run: RunFolder) 
 
 def test_occlusion_compares_both_populations_at_one_age(evidence: Evidence) -> None:
     table = occlusion.compare(evidence)
-    row = table.filter(tracker="lucas-kanade", speed=1, statistic="Phi").row(0, named=True)
+    row = table.filter(tracker="lucas-kanade", speed=1, role="second").row(0, named=True)
     assert row["n_projected"] > row["n_visible"]
     (figure,) = occlusion.figures(evidence)
     hidden = row["n_projected"] - row["n_visible"]

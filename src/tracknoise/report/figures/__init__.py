@@ -5,13 +5,16 @@ A new family is a new file and a line here.
 
 from tracknoise.report.figures import (
     curves,
-    factors,
     lifetimes,
+    lightings,
     occlusion,
     outlier_ratio,
     picture,
+    speeds,
     survivors,
     throw_out,
+    trajectory,
+    views,
 )
 from tracknoise.report.figures.figure import Absence, Family, Figure
 
@@ -19,12 +22,15 @@ __all__ = ["FAMILIES", "Absence", "Family", "Figure"]
 
 FAMILIES: tuple[Family, ...] = (
     picture.FAMILY,
+    trajectory.FAMILY,
     throw_out.FAMILY,
     lifetimes.FAMILY,
     survivors.FAMILY,
     outlier_ratio.FAMILY,
     curves.FAMILY,
-    factors.SPEED,
-    factors.LIGHTING,
+    speeds.FAMILY,
+    lightings.FAMILY,
+    views.ROTATION,
+    views.DIRECTION,
     occlusion.FAMILY,
 )

@@ -1,6 +1,6 @@
 """Box plots of values summarised before: orange median, green triangle mean, whiskers at 1.5 interquartile ranges."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import altair as alt
 import polars as pl
@@ -14,27 +14,39 @@ _WIDEST, _LETTER = 34, 7
 
 
 def box_plot(
-    table: pl.DataFrame, *, field: str, colours: Mapping[str, str], y: alt.Y, width: int, height: int
+    table: pl.DataFrame,
+    *,
+    field: str,
+    colours: Mapping[str, str],
+    y: alt.Y,
+    width: int,
+    height: int,
+    places: tuple[str, Sequence[str]] | None = None,
 ) -> Chart:
     """A box for each row of a table.
 
     Parameters
     ----------
     table
-        Columns mean, median, lower_quartile, upper_quartile, lower_whisker, upper_whisker and `field`.
+        Columns mean, median, lower_quartile, upper_quartile, lower_whisker, upper_whisker, `field`, and `places`.
     field, colours
         Column that tells the boxes apart, and the colour of each of its values, in order.
     y
         Axis of the values, for any of the columns.
     width, height
         Of the panel, px.
+    places
+        Column, and the order of its values, that places boxes side by side, one of each colour at every place; by
+        default each colour has a place of its own.
     """
+    column, order = places or (field, list(colours))
     tips = [alt.Tooltip(f"{name}:Q", format=".4~g", title=name.replace("_", " ")) for name in _VALUES]
-    upright = sum(map(len, colours)) * _LETTER > width
-    x = alt.X(f"{field}:N", sort=list(colours), title=field, axis=alt.Axis(labelAngle=-90 if upright else 0))
-    base = alt.Chart(marks.rows(table)).encode(x=x, tooltip=[alt.Tooltip(f"{field}:N"), *tips])
-    across = min(_WIDEST, 0.6 * width / max(1, table.height))
-    box = base.mark_bar(size=across, fillOpacity=0.25, strokeWidth=1.2).encode(
+    names = [alt.Tooltip(f"{name}:N") for name in dict.fromkeys((column, field))]
+    base = alt.Chart(marks.rows(table)).encode(x=_across(column, order, width), tooltip=[*names, *tips])
+    if places is not None:
+        base = base.encode(xOffset=alt.XOffset(f"{field}:N", sort=list(colours)))
+    across = min(_WIDEST, 0.6 * width / max(1, len(order)) / (1 if places is None else len(colours)))
+    box = base.mark_bar(size=across, fillOpacity=0.25, strokeWidth=min(1.2, across / 4)).encode(
         y=_at(y, "lower_quartile"),
         y2="upper_quartile:Q",
         fill=alt.Fill(f"{field}:N", scale=marks.scale(colours), legend=None),
@@ -42,6 +54,14 @@ def box_plot(
     )
     layers = alt.layer(*_whiskers(base, y, across), box, *_middles(base, y, across))
     return layers.properties(width=width, height=height)
+
+
+def _across(column: str, order: Sequence[str], width: int) -> alt.X:
+    """Places in their order, named upright where the names do not fit, and smaller where not even that is enough."""
+    upright = sum(map(len, order)) * _LETTER > width
+    size = min(11.0, 0.95 * width / max(1, len(order)))
+    axis = alt.Axis(labelAngle=-90 if upright else 0, labelFontSize=size, labelOverlap=False)
+    return alt.X(f"{column}:N", sort=list(order), title=column, axis=axis)
 
 
 def _whiskers(base: alt.Chart, y: alt.Y, across: float) -> list[alt.Chart]:
@@ -58,7 +78,7 @@ def _whiskers(base: alt.Chart, y: alt.Y, across: float) -> list[alt.Chart]:
 
 def _middles(base: alt.Chart, y: alt.Y, across: float) -> list[alt.Chart]:
     median = base.mark_tick(color=style.MEDIAN, thickness=2.5, size=across, orient="horizontal", opacity=1)
-    mean = base.mark_point(shape="triangle-up", color=style.MEAN, size=36, opacity=1)
+    mean = base.mark_point(shape="triangle-up", color=style.MEAN, size=min(36.0, 3 + across**2), opacity=1)
     return [median.encode(y=_at(y, "median")), mean.encode(y=_at(y, "mean"))]
 
 

@@ -1,23 +1,32 @@
-"""Mean, absolute error and spread by age, in u and v: the grid of panels that several figures share."""
+"""Mean, absolute error and spread by age or frame, in u and v: the grid of panels that several figures share."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import altair as alt
 import polars as pl
 
+from tracknoise.report.axis import FRAME, Axis
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.box_plot import box_plot
 from tracknoise.report.figures.layout import Chart, Panel, Spec, arranged
-from tracknoise.report.sentences import NU, listing, px
+from tracknoise.report.sentences import listing, number, px
 from tracknoise.statistics.box import box_summary
 from tracknoise.statistics.summary import REFERENCE_AGE
 
-STATISTICS = {"nu": f"mean error {NU} (px)", "eta": "mean absolute error η (px)", "Phi": "root second moment √Φ (px)"}
-"""Rows of the grid, and what their axes say."""
+_ROWS = {
+    "mean": "mean error {} (px)",
+    "absolute": "mean absolute error {} (px)",
+    "second": "root second moment {} (px)",
+}
+"""Roles of the statistics in the rows of the grid, and what their axes say of them and their sign."""
 _AXES = {"u": "u (horizontal)", "v": "v (vertical)"}
-_ABOUT = {"Phi": "about zero", "central": "about the mean"}
+_ABOUT = {"second": "about zero", "central": "about the mean"}
 _HEIGHT = 165
+_WIDTHS = {"alone": (395, 0), "few": (240, 105), "many": (196, 156)}
+"""Of a panel of curves and of the box plot beside it, px."""
+MANY = 6
+"""Of more curves than this only the moment about zero is drawn, not the one about the mean too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,14 +39,17 @@ class Series:
         Column of the curves.
     colours
         Colour of each of its values, in order.
+    phrase
+        How a sentence names one of its values: what stands for ``{}`` in it.
     """
 
     field: str
     colours: Mapping[str, str]
+    phrase: str = "for {}"
 
 
-def grid(points: pl.DataFrame, series: Series, *, boxes: bool) -> Spec:
-    """Panels of `points` (see `Evidence.points`): rows nu, eta and root second moment, columns u and v.
+def grid(points: pl.DataFrame, series: Series, axis: Axis, *, boxes: bool) -> Spec:
+    """Panels of `points` (see `Evidence.points`): rows mean, absolute error and root second moment, columns u and v.
 
     Parameters
     ----------
@@ -45,112 +57,123 @@ def grid(points: pl.DataFrame, series: Series, *, boxes: bool) -> Spec:
         Curves of one value of everything but `series.field`.
     series
         What has a colour of its own.
+    axis
+        What the curves run along.
     boxes
         Whether box plots of each curve's values stand beside it.
     """
     named = points.with_columns(pl.col(series.field).cast(pl.String))
     present = [name for name in series.colours if name in named[series.field].unique()]
-    chosen = Series(series.field, {name: series.colours[name] for name in present})
-    panels = [panel for statistic in STATISTICS for panel in _row(named, statistic, chosen, boxes=boxes)]
+    chosen = replace(series, colours={name: series.colours[name] for name in present})
+    panels = [panel for role in _ROWS for panel in _row(named, role, chosen, axis, boxes=boxes)]
     return arranged(panels, columns=4 if boxes else 2, independent=["fill", "stroke"])
 
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """The curves of one name at one age: for each statistic its value in u and v, px."""
+    """The curves of one name at one place: for each statistic, by its role, its value in u and v, px.
+
+    `since` is the distance from where errors are zero by construction, in frames of the sequence.
+    """
 
     name: str
-    age: int
+    since: int
     values: Mapping[str, tuple[float, float]]
 
-    def told(self, statistic: str) -> str:
+    def told(self, role: str) -> str:
         """Write the value of a statistic in both coordinates."""
-        u, v = self.values[statistic]
+        u, v = self.values[role]
         return f"{px(u)} in u and {px(v)} in v"
 
 
-def readings(points: pl.DataFrame, field: str, names: Sequence[str]) -> list[Reading]:
-    """Values of each curve at the last age, not above the reference age, that all of them have.
+def readings(points: pl.DataFrame, series: Series) -> list[Reading]:
+    """Values of each curve at the last place, up to the reference age after zero, that all of them have.
 
-    Where they share none, each is read at the last age that it has itself. Age 0 is never read, for every error is
-    zero there; a curve with nothing else has no reading.
+    Where they share none, each is read at the place of its own that is nearest to the reference age. Where errors are
+    zero by construction nothing is read; a curve with nothing else has no reading.
     """
-    curves = {name: points.filter(pl.col(field).cast(pl.String) == name) for name in names}
-    ages = {name: set(curve.filter(pl.col("at") > 0, statistic="Phi")["at"]) for name, curve in curves.items()}
-    ages = {name: found for name, found in ages.items() if found}
-    common = {age for age in set.intersection(*ages.values()) if age <= REFERENCE_AGE} if ages else set()
-    return [_reading(name, curves[name], max(common or found)) for name, found in ages.items()]
+    curves = {name: points.filter(pl.col(series.field).cast(pl.String) == name) for name in series.colours}
+    places = {name: set(curve.filter(pl.col("since") != 0, role="second")["since"]) for name, curve in curves.items()}
+    places = {name: found for name, found in places.items() if found}
+    shared = set.intersection(*places.values()) if places else set()
+    common = {since for since in shared if 0 < since <= REFERENCE_AGE}
+    return [_reading(name, curves[name], max(common) if common else _nearest(found)) for name, found in places.items()]
 
 
-def when(found: Sequence[Reading]) -> str:
-    """Say at which age, or ages, curves were read."""
-    ages = {reading.age for reading in found}
-    if len(ages) == 1:
-        return f"At age {ages.pop()}"
-    return "At their last ages (" + listing(f"{reading.name} {reading.age}" for reading in found) + ")"
+def when(found: Sequence[Reading], axis: Axis, *, phrase: str = "for {}") -> str:
+    """Say where curves were read, each named as in a `Series`."""
+    places = {reading.since for reading in found}
+    if len(places) == 1:
+        return axis.place(places.pop()).capitalize()
+    each = listing(f"{number(reading.since)} {phrase.format(reading.name)}" for reading in found)
+    return f"{axis.place(REFERENCE_AGE).capitalize()}, or as near to it as each comes ({each}),"
 
 
-def _reading(name: str, curve: pl.DataFrame, age: int) -> Reading:
-    values = {row["statistic"]: (row["u"], row["v"]) for row in curve.filter(at=age).to_dicts()}
-    return Reading(name, age, values)
+def _nearest(places: set[int]) -> int:
+    return min(places, key=lambda since: (abs(since - REFERENCE_AGE), since))
 
 
-def _row(points: pl.DataFrame, statistic: str, series: Series, *, boxes: bool) -> list[Panel]:
+def _reading(name: str, curve: pl.DataFrame, since: int) -> Reading:
+    values = {row["role"]: (row["u"], row["v"]) for row in curve.filter(since=since).to_dicts()}
+    return Reading(name, since, values)
+
+
+def _row(points: pl.DataFrame, role: str, series: Series, axis: Axis, *, boxes: bool) -> list[Panel]:
     """Both coordinates of one statistic, on one scale."""
-    names = ["Phi", "central"] if statistic == "Phi" else [statistic]
-    table = points.filter(pl.col("statistic").is_in(names)).sort("statistic", series.field, "at")
+    many = len(series.colours) > MANY
+    drawn = ["second", "central"] if role == "second" and not many else [role]
+    place = {name: -place for place, name in enumerate(series.colours)}  # the first is drawn last, above the others
+    order = pl.col(series.field).replace_strict(place, return_dtype=pl.Int64)
+    table = points.filter(pl.col("role").is_in(drawn)).sort("role", order, "at")
     bounds = marks.domain(pl.concat([table["u"], table["v"]]), zero=True)
+    wide, narrow = _WIDTHS["alone" if not boxes else "many" if many else "few"]
     panels = []
-    for axis, label in _AXES.items():
-        title = alt.Title(label if statistic == "nu" else "")
-        heading = STATISTICS[statistic] if axis == "u" else None
-        y = alt.Y(f"{axis}:Q", scale=alt.Scale(domain=bounds, nice=False), title=heading)
-        lines = _lines(table, series, y).properties(title=title, width=240 if boxes else 395, height=_HEIGHT)
+    for coordinate, label in _AXES.items():
+        title = alt.Title(label if role == "mean" else "")
+        heading = _ROWS[role].format(axis.signs[role]) if coordinate == "u" else None
+        y = alt.Y(f"{coordinate}:Q", scale=alt.Scale(domain=bounds, nice=False), title=heading)
+        lines = _lines(table, series, axis, y).properties(title=title, width=wide, height=_HEIGHT)
         panels.append(Panel(lines, (marks.shown(series.field, series.colours), marks.zoom("x"))))
         if boxes:
-            panels.append(Panel(_boxes(table.filter(statistic=statistic), axis, series, bounds)))
+            panels.append(Panel(_boxes(table.filter(role=role), coordinate, series, bounds, width=narrow)))
     return panels
 
 
-def _lines(table: pl.DataFrame, series: Series, y: alt.Y) -> Chart:
-    labelled = table.with_columns(of=pl.col("statistic").replace(_ABOUT))
+def _lines(table: pl.DataFrame, series: Series, axis: Axis, y: alt.Y) -> Chart:
+    labelled = table.with_columns(of=pl.col("role").replace(_ABOUT))
     tips = [
         alt.Tooltip(f"{series.field}:N"),
-        alt.Tooltip("at:Q", title="age"),
+        alt.Tooltip("at:Q", title=axis.name),
         alt.Tooltip("n:Q", title="features"),
         alt.Tooltip("u:Q", title="u (px)"),
         alt.Tooltip("v:Q", title="v (px)"),
-        alt.Tooltip("of:N", title="moment" if "central" in table["statistic"].unique() else "statistic"),
+        alt.Tooltip("of:N", title="moment" if "central" in table["role"].unique() else "statistic"),
     ]
     dash = alt.StrokeDash("of:N", scale=alt.Scale(domain=[*_ABOUT.values()], range=[[1, 0], [3, 3]]), legend=None)
     data = marks.rows(labelled.select(series.field, "at", "n", "u", "v", "of"))
-    oldest = float(table["at"].max())  # type: ignore[arg-type]
     lines = alt.Chart(data).encode(
-        x=alt.X(
-            "at:Q",
-            title="age (frames of the sequence)",
-            axis=alt.Axis(tickMinStep=1),
-            scale=alt.Scale(domain=[0, 1.03 * (oldest or 1)], nice=False),
-        ),
+        x=marks.along(axis, table["at"]),
         y=y,
         color=marks.colour(series.field, series.colours, series.field),
         opacity=marks.opacity(series.field),
         tooltip=tips,
     )
-    curve = lines.mark_line().encode(strokeDash=dash)
-    dots = lines.mark_point(size=14, opacity=1).transform_filter("datum.of != 'about the mean'")
+    curve = lines.mark_line(strokeWidth=1.2 if len(series.colours) > MANY else 1.8).encode(strokeDash=dash)
+    size = 6 if len(series.colours) > MANY else 14
+    dots = lines.mark_point(size=size, opacity=1).transform_filter("datum.of != 'about the mean'")
     zero = alt.Chart(alt.InlineData(values=[{"zero": 0}])).mark_rule(color="#9aa5b1").encode(y="zero:Q")
-    return alt.layer(curve, dots, zero)
+    vertical = marks.key_frames(table["at"].cast(pl.Int64) - table["since"]) if axis is FRAME else []
+    return alt.layer(curve, dots, zero, *vertical)
 
 
-def _boxes(table: pl.DataFrame, axis: str, series: Series, bounds: list[float]) -> Chart:
-    """Spread of a curve's values, without age 0, where they are zero by construction."""
-    aged = table.filter(pl.col("at") > 0)
+def _boxes(table: pl.DataFrame, coordinate: str, series: Series, bounds: list[float], *, width: int) -> Chart:
+    """Spread of a curve's values, without those that are zero by construction."""
+    measured = table.filter(pl.col("since") != 0)
     summaries = [
-        {series.field: name, **asdict(box_summary(aged.filter(pl.col(series.field) == name)[axis]))}
+        {series.field: name, **asdict(box_summary(measured.filter(pl.col(series.field) == name)[coordinate]))}
         for name in series.colours
     ]
     scale = alt.Scale(domain=bounds, nice=False)
     bare = alt.Y("median:Q", scale=scale, title=None, axis=alt.Axis(labels=False, ticks=False))
     table = pl.DataFrame(summaries)
-    return box_plot(table, field=series.field, colours=series.colours, y=bare, width=105, height=_HEIGHT)
+    return box_plot(table, field=series.field, colours=series.colours, y=bare, width=width, height=_HEIGHT)

@@ -1,7 +1,8 @@
-"""Bias, absolute error and spread by age, tracker beside tracker at the lowest speed."""
+"""Bias, absolute error and spread by age or frame, tracker beside tracker at the lowest speed."""
 
 from collections.abc import Sequence
 
+from tracknoise.report.axis import FRAME
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures.curve_grid import Series, grid, readings, when
 from tracknoise.report.figures.figure import Absence, Family, Figure
@@ -19,17 +20,20 @@ def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
 
 
 def _trimmed(evidence: Evidence) -> Figure | Absence:
-    name, title = "curves-trimmed", f"Error by age at speed {evidence.slowest}, trimmed"
+    name, title = "curves-trimmed", f"{_title(evidence)}, trimmed"
     kept = "the tracks that trimming kept"
     if evidence.percentile is None:
-        title, kept = f"Error by age at speed {evidence.slowest}", "all tracks, for nothing was trimmed in this run,"
-    shows = f"Errors of {kept}{evidence.where} as they age. {_HOW}"
-    advice = "A mean that leaves zero with age is drift; where dashed runs below solid, a bias is part of the error."
+        title, kept = _title(evidence), "all tracks, for nothing was trimmed in this run,"
+    shows = f"Errors of {kept}{evidence.where} {_along(evidence)}. {_HOW}"
+    advice = (
+        f"A mean that leaves zero with {evidence.axis.distance} is drift; where dashed runs below solid, a bias is "
+        "part of the error."
+    )
     return _figure(evidence, "trimmed", name, title, shows, advice)
 
 
 def _untrimmed(evidence: Evidence) -> Figure | Absence:
-    name, title = "curves-untrimmed", f"Error by age at speed {evidence.slowest}, untrimmed"
+    name, title = "curves-untrimmed", f"{_title(evidence)}, untrimmed"
     if evidence.percentile is None:
         return Absence(name, title, "Nothing was trimmed in this run, so this would show the same.")
     shows = f"The same for all tracks{evidence.where}, none dropped; mind the other scale of the axes."
@@ -39,30 +43,41 @@ def _untrimmed(evidence: Evidence) -> Figure | Absence:
     return _figure(evidence, "untrimmed", name, title, shows, advice)
 
 
+def _title(evidence: Evidence) -> str:
+    return f"Error by {evidence.axis.name} at speed {evidence.slowest}"
+
+
+def _along(evidence: Evidence) -> str:
+    if evidence.axis is not FRAME:
+        return "as they age"
+    return "that are alive in the key frame, in which alone their true places are fixed, before and after it"
+
+
 def _figure(evidence: Evidence, trimming: str, name: str, title: str, shows: str, advice: str) -> Figure | Absence:
     points = evidence.nominal(evidence.points).filter(trimming=trimming, population=evidence.population)
-    found = readings(points, "tracker", evidence.trackers)
+    series = Series("tracker", evidence.colour)
+    found = readings(points, series)
     if not found:
         return Absence(name, title, _nothing(evidence))
     parts = [
-        f"{one.name} has a mean error of {one.told('nu')}, and a root second moment of {one.told('Phi')}"
+        f"{one.name} has a mean error of {one.told('mean')}, and a root second moment of {one.told('second')}"
         for one in found
     ]
-    look_for = f"{when(found)} {'; '.join(parts)}. {advice}"
-    return Figure(name, title, shows, look_for, grid(points, Series("tracker", evidence.colour), boxes=False))
+    look_for = f"{when(found, evidence.axis)} {'; '.join(parts)}. {advice}"
+    return Figure(name, title, shows, look_for, grid(points, series, evidence.axis, boxes=False))
 
 
 def _nothing(evidence: Evidence) -> str:
     return (
-        f"At speed {evidence.slowest} no age beyond the first frame has {number(evidence.min_features)} features of "
-        "known error, so there is no curve to draw."
+        f"At speed {evidence.slowest} no {evidence.axis.name} but {evidence.axis.zero} has "
+        f"{number(evidence.min_features)} features of known error, so there is no curve to draw."
     )
 
 
 FAMILY = Family(
     id="curves",
-    title="Error by age",
-    lead="How the error grows while a feature is tracked. Age counts frames of the sequence since the feature was "
-    "first seen, where its error is zero by construction.",
+    title="Error by tracker",
+    lead="How the error grows away from where it is zero by construction: where a feature was first seen, from which "
+    "its age counts in frames of the sequence, or, where a single scan fixes all features, in the scan's key frame.",
     figures=figures,
 )

@@ -7,7 +7,7 @@ import altair as alt
 import polars as pl
 
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures import marks
+from tracknoise.report.figures import lifetimes_by_lighting, marks
 from tracknoise.report.figures.figure import Absence, Family, Figure
 from tracknoise.report.figures.layout import Panel, Spec, arranged
 from tracknoise.report.sentences import count, number, percent
@@ -25,7 +25,7 @@ def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
     made: list[Figure | Absence] = [_by_tracker(evidence, nominal)]
     if len(evidence.speeds) > 1:
         made += [_by_speed(evidence, tracker) for tracker in evidence.trackers]
-    return made
+    return [*made, *lifetimes_by_lighting.figures(evidence)]
 
 
 def _by_tracker(evidence: Evidence, nominal: pl.DataFrame) -> Figure:

@@ -6,6 +6,8 @@ import altair as alt
 import polars as pl
 import polars.selectors as cs
 
+from tracknoise.report import style
+from tracknoise.report.axis import Axis
 from tracknoise.report.figures.layout import Selection
 
 MUTED = 0.07
@@ -58,6 +60,23 @@ def domain(values: pl.Series, *, zero: bool = False) -> list[float]:
     low = min(low, 0.0) if zero else low
     room = 0.06 * (high - low) or 0.5
     return [low if zero and low == 0.0 else low - room, high + room]
+
+
+def along(axis: Axis, places: pl.Series) -> alt.X:
+    """Horizontal axis of curves, column ``at``: ages from zero, or the frames that there are."""
+    low, high = (float(places.min()), float(places.max())) if places.len() else (0.0, 1.0)  # type: ignore[arg-type]
+    aged = axis.name == "age"
+    room = 0.03 * ((high if aged else high - low) or 1.0)
+    scale = alt.Scale(domain=[0.0 if aged else low - room, high + room], nice=False)
+    return alt.X("at:Q", title=axis.title, axis=alt.Axis(tickMinStep=1), scale=scale)
+
+
+def key_frames(frames: Iterable[int]) -> list[alt.Chart]:
+    """A line at each key frame with its name above."""
+    base = alt.Chart(alt.InlineData(values=[{"at": frame} for frame in sorted(set(frames))]))
+    rule = base.mark_rule(color=style.QUIET, strokeWidth=0.8).encode(x="at:Q")
+    label = base.mark_text(text="key frame", color=style.QUIET, fontSize=9, dy=-6).encode(x="at:Q", y=alt.value(0))
+    return [rule, label]
 
 
 def log_count(title: str, largest: float) -> alt.Y:

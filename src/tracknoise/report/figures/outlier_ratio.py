@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 import altair as alt
 import polars as pl
 
-from tracknoise.report import style
 from tracknoise.report.evidence import Evidence
+from tracknoise.report.figures import light_sweeps
 from tracknoise.report.figures.box_plot import box_plot
 from tracknoise.report.figures.figure import Absence, Family, Figure
 from tracknoise.report.figures.layout import Panel, arranged
@@ -21,10 +21,7 @@ def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
     if table.is_empty():
         why = "No tracker ever carried a feature from one frame to the next, so no share of them was rejected."
         return [Absence("outlier-ratio", _TITLE, why)]
-    made = [_by_speed(evidence, table)]
-    if len(evidence.lightings) > 1:
-        made.append(_by_lighting(evidence))
-    return made
+    return [_by_speed(evidence, table), *_by_lighting(evidence)]
 
 
 def _entered(evidence: Evidence) -> pl.DataFrame:
@@ -54,21 +51,21 @@ def _by_speed(evidence: Evidence, table: pl.DataFrame) -> Figure:
     )
 
 
-def _by_lighting(evidence: Evidence) -> Figure:
-    rows = (pl.col("speed") == evidence.slowest) & (pl.col("rotation") == evidence.rotations[0])
-    table = _entered(evidence).filter(rows)
-    colours = dict.fromkeys(evidence.lightings, style.QUIET)
-    panels = [
-        _panel(evidence, table.filter(tracker=tracker), "lighting", colours, tracker) for tracker in evidence.trackers
-    ]
-    parts = [_range(tracker, table.filter(tracker=tracker)) for tracker in evidence.trackers]
-    return Figure(
-        id="outlier-ratio-lighting",
+def _by_lighting(evidence: Evidence) -> list[Figure]:
+    """One figure; none where there is one lighting."""
+    if len(evidence.lightings) < 2:
+        return []
+    table = evidence.across(_entered(evidence), "lighting")
+    parts = [_range(tracker, table.filter(tracker=tracker, speed=evidence.slowest)) for tracker in evidence.trackers]
+    figure = Figure(
+        id="outlier-ratio-by-lighting",
         title=f"{_TITLE} by lighting",
-        shows=f"The same by lighting, at speed {evidence.slowest}.",
-        look_for=f"Of all features carried into a frame, {'; '.join(part for part in parts if part)}.",
-        spec=arranged(panels, columns=3, independent=["fill", "stroke"]),
+        shows=f"The same under every lighting{evidence.elsewhere('lighting')}, {light_sweeps.legend(evidence)}.",
+        look_for=f"At speed {evidence.slowest}, of all features carried into a frame, "
+        f"{'; '.join(part for part in parts if part)}.",
+        spec=light_sweeps.boxes(evidence, table, _ratio(evidence)),
     )
+    return [figure]
 
 
 def _look_for(evidence: Evidence, table: pl.DataFrame) -> str:
@@ -92,12 +89,16 @@ def _range(tracker: str, table: pl.DataFrame) -> str:
 
 
 def _panel(evidence: Evidence, table: pl.DataFrame, field: str, colours: Mapping[str, str], tracker: str) -> Panel:
+    width = 780 // min(3, max(2, len(evidence.trackers)))
+    chart = box_plot(table, field=field, colours=colours, y=_ratio(evidence), width=width, height=230)
+    return Panel(chart.properties(title=alt.Title(tracker, color=evidence.colour[tracker])))
+
+
+def _ratio(evidence: Evidence) -> alt.Y:
+    """One axis for all panels."""
     largest = max([*evidence.outliers["upper_whisker"].drop_nulls(), *evidence.outliers["mean"].drop_nulls()])
     scale = alt.Scale(domain=[0, 1.05 * largest or 1.0], nice=False)
-    width = 780 // min(3, max(2, len(evidence.trackers)))
-    y = alt.Y("median:Q", scale=scale, title="outlier ratio (share of features)")
-    chart = box_plot(table, field=field, colours=colours, y=y, width=width, height=230)
-    return Panel(chart.properties(title=alt.Title(tracker, color=evidence.colour[tracker])))
+    return alt.Y("median:Q", scale=scale, title="outlier ratio (share of features)")
 
 
 FAMILY = Family(

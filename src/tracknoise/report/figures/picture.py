@@ -51,7 +51,7 @@ class Scene:
 
 def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
     """One figure a scene, of the first few scenes."""
-    entries = [entry for _, entry in sorted(evidence.manifest.sequences.items()) if _is_reference(evidence, entry)]
+    entries = list(evidence.sequences.values())
     if not entries:
         return [
             Absence("picture", "The picture", "No tracker found a feature, so there is nothing to draw on a frame.")
@@ -65,12 +65,6 @@ def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
     return made
 
 
-def _is_reference(evidence: Evidence, entry: SequenceEntry) -> bool:
-    if not evidence.lightings:
-        return False
-    return entry.lighting == evidence.lightings[0] and entry.rotation == evidence.rotations[0]
-
-
 def _figure(evidence: Evidence, entry: SequenceEntry, place: int) -> Figure | Absence:
     name, title = f"picture-{place}", f"Scene {entry.scene}"
     png = _image(evidence, entry)
@@ -80,9 +74,17 @@ def _figure(evidence: Evidence, entry: SequenceEntry, place: int) -> Figure | Ab
         )
     scene = _scene(evidence, entry, png)
     if scene.features.is_empty():
-        why = f"At speed {evidence.slowest} frame {entry.snapshot_frame} holds no feature of known error that is older "
-        return Absence(name, title, why + "than its first frame.")
+        return Absence(name, title, _nothing(evidence, entry))
     return Figure(name, title, _shows(evidence, scene), _look_for(evidence, scene), _chart(evidence, scene))
+
+
+def _nothing(evidence: Evidence, entry: SequenceEntry) -> str:
+    if entry.key_frame == entry.snapshot_frame:
+        return f"The image is that of frame {entry.snapshot_frame}, the key frame, where errors are 0 by construction."
+    place = f"At speed {evidence.slowest} frame {entry.snapshot_frame}"
+    return f"{place} holds no feature of known error" + (
+        " that is older than its first frame." if entry.key_frame is None else "."
+    )
 
 
 def _image(evidence: Evidence, entry: SequenceEntry) -> bytes | None:
@@ -98,7 +100,8 @@ def _scene(evidence: Evidence, entry: SequenceEntry, png: bytes) -> Scene:
         & (pl.col("frame").cast(pl.Int64) >= entry.snapshot_frame - TRAIL * evidence.slowest)
     )
     error = (pl.col("du_px").pow(2) + pl.col("dv_px").pow(2)).sqrt()
-    now = observed.filter(pl.col("frame") == entry.snapshot_frame, pl.col("age") > 0).drop_nulls("du_px")
+    fixed = pl.col("age") == 0 if entry.key_frame is None else pl.col("frame") == entry.key_frame
+    now = observed.filter(pl.col("frame") == entry.snapshot_frame, ~fixed).drop_nulls("du_px")
     now = now.with_columns(error_px=error).sort("tracker", "track")
     features = pl.concat([now.clear(), *(_spread(now.filter(tracker=name)) for name in evidence.trackers)])
     columns = ["tracker", "track", "frame", "u_px", "v_px"]

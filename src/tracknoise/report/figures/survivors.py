@@ -1,4 +1,4 @@
-"""How many features are left at each age."""
+"""How many features there are at each age, or in each frame."""
 
 from collections.abc import Mapping, Sequence
 
@@ -6,6 +6,7 @@ import altair as alt
 import polars as pl
 
 from tracknoise.report import style
+from tracknoise.report.axis import FRAME
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Family, Figure
@@ -13,26 +14,45 @@ from tracknoise.report.figures.layout import Panel, arranged
 from tracknoise.report.sentences import count, number
 from tracknoise.statistics.lifetimes import surviving
 
-_TITLE = "Features surviving by age"
 _ALL, _MEASURED = "all tracks", "in the trimmed curves"
 
 
 def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
     """Trackers at the lowest speed, beside the speeds of each tracker where there are several."""
-    table = _counts(evidence)
+    table = pl.concat([_in_frames(evidence) if evidence.axis is FRAME else _by_age(evidence), _in_curves(evidence)])
     nominal = table.filter(speed=evidence.slowest)
-    if nominal.is_empty():
-        return [Absence("survivors", _TITLE, "No tracker found a feature, so none survives to any age.")]
+    if not nominal["n"].sum():
+        return [Absence("survivors", _title(evidence), "No tracker found a feature, so there are none to count.")]
     return [_figure(evidence, table, nominal)]
 
 
-def _counts(evidence: Evidence) -> pl.DataFrame:
-    """Columns tracker, speed, of, age, n: all tracks that reached an age, and those that the curves rest on."""
-    keys = ["tracker", "speed"]
-    reached = surviving(evidence.reference(evidence.lifetimes)).select(*keys, "age", "n", of=pl.lit(_ALL))
-    chosen = {"weighting": "features", "population": evidence.population, "trimming": "trimmed", "statistic": "nu"}
-    curve = evidence.reference(evidence.curves).filter(**chosen)
-    return pl.concat([reached, curve.select(*keys, "n", age="at", of=pl.lit(_MEASURED)).select(reached.columns)])
+def _title(evidence: Evidence) -> str:
+    return f"Features by {evidence.axis.name}"
+
+
+def _by_age(evidence: Evidence) -> pl.DataFrame:
+    """Columns tracker, speed, at, n, of: all tracks that reached an age."""
+    reached = surviving(evidence.reference(evidence.lifetimes))
+    return reached.select("tracker", "speed", pl.col("age").alias("at"), "n", of=pl.lit(_ALL))
+
+
+def _in_frames(evidence: Evidence) -> pl.DataFrame:
+    """Columns tracker, speed, at, n, of: all features alive in a frame."""
+    tables = [evidence.run.sequence_table("frames", key) for key in evidence.sequences]
+    alive = pl.concat(tables).group_by("tracker", "speed", at="frame").agg(n=pl.col("alive").cast(pl.Int64).sum())
+    return alive.select("tracker", "speed", "at", "n", of=pl.lit(_ALL))
+
+
+def _in_curves(evidence: Evidence) -> pl.DataFrame:
+    """The same of the features that curves rest on, cut or not."""
+    curves = evidence.reference(evidence.curves).filter(
+        pl.col("statistic").replace_strict(evidence.axis.roles, default=None) == "mean",
+        weighting="features",
+        population=evidence.population,
+        trimming="trimmed",
+        axis=evidence.axis.name,
+    )
+    return curves.select("tracker", "speed", "at", "n", of=pl.lit(_MEASURED))
 
 
 def _figure(evidence: Evidence, table: pl.DataFrame, nominal: pl.DataFrame) -> Figure:
@@ -41,34 +61,64 @@ def _figure(evidence: Evidence, table: pl.DataFrame, nominal: pl.DataFrame) -> F
         panels += [_speed_panel(evidence, table, tracker) for tracker in evidence.trackers]
     return Figure(
         id="survivors",
-        title=_TITLE,
-        shows=f"How many features were still tracked at each age{evidence.where} (logarithmic), all scenes together: "
-        "solid all tracks, by the frames they were found in (one found again after a gap is older than drawn), dashed "
-        "those whose error is known and that trimming kept, by their age. The horizontal line marks "
-        f"{number(evidence.min_features)} features, under which curves are cut.",
+        title=_title(evidence),
+        shows=f"{_shows(evidence)} The horizontal line marks {number(evidence.min_features)} features, under which "
+        "curves are cut.",
         look_for=_look_for(evidence, nominal),
         spec=arranged(panels, columns=2, independent=["color"]),
     )
 
 
-def _look_for(evidence: Evidence, nominal: pl.DataFrame) -> str:
-    parts = [_sentence(evidence, tracker, nominal.filter(tracker=tracker, of=_ALL)) for tracker in evidence.trackers]
+def _shows(evidence: Evidence) -> str:
+    if evidence.axis is FRAME:
+        return (
+            f"How many features were tracked in each frame{evidence.where} (logarithmic), all scenes together: solid "
+            "all of them, dashed those whose error is known, for they are alive in the key frame and associated with "
+            "the scan, and that trimming kept."
+        )
     return (
-        f"At speed {evidence.slowest}: " + "; ".join(part for part in parts if part) + ". A straight line means that a "
-        "track's chance to be lost does not depend on its age."
+        f"How many features were still tracked at each age{evidence.where} (logarithmic), all scenes together: solid "
+        "all tracks, by the frames they were found in (one found again after a gap is older than drawn), dashed those "
+        "whose error is known and that trimming kept, by their age."
     )
 
 
-def _sentence(evidence: Evidence, tracker: str, counts: pl.DataFrame) -> str:
+def _look_for(evidence: Evidence, nominal: pl.DataFrame) -> str:
+    tell = _sentence_by_frame if evidence.axis is FRAME else _sentence_by_age
+    parts = [tell(evidence, tracker, nominal.filter(tracker=tracker)) for tracker in evidence.trackers]
+    advice = (
+        "The dashed curve falls on both sides of the key frame as fast as features come and go."
+        if evidence.axis is FRAME
+        else "A straight line means that a track's chance to be lost does not depend on its age."
+    )
+    return f"At speed {evidence.slowest}: {'; '.join(part for part in parts if part)}. {advice}"
+
+
+def _sentence_by_age(evidence: Evidence, tracker: str, table: pl.DataFrame) -> str:
+    counts = table.filter(of=_ALL)
     if counts.is_empty():
         return ""
-    begun = int(counts.filter(age=0)["n"].sum())
-    enough = counts.filter(pl.col("n") >= evidence.min_features)["age"].to_list()
-    half = counts.filter(pl.col("n") * 2 >= begun)["age"].to_list()
+    begun = int(counts.filter(at=0)["n"].sum())
+    enough = counts.filter(pl.col("n") >= evidence.min_features)["at"].to_list()
+    half = counts.filter(pl.col("n") * 2 >= begun)["at"].to_list()
     limit = number(evidence.min_features)
     last = f"{limit} or more are left up to age {max(enough)}" if enough else f"never are there {limit}"
     reach = f"at least half reach age {max(half)}" if max(half) else "fewer than half outlive their first frame"
     return f"{tracker} began {count(begun, 'feature')}, of which {reach}; {last}"
+
+
+def _sentence_by_frame(evidence: Evidence, tracker: str, table: pl.DataFrame) -> str:
+    key_frame = evidence.key_frame(evidence.view["direction"])
+    known = table.filter(of=_MEASURED).sort("at")
+    alive = int(table.filter(of=_ALL, at=key_frame)["n"].sum())
+    if known.is_empty():
+        return f"{tracker} has {count(alive, 'feature')} in the key frame {key_frame}, none of them of known error"
+    fixed = int(known.filter(at=key_frame)["n"].sum())
+    ends = [f"{number(row['n'])} in frame {row['at']}" for row in (known.row(0, named=True), known.row(-1, named=True))]
+    return (
+        f"{tracker} has {count(alive, 'feature')} in the key frame {key_frame}, and the error of {number(fixed)} of "
+        f"them counts; it counts for {' and '.join(ends)}"
+    )
 
 
 def _speed_panel(evidence: Evidence, table: pl.DataFrame, tracker: str) -> Panel:
@@ -77,15 +127,16 @@ def _speed_panel(evidence: Evidence, table: pl.DataFrame, tracker: str) -> Panel
 
 
 def _panel(counts: pl.DataFrame, field: str, colours: Mapping[str, str], evidence: Evidence, *, title: str) -> Panel:
-    table = counts.select(field, "of", "age", "n", marks.drawn_count(pl.col("n"))).sort(field, "of", "age")
-    tips = [alt.Tooltip(f"{field}:N"), alt.Tooltip("of:N", title="counted"), alt.Tooltip("age:Q"), alt.Tooltip("n:Q")]
+    table = counts.select(field, "of", "at", "n", marks.drawn_count(pl.col("n"))).sort(field, "of", "at")
+    place = alt.Tooltip("at:Q", title=evidence.axis.name)
+    tips = [alt.Tooltip(f"{field}:N"), alt.Tooltip("of:N", title="counted"), place, alt.Tooltip("n:Q")]
     dash = alt.StrokeDash("of:N", scale=alt.Scale(domain=[_ALL, _MEASURED], range=[[1, 0], [4, 3]]), legend=None)
     largest = float(table["drawn"].max() or 1)  # type: ignore[arg-type]
     lines = (
         alt.Chart(marks.rows(table))
         .mark_line()
         .encode(
-            x=alt.X("age:Q", title="age (frames of the sequence)", axis=alt.Axis(tickMinStep=1)),
+            x=marks.along(evidence.axis, table["at"]),
             y=marks.log_count("features (count)", largest),
             color=marks.colour(field, colours, field),
             strokeDash=dash,
@@ -94,14 +145,16 @@ def _panel(counts: pl.DataFrame, field: str, colours: Mapping[str, str], evidenc
         )
     )
     limit = alt.Chart(alt.InlineData(values=[{"drawn": evidence.min_features}])).mark_rule(color=style.QUIET, clip=True)
-    layers = alt.layer(lines, limit.encode(y="drawn:Q")).properties(width=385, height=230, title=title)
+    key_frame = evidence.key_frame(evidence.view["direction"])
+    vertical = [] if key_frame is None else marks.key_frames([key_frame])
+    layers = alt.layer(lines, limit.encode(y="drawn:Q"), *vertical).properties(width=385, height=230, title=title)
     return Panel(layers, (marks.shown(field, colours),))
 
 
 FAMILY = Family(
     id="survivors",
-    title=_TITLE,
-    lead="Old features are few. Where few remain, an average says more about these few than about the tracker, so the "
-    "curves further down are cut there.",
+    title="Count of features",
+    lead="Where few features remain, an average says more about these few than about the tracker, so the curves "
+    "further down are cut there.",
     figures=figures,
 )

@@ -6,6 +6,7 @@ import altair as alt
 import polars as pl
 
 from tracknoise.report import style
+from tracknoise.report.axis import FRAME
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Family, Figure
@@ -62,17 +63,20 @@ def _look_for(evidence: Evidence, trackers: Sequence[str]) -> str:
 def _sentence(evidence: Evidence, tracker: str) -> str:
     lived = evidence.nominal(evidence.lifetimes).filter(tracker=tracker)
     total, once = (_tracks(lived), _tracks(lived.filter(lifetime=1)))
-    seen_once = (
-        f"of {tracker}'s {count(total, 'track')}, {number(once)} have only their first frame, where the error is 0"
-    )
     trims = evidence.nominal(evidence.trims).filter(tracker=tracker)
+    dropped, measured = int(trims["n_dropped"].sum()), int(trims["n_measured"].sum())
+    counted = f"of {tracker}'s {count(total, 'track')}, "
+    counted += (
+        f"{number(measured)} are alive in the key frame and have a known error"
+        if evidence.axis is FRAME
+        else f"{number(once)} have only their first frame, where the error is 0"
+    )
     cuts = trims["threshold_px"].drop_nulls().sort().to_list()
     if evidence.percentile is None or not cuts:
-        return seen_once
-    dropped, measured = int(trims["n_dropped"].sum()), int(trims["n_measured"].sum())
+        return counted
     low, high = px(cuts[0]), px(cuts[-1])
     where = low if low == high else f"{low} to {high}, depending on the scene,"
-    return f"{seen_once}; the cut lies at {where} and drops {percent(dropped / measured)} of those with a known error"
+    return f"{counted}; the cut lies at {where} and drops {percent(dropped / measured)} of those with a known error"
 
 
 def _tracks(lifetimes: pl.DataFrame) -> int:

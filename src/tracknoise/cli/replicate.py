@@ -1,0 +1,96 @@
+"""``tracknoise replicate``: the paper's experiments, as far as the data at hand allow, and the pages that join them."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tracknoise.cli.run import FramesOption, FreshOption, ModelsOption, ScenesOption, WorkersOption, run_experiment
+from tracknoise.cli.terminal import DebugOption, QuietOption, Terminal
+from tracknoise.exceptions import TracknoiseError
+
+if TYPE_CHECKING:
+    from tracknoise.experiments.replicate import Candidate, Limits
+    from tracknoise.experiments.settings import Experiment
+    from tracknoise.report.replication import Replicated
+    from tracknoise.tables.store import RunFolder
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("replicate")(replicate)
+
+
+def replicate(
+    context: typer.Context,
+    data: Annotated[
+        list[Path] | None,
+        typer.Option("--data", "-d", help="Folder that is, or holds, DTU Point Features or KITTI; repeatable."),
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the runs.")] = Path("runs/replication"),
+    scenes: ScenesOption = None,
+    frames: FramesOption = None,
+    models: ModelsOption = None,
+    workers: WorkersOption = None,
+    fresh: FreshOption = False,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+) -> int:
+    """Repeat the paper's experiments, and set its tables beside what was measured.
+
+    DTU Point Features and KITTI where they are found; Gazebo's two experiments are simulated. Beside each experiment
+    its first scene is run with other ways to reject outliers. What was interrupted goes on where it stopped.
+
+    Example: `tracknoise replicate --data /data --scenes 2 --frames 60`
+    """
+    from tracknoise.experiments.replicate import Limits, candidates
+    from tracknoise.report.replication import write_replication
+
+    found = candidates(data or [])
+    for candidate in found:
+        context.obj.say(f"{candidate.preset}: {candidate.found}")
+    runs = _Runs(context.obj, out, workers, fresh=fresh)
+    replicated = [_repeat(candidate, runs, Limits(scenes, frames, models)) for candidate in found]
+    if not any(item.run for item in replicated):
+        context.obj.error("none of the paper's experiments could be measured")
+        return 1
+    context.obj.result(f"replication: {write_replication(out, replicated).resolve()}")
+    return 2 if runs.failed else 0
+
+
+class _Runs:
+    """Runs experiments into folders side by side; one that fails does not stop the others."""
+
+    def __init__(self, terminal: Terminal, out: Path, workers: int | None, *, fresh: bool) -> None:
+        self._terminal, self._out, self._workers, self._fresh = terminal, out, workers, fresh
+        self.failed = False
+
+    def run(self, name: str, load: Callable[[], "Experiment"], *, report: bool) -> "RunFolder | None":
+        """Run an experiment; returns its folder, or None if nothing was measured."""
+        from tracknoise.tables.store import RunFolder
+
+        folder = self._out / name
+        self._terminal.say(f"{name}:")
+        try:
+            status = run_experiment(self._terminal, load(), folder, self._workers, fresh=self._fresh, report=report)
+        except Exception as error:
+            if self._terminal.debug:
+                raise
+            self._terminal.error(f"{name}: {error if isinstance(error, TracknoiseError) else repr(error)}")
+            status = 1
+        self.failed |= status != 0
+        return None if status == 1 else RunFolder(folder)
+
+
+def _repeat(candidate: "Candidate", runs: _Runs, limits: "Limits") -> "Replicated":
+    """Run an experiment of the paper, and variants of its trackers on its first scene."""
+    from tracknoise.experiments.replicate import load_candidate, variants
+    from tracknoise.report.replication import Replicated
+
+    if not candidate.possible:
+        return Replicated(candidate.preset, candidate.found)
+    run = runs.run(candidate.preset, lambda: load_candidate(candidate, limits), report=True)
+    name = f"{candidate.preset}-differences"
+    others = runs.run(name, lambda: variants(load_candidate(candidate, limits)), report=False)
+    return Replicated(candidate.preset, candidate.found, run, others)

@@ -1,0 +1,150 @@
+"""Which of the paper's experiments can be repeated with the data at hand, and what is measured besides."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from tracknoise.exceptions import TracknoiseError
+from tracknoise.experiments.load import load_experiment
+from tracknoise.experiments.plan import plan
+from tracknoise.experiments.reference import first_lighting
+from tracknoise.experiments.resolve import resolve
+from tracknoise.experiments.settings import Experiment, TrackerChoice, ViewSettings
+from tracknoise.sequences.registry import make_reader
+from tracknoise.simulation.places import PLACES
+from tracknoise.trackers.rejection import Consensus, Reference
+
+RECORDED, SIMULATED = ("dtu", "kitti"), ("gazebo-linear", "gazebo-arvr")
+"""Presets that repeat the paper's experiments: those that need data, and those that do not."""
+_VARIED: dict[str, dict[str, tuple[str, ...]]] = {
+    "correspondence": {"reference": (Reference.first, Reference.previous), "consensus": tuple(Consensus)},
+    "lucas-kanade": {"consensus": tuple(Consensus)},
+}
+"""What is tried of the outlier rejection of each kind of tracker."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """An experiment of the paper, and whether it can be repeated.
+
+    Attributes
+    ----------
+    preset
+        Its name.
+    root
+        Folder of its data; None where there are none, or none are needed.
+    possible
+        Whether it can be repeated.
+    found
+        One sentence: the data that were found, or why there are none.
+    """
+
+    preset: str
+    root: Path | None
+    possible: bool
+    found: str
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """How much of each experiment is run, and with which models.
+
+    Attributes
+    ----------
+    scenes, frames
+        Only so many scenes, and frames of each; None for all.
+    models
+        Folder of Gazebo models, for those simulated worlds that can hold them.
+    """
+
+    scenes: int | None = None
+    frames: int | None = None
+    models: Path | None = None
+
+
+def candidates(folders: Iterable[Path]) -> list[Candidate]:
+    """Look for the data of the paper's experiments in some folders and in the folders right within these.
+
+    The first folder in which a preset's reader finds a sequence is taken.
+    """
+    places = list(folders)
+    simulated = [Candidate(preset, None, True, "Simulated, which needs no data.") for preset in SIMULATED]
+    return [*(_look(preset, places) for preset in RECORDED), *simulated]
+
+
+def load_candidate(candidate: Candidate, limits: Limits) -> Experiment:
+    """The experiment of a candidate that is possible.
+
+    Raises
+    ------
+    SettingsError
+        If the folder of models cannot be used.
+    """
+    experiment = load_experiment(candidate.preset, root=candidate.root, scenes=limits.scenes, frames=limits.frames)
+    if limits.models is None or not _takes_models(experiment):
+        return experiment
+    return resolve(experiment.with_option("models", str(limits.models.resolve())))
+
+
+def variants(experiment: Experiment) -> Experiment:
+    """Trackers with every way to reject outliers on the first scene, seen plainly at the lowest speed.
+
+    Raises
+    ------
+    TracknoiseError
+        If the experiment cannot be planned.
+    """
+    lighting = first_lighting({task.sequence.lighting for task in plan(experiment)}, experiment)
+    return experiment.model_copy(
+        update={
+            "name": f"{experiment.name}-differences",
+            "paper": None,
+            "speeds": [min(experiment.speeds)],
+            "views": [ViewSettings(lightings=[lighting])],
+            "dataset": experiment.dataset.model_copy(update={"max_scenes": 1}),
+            "trackers": [variant for choice in resolve(experiment).trackers for variant in _variants(choice)],
+        }
+    )
+
+
+def _variants(choice: TrackerChoice) -> Iterator[TrackerChoice]:
+    varied = _VARIED.get(choice.kind, {})
+    for values in product(*varied.values()):
+        name = ", ".join([choice.label, *map(str, values)])
+        rejection: dict[str, Any] = {**choice.options.get("rejection", {}), **dict(zip(varied, values, strict=True))}
+        yield TrackerChoice(
+            kind=choice.kind,
+            name=name,
+            options={**choice.options, "rejection": {key: _plain(value) for key, value in rejection.items()}},
+        )
+
+
+def _plain(value: Any) -> Any:
+    return str(value) if isinstance(value, str) else value
+
+
+def _takes_models(experiment: Experiment) -> bool:
+    return experiment.dataset.reader == "simulated" and PLACES[experiment.dataset.options["world"]].takes_models
+
+
+def _look(preset: str, folders: list[Path]) -> Candidate:
+    if not folders:
+        return Candidate(preset, None, False, "No folder of data was given (--data).")
+    causes = []
+    for folder in folders:
+        within = sorted(path for path in folder.iterdir() if path.is_dir()) if folder.is_dir() else []
+        for place in (folder, *within):
+            try:
+                n_scenes = _count_scenes(preset, place)
+            except TracknoiseError as error:
+                causes.append(" ".join(str(error).split()))
+            else:
+                return Candidate(preset, place, True, f"{n_scenes} scene{'' if n_scenes == 1 else 's'} in {place}.")
+    return Candidate(preset, None, False, f"No data: {causes[0]}.")
+
+
+def _count_scenes(preset: str, folder: Path) -> int:
+    dataset = load_experiment(preset, root=folder).dataset
+    return len({item.scene for item in make_reader(dataset.reader, folder, dataset.options).sequences()})

@@ -1,0 +1,55 @@
+"""What curves run along, and the words for it: the age of a feature, or the frames around the key frame of a scan."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from tracknoise.report.sentences import KAPPA, MU, NU, count
+from tracknoise.statistics.curves import NAMES
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """What curves run along, and how the report speaks of it.
+
+    Attributes
+    ----------
+    name
+        As tables have it, and what one place on it is called.
+    title
+        Of the horizontal axis of a figure.
+    zero
+        Where errors are zero by construction.
+    distance
+        What grows on the way from there.
+    signs
+        Sign of each statistic, by its role: mean, absolute and second.
+    """
+
+    name: str
+    title: str
+    zero: str
+    distance: str
+    signs: Mapping[str, str]
+
+    @property
+    def roles(self) -> dict[str, str]:
+        """Role of each statistic, by its name in the tables."""
+        return {name: role for role, name in NAMES[self.name].items()}
+
+    def place(self, since: int) -> str:
+        """Write a place by its distance from where errors are zero: ``at age 10``, ``at 8 frames after the key frame``.
+
+        Parameters
+        ----------
+        since
+            Frames of the sequence; negative before the key frame.
+        """
+        if self.name == "age":
+            return f"at age {since}"
+        return f"at {count(abs(since), 'frame')} {'before' if since < 0 else 'after'} {self.zero}"
+
+
+AGE = Axis("age", "age (frames of the sequence)", "age 0", "age", {"mean": NU, "absolute": "η", "second": "√Φ"})
+FRAME = Axis(
+    "frame", "frame", "the key frame", "distance from the key frame", {"mean": MU, "absolute": KAPPA, "second": "√Σ"}
+)

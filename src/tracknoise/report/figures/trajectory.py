@@ -1,0 +1,203 @@
+"""Where the camera went: its path from the side on which most is to be seen, and how far it moved and turned."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import altair as alt
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from tracknoise.report import style
+from tracknoise.report.evidence import Evidence
+from tracknoise.report.figures import marks
+from tracknoise.report.figures.figure import Absence, Family, Figure
+from tracknoise.report.figures.layout import Chart, Panel, arranged
+from tracknoise.report.sentences import SPACE, count, number, percent
+
+MOST = 4
+_TITLE = "Camera path"
+_POINTS, _HEADINGS = 300, 12
+_SIZE = {"width": 235, "height": 190}
+_STILL = 1e-7
+"""Turns smaller than this, rad, are the rounding of quaternions."""
+_AXES = ("x", "y", "z")
+_COLOURS = dict(zip(_AXES, style.colours(_AXES), strict=True))
+
+
+@dataclass(frozen=True, slots=True)
+class Path:
+    """The camera path of one scene.
+
+    Attributes
+    ----------
+    scene
+        Its name.
+    frame : (n,) int64
+    places_m : (n, 3) float64
+        The camera's centre in the world.
+    forwards : (n, 3) float64
+        Unit vectors along its line of sight, in the world.
+    angles_deg : (n,) float64
+        By how much it is turned from its first frame.
+    turned_deg, moved_m
+        Sums of what it turns and moves from frame to frame.
+    depth_m
+        Median depth of its features where they were first seen; None where none is known.
+    """
+
+    scene: str
+    frame: NDArray[np.int64]
+    places_m: NDArray[np.float64]
+    forwards: NDArray[np.float64]
+    angles_deg: NDArray[np.float64]
+    turned_deg: float
+    moved_m: float
+    depth_m: float | None
+
+
+def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
+    """One figure: a row a motion, of the first scene of each, and of few motions."""
+    chosen = first_of_each_motion(list(evidence.sequences))
+    if not chosen:
+        return [Absence("trajectory", _TITLE, "No tracker found a feature, so there is no path to look at.")]
+    paths = [_path(evidence, key) for key in chosen[:MOST]]
+    more = len(evidence.sequences) - len(paths)
+    others = f" {count(more, 'other scene').capitalize()} {'is' if more == 1 else 'are'} not drawn." if more else ""
+    figure = Figure(
+        id="trajectory",
+        title=_TITLE,
+        shows="Left: the camera's path along the two axes of the world on which it extends farthest, from the dot on; "
+        "strokes show where it looks. Middle: how far it is from its first frame along each axis of the world. Right: "
+        f"by how much it is turned from there.{others}",
+        look_for=" ".join(_sentence(path) for path in paths) + " Where turning is nearly all, images move alike "
+        "whatever the depth of what they show; where it is little, near things move much and far ones hardly.",
+        spec=arranged([panel for path in paths for panel in _row(path)], columns=3),
+    )
+    return [figure]
+
+
+def first_of_each_motion(keys: Sequence[str]) -> list[str]:
+    """The first of the sequences whose names differ in nothing but the number that their scene ends with."""
+    first: dict[str, str] = {}
+    for key in keys:
+        first.setdefault(re.sub(r"[-_ ]?\d+(?=@)", "", key), key)
+    return list(first.values())
+
+
+def _path(evidence: Evidence, key: str) -> Path:
+    poses = evidence.run.sequence_table("poses", key).sort("frame")
+    places = poses.select("x_m", "y_m", "z_m").to_numpy()
+    rotations = Rotation.from_quat(poses.select("qx", "qy", "qz", "qw").to_numpy())
+    steps = np.asarray((rotations[:-1].inv() * rotations[1:]).magnitude())
+    depths = evidence.run.sequence_table("tracks", key)["depth_m"].drop_nulls()
+    return Path(
+        scene=evidence.sequences[key].scene,
+        frame=poses["frame"].to_numpy().astype(np.int64),
+        places_m=places,
+        forwards=rotations.apply([0.0, 0.0, 1.0]),
+        angles_deg=np.rad2deg((rotations[0].inv() * rotations).magnitude()),
+        turned_deg=float(np.rad2deg(steps[steps > _STILL].sum())),
+        moved_m=float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum()),
+        depth_m=float(np.median(depths.to_numpy())) if depths.len() else None,
+    )
+
+
+def _sentence(path: Path) -> str:
+    moves = (
+        f"From frame to frame {path.scene} moves {number(path.moved_m)}{SPACE}m and turns {number(path.turned_deg)}°"
+    )
+    if not path.depth_m or not path.moved_m or not path.turned_deg:
+        return f"{moves} in all."
+    seen_deg = float(np.rad2deg(path.moved_m / path.depth_m))
+    share = percent(path.turned_deg / (path.turned_deg + seen_deg))
+    return (
+        f"{moves} in all; at {number(path.depth_m)}{SPACE}m, the median depth of its features, so much moving shifts "
+        f"the view by up to {number(seen_deg)}°, so that turning is {share} or more of the two together."
+    )
+
+
+def _row(path: Path) -> list[Panel]:
+    shown = _spread(len(path.frame), _POINTS)
+    moved = pl.DataFrame({"frame": path.frame[shown], **dict(zip(_AXES, path.places_m[shown].T, strict=True))})
+    since = moved.with_columns(pl.col(axis) - path.places_m[0, place] for place, axis in enumerate(_AXES))
+    long = since.unpivot(_AXES, index="frame", variable_name="axis", value_name="moved")
+    turned = pl.DataFrame({"frame": path.frame[shown], "turned": path.angles_deg[shown]})
+    x = alt.X("frame:Q", title="frame", axis=alt.Axis(tickMinStep=1), scale=alt.Scale(nice=False))
+    distance = alt.Chart(marks.rows(long)).mark_line().encode(
+        x=x,
+        y=alt.Y("moved:Q", title="moved (m)"),
+        color=marks.colour("axis", _COLOURS, "axis"),
+        opacity=marks.opacity("axis"),
+        tooltip=["frame:Q", "axis:N", alt.Tooltip("moved:Q", title="moved (m)")],
+    )  # fmt: skip
+    angle = alt.Chart(marks.rows(turned)).mark_line(color=style.INK).encode(
+        x=x,
+        y=alt.Y("turned:Q", title="turned (°)", scale=alt.Scale(domain=[0, 1.05 * path.angles_deg.max() or 1.0])),
+        tooltip=["frame:Q", alt.Tooltip("turned:Q", title="turned (°)")],
+    )  # fmt: skip
+    return [
+        Panel(_top_view(path, shown).properties(title=path.scene, **_SIZE)),
+        Panel(distance.properties(**_SIZE), (marks.shown("axis", _COLOURS),)),
+        Panel(angle.properties(**_SIZE)),
+    ]
+
+
+def _top_view(path: Path, shown: NDArray[np.intp]) -> Chart:
+    """The path, on the same scale in both directions."""
+    widest = sorted(np.argsort(-np.ptp(path.places_m, axis=0), kind="stable")[:2])
+    metres_per_px, middle = _scale(path.places_m[:, widest])
+    spans = metres_per_px * np.array([_SIZE["width"], _SIZE["height"]])
+    scales = [
+        alt.Scale(domain=[float(m - span / 2), float(m + span / 2)], nice=False, zero=False)
+        for m, span in zip(middle, spans, strict=True)
+    ]
+    names = [_AXES[place] for place in widest]
+    x, y = (
+        alt.X("x:Q", title=f"{names[0]} (m)", scale=scales[0]),
+        alt.Y("y:Q", title=f"{names[1]} (m)", scale=scales[1]),
+    )
+    line = alt.Chart(_table(path.frame[shown], path.places_m[shown][:, widest])).mark_line(color=style.PALETTE[0])
+    few = _spread(len(path.frame), _HEADINGS)
+    places, ahead = path.places_m[few][:, widest], 0.1 * spans[0] * path.forwards[few][:, widest]
+    strokes = alt.Chart(_table(path.frame[few], places, places + ahead)).mark_rule(color=style.PALETTE[1], clip=True)
+    start = alt.Chart(_table(path.frame[:1], path.places_m[:1][:, widest])).mark_point(
+        color=style.INK, size=45, opacity=1
+    )
+    return alt.layer(
+        line.encode(x=x, y=y, order="frame:Q", tooltip=["frame:Q"]),
+        strokes.encode(x=x, y=y, x2="x_ahead:Q", y2="y_ahead:Q", tooltip=["frame:Q"]),
+        start.encode(x=x, y=y),
+    )
+
+
+def _scale(places_m: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+    """Metres a px at which all places fit with room for the strokes, and the middle of the panel."""
+    low, high = places_m.min(axis=0), places_m.max(axis=0)
+    sizes = 0.75 * np.array([_SIZE["width"], _SIZE["height"]])
+    return float(np.max((high - low) / sizes)) or 1.0 / sizes[0], (low + high) / 2
+
+
+def _table(
+    frame: NDArray[np.int64], places: NDArray[np.float64], ahead: NDArray[np.float64] | None = None
+) -> alt.InlineData:
+    columns = {"frame": frame, "x": places[:, 0], "y": places[:, 1]}
+    if ahead is not None:
+        columns |= {"x_ahead": ahead[:, 0], "y_ahead": ahead[:, 1]}
+    return marks.rows(pl.DataFrame(columns), digits=6)
+
+
+def _spread(n: int, most: int) -> NDArray[np.intp]:
+    """At most `most` of n places, evenly spread, the first and the last among them."""
+    return np.linspace(0, n - 1, min(n, most)).round().astype(np.intp)
+
+
+FAMILY = Family(
+    id="trajectory",
+    title=_TITLE,
+    lead="How the camera moves decides what trackers meet: turning moves the whole image alike, moving shifts near "
+    "things against far ones.",
+    figures=figures,
+)

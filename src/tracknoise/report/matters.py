@@ -1,0 +1,98 @@
+"""The section that says which factors matter, beside what the paper finds where a run repeats it."""
+
+from collections.abc import Mapping, Sequence
+from itertools import groupby
+from typing import Any
+
+import polars as pl
+
+from tracknoise.report import paper
+from tracknoise.report.evidence import Evidence
+from tracknoise.report.sentences import DASH, SPACE, count, listing, number, percent
+from tracknoise.report.tables import Cells
+from tracknoise.statistics.effects import MARGIN
+
+_MARKS = {"agree": "✓", "disagree": "✗", "undecided": "?"}
+_UNITS = {"px": "px", "px^2": "px²", "frames": "frames", "share": ""}
+
+
+def heading(evidence: Evidence) -> str:
+    """Of the section."""
+    return "Beside the paper" if evidence.settings.get("paper") else "What matters"
+
+
+def verdicts(evidence: Evidence) -> Cells:
+    """A row a statistic: for every factor and tracker the verdict with its effect, and the paper's with a mark."""
+    table = paper.side_by_side(evidence)
+    columns: dict[str, Sequence[str]] = {"statistic": [name.replace(" ", SPACE) for name in table["statistic"]]}
+    for name in table.columns[1:]:
+        group, _, heading = name.rpartition(": ")
+        if heading == "paper":
+            pairs = zip(table[name], table[f"{group}: verdicts"], strict=True)
+            columns[name] = [f"{said}{SPACE}{_MARKS.get(agreement, '')}" for said, agreement in pairs]
+        elif heading == "here":
+            columns[name] = table[name].to_list()
+    parts = [name.rpartition(": ") for name in columns]
+    groups = [(group, len(list(names))) for group, names in groupby(group for group, _, _ in parts)]
+    rows = list(zip(*columns.values(), strict=True))
+    legend = "" if table.width == len(columns) else f" ({', '.join(f'{mark} {word}' for word, mark in _MARKS.items())})"
+    return Cells(f"Does it matter?{legend}", [name for _, _, name in parts], rows, [False] * len(parts), groups)
+
+
+def sentences(evidence: Evidence) -> list[str]:
+    """What the verdicts come to."""
+    table = paper.comparison(evidence)
+    told = [_tally(evidence, table)] if table["paper"].count() else []
+    if table.is_empty():
+        told.append("Nothing was varied in this run, so there is nothing to compare.")
+    slight = table.filter(pl.col("share_of_absolute") <= MARGIN, verdict="yes")
+    if slight.height:
+        largest = percent(slight["share_of_absolute"].max())  # type: ignore[arg-type]
+        told.append(
+            f"Mind the mean error of {listing(_asked(row) for row in slight.to_dicts())}: where there is hardly a "
+            "bias, hardly anything varies in common, and chance alone makes a difference by this rule. There, means "
+            f"differ by at most {largest} of the variation of the mean absolute error."
+        )
+    return told
+
+
+def details(evidence: Evidence) -> Cells:
+    """What decided each verdict: one row a factor, tracker and statistic."""
+    headings = ["factor", "tracker", "statistic", "verdict", "most apart", "where", "pairs"]
+    headings += ["differ by", "common", "effect", "of mean |error|"]
+    rows = [_detail(evidence, row) for row in paper.comparison(evidence).to_dicts()]
+    return Cells("What decided", headings, rows, [False] * 6 + [True] * 5)
+
+
+def _detail(evidence: Evidence, row: Mapping[str, Any]) -> list[str]:
+    asked = [row["factor"], row["tracker"] or DASH, paper.STATISTICS[row["role"]].replace(" ", SPACE), row["verdict"]]
+    if row["effect"] is None:
+        return [*asked, row["why"], *[DASH] * 6]
+    where = "" if row["at"] is None else f"{row['coordinate']}, {evidence.axis.place(row['at'])}"
+    pairs = f"{row['n_pairs']} of {row['n_levels'] * (row['n_levels'] - 1) // 2}"
+    compared = f"{row['level_a']} and {row['level_b']}" + (f" ({row['why']})" if row["why"] else "")
+    sizes = [_size(row["difference"], row["unit"]), _size(row["common"], row["unit"]), paper.effect_text(row["effect"])]
+    share = DASH if row["share_of_absolute"] is None else percent(row["share_of_absolute"])
+    return [*asked, compared, where, pairs, *sizes, share]
+
+
+def _size(value: float, unit: str) -> str:
+    return f"{number(value)} {_UNITS[unit]}".strip()
+
+
+def _asked(row: Mapping[str, Any]) -> str:
+    return f"{row['tracker']} by {row['factor']}" if row["tracker"] else "the trackers"
+
+
+def _tally(evidence: Evidence, table: pl.DataFrame) -> str:
+    counts = paper.tally(table)
+    total = sum(counts.values())
+    parts = [
+        f"{number(counts['agree'])} of the verdicts agree with the paper's",
+        f"{number(counts['disagree'])} do not",
+    ]
+    parts += [f"{number(counts['undecided'])} cannot be given"] if counts["undecided"] else []
+    return (
+        f"Of the {count(total, 'cell')} of the paper's table for {paper.title(evidence.settings['paper'])}, "
+        f"{listing(parts)}."
+    )

@@ -1,0 +1,127 @@
+"""What the paper finds, as data, beside what was measured; it is never used to decide that."""
+
+import tomllib
+from collections.abc import Mapping
+from functools import cache
+from importlib import resources
+from typing import Any
+
+import polars as pl
+
+from tracknoise.report.evidence import Evidence
+from tracknoise.report.sentences import SPACE, percent
+from tracknoise.statistics.curves import NAMES
+from tracknoise.statistics.effects import FACTORS
+from tracknoise.tables.schema import EFFECTS, VERDICT, Schema
+
+STATISTICS: Mapping[str, str] = {
+    "mean": "mean error",
+    "absolute": "mean absolute error",
+    "second": "second moment",
+    "lifetime": "lifetime",
+    "outlier_ratio": "outlier ratio",
+}
+"""The rows of the paper's summary tables: role of each statistic, and what it is called."""
+COMPARISON: Schema = {**EFFECTS, "role": pl.String, "paper": VERDICT, "agreement": pl.String}
+AGREEMENTS = ("agree", "disagree", "undecided")
+_CURVED = {name: role for names in NAMES.values() for role, name in names.items()}
+
+
+@cache
+def findings() -> Mapping[str, Mapping[str, Any]]:
+    """The paper's findings: by experiment and factor, then statistic, then (where it tells them apart) tracker."""
+    text = (resources.files("tracknoise.report") / "paper_findings.toml").read_text(encoding="utf-8")
+    return tomllib.loads(text)
+
+
+def title(experiment: str) -> str:
+    """What the paper calls one of its experiments; its own name where the paper has no such experiment."""
+    return str(findings().get(experiment, {}).get("title", experiment))
+
+
+def finding(experiment: str | None, factor: str, role: str, kind: str | None) -> str | None:
+    """What the paper says: ``yes``, ``no``, or None where it says nothing.
+
+    Parameters
+    ----------
+    experiment
+        Of the paper; None where a run repeats none.
+    factor
+        Name in `tracknoise.statistics.effects.FACTORS`.
+    role
+        Name in `STATISTICS`.
+    kind
+        Of the tracker that is asked about; None where the factor is the tracker.
+    """
+    cell = findings().get(experiment or "", {}).get(factor, {}).get(role)
+    return cell.get(kind) if isinstance(cell, dict) else cell
+
+
+def comparison(evidence: Evidence) -> pl.DataFrame:
+    """The effects that the paper's tables ask for, and those of other factors that the run varies, beside the paper's.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `COMPARISON`, sorted by factor, tracker and statistic. `paper` is null where the paper says nothing, and
+        so is then `agreement`; otherwise that is one of `AGREEMENTS`.
+    """
+    kinds = {entry.get("name") or entry.get("kind"): entry.get("kind") for entry in evidence.settings["trackers"]}
+    rows = []
+    for row in evidence.effects.filter(pl.col("speed").is_null() | (pl.col("speed") == evidence.slowest)).to_dicts():
+        role = _CURVED.get(row["statistic"], row["statistic"])
+        said = finding(evidence.settings.get("paper"), row["factor"], role, kinds.get(row["tracker"]))
+        if role in STATISTICS and (row["n_levels"] > 1 or said):
+            rows.append({**row, "role": role, "paper": said, "agreement": _agreement(row["verdict"], said)})
+    rows.sort(key=lambda row: _order(evidence, row))
+    return pl.DataFrame(rows, schema=dict(COMPARISON))
+
+
+def side_by_side(evidence: Evidence) -> pl.DataFrame:
+    """The comparison as the paper prints it: a row a statistic, columns ``FACTOR, TRACKER: HEADING``."""
+    table = comparison(evidence)
+    columns: dict[str, list[str]] = {"statistic": list(STATISTICS.values())}
+    for asked, group in table.group_by("factor", "tracker", maintain_order=True):
+        cells = {row["role"]: row for row in group.to_dicts()}
+        heading = ", ".join(str(name) for name in asked if name)
+        columns[f"{heading}: here"] = [_here(cells.get(role)) for role in STATISTICS]
+        if group["paper"].count():
+            columns[f"{heading}: paper"] = [_text(cells.get(role), "paper") for role in STATISTICS]
+            columns[f"{heading}: verdicts"] = [_text(cells.get(role), "agreement") for role in STATISTICS]
+    return pl.DataFrame(columns)
+
+
+def tally(table: pl.DataFrame) -> dict[str, int]:
+    """How many cells of a comparison fall to each of `AGREEMENTS`."""
+    return {name: table.filter(agreement=name).height for name in AGREEMENTS}
+
+
+def effect_text(effect: float | None) -> str:
+    """Write an effect in percent, to a tenth near the margin; nothing where there is none."""
+    if effect is None:
+        return ""
+    if effect >= 10:
+        return f">{SPACE}1000{SPACE}%"
+    return percent(effect) if effect < 0.2 else f"{100 * effect:.0f}{SPACE}%"
+
+
+def _agreement(ours: str, said: str | None) -> str | None:
+    if said is None:
+        return None
+    return "undecided" if ours == "undecided" else "agree" if ours == said else "disagree"
+
+
+def _order(evidence: Evidence, row: Mapping[str, Any]) -> tuple[int, int, int]:
+    tracker = evidence.place(row["tracker"]) if row["tracker"] else 0
+    return list(FACTORS).index(row["factor"]), tracker, list(STATISTICS).index(row["role"])
+
+
+def _here(row: Mapping[str, Any] | None) -> str:
+    if row is None:
+        return "\N{EN DASH}"
+    effect = effect_text(row["effect"])
+    return f"{row['verdict']}{SPACE}({effect})" if effect else str(row["verdict"])
+
+
+def _text(row: Mapping[str, Any] | None, column: str) -> str:
+    return str((row or {}).get(column) or "\N{EN DASH}")

@@ -1,0 +1,79 @@
+"""``tracknoise replicate``, as a user types it, on experiments cut down to be quick."""
+
+import pytest
+
+from tracknoise.cli.app import main
+from tracknoise.experiments import replicate
+from tracknoise.experiments.load import load_experiment
+from tracknoise.experiments.settings import ViewSettings
+
+
+@pytest.fixture
+def tracknoise(capsys):
+    def go(*arguments):
+        with pytest.raises(SystemExit) as exit_:
+            main(list(arguments))
+        captured = capsys.readouterr()
+        return exit_.value.code, captured.out, captured.err
+
+    return go
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """Presets with one tracker, one speed and small images, so that they take seconds."""
+
+    def load(name, **options):
+        experiment = load_experiment(name, **options)
+        size = {"width": 160, "height": 120, "supersampling": 1}
+        dataset = experiment.dataset.model_copy(update={"options": {**experiment.dataset.options, **size}})
+        return experiment.model_copy(
+            update={"dataset": dataset, "speeds": [1], "trackers": experiment.trackers[:1], "views": [ViewSettings()]}
+        )
+
+    monkeypatch.setattr(replicate, "load_experiment", load)
+
+
+ONCE = ("--scenes", "1", "--frames", "4", "-w", "1")
+
+
+def test_help_has_an_example(tracknoise):
+    code, out, _ = tracknoise("replicate", "--help")
+    assert code == 0
+    assert "tracknoise replicate --data /data" in " ".join(out.replace("│", " ").split())
+
+
+def test_one_experiment_that_fails_does_not_stop_the_others(tracknoise, small, tmp_path):
+    out = tmp_path / "out"
+    (out / "gazebo-linear").mkdir(parents=True)
+    (out / "gazebo-linear" / "holiday.jpg").write_bytes(b"")
+    code, printed, err = tracknoise("replicate", "--out", str(out), *ONCE)
+    assert code == 2
+    assert "dtu: No folder of data was given (--data)." in err
+    assert f"gazebo-linear: {out / 'gazebo-linear'}: holds files that are no run" in err
+    assert f"replication: {(out / 'index.html').resolve()}" in printed
+    runs = {path.parent.name for path in out.glob("*/manifest.json")}
+    assert runs == {"gazebo-linear-differences", "gazebo-arvr", "gazebo-arvr-differences"}
+    assert (out / "gazebo-arvr" / "report" / "index.html").is_file()
+    assert (out / "differences.html").is_file()
+
+
+def test_what_was_measured_is_not_measured_again(tracknoise, small, tmp_path, monkeypatch):
+    monkeypatch.setattr(replicate, "SIMULATED", ("gazebo-arvr",))
+    arguments = ("replicate", "--out", str(tmp_path / "out"), *ONCE)
+    code, _, err = tracknoise(*arguments)
+    assert code == 0
+    assert err.count("measured arvr-00") == 2
+    code, _, err = tracknoise(*arguments)
+    assert code == 0
+    assert err.count("measured already: 1; to go: 0") == 2
+    assert "measured arvr-00" not in err
+
+
+def test_where_nothing_can_be_measured_that_is_an_error(tracknoise, tmp_path, monkeypatch):
+    monkeypatch.setattr(replicate, "SIMULATED", ("nothing-like-it",))
+    code, printed, err = tracknoise("replicate", "--out", str(tmp_path / "out"), "--quiet")
+    assert code == 1
+    assert printed == ""
+    assert err.count("unknown experiment file or preset 'nothing-like-it'") == 2
+    assert err.endswith("tracknoise: error: none of the paper's experiments could be measured\n")

@@ -1,0 +1,100 @@
+"""Figures by lighting: their order and colours, and the numbers in boxes and sentences."""
+
+import io
+import re
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+import polars as pl
+import pytest
+
+from tracknoise.report.evidence import Evidence
+from tracknoise.report.figures import Figure, lifetimes, light_sweeps, lightings, outlier_ratio
+from tracknoise.report.sentences import number, percent, px
+from tracknoise.tables.store import RunFolder
+
+LIGHTINGS = ("diffuse", "LR0", "LR1", "LR2", "LR10", "BF0", "BF1", "lamp")
+
+
+@pytest.fixture(scope="module")
+def evidence(make_run: Callable[..., RunFolder]) -> Evidence:
+    return Evidence.of(make_run(scenes=("only",), trackers=("one",), lightings=LIGHTINGS, born=40))
+
+
+@pytest.fixture(scope="module")
+def figure(evidence: Evidence) -> Figure:
+    """Of the lowest speed."""
+    made = lightings.figures(evidence)
+    assert [item.id for item in made] == ["lighting-one-speed-1", "lighting-one-speed-2"]
+    assert isinstance(made[0], Figure)
+    return made[0]
+
+
+@pytest.fixture(scope="module")
+def boxes(evidence: Evidence) -> Figure:
+    return {item.id: item for item in outlier_ratio.figures(evidence)}["outlier-ratio-by-lighting"]
+
+
+def _brightness(colour: str) -> int:
+    return sum(int(colour[i : i + 2], 16) for i in (1, 3, 5))
+
+
+def test_sweeps_leave_the_reference_out_and_keep_their_order(evidence: Evidence) -> None:
+    assert light_sweeps.sweeps(evidence) == {
+        "left to right": ["LR0", "LR1", "LR2", "LR10"],
+        "back to front": ["BF0", "BF1"],
+        "other light": ["lamp"],
+    }
+
+
+def test_the_reference_is_black_and_ramps_go_from_dark_to_light(evidence: Evidence) -> None:
+    colours = light_sweeps.colours(evidence, "one")
+    assert list(colours) == list(LIGHTINGS)
+    assert colours["diffuse"] == "#000000"
+    assert len(set(colours.values())) == len(LIGHTINGS)
+    ramp = [_brightness(colours[name]) for name in ("LR0", "LR1", "LR2", "LR10")]
+    assert all(a < b for a, b in pairwise(ramp))
+
+
+def test_of_many_curves_the_extremes_are_told_and_only_one_moment_is_drawn(evidence: Evidence, figure: Figure) -> None:
+    age = int(re.match(r"At age (\d+) ", figure.look_for).group(1))
+    here = {"tracker": "one", "speed": 1, "population": "visible", "trimming": "trimmed", "role": "second", "at": age}
+    rows = evidence.points.filter(**here).sort("u")
+    low, high = rows.row(0, named=True), rows.row(-1, named=True)
+    told = f"in u between {px(low['u'])} (under {low['lighting']}) and {px(high['u'])} (under {high['lighting']})"
+    assert told in figure.look_for
+    assert "Dashed" not in figure.shows
+    assert not any("about the mean" in str(data) for data in figure.spec["datasets"].values())
+
+
+def test_the_reference_is_drawn_above_the_others(figure: Figure) -> None:
+    curves = [pl.read_csv(io.StringIO(text)) for text in figure.spec["datasets"].values() if "of" in str(text)[:40]]
+    assert all(table["lighting"].unique(maintain_order=True)[-1] == "diffuse" for table in curves)
+
+
+def test_lifetimes_by_lighting_are_those_of_the_tracks(evidence: Evidence) -> None:
+    tracks = pl.concat(evidence.run.sequence_tables("tracks")).filter(speed=1)
+    figure = {item.id: item for item in lifetimes.figures(evidence)}["lifetimes-by-lighting"]
+    means = tracks.group_by("lighting").agg(pl.col("lifetime").mean()).sort("lifetime").rows()
+    assert f"from {number(means[0][1])} frames under {means[0][0]}" in figure.look_for
+    assert f"to {number(means[-1][1])} frames under {means[-1][0]} on average" in figure.look_for
+    boxes = pl.concat(
+        pl.read_csv(io.StringIO(text)) for text in figure.spec["datasets"].values() if "median" in str(text)[:200]
+    )
+    box = boxes.filter(lighting="LR2", speed=1).row(0, named=True)
+    lived = tracks.filter(lighting="LR2")["lifetime"].to_numpy()
+    expected = np.percentile(lived, [25, 50, 75])
+    assert [box[name] for name in ("lower_quartile", "median", "upper_quartile")] == pytest.approx(expected)
+
+
+def test_outlier_ratios_by_lighting_are_the_pooled_ones(evidence: Evidence, boxes: Figure) -> None:
+    frames = pl.concat(evidence.run.sequence_tables("frames")).filter(speed=1)
+    ratios = frames.group_by("lighting").agg(r=pl.col("outliers").sum() / pl.col("offered").sum()).sort("r").rows()
+    ends = [f"{percent(ratios[place][1])} under {ratios[place][0]}" for place in (0, -1)]
+    assert f"one rejected from {ends[0]} to {ends[1]}." in boxes.look_for
+
+
+def test_boxes_have_a_panel_a_sweep_that_begins_with_the_reference(boxes: Figure) -> None:
+    orders = [panel["layer"][0]["encoding"]["x"]["sort"] for panel in boxes.spec["concat"]]
+    assert orders == [["diffuse", "LR0", "LR1", "LR2", "LR10"], ["diffuse", "BF0", "BF1"], ["diffuse", "lamp"]]

@@ -1,0 +1,48 @@
+"""The camera path, against one that moves a decimetre along x and turns by one degree in every frame."""
+
+import io
+
+import polars as pl
+import pytest
+
+from tracknoise.report.evidence import Evidence
+from tracknoise.report.figures import Figure
+from tracknoise.report.figures.trajectory import figures, first_of_each_motion
+from tracknoise.report.sentences import SPACE
+from tracknoise.tables.store import RunFolder
+
+
+@pytest.fixture(scope="module")
+def figure(run: RunFolder) -> Figure:
+    (made,) = figures(Evidence.of(run))
+    assert isinstance(made, Figure)
+    return made
+
+
+def test_moving_and_turning_are_told_with_the_share_of_turning(figure: Figure) -> None:
+    # 19 steps: 1.9 m at 3 m depth are 1.9 / 3 rad = 36.3 degrees; 19 / (19 + 36.3) = 34.4 %.
+    told = f"From frame to frame fixating moves 1.90{SPACE}m and turns 19.0° in all; at 3.00{SPACE}m, the median depth"
+    assert told in figure.look_for
+    assert f"by up to 36.3°, so that turning is 34.4{SPACE}% or more of the two together." in figure.look_for
+
+
+def test_what_is_drawn_is_the_path(figure: Figure) -> None:
+    tables = [pl.read_csv(io.StringIO(text)) for text in figure.spec["datasets"].values()]
+    (turned, *_) = [table for table in tables if "turned" in table.columns]
+    assert turned["turned"].to_list() == pytest.approx(range(20))
+    (moved, *_) = [table for table in tables if "moved" in table.columns]
+    assert moved.filter(axis="x")["moved"].to_list() == pytest.approx([0.1 * frame for frame in range(20)])
+    assert moved.filter(axis="y")["moved"].unique().to_list() == [0]
+
+
+def test_the_view_from_above_has_one_scale(figure: Figure) -> None:
+    panel = figure.spec["concat"][0]
+    (left, right), (low, high) = (panel["layer"][0]["encoding"][axis]["scale"]["domain"] for axis in "xy")
+    assert (right - left) / panel["width"] == pytest.approx((high - low) / panel["height"])
+    assert left < 0
+    assert right > 1.9
+
+
+def test_each_motion_has_its_first_scene() -> None:
+    keys = ["arvr-00@default", "arvr-01@default", "fr1 desk@default", "scene001@LR0", "scene002@LR0", "walk@led-1"]
+    assert first_of_each_motion(keys) == ["arvr-00@default", "fr1 desk@default", "scene001@LR0", "walk@led-1"]

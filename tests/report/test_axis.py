@@ -1,0 +1,23 @@
+import pytest
+
+from tracknoise.report.axis import AGE, FRAME
+from tracknoise.statistics.curves import NAMES
+
+
+@pytest.mark.parametrize(
+    ("axis", "since", "written"),
+    [
+        (AGE, 10, "at age 10"),
+        (FRAME, 10, "at 10 frames after the key frame"),
+        (FRAME, 1, "at 1 frame after the key frame"),
+        (FRAME, -8, "at 8 frames before the key frame"),
+    ],
+)
+def test_places_are_told_from_where_errors_are_zero(axis, since, written) -> None:
+    assert axis.place(since) == written
+
+
+@pytest.mark.parametrize("axis", [AGE, FRAME], ids=lambda axis: axis.name)
+def test_every_statistic_of_the_tables_has_a_role(axis) -> None:
+    assert set(axis.roles) == set(NAMES[axis.name].values())
+    assert set(axis.signs) == set(axis.roles.values()) - {"central"}

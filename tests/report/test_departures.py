@@ -1,0 +1,89 @@
+"""What departs from the paper, and what that changes in runs whose tables are known."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from tracknoise.report.departures import Departure, Part, departures, texts
+from tracknoise.report.evidence import Evidence
+from tracknoise.report.sentences import number
+from tracknoise.statistics.lifetimes import mean_lifetime
+from tracknoise.tables.store import RunFolder
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "differences-from-the-paper.md"
+
+
+@pytest.fixture(scope="module")
+def part(make_run: Callable[..., RunFolder]) -> Part:
+    evidence = Evidence.of(make_run(hidden=0.2))
+    return Part("made up", evidence, evidence)
+
+
+@pytest.fixture(scope="module")
+def found(part: Part) -> dict[str, Departure]:
+    return {item.id: item for item in departures([part])}
+
+
+def test_the_documentation_has_every_departure_under_its_title() -> None:
+    headings = re.findall(r"^## (.*)$", PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    assert headings == [item["title"] for item in texts().values()]
+
+
+def test_every_departure_says_what_differs(found: dict[str, Departure]) -> None:
+    assert list(found) == list(texts())
+    assert all(item.title and item.text.endswith(".") for item in found.values())
+
+
+@pytest.mark.parametrize("name", ["occlusion", "trimming", "weighting", "covariance", "lifetimes", "rejection"])
+def test_tables_have_a_row_for_each_experiment_and_tracker(found: dict[str, Departure], name: str) -> None:
+    cells = found[name].measured
+    assert cells is not None
+    assert [row[:2] for row in cells.rows] == [["made up", "lucas-kanade"], ["made up", "correspondence"]]
+    assert all(len(row) == len(cells.headings) == len(cells.numeric) for row in cells.rows)
+    assert not cells.groups or sum(span for _, span in cells.groups) == len(cells.headings)
+
+
+def test_what_the_tables_do_not_tell_has_no_numbers(found: dict[str, Departure]) -> None:
+    assert found["simulation"].measured is None
+    (first,) = departures([])[:1]
+    assert first.measured is not None
+    assert first.measured.rows == []
+
+
+def test_the_covariance_differs_from_the_second_moment_by_the_squared_bias(part: Part) -> None:
+    (row, _) = {item.id: item for item in departures([part])}["covariance"].measured.rows  # type: ignore[union-attr]
+    curves = part.evidence.nominal(part.evidence.curves).filter(
+        tracker="lucas-kanade", population="visible", trimming="trimmed", weighting="features", cut=False
+    )
+    n, bias = (curves.filter(pl.col("at") > 0, statistic="nu").sort("at")[name].to_numpy() for name in ("n", "u"))
+    assert row[2] == f"{max(n / (n - 1) * bias**2):.4f} px²"  # the drift is along u
+
+
+def test_trimming_and_hidden_features_make_a_difference_here(found: dict[str, Departure]) -> None:
+    for name in ("trimming", "occlusion"):
+        cells = found[name].measured
+        assert cells is not None
+        assert all(not text.startswith("0 ") for row in cells.rows for text in row[2:])
+
+
+def test_lifetimes_are_those_of_the_statistics(part: Part, found: dict[str, Departure]) -> None:
+    table = mean_lifetime(part.evidence.nominal(part.evidence.lifetimes)).filter(tracker="lucas-kanade")
+    cells = found["lifetimes"].measured
+    assert cells is not None
+    means = [number(table[name][0]) for name in ("mean_lifetime", "restricted_mean_lifetime")]
+    assert cells.rows[0][2:4] == means
+
+
+def test_without_variants_there_is_no_table_of_them(part: Part) -> None:
+    alone = {item.id: item for item in departures([Part("alone", part.evidence)])}
+    assert alone["rejection"].measured is None
+
+
+def test_curves_that_cannot_be_compared_are_dashes(make_run: Callable[..., RunFolder]) -> None:
+    evidence = Evidence.of(make_run(min_features=10**6))
+    cells = departures([Part("cut", evidence)])[0].measured
+    assert cells is not None
+    assert set(cells.rows[0][2:]) == {"–"}

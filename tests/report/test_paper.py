@@ -1,0 +1,160 @@
+"""The paper's findings as data, and beside what a run measured."""
+
+import dataclasses
+from collections.abc import Callable
+
+import polars as pl
+import pytest
+
+from tracknoise.experiments.load import load_experiment, preset_names
+from tracknoise.report import matters, paper
+from tracknoise.report.evidence import Evidence
+from tracknoise.tables.store import RunFolder
+
+LK, SIFT = "lucas-kanade", "correspondence"
+TABLES = {
+    ("dtu", "tracker"): ["no", "yes", "yes", "yes", "yes"],
+    ("dtu", "lighting"): ["no", "no", "no", "no", "no"],
+    ("dtu", "speed"): ["no", ("no", "yes"), ("no", "yes"), "yes", "yes"],
+    ("kitti", "tracker"): ["no", "yes", "yes", "yes", "yes"],
+    ("kitti", "speed"): ["yes", ("yes", "no"), ("yes", "no"), "yes", "yes"],
+    ("gazebo-linear", "tracker"): ["yes", "yes", "yes", "yes", "yes"],
+    ("gazebo-linear", "speed"): [("yes", "no"), "yes", "yes", "yes", ("yes", "no")],
+    ("gazebo-arvr", "tracker"): ["yes", "yes", "yes", "yes", "yes"],
+    ("gazebo-arvr", "speed"): ["no", ("no", "yes"), ("no", "yes"), "yes", ("yes", "no")],
+}
+"""The paper's summary tables, row by row; pairs are Lucas-Kanade's and correspondence's."""
+
+
+@pytest.mark.parametrize(("table", "expected"), TABLES.items(), ids=lambda value: "-".join(map(str, value)))
+def test_the_papers_cells(table: tuple[str, str], expected: list[str | tuple[str, str]]) -> None:
+    for role, cell in zip(paper.STATISTICS, expected, strict=True):
+        both = (cell, cell) if isinstance(cell, str) else cell
+        assert tuple(paper.finding(*table, role, kind) for kind in (LK, SIFT)) == both
+
+
+def test_the_paper_has_no_other_tables() -> None:
+    found = {(name, factor) for name, tables in paper.findings().items() for factor in tables if factor != "title"}
+    assert found == set(TABLES)
+
+
+def test_every_preset_that_repeats_an_experiment_finds_it() -> None:
+    repeated = {load_experiment(name, root=None).paper for name in ("gazebo-linear", "gazebo-arvr")}
+    assert repeated <= set(paper.findings())
+    assert set(paper.findings()) <= set(preset_names())
+
+
+def test_where_the_paper_says_nothing_there_is_nothing() -> None:
+    assert paper.finding(None, "tracker", "mean", None) is None
+    assert paper.finding("kitti", "lighting", "mean", LK) is None
+    assert paper.finding("dtu", "speed", "absolute", "oracle") is None
+    assert paper.finding("dtu", "tracker", "central", None) is None
+
+
+def with_effects(evidence: Evidence, **columns: object) -> Evidence:
+    """The same evidence with other values in all rows of its effects."""
+    changed = {name: pl.lit(value, dtype=evidence.effects.schema[name]) for name, value in columns.items()}
+    return dataclasses.replace(evidence, effects=evidence.effects.with_columns(**changed))
+
+
+@pytest.fixture
+def repeated(make_run: Callable[..., RunFolder]) -> Evidence:
+    return Evidence.of(make_run(paper="kitti"))
+
+
+def test_verdicts_stand_beside_the_papers(repeated: Evidence) -> None:
+    table = paper.comparison(with_effects(repeated, verdict="yes"))
+    assert table.select("factor", "tracker").unique(maintain_order=True).rows() == [
+        ("tracker", None), ("speed", LK), ("speed", SIFT),
+    ]  # fmt: skip
+    assert table.filter(tracker=SIFT)["agreement"].to_list() == ["agree", "disagree", "disagree", "agree", "agree"]
+    assert paper.tally(table) == {"agree": 12, "disagree": 3, "undecided": 0}
+    undecided = paper.comparison(with_effects(repeated, verdict="undecided"))
+    assert paper.tally(undecided) == {"agree": 0, "disagree": 0, "undecided": 15}
+
+
+def test_what_was_measured_does_not_depend_on_the_paper(make_run: Callable[..., RunFolder]) -> None:
+    runs = [Evidence.of(make_run(paper=name)) for name in ("kitti", "gazebo-linear", None)]
+    ours = [paper.comparison(run).drop("paper", "agreement") for run in runs]
+    assert ours[0].equals(ours[1])
+    assert ours[0].equals(ours[2])
+
+
+def test_a_question_of_the_paper_is_kept_where_the_run_cannot_answer_it(make_run: Callable[..., RunFolder]) -> None:
+    evidence = Evidence.of(make_run(paper="dtu", trackers=(LK,), speeds=(1,)))
+    table = paper.comparison(evidence)
+    assert table["factor"].unique(maintain_order=True).to_list() == ["tracker", "speed", "lighting"]
+    assert set(table["verdict"]) == {"undecided"}
+    rows = matters.details(evidence).rows
+    assert rows[0][4] == "only one tracker was measured: lucas-kanade"
+
+
+def test_other_factors_stand_there_without_the_papers_word(make_run: Callable[..., RunFolder]) -> None:
+    evidence = Evidence.of(make_run(paper="kitti", views=((0, "forward"), (0, "backward"))))
+    grid = paper.side_by_side(evidence)
+    assert "direction, lucas-kanade: here" in grid.columns
+    assert "direction, lucas-kanade: paper" not in grid.columns
+    assert paper.comparison(evidence).filter(factor="direction")["agreement"].null_count() == 10
+
+
+def test_the_table_has_the_papers_rows_and_our_effects(repeated: Evidence) -> None:
+    grid = paper.side_by_side(with_effects(repeated, verdict="no", effect=0.0512))
+    assert grid["statistic"].to_list() == [
+        "mean error", "mean absolute error", "second moment", "lifetime", "outlier ratio",
+    ]  # fmt: skip
+    assert grid["speed, correspondence: here"].to_list() == ["no\N{NO-BREAK SPACE}(5.1\N{NO-BREAK SPACE}%)"] * 5
+    assert grid["speed, correspondence: paper"].to_list() == ["yes", "no", "no", "yes", "yes"]
+    cells = matters.verdicts(with_effects(repeated, verdict="no"))
+    assert list(cells.groups) == [("", 1), ("tracker", 2), (f"speed, {LK}", 2), (f"speed, {SIFT}", 2)]
+    assert cells.headings == ["statistic", *["here", "paper"] * 3]
+    assert [row[-1] for row in cells.rows] == [
+        f"{said}\N{NO-BREAK SPACE}{mark}" for said, mark in zip(("yes", "no", "no", "yes", "yes"), "✗✓✓✗✗", strict=True)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("effect", "expected"),
+    [(None, ""), (0.0, "0.0 %"), (0.0999, "10.0 %"), (0.3, "30 %"), (9.9, "990 %"), (float("inf"), "> 1000 %")],
+)
+def test_effects_are_written_with_the_digits_that_the_margin_needs(effect: float | None, expected: str) -> None:
+    assert paper.effect_text(effect).replace("\N{NO-BREAK SPACE}", " ") == expected
+
+
+def test_the_sentence_counts_the_cells(repeated: Evidence) -> None:
+    (sentence,) = matters.sentences(with_effects(repeated, verdict="yes", share_of_absolute=0.5))
+    expected = "Of the 15 cells of the paper's table for KITTI, 12 of the verdicts agree with the paper's and 3 do not."
+    assert sentence == expected
+    (sentence,) = matters.sentences(with_effects(repeated, verdict="undecided"))
+    assert sentence.endswith("0 of the verdicts agree with the paper's, 0 do not and 15 cannot be given.")
+
+
+def test_a_yes_on_hardly_any_bias_is_put_into_proportion(repeated: Evidence) -> None:
+    small = with_effects(repeated, verdict="yes", share_of_absolute=None)
+    row = (pl.col("factor") == "speed") & (pl.col("tracker") == LK) & (pl.col("statistic") == "nu")
+    share = pl.when(row).then(0.04).otherwise("share_of_absolute")
+    small = dataclasses.replace(small, effects=small.effects.with_columns(share_of_absolute=share))
+    assert "Mind the mean error of lucas-kanade by speed:" in matters.sentences(small)[1]
+    assert "by at most 4.0\N{NO-BREAK SPACE}% of" in matters.sentences(small)[1]
+
+
+def test_a_run_of_its_own_is_not_compared_with_the_paper(run: RunFolder) -> None:
+    evidence = Evidence.of(run)
+    assert matters.heading(evidence) == "What matters"
+    assert not any("paper" in heading for heading in matters.verdicts(evidence).headings)
+    assert not any("paper" in sentence for sentence in matters.sentences(evidence))
+
+
+def test_a_run_that_varies_nothing_says_so(make_run: Callable[..., RunFolder]) -> None:
+    evidence = Evidence.of(make_run(trackers=(LK,), speeds=(1,)))
+    assert matters.sentences(evidence) == ["Nothing was varied in this run, so there is nothing to compare."]
+    assert matters.details(evidence).rows == []
+
+
+def test_what_decided_names_levels_place_and_size(run: RunFolder) -> None:
+    evidence = Evidence.of(run)
+    effects = evidence.effects.filter(factor="speed", tracker=LK, statistic="eta").row(0, named=True)
+    cells = matters.details(evidence)
+    (row,) = [row for row in cells.rows if row[:2] == ["speed", LK] and "absolute" in row[2]]
+    place = f"{effects['coordinate']}, at age {effects['at']}"
+    assert list(row[3:7]) == [effects["verdict"], "1 and 2", place, "1 of 1"]
+    assert len(row) == len(cells.headings) == len(cells.numeric)

@@ -1,0 +1,31 @@
+"""The summary that commands print is the report's, in plain text."""
+
+from collections.abc import Callable
+from types import ModuleType
+
+from tracknoise.cli.summary import summary_text
+from tracknoise.tables.store import RunFolder
+
+
+def test_there_is_a_line_a_condition_in_the_order_of_the_experiment(make_run: Callable[..., RunFolder]) -> None:
+    views = ((0, "forward"), (0, "backward"))
+    run = make_run(scenes=("only",), speeds=(1,), views=views)
+    lines = [line.split() for line in summary_text(run).splitlines()]
+    assert lines[1][:4] == ["tracker", "speed", "direction", "tracks"]
+    assert [line[0] + " " + line[2] for line in lines[3:]] == [
+        f"{tracker} {direction}"
+        for tracker in ("lucas-kanade", "correspondence")
+        for direction in ("forward", "backward")
+    ]
+
+
+def test_frames_are_called_so(make_run: Callable[..., RunFolder]) -> None:
+    run = make_run(scenes=("only",), born=40, key_frame=8, truth="scan")
+    assert "frame" in summary_text(run).splitlines()[1].split()
+    assert "18" in summary_text(run).splitlines()[3].split()
+
+
+def test_many_conditions_are_not_all_listed(make_run: Callable[..., RunFolder], synthetic: ModuleType) -> None:
+    lines = summary_text(make_run(**synthetic.DEGENERATE["many conditions"])).splitlines()
+    assert len(lines) == 5
+    assert lines[-1] == "(under lighting LR0; 40 other conditions are in the report's tables/summary.csv)"

@@ -1,13 +1,16 @@
 """The run folder: whole or not there, and clear about what is wrong with it."""
 
 import json
+import os
+from dataclasses import replace
+from pathlib import Path
 
 import polars as pl
 import pytest
 
 from tracknoise.exceptions import SchemaError, StoreError
 from tracknoise.tables import schema
-from tracknoise.tables.store import SEQUENCE_TABLES, Manifest, RunFolder, SequenceEntry, sequence_key
+from tracknoise.tables.store import SEQUENCE_TABLES, FailureEntry, Manifest, RunFolder, SequenceEntry, sequence_key
 
 ENTRY = SequenceEntry("d", "a/b", "default", 0, "forward", 10, 64, 48, "birth", 5, 1.5, ("a note",))
 
@@ -83,11 +86,11 @@ def test_a_folder_that_cannot_be_made_is_one_line(tmp_path):
 
 
 def test_failures_are_a_line_each_and_vanish_when_there_are_none(run):
-    run.write_failures({"b": "x", "a": "y"})
+    run.write_failures({"b": FailureEntry("x", "b.png", 1), "a": FailureEntry("y", None, 3)})
     lines = (run.path / "failures.jsonl").read_text().splitlines()
     assert [json.loads(line) for line in lines] == [
-        {"sequence": "a", "cause": "y"},
-        {"sequence": "b", "cause": "x"},
+        {"sequence": "a", "cause": "y", "place": None, "attempts": 3},
+        {"sequence": "b", "cause": "x", "place": "b.png", "attempts": 1},
     ]
     run.write_failures({})
     assert not (run.path / "failures.jsonl").exists()
@@ -107,3 +110,94 @@ def test_keys_are_file_names_and_differ():
 def test_statistics_of_a_run_that_is_not_finished_say_so(run):
     with pytest.raises(StoreError, match="holds no finished run"):
         run.statistics("summary")
+
+
+@pytest.fixture
+def measured(run):
+    """A run with one sequence, empty tables and all."""
+    tables = {name: schema.empty(columns) for name, columns in SEQUENCE_TABLES.items()}
+    entry = replace(ENTRY, sha256=run.write_sequence(ENTRY.key, tables, b"png"))
+    manifest = run.manifest()
+    manifest.sequences[entry.key] = entry
+    run.write_manifest(manifest)
+    return run
+
+
+def flip(path, place=-20):
+    """Change a single bit of a file."""
+    content = bytearray(path.read_bytes())
+    content[place] ^= 1
+    path.write_bytes(content)
+
+
+def test_a_sequence_is_there_if_every_bit_of_it_is(measured):
+    entry = measured.manifest().sequences[ENTRY.key]
+    assert measured.has_sequence(entry)
+    files = list(measured.path.glob(f"*/{ENTRY.key}.*"))
+    assert len(files) == len(SEQUENCE_TABLES) + 1
+    for path in files:
+        flip(path, place=1)
+        assert not measured.has_sequence(entry), path
+        flip(path, place=1)
+    assert measured.has_sequence(entry)
+    assert not measured.has_sequence(ENTRY), "a run that recorded no hashes knows nothing"
+
+
+def test_a_damaged_bit_is_noticed_when_a_table_is_read(measured):
+    assert measured.sequence_table("tracks", ENTRY.key).is_empty()
+    flip(measured.path / "tracks" / f"{ENTRY.key}.parquet")
+    with pytest.raises(StoreError, match=r"tracks.*damaged \(not what was written\).*`tracknoise run` makes it again"):
+        measured.sequence_table("tracks", ENTRY.key)
+    measured.write_statistics("summary", schema.empty(schema.SUMMARY))
+    assert measured.statistics("summary").is_empty()
+    flip(measured.path / "statistics" / "summary.parquet")
+    with pytest.raises(StoreError, match=r"summary\.parquet: damaged"):
+        measured.statistics("summary")
+
+
+def test_hashes_are_those_of_the_newest_manifest(measured):
+    measured.sequence_table("tracks", ENTRY.key)
+    tables = {name: schema.empty(columns) for name, columns in SEQUENCE_TABLES.items()}
+    tables["tracks"] = pl.DataFrame({name: [None] for name in schema.TRACKS}, schema=dict(schema.TRACKS))
+    manifest = measured.manifest()
+    manifest.sequences[ENTRY.key] = replace(ENTRY, sha256=measured.write_sequence(ENTRY.key, tables, b"png"))
+    measured.write_manifest(manifest)
+    assert len(measured.sequence_table("tracks", ENTRY.key)) == 1
+
+
+def test_an_interrupt_while_a_file_is_written_leaves_nothing(run, monkeypatch):
+    def interrupt(descriptor):
+        raise KeyboardInterrupt
+
+    before = sorted(run.path.rglob("*"))
+    monkeypatch.setattr(os, "fsync", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        run.write_manifest(run.manifest())
+    assert sorted(run.path.rglob("*")) == before
+
+
+def test_what_a_killed_start_left_unfinished_is_removed_and_nothing_else(measured, monkeypatch):
+    before = sorted(measured.path.rglob("*"))
+    monkeypatch.setattr(Path, "replace", lambda self, target: None)  # as if it were killed before the renaming
+    monkeypatch.setattr(Path, "unlink", lambda self, missing_ok: None)
+    measured.write_statistics("summary", schema.empty(schema.SUMMARY))
+    monkeypatch.undo()
+    left = set(measured.path.rglob("*")) - set(before)
+    assert len([path for path in left if path.is_file()]) == 2
+    measured.discard_unfinished()
+    assert not [path for path in measured.path.rglob("*") if path.is_file() and path not in before]
+
+
+def test_a_folder_in_which_a_start_died_at_once_is_empty(tmp_path):
+    run = RunFolder(tmp_path)
+    run.lock_path.touch()
+    run.require_empty()
+    run.create('name = "x"\n', Manifest("hash", {}, {}, 0))
+    assert not run.is_stillborn
+    (tmp_path / "experiment.toml").unlink()
+    assert run.is_stillborn
+
+
+def test_a_run_that_measured_something_is_not_stillborn(measured):
+    (measured.path / "experiment.toml").unlink()
+    assert not measured.is_stillborn

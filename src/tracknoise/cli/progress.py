@@ -1,15 +1,51 @@
 """How a run goes on: bars in a terminal, plain lines elsewhere, nothing when quiet."""
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import TracebackType
 from typing import Self
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    TaskID,
+    TextColumn,
+    TimeRemainingColumn,
+)
 
 from tracknoise.cli.terminal import Terminal
 from tracknoise.tables.store import SequenceEntry
+
+
+class Pace:
+    """How fast a run goes, and how long it will still take, by what was done since it was started.
+
+    Parameters
+    ----------
+    to_do
+        Count of sequences still to be measured.
+    clock
+        Gives the time, seconds.
+    """
+
+    def __init__(self, to_do: int, clock: Callable[[], float] = time.monotonic) -> None:
+        self._to_do, self._done = to_do, 0
+        self._clock, self._started = clock, clock()
+
+    def advance(self) -> None:
+        """Note that one more is done."""
+        self._done += 1
+
+    def __str__(self) -> str:
+        elapsed_s = self._clock() - self._started
+        if not self._done or not elapsed_s:
+            return ""
+        rate, left_s = self._done / elapsed_s, (self._to_do - self._done) * elapsed_s / self._done
+        return f"{_rate(rate)}, {_duration(left_s)} left"
 
 
 class RunProgress:
@@ -17,7 +53,9 @@ class RunProgress:
 
     def __init__(self, terminal: Terminal) -> None:
         self._terminal = terminal
-        self._bars = _bars(terminal)
+        self._bars = _bars(terminal, TextColumn("{task.fields[pace]}"))
+        self._pace = Pace(0)
+        self._total, self._done = 0, 0
         self._all: TaskID | None = None
         self._frames: TaskID | None = None
 
@@ -34,18 +72,20 @@ class RunProgress:
         """Begin, with some sequences perhaps measured earlier."""
         if done:
             self._terminal.say(f"measured already: {done}; to go: {len(keys)}")
-        self._all = self._bars.add_task("sequences", total=len(keys) + done, completed=done)
+        self._pace = Pace(len(keys))
+        self._total, self._done = len(keys) + done, done
+        self._all = self._bars.add_task("sequences", total=self._total, completed=done, pace="")
 
     def frame(self, key: str, done: int, total: int) -> None:
         """Show the frames of the sequence at hand."""
         if self._frames is None:
-            self._frames = self._bars.add_task(key, total=total)
+            self._frames = self._bars.add_task(key, total=total, pace="")
         self._bars.update(self._frames, description=key, completed=done, total=total)
 
     def measured(self, key: str, entry: SequenceEntry) -> None:
         """Say that a sequence is done, and what its reader had to correct."""
         self._advance()
-        self._terminal.say(f"measured {key}: {entry.n_frames} frames in {entry.seconds:.1f} s")
+        self._terminal.say(f"measured {key}: {entry.n_frames} frames in {entry.seconds:.1f} s ({self._position()})")
         for note in entry.notes:
             self._terminal.say(f"note: {key}: {note}")
 
@@ -54,26 +94,50 @@ class RunProgress:
         self._advance()
         self._terminal.error(f"{key}: {cause}")
 
+    def remark(self, text: str) -> None:
+        """Say what else is worth a line."""
+        self._terminal.say(text)
+
     def _advance(self) -> None:
+        self._done += 1
+        self._pace.advance()
         if self._all is not None:
-            self._bars.advance(self._all)
+            self._bars.update(self._all, completed=self._done, pace=str(self._pace))
+
+    def _position(self) -> str:
+        of_all = f"{self._done} of {self._total}"
+        return f"{of_all}; {self._pace}" if self._done < self._total else of_all
 
 
 @contextmanager
 def frame_progress(terminal: Terminal, label: str) -> Iterator[Callable[[int, int], None]]:
     """Show a bar over frames; yields what is to be called with the count of frames done and of all."""
-    with _bars(terminal) as bars:
+    with _bars(terminal, TimeRemainingColumn()) as bars:
         bar = bars.add_task(label, total=None)
         yield lambda done, total: bars.update(bar, completed=done, total=total)
 
 
-def _bars(terminal: Terminal) -> Progress:
+def _rate(per_second: float) -> str:
+    """Sequences in the shortest unit of time in which at least one is done, or else in an hour."""
+    units = {"s": 1, "min": 60, "h": 3600}
+    unit = next((name for name, seconds in units.items() if per_second * seconds >= 1), "h")
+    return f"{per_second * units[unit]:.1f}/{unit}"
+
+
+def _duration(seconds: float) -> str:
+    minutes = round(seconds / 60)
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{minutes} min" if minutes < 100 else f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def _bars(terminal: Terminal, last: ProgressColumn) -> Progress:
     console = Console(stderr=True)
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
-        TimeRemainingColumn(),
+        last,
         console=console,
         transient=True,
         disable=terminal.quiet or not console.is_terminal,

@@ -10,13 +10,20 @@ import typer
 from tracknoise.cli.terminal import DebugOption, QuietOption, Terminal
 
 if TYPE_CHECKING:
+    from tracknoise.experiments.execute import Outcome
     from tracknoise.experiments.settings import Experiment
 
+_NAMED = 10
+"""How many of the sequences that failed are named in the end."""
 WorkersOption = Annotated[int | None, typer.Option("--workers", "-w", min=1, help="Processes; by default one a core.")]
 ScenesOption = Annotated[int | None, typer.Option("--scenes", min=1, help="Only so many scenes, the first by name.")]
 FramesOption = Annotated[int | None, typer.Option("--frames", min=2, help="Only so many frames of each scene.")]
 ModelsOption = Annotated[
     Path | None, typer.Option("--models", help="Folder of Gazebo models, for simulated worlds made of them.")
+]
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option("--scheduler", help="Address of a Dask scheduler, whose workers are used instead: tcp://HOST:8786."),
 ]
 FreshOption = Annotated[bool, typer.Option("--fresh", help="Replace the run that the folder holds.")]
 
@@ -43,6 +50,7 @@ def run(
     frames: FramesOption = None,
     models: ModelsOption = None,
     workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
     fresh: FreshOption = False,
     report: Annotated[bool, typer.Option(help="Write the report.")] = True,
     schema: Annotated[
@@ -64,11 +72,19 @@ def run(
 
     options = {} if models is None else {"models": str(models.resolve())}
     loaded = load_experiment(experiment, root=data, scenes=scenes, frames=frames, options=options)
-    return run_experiment(context.obj, loaded, out or Path("runs") / loaded.name, workers, fresh=fresh, report=report)
+    out = out or Path("runs") / loaded.name
+    return run_experiment(context.obj, loaded, out, workers, scheduler=scheduler, fresh=fresh, report=report)
 
 
 def run_experiment(
-    terminal: Terminal, experiment: "Experiment", out: Path, workers: int | None, *, fresh: bool, report: bool
+    terminal: Terminal,
+    experiment: "Experiment",
+    out: Path,
+    workers: int | None,
+    *,
+    scheduler: str | None = None,
+    fresh: bool,
+    report: bool,
 ) -> int:
     """Run an experiment, print its summary and where the report is, and return the exit status."""
     from tracknoise.cli.progress import RunProgress
@@ -84,6 +100,7 @@ def run_experiment(
             folder,
             listener=progress,
             workers=workers or os.cpu_count() or 1,
+            scheduler=scheduler,
             fresh=fresh,
             debug=terminal.debug,
         )
@@ -94,5 +111,13 @@ def run_experiment(
     if not outcome.failures:
         return 0
     if outcome.measured:
-        terminal.say(f"{len(outcome.failures)} of {len(outcome.failures) + len(outcome.measured)} sequences failed")
+        _name_failures(terminal, outcome)
     return 2 if outcome.measured else 1
+
+
+def _name_failures(terminal: Terminal, outcome: "Outcome") -> None:
+    """Say which sequences failed: their errors may have scrolled away."""
+    names = sorted(outcome.failures)
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    of_all = f"{len(names)} of {len(names) + len(outcome.measured)} sequences failed"
+    terminal.say(f"{of_all}: {', '.join(names[:_NAMED])}{more}; see failures.jsonl. The same command tries them again.")

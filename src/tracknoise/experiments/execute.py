@@ -1,34 +1,22 @@
 """Run an experiment: every sequence measured, in this process or in several, then the statistics of all."""
 
-import logging
-import signal
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
 
-from tracknoise.exceptions import TracknoiseError
-from tracknoise.experiments.plan import Task, batches, left_out, plan
+from tracknoise.exceptions import StoreError
+from tracknoise.experiments.cluster import Job, measure_locally, remote_workers
+from tracknoise.experiments.failures import RETRIES, Batch, Failure, Kind, Measure, Result, Results, with_retries
+from tracknoise.experiments.ledger import Ledger
+from tracknoise.experiments.lock import hold
+from tracknoise.experiments.plan import batches, left_out, plan
 from tracknoise.experiments.pool import pool
 from tracknoise.experiments.resolve import resolve
-from tracknoise.experiments.resume import begin, due
+from tracknoise.experiments.resume import begin, due, set_out
 from tracknoise.experiments.settings import Experiment
-from tracknoise.experiments.task import run_batch
+from tracknoise.experiments.task import attempt
 from tracknoise.tables.store import RunFolder, SequenceEntry
-
-_THREAD_LIMITS = (
-    "OPENCV_FOR_THREADS_NUM",
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "POLARS_MAX_THREADS",
-)
-
-
-Result = list[SequenceEntry] | Exception
-"""What measuring a batch came to."""
 
 
 class Listener(Protocol):
@@ -48,6 +36,10 @@ class Listener(Protocol):
 
     def failed(self, key: str, cause: str) -> None:
         """After a sequence that could not be measured."""
+        ...
+
+    def remark(self, text: str) -> None:
+        """Whatever else is worth a line: which workers there are, where their dashboard is, what is tried again."""
         ...
 
 
@@ -73,12 +65,15 @@ def execute(
     *,
     listener: Listener,
     workers: int = 1,
+    scheduler: str | None = None,
+    retries: int = RETRIES,
     fresh: bool = False,
     debug: bool = False,
 ) -> Outcome:
     """Measure every sequence of an experiment that is not yet measured, and compute the statistics of all.
 
-    A sequence that fails is recorded with its cause, and the others go on. Results do not depend on `workers`.
+    A sequence that fails is recorded with its cause, and the others go on. Where trying again can help, that is done
+    first. Results do not depend on who measures.
 
     Parameters
     ----------
@@ -89,7 +84,11 @@ def execute(
     listener
         Told how it goes on.
     workers
-        Count of processes.
+        Count of processes on this machine.
+    scheduler
+        Address of a Dask scheduler whose workers measure instead of those.
+    retries
+        How often at most a batch is tried again.
     fresh
         Remove the run that the folder holds, once the new one is known to be possible.
     debug
@@ -98,95 +97,62 @@ def execute(
     Raises
     ------
     TracknoiseError
-        If the experiment cannot be planned, or the folder belongs to another one or cannot be written.
+        If the experiment cannot be planned, the folder belongs to another one, is in use or cannot be written, or the
+        scheduler cannot be reached. What was measured until then is kept.
     """
     experiment = resolve(experiment)
     tasks = plan(experiment)
-    manifest = begin(experiment, run, fresh=fresh)
-    manifest.failures.clear()
-    manifest.left_out = left_out(experiment)
-    todo = due(tasks, run, manifest)
-    listener.planned([task.key for task in todo], len(tasks) - len(todo))
-    if todo:
-        run.discard_results()
-    for task in todo:  # an earlier measurement that is stale must not stand in for one that fails
-        manifest.sequences.pop(task.key, None)
-    run.write_manifest(manifest)
-    together = batches(todo)
-    for batch, result in _results(together, run, listener=listener, workers=min(workers, len(together))):
-        if isinstance(result, Exception):
-            if debug:
-                raise result
-            for task in batch:
-                manifest.failures[task.key] = _cause(result)
-                listener.failed(task.key, manifest.failures[task.key])
-        else:
-            for task, entry in zip(batch, result, strict=True):
-                manifest.sequences[task.key] = entry
-                listener.measured(task.key, entry)
-        run.write_manifest(manifest)
-    run.write_failures(manifest.failures)
-    if manifest.sequences:
-        pool(run, experiment)
+    with hold(run) as claim:
+        manifest = begin(experiment, run, fresh=fresh)
+        manifest.left_out = left_out(experiment)
+        todo = due(tasks, run, manifest)
+        set_out(todo, run, manifest, experiment)
+        listener.planned([task.key for task in todo], len(tasks) - len(todo))
+        job = Job(RunFolder(run.path.absolute()), claim, manifest.versions, debug)
+        together = batches(todo)
+
+        def retrying(batch: Batch, cause: str) -> None:
+            listener.remark(f"{batch[0].key}: {cause}; it is tried again")
+
+        with _crew(job, together, listener, workers=workers, scheduler=scheduler) as measure:
+            if todo:
+                run.discard_results()
+            results = with_retries(measure, together, retries=retries, retrying=retrying)
+            with Ledger(run, manifest) as ledger, closing(results):
+                for batch, result in results:
+                    _settle(batch, result, ledger, listener)
+                    ledger.write_if_due()
+        if manifest.sequences:
+            pool(run, experiment)
     return Outcome(sorted(manifest.sequences), dict(manifest.failures))
 
 
-def _results(
-    together: list[list[Task]], run: RunFolder, *, listener: Listener, workers: int
-) -> Iterator[tuple[list[Task], Result]]:
-    if workers > 1:
-        yield from _in_workers(together, run, workers)
-        return
+def _crew(
+    job: Job, together: list[Batch], listener: Listener, *, workers: int, scheduler: str | None
+) -> AbstractContextManager[Measure]:
+    """Who measures: a scheduler's workers, several processes, or this one, to which nothing needs to be sent."""
+    if scheduler is not None and together:
+        return remote_workers(job, address=scheduler, remark=listener.remark)
+    if min(workers, len(together)) > 1:
+        return nullcontext(partial(measure_locally, job, workers=workers, remark=listener.remark))
+    return nullcontext(partial(_here, job, listener))
+
+
+def _here(job: Job, listener: Listener, together: list[Batch]) -> Results:
     for batch in together:
-        yield batch, _attempt(batch, run, listener)
+        progress = partial(listener.frame, batch[0].key)
+        yield batch, attempt(batch, job.run, progress=progress, debug=job.debug)
 
 
-def _attempt(batch: list[Task], run: RunFolder, listener: Listener | None = None) -> Result:
-    """Measure a batch; whatever goes wrong is a result, so that the others go on."""
-    try:
-        return run_batch(batch, run, progress=partial(listener.frame, batch[0].key) if listener else None)
-    except Exception as error:
-        return error
-
-
-def _in_workers(together: list[list[Task]], run: RunFolder, workers: int) -> Iterator[tuple[list[Task], Result]]:
-    """Measure in processes of one thread each: more threads would not make the whole faster."""
-    import dask
-    from distributed import Client, LocalCluster, as_completed
-
-    with (
-        dask.config.set({"distributed.nanny.pre-spawn-environ": dict.fromkeys(_THREAD_LIMITS, "1")}),
-        _interrupts_ignored() as restore,
-        LocalCluster(
-            n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=logging.CRITICAL
-        ) as cluster,
-        Client(cluster) as client,
-    ):
-        restore()
-        futures = {client.submit(_attempt, batch, run, pure=False): batch for batch in together}
-        for future in as_completed(futures):
-            yield futures[future], future.result()
-
-
-@contextmanager
-def _interrupts_ignored() -> Iterator[Callable[[], None]]:
-    """Let processes started now ignore Ctrl-C, which a terminal sends to all: this one alone shall act on it.
-
-    Yields what ends that; so does leaving the context.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield lambda: None  # only the main thread may say what signals do, and only it is interrupted
+def _settle(batch: Batch, result: Result, ledger: Ledger, listener: Listener) -> None:
+    """Record what became of a batch, or end the run where no other would fare better."""
+    if not isinstance(result, Failure):
+        for task, entry in zip(batch, result, strict=True):
+            ledger.measured(entry)
+            listener.measured(task.key, entry)
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-    def restore() -> None:
-        signal.signal(signal.SIGINT, before)
-
-    try:
-        yield restore
-    finally:
-        restore()
-
-
-def _cause(error: Exception) -> str:
-    return str(error) if isinstance(error, TracknoiseError) else f"{type(error).__name__}: {error}"
+    if result.kind is Kind.general:
+        raise StoreError(result.cause)
+    for task in batch:
+        ledger.failed(task.key, result)
+        listener.failed(task.key, result.cause)

@@ -6,7 +6,7 @@ from typing import Any
 from tracknoise.exceptions import StoreError
 from tracknoise.experiments.inputs import inputs_digest
 from tracknoise.experiments.plan import Task
-from tracknoise.experiments.provenance import new_manifest
+from tracknoise.experiments.provenance import new_manifest, require_versions
 from tracknoise.experiments.settings import Experiment, parse_experiment
 from tracknoise.tables.store import Manifest, RunFolder
 
@@ -28,25 +28,47 @@ def begin(experiment: Experiment, run: RunFolder, *, fresh: bool) -> Manifest:
     StoreError
         If the folder holds another experiment's run, naming the first setting that differs, or no run at all.
     """
-    if run.exists and not fresh:
+    if run.exists and not fresh and not run.is_stillborn:
         _check_same(experiment, run)
+        run.discard_unfinished()
         return run.manifest()
     if run.exists:
         run.clear()
     else:
         run.require_empty()
+    run.discard_unfinished()
     run.create(experiment.to_toml(), new_manifest(experiment))
     return run.manifest()
 
 
 def due(tasks: list[Task], run: RunFolder, manifest: Manifest) -> list[Task]:
-    """The tasks that are not measured yet, whose tables are gone, or whose input files have changed since."""
+    """The tasks not measured yet, or whose tables are gone or damaged, or whose input files have changed since."""
 
     def is_measured(task: Task) -> bool:
         entry = manifest.sequences.get(task.key)
-        return entry is not None and run.has_sequence(task.key) and entry.inputs == inputs_digest(task)
+        return entry is not None and entry.inputs == inputs_digest(task) and run.has_sequence(entry)
 
     return [task for task in tasks if not is_measured(task)]
+
+
+def set_out(todo: list[Task], run: RunFolder, manifest: Manifest, experiment: Experiment) -> None:
+    """Strike from the manifest what is to be measured, and what failed or was derived before.
+
+    Raises
+    ------
+    SettingsError
+        If something that is kept was measured with other libraries than those installed.
+    """
+    manifest.failures.clear()
+    for task in todo:  # an earlier measurement that is stale must not stand in for one that fails
+        manifest.sequences.pop(task.key, None)
+    if todo:
+        manifest.statistics.clear()
+    if not manifest.sequences:
+        now = new_manifest(experiment)
+        manifest.versions, manifest.machine = now.versions, now.machine
+    elif todo:
+        require_versions(manifest.versions, place=str(run.path))
 
 
 def _check_same(experiment: Experiment, run: RunFolder) -> None:

@@ -4,21 +4,45 @@ import time
 import warnings
 from collections.abc import Iterator
 
+import numpy as np
 import polars as pl
+from scipy.spatial.transform import Rotation
 
 from tracknoise.exceptions import DataWarning
+from tracknoise.experiments.failures import Result, diagnose
 from tracknoise.experiments.inputs import inputs_digest
+from tracknoise.experiments.lock import Claim
 from tracknoise.experiments.measure import Measurement, measure_together
 from tracknoise.experiments.plan import Task, make_trackers, open_batch
 from tracknoise.measurement.sweep import Progress
 from tracknoise.sequences.images import encode_png
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.statistics.counts import counts
+from tracknoise.tables.schema import POSES, SEQUENCE
 from tracknoise.tables.store import RunFolder, SequenceEntry
 from tracknoise.truth.scan import ScanRule
 
 
-def run_batch(batch: list[Task], run: RunFolder, *, progress: Progress | None = None) -> list[SequenceEntry]:
+def attempt(
+    batch: list[Task],
+    run: RunFolder,
+    *,
+    claim: Claim | None = None,
+    progress: Progress | None = None,
+    debug: bool = False,
+) -> Result:
+    """Do what `run_batch` does; whatever goes wrong is a result, so that the others go on, or raised to debug it."""
+    try:
+        return run_batch(batch, run, claim=claim, progress=progress)
+    except (Exception, pl.exceptions.PanicException) as error:
+        if debug:
+            raise
+        return diagnose(error)
+
+
+def run_batch(
+    batch: list[Task], run: RunFolder, *, claim: Claim | None = None, progress: Progress | None = None
+) -> list[SequenceEntry]:
     """Measure the sequences of a batch and write their tables into the run folder.
 
     Parameters
@@ -27,6 +51,8 @@ def run_batch(batch: list[Task], run: RunFolder, *, progress: Progress | None = 
         Sequences of one experiment that share what they read.
     run
         Where to write.
+    claim
+        The hold on the folder that the work is for, checked before anything is written; by default none is needed.
     progress
         Told after each frame.
 
@@ -47,13 +73,24 @@ def run_batch(batch: list[Task], run: RunFolder, *, progress: Progress | None = 
         sequences = open_batch(batch)
         measured = _measure(batch[0], sequences, progress)
         for task, sequence, digest, measurement in zip(batch, sequences, inputs, measured, strict=True):
-            run.write_sequence(task.key, _tables(measurement), encode_png(measurement.snapshot))
+            tables, snapshot = _tables(sequence, measurement), encode_png(measurement.snapshot)
+            if claim:
+                claim.check()
+            hashes = run.write_sequence(task.key, tables, snapshot)
             seconds = (time.monotonic() - started) / len(batch)
-            entries.append(_entry(task, sequence, measurement, seconds, digest))
+            entries.append(_entry(task, sequence, measurement, seconds=seconds, inputs=digest, sha256=hashes))
     return entries
 
 
-def _entry(task: Task, sequence: Sequence, measurement: Measurement, seconds: float, inputs: str) -> SequenceEntry:
+def _entry(
+    task: Task,
+    sequence: Sequence,
+    measurement: Measurement,
+    *,
+    seconds: float,
+    inputs: str,
+    sha256: dict[str, str],
+) -> SequenceEntry:
     name = task.sequence
     return SequenceEntry(
         dataset=name.dataset,
@@ -70,6 +107,7 @@ def _entry(task: Task, sequence: Sequence, measurement: Measurement, seconds: fl
         notes=sequence.notes,
         inputs=inputs,
         key_frame=measurement.key_frame,
+        sha256=sha256,
     )
 
 
@@ -89,12 +127,24 @@ def _measure(task: Task, sequences: list[Sequence], progress: Progress | None) -
     )
 
 
-def _tables(measurement: Measurement) -> dict[str, pl.DataFrame]:
+def _tables(sequence: Sequence, measurement: Measurement) -> dict[str, pl.DataFrame]:
     return {
         "observations": measurement.observations,
         "tracks": measurement.tracks,
         "frames": measurement.frames,
+        "poses": _poses(sequence, measurement.n_frames),
         "moments": measurement.moments,
         "trims": measurement.trims,
         "counts": counts(measurement.observations, measurement.tracks),
     }
+
+
+def _poses(sequence: Sequence, n_frames: int) -> pl.DataFrame:
+    """Table `POSES` of the frames that were read."""
+    name, poses = sequence.id, sequence.world_from_camera[:n_frames]
+    quaternions = Rotation.from_matrix(poses[:, :3, :3]).as_quat(canonical=True)
+    columns = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
+    values = dict(zip(columns, np.hstack([poses[:, :3, 3], quaternions]).T, strict=True))
+    origin = (name.dataset, name.scene, name.lighting, name.rotation, str(name.direction))
+    labels = {column: [value] * n_frames for column, value in zip(SEQUENCE, origin, strict=True)}
+    return pl.DataFrame({**labels, "frame": np.arange(n_frames), **values}, schema=dict(POSES))

@@ -1,32 +1,34 @@
 """The run folder: what an experiment measured, as Parquet beside a manifest.
 
-``experiment.toml`` (the resolved settings), ``manifest.json``, a Parquet file a sequence in each of
-``observations/``, ``tracks/``, ``frames/``, ``moments/``, ``trims/`` and ``counts/``, an image a sequence in
-``snapshots/``, tables of the whole run in ``statistics/``, ``failures.jsonl``, and ``report/``. Every file appears by
-atomic rename, and a sequence counts as measured only once the manifest, written last, says so.
+``experiment.toml`` (the resolved settings), ``manifest.json``, a Parquet file a sequence in each folder of
+`SEQUENCE_TABLES`, an image a sequence in ``snapshots/``, tables of the whole run in ``statistics/``,
+``failures.jsonl``, and ``report/``. Every file appears by atomic rename, and a sequence counts as measured only once
+the manifest, written last, says so; it holds the hash of each of its files. While a run goes on, ``.lock`` says whose
+it is.
 """
 
 import json
-import os
-import shutil
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
-from urllib.parse import quote
 
 import polars as pl
 
 from tracknoise.exceptions import StoreError
 from tracknoise.tables import schema
+from tracknoise.tables.files import is_intact, read_parquet, remove, temporary_files, write_atomically, write_parquet
+from tracknoise.tables.manifest import FailureEntry, Manifest, SequenceEntry, sequence_key
 
-FORMAT = 2
+__all__ = ["FailureEntry", "Manifest", "RunFolder", "SequenceEntry", "sequence_key"]
+
+_LOCK = ".lock"
+_MANIFEST, _SETTINGS, _FAILURES, _SNAPSHOTS = "manifest.json", "experiment.toml", "failures.jsonl", "snapshots"
 _RESULTS = ("report", "statistics")
 SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "observations": schema.OBSERVATIONS,
     "tracks": schema.TRACKS,
     "frames": schema.FRAMES,
+    "poses": schema.POSES,
     "moments": schema.MOMENTS,
     "trims": schema.TRIMS,
     "counts": schema.COUNTS,
@@ -39,93 +41,8 @@ STATISTICS_TABLES: Mapping[str, schema.Schema] = {
     "errors": schema.ERRORS,
     "counts": schema.COUNTS,
     "summary": schema.SUMMARY,
+    "effects": schema.EFFECTS,
 }
-
-
-@dataclass(frozen=True, slots=True)
-class SequenceEntry:
-    """What the manifest says of one measured sequence.
-
-    Attributes
-    ----------
-    dataset, scene, lighting, rotation, direction
-        Its name.
-    n_frames, width, height
-        Count and size (px) of its images.
-    truth
-        Kind of truth used.
-    snapshot_frame
-        Frame whose image lies in ``snapshots/``.
-    seconds
-        Wall time of the measurement; where several sequences were measured together, an equal share of it.
-    notes
-        What was corrected or assumed while reading, one sentence each.
-    inputs
-        Hash of the files besides the images that the numbers depend on.
-    key_frame
-        Where truth is a scan, the frame in which features were associated with it.
-    """
-
-    dataset: str
-    scene: str
-    lighting: str
-    rotation: int
-    direction: str
-    n_frames: int
-    width: int
-    height: int
-    truth: str
-    snapshot_frame: int
-    seconds: float
-    notes: tuple[str, ...] = ()
-    inputs: str = ""
-    key_frame: int | None = None
-
-    @property
-    def key(self) -> str:
-        """File name, without extension, of this sequence's tables."""
-        return sequence_key(self.scene, self.lighting, self.rotation, self.direction)
-
-
-@dataclass(slots=True)
-class Manifest:
-    """Where a run stands and what it was made with.
-
-    Attributes
-    ----------
-    settings_hash
-        Of every setting of the experiment but the place of its data.
-    versions
-        Of tracknoise, Python and the libraries that decide the numbers.
-    machine
-        System, processor and count of cores.
-    seed
-        Of everything random.
-    sequences
-        What was measured, by key.
-    failures
-        Cause of what was not, by key.
-    left_out
-        Why scenes that the data hold were not to be measured, by scene.
-    """
-
-    settings_hash: str
-    versions: dict[str, str]
-    machine: dict[str, str]
-    seed: int
-    sequences: dict[str, SequenceEntry] = field(default_factory=dict)
-    failures: dict[str, str] = field(default_factory=dict)
-    left_out: dict[str, str] = field(default_factory=dict)
-
-
-def sequence_key(scene: str, lighting: str, rotation: int, direction: str) -> str:
-    """File-safe name of a sequence, unique in a data set.
-
-    It is ``scene@lighting``, followed by ``@rDEGREES`` if it is turned and ``@backward`` if it is played so.
-    """
-    parts = [quote(scene, safe=" "), quote(lighting, safe=" "), *([f"r{rotation}"] if rotation else [])]
-    parts += [direction] if direction != "forward" else []
-    return "@".join(parts)
 
 
 class RunFolder:
@@ -139,14 +56,25 @@ class RunFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = Path(path)
+        self._hashes: tuple[tuple[int, int, int], dict[str, dict[str, str]]] | None = None
+
+    @property
+    def lock_path(self) -> Path:
+        """The file that says who is measuring into the folder."""
+        return self.path / _LOCK
 
     @property
     def exists(self) -> bool:
         """Whether a run was begun here."""
-        return (self.path / "manifest.json").is_file()
+        return (self.path / _MANIFEST).is_file()
+
+    @property
+    def is_stillborn(self) -> bool:
+        """Whether the run here was killed before its settings were written, or after they were removed."""
+        return self.exists and not (self.path / _SETTINGS).exists() and not self.manifest().sequences
 
     def require_empty(self) -> None:
-        """Refuse a folder that holds anything.
+        """Refuse a folder that holds anything but its lock, and what a start that was killed at once has left.
 
         Raises
         ------
@@ -155,19 +83,21 @@ class RunFolder:
         """
         if self.path.exists() and not self.path.is_dir():
             raise StoreError(f"{self.path}: is a file, expected a new or empty folder")
-        if self.path.is_dir() and any(self.path.iterdir()):
+        if not self.path.is_dir():
+            return
+        if set(self.path.iterdir()) - {self.lock_path, *temporary_files(self.path)}:
             raise StoreError(f"{self.path}: holds files that are no run, expected a new or empty folder")
 
     def create(self, experiment_toml: str, manifest: Manifest) -> None:
-        """Begin a run: write the settings and an empty manifest.
+        """Begin a run: write an empty manifest, then the settings.
 
         Raises
         ------
         StoreError
             If the folder cannot be written.
         """
-        _write_atomically(self.path / "experiment.toml", experiment_toml.encode())
         self.write_manifest(manifest)
+        write_atomically(self.path / _SETTINGS, experiment_toml.encode())
 
     def experiment_toml(self) -> str:
         """Return the resolved settings as the text of a TOML file.
@@ -177,7 +107,7 @@ class RunFolder:
         StoreError
             If there is no run here.
         """
-        return self._read_text("experiment.toml")
+        return self._read_text(_SETTINGS)
 
     def manifest(self) -> Manifest:
         """Read the manifest.
@@ -187,34 +117,25 @@ class RunFolder:
         StoreError
             If there is no run here, or the manifest is damaged or of another format.
         """
-        text = self._read_text("manifest.json")
-        try:
-            raw: dict[str, Any] = json.loads(text)
-            found = raw.pop("format")
-            if found != FORMAT:
-                raise StoreError(f"{self.path / 'manifest.json'}: format {found}, expected {FORMAT}")
-            raw["sequences"] = {
-                key: SequenceEntry(**{**entry, "notes": tuple(entry["notes"])})
-                for key, entry in raw["sequences"].items()
-            }
-            return Manifest(**raw)
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
-            raise StoreError(f"{self.path / 'manifest.json'}: damaged ({error}), expected a run's manifest") from error
+        return Manifest.from_json(self._read_text(_MANIFEST), place=str(self.path / _MANIFEST))
 
     def write_manifest(self, manifest: Manifest) -> None:
-        """Write the manifest, by atomic rename.
+        """Write the manifest, so that it survives a power cut.
 
         Raises
         ------
         StoreError
             If the folder cannot be written.
         """
-        document = {"format": FORMAT, **asdict(manifest)}
-        document["sequences"] = dict(sorted(document["sequences"].items()))
-        _write_atomically(self.path / "manifest.json", (json.dumps(document, indent=2) + "\n").encode())
+        write_atomically(self.path / _MANIFEST, manifest.to_json().encode(), durably=True)
 
-    def write_sequence(self, key: str, tables: Mapping[str, pl.DataFrame], snapshot_png: bytes) -> None:
+    def write_sequence(self, key: str, tables: Mapping[str, pl.DataFrame], snapshot_png: bytes) -> dict[str, str]:
         """Write the tables of `SEQUENCE_TABLES` and the image of one sequence.
+
+        Returns
+        -------
+        dict
+            The `SequenceEntry.sha256` of what was written.
 
         Raises
         ------
@@ -223,15 +144,29 @@ class RunFolder:
         StoreError
             If the folder cannot be written.
         """
+        hashes = {}
         for name, columns in SEQUENCE_TABLES.items():
             table = schema.check(tables[name], columns, name)
-            _write_parquet(self.path / name / f"{key}.parquet", table)
-        _write_atomically(self.snapshot_path(key), snapshot_png)
+            hashes[name] = write_parquet(self._table_path(name, key), table)
+        return {**hashes, _SNAPSHOTS: write_atomically(self.snapshot_path(key), snapshot_png)}
 
-    def has_sequence(self, key: str) -> bool:
-        """Whether all files of one sequence are there."""
-        tables = (self.path / name / f"{key}.parquet" for name in SEQUENCE_TABLES)
-        return all(path.is_file() for path in (*tables, self.snapshot_path(key)))
+    def has_sequence(self, entry: SequenceEntry) -> bool:
+        """Whether all files of one sequence are there, and as they were written; reads them all."""
+        paths = {name: self._table_path(name, entry.key) for name in SEQUENCE_TABLES}
+        paths[_SNAPSHOTS] = self.snapshot_path(entry.key)
+        return all(is_intact(path, entry.sha256.get(name, "")) for name, path in paths.items())
+
+    def discard_unfinished(self) -> None:
+        """Remove files that a start that was killed has begun and not finished.
+
+        Raises
+        ------
+        StoreError
+            If one cannot be removed.
+        """
+        for folder in (".", "statistics", _SNAPSHOTS, *SEQUENCE_TABLES):
+            for path in temporary_files(self.path / folder):
+                remove(path)
 
     def discard_results(self) -> None:
         """Remove what was derived from the sequences, which is stale as soon as one is added.
@@ -242,24 +177,28 @@ class RunFolder:
             If the folder cannot be written.
         """
         for name in _RESULTS:
-            _remove(self.path / name)
+            remove(self.path / name)
 
     def clear(self) -> None:
-        """Remove the run and nothing else that may lie in its folder; the manifest goes last.
+        """Remove the run and nothing else that may lie in its folder.
+
+        The manifest goes last and says at once that nothing is measured, so that half a run is one that can go on.
 
         Raises
         ------
         StoreError
             If the manifest is not one of a run, or the folder cannot be written.
         """
-        self.manifest()
+        manifest = self.manifest()
+        manifest.sequences.clear()
+        self.write_manifest(manifest)
         self.discard_results()
-        for name in (*SEQUENCE_TABLES, "snapshots", "failures.jsonl", "experiment.toml", "manifest.json"):
-            _remove(self.path / name)
+        for name in (*SEQUENCE_TABLES, _SNAPSHOTS, _FAILURES, _SETTINGS, _MANIFEST):
+            remove(self.path / name)
 
     def snapshot_path(self, key: str) -> Path:
         """Path of the image of one sequence, PNG."""
-        return self.path / "snapshots" / f"{key}.png"
+        return self.path / _SNAPSHOTS / f"{key}.png"
 
     def sequence_table(self, name: str, key: str) -> pl.DataFrame:
         """One table of one sequence.
@@ -269,7 +208,7 @@ class RunFolder:
         StoreError, SchemaError
             If the file is missing or damaged, or has other columns.
         """
-        return _read_parquet(self.path / name / f"{key}.parquet", SEQUENCE_TABLES[name])
+        return read_parquet(self._table_path(name, key), SEQUENCE_TABLES[name], self._hash_of(name, key))
 
     def sequence_tables(self, name: str) -> Iterator[pl.DataFrame]:
         """One table of every measured sequence in turn, in the order of their keys."""
@@ -285,7 +224,9 @@ class RunFolder:
             If the table does not have its columns, or the folder cannot be written.
         """
         checked = schema.check(table, STATISTICS_TABLES[name], name)
-        _write_parquet(self.path / "statistics" / f"{name}.parquet", checked)
+        manifest = self.manifest()
+        manifest.statistics[name] = write_parquet(self.path / "statistics" / f"{name}.parquet", checked)
+        self.write_manifest(manifest)
 
     def statistics(self, name: str) -> pl.DataFrame:
         """One table of `STATISTICS_TABLES`.
@@ -297,70 +238,40 @@ class RunFolder:
         """
         if not (self.path / "statistics").is_dir():
             raise StoreError(f"{self.path}: holds no finished run, expected one: `tracknoise run` goes on with it")
-        return _read_parquet(self.path / "statistics" / f"{name}.parquet", STATISTICS_TABLES[name])
+        hashes = self.manifest().statistics
+        return read_parquet(self.path / "statistics" / f"{name}.parquet", STATISTICS_TABLES[name], hashes.get(name))
 
-    def write_failures(self, failures: Mapping[str, str]) -> None:
-        """Write ``failures.jsonl``, a line each with sequence and cause; remove it when there is none."""
-        path = self.path / "failures.jsonl"
+    def write_failures(self, failures: Mapping[str, FailureEntry]) -> None:
+        """Write ``failures.jsonl``, a line a sequence that could not be measured; remove it when there is none.
+
+        Raises
+        ------
+        StoreError
+            If it cannot be written or removed.
+        """
+        path = self.path / _FAILURES
         if not failures:
-            path.unlink(missing_ok=True)
+            remove(path)
             return
-        lines = [json.dumps({"sequence": key, "cause": cause}) for key, cause in sorted(failures.items())]
-        _write_atomically(path, ("\n".join(lines) + "\n").encode())
+        lines = [json.dumps({"sequence": key, **asdict(entry)}) for key, entry in sorted(failures.items())]
+        write_atomically(path, ("\n".join(lines) + "\n").encode())
+
+    def _table_path(self, name: str, key: str) -> Path:
+        return self.path / name / f"{key}.parquet"
+
+    def _hash_of(self, name: str, key: str) -> str | None:
+        """What the manifest says of a file of a sequence, if it does; read once a manifest, for they can be large."""
+        try:
+            status = (self.path / _MANIFEST).stat()
+        except OSError:
+            return None
+        version = (status.st_ino, status.st_mtime_ns, status.st_size)
+        if self._hashes is None or self._hashes[0] != version:
+            self._hashes = version, {key: entry.sha256 for key, entry in self.manifest().sequences.items()}
+        return self._hashes[1].get(key, {}).get(name)
 
     def _read_text(self, name: str) -> str:
         try:
             return (self.path / name).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             raise StoreError(f"{self.path}: no readable {name}, expected the folder of a run") from error
-
-
-def _write_atomically(path: Path, content: bytes) -> None:
-    temporary = _temporary(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_bytes(content)
-        temporary.replace(path)
-    except OSError as error:
-        _discard(temporary)
-        raise StoreError(f"{path}: cannot be written ({error.strerror}), expected a writable folder") from error
-
-
-def _write_parquet(path: Path, table: pl.DataFrame) -> None:
-    temporary = _temporary(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        table.write_parquet(temporary, compression="zstd")
-        temporary.replace(path)
-    except OSError as error:
-        _discard(temporary)
-        raise StoreError(f"{path}: cannot be written ({error}), expected a writable folder") from error
-
-
-def _remove(path: Path) -> None:
-    try:
-        if path.is_dir() and not path.is_symlink():
-            shutil.rmtree(path)
-        else:
-            path.unlink(missing_ok=True)
-    except OSError as error:
-        raise StoreError(f"{path}: cannot be removed ({error.strerror}), expected a writable folder") from error
-
-
-def _discard(temporary: Path) -> None:
-    with suppress(OSError):
-        temporary.unlink()
-
-
-def _temporary(path: Path) -> Path:
-    return path.with_name(f".{path.name}.{os.getpid()}.tmp")
-
-
-def _read_parquet(path: Path, columns: schema.Schema) -> pl.DataFrame:
-    try:
-        table = pl.read_parquet(path)
-    except FileNotFoundError as error:
-        raise StoreError(f"{path}: missing, expected a table of the run") from error
-    except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
-        raise StoreError(f"{path}: damaged ({error}), expected a Parquet table; delete it and run again") from error
-    return schema.check(table, columns, str(path))

@@ -1,0 +1,117 @@
+"""Files of a run folder: each appears whole or not at all, and can be checked against its hash."""
+
+import hashlib
+import io
+import os
+import secrets
+import shutil
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import polars as pl
+
+from tracknoise.exceptions import StoreError
+from tracknoise.tables import schema
+
+_TEMPORARY = ".tracknoise-unfinished"
+
+
+def write_atomically(path: Path, content: bytes, *, durably: bool = False) -> str:
+    """Write a file by renaming a temporary one, so that nobody ever sees half of it.
+
+    Parameters
+    ----------
+    path
+        Where; its folder is made.
+    content
+        All of it.
+    durably
+        Wait until the disk has it, so that even a power cut leaves the old content or the new.
+
+    Returns
+    -------
+    str
+        Hexadecimal SHA-256 of the content.
+
+    Raises
+    ------
+    StoreError
+        If it cannot be written; the file is then as it was.
+    """
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(8)}{_TEMPORARY}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with temporary.open("wb") as file:
+            file.write(content)
+            if durably:
+                file.flush()
+                os.fsync(file.fileno())
+        temporary.replace(path)
+    except OSError as error:
+        raise StoreError(f"{path}: cannot be written ({error.strerror}), expected a writable folder") from error
+    finally:  # also of an interrupt
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+    return hashlib.sha256(content).hexdigest()
+
+
+def write_parquet(path: Path, table: pl.DataFrame) -> str:
+    """Write a table as Parquet, compressed with zstd, as `write_atomically` does."""
+    buffer = io.BytesIO()
+    table.write_parquet(buffer, compression="zstd")
+    return write_atomically(path, buffer.getvalue())
+
+
+def read_parquet(path: Path, columns: schema.Schema, sha256: str | None) -> pl.DataFrame:
+    """Read a table of known columns, and its hash if that is known.
+
+    Raises
+    ------
+    StoreError, SchemaError
+        If the file is missing or damaged, or has other columns.
+    """
+    try:
+        content = path.read_bytes()
+        if sha256 not in (None, hashlib.sha256(content).hexdigest()):
+            raise StoreError(f"{path}: damaged (not what was written), expected a table of the run; {_REMEDY}")
+        table = pl.read_parquet(io.BytesIO(content))
+    except FileNotFoundError as error:
+        raise StoreError(f"{path}: missing, expected a table of the run; {_REMEDY}") from error
+    except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+        raise StoreError(f"{path}: damaged ({error}), expected a Parquet table; {_REMEDY}") from error
+    return schema.check(table, columns, str(path))
+
+
+_REMEDY = "`tracknoise run` makes it again"
+
+
+def is_intact(path: Path, sha256: str) -> bool:
+    """Whether a file is there and has this hash. Reads it in pieces."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest() == sha256
+    except OSError:
+        return False
+
+
+def temporary_files(folder: Path) -> Iterator[Path]:
+    """Files in a folder whose writing was begun and not finished."""
+    return folder.glob(f".*{_TEMPORARY}")
+
+
+def remove(path: Path) -> None:
+    """Remove a file, or a folder and all in it; one that is not there is fine.
+
+    Raises
+    ------
+    StoreError
+        If it cannot be removed.
+    """
+    try:
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink(missing_ok=True)
+    except OSError as error:
+        raise StoreError(f"{path}: cannot be removed ({error.strerror}), expected a writable folder") from error

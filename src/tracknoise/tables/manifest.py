@@ -1,0 +1,149 @@
+"""What a run folder says of itself: what it was made with, what is measured, and what could not be."""
+
+import json
+from dataclasses import asdict, dataclass, field
+from typing import Any, Self
+from urllib.parse import quote
+
+from tracknoise.exceptions import StoreError
+
+FORMAT = 2
+
+
+@dataclass(frozen=True, slots=True)
+class SequenceEntry:
+    """What the manifest says of one measured sequence.
+
+    Attributes
+    ----------
+    dataset, scene, lighting, rotation, direction
+        Its name.
+    n_frames, width, height
+        Count and size (px) of its images.
+    truth
+        Kind of truth used.
+    snapshot_frame
+        Frame whose image lies in ``snapshots/``.
+    seconds
+        Wall time of the measurement; where several sequences were measured together, an equal share of it.
+    notes
+        What was corrected or assumed while reading, one sentence each.
+    inputs
+        Hash of the files besides the images that the numbers depend on.
+    key_frame
+        Where truth is a scan, the frame in which features were associated with it.
+    sha256
+        Hash of each of its files, by the folder that holds it.
+    """
+
+    dataset: str
+    scene: str
+    lighting: str
+    rotation: int
+    direction: str
+    n_frames: int
+    width: int
+    height: int
+    truth: str
+    snapshot_frame: int
+    seconds: float
+    notes: tuple[str, ...] = ()
+    inputs: str = ""
+    key_frame: int | None = None
+    sha256: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def key(self) -> str:
+        """File name, without extension, of this sequence's tables."""
+        return sequence_key(self.scene, self.lighting, self.rotation, self.direction)
+
+
+@dataclass(frozen=True, slots=True)
+class FailureEntry:
+    """What ``failures.jsonl`` says of one sequence that could not be measured.
+
+    Attributes
+    ----------
+    cause
+        One line.
+    place
+        The file, the line of the program, or the worker that it happened at; None if unknown.
+    attempts
+        How often it was tried.
+    """
+
+    cause: str
+    place: str | None
+    attempts: int
+
+
+@dataclass(slots=True)
+class Manifest:
+    """Where a run stands and what it was made with.
+
+    Attributes
+    ----------
+    settings_hash
+        Of every setting of the experiment but the place of its data.
+    versions
+        Of tracknoise, Python and the libraries that decide the numbers.
+    machine
+        System, processor and count of cores.
+    seed
+        Of everything random.
+    sequences
+        What was measured, by key.
+    failures
+        Cause of what was not, by key.
+    left_out
+        Why scenes that the data hold were not to be measured, by scene.
+    statistics
+        Hash of each table of the whole run, by its name.
+    """
+
+    settings_hash: str
+    versions: dict[str, str]
+    machine: dict[str, str]
+    seed: int
+    sequences: dict[str, SequenceEntry] = field(default_factory=dict)
+    failures: dict[str, str] = field(default_factory=dict)
+    left_out: dict[str, str] = field(default_factory=dict)
+    statistics: dict[str, str] = field(default_factory=dict)
+
+    def to_json(self) -> str:
+        """All of it as text, the sequences in the order of their keys."""
+        document = {"format": FORMAT, **asdict(self)}
+        document["sequences"] = dict(sorted(document["sequences"].items()))
+        return json.dumps(document, indent=2) + "\n"
+
+    @classmethod
+    def from_json(cls, text: str, *, place: str) -> Self:
+        """Read what `to_json` wrote; `place` is what errors call it.
+
+        Raises
+        ------
+        StoreError
+            If it is damaged or of another format.
+        """
+        try:
+            raw: dict[str, Any] = json.loads(text)
+            found = raw.pop("format")
+            if found != FORMAT:
+                raise StoreError(f"{place}: format {found}, expected {FORMAT}")
+            raw["sequences"] = {
+                key: SequenceEntry(**{**entry, "notes": tuple(entry["notes"])})
+                for key, entry in raw["sequences"].items()
+            }
+            return cls(**raw)
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise StoreError(f"{place}: damaged ({error}), expected a run's manifest") from error
+
+
+def sequence_key(scene: str, lighting: str, rotation: int, direction: str) -> str:
+    """File-safe name of a sequence, unique in a data set.
+
+    It is ``scene@lighting``, followed by ``@rDEGREES`` if it is turned and ``@backward`` if it is played so.
+    """
+    parts = [quote(scene, safe=" "), quote(lighting, safe=" "), *([f"r{rotation}"] if rotation else [])]
+    parts += [direction] if direction != "forward" else []
+    return "@".join(parts)

@@ -1,0 +1,96 @@
+"""Small scenes on disk that are measured in a moment, and what a run of them left."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tracknoise.experiments.load import load_experiment
+from tracknoise.experiments.settings import Experiment
+from tracknoise.tables.store import RunFolder
+
+TEXT = """
+name = "x"
+[dataset]
+reader = "sevenscenes"
+root = "data"
+[[trackers]]
+kind = "oracle"
+options = { n_features = 20, margin_px = 2 }
+[statistics]
+min_features = 2
+"""
+
+
+class Told:
+    """Listens to a run and keeps what it was told."""
+
+    def __init__(self):
+        self.keys, self.failures, self.remarks, self.done = [], {}, [], 0
+
+    def planned(self, keys, done):
+        self.done = done
+
+    def frame(self, key, done, total): ...
+
+    def measured(self, key, entry):
+        self.keys.append(key)
+
+    def failed(self, key, cause):
+        self.failures[key] = cause
+
+    def remark(self, text):
+        self.remarks.append(text)
+
+
+@pytest.fixture
+def told() -> Callable[[], Told]:
+    return Told
+
+
+@pytest.fixture
+def experiment_file(tmp_path) -> Callable[..., Path]:
+    """Writes so many scenes in 7-Scenes' layout, ``seq-01`` and so on, and an experiment on them."""
+
+    def write(count: int, n_frames: int = 4) -> Path:
+        for number in range(1, count + 1):
+            write_scene(tmp_path / "data" / f"seq-{number:02d}", n_frames, number)
+        path = tmp_path / "x.toml"
+        path.write_text(TEXT)
+        return path
+
+    return write
+
+
+@pytest.fixture
+def scenes(experiment_file) -> Callable[..., Experiment]:
+    """Writes so many scenes and gives the experiment on them."""
+    return lambda *arguments: load_experiment(experiment_file(*arguments))
+
+
+def write_scene(folder: Path, n_frames: int, seed: int) -> None:
+    """A textured wall at 0.585 m, seen by a camera that moves right by 2 px a frame."""
+    folder.mkdir(parents=True)
+    wall = np.random.default_rng(seed).integers(0, 256, (48, 64 + 2 * n_frames), dtype=np.uint8)
+    for index in range(n_frames):
+        pose = np.eye(4)
+        pose[0, 3] = index * 2e-3
+        name = f"frame-{index:06d}"
+        cv2.imwrite(str(folder / f"{name}.color.png"), wall[:, 2 * index : 2 * index + 64])
+        cv2.imwrite(str(folder / f"{name}.depth.png"), np.full((48, 64), 585, np.uint16))
+        np.savetxt(folder / f"{name}.pose.txt", pose)
+    np.savetxt(folder / "camera-intrinsics.txt", [[585, 0, 31.5], [0, 585, 23.5], [0, 0, 1]])
+
+
+@pytest.fixture
+def files() -> Callable[[RunFolder], dict[str, bytes]]:
+    """Gives the contents of all files of a run that must not depend on how it was done."""
+
+    def contents(run: RunFolder) -> dict[str, bytes]:
+        names = ("*/*.parquet", "*/*.png", "experiment.toml", "failures.jsonl")
+        paths = sorted(path for name in names for path in run.path.glob(name))
+        return {str(path.relative_to(run.path)): path.read_bytes() for path in paths}
+
+    return contents

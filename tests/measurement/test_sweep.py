@@ -6,7 +6,8 @@ from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.measurement.scene import measure_scene
 from tracknoise.measurement.sweep import Condition
-from tracknoise.sequences.sequence import Scan, SequenceId, TruthKind
+from tracknoise.sequences.sequence import Direction, Scan, SequenceId, TruthKind
+from tracknoise.sequences.views import view
 from tracknoise.trackers.imported import Imported
 
 
@@ -70,3 +71,15 @@ def test_a_speed_that_passes_over_the_key_frame_and_a_run_that_ends_before_it_ar
     late.scan = Scan(Scanned.scan.points_world, 3)
     with pytest.raises(DataError, match="the wall: 3 frames, expected at least 4, to reach the key frame"):
         measure_scene(late, [Condition("imported", imported, 1)], max_frames=3)
+    backward = view(late, n_frames=3, direction=Direction.backward, rotation=0)
+    with pytest.raises(DataError, match="the wall: 3 frames, expected at least 4, to reach the key frame"):
+        measure_scene(backward, [Condition("imported", imported, 1)])
+
+
+def test_a_scan_that_no_feature_lies_on_is_said_to_be_the_reason(tmp_path):
+    path = tmp_path / "tracks.csv"
+    path.write_text("track,frame,u_px,v_px\n0,0,9.0,9.0\n0,1,9.0,9.0\n")
+    elsewhere = Scanned()
+    elsewhere.scan = Scan(-Scanned.scan.points_world, 1)
+    with pytest.raises(DataError, match=r"the wall: no feature of the key frame 1 on the scan, expected .* in metres"):
+        measure_scene(elsewhere, [Condition("imported", Imported(str(path)), 1)])

@@ -113,7 +113,7 @@ def measure_scenes(
         _check_key_frame(sequence, n_frames, conditions, known.key_frame)
     swept = sweep(sequences, conditions, truths, n_frames=n_frames, seed=seed, progress=progress)
     for sequence, known, one in zip(sequences, truths, swept, strict=True):
-        _check_features(sequence, one.recordings)
+        _check_features(sequence, one.recordings, known.key_frame)
         yield _scene_tables(sequence, conditions, known, one, n_frames)
 
 
@@ -151,23 +151,28 @@ def _check_length(sequence: Sequence, n_frames: int, conditions: Items[Condition
 def _check_key_frame(sequence: Sequence, n_frames: int, conditions: Items[Condition], key_frame: int | None) -> None:
     if key_frame is None:
         return
-    if key_frame >= n_frames:
-        raise DataError(sequence.source, f"{n_frames} frames", f"at least {key_frame + 1}, to reach the key frame")
+    if not 0 <= key_frame < n_frames:
+        least = key_frame + 1 if key_frame >= 0 else n_frames - key_frame  # backward, it would lie before the first
+        raise DataError(sequence.source, f"{n_frames} frames", f"at least {least}, to reach the key frame")
     for condition in conditions:
         if key_frame % condition.speed:
             found = f"speed {condition.speed}, which passes over the key frame {key_frame}"
             raise SettingsError(f"{sequence.source}: found {found}, expected a speed that divides its number")
 
 
-def _check_features(sequence: Sequence, recordings: Items[Recording]) -> None:
+def _check_features(sequence: Sequence, recordings: Items[Recording], key_frame: int | None) -> None:
     if not any(len(recording.first_frame) for recording in recordings):
         raise DataError(
             sequence.source,
             "no tracker found a feature in any image",
             "images with texture, or tracks in the frames read",
         )
-    if not any(np.isfinite(recording.points_world).any() for recording in recordings):
+    if any(np.isfinite(recording.points_world).any() for recording in recordings):
+        return
+    if key_frame is None:
         raise DataError(sequence.source, "no depth for any feature", "depth for some, to know where they are")
+    found = f"no feature of the key frame {key_frame} on the scan"
+    raise DataError(sequence.source, found, "features where it has points; it must be in metres, as the poses are")
 
 
 def _tables(

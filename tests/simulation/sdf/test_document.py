@@ -161,3 +161,19 @@ def test_models_that_include_themselves_are_refused(world: Callable, model: Call
     model("crate", BOX, own="<include><uri>model://crate</uri></include>")
     with pytest.raises(DataError, match="model://crate includes itself"):
         centres(world("<include><uri>model://crate</uri></include>"))
+
+
+def test_models_that_include_themselves_by_another_path_are_refused(world: Callable, model: Callable) -> None:
+    model("crate", BOX, own="<include><uri>../crate</uri></include>")
+    with pytest.raises(DataError, match=r"\.\./crate includes itself"):
+        centres(world("<include><uri>model://crate</uri></include>"))
+
+
+@pytest.mark.parametrize("encoding", ["shift_jis", "klingon"])
+def test_an_encoding_that_cannot_be_read_is_one_line(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "test.world"
+    path.write_text(f'<?xml version="1.0" encoding="{encoding}"?><sdf/>')
+    with pytest.raises(DataError) as caught:
+        centres(path)
+    assert str(caught.value).startswith(f"{path}: an encoding that cannot be read (")
+    assert "\n" not in str(caught.value)

@@ -16,6 +16,11 @@ def test_model_uris_are_looked_for_in_each_root_in_turn(tmp_path: Path) -> None:
     assert library.find("model://bus", tmp_path) is None
 
 
+@pytest.mark.parametrize("name", ["a" * 5000, "a\0b"])
+def test_a_name_that_no_file_can_have_is_not_found(tmp_path: Path, name: str) -> None:
+    assert Library((tmp_path,)).find(f"model://{name}", tmp_path) is None
+
+
 def test_paths_start_beside_the_file_that_has_them(tmp_path: Path) -> None:
     mesh = tmp_path / "meshes" / "quad.obj"
     mesh.parent.mkdir()

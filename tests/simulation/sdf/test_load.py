@@ -147,6 +147,13 @@ def test_textures_become_squares_of_a_power_of_two(world: Callable, tmp_path: Pa
             "<material><pbr><metal><albedo_map>broken.png</albedo_map></metal></pbr></material>",
             "broken.png: worn by a mesh without texture coordinates",
         ),
+        (
+            BOX + "<material><script><uri>odd.material</uri><name>Odd</name></script></material>",
+            "odd.material: material 'Odd' has neither texture nor diffuse colour",
+        ),
+        ("<geometry><mesh><uri>odd.obj</uri></mesh></geometry>", "odd.mtl: colour '1.2.3 0 0' cannot be read"),
+        ("<geometry><mesh><uri>nan.obj</uri></mesh></geometry>", "nan.obj:1: 'v 0 0 nan' cannot be read"),
+        ("<geometry><mesh><uri>none.obj</uri></mesh></geometry>", "none.obj: OBJ file without triangles"),
     ],
 )
 def test_what_is_not_shown_is_one_warning_and_one_note(
@@ -157,6 +164,11 @@ def test_what_is_not_shown_is_one_warning_and_one_note(
     (tmp_path / "quad.ply").touch()
     (tmp_path / "broken.png").touch()
     (tmp_path / "empty.material").write_text("material Empty\n{\n}\n")
+    (tmp_path / "odd.material").write_text("material Odd\n{\ndiffuse 1.2.3 0 0\n}\n")
+    (tmp_path / "odd.obj").write_text(f"mtllib odd.mtl\nusemtl odd\n{QUAD}f 1 2 3\n")
+    (tmp_path / "odd.mtl").write_text("newmtl odd\nKd 1.2.3 0 0\n")
+    (tmp_path / "nan.obj").write_text("v 0 0 nan\n")
+    (tmp_path / "none.obj").write_text("v 0 0 0\n")
     with pytest.warns(DataWarning) as caught:
         scenery = load_world(world(in_world(visual) + in_world(BOX)))
     assert [str(item.message) for item in caught] == list(scenery.notes)

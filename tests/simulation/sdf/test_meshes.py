@@ -181,6 +181,13 @@ def test_what_is_missing_or_damaged_names_itself(tmp_path: Path, write: Callable
     assert "\n" not in remarks.lines[0]
 
 
+def test_a_collada_file_without_triangles_names_itself(tmp_path: Path) -> None:
+    remarks = Remarks()
+    path = dae(tmp_path / "meshes", primitive="")
+    assert read(path, remarks) == []
+    assert remarks.lines == (f"{path}: COLLADA file without triangles",)
+
+
 def test_a_missing_material_file_and_an_unknown_format_name_themselves(tmp_path: Path) -> None:
     remarks = Remarks()
     path = obj(tmp_path)

@@ -42,6 +42,8 @@ def read_collada(path: Path, library: Library, remarks: Remarks) -> list[Part]:
         return []
     if document.errors:
         remarks.add(path, f"part of the file cannot be used ({_one_line(document.errors[0])}); it is left out")
+    elif not parts:
+        remarks.add(path, "COLLADA file without triangles")
     if document.assetInfo.upaxis != _AS_GAZEBO:
         remarks.add(path, f"<up_axis> {document.assetInfo.upaxis} is not applied, as in Gazebo; z is up")
     return parts

@@ -128,7 +128,7 @@ class _Walk:
                 scope.file, f"<placement_frame> of {uri!r} is not supported; the model's own frame is used"
             )
         file = model_file(place) if place.is_dir() else place
-        if file in scope.files:
+        if file.resolve() in map(Path.resolve, scope.files):
             raise DataError(scope.file, f"{uri} includes itself", "models that do not include themselves")
         own = saved.get(text_of(include, "name") or place.name)
         placed = include.find("pose") if own is None else own

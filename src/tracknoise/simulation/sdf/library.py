@@ -100,12 +100,13 @@ def model_names(folder: Path) -> list[str]:
 
 def _existing(path: Path) -> Path | None:
     """The path, or one that differs from it in the case of its last name only."""
-    if path.exists():
-        return path
-    if not path.parent.is_dir():
+    try:
+        if path.exists():
+            return path
+        name, others = path.name.casefold(), sorted(path.parent.iterdir())
+    except (OSError, ValueError):  # there is no such folder, or the name is one that no file can have
         return None
-    name = path.name.casefold()
-    return next((other for other in sorted(path.parent.iterdir()) if other.name.casefold() == name), None)
+    return next((other for other in others if other.name.casefold() == name), None)
 
 
 def _version(text: str | None) -> tuple[int, ...]:

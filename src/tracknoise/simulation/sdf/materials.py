@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from tracknoise.simulation.sdf.library import Library
-from tracknoise.simulation.sdf.part import Look, even
+from tracknoise.simulation.sdf.part import NUMBER, Look, even
 from tracknoise.simulation.sdf.remarks import Remarks
 from tracknoise.simulation.sdf.xml import Element, numbers, text_of
 
@@ -59,7 +59,7 @@ def _look(body: str, name: str, path: Path, library: Library, remarks: Remarks) 
     texture = re.search(r"^\s*texture\s+(\S+)", body, re.MULTILINE)
     if texture is not None:
         return _textured(texture[1], path.parent, path, library, remarks)
-    diffuse = re.search(r"^\s*diffuse((?:\s+[\d.]+){3})", body, re.MULTILINE)
+    diffuse = re.search(rf"^\s*diffuse((?:\s+{NUMBER}){{3}})", body, re.MULTILINE)
     if diffuse is not None:
         return even(*(float(word) for word in diffuse[1].split()))
     remarks.add(path, f"material {name!r} has neither texture nor diffuse colour; it is passed over")

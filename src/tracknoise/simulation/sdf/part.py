@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+"""Pattern of a number that is not negative, such as a channel of a colour."""
 _LUMA = np.array([0.299, 0.587, 0.114])  # of red, green and blue, as in the grey images of colour files
 
 

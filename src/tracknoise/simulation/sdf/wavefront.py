@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.simulation.sdf.library import Library
-from tracknoise.simulation.sdf.part import Look, Part, even
+from tracknoise.simulation.sdf.part import NUMBER, Look, Part, even
 from tracknoise.simulation.sdf.remarks import Remarks
 
-_COLOUR = r"[\d.]+(\s+[\d.]+){2}"
+_COLOUR = re.compile(rf"{NUMBER}(\s+{NUMBER}){{2}}")
 _Corner = tuple[int, int]  # indices of position and texture coordinates; -1 for none
 
 
@@ -31,6 +31,8 @@ class _Mesh:
         key, _, rest = line.strip().partition(" ")
         if key == "v":
             x, y, z = (float(word) for word in rest.split()[:3])
+            if not np.isfinite([x, y, z]).all():
+                raise ValueError(line)
             self.positions.append([x, y, z])
         elif key == "vt":
             self.uv.append([float(word) for word in [*rest.split(), "0"][:2]])
@@ -70,6 +72,8 @@ def read_wavefront(path: Path, library: Library, remarks: Remarks) -> list[Part]
         except (ValueError, IndexError):
             remarks.add(f"{path}:{number}", f"{line.strip()!r} cannot be read; the file is left out")
             return []
+    if not mesh.faces:
+        remarks.add(path, "OBJ file without triangles")
     for name in mesh.libraries:
         looks |= _read_materials(path, name, library, remarks)
     return [_part(mesh, corners, looks.get(name)) for name, corners in mesh.faces.items() if corners]
@@ -97,8 +101,10 @@ def _read_materials(mesh: Path, name: str, library: Library, remarks: Remarks) -
         key, _, rest = (part.strip() for part in line.strip().partition(" "))
         if key == "newmtl":
             material = rest
-        elif key == "Kd" and re.fullmatch(_COLOUR, rest):
+        elif key == "Kd" and _COLOUR.fullmatch(rest):
             colours[material] = even(*(float(word) for word in rest.split()))
+        elif key == "Kd":
+            remarks.add(path, f"colour {rest!r} cannot be read; plain grey is shown instead")
         elif key == "map_Kd" and (texture := library.find_texture(rest, path.parent)):
             textured[material] = Look(texture)
         elif key == "map_Kd":

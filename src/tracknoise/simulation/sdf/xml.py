@@ -19,13 +19,15 @@ def read_xml(path: Path) -> Element:
     Raises
     ------
     DataError
-        If the file is missing or malformed, naming the line.
+        If the file is missing, or malformed, naming the line, or in an encoding that cannot be read.
     """
     try:
         return ET.fromstring(path.read_bytes())
     except ET.ParseError as error:
         what = ErrorString(error.code)
         raise DataError(f"{path}:{error.position[0]}", f"malformed XML ({what})", "well-formed XML") from error
+    except (LookupError, ValueError) as error:  # expat knows few encodings itself, and Python's with one byte only
+        raise DataError(path, f"an encoding that cannot be read ({error})", "well-formed XML in UTF-8") from error
     except OSError as error:
         raise DataError(path, "no such file" if not path.exists() else "cannot be read", "an XML file") from error
 

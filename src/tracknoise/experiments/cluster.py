@@ -6,7 +6,7 @@ import socket
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,7 @@ from tracknoise.tables.store import RunFolder
 from tracknoise.trackers.threads import use_one_thread
 
 if TYPE_CHECKING:
-    from distributed import Client, Future
+    from distributed import Client, Future, LocalCluster
 
 _PINNED = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS")
 _LOCAL: dict[str, Any] = {
@@ -109,11 +109,13 @@ def _local_cluster(workers: int, remark: Callable[[str], None]) -> Iterator["Cli
         dask.config.set(_LOCAL),
         _silenced(),
         _interrupts_ignored() as restore,
-        LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            dashboard_address="127.0.0.1:0",
-            silence_logs=logging.CRITICAL,  # of the workers; `_silenced` is about this process
+        _ended(
+            LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,  # of the workers; `_silenced` is about this process
+            )
         ) as cluster,
         Client(cluster, set_as_default=False) as client,
     ):
@@ -121,6 +123,20 @@ def _local_cluster(workers: int, remark: Callable[[str], None]) -> Iterator["Cli
         if find_spec("bokeh"):  # without it, what Dask calls its dashboard is an empty page
             remark(f"dashboard: {cluster.dashboard_link}")
         yield client
+
+
+@contextmanager
+def _ended(cluster: "LocalCluster") -> Iterator["LocalCluster"]:
+    """End a cluster, whose results are all there, even where Dask fails to.
+
+    It cannot end a worker that it is about to start in the place of one that died; that one ends with this process.
+    """
+    cluster.__enter__()
+    try:
+        yield cluster
+    finally:
+        with suppress(AssertionError):
+            cluster.__exit__(None, None, None)
 
 
 @contextmanager

@@ -1,13 +1,19 @@
-"""Run the benchmarks and print a table: ``python -m benchmarks [NAME ...] [--json FILE]``."""
+"""Run the benchmarks and print a table: ``python -m benchmarks [NAME ...] [--full] [--json FILE]``.
+
+A benchmark is a module with a function `rows`, and, where it has a larger version, `full_rows`. Libraries have one
+thread each, as in a worker, unless a row says otherwise.
+"""
 
 import argparse
 import json
+import os
 import pkgutil
 from dataclasses import asdict
 from importlib import import_module
 from pathlib import Path
 
 import benchmarks
+from benchmarks.harness import ONE_THREAD, Row
 
 _NOT_BENCHMARKS = {"__main__", "harness", "validity"}
 
@@ -17,17 +23,24 @@ def main() -> None:
     names = sorted({module.name for module in pkgutil.iter_modules(benchmarks.__path__)} - _NOT_BENCHMARKS)
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description="Time and weigh the parts.")
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"which: {', '.join(names)}; by default all")
+    parser.add_argument("--full", action="store_true", help="in full size, where there is a larger one")
     parser.add_argument("--json", type=Path, default=Path("runs/benchmarks.json"), help="where to write the figures")
     arguments = parser.parse_args()
     if unknown := set(arguments.names) - set(names):
         parser.error(f"no such benchmark: {', '.join(sorted(unknown))}; known: {', '.join(names)}")
+    os.environ.update(ONE_THREAD)  # before any of the libraries is loaded, which is when they look
     rows = []
     for name in arguments.names or names:
-        for row in import_module(f"benchmarks.{name}").rows():
+        for row in _rows(name, full=arguments.full):
             rows.append(row)
             print(f"{row.value:12.4g} {row.unit:<14} {row.name}{f'  ({row.note})' if row.note else ''}", flush=True)
     arguments.json.parent.mkdir(parents=True, exist_ok=True)
     arguments.json.write_text(json.dumps([asdict(row) for row in rows], indent=2) + "\n")
+
+
+def _rows(name: str, *, full: bool) -> list[Row]:
+    module = import_module(f"benchmarks.{name}")
+    return module.full_rows() if full and hasattr(module, "full_rows") else module.rows()
 
 
 if __name__ == "__main__":

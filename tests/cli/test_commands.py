@@ -3,13 +3,19 @@
 import pytest
 
 from tracknoise.cli.app import main
+from tracknoise.experiments.load import preset_names
 
 
-@pytest.mark.parametrize("command", ["run", "report", "demo", "simulate", "datasets", "trackers"])
+@pytest.mark.parametrize("command", ["run", "report", "findings", "demo", "simulate", "datasets", "trackers"])
 def test_every_command_has_help_with_an_example(tracknoise, command):
     code, out, _ = tracknoise(command, "--help")
     assert code == 0
     assert f"tracknoise {command}" in " ".join(out.replace("│", " ").split())
+
+
+def test_the_help_of_run_names_the_presets(tracknoise):
+    _, out, _ = tracknoise("run", "--help")
+    assert ", ".join(preset_names()) in " ".join(out.replace("│", " ").split())
 
 
 def test_datasets_lists_the_readers(tracknoise):

@@ -1,8 +1,11 @@
 """What is said of a run's pace."""
 
+import threading
+
 import pytest
 
-from tracknoise.cli.progress import Pace
+from tracknoise.cli.progress import Heartbeat, Pace, RunProgress
+from tracknoise.cli.terminal import Terminal
 
 
 @pytest.mark.parametrize(
@@ -22,3 +25,64 @@ def test_rate_and_time_left(done, to_do, elapsed_s, said):
     for _ in range(done):
         pace.advance()
     assert str(pace) == said
+
+
+class Clock:
+    def __init__(self):
+        self.now_s = 0.0
+
+    def __call__(self):
+        return self.now_s
+
+
+def test_lines_come_ten_seconds_apart_and_farther_the_longer_it_takes():
+    clock, said = Clock(), []
+    heartbeat = Heartbeat(said.append, "{:g} s".format, clock=clock)
+    for now_s in (0, 9, 10, 11, 19, 20, 35, 44, 45, 10_000, 10_400, 10_600):
+        clock.now_s = now_s
+        heartbeat.beat()
+    assert said == ["10 s", "20 s", "35 s", "45 s", "10000 s", "10600 s"]
+
+
+def test_a_thread_says_it_while_nothing_else_happens():
+    came, times = threading.Event(), iter(range(0, 10**6, 20))
+    heartbeat = Heartbeat(lambda text: came.set(), lambda elapsed_s: "still here", clock=times.__next__, pause_s=1e-3)
+    heartbeat.start()
+    try:
+        assert came.wait(60)
+    finally:
+        heartbeat.stop()
+
+
+def test_nothing_is_said_where_there_is_nothing_to_say():
+    clock, said = Clock(), []
+    heartbeat = Heartbeat(said.append, lambda elapsed_s: "", clock=clock)
+    clock.now_s = 60
+    heartbeat.beat()
+    assert said == []
+
+
+def test_without_a_terminal_it_is_said_where_a_run_stands(capsys):
+    clock = Clock()
+    progress = RunProgress(Terminal(), clock)
+    clock.now_s = 20
+    progress.heartbeat.beat()
+    assert capsys.readouterr().err == "", "before it is known what there is to do"
+    progress.planned(["a", "b", "c", "d"], 1)
+    progress.frame("a", 3, 9)
+    clock.now_s = 40
+    progress.heartbeat.beat()
+    assert capsys.readouterr().err.splitlines()[-1] == "1 of 5 sequences done after 40 s; a at frame 3 of 9"
+    progress.failed(["a", "b"], "torn")
+    progress.failed(["c"], "dark")
+    clock.now_s = 320
+    progress.heartbeat.beat()
+    assert capsys.readouterr().err.splitlines() == [
+        "tracknoise: error: a and b: torn",
+        "tracknoise: error: c: dark",
+        "4 of 5 sequences done after 5 min; 36.0/h, 2 min left; a at frame 3 of 9",
+    ]
+    progress.failed(["d"], "dark")
+    clock.now_s = 900
+    progress.heartbeat.beat()
+    assert "sequences" not in capsys.readouterr().err

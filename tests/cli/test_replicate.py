@@ -70,6 +70,14 @@ def test_what_was_measured_is_not_measured_again(tracknoise, small, tmp_path, mo
     assert "measured arvr-00" not in err
 
 
+def test_a_folder_of_data_that_is_not_there_is_an_error(tracknoise, tmp_path):
+    out = tmp_path / "out"
+    code, printed, err = tracknoise("replicate", "--data", str(tmp_path / "wrong"), "--out", str(out))
+    assert (code, printed) == (1, "")
+    assert err == f"tracknoise: error: {tmp_path / 'wrong'}: no such directory, expected a data set's folder\n"
+    assert not out.exists()
+
+
 def test_where_nothing_can_be_measured_that_is_an_error(tracknoise, tmp_path, monkeypatch):
     monkeypatch.setattr(replicate, "SIMULATED", ("nothing-like-it",))
     code, printed, err = tracknoise("replicate", "--out", str(tmp_path / "out"), "--quiet")

@@ -38,8 +38,8 @@ class Told:
     def measured(self, key, entry):
         self.keys.append(key)
 
-    def failed(self, key, cause):
-        self.failures[key] = cause
+    def failed(self, keys, cause):
+        self.failures |= dict.fromkeys(keys, cause)
 
     def remark(self, text):
         self.remarks.append(text)

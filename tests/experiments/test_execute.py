@@ -44,7 +44,7 @@ class Silent:
     def measured(self, key, entry):
         self.keys.append(key)
 
-    def failed(self, key, cause):
+    def failed(self, keys, cause):
         pass
 
     def remark(self, text):
@@ -142,6 +142,24 @@ def test_tables_of_one_condition_agree_with_each_other(finished):
     assert tracks["lifetime"].sum() == len(rows)
     previous = frames.with_columns(pl.col("alive").shift(1).over(keys).fill_null(0))
     assert frames["offered"].to_list() == previous["alive"].to_list()
+
+
+def test_the_percentile_of_trimming_may_be_of_the_tracks_that_were_followed(experiment, finished, tmp_path):
+    changed = experiment.statistics.model_copy(update={"trim_among": "followed"})
+    run = RunFolder(tmp_path / "run")
+    small = experiment.with_limits(scenes=1, frames=5).model_copy(update={"statistics": changed})
+    execute(small, run, listener=Silent())
+    assert set(finished.statistics("trims")["among"]) == {"all"}
+    keys = ["scene", "tracker", "speed"]
+    rows = pl.concat(run.sequence_tables("observations")).filter(pl.col("age") > 0, truth="valid")
+    followed = rows.select(*keys, "track").unique()
+    tracks = pl.concat(run.sequence_tables("tracks")).join(followed, on=[*keys, "track"])
+    expected = tracks.group_by(keys).agg(cut=pl.col("max_error_px").quantile(0.9, "linear"), n=pl.len())
+    for row in run.statistics("trims").join(expected, on=keys).iter_rows(named=True):
+        assert row["among"] == "followed"
+        assert row["threshold_px"] == pytest.approx(row["cut"])
+        assert row["n_measured"] - row["n_anchor_only"] == row["n"]
+    assert expected.height == run.statistics("trims").height
 
 
 def test_the_record_holds_every_setting_and_runs_as_the_same_experiment(finished, tmp_path):

@@ -129,6 +129,23 @@ def test_a_corrupt_image_in_one_scene_of_five(experiment_file, tmp_path, capsys)
     assert not (tmp_path / "run" / "failures.jsonl").exists()
 
 
+def test_a_batch_that_fails_is_told_once_and_recorded_for_each_sequence(experiment_file, tmp_path, capsys, monkeypatch):
+    path = experiment_file(6)
+    image = tmp_path / "data" / "seq-02" / "frame-000002.color.png"
+    image.write_bytes(image.read_bytes()[:-20])
+    monkeypatch.setattr("tracknoise.experiments.execute.batches", lambda tasks: [tasks[:5], tasks[5:]])
+    with pytest.raises(SystemExit) as exit_:
+        main(["run", str(path), "--out", str(tmp_path / "run"), "--no-report", "--workers", "1"])
+    assert exit_.value.code == 2
+    lines, five = capsys.readouterr().err.splitlines(), f"{ONE}, {TWO}, {THREE} and 2 others"
+    (error,) = [line for line in lines if "error" in line]
+    assert error.startswith(f"tracknoise: error: {five}: {image}: truncated")
+    assert lines[-1].startswith(f"5 of 6 sequences failed: {five}; see failures.jsonl.")
+    recorded = [json.loads(line) for line in (tmp_path / "run" / "failures.jsonl").read_text().splitlines()]
+    assert [entry["sequence"] for entry in recorded] == [f"seq-{number:02d}@default" for number in range(1, 6)]
+    assert {entry["place"] for entry in recorded} == {str(image)}
+
+
 def limited(command, limit_bytes):
     """Run the command line so that no file it writes can be larger, as on a disk that is full."""
 

@@ -63,7 +63,7 @@ while True:
 '''
 
 
-@pytest.mark.parametrize(("over", "step"), [("nothing", 11), ("another run", 19)])
+@pytest.mark.parametrize(("over", "step"), [("nothing", 23), ("another run", 37)])
 def test_killed_before_any_change_on_disk_and_started_again(over, step, experiment_file, tmp_path, told, files):
     path, there = experiment_file(2), RunFolder(tmp_path / "there")
     whole = RunFolder(tmp_path / "whole")

@@ -5,11 +5,12 @@ import polars as pl
 import pytest
 
 from tracknoise.cli.app import main
+from tracknoise.experiments.selfcheck import compare
 from tracknoise.tables.store import RunFolder
 
 BIAS_PX = np.array([0.31, -0.17])
 DRIFT_PX = np.array([-0.021, 0.034])
-COVARIANCE_PX2 = np.array([[0.50, 0.15], [0.15, 0.30]])
+COVARIANCE_PX2 = [[0.50, 0.15], [0.15, 0.30]]
 OUTLIER_RATE, LOSS_RATE = 0.03, 0.05
 N_FRAMES = 25
 
@@ -31,7 +32,7 @@ kind = "oracle"
 n_features = 150
 bias_px = {BIAS_PX.tolist()}
 drift_px_per_frame = {DRIFT_PX.tolist()}
-covariance_px2 = {COVARIANCE_PX2.tolist()}
+covariance_px2 = {COVARIANCE_PX2}
 outlier_rate = {OUTLIER_RATE}
 loss_rate = {LOSS_RATE}
 seed = SEED
@@ -51,57 +52,37 @@ def run(request, tmp_path_factory) -> RunFolder:
     return RunFolder(folder / "run")
 
 
-def curve(run: RunFolder, statistic: str) -> pl.DataFrame:
-    """One statistic of all features whose true position is known, by age, from the first age at which it varies."""
-    return run.statistics("curves").filter(
-        pl.col("statistic") == statistic,
-        pl.col("population") == "projected",
-        pl.col("trimming") == "untrimmed",
-        pl.col("weighting") == "features",
-        pl.col("at") > 0,
-        pl.col("n") > 1,
-    )
+def z_scores(run: RunFolder, *curves: str) -> pl.DataFrame:
+    """What came back minus what went in, in known standard errors, at every age of curves and of rates."""
+    compared = compare(run, curves=curves, ages=range(1, N_FRAMES))
+    return compared.with_columns(z=(pl.col("came_back") - pl.col("went_in")) / pl.col("standard_error"))
 
 
 def test_bias_and_drift(run):
-    nu = curve(run, "nu")
-    n, age = nu["n"].to_numpy().astype(float), nu["at"].to_numpy().astype(float)
-    design = np.column_stack([np.ones_like(age), age])
-    information = design.T @ (design * n[:, None])
+    nu = compare(run, curves=["nu"], ages=range(1, N_FRAMES))
     for axis, column in enumerate("uv"):
-        fitted = np.linalg.solve(information, design.T @ (n * nu[column].to_numpy()))
-        standard_error = np.sqrt(COVARIANCE_PX2[axis, axis] * np.diag(np.linalg.inv(information)))
-        assert np.all(abs(fitted - [BIAS_PX[axis], DRIFT_PX[axis]]) < 4 * standard_error)
+        points = nu.filter(statistic="nu", coordinate=column)
+        age, came_back, error = (points[name].to_numpy() for name in ("at", "came_back", "standard_error"))
+        design = np.column_stack([np.ones(len(age)), age])
+        covariance = np.linalg.inv(design.T @ (design / error[:, None] ** 2))
+        fitted = covariance @ design.T @ (came_back / error**2)
+        assert np.all(abs(fitted - [BIAS_PX[axis], DRIFT_PX[axis]]) < 4 * np.sqrt(np.diag(covariance)))
 
 
-def test_covariance(run):
-    central = curve(run, "central")
-    degrees = central["n"].to_numpy() - 1.0
-    total = degrees.sum()
-    assert total > 2000
-    (uu, uv), (_, vv) = COVARIANCE_PX2
-    expected = {"u": (uu, 2 * uu**2), "v": (vv, 2 * vv**2), "uv": (uv, uu * vv + uv**2)}
-    for column, (value, variance) in expected.items():
-        pooled = (central[column].to_numpy() * degrees).sum() / total
-        assert abs(pooled - value) < 4 * np.sqrt(variance / total), column
+@pytest.mark.parametrize("statistic", ["nu", "eta", "Phi", "central"])
+def test_every_curve_at_every_age(run, statistic):
+    found = z_scores(run, statistic).filter(statistic=statistic)
+    coordinates = ["u", "v", "uv"] if statistic in ("Phi", "central") else ["u", "v"]
+    assert found["coordinate"].unique(maintain_order=True).to_list() == coordinates
+    for coordinate in coordinates:
+        z = found.filter(coordinate=coordinate)["z"].to_numpy()
+        assert len(z) == N_FRAMES - 1
+        assert abs(z.sum()) < 4 * np.sqrt(len(z))  # errors at different ages are independent
+        assert np.sqrt(np.mean(z**2)) < 2
 
 
 def test_outlier_and_loss_rates(run):
-    offered = run.statistics("outliers")["offered"].item()
-    ratio = run.statistics("outliers")["pooled_ratio"].item()
-    ends = dict(run.statistics("counts").filter(pl.col("kind") == "end").select("name", "n").iter_rows())
-    assert offered > 5000
-    for found, rate in ((ratio, OUTLIER_RATE), (ends["lost"] / offered, LOSS_RATE)):
-        assert abs(found - rate) < 4 * np.sqrt(rate * (1 - rate) / offered)
-
-
-def test_second_moment_about_zero_is_covariance_and_mean(run):
-    phi, nu = curve(run, "Phi"), curve(run, "nu")
-    age = nu["at"].to_numpy()
-    mean = BIAS_PX + DRIFT_PX * age[:, None]
-    n = nu["n"].to_numpy()
-    for axis, column in enumerate("uv"):
-        variance, square = COVARIANCE_PX2[axis, axis], mean[:, axis] ** 2
-        standard_error = np.sqrt((2 * variance**2 + 4 * variance * square) / n)
-        z = (phi[column].to_numpy() - (variance + square) * n / (n - 1)) / standard_error
-        assert np.sqrt(np.mean(z**2)) < 2
+    rates = z_scores(run).filter(pl.col("statistic").is_in(["outlier_ratio", "loss_ratio"]))
+    assert rates["went_in"].to_list() == [OUTLIER_RATE, LOSS_RATE]
+    assert run.statistics("outliers")["offered"].item() > 5000
+    assert (rates["z"].abs() < 4).all()

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from tracknoise.exceptions import DataError
 from tracknoise.experiments.load import load_experiment
 from tracknoise.experiments.plan import make_trackers, plan
 from tracknoise.experiments.reference import first_lighting
@@ -19,11 +20,16 @@ def test_without_data_only_the_simulations_can_be_repeated() -> None:
 
 
 def test_data_that_are_not_there_are_said_in_one_line(tmp_path: Path) -> None:
-    dtu, kitti, *_ = candidates([tmp_path, tmp_path / "nowhere"])
+    dtu, kitti, *_ = candidates([tmp_path])
     for item in (dtu, kitti):
         assert not item.possible
         assert item.found.startswith(f"No data: {tmp_path}: ")
         assert "\n" not in item.found
+
+
+def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="nowhere: no such directory"):
+        candidates([tmp_path, tmp_path / "nowhere"])
 
 
 def test_data_are_found_in_a_folder_within(sample, tmp_path: Path) -> None:
@@ -81,6 +87,7 @@ def test_one_variant_is_the_experiments_own_tracker() -> None:
         ({"LR0", "BF0", "diffuse"}, None, "diffuse"),
         ({"east", "default"}, None, "default"),
         ({"west", "east"}, None, "east"),
+        ({"LR10", "LR9"}, None, "LR9"),
         ({"LR0", "diffuse"}, ["LR0", "diffuse"], "LR0"),
         ({"diffuse"}, ["LR0", "diffuse"], "diffuse"),
     ],

@@ -6,7 +6,7 @@ import pytest
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.experiments.execute import execute
-from tracknoise.experiments.inputs import inputs_digest
+from tracknoise.experiments.inputs import with_inputs
 from tracknoise.experiments.plan import batches, plan
 from tracknoise.experiments.resolve import resolve
 from tracknoise.experiments.settings import parse_experiment
@@ -66,7 +66,7 @@ class Silent:
     def planned(self, keys, done): ...
     def frame(self, key, done, total): ...
     def measured(self, key, entry): ...
-    def failed(self, key, cause):
+    def failed(self, keys, cause):
         raise AssertionError(cause)
 
 
@@ -115,7 +115,7 @@ def test_a_model_that_changes_makes_its_scenes_stale(tmp_path) -> None:
         'motions = ["sideways", "fixating"]', f'motions = ["linear"]\nworld = "objects"\nmodels = "{model.parent}"'
     )
     task = plan(parse_experiment(text, place="x.toml"))[0]
-    before = inputs_digest(task)
-    assert inputs_digest(task) == before
+    before = with_inputs([task])[0].inputs
+    assert with_inputs([task])[0].inputs == before
     (model / "model.sdf").write_text("<sdf></sdf>")
-    assert inputs_digest(task) != before
+    assert with_inputs([task])[0].inputs != before

@@ -39,12 +39,17 @@ def step(uv, ids, born, ended=()):
     )
 
 
+def add(recorder, index, one):
+    """Record a step whose features have their own place for a gradient."""
+    recorder.add(index, one, gradient_rad=one.uv[one.born, 0].astype(np.float32))
+
+
 @pytest.fixture
 def recording():
     recorder = Recorder(FlatTruth())
-    recorder.add(0, step([(50, 1), (5, 2), (95, 3)], [70, 30, 50], [True, True, True]))
-    recorder.add(2, step([(52, 1), (96, 3)], [70, 50], [False, False], [(30, TrackEnd.lost)]))
-    recorder.add(4, step([(97, 3), (20, 9)], [50, 10], [False, True], [(70, TrackEnd.outlier)]))
+    add(recorder, 0, step([(50, 1), (5, 2), (95, 3)], [70, 30, 50], [True, True, True]))
+    add(recorder, 2, step([(52, 1), (96, 3)], [70, 50], [False, False], [(30, TrackEnd.lost)]))
+    add(recorder, 4, step([(97, 3), (20, 9)], [50, 10], [False, True], [(70, TrackEnd.outlier)]))
     return recorder.finish()
 
 
@@ -64,17 +69,18 @@ def test_status_is_the_anchors_or_else_the_visibility_in_that_frame(recording):
     assert recording.visibility.tolist() == [valid, no_depth, occluded, valid, occluded, occluded, valid]
 
 
-def test_responses_and_points_belong_to_their_tracks(recording):
+def test_responses_gradients_and_points_belong_to_their_tracks(recording):
     assert recording.response.tolist() == [0, 1, 2, 1]
+    assert recording.gradient_rad.tolist() == [50, 5, 95, 20]
     assert recording.points_world[3].tolist() == [20, 9, 1]
     assert np.isnan(recording.points_world[1]).all()
 
 
 def test_a_tracker_that_reports_an_unknown_feature_is_refused():
     recorder = Recorder(FlatTruth())
-    recorder.add(0, step([(50, 1)], [7], [True]))
+    add(recorder, 0, step([(50, 1)], [7], [True]))
     with pytest.raises(TrackerError, match="feature 8"):
-        recorder.add(1, step([(50, 1)], [8], [False]))
+        add(recorder, 1, step([(50, 1)], [8], [False]))
 
 
 class KeyFrame(FlatTruth):
@@ -85,9 +91,9 @@ class KeyFrame(FlatTruth):
 
 def test_in_a_key_frame_what_is_found_there_is_anchored_and_looked_at_again():
     recorder = Recorder(KeyFrame())
-    recorder.add(0, step([(50, 1), (60, 2), (95, 3)], [70, 30, 50], [True, True, True]))
-    recorder.add(2, step([(52, 1), (96, 3), (5, 5)], [70, 50, 90], [False, False, True], [(30, TrackEnd.lost)]))
-    recorder.add(4, step([(53, 1), (97, 3), (20, 9)], [70, 50, 10], [False, False, True], [(90, TrackEnd.lost)]))
+    add(recorder, 0, step([(50, 1), (60, 2), (95, 3)], [70, 30, 50], [True, True, True]))
+    add(recorder, 2, step([(52, 1), (96, 3), (5, 5)], [70, 50, 90], [False, False, True], [(30, TrackEnd.lost)]))
+    add(recorder, 4, step([(53, 1), (97, 3), (20, 9)], [70, 50, 10], [False, False, True], [(90, TrackEnd.lost)]))
     recording = recorder.finish()
     valid, none, hidden = TruthStatus.valid, TruthStatus.no_depth, TruthStatus.occluded
     assert recording.track.tolist() == [0, 1, 2, 0, 2, 3, 0, 2, 4]

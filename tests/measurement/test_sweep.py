@@ -83,3 +83,22 @@ def test_a_scan_that_no_feature_lies_on_is_said_to_be_the_reason(tmp_path):
     elsewhere.scan = Scan(-Scanned.scan.points_world, 1)
     with pytest.raises(DataError, match=r"the wall: no feature of the key frame 1 on the scan, expected .* in metres"):
         measure_scene(elsewhere, [Condition("imported", Imported(str(path)), 1)])
+
+
+class Striped(Wall):
+    """The wall with upright stripes until frame 1, and lying ones from frame 2 on."""
+
+    def image(self, index: int) -> np.ndarray:
+        ramp = (np.arange(40) * 6 if index < 2 else np.arange(30)[:, None] * 8).astype(np.uint8)
+        return np.ascontiguousarray(np.broadcast_to(ramp, (30, 40)))
+
+
+def test_tracks_know_the_gradient_of_the_image_in_their_first_frame(tmp_path):
+    path = tmp_path / "tracks.csv"
+    rows = [(0, 0, 9, 9), (0, 1, 9, 9), (0, 2, 9, 9), (1, 2, 20, 15), (1, 3, 20, 15), (2, 2, 3, 15), (3, 4, 20, 9)]
+    path.write_text("track,frame,u_px,v_px\n" + "".join(f"{t},{k},{u},{v}\n" for t, k, u, v in rows))
+    conditions = [Condition("imported", Imported(str(path)), speed) for speed in (1, 2)]
+    tracks = measure_scene(Striped(), conditions).tracks
+    across, down = 0.0, float(np.float32(np.pi / 2))
+    for speed in (1, 2):
+        assert tracks.filter(speed=speed)["gradient_rad"].to_list() == [across, down, None, down]

@@ -1,28 +1,32 @@
 """A run folder of made-up measurements whose distributions are known: no images, no trackers."""
 
+import importlib.util
 import json
 import struct
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 import polars as pl
 
+from tracknoise.findings.headlines.scope import Scope
+from tracknoise.statistics.aspects import aspect_curves, scene_aspects
 from tracknoise.statistics.counts import counts, merge_counts
 from tracknoise.statistics.curves import curves
 from tracknoise.statistics.effects import Reference, effects
-from tracknoise.statistics.histogram import error_histogram
-from tracknoise.statistics.lifetimes import lifetimes
+from tracknoise.statistics.histogram import error_histogram, merge_errors
+from tracknoise.statistics.lifetimes import count_ends, lifetimes_of_ends
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.outliers import outlier_ratios
 from tracknoise.statistics.summary import summary
 from tracknoise.statistics.trimming import trim
-from tracknoise.tables.schema import FRAMES, OBSERVATIONS, ORIGIN, POSES, SEQUENCE, TRACKS, TrackEnd
-from tracknoise.tables.store import Manifest, RunFolder, SequenceEntry
+from tracknoise.tables.schema import FRAMES, OBSERVATIONS, ORIGIN, POSES, SEQUENCE, TRACKS, TrackEnd, empty
+from tracknoise.tables.store import OBSERVED, SEQUENCE_TABLES, Manifest, RunFolder, SequenceEntry
 
 WIDTH, HEIGHT = 160, 120
 SMALL: dict[str, object] = {
@@ -45,6 +49,7 @@ DEGENERATE: dict[str, dict[str, object]] = {
     "everything censored": {**_ONE, "loss": 1e-12},
     "nothing trimmed": {**_ONE, "percentile": None},
     "no image": {**_ONE, "snapshot": False},
+    "statistics alone are kept": {**_ONE, "keep": "statistics"},
     "two lightings": {**_ONE, "lightings": ("led-1", "led-2")},
     "all that is projected": {**_ONE, "population": "projected", "hidden": 0.3},
     "a scan, and enough features in its key frame alone": {**_ONE, "key_frame": 8, "loss": 1.0, "min_features": 10},
@@ -80,10 +85,12 @@ class World:
     loss: float = 0.08
     hidden: float = 0.02
     percentile: float | None = 90.0
+    trim_among: str = "all"
     min_features: int = 100
     population: str = "visible"
     depth: bool = True
     snapshot: bool = True
+    keep: str = "observations"
     depthless: Sequence[str] = ()
     """Scenes and trackers whose features have no depth."""
     featureless: Sequence[str] = ()
@@ -106,8 +113,10 @@ def write_run(path: Path, world: World, *, seed: int = 0) -> RunFolder:
     for scene, lighting, (rotation, direction) in product(world.scenes, world.lightings, world.views):
         origin = [world.dataset, scene, lighting, rotation, direction]
         entry = _entry(origin, world)
-        run.write_sequence(entry.key, _sequence(rng, origin, world), _png(world))
-        manifest.sequences[entry.key] = entry
+        tables = _sequence(rng, origin, world)
+        kept = [name for name in tables if name not in OBSERVED or world.keep == "observations"]
+        hashes = run.write_sequence(entry.key, {name: tables[name] for name in kept}, _png(world))
+        manifest.sequences[entry.key] = replace(entry, sha256=hashes)
     run.write_manifest(manifest)
     _write_statistics(run, world)
     return run
@@ -120,7 +129,7 @@ def _toml(world: World) -> str:
         [
             'name = "made up"',
             f"speeds = {list(world.speeds)}",
-            "seed = 0",
+            f'seed = 0\nkeep = "{world.keep}"',
             f'paper = "{world.paper}"' if world.paper else "",
             f'[dataset]\nreader = "simulated"\nlightings = {list(world.lightings)}\n[dataset.options]\nframes = 30',
             *trackers,
@@ -142,15 +151,27 @@ def _entry(origin: Sequence[Any], world: World) -> SequenceEntry:
 def _sequence(rng: np.random.Generator, origin: Sequence[Any], world: World) -> dict[str, pl.DataFrame]:
     parts = [_condition(rng, [*origin, tracker, speed], world) for tracker in world.trackers for speed in world.speeds]
     observations, tracks, frames = (pl.concat(tables) for tables in zip(*parts, strict=True))
-    trimmed = trim(observations, tracks, percentile=world.percentile, population=world.population)
+    trimmed = trim(
+        observations,
+        tracks,
+        percentile=world.percentile,
+        population=world.population,
+        among=world.trim_among,
+        key_frame=world.key_frame,
+    )
+    axis = "age" if world.key_frame is None else "frame"
     return {
         "observations": trimmed.observations,
         "tracks": trimmed.tracks,
         "frames": frames,
         "poses": _poses(origin, world),
-        "moments": scene_moments(trimmed.observations, axis="age" if world.key_frame is None else "frame"),
+        "moments": scene_moments(trimmed.observations, axis=axis),
+        "aspects": scene_aspects(trimmed.observations, trimmed.tracks, axis=axis),
         "trims": trimmed.trims,
         "counts": counts(trimmed.observations, trimmed.tracks),
+        "ends": count_ends(trimmed.tracks),
+        "errors": error_histogram(trimmed.tracks),
+        **{name: empty(SEQUENCE_TABLES[name]) for name in ("blocks", "increments", "samples")},  # findings are made up
     }
 
 
@@ -208,9 +229,11 @@ def _condition(
     observations = observations.with_columns(known.then(pl.col("u_true_px", "v_true_px", "du_px", "dv_px")))
     end = np.where(first + life == seen, TrackEnd.sequence_end.name, TrackEnd.lost.name)
     tracks = pl.DataFrame({"track": np.arange(first.size), "first_frame": first * speed, "lifetime": life, "end": end})
+    every_way = (np.arange(first.size) * 0.4) % np.pi - np.pi / 2
     tracks = tracks.with_columns(
-        response=pl.lit(9.0), depth_m=pl.lit(world.depth_m), max_error_px=pl.lit(None), kept=pl.lit(value=True)
-    )
+        response=pl.lit(9.0), depth_m=pl.lit(world.depth_m), max_error_px=pl.lit(None), kept=pl.lit(value=True),
+        gradient_rad=pl.Series(every_way),
+    )  # fmt: skip
     alive = np.bincount(first[track] + step, minlength=seen)
     offered = np.concatenate([[0], alive[:-1]])
     outliers = rng.binomial(offered, 0.05 * worse)
@@ -236,10 +259,10 @@ def _labelled(table: pl.DataFrame, origin: Sequence[Any]) -> pl.DataFrame:
 def _write_statistics(run: RunFolder, world: World) -> None:
     made = {
         "curves": curves(pl.concat(run.sequence_tables("moments")), min_features=world.min_features),
-        "lifetimes": lifetimes(run.sequence_tables("tracks")),
+        "lifetimes": lifetimes_of_ends(run.sequence_tables("ends")),
         "outliers": outlier_ratios(run.sequence_tables("frames")),
         "trims": pl.concat(run.sequence_tables("trims")),
-        "errors": error_histogram(run.sequence_tables("tracks")),
+        "errors": merge_errors(run.sequence_tables("errors")),
         "counts": merge_counts(run.sequence_tables("counts")),
     }
     made["summary"] = summary(
@@ -260,8 +283,34 @@ def _write_statistics(run: RunFolder, world: World) -> None:
         ),
         population=world.population,
     )
+    made["aspect_curves"] = aspect_curves(run.sequence_tables("aspects"), min_features=world.min_features)
+    made |= _made_up_findings().made_up(made, scope=_scope(world))
     for name, table in made.items():
         run.write_statistics(name, table)
+
+
+def _made_up_findings() -> ModuleType:
+    """The module beside this file, which no import statement reaches under import-mode=importlib."""
+    path = Path(__file__).with_name("made_up_findings.py")
+    spec = importlib.util.spec_from_file_location("tracknoise_made_up_findings", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def _scope(world: World) -> Scope:
+    """What the headlines are about."""
+    key_frames = {} if world.key_frame is None else dict.fromkeys(("forward", "backward"), world.key_frame)
+    reference = Reference(world.lightings[0], speed=min(world.speeds), key_frames=key_frames)
+    return Scope(
+        reference,
+        world.trackers,
+        population=world.population,
+        percentile=world.percentile,
+        recorded=world.dataset != "simulated",
+    )
 
 
 def _png(world: World) -> bytes:

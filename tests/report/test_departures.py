@@ -9,7 +9,7 @@ import pytest
 
 from tracknoise.report.departures import Departure, Part, departures, texts
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.sentences import number
+from tracknoise.report.sentences import number, pixels
 from tracknoise.statistics.lifetimes import mean_lifetime
 from tracknoise.tables.store import RunFolder
 
@@ -80,6 +80,28 @@ def test_lifetimes_are_those_of_the_statistics(part: Part, found: dict[str, Depa
 def test_without_variants_there_is_no_table_of_them(part: Part) -> None:
     alone = {item.id: item for item in departures([Part("alone", part.evidence)])}
     assert alone["rejection"].measured is None
+
+
+def test_ways_to_reject_outliers_are_compared_at_the_last_age_that_all_have(make_run: Callable[..., RunFolder]) -> None:
+    evidence = Evidence.of(make_run(loss=0.35, trackers=("lasting", "fleeting"), hidden=0.0))
+    points = evidence.nominal(evidence.points).filter(role="second", trimming="trimmed", population=evidence.population)
+    last = points.group_by("tracker").agg(pl.col("since").max())["since"].sort()
+    assert 0 < last[0] < min(10, last[1]), "their own last ages differ"
+    (cells,) = [item.measured for item in departures([Part("made up", evidence, evidence)]) if item.id == "rejection"]
+    assert cells is not None
+    assert [row[4] for row in cells.rows] == [f"at\N{NO-BREAK SPACE}age\N{NO-BREAK SPACE}{last[0]}"] * 2
+    for row, tracker in zip(cells.rows, ("lasting", "fleeting"), strict=True):
+        (point,) = points.filter(tracker=tracker, since=last[0]).to_dicts()
+        assert list(row[5:]) == [pixels(point["u"]), pixels(point["v"])]
+
+
+def test_one_scene_has_no_weight_to_be_compared(make_run: Callable[..., RunFolder]) -> None:
+    evidence = Evidence.of(make_run(scenes=("only",), born=40))
+    found = {item.id: item.measured for item in departures([Part("alone", evidence)])}
+    assert found["weighting"] is not None
+    assert all(list(row[2:]) == ["–", "one scene"] * 3 for row in found["weighting"].rows)
+    assert found["trimming"] is not None
+    assert "one scene" not in {text for row in found["trimming"].rows for text in row}
 
 
 def test_curves_that_cannot_be_compared_are_dashes(make_run: Callable[..., RunFolder]) -> None:

@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from dataclasses import replace
 from types import ModuleType
 
 import polars as pl
@@ -46,6 +47,25 @@ def test_settings_and_options_are_all_there(run: RunFolder) -> None:
     assert rows["dataset.options.frames"] == "30"
     assert rows["statistics.min_features"] == "40"
     assert measured.trackers(evidence).rows[0] == ["lucas-kanade", "lucas-kanade", "window = 15"]
+
+
+def test_views_are_told_as_an_experiment_file_has_them(make_run: Callable[..., RunFolder]) -> None:
+    evidence = Evidence.of(make_run(scenes=("only",), speeds=(1,), n_frames=6))
+    views = [{"rotation": 0, "direction": "forward"}, {"rotation": 90, "lightings": ["diffuse", "LR0"]}]
+    rows = measured.settings(replace(evidence, settings={"views": views})).rows
+    assert [list(row) for row in rows] == [
+        ["views[0].rotation", "0"],
+        ["views[0].direction", "forward"],
+        ["views[1].rotation", "90"],
+        ["views[1].lightings", "diffuse and LR0"],
+    ]
+
+
+def test_sequences_that_failed_of_the_same_are_told_together(make_run: Callable[..., RunFolder]) -> None:
+    evidence = Evidence.of(make_run(scenes=("only",), speeds=(1,), n_frames=6))
+    failures = {"x@led-2": "torn", **{f"s@led-{number}": "dark" for number in range(6)}}
+    failed = replace(evidence, manifest=replace(evidence.manifest, failures=failures))
+    assert measured.failures(failed) == [("s@led-0, s@led-1, s@led-2 and 3 others", "dark"), ("x@led-2", "torn")]
 
 
 def test_scenes_and_notes_are_told(run: RunFolder) -> None:

@@ -9,6 +9,7 @@ import pytest
 from tracknoise.experiments.load import load_experiment, preset_names
 from tracknoise.report import matters, paper
 from tracknoise.report.evidence import Evidence
+from tracknoise.report.sentences import effect_text
 from tracknoise.tables.store import RunFolder
 
 LK, SIFT = "lucas-kanade", "correspondence"
@@ -57,9 +58,14 @@ def with_effects(evidence: Evidence, **columns: object) -> Evidence:
     return dataclasses.replace(evidence, effects=evidence.effects.with_columns(**changed))
 
 
+def without_intervals(evidence: Evidence) -> Evidence:
+    """The same evidence where verdicts are those of the point rule."""
+    return dataclasses.replace(evidence, dependence=evidence.dependence.clear())
+
+
 @pytest.fixture
 def repeated(make_run: Callable[..., RunFolder]) -> Evidence:
-    return Evidence.of(make_run(paper="kitti"))
+    return without_intervals(Evidence.of(make_run(paper="kitti")))
 
 
 def test_verdicts_stand_beside_the_papers(repeated: Evidence) -> None:
@@ -81,7 +87,7 @@ def test_what_was_measured_does_not_depend_on_the_paper(make_run: Callable[..., 
 
 
 def test_a_question_of_the_paper_is_kept_where_the_run_cannot_answer_it(make_run: Callable[..., RunFolder]) -> None:
-    evidence = Evidence.of(make_run(paper="dtu", trackers=(LK,), speeds=(1,)))
+    evidence = without_intervals(Evidence.of(make_run(paper="dtu", trackers=(LK,), speeds=(1,))))
     table = paper.comparison(evidence)
     assert table["factor"].unique(maintain_order=True).to_list() == ["tracker", "speed", "lighting"]
     assert set(table["verdict"]) == {"undecided"}
@@ -117,7 +123,7 @@ def test_the_table_has_the_papers_rows_and_our_effects(repeated: Evidence) -> No
     [(None, ""), (0.0, "0.0 %"), (0.0999, "10.0 %"), (0.3, "30 %"), (9.9, "990 %"), (float("inf"), "> 1000 %")],
 )
 def test_effects_are_written_with_the_digits_that_the_margin_needs(effect: float | None, expected: str) -> None:
-    assert paper.effect_text(effect).replace("\N{NO-BREAK SPACE}", " ") == expected
+    assert effect_text(effect).replace("\N{NO-BREAK SPACE}", " ") == expected
 
 
 def test_the_sentence_counts_the_cells(repeated: Evidence) -> None:
@@ -151,10 +157,57 @@ def test_a_run_that_varies_nothing_says_so(make_run: Callable[..., RunFolder]) -
 
 
 def test_what_decided_names_levels_place_and_size(run: RunFolder) -> None:
-    evidence = Evidence.of(run)
+    evidence = without_intervals(Evidence.of(run))
     effects = evidence.effects.filter(factor="speed", tracker=LK, statistic="eta").row(0, named=True)
     cells = matters.details(evidence)
     (row,) = [row for row in cells.rows if row[:2] == ["speed", LK] and "absolute" in row[2]]
     place = f"{effects['coordinate']}, at age {effects['at']}"
-    assert list(row[3:7]) == [effects["verdict"], "1 and 2", place, "1 of 1"]
+    assert [cell.replace("\N{NO-BREAK SPACE}", " ") for cell in row[3:7]] == [
+        effects["verdict"], "1 and 2", place, "1 of 1"
+    ]  # fmt: skip
     assert len(row) == len(cells.headings) == len(cells.numeric)
+
+
+def with_dependence(evidence: Evidence, **columns: object) -> Evidence:
+    """The same evidence with other values in all rows of its verdicts with intervals."""
+    changed = {name: pl.lit(value, dtype=evidence.dependence.schema[name]) for name, value in columns.items()}
+    return dataclasses.replace(evidence, dependence=evidence.dependence.with_columns(**changed))
+
+
+@pytest.fixture
+def judged(make_run: Callable[..., RunFolder]) -> Evidence:
+    evidence = with_effects(Evidence.of(make_run(paper="kitti")), verdict="yes", effect=0.45)
+    return with_dependence(evidence, verdict="no", effect=0.45, low=0.02, high=0.08, n_scenes=9, why=None)
+
+
+def test_a_verdict_with_an_interval_takes_the_place_of_the_point_rules(judged: Evidence) -> None:
+    table = paper.comparison(judged)
+    assert set(table["verdict"]) == {"no"}
+    assert set(table["point_verdict"]) == {"yes"}
+    assert table.filter(tracker=SIFT)["agreement"].to_list() == ["disagree", "agree", "agree", "disagree", "disagree"]
+    cell = paper.side_by_side(judged)["speed, correspondence: here"][0]
+    assert cell.replace("\N{NO-BREAK SPACE}", " ") == "no (45 %, 2.0 % to 8.0 %)"
+
+
+def test_agreement_is_for_what_is_decided(judged: Evidence) -> None:
+    why = "only 4 scenes, at least 6 are needed"
+    open_ = with_dependence(judged, verdict="undecided", low=None, high=None, n_scenes=4, why=why)
+    assert paper.tally(paper.comparison(open_)) == {"agree": 0, "disagree": 0, "undecided": 15}
+    cells = matters.intervals(open_)
+    assert cells is not None
+    assert all(len(row) == len(cells.headings) == len(cells.numeric) for row in cells.rows)
+    question = ["tracker", "–", "mean\N{NO-BREAK SPACE}error"]
+    assert cells.rows[0] == [
+        *question,
+        "undecided",
+        "45\N{NO-BREAK SPACE}%",
+        "–",
+        "4",
+        "yes (45\N{NO-BREAK SPACE}%)",
+        why,
+    ]
+
+
+def test_the_point_rule_keeps_its_own_table(judged: Evidence) -> None:
+    assert {row[3] for row in matters.details(judged).rows} == {"yes"}
+    assert matters.intervals(without_intervals(judged)) is None

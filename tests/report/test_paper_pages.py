@@ -16,7 +16,10 @@ WORLDS = {
     "DTU": {"key_frame": 8, "lightings": ("diffuse", "LR0", "BF0"), "views": ((0, "forward"), (90, "forward"))},
     "Gazebo Linear": {"views": ((0, "forward"), (0, "backward"))},
 }
-BESIDES = {"picture-1", "curves-untrimmed", "occlusion"}
+BESIDES = {
+    *("picture-1", "curves-untrimmed", "occlusion", "time-structure", "gaussianity"),
+    *(f"along-{TRACKER}", f"survivorship-{TRACKER}"),
+}
 
 
 def mapped(experiment: str) -> set[str]:

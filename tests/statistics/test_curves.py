@@ -1,9 +1,13 @@
+from functools import partial
+
 import numpy as np
 import polars as pl
 import pytest
 
 from tracknoise.exceptions import SchemaError
+from tracknoise.statistics import curves as module
 from tracknoise.statistics.curves import NAMES, UNITS, curves
+from tracknoise.statistics.grouping import in_chunks
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.tables.schema import CURVES, MOMENTS, empty
 
@@ -109,7 +113,32 @@ def test_rows_are_sorted_and_do_not_depend_on_the_order_of_the_input(observation
     assert curves(moments.sample(fraction=1.0, shuffle=True, seed=2)).equals(table)
 
 
+@pytest.mark.parametrize("rows", [1, 40, 10_000])
+def test_scenes_that_come_one_by_one_are_pooled_as_all_at_once(observations, monkeypatch, rows: int) -> None:
+    rng = np.random.default_rng(17)
+    scene = rng.choice(["a", "b", "c", "d", "e"], 400, p=[0.4, 0.3, 0.2, 0.09, 0.01])
+    moments = scene_moments(
+        observations(
+            scene=scene.tolist(),
+            age=rng.geometric(0.3, 400).tolist(),
+            du_px=rng.normal(3.0, size=400).tolist(),
+            dv_px=rng.standard_cauchy(size=400).tolist(),
+        )
+    )
+    together = curves(moments, min_features=3)
+    parts = [moments.filter(scene=name) for name in "abcde"]
+    monkeypatch.setattr(module, "in_chunks", partial(in_chunks, rows=rows))
+    streamed = curves(iter(parts), min_features=3)
+    values = ["u", "v", "uv"]
+    assert streamed.drop(values).equals(together.drop(values))
+    for name in values:
+        assert streamed[name].is_null().equals(together[name].is_null())
+        np.testing.assert_allclose(streamed[name].drop_nulls(), together[name].drop_nulls(), rtol=1e-11, atol=1e-11)
+    assert curves(iter(parts), min_features=3).equals(streamed)
+
+
 def test_no_moments_give_no_curves() -> None:
+    assert curves([]).equals(empty(CURVES))
     assert curves(empty(MOMENTS)).equals(empty(CURVES))
 
 

@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 from tracknoise.exceptions import SchemaError
-from tracknoise.statistics.grouping import group_rows, reduce_each
+from tracknoise.statistics.grouping import group_rows, in_chunks, reduce_each
 
 NUMBERS = {"n": pl.Int64}
 
@@ -58,3 +58,34 @@ def test_each_table_is_checked() -> None:
     good, bad = pl.DataFrame({"n": [1]}), pl.DataFrame({"m": [1]})
     with pytest.raises(SchemaError, match="numbers: column 0 is m: Int64, expected n: Int64"):
         reduce_each([good, bad], NUMBERS, "numbers", lambda table: table)
+
+
+def test_small_tables_are_stacked_and_a_large_one_is_not_cut() -> None:
+    tables = (pl.DataFrame({"n": range(height)}, schema=NUMBERS) for height in (1, 1, 5, 0, 2))
+    assert [chunk.height for chunk in in_chunks(tables, NUMBERS, "numbers", rows=2)] == [2, 5, 2]
+
+
+def test_of_no_tables_there_are_no_chunks_and_of_one_it_is_the_only() -> None:
+    assert list(in_chunks([], NUMBERS, "numbers")) == []
+    table = pl.DataFrame({"n": range(9)}, schema=NUMBERS)
+    assert [chunk.equals(table) for chunk in in_chunks(table, NUMBERS, "numbers", rows=2)] == [True]
+
+
+def test_no_more_tables_are_held_than_make_a_chunk() -> None:
+    asked = []
+
+    def read() -> Iterator[pl.DataFrame]:
+        for place in range(6):
+            asked.append(place)
+            yield pl.DataFrame({"n": [place]}, schema=NUMBERS)
+
+    chunks = in_chunks(read(), NUMBERS, "numbers", rows=2)
+    next(chunks)
+    assert asked == [0, 1]
+    next(chunks)
+    assert asked == [0, 1, 2, 3]
+
+
+def test_a_chunk_of_another_schema_is_refused() -> None:
+    with pytest.raises(SchemaError, match="numbers"):
+        list(in_chunks([pl.DataFrame({"m": [1]})], NUMBERS, "numbers"))

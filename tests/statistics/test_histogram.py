@@ -3,7 +3,7 @@ import polars as pl
 import pytest
 
 from tracknoise.exceptions import SchemaError
-from tracknoise.statistics.histogram import BINS, error_histogram
+from tracknoise.statistics.histogram import BINS, error_histogram, merge_errors
 from tracknoise.tables.schema import ERRORS, OBSERVATIONS, TRACKS, empty
 
 
@@ -41,6 +41,7 @@ def test_histograms_of_scenes_add_up(tracks) -> None:
     parts = [tracks(scene=scene, max_error_px=errors[start::3]) for start, scene in enumerate("abc")]
     together, streamed = error_histogram(pl.concat(parts)), error_histogram(iter(parts))
     assert together.equals(streamed)
+    assert merge_errors(error_histogram(part) for part in reversed(parts)).equals(together)
     assert together["n"].to_list() == sum(error_histogram(part)["n"] for part in parts).to_list()
     bounds = [*BINS["bin_low_px"], np.inf]
     assert together["n"].to_list() == np.histogram(errors, bounds)[0].tolist()
@@ -49,8 +50,11 @@ def test_histograms_of_scenes_add_up(tracks) -> None:
 def test_no_tracks_give_an_empty_table() -> None:
     assert error_histogram(empty(TRACKS)).equals(empty(ERRORS))
     assert error_histogram([]).equals(empty(ERRORS))
+    assert merge_errors([]).equals(empty(ERRORS))
 
 
 def test_another_table_is_refused() -> None:
     with pytest.raises(SchemaError, match="tracks"):
         error_histogram(empty(OBSERVATIONS))
+    with pytest.raises(SchemaError, match="errors"):
+        merge_errors(empty(TRACKS))

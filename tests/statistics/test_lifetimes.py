@@ -12,12 +12,14 @@ from tracknoise.statistics.lifetimes import (
     MEAN_LIFETIMES,
     MEDIAN_SURVIVALS,
     SURVIVING,
+    count_ends,
     lifetimes,
+    lifetimes_of_ends,
     mean_lifetime,
     median_survival,
     surviving,
 )
-from tracknoise.tables.schema import LIFETIMES, TRACKS, empty
+from tracknoise.tables.schema import ENDS, LIFETIMES, TRACKS, empty
 
 LIVES = st.lists(st.tuples(st.integers(1, 8), st.booleans()), min_size=1, max_size=40)
 
@@ -112,6 +114,26 @@ def test_tables_may_be_streamed(lived) -> None:
     assert lifetimes(read()).select("n_ended", "n_scenes").rows() == [(2, 2)]
 
 
+def test_ends_are_counted_by_block_lifetime_and_kind(lived) -> None:
+    # Of 32 tracks two make a block: 0 and 1 the first, 30 and 31 the last.
+    lives = [(3, False), (3, True), *[(1, False)] * 28, (5, False), (7, True)]
+    table = count_ends(lived(lives))
+    columns = ["block", "lifetime", "n_ended", "n_censored"]
+    assert table.select(columns).rows()[:2] == [(0, 3, 1, 1), (1, 1, 2, 0)]
+    assert table.select(columns).rows()[-2:] == [(15, 5, 1, 0), (15, 7, 0, 1)]
+    assert table.select(pl.col("n_ended", "n_censored").sum()).row(0) == (30, 2)
+
+
+def test_what_pooling_needs_is_in_the_counts_alone(lived) -> None:
+    rng = np.random.default_rng(18)
+    lives = [(int(length), bool(end)) for length, end in zip(rng.geometric(0.2, 90), rng.random(90) < 0.2, strict=True)]
+    parts = [lived(lives[:50], scene="a"), lived(lives[50:70], scene="b"), lived(lives[70:], scene="b", speed=2)]
+    expected = lifetimes(pl.concat(parts))
+    assert lifetimes_of_ends(count_ends(part) for part in parts).equals(expected)
+    assert lifetimes_of_ends(pl.concat([count_ends(part) for part in reversed(parts)])).equals(expected)
+    assert lifetimes_of_ends(count_ends(pl.concat(parts))).equals(expected)
+
+
 def test_mean_lifetime_by_hand(lived) -> None:
     # As in test_by_hand: 14 frames over 6 tracks. Area under S up to 4: 1 + 5/6 + 5/12 + 5/12.
     table = lifetimes(lived([(1, False), (2, False), (2, False), (4, False), (2, True), (3, True)]))
@@ -162,6 +184,8 @@ def test_no_tracks_give_empty_tables() -> None:
     table = lifetimes(empty(TRACKS))
     assert table.equals(empty(LIFETIMES))
     assert lifetimes([]).equals(table)
+    assert count_ends(empty(TRACKS)).equals(empty(ENDS))
+    assert lifetimes_of_ends([]).equals(table)
     assert mean_lifetime(table).equals(empty(MEAN_LIFETIMES))
     assert median_survival(table).equals(empty(MEDIAN_SURVIVALS))
     assert surviving(table).equals(empty(SURVIVING))
@@ -170,6 +194,8 @@ def test_no_tracks_give_empty_tables() -> None:
 def test_another_table_is_refused() -> None:
     with pytest.raises(SchemaError, match="tracks"):
         lifetimes(empty(LIFETIMES))
+    with pytest.raises(SchemaError, match="ends"):
+        lifetimes_of_ends(empty(TRACKS))
     for function in (mean_lifetime, median_survival, surviving):
         with pytest.raises(SchemaError, match="lifetimes"):
             function(empty(TRACKS))

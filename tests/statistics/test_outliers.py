@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from tracknoise.exceptions import SchemaError
-from tracknoise.statistics.outliers import FRAME_RATIOS, frame_ratios, outlier_ratios
+from tracknoise.statistics.box import box_summary
+from tracknoise.statistics.outliers import outlier_ratios
 from tracknoise.tables.schema import FRAMES, OUTLIERS, TRACKS, empty
 
 
@@ -32,11 +33,6 @@ def test_frames_of_all_scenes_stand_together(frames) -> None:
     assert outlier_ratios([two, one]).equals(table)
 
 
-def test_ratios_of_each_frame(frames) -> None:
-    table = frame_ratios(frames(frame=[2, 1, 0], offered=[4, 2, 0], outliers=[1, 2, 0], speed=[1, 1, 1]))
-    assert table.select("frame", "ratio").rows() == [(1, 1.0), (2, 0.25)]
-
-
 def test_a_tracker_that_never_had_a_feature_has_counts_of_zero_and_no_ratio(frames) -> None:
     table = outlier_ratios(frames(frame=[0, 1, 0], offered=[0, 0, 5], tracker=["black", "black", "seeing"]))
     assert table["tracker"].to_list() == ["black", "seeing"]
@@ -58,10 +54,23 @@ def test_sums_do_not_overflow_the_type_of_a_frame(frames) -> None:
     assert (row["offered"], row["outliers"], row["pooled_ratio"]) == (2 * int(most), 2 * int(most), 1.0)
 
 
+def test_pooled_ratios_have_the_box_of_all_frames(frames) -> None:
+    rng = np.random.default_rng(19)
+    offered = rng.integers(1, 40, (3, 100))
+    outliers = rng.binomial(offered, 0.3)
+    parts = [
+        frames(scene=name, offered=offered[row].tolist(), outliers=outliers[row].tolist())
+        for row, name in enumerate("abc")
+    ]
+    row = outlier_ratios(iter(parts)).row(0, named=True)
+    expected = box_summary(np.concatenate([(part["outliers"] / part["offered"]).to_numpy() for part in parts]))
+    for name in ("mean", "median", "lower_quartile", "upper_quartile", "lower_whisker", "upper_whisker"):
+        assert row[name] == pytest.approx(getattr(expected, name), rel=1e-12), name
+
+
 def test_no_frames_give_empty_tables() -> None:
     assert outlier_ratios(empty(FRAMES)).equals(empty(OUTLIERS))
     assert outlier_ratios([]).equals(empty(OUTLIERS))
-    assert frame_ratios(empty(FRAMES)).equals(empty(FRAME_RATIOS))
 
 
 def test_another_table_is_refused() -> None:

@@ -75,6 +75,43 @@ def test_tracks_seen_once_lower_the_threshold_as_in_the_paper(observations, trac
     assert among.trims["threshold_px"][0] == pytest.approx(0.1)
 
 
+def test_the_percentile_may_be_of_the_tracks_that_were_followed(observations, tracks) -> None:
+    """Ten tracks that go on with errors of 1 to 10 px, among ninety that were seen once."""
+    track = [number for number in range(100) for _ in range(2 if number < 10 else 1)]
+    age = [step for number in range(100) for step in range(2 if number < 10 else 1)]
+    du_px = [float(number + 1) if step else 0.0 for number, step in zip(track, age, strict=True)]
+    table, lived = observations(track=track, age=age, du_px=du_px), tracks(track=list(range(100)))
+    every, followed = (trim(table, lived, percentile=80, among=among) for among in ("all", "followed"))
+    counted = ("threshold_px", "n_measured", "n_anchor_only", "n_dropped", "n_followed_dropped", "dropped_share")
+    assert every.trims.select("among", *counted).row(0) == ("all", 0.0, 100, 90, 10, 10, 0.1)
+    row = followed.trims.select("among", *counted).row(0)
+    assert row == ("followed", pytest.approx(8.2), 100, 90, 2, 2, 0.02)
+    assert followed.tracks["kept"].to_list() == [True] * 8 + [False] * 2 + [True] * 90
+
+
+def test_the_anchor_is_the_key_frame_where_there_is_one(observations, tracks) -> None:
+    table = observations(
+        track=[0, 0, 1, 2, 3], frame=[4, 5, 5, 6, 5], age=[0, 1, 0, 0, 3], truth=["valid"] * 4 + ["occluded"],
+        du_px=[2.0, 0.0, 0.0, 4.0, 0.0],
+    )  # fmt: skip
+    result = trim(table, tracks(track=[0, 1, 2, 3]), percentile=50, among="followed", key_frame=5)
+    row = result.trims.row(0, named=True)
+    assert (row["n_measured"], row["n_anchor_only"], row["threshold_px"]) == (3, 1, 3.0)
+    born = trim(table, tracks(track=[0, 1, 2, 3]), percentile=50, among="followed")
+    assert (born.trims["n_anchor_only"][0], born.trims["threshold_px"][0]) == (2, 2.0)
+
+
+def test_where_nothing_was_followed_nothing_is_dropped(observations, tracks) -> None:
+    result = trim(observations(track=[0, 1], du_px=[0.0, 0.1]), tracks(track=[0, 1]), percentile=10, among="followed")
+    row = result.trims.row(0, named=True)
+    assert (row["threshold_px"], row["n_anchor_only"], row["n_dropped"], row["dropped_share"]) == (None, 2, 0, 0.0)
+
+
+def test_an_unknown_choice_of_tracks_is_refused() -> None:
+    with pytest.raises(UnknownNameError, match="choice of tracks 'folowed' \\(did you mean 'followed'\\?\\)"):
+        trim(empty(OBSERVATIONS), empty(TRACKS), percentile=90, among="folowed")
+
+
 def test_rows_stay_in_the_order_given(observations, tracks) -> None:
     order = np.random.default_rng(0).permutation(200).tolist()
     table = observations(track=order, du_px=[float(value) for value in order])

@@ -10,7 +10,15 @@ import pytest
 
 from tracknoise.exceptions import SchemaError, StoreError
 from tracknoise.tables import schema
-from tracknoise.tables.store import SEQUENCE_TABLES, FailureEntry, Manifest, RunFolder, SequenceEntry, sequence_key
+from tracknoise.tables.store import (
+    OBSERVED,
+    SEQUENCE_TABLES,
+    FailureEntry,
+    Manifest,
+    RunFolder,
+    SequenceEntry,
+    sequence_key,
+)
 
 ENTRY = SequenceEntry("d", "a/b", "default", 0, "forward", 10, 64, 48, "birth", 5, 1.5, ("a note",))
 
@@ -52,7 +60,7 @@ def test_no_temporary_file_is_left(run):
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [("{", "damaged"), ('{"format": 99}', "format 99, expected 2"), ('{"format": 2}', "damaged"), ("[]", "damaged")],
+    [("{", "damaged"), ('{"format": 99}', "format 99, expected 3"), ('{"format": 3}', "damaged"), ("[]", "damaged")],
 )
 def test_a_damaged_manifest_is_named(run, content, message):
     (run.path / "manifest.json").write_text(content)
@@ -141,6 +149,22 @@ def test_a_sequence_is_there_if_every_bit_of_it_is(measured):
         flip(path, place=1)
     assert measured.has_sequence(entry)
     assert not measured.has_sequence(ENTRY), "a run that recorded no hashes knows nothing"
+
+
+def test_a_sequence_may_be_kept_without_single_observations_but_not_without_anything_else(run):
+    tables = {name: schema.empty(columns) for name, columns in SEQUENCE_TABLES.items() if name not in OBSERVED}
+    entry = replace(ENTRY, sha256=run.write_sequence(ENTRY.key, tables, b"png"))
+    manifest = run.manifest()
+    manifest.sequences[entry.key] = entry
+    run.write_manifest(manifest)
+    assert run.has_sequence(entry)
+    assert run.sequence_table("ends", entry.key).is_empty()
+    with pytest.raises(StoreError, match=r'run: keeps no tracks, expected a run with keep = "observations"'):
+        run.sequence_table("tracks", entry.key)
+    hashes = {name: value for name, value in entry.sha256.items() if name != "moments"}
+    assert not run.has_sequence(replace(entry, sha256=hashes))
+    with pytest.raises(KeyError, match="frames"):
+        run.write_sequence(entry.key, {name: table for name, table in tables.items() if name != "frames"}, b"png")
 
 
 def test_a_damaged_bit_is_noticed_when_a_table_is_read(measured):

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from tracknoise import __version__
-from tracknoise.cli import datasets, demo, replicate, report, run, simulate, trackers
+from tracknoise.cli import datasets, demo, findings, replicate, report, run, selfcheck, simulate, trackers
 from tracknoise.cli.terminal import Terminal
 from tracknoise.exceptions import TracknoiseError
 
@@ -23,7 +23,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
 )
-for command in (demo, run, replicate, report, simulate, datasets, trackers):
+for command in (demo, run, replicate, report, findings, simulate, datasets, trackers, selfcheck):
     command.register(app)
 
 

@@ -1,5 +1,6 @@
 """How a run goes on: bars in a terminal, plain lines elsewhere, nothing when quiet."""
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -18,7 +19,11 @@ from rich.progress import (
 )
 
 from tracknoise.cli.terminal import Terminal
+from tracknoise.report.names import together
 from tracknoise.tables.store import SequenceEntry
+
+SILENCE_S = 10.0
+"""Where there are no bars, a line comes no sooner than this after the last one of its kind."""
 
 
 class Pace:
@@ -48,36 +53,108 @@ class Pace:
         return f"{_rate(rate)}, {_duration(left_s)} left"
 
 
-class RunProgress:
-    """Shows sequences and frames as they are measured; a `tracknoise.experiments.execute.Listener`."""
+class Heartbeat:
+    """Says now and then that a run goes on, from a thread of its own, since nothing may happen for long.
 
-    def __init__(self, terminal: Terminal) -> None:
-        self._terminal = terminal
+    Lines come farther apart the longer it takes: a twentieth of the time until then, and no less than `SILENCE_S`.
+
+    Parameters
+    ----------
+    say
+        Prints a line.
+    status
+        Gives the line, by the seconds since the start; an empty one is not printed.
+    clock
+        Gives the time, seconds.
+    pause_s
+        How long the thread sleeps between two looks at the clock.
+    """
+
+    def __init__(
+        self,
+        say: Callable[[str], None],
+        status: Callable[[float], str],
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        pause_s: float = 1.0,
+    ) -> None:
+        self._say, self._status, self._clock, self._pause_s = say, status, clock, pause_s
+        self._started = self._last = clock()
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._go, daemon=True)
+
+    def start(self) -> None:
+        """Begin to say so."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Be silent from now on."""
+        self._ended.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def beat(self) -> None:
+        """Print the line, if it is time."""
+        now = self._clock()
+        if now - self._last >= max(SILENCE_S, (now - self._started) / 20):
+            self._last = now
+            if text := self._status(now - self._started):
+                self._say(text)
+
+    def _go(self) -> None:
+        while not self._ended.wait(self._pause_s):
+            self.beat()
+
+
+class RunProgress:
+    """Shows sequences and frames as they are measured; a `tracknoise.experiments.execute.Listener`.
+
+    Parameters
+    ----------
+    terminal
+        Where to.
+    clock
+        Gives the time, seconds.
+
+    Attributes
+    ----------
+    heartbeat
+        Says where the run stands, where there are no bars.
+    """
+
+    def __init__(self, terminal: Terminal, clock: Callable[[], float] = time.monotonic) -> None:
+        self._terminal, self._clock = terminal, clock
         self._bars = _bars(terminal, TextColumn("{task.fields[pace]}"))
-        self._pace = Pace(0)
+        self.heartbeat = Heartbeat(terminal.say, self._status, clock=clock)
+        self._pace = Pace(0, clock)
         self._total, self._done = 0, 0
         self._all: TaskID | None = None
         self._frames: TaskID | None = None
+        self._at = ""
 
     def __enter__(self) -> Self:
         self._bars.start()
+        if self._bars.disable:
+            self.heartbeat.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self.heartbeat.stop()
         self._bars.stop()
 
     def planned(self, keys: list[str], done: int) -> None:
         """Begin, with some sequences perhaps measured earlier."""
         if done:
             self._terminal.say(f"measured already: {done}; to go: {len(keys)}")
-        self._pace = Pace(len(keys))
+        self._pace = Pace(len(keys), self._clock)
         self._total, self._done = len(keys) + done, done
         self._all = self._bars.add_task("sequences", total=self._total, completed=done, pace="")
 
     def frame(self, key: str, done: int, total: int) -> None:
         """Show the frames of the sequence at hand."""
+        self._at = f"{key} at frame {done} of {total}"
         if self._frames is None:
             self._frames = self._bars.add_task(key, total=total, pace="")
         self._bars.update(self._frames, description=key, completed=done, total=total)
@@ -89,10 +166,11 @@ class RunProgress:
         for note in entry.notes:
             self._terminal.say(f"note: {key}: {note}")
 
-    def failed(self, key: str, cause: str) -> None:
-        """Say that a sequence failed, and why."""
-        self._advance()
-        self._terminal.error(f"{key}: {cause}")
+    def failed(self, keys: list[str], cause: str) -> None:
+        """Say that sequences failed, and why, once for those that were read together."""
+        for _ in keys:
+            self._advance()
+        self._terminal.error(f"{together(keys)}: {cause}")
 
     def remark(self, text: str) -> None:
         """Say what else is worth a line."""
@@ -107,6 +185,13 @@ class RunProgress:
     def _position(self) -> str:
         of_all = f"{self._done} of {self._total}"
         return f"{of_all}; {self._pace}" if self._done < self._total else of_all
+
+    def _status(self, elapsed_s: float) -> str:
+        """What there is to say while a sequence is measured; nothing before and after."""
+        if self._done == self._total:
+            return ""
+        of_all = f"{self._done} of {self._total} sequences done after {_duration(elapsed_s)}"
+        return "; ".join(filter(None, [of_all, str(self._pace), self._at]))
 
 
 @contextmanager

@@ -1,6 +1,8 @@
 """``tracknoise replicate``: the paper's experiments, as far as the data at hand allow, and the pages that join them."""
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -50,7 +52,7 @@ def replicate(
     found = candidates(data or [])
     for candidate in found:
         context.obj.say(f"{candidate.preset}: {candidate.found}")
-    runs = _Runs(context.obj, out, workers, fresh=fresh)
+    runs = _Runs(context.obj, out, workers or os.cpu_count() or 1, fresh=fresh)
     replicated = [_repeat(candidate, runs, Limits(scenes, frames, models)) for candidate in found]
     if not any(item.run for item in replicated):
         context.obj.error("none of the paper's experiments could be measured")
@@ -62,25 +64,54 @@ def replicate(
 class _Runs:
     """Runs experiments into folders side by side; one that fails does not stop the others."""
 
-    def __init__(self, terminal: Terminal, out: Path, workers: int | None, *, fresh: bool) -> None:
+    def __init__(self, terminal: Terminal, out: Path, workers: int, *, fresh: bool) -> None:
         self._terminal, self._out, self._workers, self._fresh = terminal, out, workers, fresh
         self.failed = False
 
-    def run(self, name: str, load: Callable[[], "Experiment"], *, report: bool) -> "RunFolder | None":
+    def run(self, name: str, load: Callable[[], "Experiment"]) -> "RunFolder | None":
         """Run an experiment; returns its folder, or None if nothing was measured."""
         from tracknoise.tables.store import RunFolder
 
         folder = self._out / name
         self._terminal.say(f"{name}:")
+
+        def execute() -> int:
+            return run_experiment(self._terminal, load(), folder, self._workers, fresh=self._fresh, report=False)
+
+        return None if self._survive(name, execute) == 1 else RunFolder(folder)
+
+    @contextmanager
+    def report_beside(self, name: str, run: "RunFolder | None") -> Iterator[None]:
+        """Write the report of a run while something else goes on; with one worker, after it."""
+        from concurrent.futures import ProcessPoolExecutor
+        from multiprocessing import get_context
+
+        from tracknoise.report.page import write_report
+
+        if run is None:
+            yield
+            return
+        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
+            begun = process.submit(write_report, run) if self._workers > 1 else None
+            yield
+
+            def finish() -> int:
+                self._terminal.result(f"report: {(begun.result() if begun else write_report(run)).resolve()}")
+                return 0
+
+            self._survive(name, finish)
+
+    def _survive(self, name: str, act: Callable[[], int]) -> int:
+        """Do something and return its exit status, 1 where it fails."""
         try:
-            status = run_experiment(self._terminal, load(), folder, self._workers, fresh=self._fresh, report=report)
+            status = act()
         except Exception as error:
             if self._terminal.debug:
                 raise
             self._terminal.error(f"{name}: {error if isinstance(error, TracknoiseError) else repr(error)}")
             status = 1
         self.failed |= status != 0
-        return None if status == 1 else RunFolder(folder)
+        return status
 
 
 def _repeat(candidate: "Candidate", runs: _Runs, limits: "Limits") -> "Replicated":
@@ -90,7 +121,7 @@ def _repeat(candidate: "Candidate", runs: _Runs, limits: "Limits") -> "Replicate
 
     if not candidate.possible:
         return Replicated(candidate.preset, candidate.found)
-    run = runs.run(candidate.preset, lambda: load_candidate(candidate, limits), report=True)
-    name = f"{candidate.preset}-differences"
-    others = runs.run(name, lambda: variants(load_candidate(candidate, limits)), report=False)
+    run = runs.run(candidate.preset, lambda: load_candidate(candidate, limits))
+    with runs.report_beside(candidate.preset, run):
+        others = runs.run(f"{candidate.preset}-differences", lambda: variants(load_candidate(candidate, limits)))
     return Replicated(candidate.preset, candidate.found, run, others)

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from tracknoise.experiments.settings import Experiment
 
 _NAMED = 10
-"""How many of the sequences that failed are named in the end."""
+"""So many causes of failures are told of in the end, by the sequences that failed of each."""
+_PRESETS = "demo, dtu, gazebo-arvr, gazebo-linear, kitti"
 WorkersOption = Annotated[int | None, typer.Option("--workers", "-w", min=1, help="Processes; by default one a core.")]
 ScenesOption = Annotated[int | None, typer.Option("--scenes", min=1, help="Only so many scenes, the first by name.")]
 FramesOption = Annotated[int | None, typer.Option("--frames", min=2, help="Only so many frames of each scene.")]
@@ -43,7 +44,7 @@ def _print_schema(asked: bool) -> None:
 
 def run(
     context: typer.Context,
-    experiment: Annotated[str, typer.Argument(help="A TOML file, or the name of a preset.")],
+    experiment: Annotated[str, typer.Argument(help=f"A TOML file, or the name of a preset: {_PRESETS}.")],
     data: Annotated[Path | None, typer.Option("--data", "-d", help="Folder of the data.")] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Run folder; by default runs/NAME.")] = None,
     scenes: ScenesOption = None,
@@ -116,8 +117,12 @@ def run_experiment(
 
 
 def _name_failures(terminal: Terminal, outcome: "Outcome") -> None:
-    """Say which sequences failed: their errors may have scrolled away."""
-    names = sorted(outcome.failures)
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    of_all = f"{len(names)} of {len(names) + len(outcome.measured)} sequences failed"
-    terminal.say(f"{of_all}: {', '.join(names[:_NAMED])}{more}; see failures.jsonl. The same command tries them again.")
+    """Say which sequences failed, those of one cause together: their errors may have scrolled away."""
+    from tracknoise.report.names import by_statement, together
+
+    failures = outcome.failures
+    named = list(by_statement(sorted(failures.items())).values())[:_NAMED]
+    rest = len(failures) - sum(map(len, named))
+    names = "; ".join([*map(together, named), *([f"{rest} more"] if rest else [])])
+    of_all = f"{len(failures)} of {len(failures) + len(outcome.measured)} sequences failed"
+    terminal.say(f"{of_all}: {names}; see failures.jsonl. The same command tries them again.")

@@ -1,5 +1,6 @@
 """The summary of a run as a plain text table."""
 
+from tracknoise.cli.text_table import aligned
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.measured import condition_columns, in_order
 from tracknoise.tables.store import RunFolder
@@ -36,11 +37,7 @@ def summary_text(run: RunFolder) -> str:
     headings = [heading.format(axis=evidence.axis.name).split("\n") for heading, _, _ in shown]
     rows = [[parts[0] if len(parts) > 1 else "" for parts in headings], [parts[-1] for parts in headings]]
     rows += [[_cell(row[name], form) for _, name, form in shown] for row in table.iter_rows(named=True)]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = [
-        "  ".join(_aligned(cell, width, i) for i, (cell, width) in enumerate(zip(row, widths, strict=True)))
-        for row in rows
-    ]
+    lines = aligned(rows, numeric=[place > 0 for place in range(len(shown))])
     return "\n".join([*lines[:2], "-" * len(lines[1]), *lines[2:], *_others(evidence)])
 
 
@@ -53,7 +50,3 @@ def _others(evidence: Evidence) -> list[str]:
 
 def _cell(value: object, form: str) -> str:
     return "-" if value is None else form.format(value)
-
-
-def _aligned(cell: str, width: int, position: int) -> str:
-    return cell.ljust(width) if position == 0 else cell.rjust(width)

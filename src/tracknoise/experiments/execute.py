@@ -8,6 +8,8 @@ from typing import Protocol
 from tracknoise.exceptions import StoreError
 from tracknoise.experiments.cluster import Job, measure_locally, remote_workers
 from tracknoise.experiments.failures import RETRIES, Batch, Failure, Kind, Measure, Result, Results, with_retries
+from tracknoise.experiments.find import find
+from tracknoise.experiments.inputs import with_inputs
 from tracknoise.experiments.ledger import Ledger
 from tracknoise.experiments.lock import hold
 from tracknoise.experiments.plan import batches, left_out, plan
@@ -34,8 +36,8 @@ class Listener(Protocol):
         """After a sequence."""
         ...
 
-    def failed(self, key: str, cause: str) -> None:
-        """After a sequence that could not be measured."""
+    def failed(self, keys: list[str], cause: str) -> None:
+        """After sequences that share what they read, or a single one, that could not be measured."""
         ...
 
     def remark(self, text: str) -> None:
@@ -101,7 +103,7 @@ def execute(
         scheduler cannot be reached. What was measured until then is kept.
     """
     experiment = resolve(experiment)
-    tasks = plan(experiment)
+    tasks = with_inputs(plan(experiment))
     with hold(run) as claim:
         manifest = begin(experiment, run, fresh=fresh)
         manifest.left_out = left_out(experiment)
@@ -124,6 +126,7 @@ def execute(
                     ledger.write_if_due()
         if manifest.sequences:
             pool(run, experiment)
+            find(run, experiment)
     return Outcome(sorted(manifest.sequences), dict(manifest.failures))
 
 
@@ -155,4 +158,4 @@ def _settle(batch: Batch, result: Result, ledger: Ledger, listener: Listener) ->
         raise StoreError(result.cause)
     for task in batch:
         ledger.failed(task.key, result)
-        listener.failed(task.key, result.cause)
+    listener.failed([task.key for task in batch], result.cause)

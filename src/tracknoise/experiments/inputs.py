@@ -2,27 +2,39 @@
 
 import hashlib
 from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 from tracknoise.experiments.plan import Task
 from tracknoise.sequences.registry import path_options
 
 
-def inputs_digest(task: Task) -> str:
-    """Hash of what lies beside the images: the files that trackers read, and those that the reader's options name.
+def with_inputs(tasks: list[Task]) -> list[Task]:
+    """Fill in `Task.inputs`, as the files are now: those that trackers read, and those that the reader's options name.
 
-    Of files it is the contents that count, of folders (Gazebo models, say) the names and sizes of all files in them.
-
-    Returns
-    -------
-    str
-        Hexadecimal SHA-256; the same whenever there is no such file.
+    Of files it is the contents that count, of folders (Gazebo models, depth maps) the names and sizes of all files in
+    them. Each is looked at once, however many tasks depend on it. A file that changes after this, and before its
+    sequence is measured, leaves a measurement that the next start takes to be stale, though it is not.
     """
+    once = cache(_digest)
+    return [replace(task, inputs=_combined(once(path) for path in _paths(task))) for task in tasks]
+
+
+def _paths(task: Task) -> list[Path]:
+    return [*_track_files(task), *_reader_paths(task)]
+
+
+def _combined(digests: Iterator[bytes]) -> str:
+    """Hexadecimal SHA-256; the same whenever there is no such file."""
+    return hashlib.sha256(b"".join(digests)).hexdigest()
+
+
+def _digest(path: Path) -> bytes:
     digest = hashlib.sha256()
-    for path in [*_track_files(task), *_reader_paths(task)]:
-        for part in _parts(path):
-            digest.update(part)
-    return digest.hexdigest()
+    for part in _parts(path):
+        digest.update(part)
+    return digest.digest()
 
 
 def _parts(path: Path) -> Iterator[bytes]:

@@ -9,7 +9,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import SettingsError
-from tracknoise.experiments.settings import Population
+from tracknoise.experiments.settings import Population, TrimAmong
 from tracknoise.measurement.scene import SceneTables, measure_scenes
 from tracknoise.measurement.sweep import Condition, Progress
 from tracknoise.sequences.sequence import Sequence, TruthKind
@@ -60,6 +60,7 @@ def measure(
     scan_rule: ScanRule = SCAN_RULE,
     population: Population = "visible",
     trim_percentile: float = 90.0,
+    trim_among: TrimAmong = "all",
     max_frames: int | None = None,
     seed: int = 0,
     progress: Progress | None = None,
@@ -76,6 +77,7 @@ def measure(
         scan_rule=scan_rule,
         population=population,
         trim_percentile=trim_percentile,
+        trim_among=trim_among,
         max_frames=max_frames,
         seed=seed,
         progress=progress,
@@ -92,6 +94,7 @@ def measure_together(
     scan_rule: ScanRule = SCAN_RULE,
     population: Population = "visible",
     trim_percentile: float = 90.0,
+    trim_among: TrimAmong = "all",
     max_frames: int | None = None,
     seed: int = 0,
     progress: Progress | None = None,
@@ -114,6 +117,9 @@ def measure_together(
         Which observations trimming looks at: ``visible`` ones, or all that can be ``projected``.
     trim_percentile
         Tracks whose largest error is above this percentile are marked ``kept = false``; 100 keeps all.
+    trim_among
+        Of which tracks it is the percentile: of ``all`` that have an error, or of those that were ``followed``, which
+        have one away from the frame that fixes their true position.
     max_frames
         Read no more frames than this; by default all.
     seed
@@ -137,11 +143,25 @@ def measure_together(
         sequences, conditions, truth=truth, scan_rule=scan_rule, max_frames=max_frames, seed=seed, progress=progress
     )
     for scene in scenes:
-        yield _measurement(scene, trim_percentile, population)
+        yield complete(scene, trim_percentile=trim_percentile, trim_among=trim_among, population=population)
 
 
-def _measurement(scene: SceneTables, trim_percentile: float, population: Population) -> Measurement:
-    trimmed = trim(scene.observations, scene.tracks, percentile=trim_percentile, population=population)
+def complete(
+    scene: SceneTables,
+    *,
+    trim_percentile: float = 90.0,
+    trim_among: TrimAmong = "all",
+    population: Population = "visible",
+) -> Measurement:
+    """Trim what was measured in a sequence, and work out its moments; see `measure_together` for the parameters."""
+    trimmed = trim(
+        scene.observations,
+        scene.tracks,
+        percentile=trim_percentile,
+        population=population,
+        among=trim_among,
+        key_frame=scene.key_frame,
+    )
     axis = "age" if scene.key_frame is None else "frame"
     return Measurement(
         observations=trimmed.observations,

@@ -7,17 +7,19 @@ from tracknoise.experiments.settings import Experiment
 from tracknoise.statistics.counts import merge_counts
 from tracknoise.statistics.curves import curves
 from tracknoise.statistics.effects import effects
-from tracknoise.statistics.histogram import error_histogram
-from tracknoise.statistics.lifetimes import lifetimes
+from tracknoise.statistics.histogram import merge_errors
+from tracknoise.statistics.lifetimes import lifetimes_of_ends
 from tracknoise.statistics.outliers import outlier_ratios
 from tracknoise.statistics.summary import summary
 from tracknoise.tables.store import RunFolder
 
 
 def pool(run: RunFolder, experiment: Experiment) -> None:
-    """Compute the statistics of a run from its sequences' tables, one sequence at a time, and write them.
+    """Compute the statistics of a run from its sequences' tables, a few sequences at a time, and write them.
 
-    The order of the sequences is that of their keys, so that the result does not depend on which was measured first.
+    None of the tables that are read grows with the count of observations, and what is held grows with neither that nor
+    the count of sequences, but for a few rows each. The order of the sequences is that of their keys, so that the
+    result does not depend on which was measured first.
 
     Parameters
     ----------
@@ -31,13 +33,12 @@ def pool(run: RunFolder, experiment: Experiment) -> None:
     StoreError, SchemaError
         If a table is damaged, or the folder cannot be written.
     """
-    moments = pl.concat(run.sequence_tables("moments"))
     tables = {
-        "curves": curves(moments, min_features=experiment.statistics.min_features),
-        "lifetimes": lifetimes(run.sequence_tables("tracks")),
+        "curves": curves(run.sequence_tables("moments"), min_features=experiment.statistics.min_features),
+        "lifetimes": lifetimes_of_ends(run.sequence_tables("ends")),
         "outliers": outlier_ratios(run.sequence_tables("frames")),
         "trims": pl.concat(run.sequence_tables("trims")),
-        "errors": error_histogram(run.sequence_tables("tracks")),
+        "errors": merge_errors(run.sequence_tables("errors")),
         "counts": merge_counts(run.sequence_tables("counts")),
     }
     slowest = int(tables["outliers"]["speed"].min())  # type: ignore[arg-type]

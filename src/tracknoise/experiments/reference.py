@@ -4,14 +4,12 @@ from collections.abc import Collection
 
 from tracknoise.experiments.settings import Experiment
 from tracknoise.statistics.effects import Reference
+from tracknoise.statistics.lightings import lightings_in_order
 from tracknoise.tables.store import Manifest
-
-_PLAIN = ("diffuse", "default")
-"""What a lighting without a direction is called."""
 
 
 def first_lighting(lightings: Collection[str], experiment: Experiment) -> str:
-    """The lighting that stands for all: the first that the experiment names, else a plain one, else the first by name.
+    """The lighting that stands for all: the first in the order of `lightings_in_order`.
 
     Parameters
     ----------
@@ -20,8 +18,7 @@ def first_lighting(lightings: Collection[str], experiment: Experiment) -> str:
     experiment
         Which may name lightings.
     """
-    named = [name for name in experiment.dataset.lightings or _PLAIN if name in lightings]
-    return [*named, *sorted(lightings)][0]
+    return lightings_in_order(lightings, experiment.dataset.lightings)[0]
 
 
 def reference(manifest: Manifest, experiment: Experiment, *, speed: int) -> Reference:

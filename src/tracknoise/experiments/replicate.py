@@ -13,6 +13,7 @@ from tracknoise.experiments.reference import first_lighting
 from tracknoise.experiments.resolve import resolve
 from tracknoise.experiments.settings import Experiment, TrackerChoice, ViewSettings
 from tracknoise.sequences.registry import make_reader
+from tracknoise.sequences.sequence import require_directory
 from tracknoise.simulation.places import PLACES
 from tracknoise.trackers.rejection import Consensus, Reference
 
@@ -68,8 +69,13 @@ def candidates(folders: Iterable[Path]) -> list[Candidate]:
     """Look for the data of the paper's experiments in some folders and in the folders right within these.
 
     The first folder in which a preset's reader finds a sequence is taken.
+
+    Raises
+    ------
+    DataError
+        If one of the folders is not there.
     """
-    places = list(folders)
+    places = [require_directory(folder) for folder in folders]
     simulated = [Candidate(preset, None, True, "Simulated, which needs no data.") for preset in SIMULATED]
     return [*(_look(preset, places) for preset in RECORDED), *simulated]
 
@@ -134,8 +140,7 @@ def _look(preset: str, folders: list[Path]) -> Candidate:
         return Candidate(preset, None, False, "No folder of data was given (--data).")
     causes = []
     for folder in folders:
-        within = sorted(path for path in folder.iterdir() if path.is_dir()) if folder.is_dir() else []
-        for place in (folder, *within):
+        for place in (folder, *sorted(path for path in folder.iterdir() if path.is_dir())):
             try:
                 n_scenes = _count_scenes(preset, place)
             except TracknoiseError as error:

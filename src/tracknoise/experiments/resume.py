@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from typing import Any
 
 from tracknoise.exceptions import StoreError
-from tracknoise.experiments.inputs import inputs_digest
 from tracknoise.experiments.plan import Task
 from tracknoise.experiments.provenance import new_manifest, require_versions
 from tracknoise.experiments.settings import Experiment, parse_experiment
@@ -26,12 +25,11 @@ def begin(experiment: Experiment, run: RunFolder, *, fresh: bool) -> Manifest:
     Raises
     ------
     StoreError
-        If the folder holds another experiment's run, naming the first setting that differs, or no run at all.
+        If the folder holds another experiment's run, naming the first setting that differs, or no run at all. A run of
+        fewer scenes of the same experiment is one to go on with.
     """
     if run.exists and not fresh and not run.is_stillborn:
-        _check_same(experiment, run)
-        run.discard_unfinished()
-        return run.manifest()
+        return _go_on(experiment, run)
     if run.exists:
         run.clear()
     else:
@@ -46,7 +44,7 @@ def due(tasks: list[Task], run: RunFolder, manifest: Manifest) -> list[Task]:
 
     def is_measured(task: Task) -> bool:
         entry = manifest.sequences.get(task.key)
-        return entry is not None and entry.inputs == inputs_digest(task) and run.has_sequence(entry)
+        return entry is not None and entry.inputs == task.inputs and run.has_sequence(entry)
 
     return [task for task in tasks if not is_measured(task)]
 
@@ -71,8 +69,25 @@ def set_out(todo: list[Task], run: RunFolder, manifest: Manifest, experiment: Ex
         require_versions(manifest.versions, place=str(run.path))
 
 
-def _check_same(experiment: Experiment, run: RunFolder) -> None:
+def _go_on(experiment: Experiment, run: RunFolder) -> Manifest:
     there = parse_experiment(run.experiment_toml(), place=str(run.path / "experiment.toml"))
+    grown = there.with_scenes(experiment.dataset.max_scenes) if _has_grown(there, experiment) else there
+    _check_same(experiment, grown, run)
+    run.discard_unfinished()
+    manifest = run.manifest()
+    if grown is not there:
+        run.write_experiment(grown.to_toml())
+    manifest.settings_hash = experiment.digest()
+    return manifest
+
+
+def _has_grown(there: Experiment, wanted: Experiment) -> bool:
+    """Whether more scenes are wanted: all that were measured are among them, for they are the first by name."""
+    before, now = there.dataset.max_scenes, wanted.dataset.max_scenes
+    return before is not None and (now is None or now > before)
+
+
+def _check_same(experiment: Experiment, there: Experiment, run: RunFolder) -> None:
     if _has_moved(there, experiment):
         there = there.with_root(experiment.dataset.root)
     written, wanted = dict(_flat(there.model_dump(mode="json"))), dict(_flat(experiment.model_dump(mode="json")))

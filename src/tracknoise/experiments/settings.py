@@ -15,6 +15,8 @@ from tracknoise.sequences.sequence import Direction, TruthKind
 from tracknoise.truth.scan import ScanAnchoring
 
 Population = Literal["visible", "projected"]
+TrimAmong = Literal["all", "followed"]
+Keep = Literal["observations", "statistics"]
 
 
 class _Section(BaseModel):
@@ -99,6 +101,9 @@ class StatisticsSettings(_Section):
 
     trim_percentile: Annotated[float, Field(gt=0, le=100)] = 90.0
     """Drop tracks whose largest error is above this percentile of their scene and condition; 100 drops none."""
+    trim_among: TrimAmong = "all"
+    """Of which tracks that percentile is taken: of `all` that have an error, as in the paper, or of those `followed`,
+    which have one away from the frame that fixes their true position, where it is zero by construction."""
     min_features: Annotated[int, Field(ge=2)] = 100
     """Cut curves where fewer features than this remain."""
 
@@ -118,6 +123,9 @@ class Experiment(_Section):
     """Which experiment of the paper this repeats: the report sets the paper's findings beside its own."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Of trackers that are random by nature, such as the oracle. Simulations and outlier rejection have their own."""
+    keep: Keep = "observations"
+    """What the run folder keeps of a sequence: all `observations` and tracks, or `statistics` alone, which is smaller,
+    and enough for every table of the run and all figures but those of single errors. Numbers are the same."""
     truth: TruthSettings = TruthSettings()
     statistics: StatisticsSettings = StatisticsSettings()
 
@@ -138,6 +146,10 @@ class Experiment(_Section):
         """Return the same experiment on so many scenes, and frames of each; None leaves it as it is."""
         limits = {"max_scenes": scenes, "max_frames": frames}
         return self._with_dataset({name: value for name, value in limits.items() if value is not None})
+
+    def with_scenes(self, most: int | None) -> "Experiment":
+        """Return the same experiment on at most so many scenes; None is for all."""
+        return self._with_dataset({"max_scenes": most})
 
     def with_option(self, name: str, value: object) -> "Experiment":
         """Return the same experiment with another value of an option of its reader."""

@@ -10,14 +10,20 @@ from scipy.spatial.transform import Rotation
 
 from tracknoise.exceptions import DataWarning
 from tracknoise.experiments.failures import Result, diagnose
-from tracknoise.experiments.inputs import inputs_digest
 from tracknoise.experiments.lock import Claim
 from tracknoise.experiments.measure import Measurement, measure_together
 from tracknoise.experiments.plan import Task, make_trackers, open_batch
+from tracknoise.experiments.settings import Experiment
 from tracknoise.measurement.sweep import Progress
 from tracknoise.sequences.images import encode_png
 from tracknoise.sequences.sequence import Sequence
+from tracknoise.statistics.aspects import scene_aspects
+from tracknoise.statistics.block_moments import block_moments
 from tracknoise.statistics.counts import counts
+from tracknoise.statistics.histogram import error_histogram
+from tracknoise.statistics.increments import increments
+from tracknoise.statistics.lifetimes import count_ends
+from tracknoise.statistics.samples import samples
 from tracknoise.tables.schema import POSES, SEQUENCE
 from tracknoise.tables.store import RunFolder, SequenceEntry
 from tracknoise.truth.scan import ScanRule
@@ -66,19 +72,18 @@ def run_batch(
     TracknoiseError
         If the data cannot be used, or the folder cannot be written.
     """
-    started, inputs = time.monotonic(), [inputs_digest(task) for task in batch]
-    entries = []
+    started, entries = time.monotonic(), []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DataWarning)  # the sequence's notes say the same, and are kept
         sequences = open_batch(batch)
         measured = _measure(batch[0], sequences, progress)
-        for task, sequence, digest, measurement in zip(batch, sequences, inputs, measured, strict=True):
-            tables, snapshot = _tables(sequence, measurement), encode_png(measurement.snapshot)
+        for task, sequence, measurement in zip(batch, sequences, measured, strict=True):
+            tables, snapshot = tables_to_keep(task.experiment, sequence, measurement), encode_png(measurement.snapshot)
             if claim:
                 claim.check()
             hashes = run.write_sequence(task.key, tables, snapshot)
             seconds = (time.monotonic() - started) / len(batch)
-            entries.append(_entry(task, sequence, measurement, seconds=seconds, inputs=digest, sha256=hashes))
+            entries.append(_entry(task, sequence, measurement, seconds=seconds, sha256=hashes))
     return entries
 
 
@@ -88,7 +93,6 @@ def _entry(
     measurement: Measurement,
     *,
     seconds: float,
-    inputs: str,
     sha256: dict[str, str],
 ) -> SequenceEntry:
     name = task.sequence
@@ -105,7 +109,7 @@ def _entry(
         snapshot_frame=measurement.snapshot_frame,
         seconds=round(seconds, 3),
         notes=sequence.notes,
-        inputs=inputs,
+        inputs=task.inputs,
         key_frame=measurement.key_frame,
         sha256=sha256,
     )
@@ -122,20 +126,29 @@ def _measure(task: Task, sequences: list[Sequence], progress: Progress | None) -
         scan_rule=ScanRule(truth.scan_radius_px, truth.scan_anchoring),
         population=truth.population,
         trim_percentile=experiment.statistics.trim_percentile,
+        trim_among=experiment.statistics.trim_among,
         seed=experiment.seed,
         progress=progress,
     )
 
 
-def _tables(sequence: Sequence, measurement: Measurement) -> dict[str, pl.DataFrame]:
+def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Measurement) -> dict[str, pl.DataFrame]:
+    """The tables of a sequence by name, those of single observations and tracks only where they are wanted."""
+    observed = {"observations": measurement.observations, "tracks": measurement.tracks}
+    axis = "age" if measurement.key_frame is None else "frame"
     return {
-        "observations": measurement.observations,
-        "tracks": measurement.tracks,
+        **(observed if experiment.keep == "observations" else {}),
         "frames": measurement.frames,
         "poses": _poses(sequence, measurement.n_frames),
         "moments": measurement.moments,
         "trims": measurement.trims,
         "counts": counts(measurement.observations, measurement.tracks),
+        "ends": count_ends(measurement.tracks),
+        "errors": error_histogram(measurement.tracks),
+        "blocks": block_moments(measurement.observations, measurement.tracks, axis=axis),
+        "aspects": scene_aspects(measurement.observations, measurement.tracks, axis=axis),
+        "increments": increments(measurement.observations, measurement.tracks),
+        "samples": samples(measurement.observations, measurement.tracks, key_frame=measurement.key_frame),
     }
 
 

@@ -34,6 +34,8 @@ class Recording:
         `TrackEnd` values.
     response : (m,) float32
         Detector response at birth; NaN where unknown.
+    gradient_rad : (m,) float32
+        Orientation of the dominant gradient at birth; NaN where none dominates.
     points_world : (m, 3) float64
         The anchored world point, metres; NaN where there is none.
     frames : (k, 6) uint32
@@ -48,8 +50,19 @@ class Recording:
     found: NDArray[np.uint32]
     end: NDArray[np.int8]
     response: NDArray[np.float32]
+    gradient_rad: NDArray[np.float32]
     points_world: NDArray[np.float64]
     frames: NDArray[np.uint32]
+
+
+@dataclass(frozen=True, slots=True)
+class _Births:
+    """The tracks that began in a frame: their anchors, and what is known of the image there."""
+
+    frame: int
+    points: NDArray[np.float64]
+    response: NDArray[np.float32]
+    gradient_rad: NDArray[np.float32]
 
 
 class Recorder:
@@ -66,13 +79,13 @@ class Recorder:
         self._live_points: NDArray[np.float64] = np.empty((0, 3))
         self._live_status: NDArray[np.int8] = np.empty(0, np.int8)
         self._n_tracks = 0
-        self._births: list[tuple[int, NDArray[np.float64], NDArray[np.float32]]] = []
+        self._births: list[_Births] = []
         self._fixed: tuple[NDArray[np.int64], NDArray[np.float64]] = np.empty(0, np.int64), np.empty((0, 3))
         self._ends: list[tuple[NDArray[np.int64], NDArray[np.int8]]] = []
         self._observations: list[tuple[int, NDArray[np.uint32], NDArray[np.float64], NDArray[np.int8]]] = []
         self._frames: list[tuple[int, ...]] = []
 
-    def add(self, index: int, step: Step) -> None:
+    def add(self, index: int, step: Step, *, gradient_rad: NDArray[np.float32]) -> None:
         """Record one step.
 
         Parameters
@@ -81,9 +94,11 @@ class Recorder:
             Frame of the nominal sequence.
         step
             What the tracker reported.
+        gradient_rad
+            (n,) of the features born in this step, in its order: `tracknoise.trackers.gradient.dominant_gradient`.
         """
         self._end(step.ended_ids, step.ended)
-        self._begin(index, step)
+        self._begin(index, step, gradient_rad)
         if index == self._truth.key_frame:
             self._fix(index, step)
         self._observe(index, step)
@@ -96,18 +111,20 @@ class Recorder:
             end[tracks] = reasons
         counts = [len(tracks) for _, tracks, _, _ in self._observations]
         track = _concatenated([tracks for _, tracks, _, _ in self._observations], np.empty(0, np.uint32))
-        births = [len(points) for _, points, _ in self._births]
-        points_world = _concatenated([points for _, points, _ in self._births], np.empty((0, 3)))
+        births = self._births
+        first_frame = np.array([born.frame for born in births], np.uint32)
+        points_world = _concatenated([born.points for born in births], np.empty((0, 3)))
         points_world[self._fixed[0]] = self._fixed[1]
         return Recording(
             track=track,
             frame=np.repeat(np.array([index for index, _, _, _ in self._observations], np.uint32), counts),
             uv=_concatenated([uv for _, _, uv, _ in self._observations], np.empty((0, 2))),
             visibility=_concatenated([status for _, _, _, status in self._observations], np.empty(0, np.int8)),
-            first_frame=np.repeat(np.array([index for index, _, _ in self._births], np.uint32), births),
+            first_frame=np.repeat(first_frame, [len(born.points) for born in births]),
             found=np.bincount(track, minlength=self._n_tracks).astype(np.uint32),
             end=end,
-            response=_concatenated([response for _, _, response in self._births], np.empty(0, np.float32)),
+            response=_concatenated([born.response for born in births], np.empty(0, np.float32)),
+            gradient_rad=_concatenated([born.gradient_rad for born in births], np.empty(0, np.float32)),
             points_world=points_world,
             frames=np.array(self._frames, np.uint32).reshape(-1, 6),
         )
@@ -119,12 +136,12 @@ class Recorder:
         alive[slots] = False
         self._keep(alive)
 
-    def _begin(self, index: int, step: Step) -> None:
+    def _begin(self, index: int, step: Step, gradient_rad: NDArray[np.float32]) -> None:
         born = step.born
         points, status = self._anchored(index, step.uv[born])
         tracks = self._n_tracks + np.arange(len(points))
         self._n_tracks += len(points)
-        self._births.append((index, points, step.response[born]))
+        self._births.append(_Births(index, points, step.response[born], gradient_rad))
         ids = np.concatenate([self._live_ids, step.ids[born]])
         order = np.argsort(ids, kind="stable")
         self._live_ids = ids[order]

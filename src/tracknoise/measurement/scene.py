@@ -212,6 +212,7 @@ def _tracks(recording: Recording, paths: TruePaths) -> dict[str, pl.Series]:
         "end": _names(recording.end, TrackEnd),
         "response": _nullable(recording.response),
         "depth_m": _nullable(paths.depth_m),
+        "gradient_rad": _nullable(recording.gradient_rad),
         "max_error_px": pl.repeat(None, count, dtype=pl.Float64, eager=True),
         "kept": pl.repeat(True, count, eager=True),
     }

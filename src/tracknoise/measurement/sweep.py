@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tracknoise.measurement.recording import Recorder, Recording
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.trackers.frame import Frame
+from tracknoise.trackers.gradient import dominant_gradient
 from tracknoise.trackers.tracker import Setting, Tracker, TrackerSettings
 from tracknoise.truth.truth import Truth
 
@@ -125,7 +126,8 @@ class _Pass:
         frame = Frame(index, self._sequence.image(index))
         for condition, tracker, recorder in zip(self._conditions, self._trackers, self._recorders, strict=True):
             if index % condition.speed == 0:
-                recorder.add(index, tracker.step(frame))
+                step = tracker.step(frame)
+                recorder.add(index, step, gradient_rad=dominant_gradient(frame, step.uv[step.born]))
         if index == self._snapshot_frame:
             self._snapshot = frame.image
 

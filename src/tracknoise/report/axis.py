@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from tracknoise.report.sentences import KAPPA, MU, NU, count
+from tracknoise.findings import wording
+from tracknoise.report.sentences import KAPPA, MU, NU
 from tracknoise.statistics.curves import NAMES
 
 
@@ -44,9 +45,7 @@ class Axis:
         since
             Frames of the sequence; negative before the key frame.
         """
-        if self.name == "age":
-            return f"at age {since}"
-        return f"at {count(abs(since), 'frame')} {'before' if since < 0 else 'after'} {self.zero}"
+        return wording.place(self.name, since)
 
 
 AGE = Axis("age", "age (frames of the sequence)", "age 0", "age", {"mean": NU, "absolute": "η", "second": "√Φ"})

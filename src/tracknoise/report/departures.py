@@ -10,10 +10,11 @@ import polars as pl
 
 from tracknoise.report import measured, paper
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.sentences import DASH, number, percent, pixels
+from tracknoise.report.sentences import DASH, SPACE, effect_text, number, percent, pixels
 from tracknoise.report.tables import Cells
 from tracknoise.statistics.differences import comparable, largest_differences
 from tracknoise.statistics.lifetimes import mean_lifetime
+from tracknoise.statistics.summary import REFERENCE_AGE
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,10 +117,17 @@ def _by_curves(name: str, parts: Sequence[Part]) -> Cells:
         found = _apart(part.evidence, choose)
         for tracker in part.evidence.trackers:
             cells = [_difference(found.filter(tracker=tracker, role=role), role) for role in roles]
+            if name == "weighting" and _is_one_scene(part.evidence, tracker):
+                cells = [(DASH, "one scene")] * len(roles)
             rows.append([part.title, tracker, *(text for pair in cells for text in pair)])
     headings = ["experiment", "tracker", *(["differ by", "effect"] * len(roles))]
     groups = [("", 2), *((paper.STATISTICS[role], 2) for role in roles)]
     return Cells(caption, headings, rows, [False, False, *[True] * (2 * len(roles))], groups)
+
+
+def _is_one_scene(evidence: Evidence, tracker: str) -> bool:
+    """Whether a tracker's curves at the nominal speed rest on a single scene, so that its weight changes nothing."""
+    return evidence.nominal(evidence.curves).filter(tracker=tracker)["n_scenes"].max() == 1
 
 
 def _apart(evidence: Evidence, choose: Callable[[pl.DataFrame, Evidence], pl.DataFrame]) -> pl.DataFrame:
@@ -138,7 +146,7 @@ def _difference(found: pl.DataFrame, role: str) -> tuple[str, str]:
     if found.is_empty():
         return DASH, DASH
     row = found.row(0, named=True)
-    return f"{number(row['difference'])} {'px²' if role == 'second' else 'px'}", paper.effect_text(row["effect"])
+    return f"{number(row['difference'])} {'px²' if role == 'second' else 'px'}", effect_text(row["effect"])
 
 
 def _lifetimes(parts: Sequence[Part]) -> Cells:
@@ -158,9 +166,29 @@ def _rejection(parts: Sequence[Part]) -> Cells | None:
     """What the ways to reject outliers come to, in the first scene of each experiment."""
     rows = []
     for title, variants in ((part.title, part.variants) for part in parts if part.variants):
-        for row in measured.in_order(variants, variants.nominal(variants.summary)).to_dicts():
+        table = variants.nominal(variants.summary).join(_roots_where_all_are(variants), on="tracker", how="left")
+        for row in measured.in_order(variants, table).to_dicts():
             ratio = DASH if row["outlier_ratio"] is None else percent(row["outlier_ratio"])
-            rms = [pixels(row[f"trimmed_rms_{axis}_px"]) for axis in "uv"]
-            rows.append([title, row["tracker"], ratio, number(row["mean_lifetime"]), number(row["at"]), *rms])
-    headings = ["experiment", "tracker", "outlier ratio", "mean lifetime (frames)", "at", "rms u (px)", "rms v (px)"]
-    return Cells("Ways to reject outliers", headings, rows, [False, False, *[True] * 5]) if rows else None
+            place = DASH if row["since"] is None else variants.axis.place(row["since"]).replace(" ", SPACE)
+            rms = [pixels(row["u"]), pixels(row["v"])]
+            rows.append([title, row["tracker"], ratio, number(row["mean_lifetime"]), place, *rms])
+    headings = ["experiment", "tracker", "outlier ratio", "mean lifetime (frames)", "where", "u (px)", "v (px)"]
+    numeric = [False, False, True, True, False, True, True]
+    groups = [("", 4), ("root mean square error, trimmed", 3)]
+    return Cells("Ways to reject outliers", headings, rows, numeric, groups) if rows else None
+
+
+def _roots_where_all_are(evidence: Evidence) -> pl.DataFrame:
+    """Roots of trimmed second moments at the last place, up to `REFERENCE_AGE`, that all trackers with a curve share.
+
+    Columns tracker, since, u and v; a row a tracker, or none where nothing is shared.
+    """
+    points = evidence.nominal(evidence.points).filter(
+        pl.col("since").is_between(1, REFERENCE_AGE),
+        role="second",
+        trimming="trimmed",
+        population=evidence.population,
+    )
+    is_shared = pl.col("tracker").n_unique().over("since") == points["tracker"].n_unique()
+    shared = points.filter(is_shared).select("tracker", "since", "u", "v")
+    return shared.filter(pl.col("since") == pl.col("since").max())

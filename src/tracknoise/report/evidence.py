@@ -10,18 +10,17 @@ from typing import Any
 import polars as pl
 
 from tracknoise.exceptions import StoreError
+from tracknoise.findings.wording import view_text
 from tracknoise.report import style
 from tracknoise.report.axis import AGE, FRAME, Axis
-from tracknoise.report.sentences import natural_key
+from tracknoise.report.bands import BOUNDS, with_bounds
+from tracknoise.statistics.lightings import lightings_in_order
 from tracknoise.tables.schema import VIEW
-from tracknoise.tables.store import STATISTICS_TABLES, Manifest, RunFolder, SequenceEntry
+from tracknoise.tables.store import FINDINGS_TABLES, STATISTICS_TABLES, Manifest, RunFolder, SequenceEntry
 
 MOST_CONDITIONS = 40
 """More conditions than this are not listed one by one on the page."""
-_PLAIN = ("diffuse", "default")
-"""What a lighting without a direction is called."""
 _DIRECTIONS = ("forward", "backward")
-_WORDS = {"lighting": "under lighting {}", "rotation": "at rotation {}°", "direction": "played {}"}
 
 
 @dataclass(frozen=True)
@@ -34,8 +33,10 @@ class Evidence:
         The folder, for tables a sequence.
     manifest, settings
         Where the run stands, and its resolved experiment.
-    curves, lifetimes, outliers, trims, errors, counts, summary, effects
+    curves, lifetimes, outliers, trims, errors, counts, summary, effects, aspect_curves
         Its pooled tables.
+    intervals, zero_mean, gaussianity, radii, time_structure, dependence, findings
+        What follows from them; without rows in a run in which nobody computed it.
     """
 
     run: RunFolder
@@ -49,6 +50,14 @@ class Evidence:
     counts: pl.DataFrame
     summary: pl.DataFrame
     effects: pl.DataFrame
+    aspect_curves: pl.DataFrame
+    intervals: pl.DataFrame
+    zero_mean: pl.DataFrame
+    gaussianity: pl.DataFrame
+    radii: pl.DataFrame
+    time_structure: pl.DataFrame
+    dependence: pl.DataFrame
+    findings: pl.DataFrame
 
     @classmethod
     def of(cls, run: RunFolder) -> "Evidence":
@@ -59,7 +68,7 @@ class Evidence:
         StoreError, SchemaError
             If there is no run, or one of its files is missing or damaged.
         """
-        tables = {name: run.statistics(name) for name in STATISTICS_TABLES}
+        tables = {name: run.statistics(name) for name in (*STATISTICS_TABLES, *FINDINGS_TABLES)}
         return cls(run=run, manifest=run.manifest(), settings=_settings(run), **tables)
 
     @property
@@ -71,6 +80,11 @@ class Evidence:
     def population(self) -> str:
         """Which observations the experiment is about: `visible`, or `projected`, the occluded too."""
         return str(self._section("truth").get("population", "visible"))
+
+    @property
+    def keeps_observations(self) -> bool:
+        """Whether the run folder has single observations and tracks, besides what was made of them."""
+        return bool(self.settings.get("keep", "observations") == "observations")
 
     @property
     def min_features(self) -> int:
@@ -102,18 +116,29 @@ class Evidence:
 
     @cached_property
     def points(self) -> pl.DataFrame:
-        """Curves that are not cut, features pooled; second moments as roots, px.
+        """Curves that are not cut, features pooled, with their bounds; second moments as roots, px.
 
-        Column `role` says of which statistic, whatever the axis: mean, absolute, second or central. Column `since`
-        holds the distance from where errors are zero by construction, in frames of the sequence.
+        Columns u_low, u_high, v_low and v_high hold the bounds, and level, resampled and n_resampled say of what kind
+        they are (`tracknoise.report.bands`): null where a point has none. Column `role` says of which statistic,
+        whatever the axis: mean, absolute, second or central. Column `since` holds the distance from where errors are
+        zero by construction, in frames of the sequence.
         """
+        return self._drawn(self.curves)
+
+    @cached_property
+    def aspect_points(self) -> pl.DataFrame:
+        """The same of every aspect, in column `aspect`; of visible features, with u along and v across its axis."""
+        return self._drawn(self.aspect_curves)
+
+    def _drawn(self, curves: pl.DataFrame) -> pl.DataFrame:
         whole = (pl.col("weighting") == "features") & (pl.col("axis") == self.axis.name) & ~pl.col("cut")
-        table = self.curves.filter(whole).with_columns(
+        table = with_bounds(curves.filter(whole), self.intervals).with_columns(
             role=pl.col("statistic").replace_strict(self.axis.roles, return_dtype=pl.String)
         )
         moments = pl.col("role").is_in(["second", "central"])
-        roots = [pl.when(moments).then(pl.col(axis).sqrt()).otherwise(pl.col(axis)).alias(axis) for axis in "uv"]
-        table = table.with_columns(*roots, since=pl.col("at").cast(pl.Int64) - self._zero).drop_nulls(["u", "v"])
+        lengths = pl.col("u", "v", *BOUNDS)
+        roots = pl.when(moments).then(lengths.clip(lower_bound=0.0).sqrt()).otherwise(lengths)
+        table = table.with_columns(roots, since=pl.col("at").cast(pl.Int64) - self._zero).drop_nulls(["u", "v"])
         return table.drop("uv", "weighting", "axis", "statistic", "unit", "cut")
 
     def key_frame(self, direction: str) -> int | None:
@@ -142,8 +167,7 @@ class Evidence:
     @cached_property
     def lightings(self) -> list[str]:
         """Lightings with results, in the order in which the experiment names them, or else by name, diffuse first."""
-        by_name = sorted(self._measured("lighting"), key=natural_key)
-        return _ordered(by_name, self._section("dataset").get("lightings") or _PLAIN)
+        return lightings_in_order(self._measured("lighting"), self._section("dataset").get("lightings"))
 
     @cached_property
     def rotations(self) -> list[int]:
@@ -224,7 +248,7 @@ class Evidence:
             "direction": self.directions,
         }
         chosen = [name for name, values in several.items() if len(values) > 1 and name != factor]
-        return "".join(f" {_WORDS[name].format(self.view[name])}" for name in chosen)
+        return view_text(self.view, chosen)
 
     @cached_property
     def is_large(self) -> bool:

@@ -8,7 +8,7 @@ import polars as pl
 
 from tracknoise.report import paper
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.sentences import DASH, SPACE, count, listing, number, percent
+from tracknoise.report.sentences import DASH, SPACE, count, effect_text, listing, number, percent
 from tracknoise.report.tables import Cells
 from tracknoise.statistics.effects import MARGIN
 
@@ -56,22 +56,48 @@ def sentences(evidence: Evidence) -> list[str]:
     return told
 
 
+def intervals(evidence: Evidence) -> Cells | None:
+    """The interval of each effect, and why it does not decide where it does not; None where there are no intervals."""
+    rows = [_interval(row) for row in paper.comparison(evidence).to_dicts() if row["n_scenes"] is not None]
+    headings = ["factor", "tracker", "statistic", "verdict", "effect", "interval", "scenes", "by the point rule", "why"]
+    caption = "Verdicts with intervals"
+    return Cells(caption, headings, rows, [False] * 4 + [True] * 3 + [False] * 2) if rows else None
+
+
+def _interval(row: Mapping[str, Any]) -> list[str]:
+    ends = [effect_text(row[name]) for name in ("low", "high")]
+    point = f"{row['point_verdict']} ({effect_text(row['effect'])})" if row["effect"] is not None else DASH
+    return [
+        *_question(row),
+        row["verdict"],
+        effect_text(row["interval_effect"]) or DASH,
+        " to ".join(ends) if all(ends) else DASH,
+        str(row["n_scenes"]),
+        point,
+        row["why"] or "",
+    ]
+
+
+def _question(row: Mapping[str, Any]) -> list[str]:
+    return [row["factor"], row["tracker"] or DASH, paper.STATISTICS[row["role"]].replace(" ", SPACE)]
+
+
 def details(evidence: Evidence) -> Cells:
-    """What decided each verdict: one row a factor, tracker and statistic."""
-    headings = ["factor", "tracker", "statistic", "verdict", "most apart", "where", "pairs"]
+    """What decided the point rule: one row a factor, tracker and statistic."""
+    headings = ["factor", "tracker", "statistic", "point rule", "most apart", "where", "pairs"]
     headings += ["differ by", "common", "effect", "of mean |error|"]
     rows = [_detail(evidence, row) for row in paper.comparison(evidence).to_dicts()]
-    return Cells("What decided", headings, rows, [False] * 6 + [True] * 5)
+    return Cells("What decided the point rule", headings, rows, [False] * 6 + [True] * 5)
 
 
 def _detail(evidence: Evidence, row: Mapping[str, Any]) -> list[str]:
-    asked = [row["factor"], row["tracker"] or DASH, paper.STATISTICS[row["role"]].replace(" ", SPACE), row["verdict"]]
+    asked = [*_question(row), row["point_verdict"]]
     if row["effect"] is None:
-        return [*asked, row["why"], *[DASH] * 6]
-    where = "" if row["at"] is None else f"{row['coordinate']}, {evidence.axis.place(row['at'])}"
+        return [*asked, row["point_why"], *[DASH] * 6]
+    where = "" if row["at"] is None else f"{row['coordinate']}, {evidence.axis.place(row['at'])}".replace(" ", SPACE)
     pairs = f"{row['n_pairs']} of {row['n_levels'] * (row['n_levels'] - 1) // 2}"
-    compared = f"{row['level_a']} and {row['level_b']}" + (f" ({row['why']})" if row["why"] else "")
-    sizes = [_size(row["difference"], row["unit"]), _size(row["common"], row["unit"]), paper.effect_text(row["effect"])]
+    compared = f"{row['level_a']} and {row['level_b']}" + (f" ({row['point_why']})" if row["point_why"] else "")
+    sizes = [_size(row["difference"], row["unit"]), _size(row["common"], row["unit"]), effect_text(row["effect"])]
     share = DASH if row["share_of_absolute"] is None else percent(row["share_of_absolute"])
     return [*asked, compared, where, pairs, *sizes, share]
 

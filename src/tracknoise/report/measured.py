@@ -8,6 +8,7 @@ import polars as pl
 
 from tracknoise.report.axis import FRAME
 from tracknoise.report.evidence import MOST_CONDITIONS, Evidence
+from tracknoise.report.names import MOST_NAMED, by_statement, together
 from tracknoise.report.sentences import TIMES, count, listing, number, percent
 from tracknoise.report.tables import Cells, cells
 from tracknoise.statistics.populations import POPULATIONS
@@ -28,8 +29,6 @@ _ENDS = {
     "masked": "masked",
     "sequence_end": "end of data",
 }
-_MOST_NAMED = 4
-"""Of more sequences with the same note, or without true positions, not all are named."""
 _MANY = 0.5
 """Share of observations without a true position above which the page says so at its top."""
 
@@ -69,16 +68,8 @@ def left_out(evidence: Evidence) -> list[tuple[str, str]]:
 
 def notes(evidence: Evidence) -> list[tuple[str, str]]:
     """What readers corrected or assumed: sequences and sentence, the same sentence once."""
-    places: dict[str, list[str]] = {}
-    for key, entry in sorted(evidence.manifest.sequences.items()):
-        for note in entry.notes:
-            places.setdefault(note, []).append(key)
-    return [(_together(keys), note) for note, keys in places.items()]
-
-
-def _together(keys: Sequence[str]) -> str:
-    named = keys if len(keys) <= _MOST_NAMED else [*keys[: _MOST_NAMED - 1], f"{len(keys) - _MOST_NAMED + 1} others"]
-    return listing(named)
+    told = ((key, note) for key, entry in sorted(evidence.manifest.sequences.items()) for note in entry.notes)
+    return [(together(keys), note) for note, keys in by_statement(told).items()]
 
 
 def trackers(evidence: Evidence) -> Cells:
@@ -129,7 +120,7 @@ def without_truth(evidence: Evidence) -> list[tuple[str, str]]:
     conditions = in_order(evidence, listed.select(keys).unique()).iter_rows(named=True)
     sequences = evidence.sequences if evidence.is_large else sorted(evidence.manifest.sequences)
     return [
-        *_mostly_unknown(evidence, [(_condition(names), listed.filter(**names)) for names in conditions]),
+        *_mostly_unknown(evidence, [(condition(names), listed.filter(**names)) for names in conditions]),
         *_mostly_unknown(
             evidence, [(key, evidence.run.sequence_table("counts", key).filter(kind="truth")) for key in sequences]
         ),
@@ -139,9 +130,9 @@ def without_truth(evidence: Evidence) -> list[tuple[str, str]]:
 def _mostly_unknown(evidence: Evidence, groups: Sequence[tuple[str, pl.DataFrame]]) -> list[tuple[str, str]]:
     """Groups of observations most of which have no true position, each with a sentence, or all with one if many."""
     found = [(place, rows, sentence) for place, rows in groups if (sentence := _unknown(evidence, rows))]
-    if len(found) <= _MOST_NAMED:
+    if len(found) <= MOST_NAMED:
         return [(place, sentence) for place, _, sentence in found]
-    return [(_together([place for place, *_ in found]), _unknown(evidence, pl.concat([rows for _, rows, _ in found])))]
+    return [(together([place for place, *_ in found]), _unknown(evidence, pl.concat([rows for _, rows, _ in found])))]
 
 
 def _unknown(evidence: Evidence, rows: pl.DataFrame) -> str:
@@ -163,8 +154,8 @@ def _truths(evidence: Evidence) -> dict[str, str]:
     return _TRUTHS | ({"no_depth": "not on the scan"} if evidence.axis is FRAME else {})
 
 
-def _condition(names: Mapping[str, Any]) -> str:
-    """A condition in words, by the values of `condition_columns`."""
+def condition(names: Mapping[str, Any]) -> str:
+    """Name a condition, by its values of `condition_columns`."""
     lighting = f" under lighting {names['lighting']}" if "lighting" in names else ""
     rotation = f" at rotation {names['rotation']}°" if "rotation" in names else ""
     direction = f" played {names['direction']}" if "direction" in names else ""
@@ -185,8 +176,9 @@ def end_counts(evidence: Evidence) -> Cells:
 
 
 def failures(evidence: Evidence) -> list[tuple[str, str]]:
-    """Sequences that could not be measured, and why."""
-    return sorted(evidence.manifest.failures.items())
+    """Sequences that could not be measured, and why: those that failed of the same together."""
+    told = by_statement(sorted(evidence.manifest.failures.items()))
+    return [(together(keys), cause) for cause, keys in told.items()]
 
 
 def _pivot(evidence: Evidence, kind: str, names: Mapping[str, str], caption: str) -> Cells:
@@ -266,9 +258,16 @@ def in_order(evidence: Evidence, table: pl.DataFrame) -> pl.DataFrame:
 
 
 def _flattened(settings: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
+    """Settings by their full keys; a table in a list of tables is told by its place: ``views[1].rotation``."""
     rows = []
     for key, value in settings.items():
-        rows += _flattened(value, f"{prefix}{key}.") if isinstance(value, dict) else [(prefix + key, _value(value))]
+        name = prefix + key
+        if isinstance(value, dict):
+            rows += _flattened(value, f"{name}.")
+        elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
+            rows += [row for place, item in enumerate(value) for row in _flattened(item, f"{name}[{place}].")]
+        else:
+            rows.append((name, _value(value)))
     return rows
 
 

@@ -10,10 +10,13 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
 from tracknoise.exceptions import StoreError, UnknownNameError
-from tracknoise.report import export, matters, measured, tables
+from tracknoise.report import export, found, matters, measured, tables, trimmed
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import FAMILIES, Figure
 from tracknoise.tables.store import RunFolder
+
+_ANCHORS = ["measured", "matters", "limits"]
+"""Sections besides those of figures that sentences may lead to."""
 
 
 def write_report(run: RunFolder, *, figure_formats: Sequence[str] = export.FORMATS) -> Path:
@@ -47,10 +50,10 @@ def write_report(run: RunFolder, *, figure_formats: Sequence[str] = export.FORMA
 
 def _files(evidence: Evidence, formats: tuple[str, ...]) -> dict[str, bytes]:
     """Content of every file of the report, by its path within it."""
-    sections = [(family, family.figures(evidence)) for family in FAMILIES]
+    sections = [(family, family.figures(evidence), family.tables(evidence)) for family in FAMILIES]
     specs = {
         figure.id: export.specification(figure)
-        for _, figures in sections
+        for _, figures, _ in sections
         for figure in figures
         if isinstance(figure, Figure)
     }
@@ -70,9 +73,12 @@ def _page(evidence: Evidence, sections: Sequence[Any], specs: Mapping[str, Any],
         evidence=evidence,
         measured=measured,
         matters=matters,
+        found=found,
+        anchors=[family.id for family, figures, _ in sections if figures] + _ANCHORS,
+        trimmed=trimmed,
         summary=measured.summary(evidence),
         exports=tables.EXPORTS,
-        sections=[(family, figures) for family, figures in sections if figures],
+        sections=[section for section in sections if section[1]],
         specs={name: _embedded(spec) for name, spec in specs.items()},
         formats=formats,
         vega=export.scripts(),

@@ -8,23 +8,29 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.findings import wording
+from tracknoise.findings.headlines.factors import ROLES
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.sentences import SPACE, percent
-from tracknoise.statistics.curves import NAMES
+from tracknoise.report.sentences import SPACE, effect_text
 from tracknoise.statistics.effects import FACTORS
-from tracknoise.tables.schema import EFFECTS, VERDICT, Schema
+from tracknoise.tables.schema import CONDITION, EFFECTS, VERDICT, Schema
 
-STATISTICS: Mapping[str, str] = {
-    "mean": "mean error",
-    "absolute": "mean absolute error",
-    "second": "second moment",
-    "lifetime": "lifetime",
-    "outlier_ratio": "outlier ratio",
-}
+STATISTICS: Mapping[str, str] = wording.STATISTICS
 """The rows of the paper's summary tables: role of each statistic, and what it is called."""
-COMPARISON: Schema = {**EFFECTS, "role": pl.String, "paper": VERDICT, "agreement": pl.String}
+COMPARISON: Schema = {
+    **EFFECTS,
+    "role": pl.String,
+    "point_verdict": VERDICT,
+    "point_why": pl.String,
+    "interval_effect": pl.Float64,
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "n_scenes": pl.Int32,
+    "paper": VERDICT,
+    "agreement": pl.String,
+}
 AGREEMENTS = ("agree", "disagree", "undecided")
-_CURVED = {name: role for names in NAMES.values() for role, name in names.items()}
+_KEYS = ["dataset", "factor", *CONDITION, "statistic"]
 
 
 @cache
@@ -64,17 +70,35 @@ def comparison(evidence: Evidence) -> pl.DataFrame:
     -------
     polars.DataFrame
         Schema `COMPARISON`, sorted by factor, tracker and statistic. `paper` is null where the paper says nothing, and
-        so is then `agreement`; otherwise that is one of `AGREEMENTS`.
+        so is then `agreement`; otherwise that is one of `AGREEMENTS`. Where verdicts come with intervals, `verdict` and
+        `why` are theirs, `interval_effect` lies between `low` and `high`, and `point_verdict` and `point_why`
+        are those of the effect alone; otherwise `verdict` is that, and the interval is null.
     """
     kinds = {entry.get("name") or entry.get("kind"): entry.get("kind") for entry in evidence.settings["trackers"]}
     rows = []
-    for row in evidence.effects.filter(pl.col("speed").is_null() | (pl.col("speed") == evidence.slowest)).to_dicts():
-        role = _CURVED.get(row["statistic"], row["statistic"])
+    nominal = pl.col("speed").is_null() | (pl.col("speed") == evidence.slowest)
+    for row in _judged(evidence).filter(nominal, pl.col("statistic").is_in(list(ROLES))).to_dicts():
+        role = ROLES[row["statistic"]]
         said = finding(evidence.settings.get("paper"), row["factor"], role, kinds.get(row["tracker"]))
-        if role in STATISTICS and (row["n_levels"] > 1 or said):
+        if row["n_levels"] > 1 or said:
             rows.append({**row, "role": role, "paper": said, "agreement": _agreement(row["verdict"], said)})
     rows.sort(key=lambda row: _order(evidence, row))
     return pl.DataFrame(rows, schema=dict(COMPARISON))
+
+
+def _judged(evidence: Evidence) -> pl.DataFrame:
+    """Effects with the verdicts that come with an interval, where there are any."""
+    decided = evidence.dependence.select(
+        *_KEYS, "low", "high", "n_scenes", interval_effect="effect", decided="verdict", decided_why="why"
+    )
+    table = evidence.effects.join(decided, on=_KEYS, how="left", nulls_equal=True, maintain_order="left")
+    known = pl.col("decided").is_not_null()
+    return table.with_columns(
+        point_verdict="verdict",
+        point_why="why",
+        verdict=pl.when(known).then("decided").otherwise("verdict"),
+        why=pl.when(known).then("decided_why").otherwise("why"),
+    )
 
 
 def side_by_side(evidence: Evidence) -> pl.DataFrame:
@@ -96,13 +120,12 @@ def tally(table: pl.DataFrame) -> dict[str, int]:
     return {name: table.filter(agreement=name).height for name in AGREEMENTS}
 
 
-def effect_text(effect: float | None) -> str:
-    """Write an effect in percent, to a tenth near the margin; nothing where there is none."""
-    if effect is None:
-        return ""
-    if effect >= 10:
-        return f">{SPACE}1000{SPACE}%"
-    return percent(effect) if effect < 0.2 else f"{100 * effect:.0f}{SPACE}%"
+def interval_text(row: Mapping[str, Any]) -> str:
+    """Write the effect of a comparison's row, with its interval if it has one: ``45 %, 30 % to 60 %``."""
+    if row["low"] is None or row["high"] is None:
+        return effect_text(row["effect"])
+    ends = f"{effect_text(row['low'])} to {effect_text(row['high'])}".replace(" ", SPACE)
+    return f"{effect_text(row['interval_effect'])}, {ends}"
 
 
 def _agreement(ours: str, said: str | None) -> str | None:
@@ -119,7 +142,7 @@ def _order(evidence: Evidence, row: Mapping[str, Any]) -> tuple[int, int, int]:
 def _here(row: Mapping[str, Any] | None) -> str:
     if row is None:
         return "\N{EN DASH}"
-    effect = effect_text(row["effect"])
+    effect = interval_text(row)
     return f"{row['verdict']}{SPACE}({effect})" if effect else str(row["verdict"])
 
 

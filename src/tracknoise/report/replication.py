@@ -59,7 +59,8 @@ def write_replication(folder: Path, replicated: Sequence[Replicated]) -> Path:
         If a run is damaged, or the folder cannot be written.
     """
     parts = {item.experiment: _part(item) for item in replicated if item.run}
-    shown: dict[str, Any] = {"paper": paper, "parts": parts}
+    intervals = any(not part.evidence.dependence.is_empty() for part in parts.values())
+    shown: dict[str, Any] = {"paper": paper, "parts": parts, "intervals": intervals}
     chapters = [_chapter(item, parts.get(item.experiment), folder) for item in replicated]
     total = {name: sum(chapter["tally"].get(name, 0) for chapter in chapters) for name in paper.AGREEMENTS}
     index = template("replication.html.j2").render(ran=_ran(replicated, parts), chapters=chapters, total=total, **shown)

@@ -42,6 +42,11 @@ class Export:
     make: Callable[[Evidence], pl.DataFrame]
 
 
+def _intervals(evidence: Evidence) -> pl.DataFrame:
+    """Of all conditions they are too many to be read."""
+    return evidence.reference(evidence.intervals)
+
+
 EXPORTS: tuple[Export, ...] = (
     Export("summary", "the first numbers of every condition", lambda evidence: evidence.summary),
     Export("curves", "error by age, where curves are not cut", lambda evidence: evidence.curves.filter(~pl.col("cut"))),
@@ -50,6 +55,12 @@ EXPORTS: tuple[Export, ...] = (
     Export("trims", "what trimming dropped", lambda evidence: evidence.trims),
     Export("what-matters", "which factors matter", paper.side_by_side),
     Export("effects", "how much they do", lambda evidence: evidence.effects),
+    Export("findings", "what was found", lambda evidence: evidence.findings),
+    Export("intervals", "intervals, in the view that figures are about", _intervals),
+    Export("zero-mean", "whether mean errors are zero", lambda evidence: evidence.zero_mean),
+    Export("gaussianity", "whether errors are Gaussian", lambda evidence: evidence.gaussianity),
+    Export("time-structure", "how errors grow", lambda evidence: evidence.time_structure),
+    Export("dependence", "which factors matter, with intervals", lambda evidence: evidence.dependence),
     Export("counts", "truth statuses and track ends", lambda evidence: evidence.counts),
 )
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import polars as pl
 
-from tracknoise.statistics.grouping import POOLED
+from tracknoise.statistics.grouping import POOLED, in_chunks
 from tracknoise.tables.schema import COUNTS, OBSERVATIONS, TRACKS, TrackEnd, TruthStatus, check, empty
 
 
@@ -40,7 +40,7 @@ def merge_counts(tables: Iterable[pl.DataFrame]) -> pl.DataFrame:
     Parameters
     ----------
     tables
-        Any number of counts tables.
+        Any number of counts tables, read one at a time.
 
     Returns
     -------
@@ -52,9 +52,11 @@ def merge_counts(tables: Iterable[pl.DataFrame]) -> pl.DataFrame:
     SchemaError
         If a table has other columns.
     """
-    every = pl.concat([empty(COUNTS), *(check(table, COUNTS, "counts") for table in tables)])
     names = [column for column in COUNTS if column != "n"]
-    return every.group_by(names).agg(pl.col("n").sum()).sort(names)
+    total = empty(COUNTS)
+    for chunk in in_chunks(tables, COUNTS, "counts"):
+        total = pl.concat([total, chunk]).group_by(names).agg(pl.col("n").sum())
+    return total.sort(names)
 
 
 def _count(table: pl.DataFrame, kind: str, names: list[str]) -> pl.DataFrame:

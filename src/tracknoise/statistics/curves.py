@@ -13,13 +13,15 @@ called mu_u(t), kappa_u(t) and Sigma_uv(t) (mu), (kappa), (Sigma).
 Differences from the paper: its printed sum limit of nu is a slip for Psi(k), and it has no central covariance.
 """
 
+from collections.abc import Iterable
+
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.statistics.grouping import POOLED, Groups, group_rows
-from tracknoise.statistics.moments import merge
-from tracknoise.tables.schema import CURVES, MOMENTS, WEIGHTING, check
+from tracknoise.statistics.grouping import POOLED, group_rows, in_chunks
+from tracknoise.statistics.moments import KEYS, merge
+from tracknoise.tables.schema import CURVES, MOMENTS, WEIGHTING, check, empty
 
 UNITS = {"mean": "px", "absolute": "px", "second": "px^2", "central": "px^2"}
 """Every statistic and its unit."""
@@ -30,20 +32,26 @@ NAMES = {
 """What each statistic is called, by the axis it runs along."""
 _CURVE = [*POOLED, "population", "trimming", "axis"]
 _POINT = [*_CURVE, "at"]
-_COLUMNS = ["u", "v", "uv"]
+_COLUMNS = {"mean": ("u", "v"), "absolute": ("u", "v"), "second": ("u", "v", "uv"), "central": ("u", "v", "uv")}
+"""Which values each statistic has."""
+_MOMENTS = [*_POINT, *(column for column in MOMENTS if column not in KEYS)]
+_SUMS = {statistic: [f"{statistic} {column}" for column in columns] for statistic, columns in _COLUMNS.items()}
+_SCENES = {statistic: f"{statistic} scenes" for statistic in _COLUMNS}
 
 _Values = dict[str, tuple[NDArray[np.float64], NDArray[np.int64]]]
-"""For each statistic: u, v and uv, (points, 3), NaN where undefined; and the scenes it rests on, (points,)."""
+"""For each statistic: its values, (points, 2 or 3), NaN where undefined; and the scenes it rests on, (points,)."""
 
 
-def curves(moments: pl.DataFrame, *, min_features: int = 100) -> pl.DataFrame:
+def curves(moments: pl.DataFrame | Iterable[pl.DataFrame], *, min_features: int = 100) -> pl.DataFrame:
     """Curves of (nu), (eta), (Phi), or (mu), (kappa), (Sigma), and central covariance, pooled over scenes.
 
     Parameters
     ----------
     moments
-        A moments table with one row a scene, condition, population, trimming and age or frame. A scene that was drawn
-        twice, as bootstrap does, stands in it twice and counts twice.
+        A moments table with one row a scene, condition, population, trimming and age or frame; or any number of them,
+        read as they are asked for, of which no more is held than a few at a time. A scene that was drawn twice, as
+        bootstrap does, stands in it twice and counts twice. The order of rows does not matter; that of tables does as
+        far as sums are rounded.
     min_features
         `cut` is set from the first age on, of those that a condition has, at which its scenes together have fewer
         features than this; with frames, from the frame of most features outwards, on either side.
@@ -61,18 +69,43 @@ def curves(moments: pl.DataFrame, *, min_features: int = 100) -> pl.DataFrame:
     SchemaError
         If the table has other columns.
     """
-    scenes = check(moments, MOMENTS, "moments").filter(pl.col("n") > 0).sort(*MOMENTS)
-    points = group_rows(scenes, _POINT)
-    pooled = merge(scenes, by=_POINT)
-    keys = _with_cuts(pooled.select(*_POINT, "n"), min_features)
-    weightings = {"features": _by_features(pooled, points), "scenes": _by_scenes(scenes, points)}
+    points = _pooled(moments)
+    keys = _with_cuts(points.select(*_POINT, "n"), min_features)
+    weightings = {"features": _by_features(points), "scenes": _by_scenes(points)}
     tables = [
         _table(keys, weighting, statistic, *values[statistic])
         for weighting, values in weightings.items()
         for statistic in UNITS
     ]
-    sorting = [column for column in CURVES if column not in ("n", "n_scenes", "unit", *_COLUMNS, "cut")]
+    sorting = [column for column in CURVES if column not in ("n", "n_scenes", "unit", "u", "v", "uv", "cut")]
     return check(pl.concat(tables).sort(sorting), CURVES, "curves")
+
+
+def _pooled(moments: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
+    """The moments of every point, all scenes together, and the sums over scenes of each one's own statistics."""
+    points = _with_sums(empty(MOMENTS))
+    for chunk in in_chunks(moments, MOMENTS, "moments"):
+        scenes = chunk.filter(pl.col("n") > 0).sort(*MOMENTS)
+        points = _added(pl.concat([points, _with_sums(scenes)]))
+    return points
+
+
+def _with_sums(scenes: pl.DataFrame) -> pl.DataFrame:
+    """The moments of scenes with their own statistics, 0 where undefined, and for how many scenes these are defined."""
+    columns: dict[str, NDArray[np.float64] | NDArray[np.int64]] = {}
+    for statistic, values in _statistics(scenes).items():
+        columns |= dict(zip(_SUMS[statistic], np.nan_to_num(values).T, strict=True))
+        columns[_SCENES[statistic]] = (~np.isnan(values[:, 0])).astype(np.int64)
+    return scenes.select(_MOMENTS).hstack(pl.DataFrame(columns))
+
+
+def _added(points: pl.DataFrame) -> pl.DataFrame:
+    """Rows of the same point made one, added up in the order in which they stand; sorted by point."""
+    groups = group_rows(points, _POINT)
+    totals = [name for statistic in _COLUMNS for name in (*_SUMS[statistic], _SCENES[statistic])]
+    sums = {name: np.bincount(groups.index, points[name].to_numpy(), groups.count) for name in totals}
+    added = pl.DataFrame(sums).select(pl.col(name).cast(points.schema[name]) for name in totals)
+    return merge(points.select(_MOMENTS), by=_POINT).hstack(added)
 
 
 def _with_cuts(points: pl.DataFrame, min_features: int) -> pl.DataFrame:
@@ -86,7 +119,7 @@ def _with_cuts(points: pl.DataFrame, min_features: int) -> pl.DataFrame:
 
 
 def _statistics(moments: pl.DataFrame) -> dict[str, NDArray[np.float64]]:
-    """u, v and uv of every statistic for each row, (rows, 3), NaN where undefined."""
+    """The values of every statistic for each row, (rows, 2 or 3), NaN where undefined."""
     n = moments["n"].to_numpy()[:, None]
     mean, absolute = (
         moments.select(names).to_numpy() for names in (["mean_u", "mean_v"], ["mean_abs_u", "mean_abs_v"])
@@ -94,42 +127,35 @@ def _statistics(moments: pl.DataFrame) -> dict[str, NDArray[np.float64]]:
     central = moments.select("m_uu", "m_vv", "m_uv").to_numpy()
     about_zero = central + n * np.column_stack([mean**2, mean.prod(axis=1)])
     divisor = np.where(n > 1, n - 1.0, np.nan)
-    undefined = np.full(len(n), np.nan)
-    return {
-        "mean": np.column_stack([mean, undefined]),
-        "absolute": np.column_stack([absolute, undefined]),
-        "second": about_zero / divisor,
-        "central": central / divisor,
-    }
+    return {"mean": mean, "absolute": absolute, "second": about_zero / divisor, "central": central / divisor}
 
 
-def _by_features(pooled: pl.DataFrame, points: Groups) -> _Values:
-    n_scenes = np.bincount(points.index, minlength=points.count)
-    return {statistic: (values, n_scenes) for statistic, values in _statistics(pooled).items()}
+def _by_features(points: pl.DataFrame) -> _Values:
+    n_scenes = points[_SCENES["mean"]].to_numpy()
+    return {statistic: (values, n_scenes) for statistic, values in _statistics(points).items()}
 
 
-def _by_scenes(scenes: pl.DataFrame, points: Groups) -> _Values:
-    return {statistic: _mean_over_scenes(values, points) for statistic, values in _statistics(scenes).items()}
+def _by_scenes(points: pl.DataFrame) -> _Values:
+    return {statistic: _mean_over_scenes(points, statistic) for statistic in _COLUMNS}
 
 
-def _mean_over_scenes(values: NDArray[np.float64], points: Groups) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    defined = ~np.isnan(values)
-    sums = [np.bincount(points.index, column, points.count) for column in np.where(defined, values, 0.0).T]
-    counts = [np.bincount(points.index[rows], minlength=points.count) for rows in defined.T]
-    n = np.stack(counts, axis=1)
-    return np.where(n > 0, np.stack(sums, axis=1), np.nan) / np.maximum(n, 1), n[:, 0]
+def _mean_over_scenes(points: pl.DataFrame, statistic: str) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    n = points[_SCENES[statistic]].to_numpy()
+    sums = points.select(_SUMS[statistic]).to_numpy()
+    return np.where(n[:, None] > 0, sums, np.nan) / np.maximum(n, 1)[:, None], n
 
 
 def _table(
     keys: pl.DataFrame, weighting: str, statistic: str, values: NDArray[np.float64], n_scenes: NDArray[np.int64]
 ) -> pl.DataFrame:
-    columns = {name: pl.Series(values[:, place]).fill_nan(None) for place, name in enumerate(_COLUMNS)}
+    known = zip(_COLUMNS[statistic], values.T, strict=True)
+    columns = {name: pl.Series(column).fill_nan(None) for name, column in known}
     names = {axis: called[statistic] for axis, called in NAMES.items()}
     table = keys.with_columns(
+        pl.lit(None, dtype=pl.Float64).alias("uv"),
         weighting=pl.lit(weighting, dtype=WEIGHTING),
         statistic=pl.col("axis").cast(pl.String).replace_strict(names, return_dtype=pl.String),
         n_scenes=pl.Series(n_scenes, dtype=pl.Int32),
         unit=pl.lit(UNITS[statistic]),
-        **columns,
     )
-    return table.select(*CURVES)
+    return table.with_columns(**columns).select(*CURVES)

@@ -1,6 +1,6 @@
 """Rows of a table put into numbered groups, so that NumPy can sum them in a fixed order."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,8 @@ from tracknoise.tables.schema import CONDITION, Schema, check, empty
 
 POOLED = ["dataset", *CONDITION]
 """What identifies a condition of a dataset once its scenes are pooled."""
+_ROWS_AT_ONCE = 2**17
+"""So many rows of small tables are put together before anything is done with them: it costs no more than one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,3 +70,40 @@ def reduce_each(
     """
     each = [tables] if isinstance(tables, pl.DataFrame) else tables
     return pl.concat([reduce(empty(schema)), *(reduce(check(table, schema, name)) for table in each)])
+
+
+def in_chunks(
+    tables: pl.DataFrame | Iterable[pl.DataFrame], schema: Schema, name: str, *, rows: int = _ROWS_AT_ONCE
+) -> Iterator[pl.DataFrame]:
+    """Tables stacked to few larger ones, so that what is made of each can be added up as they come.
+
+    How they are stacked depends on their sizes and order alone.
+
+    Parameters
+    ----------
+    tables
+        One table, which is passed on as it is, or any number of them, which may be read as they are asked for.
+    schema, name
+        What each must be, and what to call it where it is not.
+    rows
+        Stop stacking from so many rows on.
+
+    Yields
+    ------
+    polars.DataFrame
+        In order.
+
+    Raises
+    ------
+    SchemaError
+        If a table does not have the columns of `schema`.
+    """
+    waiting, height = [], 0
+    for table in [tables] if isinstance(tables, pl.DataFrame) else tables:
+        waiting.append(check(table, schema, name))
+        height += table.height
+        if height >= rows:
+            yield pl.concat(waiting)
+            waiting, height = [], 0
+    if waiting:
+        yield pl.concat(waiting)

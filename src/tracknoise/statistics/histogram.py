@@ -5,8 +5,8 @@ from collections.abc import Iterable
 import numpy as np
 import polars as pl
 
-from tracknoise.statistics.grouping import POOLED, reduce_each
-from tracknoise.tables.schema import ERRORS, TRACKS, check
+from tracknoise.statistics.grouping import POOLED, in_chunks
+from tracknoise.tables.schema import ERRORS, TRACKS, check, empty
 
 BINS_PER_DECADE = 10
 # Rounded, so that they are the same numbers on every machine.
@@ -40,16 +40,40 @@ def error_histogram(tracks: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFra
     SchemaError
         If a table has other columns.
     """
-    found = reduce_each(tracks, TRACKS, "tracks", _count_bins)
-    grid = found.select(POOLED).unique().join(BINS, how="cross")
-    counts = found.group_by(*POOLED, "bin").agg(pl.col("n").sum())
-    table = grid.join(counts, on=[*POOLED, "bin"], how="left").sort(*POOLED, "bin")
-    return check(table.with_columns(pl.col("n").fill_null(0)).select(*ERRORS), ERRORS, "errors")
+    tables = [tracks] if isinstance(tracks, pl.DataFrame) else tracks
+    return merge_errors(_count_bins(check(table, TRACKS, "tracks")) for table in tables)
+
+
+def merge_errors(errors: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
+    """Add up what `error_histogram` returned for several sets of tracks.
+
+    Parameters
+    ----------
+    errors
+        One table of errors, or any number of them, read one at a time.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `ERRORS`, sorted by condition and bin.
+
+    Raises
+    ------
+    SchemaError
+        If a table has other columns.
+    """
+    bins = [column for column in ERRORS if column != "n"]
+    total = empty(ERRORS)
+    for chunk in in_chunks(errors, ERRORS, "errors"):
+        total = pl.concat([total, chunk]).group_by(bins).agg(pl.col("n").sum())
+    return check(total.sort(*POOLED, "bin_low_px"), ERRORS, "errors")
 
 
 def _count_bins(tracks: pl.DataFrame) -> pl.DataFrame:
-    """Tracks of each condition in each bin; bin null counts those without an error, so that no condition is lost."""
-    error_px = tracks["max_error_px"]
-    place = np.searchsorted(_BOUNDS_PX, error_px.to_numpy(), side="right")
-    bins = pl.Series("bin", place, dtype=pl.Int64).zip_with(error_px.is_not_null(), pl.Series([None], dtype=pl.Int64))
-    return tracks.select(POOLED).with_columns(bins).group_by(*POOLED, "bin").agg(n=pl.len().cast(pl.Int64))
+    """Tracks of each condition in each bin, a row for every bin, whatever it holds."""
+    measured = tracks.drop_nulls("max_error_px")
+    place = np.searchsorted(_BOUNDS_PX, measured["max_error_px"].to_numpy(), side="right")
+    found = measured.select(POOLED).with_columns(bin=pl.Series(place, dtype=pl.Int64))
+    counts = found.group_by(*POOLED, "bin").agg(n=pl.len().cast(pl.Int64))
+    grid = tracks.select(POOLED).unique().join(BINS, how="cross")
+    return grid.join(counts, on=[*POOLED, "bin"], how="left").with_columns(pl.col("n").fill_null(0)).select(*ERRORS)

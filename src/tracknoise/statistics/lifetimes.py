@@ -9,8 +9,9 @@ from collections.abc import Iterable
 import numpy as np
 import polars as pl
 
-from tracknoise.statistics.grouping import POOLED, group_rows, reduce_each
-from tracknoise.tables.schema import LIFETIMES, TRACKS, Schema, check
+from tracknoise.statistics.blocks import with_blocks
+from tracknoise.statistics.grouping import POOLED, group_rows, in_chunks
+from tracknoise.tables.schema import ENDS, LIFETIMES, TRACKS, Schema, check, empty
 
 MEAN_LIFETIMES: Schema = {
     **{column: LIFETIMES[column] for column in POOLED},
@@ -27,10 +28,60 @@ SURVIVING: Schema = {
     "age": pl.UInt32,
     "n": pl.Int64,
 }
+_END = [column for column in ENDS if column not in ("n_ended", "n_censored")]
+_POOLED_END = [*POOLED, "lifetime", "n_ended", "n_censored"]
+
+
+def count_ends(tracks: pl.DataFrame) -> pl.DataFrame:
+    """Count the tracks that ended, or were censored, at each lifetime: all that statistics of lifetimes need.
+
+    Parameters
+    ----------
+    tracks
+        All tracks of any number of sequences and conditions.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `ENDS`, sorted by all columns but the counts; blocks are those of `tracknoise.statistics.blocks`.
+
+    Raises
+    ------
+    SchemaError
+        If the table has other columns.
+    """
+    table = with_blocks(check(tracks, TRACKS, "tracks"), tracks)
+    censored = pl.col("end") == "sequence_end"
+    found = table.group_by(_END).agg(
+        n_ended=censored.not_().sum().cast(pl.Int64), n_censored=censored.sum().cast(pl.Int64)
+    )
+    return check(found.sort(_END), ENDS, "ends")
 
 
 def lifetimes(tracks: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
     """Histogram of lifetimes and Kaplan-Meier survival of every condition, pooled over scenes.
+
+    Parameters
+    ----------
+    tracks
+        One tracks table, or any number of them, read one at a time.
+
+    Returns
+    -------
+    polars.DataFrame
+        What `lifetimes_of_ends` makes of their `count_ends`.
+
+    Raises
+    ------
+    SchemaError
+        If a table has other columns.
+    """
+    tables = [tracks] if isinstance(tracks, pl.DataFrame) else tracks
+    return lifetimes_of_ends(count_ends(table) for table in tables)
+
+
+def lifetimes_of_ends(ends: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
+    """Histogram of lifetimes and Kaplan-Meier survival of every condition, pooled over scenes, from counts alone.
 
     `survival` is the estimated probability that a lifetime exceeds `lifetime`: the product, over all lifetimes up to
     it, of 1 - n_ended / at_risk. A track that was alive in the last frame of its sequence is censored: nobody looked
@@ -39,8 +90,8 @@ def lifetimes(tracks: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
 
     Parameters
     ----------
-    tracks
-        One tracks table, or any number of them, read one at a time.
+    ends
+        One table that `count_ends` returned, or any number of them, read one at a time.
 
     Returns
     -------
@@ -54,9 +105,7 @@ def lifetimes(tracks: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
     SchemaError
         If a table has other columns.
     """
-    histogram = reduce_each(tracks, TRACKS, "tracks", _count_ends)
-    n_scenes = histogram.group_by(POOLED).agg(n_scenes=pl.col("scene").n_unique().cast(pl.Int32))
-    pooled = histogram.group_by(*POOLED, "lifetime").agg(pl.col("n_ended", "n_censored").sum())
+    pooled, n_scenes = _pooled(ends)
     table = pooled.join(n_scenes, on=POOLED).sort(*POOLED, "lifetime")
     at_risk = _total_from(pl.col("n_ended") + pl.col("n_censored")) - pl.col("n_censored")
     stays = pl.when(pl.col("at_risk") > 0).then(1 - pl.col("n_ended") / pl.col("at_risk"))
@@ -146,12 +195,15 @@ def surviving(lifetimes: pl.DataFrame) -> pl.DataFrame:
     return check(table.select(*SURVIVING), SURVIVING, "surviving")
 
 
-def _count_ends(tracks: pl.DataFrame) -> pl.DataFrame:
-    """Tracks of each scene and condition that ended, and that were censored, at each lifetime."""
-    censored = pl.col("end") == "sequence_end"
-    return tracks.group_by("scene", *POOLED, "lifetime").agg(
-        n_ended=censored.not_().sum().cast(pl.Int64), n_censored=censored.sum().cast(pl.Int64)
-    )
+def _pooled(ends: pl.DataFrame | Iterable[pl.DataFrame]) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """Counts of each condition and lifetime, and `n_scenes` of each condition."""
+    histogram = empty(ENDS).select(_POOLED_END)
+    scenes = empty(ENDS).select("scene", *POOLED)
+    for chunk in in_chunks(ends, ENDS, "ends"):
+        counts = pl.concat([histogram, chunk.select(_POOLED_END)])
+        histogram = counts.group_by(*POOLED, "lifetime").agg(pl.col("n_ended", "n_censored").sum())
+        scenes = pl.concat([scenes, chunk.select("scene", *POOLED)]).unique()
+    return histogram, scenes.group_by(POOLED).agg(n_scenes=pl.len().cast(pl.Int32))
 
 
 def _total_from(count: pl.Expr) -> pl.Expr:

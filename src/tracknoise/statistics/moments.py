@@ -4,7 +4,7 @@ Everything else in this layer that concerns errors is computed from these tables
 resampled and added later without a second look at the observations.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import polars as pl
@@ -15,7 +15,6 @@ from tracknoise.statistics.populations import VISIBLE, measured
 from tracknoise.tables.schema import AXIS, MOMENTS, OBSERVATIONS, ORIGIN, POPULATION, TRIMMING, check
 
 KEYS = [*ORIGIN, "population", "trimming", "axis", "at"]
-_CELL = [*ORIGIN, "at", "visible", "kept"]
 _MEANS = ["mean_u", "mean_v"]
 _SUMS = ["m_" + "u" * p + "v" * q for p, q in FOURTH]
 _ABS_MEANS = ["mean_abs_u", "mean_abs_v"]
@@ -46,13 +45,53 @@ def scene_moments(observations: pl.DataFrame, *, axis: str = "age") -> pl.DataFr
         If the table has other columns, or an error is missing where the true position is known.
     """
     known = measured(check(observations, OBSERVATIONS, "observations"), population="projected")
-    cells = _cell_moments(known.with_columns(at=axis))
+    cells = measure_cells(
+        known.with_columns(pl.col(axis).alias("at"), pl.col("truth").is_in(VISIBLE).alias("visible")),
+        by=[*ORIGIN, "at", "visible", "kept"],
+    )
     selections = {
         ("visible", "untrimmed"): pl.col("visible"),
         ("visible", "trimmed"): pl.col("visible") & pl.col("kept"),
         ("projected", "untrimmed"): pl.lit(value=True),
         ("projected", "trimmed"): pl.col("kept"),
     }
+    return unite_cells(cells, selections, axis=axis)
+
+
+def measure_cells(errors: pl.DataFrame, *, by: Sequence[str]) -> pl.DataFrame:
+    """Moments of the errors in the rows that agree in `by`: disjoint cells, of which selections are unions.
+
+    Parameters
+    ----------
+    errors
+        With the columns `by`, `du_px` and `dv_px`, px, none of them missing.
+    by
+        Key columns, at least one.
+
+    Returns
+    -------
+    polars.DataFrame
+        Columns `by`, then `n` and the moments as in `MOMENTS`; sorted by `by`.
+    """
+    groups = group_rows(errors, by)
+    pairs = errors.select("du_px", "dv_px").to_numpy()
+    signed = measure(pairs, groups.index, groups.count)
+    absolute = measure(np.abs(pairs), groups.index, groups.count, orders=VARIANCES)
+    return _table(groups, signed, absolute)
+
+
+def unite_cells(cells: pl.DataFrame, selections: Mapping[tuple[str, str], pl.Expr], *, axis: str) -> pl.DataFrame:
+    """A moments table of selections of cells.
+
+    Parameters
+    ----------
+    cells
+        What `measure_cells` made, by `ORIGIN`, ``at`` and whatever the selections look at.
+    selections
+        Which cells make up each population and trimming.
+    axis
+        What ``at`` is: ``age`` or ``frame``.
+    """
     parts = [
         merge(cells.filter(selected), by=[*ORIGIN, "at"]).with_columns(
             population=pl.lit(population, dtype=POPULATION),
@@ -89,16 +128,6 @@ def merge(moments: pl.DataFrame, *, by: Sequence[str]) -> pl.DataFrame:
     groups = group_rows(ordered, by)
     signed = pool(_joint(ordered, FOURTH, _MEANS, _SUMS), groups.index, groups.count)
     absolute = pool(_joint(ordered, VARIANCES, _ABS_MEANS, _ABS_SUMS), groups.index, groups.count)
-    return _table(groups, signed, absolute)
-
-
-def _cell_moments(known: pl.DataFrame) -> pl.DataFrame:
-    """Moments of the disjoint cells (visible or not, kept or not) of which populations and trimmings are unions."""
-    cells = known.select(*ORIGIN, "at", pl.col("truth").is_in(VISIBLE).alias("visible"), "kept")
-    groups = group_rows(cells, _CELL)
-    errors = known.select("du_px", "dv_px").to_numpy()
-    signed = measure(errors, groups.index, groups.count)
-    absolute = measure(np.abs(errors), groups.index, groups.count, orders=VARIANCES)
     return _table(groups, signed, absolute)
 
 

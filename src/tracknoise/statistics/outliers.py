@@ -5,41 +5,11 @@ from dataclasses import asdict
 
 import polars as pl
 
-from tracknoise.statistics.box import box_summary
-from tracknoise.statistics.grouping import POOLED, reduce_each
-from tracknoise.tables.schema import FRAMES, ORIGIN, OUTLIERS, Schema, check
-
-FRAME_RATIOS: Schema = {
-    **ORIGIN,
-    "frame": pl.UInt32,
-    "offered": pl.UInt32,
-    "outliers": pl.UInt32,
-    "ratio": pl.Float64,
-}
+from tracknoise.statistics.box import box_of_counts
+from tracknoise.statistics.grouping import POOLED, in_chunks
+from tracknoise.tables.schema import FRAMES, OUTLIERS, check, empty
 
 _RATIO = pl.when(pl.col("offered") > 0).then(pl.col("outliers") / pl.col("offered"))
-
-
-def frame_ratios(frames: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
-    """Outlier ratio f1(t) / F(t-1) of every frame that the tracker entered with features.
-
-    Parameters
-    ----------
-    frames
-        One frames table, or any number of them, read one at a time.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `FRAME_RATIOS`, sorted by scene, condition and frame; frames with F(t-1) = 0 have no row.
-
-    Raises
-    ------
-    SchemaError
-        If a table has other columns.
-    """
-    found = _each_frame(frames).drop_nulls("ratio")
-    return check(found.sort(*ORIGIN, "frame"), FRAME_RATIOS, "frame ratios")
 
 
 def outlier_ratios(frames: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
@@ -62,25 +32,45 @@ def outlier_ratios(frames: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFram
     SchemaError
         If a table has other columns.
     """
-    conditions = (
-        _each_frame(frames)
-        .group_by(POOLED)
-        .agg(
-            pl.col("ratio").drop_nulls(),
-            n_frames=pl.col("ratio").count().cast(pl.Int64),
-            n_scenes=pl.col("scene").filter(pl.col("ratio").is_not_null()).n_unique().cast(pl.Int32),
-            offered=pl.col("offered").cast(pl.Int64).sum(),
-            outliers=pl.col("outliers").cast(pl.Int64).sum(),
-        )
-    )
-    conditions = conditions.sort(POOLED).with_columns(pooled_ratio=_RATIO)
-    boxes = [asdict(box_summary(ratios.to_numpy())) for ratios in conditions["ratio"]]
+    totals, ratios, scenes = _pooled(frames)
+    n_scenes = scenes.group_by(POOLED).agg(n_scenes=pl.len().cast(pl.Int32))
+    listed = ratios.group_by(POOLED).agg("ratio", "times")
+    conditions = totals.join(n_scenes, on=POOLED, how="left").join(listed, on=POOLED, how="left").sort(POOLED)
+    conditions = conditions.with_columns(pl.col("n_scenes").fill_null(0), pooled_ratio=_RATIO)
+    boxes = [_box(row["ratio"], row["times"]) for row in conditions.iter_rows(named=True)]
     kinds = {column: pl.Float64 for column in OUTLIERS if column not in conditions.columns}
     table = conditions.hstack(pl.DataFrame(boxes, schema=kinds))
     return check(table.select(*OUTLIERS), OUTLIERS, "outliers")
 
 
-def _each_frame(frames: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
-    """All frames with the columns of `FRAME_RATIOS`; the ratio is null where F(t-1) = 0."""
-    columns = [*ORIGIN, "frame", "offered", "outliers"]
-    return reduce_each(frames, FRAMES, "frames", lambda table: table.select(columns)).with_columns(ratio=_RATIO)
+def _pooled(
+    frames: pl.DataFrame | Iterable[pl.DataFrame],
+) -> tuple[pl.DataFrame, pl.DataFrame, pl.DataFrame]:
+    """Counts of each condition; how often it had each ratio; and its scenes with F(t-1) > 0."""
+    seen = empty(FRAMES).with_columns(ratio=_RATIO)
+    totals, ratios, scenes = _totals(seen), _ratios(seen), _scenes(seen)
+    for chunk in in_chunks(frames, FRAMES, "frames"):
+        seen = chunk.with_columns(ratio=_RATIO)
+        counts = pl.col("n_frames", "offered", "outliers").sum()
+        totals = pl.concat([totals, _totals(seen)]).group_by(POOLED).agg(counts)
+        ratios = pl.concat([ratios, _ratios(seen)]).group_by(*POOLED, "ratio").agg(pl.col("times").sum())
+        scenes = pl.concat([scenes, _scenes(seen)]).unique()
+    return totals, ratios, scenes
+
+
+def _totals(seen: pl.DataFrame) -> pl.DataFrame:
+    offered, outliers = (pl.col(name).cast(pl.Int64).sum() for name in ("offered", "outliers"))
+    return seen.group_by(POOLED).agg(pl.col("ratio").count().cast(pl.Int64).alias("n_frames"), offered, outliers)
+
+
+def _ratios(seen: pl.DataFrame) -> pl.DataFrame:
+    """There are few: with up to some thousand features, ratios recur."""
+    return seen.drop_nulls("ratio").group_by(*POOLED, "ratio").agg(times=pl.len().cast(pl.Int64))
+
+
+def _scenes(seen: pl.DataFrame) -> pl.DataFrame:
+    return seen.drop_nulls("ratio").select("scene", *POOLED).unique()
+
+
+def _box(ratios: list[float] | None, times: list[int] | None) -> dict[str, float | None]:
+    return asdict(box_of_counts(ratios or [], times or []))

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
-from tracknoise.exceptions import SchemaError, SettingsError
+from tracknoise.exceptions import SchemaError, SettingsError, UnknownNameError
 from tracknoise.statistics.populations import measured
-from tracknoise.tables.schema import OBSERVATIONS, ORIGIN, TRACKS, TRIMS, check
+from tracknoise.tables.schema import AMONG, OBSERVATIONS, ORIGIN, TRACKS, TRIMS, check
 
 _CONDITION = list(ORIGIN)
 _TRACK = [*ORIGIN, "track"]
@@ -33,14 +33,21 @@ class Trimmed:
 
 
 def trim(
-    observations: pl.DataFrame, tracks: pl.DataFrame, *, percentile: float | None, population: str = "visible"
+    observations: pl.DataFrame,
+    tracks: pl.DataFrame,
+    *,
+    percentile: float | None,
+    population: str = "visible",
+    among: str = "all",
+    key_frame: int | None = None,
 ) -> Trimmed:
     """Mark as dropped the tracks whose largest error exceeds a percentile of their scene and condition.
 
     A track's largest error is the L2 norm of (du, dv), px, largest over its observations of `population`, null where
     it has none. The threshold is NumPy's linearly interpolated percentile of those that are not null; a track without
-    one is kept, for nothing is known against it. As in the paper, tracks that were seen only once count: their largest
-    error is 0 or nearly so, which lowers the threshold where such tracks are many.
+    one is kept, for nothing is known against it. A track that has no error but that at its anchor, the frame that fixes
+    its true position, has a largest error of 0 or nearly so. As in the paper, such tracks count, and lower the
+    threshold where they are many, unless `among` says otherwise.
 
     Parameters
     ----------
@@ -50,36 +57,48 @@ def trim(
         From 0 to 100; None keeps every track.
     population
         Which observations count: `visible` or `projected`.
+    among
+        Of which tracks the percentile is taken: of `all` that have a largest error, or of those that were `followed`,
+        which have an error away from their anchor.
+    key_frame
+        Where a scan fixes true positions: the frame that is every track's anchor. Otherwise it is the track's first.
 
     Raises
     ------
     SettingsError
         If `percentile` is not between 0 and 100.
     UnknownNameError
-        If there is no such population.
+        If there is no such population, or no such choice of tracks.
     SchemaError
         If a table has other columns, or an observation does not belong to exactly one track.
     """
     if percentile is not None and not 0 <= percentile <= 100:
         raise SettingsError(f"trimming percentile is {percentile}, expected 0 to 100")
+    if among not in AMONG.categories:
+        raise UnknownNameError("choice of tracks", among, AMONG.categories)
     errors = measured(check(observations, OBSERVATIONS, "observations"), population=population)
-    largest = _with_largest_error(check(tracks, TRACKS, "tracks"), errors)
-    thresholds = _thresholds(largest, percentile)
+    away = pl.col("age") > 0 if key_frame is None else pl.col("frame") != key_frame
+    largest = _with_largest_error(check(tracks, TRACKS, "tracks"), errors, away)
+    thresholds = _thresholds(largest, percentile, among)
     exceeds = (pl.col("max_error_px") > pl.col("threshold_px")).fill_null(value=False)
     marked = largest.join(thresholds, on=_CONDITION, how="left", maintain_order="left").with_columns(kept=~exceeds)
+    trims = _account(marked, thresholds, percentile, among)
     marked = marked.select(*TRACKS)
-    return Trimmed(_with_kept(observations, marked), marked, _account(marked, thresholds, percentile))
+    return Trimmed(_with_kept(observations, marked), marked, trims)
 
 
-def _with_largest_error(tracks: pl.DataFrame, errors: pl.DataFrame) -> pl.DataFrame:
+def _with_largest_error(tracks: pl.DataFrame, errors: pl.DataFrame, away: pl.Expr) -> pl.DataFrame:
+    """Tracks with `max_error_px`, and `followed`: whether they have an error away from their anchor."""
     error_px = (pl.col("du_px").pow(2) + pl.col("dv_px").pow(2)).sqrt()
-    largest = errors.group_by(_TRACK).agg(max_error_px=error_px.max())
-    return tracks.drop("max_error_px").join(largest, on=_TRACK, how="left", maintain_order="left")
+    largest = errors.group_by(_TRACK).agg(max_error_px=error_px.max(), followed=away.any())
+    joined = tracks.drop("max_error_px").join(largest, on=_TRACK, how="left", maintain_order="left")
+    return joined.with_columns(pl.col("followed").fill_null(value=False))
 
 
-def _thresholds(tracks: pl.DataFrame, percentile: float | None) -> pl.DataFrame:
+def _thresholds(tracks: pl.DataFrame, percentile: float | None, among: str) -> pl.DataFrame:
     """The cut of each scene and condition, px; null where nothing is cut or no track was measured."""
-    groups = tracks.group_by(_CONDITION).agg(pl.col("max_error_px").drop_nulls()).sort(_CONDITION)
+    counted = pl.col("followed") if among == "followed" else pl.col("max_error_px").is_not_null()
+    groups = tracks.group_by(_CONDITION).agg(pl.col("max_error_px").filter(counted)).sort(_CONDITION)
     cuts = [
         None if percentile is None or errors.is_empty() else float(np.percentile(errors.to_numpy(), percentile))
         for errors in groups["max_error_px"]
@@ -95,15 +114,18 @@ def _with_kept(observations: pl.DataFrame, tracks: pl.DataFrame) -> pl.DataFrame
     return check(joined.select(*OBSERVATIONS), OBSERVATIONS, "observations")
 
 
-def _account(tracks: pl.DataFrame, thresholds: pl.DataFrame, percentile: float | None) -> pl.DataFrame:
+def _account(tracks: pl.DataFrame, thresholds: pl.DataFrame, percentile: float | None, among: str) -> pl.DataFrame:
     """What was dropped; the share is of the measured tracks, null where there are none."""
+    has_error, dropped = pl.col("max_error_px").is_not_null(), ~pl.col("kept")
     counts = tracks.group_by(_CONDITION).agg(
         n_tracks=pl.len().cast(pl.Int64),
-        n_measured=pl.col("max_error_px").count().cast(pl.Int64),
-        n_dropped=pl.col("kept").not_().sum().cast(pl.Int64),
+        n_measured=has_error.sum().cast(pl.Int64),
+        n_anchor_only=(has_error & ~pl.col("followed")).sum().cast(pl.Int64),
+        n_dropped=dropped.sum().cast(pl.Int64),
+        n_followed_dropped=(dropped & pl.col("followed")).sum().cast(pl.Int64),
     )
     share = pl.when(pl.col("n_measured") > 0).then(pl.col("n_dropped") / pl.col("n_measured"))
     table = thresholds.join(counts, on=_CONDITION, how="left", maintain_order="left").with_columns(
-        percentile=pl.lit(percentile, dtype=pl.Float64), dropped_share=share
+        percentile=pl.lit(percentile, dtype=pl.Float64), among=pl.lit(among, dtype=AMONG), dropped_share=share
     )
     return check(table.select(*TRIMS), TRIMS, "trims")

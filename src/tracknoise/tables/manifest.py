@@ -7,7 +7,7 @@ from urllib.parse import quote
 
 from tracknoise.exceptions import StoreError
 
-FORMAT = 2
+FORMAT = 3
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,6 +47,7 @@ END = pl.Enum([end.name for end in TrackEnd])
 POPULATION = pl.Enum(["visible", "projected"])
 AXIS = pl.Enum(["age", "frame"])
 TRIMMING = pl.Enum(["untrimmed", "trimmed"])
+AMONG = pl.Enum(["all", "followed"])
 WEIGHTING = pl.Enum(["features", "scenes"])
 VERDICT = pl.Enum(["yes", "no", "undecided"])
 
@@ -80,10 +81,15 @@ TRACKS: Schema = {
     "end": END,
     "response": pl.Float32,
     "depth_m": pl.Float64,
+    "gradient_rad": pl.Float32,
     "max_error_px": pl.Float64,
     "kept": pl.Boolean,
 }
-"""One row a track; lifetime in frames that its tracker saw, the first included."""
+"""One row a track; lifetime in frames that its tracker saw, the first included.
+
+gradient_rad is the orientation of the image's dominant gradient where the track began, an axis without sign, from u
+towards v; null where none dominates.
+"""
 
 FRAMES: Schema = {
     **ORIGIN,
@@ -123,6 +129,64 @@ MOMENTS: Schema = {
 }
 """Moments of du, dv at one age, or in one frame: means (px), central power sums (px^p, not divided by n) to order 4."""
 
+BLOCKS: Schema = {
+    **ORIGIN,
+    "block": pl.UInt8,
+    "trimming": TRIMMING,
+    "axis": AXIS,
+    "at": pl.UInt32,
+    "n": pl.Int64,
+    **dict.fromkeys(("mean_u", "mean_v", "m_uu", "m_uv", "m_vv", "mean_abs_u", "mean_abs_v"), pl.Float64),
+}
+"""Moments as in `MOMENTS` of visible observations, by blocks of tracks that were born next to each other in time."""
+
+ASPECTS: Schema = {"aspect": pl.String, **MOMENTS}
+"""Moments of visible errors seen in another way: along (u) and across (v) something, or of some tracks only.
+
+aspect `motion` has them along and across the image motion, `gradient` along and across the dominant gradient at the
+feature's birth, `lives K` in image axes those of tracks that were seen at age K or later.
+"""
+
+ENDS: Schema = {
+    **ORIGIN,
+    "block": pl.UInt8,
+    "lifetime": pl.UInt32,
+    "n_ended": pl.Int64,
+    "n_censored": pl.Int64,
+}
+"""How many tracks of a block ended, or were censored, at each lifetime, in frames that their tracker saw."""
+
+INCREMENTS: Schema = {
+    **ORIGIN,
+    "block": pl.UInt8,
+    "trimming": TRIMMING,
+    "lag": pl.UInt32,
+    "age": pl.UInt32,
+    "n": pl.Int64,
+    **dict.fromkeys(("mean_u", "mean_v", "m_uu", "m_uv", "m_vv"), pl.Float64),
+    **dict.fromkeys(("lagged_uu", "lagged_vv", "squares_uu", "squares_vv"), pl.Float64),
+}
+"""Changes of visible errors from one frame that the tracker saw to the next.
+
+Rows of lag 0 hold their means and central sums by the age at which they end. Rows of lag l >= 1 are of all ages
+together, age null, and hold for the n pairs of a change with that of l steps before: lagged, the sum of products, and
+squares, half the sum of the squares of both. Without a birth-anchored truth there are rows too: a change does not
+depend on where the error is zero.
+"""
+
+SAMPLES: Schema = {
+    **ORIGIN,
+    "block": pl.UInt8,
+    "age_low": pl.UInt32,
+    "age_high": pl.UInt32,
+    "track": pl.UInt32,
+    "at": pl.UInt32,
+    "du_px": pl.Float64,
+    "dv_px": pl.Float64,
+    "kept": pl.Boolean,
+}
+"""Single visible errors, at most one of a track in each band of ages, for what moments cannot tell."""
+
 CURVES: Schema = {
     "dataset": pl.String,
     **CONDITION,
@@ -144,6 +208,9 @@ CURVES: Schema = {
 
 cut marks ages, or frames, with too few features.
 """
+
+ASPECT_CURVES: Schema = {"aspect": pl.String, **CURVES}
+"""Curves of each aspect of `ASPECTS`; u is along and v across. `gradient`, an axis without sign, has no mean."""
 
 LIFETIMES: Schema = {
     "dataset": pl.String,
@@ -177,13 +244,20 @@ OUTLIERS: Schema = {
 TRIMS: Schema = {
     **ORIGIN,
     "percentile": pl.Float64,
+    "among": AMONG,
     "threshold_px": pl.Float64,
     "n_tracks": pl.Int64,
     "n_measured": pl.Int64,
+    "n_anchor_only": pl.Int64,
     "n_dropped": pl.Int64,
+    "n_followed_dropped": pl.Int64,
     "dropped_share": pl.Float64,
 }
-"""What trimming did to each scene and condition: the cut on a track's largest error and what it dropped."""
+"""What trimming did to each scene and condition: the cut on a track's largest error and what it dropped.
+
+Of the n_measured tracks with a largest error, n_anchor_only have no error but that in the frame that fixes their truth,
+where it is zero by construction. The others were followed; n_followed_dropped of these were dropped.
+"""
 
 ERRORS: Schema = {
     "dataset": pl.String,

@@ -1,10 +1,10 @@
 """The run folder: what an experiment measured, as Parquet beside a manifest.
 
 ``experiment.toml`` (the resolved settings), ``manifest.json``, a Parquet file a sequence in each folder of
-`SEQUENCE_TABLES`, an image a sequence in ``snapshots/``, tables of the whole run in ``statistics/``,
-``failures.jsonl``, and ``report/``. Every file appears by atomic rename, and a sequence counts as measured only once
-the manifest, written last, says so; it holds the hash of each of its files. While a run goes on, ``.lock`` says whose
-it is.
+`SEQUENCE_TABLES` (without those of `OBSERVED` where only statistics are kept), an image a sequence in ``snapshots/``,
+tables of the whole run in ``statistics/``, ``failures.jsonl``, and ``report/``. Every file appears by atomic rename; a
+sequence counts as measured only once the manifest, written last, says so; it holds the hash of each of its files.
+While a run goes on, ``.lock`` says whose it is.
 """
 
 import json
@@ -15,7 +15,7 @@ from pathlib import Path
 import polars as pl
 
 from tracknoise.exceptions import StoreError
-from tracknoise.tables import schema
+from tracknoise.tables import findings_schema, schema
 from tracknoise.tables.files import is_intact, read_parquet, remove, temporary_files, write_atomically, write_parquet
 from tracknoise.tables.manifest import FailureEntry, Manifest, SequenceEntry, sequence_key
 
@@ -32,7 +32,15 @@ SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "moments": schema.MOMENTS,
     "trims": schema.TRIMS,
     "counts": schema.COUNTS,
+    "ends": schema.ENDS,
+    "errors": schema.ERRORS,
+    "blocks": schema.BLOCKS,
+    "aspects": schema.ASPECTS,
+    "increments": schema.INCREMENTS,
+    "samples": schema.SAMPLES,
 }
+OBSERVED = ("observations", "tracks")
+"""Tables of a sequence that grow with its observations; none of the whole run's is made from them."""
 STATISTICS_TABLES: Mapping[str, schema.Schema] = {
     "curves": schema.CURVES,
     "lifetimes": schema.LIFETIMES,
@@ -43,6 +51,18 @@ STATISTICS_TABLES: Mapping[str, schema.Schema] = {
     "summary": schema.SUMMARY,
     "effects": schema.EFFECTS,
 }
+FINDINGS_TABLES: Mapping[str, schema.Schema] = {
+    "aspect_curves": schema.ASPECT_CURVES,
+    "intervals": findings_schema.INTERVALS,
+    "zero_mean": findings_schema.ZERO_MEAN,
+    "gaussianity": findings_schema.GAUSSIANITY,
+    "radii": findings_schema.RADII,
+    "time_structure": findings_schema.TIME_STRUCTURE,
+    "dependence": findings_schema.DEPENDENCE,
+    "findings": findings_schema.FINDINGS,
+}
+"""Tables of the whole run that rest on the others; they are empty in a run in which nobody computed them."""
+_RUN_TABLES: Mapping[str, schema.Schema] = {**STATISTICS_TABLES, **FINDINGS_TABLES}
 
 
 class RunFolder:
@@ -97,6 +117,16 @@ class RunFolder:
             If the folder cannot be written.
         """
         self.write_manifest(manifest)
+        self.write_experiment(experiment_toml)
+
+    def write_experiment(self, experiment_toml: str) -> None:
+        """Write the resolved settings, the text of a TOML file.
+
+        Raises
+        ------
+        StoreError
+            If the folder cannot be written.
+        """
         write_atomically(self.path / _SETTINGS, experiment_toml.encode())
 
     def experiment_toml(self) -> str:
@@ -130,7 +160,7 @@ class RunFolder:
         write_atomically(self.path / _MANIFEST, manifest.to_json().encode(), durably=True)
 
     def write_sequence(self, key: str, tables: Mapping[str, pl.DataFrame], snapshot_png: bytes) -> dict[str, str]:
-        """Write the tables of `SEQUENCE_TABLES` and the image of one sequence.
+        """Write the tables of `SEQUENCE_TABLES`, of `OBSERVED` those that are given, and the image of one sequence.
 
         Returns
         -------
@@ -146,13 +176,15 @@ class RunFolder:
         """
         hashes = {}
         for name, columns in SEQUENCE_TABLES.items():
-            table = schema.check(tables[name], columns, name)
-            hashes[name] = write_parquet(self._table_path(name, key), table)
+            if name in tables or name not in OBSERVED:
+                table = schema.check(tables[name], columns, name)
+                hashes[name] = write_parquet(self._table_path(name, key), table)
         return {**hashes, _SNAPSHOTS: write_atomically(self.snapshot_path(key), snapshot_png)}
 
     def has_sequence(self, entry: SequenceEntry) -> bool:
         """Whether all files of one sequence are there, and as they were written; reads them all."""
-        paths = {name: self._table_path(name, entry.key) for name in SEQUENCE_TABLES}
+        kept = [name for name in SEQUENCE_TABLES if name in entry.sha256 or name not in OBSERVED]
+        paths = {name: self._table_path(name, entry.key) for name in kept}
         paths[_SNAPSHOTS] = self.snapshot_path(entry.key)
         return all(is_intact(path, entry.sha256.get(name, "")) for name, path in paths.items())
 
@@ -206,9 +238,12 @@ class RunFolder:
         Raises
         ------
         StoreError, SchemaError
-            If the file is missing or damaged, or has other columns.
+            If the run does not keep such tables, or the file is missing or damaged, or has other columns.
         """
-        return read_parquet(self._table_path(name, key), SEQUENCE_TABLES[name], self._hash_of(name, key))
+        hashes = self._hashes_of(key)
+        if hashes and name in OBSERVED and name not in hashes:
+            raise StoreError(f'{self.path}: keeps no {name}, expected a run with keep = "observations"')
+        return read_parquet(self._table_path(name, key), SEQUENCE_TABLES[name], hashes.get(name))
 
     def sequence_tables(self, name: str) -> Iterator[pl.DataFrame]:
         """One table of every measured sequence in turn, in the order of their keys."""
@@ -216,20 +251,22 @@ class RunFolder:
             yield self.sequence_table(name, key)
 
     def write_statistics(self, name: str, table: pl.DataFrame) -> None:
-        """Write one table of `STATISTICS_TABLES`.
+        """Write one table of `STATISTICS_TABLES` or `FINDINGS_TABLES`.
 
         Raises
         ------
         SchemaError, StoreError
             If the table does not have its columns, or the folder cannot be written.
         """
-        checked = schema.check(table, STATISTICS_TABLES[name], name)
+        checked = schema.check(table, _RUN_TABLES[name], name)
         manifest = self.manifest()
         manifest.statistics[name] = write_parquet(self.path / "statistics" / f"{name}.parquet", checked)
         self.write_manifest(manifest)
 
     def statistics(self, name: str) -> pl.DataFrame:
-        """One table of `STATISTICS_TABLES`.
+        """One table of `STATISTICS_TABLES` or `FINDINGS_TABLES`.
+
+        One of the latter that was never written is empty: runs of earlier versions have no findings.
 
         Raises
         ------
@@ -239,7 +276,19 @@ class RunFolder:
         if not (self.path / "statistics").is_dir():
             raise StoreError(f"{self.path}: holds no finished run, expected one: `tracknoise run` goes on with it")
         hashes = self.manifest().statistics
-        return read_parquet(self.path / "statistics" / f"{name}.parquet", STATISTICS_TABLES[name], hashes.get(name))
+        if name in FINDINGS_TABLES and name not in hashes:
+            return schema.empty(FINDINGS_TABLES[name])
+        return read_parquet(self.path / "statistics" / f"{name}.parquet", _RUN_TABLES[name], hashes.get(name))
+
+    def write_findings(self, document: str) -> None:
+        """Write ``statistics/findings.json``, the text of a JSON document.
+
+        Raises
+        ------
+        StoreError
+            If the folder cannot be written.
+        """
+        write_atomically(self.path / "statistics" / "findings.json", document.encode())
 
     def write_failures(self, failures: Mapping[str, FailureEntry]) -> None:
         """Write ``failures.jsonl``, a line a sequence that could not be measured; remove it when there is none.
@@ -259,16 +308,16 @@ class RunFolder:
     def _table_path(self, name: str, key: str) -> Path:
         return self.path / name / f"{key}.parquet"
 
-    def _hash_of(self, name: str, key: str) -> str | None:
-        """What the manifest says of a file of a sequence, if it does; read once a manifest, for they can be large."""
+    def _hashes_of(self, key: str) -> dict[str, str]:
+        """What the manifest says of the files of a sequence, if it does; read once a manifest, as it can be large."""
         try:
             status = (self.path / _MANIFEST).stat()
         except OSError:
-            return None
+            return {}
         version = (status.st_ino, status.st_mtime_ns, status.st_size)
         if self._hashes is None or self._hashes[0] != version:
             self._hashes = version, {key: entry.sha256 for key, entry in self.manifest().sequences.items()}
-        return self._hashes[1].get(key, {}).get(name)
+        return self._hashes[1].get(key, {})
 
     def _read_text(self, name: str) -> str:
         try:

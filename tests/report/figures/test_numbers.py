@@ -182,7 +182,7 @@ def test_outlier_ratios_are_the_pooled_ones(evidence: Evidence, run: RunFolder) 
     (figure,) = outlier_ratio.figures(evidence)
     frames = pl.concat(run.sequence_tables("frames")).filter(tracker="correspondence", speed=2)
     share = percent(frames["outliers"].sum() / frames["offered"].sum())
-    assert re.search(f"correspondence rejected .* and {share} at speed 2", figure.look_for)
+    assert re.search(f"correspondence rejected .* and {share} \\(.*\\) at speed 2", figure.look_for)
 
 
 def test_occlusion_compares_both_populations_at_one_age(evidence: Evidence) -> None:

@@ -5,6 +5,8 @@ A new family is a new file and a line here.
 
 from tracknoise.report.figures import (
     curves,
+    directions,
+    gaussianity,
     lifetimes,
     lightings,
     occlusion,
@@ -12,7 +14,9 @@ from tracknoise.report.figures import (
     picture,
     speeds,
     survivors,
+    survivorship,
     throw_out,
+    time_structure,
     trajectory,
     views,
 )
@@ -28,6 +32,10 @@ FAMILIES: tuple[Family, ...] = (
     survivors.FAMILY,
     outlier_ratio.FAMILY,
     curves.FAMILY,
+    time_structure.FAMILY,
+    gaussianity.FAMILY,
+    directions.FAMILY,
+    survivorship.FAMILY,
     speeds.FAMILY,
     lightings.FAMILY,
     views.ROTATION,

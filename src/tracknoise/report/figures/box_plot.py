@@ -22,6 +22,7 @@ def box_plot(
     width: int,
     height: int,
     places: tuple[str, Sequence[str]] | None = None,
+    interval: tuple[str, str, str] | None = None,
 ) -> Chart:
     """A box for each row of a table.
 
@@ -38,6 +39,8 @@ def box_plot(
     places
         Column, and the order of its values, that places boxes side by side, one of each colour at every place; by
         default each colour has a place of its own.
+    interval
+        Columns of a value besides, and of the ends of its interval, all or the ends null where it has none.
     """
     column, order = places or (field, list(colours))
     tips = [alt.Tooltip(f"{name}:Q", format=".4~g", title=name.replace("_", " ")) for name in _VALUES]
@@ -47,13 +50,15 @@ def box_plot(
         base = base.encode(xOffset=alt.XOffset(f"{field}:N", sort=list(colours)))
     across = min(_WIDEST, 0.6 * width / max(1, len(order)) / (1 if places is None else len(colours)))
     box = base.mark_bar(size=across, fillOpacity=0.25, strokeWidth=min(1.2, across / 4)).encode(
-        y=_at(y, "lower_quartile"),
+        y=marks.on(y, "lower_quartile"),
         y2="upper_quartile:Q",
         fill=alt.Fill(f"{field}:N", scale=marks.scale(colours), legend=None),
         stroke=alt.Stroke(f"{field}:N", scale=marks.scale(colours), legend=None),
     )
-    layers = alt.layer(*_whiskers(base, y, across), box, *_middles(base, y, across))
-    return layers.properties(width=width, height=height)
+    layers = [*_whiskers(base, y, across), box, *_middles(base, y, across)]
+    if interval is not None:
+        layers += _interval(base, y, across, *interval)
+    return alt.layer(*layers).properties(width=width, height=height)
 
 
 def _across(column: str, order: Sequence[str], width: int) -> alt.X:
@@ -69,21 +74,28 @@ def _whiskers(base: alt.Chart, y: alt.Y, across: float) -> list[alt.Chart]:
     line = base.mark_rule(color=style.QUIET)
     cap = base.mark_tick(color=style.QUIET, thickness=1, size=across / 2, orient="horizontal")
     return [
-        line.encode(y=_at(y, "lower_whisker"), y2="lower_quartile:Q"),
-        line.encode(y=_at(y, "upper_quartile"), y2="upper_whisker:Q"),
-        cap.encode(y=_at(y, "lower_whisker")),
-        cap.encode(y=_at(y, "upper_whisker")),
+        line.encode(y=marks.on(y, "lower_whisker"), y2="lower_quartile:Q"),
+        line.encode(y=marks.on(y, "upper_quartile"), y2="upper_whisker:Q"),
+        cap.encode(y=marks.on(y, "lower_whisker")),
+        cap.encode(y=marks.on(y, "upper_whisker")),
     ]
 
 
 def _middles(base: alt.Chart, y: alt.Y, across: float) -> list[alt.Chart]:
     median = base.mark_tick(color=style.MEDIAN, thickness=2.5, size=across, orient="horizontal", opacity=1)
     mean = base.mark_point(shape="triangle-up", color=style.MEAN, size=min(36.0, 3 + across**2), opacity=1)
-    return [median.encode(y=_at(y, "median")), mean.encode(y=_at(y, "mean"))]
+    return [median.encode(y=marks.on(y, "median")), mean.encode(y=marks.on(y, "mean"))]
 
 
-def _at(y: alt.Y, column: str) -> alt.Y:
-    """The same axis for another column."""
-    placed = y.copy()
-    placed.shorthand = f"{column}:Q"
-    return placed
+def _interval(base: alt.Chart, y: alt.Y, across: float, value: str, low: str, high: str) -> list[alt.Chart]:
+    """A heavy line between the ends of an interval, and a bead at its value, beside the middle of the box."""
+    aside = -across / 3
+    known = base.transform_filter(f"isValid(datum[{low!r}]) && isValid(datum[{high!r}])")
+    tips = [alt.Tooltip(f"{name}:Q", format=".4~g", title=name.replace("_", " ")) for name in (value, low, high)]
+    line = known.mark_rule(color=style.INK, strokeWidth=min(3.0, across / 3), opacity=1, xOffset=aside).encode(
+        y=marks.on(y, low), y2=f"{high}:Q", tooltip=tips
+    )
+    bead = known.mark_point(color=style.INK, size=min(30.0, 3 + across**2), opacity=1, xOffset=aside).encode(
+        y=marks.on(y, value), tooltip=tips
+    )
+    return [line, bead]

@@ -3,7 +3,7 @@
 import polars as pl
 
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures.curve_grid import MANY, Reading, Series, grid, readings, when
+from tracknoise.report.figures.curve_grid import MANY, Reading, Series, bands_text, grid, readings, when
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.sentences import listing, px
 from tracknoise.statistics.summary import REFERENCE_AGE
@@ -48,7 +48,7 @@ def comparison(
     return Figure(
         id,
         title,
-        f"{shows} {dashed}{_boxes(evidence)}",
+        f"{shows} {dashed}{bands_text(kept, series)} {_boxes(evidence)}",
         f"{_numbers(evidence, found, series, role)}{no_curve if missing else ''} {advice}",
         grid(kept, series, evidence.axis, boxes=True),
     )

@@ -6,7 +6,9 @@ from dataclasses import asdict, dataclass, replace
 import altair as alt
 import polars as pl
 
+from tracknoise.report import bands
 from tracknoise.report.axis import FRAME, Axis
+from tracknoise.report.bands import BOUNDS
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.box_plot import box_plot
 from tracknoise.report.figures.layout import Chart, Panel, Spec, arranged
@@ -20,7 +22,6 @@ _ROWS = {
     "second": "root second moment {} (px)",
 }
 """Roles of the statistics in the rows of the grid, and what their axes say of them and their sign."""
-_AXES = {"u": "u (horizontal)", "v": "v (vertical)"}
 _ABOUT = {"second": "about zero", "central": "about the mean"}
 _HEIGHT = 165
 _WIDTHS = {"alone": (395, 0), "few": (240, 105), "many": (196, 156)}
@@ -41,11 +42,14 @@ class Series:
         Colour of each of its values, in order.
     phrase
         How a sentence names one of its values: what stands for ``{}`` in it.
+    columns
+        What the columns of panels for u and v are called.
     """
 
     field: str
     colours: Mapping[str, str]
     phrase: str = "for {}"
+    columns: tuple[str, str] = ("u (horizontal)", "v (vertical)")
 
 
 def grid(points: pl.DataFrame, series: Series, axis: Axis, *, boxes: bool) -> Spec:
@@ -63,8 +67,7 @@ def grid(points: pl.DataFrame, series: Series, axis: Axis, *, boxes: bool) -> Sp
         Whether box plots of each curve's values stand beside it.
     """
     named = points.with_columns(pl.col(series.field).cast(pl.String))
-    present = [name for name in series.colours if name in named[series.field].unique()]
-    chosen = replace(series, colours={name: series.colours[name] for name in present})
+    chosen = _present(named, series)
     panels = [panel for role in _ROWS for panel in _row(named, role, chosen, axis, boxes=boxes)]
     return arranged(panels, columns=4 if boxes else 2, independent=["fill", "stroke"])
 
@@ -125,21 +128,72 @@ def _row(points: pl.DataFrame, role: str, series: Series, axis: Axis, *, boxes: 
     place = {name: -place for place, name in enumerate(series.colours)}  # the first is drawn last, above the others
     order = pl.col(series.field).replace_strict(place, return_dtype=pl.Int64)
     table = points.filter(pl.col("role").is_in(drawn)).sort("role", order, "at")
-    bounds = marks.domain(pl.concat([table["u"], table["v"]]), zero=True)
+    banded = table.filter(pl.col("role") == role, pl.col(series.field).is_in(_banded(series)))
+    bounds = _domain(table, banded)
     wide, narrow = _WIDTHS["alone" if not boxes else "many" if many else "few"]
     panels = []
-    for coordinate, label in _AXES.items():
+    for coordinate, label in zip("uv", series.columns, strict=True):
         title = alt.Title(label if role == "mean" else "")
         heading = _ROWS[role].format(axis.signs[role]) if coordinate == "u" else None
         y = alt.Y(f"{coordinate}:Q", scale=alt.Scale(domain=bounds, nice=False), title=heading)
-        lines = _lines(table, series, axis, y).properties(title=title, width=wide, height=_HEIGHT)
-        panels.append(Panel(lines, (marks.shown(series.field, series.colours), marks.zoom("x"))))
+        x = marks.along(axis, table["at"])
+        band, lines = _bands(banded, series, coordinate, x, y), _lines(table, series, axis, x, y)
+        chart = alt.layer(*band, *lines).properties(title=title, width=wide, height=_HEIGHT)
+        selections = marks.shown(series.field, series.colours), marks.zoom("x")
+        panels.append(Panel(chart, selections, layer=len(band)))
         if boxes:
             panels.append(Panel(_boxes(table.filter(role=role), coordinate, series, bounds, width=narrow)))
     return panels
 
 
-def _lines(table: pl.DataFrame, series: Series, axis: Axis, y: alt.Y) -> Chart:
+def bands_text(points: pl.DataFrame, series: Series) -> str:
+    """A sentence about the bands that `grid` draws of the same points."""
+    named = points.with_columns(pl.col(series.field).cast(pl.String)).filter(pl.col("role") != "central")
+    chosen = _present(named, series)
+    of = "the solid curves" if len(chosen.colours) <= MANY else f"the curve {series.phrase.format(_banded(chosen)[0])}"
+    return bands.told(named.filter(pl.col(series.field).is_in(_banded(chosen))), of=of)
+
+
+def _present(points: pl.DataFrame, series: Series) -> Series:
+    """The series without the names that have no curve."""
+    names = points[series.field].unique()
+    return replace(series, colours={name: colour for name, colour in series.colours.items() if name in names})
+
+
+def _banded(series: Series) -> list[str]:
+    """Whose curves have a band: all, or of many the first alone, for many bands hide each other."""
+    names = list(series.colours)
+    return names if len(names) <= MANY else names[:1]
+
+
+def _domain(table: pl.DataFrame, banded: pl.DataFrame) -> list[float]:
+    """Axis bounds that hold the curves, and of their bands what does not leave the curves a sliver."""
+    curves = pl.concat([table["u"], table["v"]]).drop_nulls()
+    if curves.is_empty():
+        return marks.domain(curves, zero=True)
+    low, high = min(0.0, float(curves.min())), max(0.0, float(curves.max()))  # type: ignore[arg-type]
+    ends = pl.concat([curves, *(banded[name] for name in BOUNDS)]).drop_nulls()
+    return marks.domain(ends.clip(low - (high - low), high + (high - low)), zero=True)
+
+
+def _bands(banded: pl.DataFrame, series: Series, coordinate: str, x: alt.X, y: alt.Y) -> list[alt.Chart]:
+    """Areas between the bounds; none where there are no bounds."""
+    low, high = f"{coordinate}_low", f"{coordinate}_high"
+    table = banded.select(series.field, "at", low, high).drop_nulls()
+    if table.is_empty():
+        return []
+    area = alt.Chart(marks.rows(table)).mark_area(clip=True, tooltip=None)
+    encoded = area.encode(
+        x=x,
+        y=marks.on(y, low),
+        y2=f"{high}:Q",
+        fill=marks.fill(series.field, series.colours),
+        opacity=marks.faint(series.field),
+    )
+    return [encoded]
+
+
+def _lines(table: pl.DataFrame, series: Series, axis: Axis, x: alt.X, y: alt.Y) -> list[alt.Chart]:
     labelled = table.with_columns(of=pl.col("role").replace(_ABOUT))
     tips = [
         alt.Tooltip(f"{series.field}:N"),
@@ -152,7 +206,7 @@ def _lines(table: pl.DataFrame, series: Series, axis: Axis, y: alt.Y) -> Chart:
     dash = alt.StrokeDash("of:N", scale=alt.Scale(domain=[*_ABOUT.values()], range=[[1, 0], [3, 3]]), legend=None)
     data = marks.rows(labelled.select(series.field, "at", "n", "u", "v", "of"))
     lines = alt.Chart(data).encode(
-        x=marks.along(axis, table["at"]),
+        x=x,
         y=y,
         color=marks.colour(series.field, series.colours, series.field),
         opacity=marks.opacity(series.field),
@@ -163,7 +217,7 @@ def _lines(table: pl.DataFrame, series: Series, axis: Axis, y: alt.Y) -> Chart:
     dots = lines.mark_point(size=size, opacity=1).transform_filter("datum.of != 'about the mean'")
     zero = alt.Chart(alt.InlineData(values=[{"zero": 0}])).mark_rule(color="#9aa5b1").encode(y="zero:Q")
     vertical = marks.key_frames(table["at"].cast(pl.Int64) - table["since"]) if axis is FRAME else []
-    return alt.layer(curve, dots, zero, *vertical)
+    return [curve, dots, zero, *vertical]
 
 
 def _boxes(table: pl.DataFrame, coordinate: str, series: Series, bounds: list[float], *, width: int) -> Chart:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from tracknoise.report.axis import FRAME
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures.curve_grid import Series, grid, readings, when
+from tracknoise.report.figures.curve_grid import Series, bands_text, grid, readings, when
 from tracknoise.report.figures.figure import Absence, Family, Figure
 from tracknoise.report.sentences import number
 
@@ -64,6 +64,7 @@ def _figure(evidence: Evidence, trimming: str, name: str, title: str, shows: str
         for one in found
     ]
     look_for = f"{when(found, evidence.axis)} {'; '.join(parts)}. {advice}"
+    shows = f"{shows} {bands_text(points, series)}"
     return Figure(name, title, shows, look_for, grid(points, series, evidence.axis, boxes=False))
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures.layout import Spec
+from tracknoise.report.tables import Cells
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +50,11 @@ class Absence:
     why: str
 
 
+def no_tables(evidence: Evidence) -> Sequence[Cells]:
+    """The tables of a family that has none."""
+    return []
+
+
 @dataclass(frozen=True, slots=True)
 class Family:
     """A section of the report: figures of one kind.
@@ -61,9 +67,12 @@ class Family:
         A sentence or two that open it, true of any data.
     figures
         Makes the figures of a run, in order.
+    tables
+        Makes the tables that stand below them.
     """
 
     id: str
     title: str
     lead: str
     figures: Callable[[Evidence], Sequence[Figure | Absence]]
+    tables: Callable[[Evidence], Sequence[Cells]] = no_tables

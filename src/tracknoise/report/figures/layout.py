@@ -23,10 +23,13 @@ class Panel:
         The chart, without parameters.
     selections
         Those of one name in several panels of a figure are one selection: what is muted in one is muted in all.
+    layer
+        Which layer of the chart the selections live in, if it has several: it must have the scales and the legend.
     """
 
     chart: Chart
     selections: tuple[Selection, ...] = ()
+    layer: int = 0
 
 
 def arranged(panels: Sequence[Panel], *, columns: int, independent: Sequence[str] = ()) -> Spec:
@@ -42,7 +45,7 @@ def arranged(panels: Sequence[Panel], *, columns: int, independent: Sequence[str
         spec = panel.chart.to_dict(validate=False)
         datasets |= spec.pop("datasets", {})
         view = f"panel_{place}"
-        _unit(spec)["name"] = view
+        _unit(spec, panel.layer)["name"] = view
         specs.append({key: value for key, value in spec.items() if key not in ("$schema", "config")})
         for selection in panel.selections:
             parameters.setdefault(selection["name"], {**selection, "views": []})["views"].append(view)
@@ -56,7 +59,7 @@ def arranged(panels: Sequence[Panel], *, columns: int, independent: Sequence[str
     }
 
 
-def _unit(spec: Spec) -> Spec:
-    """The view that selections of a chart live in: its first layer, which must have the scales and the legend."""
-    first: Spec = spec["layer"][0] if "layer" in spec else spec
-    return first
+def _unit(spec: Spec, layer: int) -> Spec:
+    """The view that selections of a chart live in."""
+    unit: Spec = spec["layer"][layer] if "layer" in spec else spec
+    return unit

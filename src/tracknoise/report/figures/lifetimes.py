@@ -6,25 +6,29 @@ from typing import Any
 import altair as alt
 import polars as pl
 
+from tracknoise.report.bands import of_scalar, told
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import lifetimes_by_lighting, marks
 from tracknoise.report.figures.figure import Absence, Family, Figure
 from tracknoise.report.figures.layout import Panel, Spec, arranged
 from tracknoise.report.sentences import count, number, percent
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
+from tracknoise.tables.schema import LIFETIMES
 
 _SIZE: dict[str, Any] = {"width": 385, "height": 240}
 _LIFETIME = alt.X("lifetime:Q", title="lifetime (frames its tracker saw)", axis=alt.Axis(tickMinStep=1))
+_SHARE = alt.Y("survival:Q", scale=alt.Scale(domain=[0, 1]), title="share of tracks that live longer")
 
 
 def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
     """Trackers at the lowest speed, then the speeds of each tracker where there are several."""
-    nominal = evidence.nominal(evidence.lifetimes)
+    table = of_scalar(evidence.reference(evidence.lifetimes), evidence.intervals, "survival")
+    nominal = table.filter(speed=evidence.slowest)
     if nominal.is_empty():
         return [Absence("lifetimes", "Lifetimes", "No tracker found a feature, so no track has a lifetime.")]
     made: list[Figure | Absence] = [_by_tracker(evidence, nominal)]
     if len(evidence.speeds) > 1:
-        made += [_by_speed(evidence, tracker) for tracker in evidence.trackers]
+        made += [_by_speed(evidence, table, tracker) for tracker in evidence.trackers]
     return [*made, *lifetimes_by_lighting.figures(evidence)]
 
 
@@ -35,15 +39,15 @@ def _by_tracker(evidence: Evidence, nominal: pl.DataFrame) -> Figure:
         title=f"Lifetimes at speed {evidence.slowest}",
         shows=f"Left: how many tracks lived how long at speed {evidence.slowest}{evidence.where} (logarithmic). Right: "
         "the share of tracks expected to live longer than that (Kaplan-Meier), which does not take a track that was "
-        "still alive at the end of its sequence for one that had ended.",
+        f"still alive at the end of its sequence for one that had ended. {_bands_text(table)}",
         look_for=_numbers(table, evidence.trackers, lead=f"At speed {evidence.slowest}, "),
         spec=_pair(table, evidence.colour, "tracker"),
     )
 
 
-def _by_speed(evidence: Evidence, tracker: str) -> Figure | Absence:
+def _by_speed(evidence: Evidence, table: pl.DataFrame, tracker: str) -> Figure | Absence:
     name, title = f"lifetimes-{evidence.slug(tracker)}", f"Lifetimes of {tracker} by speed"
-    table = evidence.reference(evidence.lifetimes).filter(pl.col("tracker") == tracker)
+    table = table.filter(tracker=tracker)
     if table.is_empty():
         return Absence(name, title, f"The tracker {tracker} found no feature, so no track has a lifetime.")
     table = table.with_columns(series=pl.col("speed").cast(pl.String))
@@ -51,7 +55,7 @@ def _by_speed(evidence: Evidence, tracker: str) -> Figure | Absence:
         id=name,
         title=title,
         shows=f"The same for {tracker} at every speed{evidence.where}; a lifetime counts the frames the tracker saw, "
-        "so that at speed 2 each of them is two frames of the sequence.",
+        f"so that at speed 2 each of them is two frames of the sequence. {_bands_text(table)}",
         look_for=_numbers(table, list(evidence.speed_colours(tracker)), lead=f"For {tracker}, ", prefix="speed "),
         spec=_pair(table, evidence.speed_colours(tracker), "speed"),
     )
@@ -59,7 +63,7 @@ def _by_speed(evidence: Evidence, tracker: str) -> Figure | Absence:
 
 def _numbers(table: pl.DataFrame, names: Sequence[str], *, lead: str, prefix: str = "") -> str:
     """Mean, median and censored share of each series."""
-    keys = table.drop("series").columns
+    keys = list(LIFETIMES)
     labels = table.select("tracker", "speed", "series").unique()
     lived = mean_lifetime(table.select(keys)).join(median_survival(table.select(keys)), on=["tracker", "speed"])
     found = {row["series"]: row for row in lived.join(labels, on=["tracker", "speed"]).to_dicts()}
@@ -80,9 +84,12 @@ def _sentence(name: str, row: Mapping[str, Any]) -> str:
 
 def _pair(table: pl.DataFrame, colours: Mapping[str, str], title: str) -> Spec:
     hue, opacity = marks.colour("series", colours, title), marks.opacity("series")
-    charts = [chart.encode(color=hue, opacity=opacity) for chart in (_histogram(table), _survival(table))]
+    lines = [chart.encode(color=hue, opacity=opacity) for chart in (_histogram(table), _survival(table))]
+    band = [area.encode(fill=marks.fill("series", colours)) for area in _band(table)]
     shown = (marks.shown("series", colours),)
-    return arranged([Panel(chart.properties(**_SIZE), shown) for chart in charts], columns=2)
+    survival = alt.layer(*band, lines[1]).properties(**_SIZE)
+    panels = [Panel(lines[0].properties(**_SIZE), shown), Panel(survival, shown, layer=len(band))]
+    return arranged(panels, columns=2, independent=["fill"])
 
 
 def _histogram(table: pl.DataFrame) -> alt.Chart:
@@ -108,10 +115,24 @@ def _survival(table: pl.DataFrame) -> alt.Chart:
     start = known.select("series").unique(maintain_order=True).with_columns(lifetime=pl.lit(0), survival=pl.lit(1.0))
     points = pl.concat([start.cast({"lifetime": pl.Int64}), known]).sort("series", "lifetime")
     tips = [alt.Tooltip("series:N"), alt.Tooltip("lifetime:Q"), alt.Tooltip("survival:Q", format=".3f")]
-    y = alt.Y("survival:Q", scale=alt.Scale(domain=[0, 1]), title="share of tracks that live longer")
     chart = alt.Chart(marks.rows(points)).mark_line(interpolate="step-after")
-    encoded: alt.Chart = chart.encode(x=_LIFETIME, y=y, tooltip=tips)
+    encoded: alt.Chart = chart.encode(x=_LIFETIME, y=_SHARE, tooltip=tips)
     return encoded
+
+
+def _band(table: pl.DataFrame) -> list[alt.Chart]:
+    """Area between the bounds of the survival curve; none where it has none."""
+    known = table.select("series", pl.col("lifetime").cast(pl.Int64), "low", "high").drop_nulls()
+    if known.is_empty():
+        return []
+    area = alt.Chart(marks.rows(known.sort("series", "lifetime"))).mark_area(interpolate="step-after", tooltip=None)
+    y, opacity = marks.on(_SHARE, "low"), marks.faint("series")
+    encoded: alt.Chart = area.encode(x=_LIFETIME, y=y, y2="high:Q", opacity=opacity)
+    return [encoded]
+
+
+def _bands_text(table: pl.DataFrame) -> str:
+    return told(table, of="the survival curves")
 
 
 FAMILY = Family(

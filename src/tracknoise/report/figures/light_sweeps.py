@@ -1,7 +1,6 @@
 """Lightings in the order of the sweep that they belong to: their colours, and box plots of them side by side."""
 
 import re
-from collections.abc import Mapping
 
 import altair as alt
 import polars as pl
@@ -43,7 +42,7 @@ def legend(evidence: Evidence) -> str:
     return f"a box each for speed {listing(map(str, evidence.speeds))}, the slowest darkest"
 
 
-def boxes(evidence: Evidence, table: pl.DataFrame, y: alt.Y) -> Spec:
+def boxes(evidence: Evidence, table: pl.DataFrame, y: alt.Y, *, interval: tuple[str, str, str] | None = None) -> Spec:
     """Box plots by lighting and speed: a row of panels a tracker, a column a sweep that starts from the reference.
 
     Parameters
@@ -52,6 +51,8 @@ def boxes(evidence: Evidence, table: pl.DataFrame, y: alt.Y) -> Spec:
         Columns lighting, tracker, speed, and those of `box_plot`.
     y
         Axis of the values.
+    interval
+        As in `box_plot`.
     """
     across = {title: [evidence.view["lighting"], *names] for title, names in sweeps(evidence).items()}
     panels = []
@@ -60,16 +61,19 @@ def boxes(evidence: Evidence, table: pl.DataFrame, y: alt.Y) -> Spec:
         shades = evidence.speed_colours(tracker)
         for title, names in across.items():
             title = tracker if len(across) == 1 else f"{tracker}, {title}"
-            panels.append(_panel(rows, shades, names, y, title=title, width=820 // len(across)))
+            chosen = rows.filter(pl.col("lighting").is_in(names))
+            chart = box_plot(
+                chosen,
+                field="speed",
+                colours=shades,
+                y=y,
+                width=820 // len(across),
+                height=210,
+                places=("lighting", names),
+                interval=interval,
+            )
+            panels.append(Panel(chart.properties(title=title)))
     return arranged(panels, columns=len(across), independent=["fill", "stroke", "x", "xOffset"])
-
-
-def _panel(
-    rows: pl.DataFrame, shades: Mapping[str, str], names: list[str], y: alt.Y, *, title: str, width: int
-) -> Panel:
-    chosen = rows.filter(pl.col("lighting").is_in(names))
-    chart = box_plot(chosen, field="speed", colours=shades, y=y, width=width, height=210, places=("lighting", names))
-    return Panel(chart.properties(title=title))
 
 
 def _sweep(name: str) -> str:

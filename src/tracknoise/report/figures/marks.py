@@ -11,6 +11,7 @@ from tracknoise.report.axis import Axis
 from tracknoise.report.figures.layout import Selection
 
 MUTED = 0.07
+BAND = 0.15
 _NONE = 0.6
 
 
@@ -36,6 +37,11 @@ def opacity(field: str) -> alt.OpacityValue:
     return alt.OpacityValue(MUTED, condition={"param": f"shown_{field}", "value": 1})
 
 
+def faint(field: str) -> alt.OpacityValue:
+    """For bands: as `opacity`, but so faint where the field is shown that what lies below is seen."""
+    return alt.OpacityValue(0.02, condition={"param": f"shown_{field}", "value": BAND})
+
+
 def zoom(*encodings: str) -> Selection:
     """Drag moves, shift and wheel zoom, a double click goes back; the wheel alone scrolls the page."""
     select = {"type": "interval", "encodings": list(encodings), "zoom": "wheel![event.shiftKey]"}
@@ -46,6 +52,11 @@ def colour(field: str, colours: Mapping[str, str], title: str, *, legend: bool =
     """Nominal colours in a stated order."""
     shape = alt.Legend(title=title, symbolType="stroke", columns=8) if legend else None
     return alt.Color(f"{field}:N", scale=scale(colours), sort=None, legend=shape)
+
+
+def fill(field: str, colours: Mapping[str, str]) -> alt.Fill:
+    """The same colours for an area, which the legend need not explain."""
+    return alt.Fill(f"{field}:N", scale=scale(colours), sort=None, legend=None)
 
 
 def scale(colours: Mapping[str, str]) -> alt.Scale:
@@ -77,6 +88,13 @@ def key_frames(frames: Iterable[int]) -> list[alt.Chart]:
     rule = base.mark_rule(color=style.QUIET, strokeWidth=0.8).encode(x="at:Q")
     label = base.mark_text(text="key frame", color=style.QUIET, fontSize=9, dy=-6).encode(x="at:Q", y=alt.value(0))
     return [rule, label]
+
+
+def on(y: alt.Y, column: str) -> alt.Y:
+    """The same axis for another column."""
+    placed = y.copy()
+    placed.shorthand = f"{column}:Q"
+    return placed
 
 
 def log_count(title: str, largest: float) -> alt.Y:

@@ -1,10 +1,12 @@
 """What share of its features a tracker rejects, frame by frame, as box plots."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import altair as alt
 import polars as pl
 
+from tracknoise.report.bands import of_scalar, told
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import light_sweeps
 from tracknoise.report.figures.box_plot import box_plot
@@ -13,6 +15,7 @@ from tracknoise.report.figures.layout import Panel, arranged
 from tracknoise.report.sentences import listing, percent
 
 _TITLE = "Outlier ratio"
+_INTERVAL = ("pooled_ratio", "low", "high")
 
 
 def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
@@ -26,7 +29,7 @@ def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
 
 def _entered(evidence: Evidence) -> pl.DataFrame:
     """Conditions that carried a feature into some frame, and so have a ratio."""
-    return evidence.outliers.filter(pl.col("n_frames") > 0)
+    return of_scalar(evidence.outliers.filter(pl.col("n_frames") > 0), evidence.intervals, "outlier_ratio")
 
 
 def _by_speed(evidence: Evidence, table: pl.DataFrame) -> Figure:
@@ -45,7 +48,7 @@ def _by_speed(evidence: Evidence, table: pl.DataFrame) -> Figure:
         title=_TITLE,
         shows=f"The share of features that a tracker rejected in a frame, over all frames{evidence.where}: box from "
         "the first to the third quartile, orange line the median, green triangle the mean, whiskers to the last frame "
-        "within 1.5 interquartile ranges.",
+        f"within 1.5 interquartile ranges. {_intervals(table)}",
         look_for=_look_for(evidence, table),
         spec=arranged(panels, columns=3, independent=["fill", "stroke"]),
     )
@@ -60,10 +63,11 @@ def _by_lighting(evidence: Evidence) -> list[Figure]:
     figure = Figure(
         id="outlier-ratio-by-lighting",
         title=f"{_TITLE} by lighting",
-        shows=f"The same under every lighting{evidence.elsewhere('lighting')}, {light_sweeps.legend(evidence)}.",
+        shows=f"The same under every lighting{evidence.elsewhere('lighting')}, {light_sweeps.legend(evidence)}. "
+        f"{_intervals(table)}",
         look_for=f"At speed {evidence.slowest}, of all features carried into a frame, "
         f"{'; '.join(part for part in parts if part)}.",
-        spec=light_sweeps.boxes(evidence, table, _ratio(evidence)),
+        spec=light_sweeps.boxes(evidence, table, _ratio(evidence), interval=_INTERVAL),
     )
     return [figure]
 
@@ -72,11 +76,20 @@ def _look_for(evidence: Evidence, table: pl.DataFrame) -> str:
     parts = []
     for tracker in evidence.trackers:
         rows = table.filter(tracker=tracker).sort("speed").to_dicts()
-        told = [f"{percent(row['pooled_ratio'])} at speed {row['speed']}" for row in rows]
-        parts += [f"{tracker} rejected {listing(told)}"] if told else []
+        shares = [f"{_with_interval(row)} at speed {row['speed']}" for row in rows]
+        parts += [f"{tracker} rejected {listing(shares)}"] if shares else []
     return (
         f"Of all features carried into a frame, {'; '.join(parts)}. A mean above the median tells of a few bad frames."
     )
+
+
+def _with_interval(row: Mapping[str, Any]) -> str:
+    ratio = percent(row["pooled_ratio"])
+    return ratio if row["low"] is None else f"{ratio} ({percent(row['low'])} to {percent(row['high'])})"
+
+
+def _intervals(table: pl.DataFrame) -> str:
+    return told(table, of="the share of all features carried into a frame", marks="Heavy line, bead:")
 
 
 def _range(tracker: str, table: pl.DataFrame) -> str:
@@ -90,13 +103,16 @@ def _range(tracker: str, table: pl.DataFrame) -> str:
 
 def _panel(evidence: Evidence, table: pl.DataFrame, field: str, colours: Mapping[str, str], tracker: str) -> Panel:
     width = 780 // min(3, max(2, len(evidence.trackers)))
-    chart = box_plot(table, field=field, colours=colours, y=_ratio(evidence), width=width, height=230)
+    chart = box_plot(
+        table, field=field, colours=colours, y=_ratio(evidence), width=width, height=230, interval=_INTERVAL
+    )
     return Panel(chart.properties(title=alt.Title(tracker, color=evidence.colour[tracker])))
 
 
 def _ratio(evidence: Evidence) -> alt.Y:
     """One axis for all panels."""
-    largest = max([*evidence.outliers["upper_whisker"].drop_nulls(), *evidence.outliers["mean"].drop_nulls()])
+    table = _entered(evidence)
+    largest = max(value for name in ("upper_whisker", "mean", "high") for value in table[name].drop_nulls())
     scale = alt.Scale(domain=[0, 1.05 * largest or 1.0], nice=False)
     return alt.Y("median:Q", scale=scale, title="outlier ratio (share of features)")
 

@@ -56,6 +56,9 @@ def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
         return [
             Absence("picture", "The picture", "No tracker found a feature, so there is nothing to draw on a frame.")
         ]
+    if not evidence.keeps_observations:
+        why = 'The run keeps statistics alone (keep = "statistics"), not the single errors that are drawn here.'
+        return [Absence("picture", "The picture", why)]
     made: list[Figure | Absence] = [
         _figure(evidence, entry, place) for place, entry in enumerate(entries[:MOST_SCENES], start=1)
     ]

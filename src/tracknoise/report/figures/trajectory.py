@@ -92,7 +92,6 @@ def _path(evidence: Evidence, key: str) -> Path:
     places = poses.select("x_m", "y_m", "z_m").to_numpy()
     rotations = Rotation.from_quat(poses.select("qx", "qy", "qz", "qw").to_numpy())
     steps = np.asarray((rotations[:-1].inv() * rotations[1:]).magnitude())
-    depths = evidence.run.sequence_table("tracks", key)["depth_m"].drop_nulls()
     return Path(
         scene=evidence.sequences[key].scene,
         frame=poses["frame"].to_numpy().astype(np.int64),
@@ -101,8 +100,16 @@ def _path(evidence: Evidence, key: str) -> Path:
         angles_deg=np.rad2deg((rotations[0].inv() * rotations).magnitude()),
         turned_deg=float(np.rad2deg(steps[steps > _STILL].sum())),
         moved_m=float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum()),
-        depth_m=float(np.median(depths.to_numpy())) if depths.len() else None,
+        depth_m=_depth_m(evidence, key),
     )
+
+
+def _depth_m(evidence: Evidence, key: str) -> float | None:
+    """Median depth of a scene's features, metres; None where none is known, or the tracks are not kept."""
+    if not evidence.keeps_observations:
+        return None
+    depths = evidence.run.sequence_table("tracks", key)["depth_m"].drop_nulls()
+    return float(np.median(depths.to_numpy())) if depths.len() else None
 
 
 def _sentence(path: Path) -> str:

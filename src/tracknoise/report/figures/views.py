@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import polars as pl
 
 from tracknoise.report import style
+from tracknoise.report.bands import upright_bounds
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures.comparison import comparison
 from tracknoise.report.figures.curve_grid import Series
 from tracknoise.report.figures.figure import Absence, Family, Figure
 from tracknoise.report.sentences import listing
-from tracknoise.statistics.upright import upright
 
 _TURNED = {0: "upright", 90: "sideways", 180: "upside down", 270: "sideways, the other way"}
 """What images are called that are turned counter-clockwise by so many degrees."""
@@ -36,7 +36,7 @@ def _rotations_of(evidence: Evidence, tracker: str) -> Figure | Absence:
     told = listing(f"{_TURNED[angle]} is turned by {angle}°" for angle in evidence.rotations if angle)
     return comparison(
         evidence,
-        upright(points, signed=pl.col("role") == "mean").with_columns(
+        upright_bounds(points, signed=pl.col("role") == "mean").with_columns(
             rotation=pl.col("rotation").replace_strict(_TURNED, return_dtype=pl.String)
         ),
         Series("rotation", _two(evidence, tracker, names), "{}"),

@@ -1,0 +1,167 @@
+"""How fast, and in how much memory, the observations of a large run become its statistics.
+
+Sequences are made up one after another, each of 100,000 observations of two trackers at five speeds, and go through the
+very functions that a run puts a measured sequence through, into a run folder that keeps statistics alone; then the run
+is pooled, and its findings are made. A process of its own does it all and says how large it was at its peak.
+"""
+
+import json
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from benchmarks.harness import Row, in_new_process, peak_mib
+from tracknoise.experiments.find import find
+from tracknoise.experiments.measure import complete
+from tracknoise.experiments.pool import pool
+from tracknoise.experiments.provenance import new_manifest
+from tracknoise.experiments.settings import parse_experiment
+from tracknoise.experiments.task import tables_to_keep
+from tracknoise.measurement.scene import SceneTables
+from tracknoise.sequences.sequence import SequenceId, TruthKind
+from tracknoise.tables import schema
+from tracknoise.tables.store import RunFolder, SequenceEntry
+
+FEW, MANY = 20, 1000
+OBSERVATIONS = 100_000
+TRACKERS, SPEEDS = ("lucas-kanade", "correspondence"), (1, 2, 4, 8, 12)
+MEAN_LIFETIME = 20
+FRAMES = 600
+POSES = np.broadcast_to(np.eye(4), (FRAMES, 4, 4))
+EXPERIMENT = """
+name = "made up"
+keep = "statistics"
+speeds = [1, 2, 4, 8, 12]
+[dataset]
+reader = "simulated"
+[[trackers]]
+kind = "lucas-kanade"
+[[trackers]]
+kind = "correspondence"
+"""
+
+
+def rows() -> list[Row]:
+    """Of two million observations."""
+    return _rows(FEW)
+
+
+def full_rows() -> list[Row]:
+    """Of a hundred million observations."""
+    return _rows(MANY)
+
+
+def _rows(sequences: int) -> list[Row]:
+    measured = in_new_process("benchmarks.aggregation", sequences)
+    size = f"{measured['observations'] / 1e6:.0f} million observations of {sequences} sequences"
+    rate = measured["observations"] / measured["reducing"] / 1e6
+    return [
+        Row("aggregation: peak memory up to the tables of the run", measured["peak"], "MiB", size),
+        Row("aggregation: peak memory with its findings", measured["peak with findings"], "MiB", size),
+        Row("aggregation: observations to tables of a sequence", rate, "million/s", size),
+        Row("aggregation: writing these", measured["writing"], "s", f"{measured['kept'] / 2**20:.0f} MiB"),
+        Row("aggregation: tables of sequences to those of the run", measured["pooling"], "s", size),
+        Row("aggregation: findings of the run", measured["finding"], "s", size),
+        Row("aggregation: in all, but for making them up", sum(measured[name] for name in _TIMED), "s", size),
+    ]
+
+
+_TIMED = ("reducing", "writing", "pooling", "finding")
+
+
+def _measure(sequences: int) -> dict[str, float]:
+    experiment = parse_experiment(EXPERIMENT, place="benchmark")
+    clock, observations = dict.fromkeys(_TIMED, 0.0), 0
+    with tempfile.TemporaryDirectory() as folder:
+        run = RunFolder(Path(folder) / "run")
+        manifest = new_manifest(experiment)
+        run.create(experiment.to_toml(), manifest)
+        for number in range(sequences):
+            scene = _made_up(number)
+            observations += scene.observations.height
+            name = SequenceId("made up", f"{number:05d}")
+            sequence = SimpleNamespace(id=name, world_from_camera=POSES)
+            with _timed(clock, "reducing"):
+                tables = tables_to_keep(experiment, sequence, complete(scene))
+            entry = _entry(name)
+            with _timed(clock, "writing"):
+                hashes = run.write_sequence(entry.key, tables, b"")
+            manifest.sequences[entry.key] = replace(entry, sha256=hashes)
+        run.write_manifest(manifest)
+        with _timed(clock, "pooling"):
+            pool(run, experiment)
+        peak = peak_mib()
+        with _timed(clock, "finding"):
+            find(run, experiment)
+        kept = sum(path.stat().st_size for path in run.path.rglob("*.parquet"))
+    return {"peak": peak, "peak with findings": peak_mib(), "observations": observations, "kept": kept, **clock}
+
+
+@contextmanager
+def _timed(clock: dict[str, float], name: str) -> Iterator[None]:
+    start = time.perf_counter()
+    yield
+    clock[name] += time.perf_counter() - start
+
+
+def _entry(name: SequenceId) -> SequenceEntry:
+    return SequenceEntry(
+        name.dataset, name.scene, name.lighting, 0, str(name.direction), FRAMES, 800, 600, "birth", 0, 0.0
+    )  # fmt: skip
+
+
+def _made_up(number: int) -> SceneTables:
+    """What might have been measured in a scene: errors that grow with age, lifetimes that are geometric."""
+    rng = np.random.default_rng(number)
+    conditions = [(tracker, speed) for tracker in TRACKERS for speed in SPEEDS]
+    parts = [_condition(rng, number, tracker, speed) for tracker, speed in conditions]
+    observations, tracks, frames = (pl.concat(tables) for tables in zip(*parts, strict=True))
+    return SceneTables(observations, tracks, frames, TruthKind.birth, None, FRAMES, 0, np.zeros((1, 1), np.uint8))
+
+
+def _condition(rng: np.random.Generator, number: int, tracker: str, speed: int) -> list[pl.DataFrame]:
+    """Observations, tracks and frames."""
+    lifetime = rng.geometric(1 / MEAN_LIFETIME, OBSERVATIONS // (len(TRACKERS) * len(SPEEDS) * MEAN_LIFETIME))
+    track = np.repeat(np.arange(len(lifetime)), lifetime)
+    age = (np.arange(len(track)) - np.repeat(np.cumsum(lifetime) - lifetime, lifetime)) * speed
+    n_seen = len(range(0, FRAMES, speed))
+    first = np.sort(rng.integers(0, n_seen, len(lifetime))) * speed
+    error = rng.standard_normal((len(track), 2)) * np.sqrt(0.01 + 0.05 * age)[:, None]
+    place = rng.uniform(0, 600, (len(track), 2))
+    observed = {"track": track, "frame": first[track] + age, "age": age, **_pairs("u_px", "v_px", place + error)}
+    observed |= {**_pairs("u_true_px", "v_true_px", place), **_pairs("du_px", "dv_px", error)}
+    lived = {"track": np.arange(len(lifetime)), "first_frame": first, "lifetime": lifetime}
+    offered = rng.integers(200, 1200, n_seen)
+    seen = {"frame": np.arange(n_seen) * speed, "outliers": offered // rng.integers(5, 50, n_seen)}
+    seen |= dict.fromkeys(("offered", "matched", "alive", "new"), offered)
+    origin = {"dataset": "made up", "scene": f"{number:05d}", "lighting": "default", "rotation": 0}
+    same = {**origin, "direction": "forward", "tracker": tracker, "speed": speed, "kept": True}
+    return [
+        _table(observed, same | {"truth": "valid"}, schema.OBSERVATIONS),
+        _table(lived, same | {"end": "lost"}, schema.TRACKS),
+        _table(seen, same, schema.FRAMES),
+    ]
+
+
+def _pairs(first: str, second: str, values: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+    return {first: values[:, 0], second: values[:, 1]}
+
+
+def _table(columns: dict[str, NDArray], same: dict[str, object], layout: schema.Schema) -> pl.DataFrame:
+    """A table of a layout; columns that are neither given nor the same in every row are null."""
+    literals = [pl.lit(same.get(name)).alias(name) for name in layout if name not in columns]
+    table = pl.DataFrame(columns).with_columns(literals)
+    return table.select(pl.col(name).cast(kind) for name, kind in layout.items())
+
+
+if __name__ == "__main__":
+    json.dump(_measure(int(sys.argv[1])), sys.stdout)

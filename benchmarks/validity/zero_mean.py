@@ -1,0 +1,102 @@
+"""How often the tests of a zero mean reject one that is true, and one that is not.
+
+    python -m benchmarks.validity.zero_mean [--scenes 8 11 28 60] [--runs N] [--seed N]
+
+Scene means walk at random from age to age, so that ages depend on each other, and differ between scenes by far more
+than the features of a scene do: by a Gaussian, by Student's distribution of 3 degrees of freedom, or by a skewed one (a
+centred chi-squared of 4 degrees of freedom). Printed are the shares of runs that reject a true zero at 5 %: at one age
+by Hotelling's test and by flips, all ages together (which is any age after adjustment by the flips), any age after
+Holm's adjustment, and by the test that takes every feature for independent. Then the power at one age, beside that of
+theory, the non-central F distribution.
+"""
+
+import argparse
+
+import numpy as np
+from scipy import stats
+
+from tracknoise.findings.flips import flip_test
+from tracknoise.findings.sampling.multiplicity import holm
+from tracknoise.findings.zero_mean import ALPHA
+
+AGES, FEATURES = 20, 200
+SCENE_PX, FEATURE_PX = 0.3, 1.0
+"""Standard deviations of scene means and of features within a scene."""
+SHAPES = ("Gaussian", "Student, 3", "skewed")
+
+
+def steps(rng: np.random.Generator, shape: str, size: tuple[int, ...]) -> np.ndarray:
+    """Changes of scene means with mean 0 and standard deviation 1."""
+    if shape == "Gaussian":
+        return rng.normal(size=size)
+    return rng.standard_t(3, size) / np.sqrt(3) if shape == "Student, 3" else (rng.chisquare(4, size) - 4) / np.sqrt(8)
+
+
+def scene_means(rng: np.random.Generator, shape: str, n_scenes: int) -> np.ndarray:
+    """Scene means at every age, px, (scenes, ages, 2)."""
+    walk = steps(rng, shape, (n_scenes, AGES, 2)).cumsum(axis=1) / np.sqrt(np.arange(1, AGES + 1))[:, None]
+    return SCENE_PX * walk + FEATURE_PX / np.sqrt(FEATURES) * rng.normal(size=walk.shape)
+
+
+def level(rng: np.random.Generator, shape: str, n_scenes: int, runs: int) -> dict[str, float]:
+    """Share of runs in which each test rejects a true zero."""
+    rejected = np.zeros(5)
+    for run in range(runs):
+        means = scene_means(rng, shape, n_scenes)
+        found = flip_test(means, seed=run)
+        by_holm = np.min(holm(found.sign_flip_p))
+        p = [found.hotelling_p[-1], found.sign_flip_p[-1], found.overall_p, by_holm, _iid_p(means[:, -1])]
+        rejected += np.array(p) <= ALPHA
+    names = ("Hotelling, one age", "flips, one age", "flips, all ages", "flips, any age by Holm", "features, one age")
+    return dict(zip(names, rejected / runs, strict=True))
+
+
+def _iid_p(means: np.ndarray) -> float:
+    """P-value of a test that takes every feature of every scene for independent."""
+    n = len(means) * FEATURES
+    covariance = np.cov(means.T) + FEATURE_PX**2 * np.eye(2)
+    middle = means.mean(axis=0)
+    t2 = n * middle @ np.linalg.solve(covariance, middle)
+    return float(stats.f.sf(t2 * (n - 2) / (2 * (n - 1)), 2, n - 2))
+
+
+def power(rng: np.random.Generator, n_scenes: int, bias: float, runs: int) -> tuple[float, float, float]:
+    """Of Hotelling's test, of flips and of theory, with a bias in standard deviations of scene means."""
+    batches = -(-runs // 500)  # runs stand in the place of ages
+    found = [flip_test(rng.normal(size=(n_scenes, 500, 2)) + bias * np.sqrt([0.36, 0.64])) for _ in range(batches)]
+    rejected = [
+        float(np.mean([getattr(t, f"{name}_p") <= ALPHA for t in found])) for name in ("hotelling", "sign_flip")
+    ]
+    least = stats.f.ppf(1 - ALPHA, 2, n_scenes - 2)
+    theory = float(stats.ncf.sf(least, 2, n_scenes - 2, n_scenes * bias**2))
+    return rejected[0], rejected[1], theory
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenes", type=int, nargs="+", default=[6, 8, 11, 28, 60])
+    parser.add_argument("--runs", type=int, default=2000)
+    parser.add_argument("--seed", type=int, default=0)
+    arguments = parser.parse_args()
+    rng = np.random.default_rng(arguments.seed)
+    print(f"rejected of {arguments.runs} true zeros at {ALPHA:.0%}")
+    for n_scenes in arguments.scenes:
+        for shape in SHAPES:
+            shares = level(rng, shape, n_scenes, arguments.runs)
+            print(
+                f"{n_scenes:>4} scenes, {shape:<11}",
+                *(f"{k} {v:.1%}" for k, v in shares.items()),
+                sep="   ",
+                flush=True,
+            )
+    print("power at one age: Hotelling, flips, theory (standard error)")
+    for n_scenes in arguments.scenes:
+        for bias in (0.3, 0.6):
+            hotelling, flips, theory = power(rng, n_scenes, bias, 2 * arguments.runs)
+            error = np.sqrt(theory * (1 - theory) / (2 * arguments.runs))
+            print(f"{n_scenes:>4} scenes, {bias} sd   {hotelling:.1%}   {flips:.1%}   {theory:.1%} ({error:.1%})")
+
+
+if __name__ == "__main__":
+    main()

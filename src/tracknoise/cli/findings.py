@@ -1,0 +1,59 @@
+"""``tracknoise findings``: what a run found, in sentences and verdicts, or as JSON."""
+
+import textwrap
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tracknoise.cli.terminal import DebugOption, QuietOption, Terminal
+
+if TYPE_CHECKING:
+    from tracknoise.report.evidence import Evidence
+
+_WIDTH = 110
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("findings", no_args_is_help=True)(findings)
+
+
+def findings(
+    context: typer.Context,
+    run: Annotated[Path, typer.Argument(help="Folder of a run.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead.")] = False,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+) -> int:
+    """Print what a run found: sentences with their numbers, then the verdicts, each with its interval.
+
+    Example: `tracknoise findings runs/7scenes --json`
+    """
+    from tracknoise.exceptions import StoreError
+    from tracknoise.findings.headlines.document import findings_json
+    from tracknoise.report.evidence import Evidence
+    from tracknoise.tables.store import FINDINGS_TABLES, RunFolder
+
+    evidence = Evidence.of(RunFolder(run))
+    if evidence.findings.is_empty():
+        raise StoreError(f"{run}: holds no findings, expected those of a finished run: `tracknoise run` makes them")
+    if as_json:
+        tables = {name: getattr(evidence, name) for name in FINDINGS_TABLES}
+        context.obj.result(findings_json(tables).rstrip())
+    else:
+        _print(context.obj, evidence)
+    return 0
+
+
+def _print(terminal: Terminal, evidence: "Evidence") -> None:
+    from tracknoise.cli.text_table import show
+    from tracknoise.report import found, matters
+
+    for row in found.sentences(evidence):
+        marker = f"{row['rank']:>2}. "
+        terminal.result(textwrap.fill(row["text"], _WIDTH, initial_indent=marker, subsequent_indent=" " * len(marker)))
+    intervals = matters.intervals(evidence)
+    for cells in [found.verdicts(evidence), matters.verdicts(evidence), *([intervals] if intervals else [])]:
+        terminal.result("")
+        show(terminal, cells)

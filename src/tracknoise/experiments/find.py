@@ -1,0 +1,81 @@
+"""From the statistics of a run to what can be believed of them: intervals, tests, verdicts, and sentences."""
+
+from collections.abc import Mapping
+
+import polars as pl
+
+from tracknoise.experiments.reference import reference
+from tracknoise.experiments.settings import Experiment
+from tracknoise.findings.factors.dependence import dependence
+from tracknoise.findings.growth.time_structure import time_structure
+from tracknoise.findings.headlines.document import findings_json
+from tracknoise.findings.headlines.headlines import headlines
+from tracknoise.findings.headlines.scope import Scope
+from tracknoise.findings.intervals import intervals
+from tracknoise.findings.shape.gaussianity import gaussianity
+from tracknoise.findings.zero_mean import zero_mean
+from tracknoise.sequences.sequence import TruthKind
+from tracknoise.statistics.aspects import aspect_curves
+from tracknoise.statistics.effects import Reference
+from tracknoise.tables.store import STATISTICS_TABLES, RunFolder
+
+
+def find(run: RunFolder, experiment: Experiment) -> None:
+    """Compute the findings of a run from its scenes' moments and write them, as tables and as ``findings.json``.
+
+    Parameters
+    ----------
+    run
+        With its statistics, those that `tracknoise.experiments.pool.pool` writes.
+    experiment
+        Says where curves are cut, and which population errors are of.
+
+    Raises
+    ------
+    StoreError, SchemaError
+        If a table is damaged, or the folder cannot be written.
+    """
+    statistics = {name: run.statistics(name) for name in STATISTICS_TABLES}
+    slowest = int(statistics["outliers"]["speed"].min())  # type: ignore[arg-type]
+    view = reference(run.manifest(), experiment, speed=slowest)
+    tables = _tables(run, experiment, statistics, view)
+    tables["findings"] = headlines({**statistics, **tables}, _scope(run, experiment, statistics["trims"], view))
+    for name, table in tables.items():
+        run.write_statistics(name, table)
+    run.write_findings(findings_json({**statistics, **tables}))
+
+
+def _tables(
+    run: RunFolder, experiment: Experiment, statistics: Mapping[str, pl.DataFrame], view: Reference
+) -> dict[str, pl.DataFrame]:
+    population, least = experiment.truth.population, experiment.statistics.min_features
+    moments, aspects, blocks, ends, frames = (
+        pl.concat(run.sequence_tables(name)) for name in ("moments", "aspects", "blocks", "ends", "frames")
+    )
+    curves, zeros = statistics["curves"], view.key_frames
+    shapes = gaussianity(moments, run.sequence_tables("samples"), key_frames=zeros, min_features=least)
+    return {
+        "aspect_curves": aspect_curves(aspects, min_features=least),
+        "intervals": intervals(moments, ends, frames, blocks=blocks, aspects=aspects, population=population),
+        "zero_mean": zero_mean(moments, curves, key_frames=zeros, population=population),
+        "gaussianity": shapes.gaussianity,
+        "radii": shapes.radii,
+        "time_structure": time_structure(
+            moments, run.sequence_tables("increments"), blocks=blocks, key_frames=zeros, min_features=least
+        ),
+        "dependence": dependence(
+            moments, ends, frames, curves, statistics["effects"], key_frames=zeros, population=population
+        ),
+    }
+
+
+def _scope(run: RunFolder, experiment: Experiment, trims: pl.DataFrame, view: Reference) -> Scope:
+    dropped = trims["percentile"].drop_nulls().unique().to_list()
+    truths = {entry.truth for entry in run.manifest().sequences.values()}
+    return Scope(
+        view,
+        [tracker.label for tracker in experiment.trackers],
+        population=experiment.truth.population,
+        percentile=dropped[0] if dropped and dropped[0] < 100 else None,
+        recorded=truths != {TruthKind.raycast},
+    )

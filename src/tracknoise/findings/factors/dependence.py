@@ -1,0 +1,220 @@
+"""Does a factor matter: the effects of `tracknoise.statistics.effects` with intervals, tests and verdicts.
+
+Scenes are what is sampled, and a scene is seen at all levels of a factor: what its levels share cancels in their
+difference. For every row of the table of effects, the levels' curves are compared at the same points
+(`tracknoise.findings.factors.paired`), and the largest effect gets an interval and two p-values
+(`tracknoise.findings.factors.largest`). q-values are taken over all rows of a dataset's factor.
+
+A factor matters (`yes`) if the interval is above the margin, and q_yes is at most 1 - level. It does not (`no`) if the
+interval is below the margin, q_no is at most 1 - level, and every pair of levels is in it. All else is `undecided`.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.findings.factors.largest import largest
+from tracknoise.findings.factors.paired import Levels, Paired, pair_curves, pair_numbers
+from tracknoise.findings.factors.paired_sums import CURVE_SUMS, curve_sums, lifetime_sums, outlier_sums
+from tracknoise.findings.factors.rotation import rotations
+from tracknoise.findings.sampling.multiplicity import benjamini_hochberg
+from tracknoise.findings.sampling.resampling import LEVEL, MIN_SCENES
+from tracknoise.statistics.curves import NAMES
+from tracknoise.statistics.effects import SCALARS
+from tracknoise.statistics.grouping import POOLED, group_rows
+from tracknoise.tables.findings_schema import DEPENDENCE
+from tracknoise.tables.schema import EFFECTS, VERDICT, Schema, check
+
+N_DRAWS = 1000
+"""Rotations: p_yes is at least a thousandth."""
+_FOUND: Schema = {
+    "order": pl.UInt32,
+    **{column: DEPENDENCE[column] for column in ("low", "high", "p_yes", "p_no")},
+    **{column: DEPENDENCE[column] for column in ("n_scenes", "n_places", "at_low", "at_high")},
+    "n_bounded": pl.Int32,
+}
+"""What is found for each row of the effects; n_bounded counts the pairs of levels in the interval."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Test:
+    directions: NDArray[np.float64]
+    margin: float
+    level: float
+
+
+def dependence(
+    moments: pl.DataFrame,
+    ends: pl.DataFrame,
+    frames: pl.DataFrame,
+    curves: pl.DataFrame,
+    effects: pl.DataFrame,
+    *,
+    key_frames: Mapping[str, int] | None = None,
+    population: str = "visible",
+    level: float = LEVEL,
+    n_draws: int = N_DRAWS,
+    seed: int = 0,
+) -> pl.DataFrame:
+    """Intervals of all effects, and whether factors matter.
+
+    Parameters
+    ----------
+    moments, ends, frames
+        Tables of all sequences together.
+    curves, effects
+        What the functions of these names made of them; `curves` says where they are cut.
+    key_frames
+        Where curves run along frames: the one in which errors are zero, by direction.
+    population
+        That of `effects`.
+    level
+        Probability that an interval holds the effect; one less it is what q-values may be.
+    n_draws, seed
+        Number of rotations, and their seed.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `DEPENDENCE`: the rows of `effects`, in their order. `n_scenes` is the fewest that two levels share.
+        `at_low` to `at_high` are the ages (or frames from the key frame on) that the interval holds for, `n_places`
+        of them: where fewer than `MIN_SCENES` scenes have something at both levels of a pair, nothing is known of
+        their scatter. The interval is widened to hold the effect where that rests on other scenes or places, too.
+        Bounds and p-values are null where no two levels share enough scenes; `high` is infinite where what the effect
+        is relative to may be zero.
+
+    Raises
+    ------
+    SchemaError
+        If a table has other columns.
+    """
+    questions = check(effects, EFFECTS, "effects").with_row_index("order")
+    sums = {
+        None: curve_sums(moments, curves, population=population, key_frames=key_frames or {}),
+        "lifetime": lifetime_sums(ends),
+        "outlier_ratio": outlier_sums(frames),
+    }
+    answers: list[tuple[object, ...]] = []
+    for (dataset,), asked in questions.partition_by("dataset", as_dict=True, maintain_order=True).items():
+        placed, n_scenes = _placed(sums, str(dataset))
+        test = _Test(rotations(n_scenes, n_draws=n_draws, seed=seed), asked["margin"].item(0), level)
+        for (factor,), rows in asked.partition_by("factor", as_dict=True, maintain_order=True).items():
+            answers.extend(_answers(rows, str(factor), placed, test))
+    found = pl.DataFrame(answers, schema=dict(_FOUND), orient="row")
+    return _judged(questions.join(found, on="order", how="left", maintain_order="left"), level)
+
+
+def _placed(sums: Mapping[str | None, pl.DataFrame], dataset: str) -> tuple[dict[str | None, pl.DataFrame], int]:
+    """Sums of one dataset, with the place of each scene among all of its scenes, and how many there are."""
+    chosen = {name: table.filter(dataset=dataset) for name, table in sums.items()}
+    scenes = pl.concat([table.select("scene") for table in chosen.values()]).unique().sort("scene")
+    places = scenes.with_row_index("place")
+    return {
+        name: table.join(places, on="scene", maintain_order="left") for name, table in chosen.items()
+    }, places.height
+
+
+def _answers(
+    rows: pl.DataFrame, factor: str, sums: Mapping[str | None, pl.DataFrame], test: _Test
+) -> Iterator[tuple[object, ...]]:
+    """What was found (`_FOUND`) for rows of the effects of one factor."""
+    others = [column for column in POOLED if column != factor]
+    single = pl.when(pl.col("statistic").is_in(list(SCALARS))).then("statistic")  # null: curves
+    for keys, asked in rows.group_by([single.alias("single"), "axis", *others], maintain_order=True):
+        conditions = dict(zip(["axis", *others], keys[1:], strict=True))
+        table = sums[keys[0]]
+        cell = table.filter(**{name: value for name, value in conditions.items() if name in table.columns})
+        if not cell.is_empty():
+            yield from _cell(cell, factor, asked, test)
+
+
+def _cell(cell: pl.DataFrame, factor: str, asked: pl.DataFrame, test: _Test) -> Iterator[tuple[object, ...]]:
+    """What was found for all statistics that come from the same sums."""
+    curved = "total" not in cell.columns
+    levels, at = _levels(cell, factor, CURVE_SUMS if curved else ["total"], len(test.directions[0]))
+    paired = pair_curves(levels) if curved else pair_numbers(levels)
+    names = [*NAMES[asked["axis"].item(0)].values()] if curved else asked["statistic"].to_list()
+    places = at[paired.places] if curved else at[:0]
+    span = (int(places.min()), int(places.max())) if len(places) else (None, None)
+    for order, statistic in asked.select("order", "statistic").rows():
+        bounds = _bounds(paired, names.index(statistic), test)
+        n_places = int(paired.places.sum())
+        yield order, *bounds, paired.n_scenes, n_places, *span, paired.n_pairs
+
+
+def _bounds(paired: Paired, statistic: int, test: _Test) -> tuple[float | None, ...]:
+    if not paired.ratios:
+        return (None,) * 4
+    found = largest(paired.ratios[statistic], test.directions, margin=test.margin, level=test.level)
+    return found.low, found.high, found.p_yes, found.p_no
+
+
+def _levels(cell: pl.DataFrame, factor: str, columns: list[str], n_scenes: int) -> tuple[Levels, NDArray[np.int64]]:
+    """Sums of a cell as arrays, and where their places are."""
+    level, at = group_rows(cell, [factor]), group_rows(cell.filter(pl.col("at").is_not_null()), ["at"])
+    measured = np.zeros((n_scenes, level.count), dtype=np.bool_)
+    measured[cell["place"].to_numpy(), level.index] = True
+    there = cell["at"].is_not_null().to_numpy()
+    rows = (cell["place"].to_numpy()[there], level.index[there], at.index)
+    n = np.zeros((n_scenes, level.count, at.count))
+    sums = np.zeros((*n.shape, len(columns)))
+    n[rows] = cell["n"].to_numpy()[there]
+    sums[rows] = cell.select(columns).to_numpy()[there]
+    return Levels(n, sums, measured), at.keys["at"].to_numpy()
+
+
+def _judged(table: pl.DataFrame, level: float) -> pl.DataFrame:
+    """Answers with intervals that hold the effect, q-values, verdicts, and why there is none."""
+    bounded = pl.col("low").is_not_null()
+    table = table.with_columns(
+        pl.lit(level).alias("level"),
+        low=pl.when(bounded).then(pl.min_horizontal("low", "effect")),
+        high=pl.when(bounded).then(pl.max_horizontal("high", "effect")),
+        **{f"q_{name}": _q(table, f"p_{name}") for name in ("yes", "no")},
+    )
+    table = table.with_columns(verdict=_verdict(level)).with_columns(why=_why())
+    return check(table.select(pl.col(name).cast(kind) for name, kind in DEPENDENCE.items()), DEPENDENCE, "dependence")
+
+
+def _q(table: pl.DataFrame, p: str) -> pl.Series:
+    """q-values over the rows of each dataset and factor."""
+    values = table[p].to_numpy().astype(np.float64)
+    families = group_rows(table, ["dataset", "factor"])
+    for family in range(families.count):
+        rows = families.index == family
+        values[rows] = benjamini_hochberg(values[rows])
+    return pl.Series(values).fill_nan(None)
+
+
+def _verdict(level: float) -> pl.Expr:
+    largest_q = 1 - level + 1e-12
+    matters = (pl.col("low") > pl.col("margin")) & (pl.col("q_yes") <= largest_q)
+    complete = pl.col("why").is_null() & (pl.col("n_bounded") == pl.col("n_pairs"))
+    not_so = complete & (pl.col("high") < pl.col("margin")) & (pl.col("q_no") <= largest_q)
+    word = pl.when(matters).then(pl.lit("yes")).when(not_so).then(pl.lit("no")).otherwise(pl.lit("undecided"))
+    return word.cast(VERDICT)
+
+
+def _why() -> pl.Expr:
+    """What an undecided verdict wants; null for the others."""
+    few = pl.format(f"two levels share {{}} scenes, at least {MIN_SCENES} are needed", "n_scenes")
+    nowhere = pl.lit(f"nowhere do {MIN_SCENES} scenes have something at two levels")
+    holds = (pl.col("low") <= pl.col("margin")) & (pl.col("high") >= pl.col("margin"))
+    return (
+        pl.when(pl.col("verdict") != "undecided")
+        .then(None)
+        .when(pl.col("why").is_not_null())
+        .then("why")
+        .when((pl.col("n_scenes") < MIN_SCENES) & (pl.col("n_bounded") < pl.col("n_pairs")))
+        .then(few)
+        .when(pl.col("n_bounded") == 0)
+        .then(nowhere)
+        .when(holds)
+        .then(pl.lit("the interval holds the margin"))
+        .when(pl.col("n_bounded") < pl.col("n_pairs"))
+        .then(pl.lit("too few scenes have something at both levels of some pairs"))
+        .otherwise(pl.lit("not clear enough for one of so many questions"))
+    )

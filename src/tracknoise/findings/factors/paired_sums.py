@@ -1,0 +1,75 @@
+"""Sums of every scene and condition that effects are worked out from: tables with a row a scene, condition and place.
+
+All have columns scene, POOLED, at, n and sums. A row whose `at` is null says only that the scene was measured.
+"""
+
+from collections.abc import Mapping
+
+import polars as pl
+
+from tracknoise.findings.sampling.units import additive
+from tracknoise.statistics.differences import comparable
+from tracknoise.statistics.grouping import POOLED
+from tracknoise.statistics.upright import upright
+from tracknoise.tables.schema import CURVES, ENDS, FRAMES, MOMENTS, check
+
+CURVE_SUMS = ["u", "v", "abs_u", "abs_v", "uu", "vv"]
+"""Sums of du, dv, |du|, |dv|, du^2 and dv^2."""
+_CURVE = [*POOLED, "axis"]
+
+
+def curve_sums(
+    moments: pl.DataFrame, curves: pl.DataFrame, *, population: str, key_frames: Mapping[str, int]
+) -> pl.DataFrame:
+    """Sums of trimmed errors at the points of curves that may be compared, in the axes of the upright image.
+
+    Parameters
+    ----------
+    moments, curves
+        Moments of all scenes, and the curves made of them, which say where they are cut.
+    population
+        Which observations the errors are of.
+    key_frames
+        As in `tracknoise.statistics.differences.comparable`, which says what `at` is.
+
+    Returns
+    -------
+    polars.DataFrame
+        Also with column axis; sums are `CURVE_SUMS`.
+
+    Raises
+    ------
+    SchemaError
+        If a table has other columns.
+    """
+    chosen = {"population": population, "trimming": "trimmed"}
+    cuts = check(curves, CURVES, "curves").filter(**chosen, weighting="features").select(*_CURVE, "at", "cut").unique()
+    all_ages = check(moments, MOMENTS, "moments").filter(**chosen)
+    measured = all_ages.select(*_CURVE, "scene").unique()
+    points = comparable(additive(all_ages).join(cuts, on=[*_CURVE, "at"]), key_frames)
+    columns = [*_CURVE, "scene", "at", "n", *CURVE_SUMS]
+    return pl.concat([_upright(points).select(columns), measured], how="diagonal").sort(*_CURVE, "scene", "at")
+
+
+def lifetime_sums(ends: pl.DataFrame) -> pl.DataFrame:
+    """Number of tracks, and the sum of their lifetimes (`total`, frames); `at` is 0."""
+    n = pl.col("n_ended") + pl.col("n_censored")
+    return _totals(check(ends, ENDS, "ends"), n, n * pl.col("lifetime"))
+
+
+def outlier_sums(frames: pl.DataFrame) -> pl.DataFrame:
+    """Sums of F(t-1), and of f1(t) (`total`); `at` is 0."""
+    return _totals(check(frames, FRAMES, "frames"), pl.col("offered"), pl.col("outliers"))
+
+
+def _totals(table: pl.DataFrame, n: pl.Expr, total: pl.Expr) -> pl.DataFrame:
+    kinds = {"n": n.cast(pl.Int64).sum(), "total": total.cast(pl.Int64).sum()}
+    summed = table.group_by(*POOLED, "scene").agg(**kinds).sort(*POOLED, "scene")
+    return summed.with_columns(at=pl.lit(0, dtype=pl.Int64))
+
+
+def _upright(points: pl.DataFrame) -> pl.DataFrame:
+    for (u, v), signed in ((("u", "v"), True), (("abs_u", "abs_v"), False), (("uu", "vv"), False)):
+        turned = upright(points.select("rotation", u=u, v=v), signed=pl.lit(signed))
+        points = points.with_columns(turned["u"].alias(u), turned["v"].alias(v))
+    return points

@@ -1,0 +1,1 @@
+"""How errors grow with age: white noise, random walk, drift."""

@@ -1,0 +1,191 @@
+"""Confidence intervals of every point of every curve, and of lifetimes, survival and outlier ratio.
+
+What is left out in turn, or resampled, are scenes; where they are too few, blocks of tracks within them
+(`tracknoise.findings.sampling.units`). Intervals of `blocks` say what these scenes would have given with other tracks,
+not what other scenes would give. The default kind, `student` (`tracknoise.findings.sampling.jackknife`), holds the true
+value at least as often as either kind of bootstrap (`tracknoise.findings.sampling.resampling`) with any number of scenes
+that was tried, and most of all with few.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.findings.sampling.bounds import Bounds, Method, averaged, pooled
+from tracknoise.findings.sampling.resampling import LEVEL, N_DRAWS
+from tracknoise.findings.sampling.units import SUMS, Draws, Units, additive, units_of
+from tracknoise.findings.scalar_bounds import SCALAR_UNITS, Found, lifetime_bounds, outlier_bounds
+from tracknoise.statistics.aspects import GRADIENT
+from tracknoise.statistics.curves import NAMES, UNITS
+from tracknoise.statistics.grouping import POOLED
+from tracknoise.tables.findings_schema import INTERVALS
+from tracknoise.tables.schema import ASPECTS, BLOCKS, ENDS, FRAMES, MOMENTS, check, empty
+
+ALL = "all"
+"""Aspect of the errors of every track in image axes."""
+_POINT = ["trimming", "axis", "at"]
+_CURVES = [
+    *((role, coordinate) for role in ("mean", "absolute") for coordinate in ("u", "v")),
+    *((role, coordinate) for role in ("second", "central") for coordinate in ("u", "v", "uv")),
+]
+"""What `curve_statistics` returns: the role of each statistic, as in `tracknoise.statistics.curves`, and coordinate."""
+_SCALES = ["linear" if role == "mean" or coordinate == "uv" else "log" for role, coordinate in _CURVES]
+_SORTED = ["aspect", "population", "trimming", "weighting", "statistic", "axis", "at", "coordinate"]
+
+
+def intervals(
+    moments: pl.DataFrame,
+    ends: pl.DataFrame,
+    frames: pl.DataFrame,
+    *,
+    blocks: pl.DataFrame | None = None,
+    aspects: pl.DataFrame | None = None,
+    population: str = "visible",
+    kind: str = "student",
+    level: float = LEVEL,
+    n_draws: int = N_DRAWS,
+    seed: int = 0,
+) -> pl.DataFrame:
+    """Intervals of all curves and of all numbers that are one a condition, at each of their points by itself.
+
+    Parameters
+    ----------
+    moments, ends, frames
+        Tables of all scenes, `MOMENTS`, `ENDS` and `FRAMES`.
+    blocks
+        Schema `BLOCKS`: what to resample in conditions of too few scenes. Without it, and where errors of `projected`
+        observations are asked for, the errors of such conditions have no bounds; lifetimes and outlier ratios do.
+    aspects
+        Schema `ASPECTS`, for intervals of these, too, where scenes are enough; along the gradient, an axis without
+        sign, of absolute errors and second moments only.
+    population
+        Which observations the errors are of: `visible` or `projected`.
+    kind
+        `student`, `percentile` or `bca`.
+    level
+        Share of such intervals that hold the true value.
+    n_draws, seed
+        Of the bootstrap, which `student` does not need. All conditions of a dataset share their draws, so that a scene
+        is drawn with all that belongs to it.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `INTERVALS`, sorted. `value` is that of the tables of curves and of the summary. Bounds are null where
+        the value is, where fewer than `MIN_SCENES` scenes of a condition that has as many take part, and for
+        quantiles of lifetimes where the bounds of the survival curve do not come down as far. `n_units` and
+        `n_scenes` count what takes part. Blocks of the outlier ratio are of frames that follow one another.
+
+    Raises
+    ------
+    SchemaError
+        If a table has other columns.
+    SettingsError
+        If there is no such kind, or the level is not between 0 and 1.
+    """
+    tables = [check(moments, MOMENTS, "moments"), check(ends, ENDS, "ends"), check(frames, FRAMES, "frames")]
+    named = pl.concat([table.select("dataset", "scene").unique() for table in tables]).unique()
+    n_drawn = 0 if kind == "student" else n_draws
+    drawn = {
+        dataset: Draws(part["scene"].to_list(), n_draws=n_drawn, seed=seed)
+        for (dataset,), part in named.partition_by("dataset", as_dict=True).items()
+    }
+    method = Method(kind, level)
+    parts = [
+        *_curve_rows(_selected(moments, aspects, population), _resampled(blocks, population), drawn, method),
+        *_scalar_rows(ends, lifetime_bounds, drawn, method),
+        *_scalar_rows(frames, outlier_bounds, drawn, method),
+    ]
+    typed = [part.select(pl.col(name).cast(kind) for name, kind in INTERVALS.items()) for part in parts]
+    table = pl.concat([empty(INTERVALS), *typed]).with_columns(pl.col("value", "low", "high").fill_nan(None))
+    return check(table.sort(*POOLED, *_SORTED), INTERVALS, "intervals")
+
+
+def curve_statistics(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(nu), (eta), (Phi) and central covariance, as `tracknoise.statistics.curves` has them, from sums.
+
+    Parameters
+    ----------
+    sums : (8, ...)
+        Those of `tracknoise.findings.units.SUMS`.
+
+    Returns
+    -------
+    (10, ...) float64
+        Mean u, v; absolute u, v; second u, v, uv; central u, v, uv, px and px^2; NaN where undefined.
+    """
+    n, u, v, uu, uv, vv, abs_u, abs_v = sums
+    count, divisor = np.where(n > 0, n, np.nan), np.where(n > 1, n - 1, np.nan)
+    mean_u, mean_v = u / count, v / count
+    central = [np.maximum(uu - u * mean_u, 0.0), np.maximum(vv - v * mean_v, 0.0), uv - u * mean_v]
+    spread = [total / divisor for total in (uu, vv, uv, *central)]
+    return np.stack([mean_u, mean_v, abs_u / count, abs_v / count, *spread])
+
+
+def _selected(moments: pl.DataFrame, aspects: pl.DataFrame | None, population: str) -> pl.DataFrame:
+    """Moments of which there are to be intervals, by aspect."""
+    parts = [moments.filter(population=population).select(pl.lit(ALL).alias("aspect"), *MOMENTS)]
+    if aspects is not None:
+        parts.append(check(aspects, ASPECTS, "aspects"))
+    return additive(pl.concat(parts).filter(pl.col("n") > 0))
+
+
+def _resampled(blocks: pl.DataFrame | None, population: str) -> pl.DataFrame:
+    """Blocks of the observations that there are to be intervals of."""
+    table = empty(BLOCKS) if blocks is None or population != "visible" else check(blocks, BLOCKS, "blocks")
+    return additive(table.select(pl.lit(ALL).alias("aspect"), *BLOCKS))
+
+
+def _curve_rows(
+    moments: pl.DataFrame, blocks: pl.DataFrame, drawn: Mapping[str, Draws], method: Method
+) -> Iterator[pl.DataFrame]:
+    """Rows of every aspect of every condition."""
+    keys = [*POOLED, "aspect", "population"]
+    by_condition = blocks.partition_by([*POOLED, "aspect"], as_dict=True)
+    roles = pl.DataFrame(_CURVES, schema=["role", "coordinate"], orient="row")
+    labels = pl.DataFrame({"weighting": ["features", "scenes"]}).join(roles, how="cross")
+    for key, part in moments.partition_by(keys, as_dict=True).items():
+        units = units_of(part, by_condition.get(key[:-1]), points=_POINT, columns=SUMS)
+        weights = drawn[key[0]].weights(units)
+        found = [f(units, weights, curve_statistics, method, scales=_SCALES) for f in (pooled, averaged)]
+        rows = _rows(labels.join(units.points, how="cross"), found, units, method)
+        has_sign = key[keys.index("aspect")] != GRADIENT
+        meant = rows if has_sign else rows.filter(pl.col("role").is_in(["absolute", "second"]))
+        yield _named(meant.with_columns(_literals(dict(zip(keys, key, strict=True)))))
+
+
+def _named(rows: pl.DataFrame) -> pl.DataFrame:
+    """Rows with the name and the unit of their statistic in place of its role."""
+    role = pl.col("role")
+    names = [pl.when(axis=axis).then(role.replace_strict(called)) for axis, called in NAMES.items()]
+    return rows.with_columns(statistic=pl.coalesce(names), unit=role.replace_strict(UNITS))
+
+
+def _scalar_rows(
+    table: pl.DataFrame,
+    bounded: Callable[[pl.DataFrame, Draws, Method], Iterator[Found]],
+    drawn: Mapping[str, Draws],
+    method: Method,
+) -> Iterator[pl.DataFrame]:
+    """Rows of the lifetimes, or of the outlier ratio, of every condition."""
+    nothing = dict.fromkeys(("population", "trimming", "weighting", "coordinate"))
+    for key, part in table.partition_by(POOLED, as_dict=True).items():
+        for labels, bounds, units in bounded(part, drawn[key[0]], method):
+            rows = _rows(labels, [bounds], units, method)
+            named = _literals({**dict(zip(POOLED, key, strict=True)), "aspect": ALL, **nothing})
+            yield rows.with_columns(named, unit=pl.col("statistic").replace_strict(SCALAR_UNITS))
+
+
+def _rows(labels: pl.DataFrame, found: list[Bounds], units: Units, method: Method) -> pl.DataFrame:
+    """A row a statistic and point, in the order of `found`."""
+    names = ("value", "low", "high", "n_units", "n_scenes")
+    columns = {name: np.concatenate([getattr(bounds, name).ravel() for bounds in found]) for name in names}
+    said = {"kind": method.kind, "level": method.level, "resampled": units.resampled}
+    return labels.hstack(pl.DataFrame(columns)).with_columns(_literals(said))
+
+
+def _literals(values: Mapping[str, Any]) -> list[pl.Expr]:
+    return [pl.lit(value, dtype=INTERVALS[name]).alias(name) for name, value in values.items()]

@@ -1,0 +1,1 @@
+"""How sure a number is: what is left out or resampled, and corrections for asking often."""

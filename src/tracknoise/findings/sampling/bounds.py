@@ -1,0 +1,190 @@
+"""Intervals of whatever can be computed from the sums of a condition's units: arrays only."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import SettingsError
+from tracknoise.findings.sampling.jackknife import student_interval
+from tracknoise.findings.sampling.resampling import LEVEL, MIN_SCENES, interval, leave_one_out, resample
+from tracknoise.findings.sampling.units import Units
+
+Statistics = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""Of sums, (columns, points, ...), the statistics, (statistics, points, ...), each NaN where undefined."""
+
+
+KINDS = ("student", "percentile", "bca")
+"""By `tracknoise.findings.sampling.jackknife`, or by the bootstrap of `tracknoise.findings.sampling.resampling`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """How intervals are made.
+
+    Parameters
+    ----------
+    kind
+        One of `KINDS`.
+    level
+        Between 0 and 1.
+
+    Raises
+    ------
+    SettingsError
+        If there is no such kind, or the level is not between 0 and 1.
+    """
+
+    kind: str = "bca"
+    level: float = LEVEL
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise SettingsError(f"kind of interval is {self.kind!r}, expected one of {', '.join(KINDS)}")
+        if not 0 < self.level < 1:
+            raise SettingsError(f"level is {self.level}, expected more than 0 and less than 1")
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """Statistics of a condition with their bounds, (statistics, points), NaN where there are none.
+
+    `n_units` and `n_scenes` count the units, and the scenes, that each rests on.
+    """
+
+    value: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    n_units: NDArray[np.intp]
+    n_scenes: NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """The same numbers of all units, of every draw, and of all units but one.
+
+    `whole` is (rows, points), `drawn` (rows, points, draws), `without` (rows, points, units); the rows are columns of
+    sums at first, and statistics once these are computed.
+    """
+
+    whole: NDArray[np.float64]
+    drawn: NDArray[np.float64]
+    without: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, sums: NDArray[np.float64], weights: NDArray[np.float64]) -> "Sample":
+        """Sums (units, points, columns) under weights (draws, units)."""
+        drawn, without = resample(sums, weights), leave_one_out(sums)
+        return cls(sums.sum(axis=0).T, np.transpose(drawn, (2, 1, 0)), np.transpose(without, (2, 1, 0)))
+
+    def map(self, statistics: Statistics) -> "Sample":
+        """Statistics of these sums."""
+        return Sample(statistics(self.whole), statistics(self.drawn), statistics(self.without))
+
+
+def pooled(
+    units: Units,
+    weights: NDArray[np.float64],
+    statistics: Statistics,
+    method: Method,
+    *,
+    scales: Sequence[str] | None = None,
+    present: NDArray[np.bool_] | None = None,
+) -> Bounds:
+    """Statistics of the sums over all units.
+
+    Parameters
+    ----------
+    units
+        The units of a condition.
+    weights : (draws, units)
+        How often each was drawn; without draws for intervals by the jackknife.
+    statistics
+        What to compute.
+    method
+        How to make intervals.
+    scales : (statistics,)
+        Names in `tracknoise.findings.jackknife.SCALES`, for intervals by the jackknife; by default all linear.
+    present : (points, units)
+        Whether a unit takes part at a point; by default where its first column, a count, is more than 0.
+    """
+    sample = Sample.of(units.sums, weights).map(statistics)
+    return _bounded(sample, units, units.sums[..., 0].T > 0 if present is None else present, method, scales)
+
+
+def averaged(
+    units: Units,
+    weights: NDArray[np.float64],
+    statistics: Statistics,
+    method: Method,
+    *,
+    scales: Sequence[str] | None = None,
+) -> Bounds:
+    """Mean over scenes of each scene's own statistics; scenes in which one is undefined take no part in it.
+
+    Parameters
+    ----------
+    units, weights, statistics, method, scales
+        As in `pooled`.
+    """
+    if units.resampled == "blocks":
+        return _bounded(_mean_of_scenes(units, weights, statistics), units, units.sums[..., 0].T > 0, method, scales)
+    own = statistics(np.transpose(units.sums, (2, 1, 0)))
+    defined = ~np.isnan(own)
+    sums = np.concatenate([np.where(defined, own, 0.0), defined])
+    return _bounded(Sample.of(np.transpose(sums, (2, 1, 0)), weights).map(_mean), units, defined, method, scales)
+
+
+def _mean(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sums of values, the first half of the rows, over how many there are, the second half."""
+    total, count = np.split(sums, 2)
+    return total / np.where(count > 0, count, np.nan)
+
+
+def _mean_of_scenes(units: Units, weights: NDArray[np.float64], statistics: Statistics) -> Sample:
+    """Mean over scenes, where blocks are resampled within each: leaving out a block changes its scene's value alone."""
+    blocks = [units.scene == place for place in range(len(units.scenes))]
+    parts = [Sample.of(units.sums[chosen], weights[:, chosen]).map(statistics) for chosen in blocks]
+    without = [_mean_of([part.without if part is left else part.whole[..., None] for part in parts]) for left in parts]
+    whole, drawn = _mean_of([part.whole for part in parts]), _mean_of([part.drawn for part in parts])
+    return Sample(whole, drawn, np.concatenate(without, axis=-1))
+
+
+def _mean_of(values: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Mean of those that are defined."""
+    defined = [~np.isnan(value) for value in values]
+    total = sum(np.where(known, value, 0.0) for known, value in zip(defined, values, strict=True))
+    count = sum(known.astype(np.float64) for known in defined)
+    return np.asarray(total / np.where(count > 0, count, np.nan))
+
+
+def _bounded(
+    sample: Sample, units: Units, present: NDArray[np.bool_], method: Method, scales: Sequence[str] | None
+) -> Bounds:
+    """Intervals where enough is resampled; `present` is (points, units) or (statistics, points, units)."""
+    n_units, n_scenes = (np.broadcast_to(n, sample.whole.shape) for n in units.contributing(present))
+    by_block = units.resampled == "blocks"
+    in_stratum = n_units // np.maximum(n_scenes, 1) if by_block else np.where(n_scenes >= MIN_SCENES, n_units, 0)
+    strata = units.scene if by_block else None
+    if method.kind == "student":
+        named = scales or ["linear"] * len(sample.whole)
+        low, high = _by_jackknife(sample, named, in_stratum, strata, method.level)
+    else:
+        drawn, without = np.moveaxis(sample.drawn, -1, 0), np.moveaxis(sample.without, -1, 0)
+        kind, level = method.kind, method.level
+        low, high = interval(sample.whole, drawn, without, kind=kind, level=level, n_units=in_stratum, strata=strata)
+    return Bounds(sample.whole, low, high, n_units, n_scenes)
+
+
+def _by_jackknife(
+    sample: Sample, scales: Sequence[str], n_units: NDArray[np.intp], strata: NDArray[np.intp] | None, level: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    low, high = np.empty_like(sample.whole), np.empty_like(sample.whole)
+    for scale in sorted(set(scales)):
+        rows = np.array([name == scale for name in scales])
+        without = np.moveaxis(sample.without[rows], -1, 0)
+        low[rows], high[rows] = student_interval(
+            sample.whole[rows], without, scale=scale, level=level, n_units=n_units[rows], strata=strata
+        )
+    return low, high

@@ -1,0 +1,135 @@
+"""Bounds of lifetimes, survival and outlier ratio of one condition.
+
+The lifetime that a share of the tracks exceeds is where the survival curve comes down to that share; its bounds are
+where the bounds of the survival curve do (Brookmeyer and Crowley 1982), so that they are lifetimes, too.
+"""
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.findings.sampling.bounds import Bounds, Method, pooled
+from tracknoise.findings.sampling.units import Draws, Units, units_of
+from tracknoise.statistics.blocks import block_of
+
+QUANTILES: Mapping[str, float] = {
+    "lower_quartile_lifetime": 0.75,
+    "median_lifetime": 0.5,
+    "upper_quartile_lifetime": 0.25,
+}
+"""Lifetimes by the share of the tracks that live longer."""
+SCALAR_UNITS: Mapping[str, str] = {
+    "mean_lifetime": "frames",
+    **dict.fromkeys(QUANTILES, "frames"),
+    "survival": "share",
+    "outlier_ratio": "share",
+}
+"""Statistics of this file and their units."""
+
+Found = tuple[pl.DataFrame, Bounds, Units]
+"""Columns statistic, axis and at, a row a value; the values; what was resampled."""
+
+_ROUNDED = 1e-12  # the product that is exactly a half on paper may be rounded up
+
+
+def lifetime_bounds(ends: pl.DataFrame, draws: Draws, method: Method) -> Iterator[Found]:
+    """Mean lifetime, survival beyond each lifetime, and the lifetimes that certain shares of the tracks exceed.
+
+    Parameters
+    ----------
+    ends
+        Columns of `ENDS`, rows of one condition.
+    draws
+        Of all scenes of the dataset.
+    method
+        How to make intervals.
+    """
+    whole = ends.select("scene", "block", "lifetime", "n_ended", "n_censored")
+    units = units_of(whole, whole, points=["lifetime"], columns=["n_ended", "n_censored"])
+    weights, lifetimes = draws.weights(units), units.points["lifetime"].to_numpy().astype(np.float64)
+    there = units.sums.sum(axis=(1, 2)) > 0
+    mean = pooled(units, weights, lambda sums: _mean(sums, lifetimes), method, scales=["log"], present=there[None])
+    yield _labels("mean_lifetime"), mean, units
+    present = np.broadcast_to(there, (len(lifetimes), len(there)))
+    curve = pooled(units, weights, survival, method, scales=["logit"], present=present)
+    yield _labels("survival", lifetimes), _where_at_risk(curve, units), units
+    for name, share in QUANTILES.items():
+        yield _labels(name), _quantile(curve, lifetimes, share), units
+
+
+def outlier_bounds(frames: pl.DataFrame, draws: Draws, method: Method) -> Iterator[Found]:
+    """Pooled outlier ratio: outliers over the features that were offered.
+
+    Parameters
+    ----------
+    frames
+        Columns of `FRAMES`, rows of one condition.
+    draws, method
+        As in `lifetime_bounds`.
+    """
+    order, size = pl.int_range(pl.len()).over("scene"), pl.len().over("scene")
+    blocks = frames.sort("scene", "frame").with_columns(block=block_of(order, size))
+    units = units_of(blocks, blocks, points=[], columns=["offered", "outliers"])
+    ratio = pooled(units, draws.weights(units), _ratio, method, scales=["logit"])
+    yield _labels("outlier_ratio"), ratio, units
+
+
+def survival(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Kaplan-Meier survival, as `tracknoise.statistics.lifetimes` has it; it stays where it was with nobody at risk.
+
+    Parameters
+    ----------
+    sums : (2, lifetimes, ...)
+        Tracks that ended, and that were censored, at each lifetime.
+
+    Returns
+    -------
+    (1, lifetimes, ...) float64
+    """
+    ended, censored = sums
+    at_risk = np.cumsum((ended + censored)[::-1], axis=0)[::-1] - censored
+    stays = 1 - ended / np.where(at_risk > 0, at_risk, 1.0)
+    return np.asarray(np.cumprod(stays, axis=0))[None]
+
+
+def first_reached(curve: NDArray[np.float64], lifetimes: NDArray[np.float64], share: float) -> float:
+    """Shortest lifetime at which a survival curve (lifetimes,) is down to a share; NaN if it never is."""
+    places = np.flatnonzero(curve <= share + _ROUNDED)
+    return float(lifetimes[places[0]]) if len(places) else np.nan
+
+
+def _labels(statistic: str, at: NDArray[np.float64] | None = None) -> pl.DataFrame:
+    """One row, or, along the axis lifetime, one a lifetime."""
+    if at is None:
+        return pl.DataFrame({"statistic": statistic, "axis": None, "at": None})
+    return pl.DataFrame({"statistic": statistic, "axis": "lifetime", "at": at})
+
+
+def _mean(sums: NDArray[np.float64], lifetimes: NDArray[np.float64]) -> NDArray[np.float64]:
+    found = sums.sum(axis=0)
+    count = found.sum(axis=0)
+    frames = np.tensordot(lifetimes, found, axes=1)
+    return np.asarray(frames / np.where(count > 0, count, np.nan))[None, None]
+
+
+def _where_at_risk(curve: Bounds, units: Units) -> Bounds:
+    """The same survival without the longest lifetime, if nobody was at risk there: no track ended."""
+    unknown = np.zeros(curve.value.shape, dtype=np.bool_)
+    unknown[:, -1] = units.sums[:, -1, 0].sum() == 0
+    value, low, high = (np.where(unknown, np.nan, values) for values in (curve.value, curve.low, curve.high))
+    return Bounds(value, low, high, curve.n_units, curve.n_scenes)
+
+
+def _ratio(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    offered, outliers = sums
+    return np.asarray(outliers / np.where(offered > 0, offered, np.nan))[None]
+
+
+def _quantile(curve: Bounds, lifetimes: NDArray[np.float64], share: float) -> Bounds:
+    """Where a survival curve and its bounds come down to a share."""
+    value, low, high = (
+        np.array([[first_reached(values[0], lifetimes, share)]]) for values in (curve.value, curve.low, curve.high)
+    )
+    return Bounds(value, low, high, curve.n_units[:, :1], curve.n_scenes[:, :1])

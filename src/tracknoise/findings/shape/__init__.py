@@ -1,0 +1,1 @@
+"""What shape errors have: moments, tails, and what other densities gain over the Gaussian."""

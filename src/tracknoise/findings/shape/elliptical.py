@@ -1,0 +1,76 @@
+"""What densities of pairs that depend on a squared distance alone have in common: many samples at once, arrays only.
+
+A sample is given by the terms of its power sums to order 2: 1, u, v, u^2, uv, v^2 of each point. Squared distances and
+weighted moments are then one matrix product each. Samples shorter than others are padded with zeros, which count for
+nothing.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.findings.shape.mardia import ORDERS
+
+Array = NDArray[np.float64]
+
+_SECOND = ORDERS[:6]
+_LOG_2PI = float(np.log(2 * np.pi))
+
+
+def terms(samples: Sequence[Array]) -> Array:
+    """Terms of samples of pairs, each (points, 2): (samples, 6, most points)."""
+    padded = np.zeros((len(samples), len(_SECOND), max((len(points) for points in samples), default=0)))
+    for place, points in enumerate(samples):
+        for row, (p, q) in enumerate(_SECOND):
+            padded[place, row, : len(points)] = points[:, 0] ** p * points[:, 1] ** q
+    return padded
+
+
+def moments(sums: Array) -> tuple[Array, Array]:
+    """Mean, (samples, 2), and covariance as uu, uv, vv, (samples, 3), from weighted sums of terms, (samples, 6)."""
+    mean, second = sums[:, 1:3] / sums[:, :1], sums[:, 3:] / sums[:, :1]
+    u, v = mean.T
+    return mean, second - np.stack([u * u, u * v, v * v], axis=1)
+
+
+def squared_distances(points: Array, mean: Array, scatter: Array) -> Array:
+    """(x - mean)^T scatter^-1 (x - mean) of each point, (samples, points).
+
+    Parameters
+    ----------
+    points : (samples, 6, points)
+        What `terms` made.
+    mean, scatter : (samples, 2), (samples, 3)
+        As from `moments`.
+    """
+    u, v = mean.T
+    uu, uv, vv = _inverse(scatter).T
+    constant = uu * u * u + 2 * uv * u * v + vv * v * v
+    weights = np.stack([constant, -2 * (uu * u + uv * v), -2 * (uv * u + vv * v), uu, 2 * uv, vv], axis=1)
+    return np.maximum((weights[:, None, :] @ points)[:, 0], 0.0)  # rounding may leave less than 0
+
+
+def trace_ratio(second: Array, scatter: Array) -> Array:
+    """Trace of scatter^-1 times second, both as uu, uv, vv, (samples, 3): (samples,)."""
+    inverse = _inverse(scatter)
+    ratio: Array = (inverse * second) @ np.array([1.0, 2.0, 1.0])
+    return ratio
+
+
+def log_normaliser(scatter: Array) -> Array:
+    """Log density of a Gaussian at its mean, (samples, 1)."""
+    logs: Array = -_LOG_2PI - 0.5 * np.log(determinant(scatter))
+    return logs[:, None]
+
+
+def determinant(scatter: Array) -> Array:
+    """Determinant of each scatter, (samples,)."""
+    uu, uv, vv = scatter.T
+    product: Array = uu * vv - uv * uv
+    return product
+
+
+def _inverse(scatter: Array) -> Array:
+    uu, uv, vv = scatter.T
+    return np.stack([vv, -uv, uu], axis=1) / determinant(scatter)[:, None]

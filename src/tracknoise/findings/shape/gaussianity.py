@@ -1,0 +1,203 @@
+"""Are errors Gaussian: by condition, in bands of ages, before and after trimming.
+
+Skewness and kurtosis come from the moments of all errors, tails, quantiles and likelihoods from single ones
+(`tracknoise.statistics.samples`). All are of errors in units of their age (`tracknoise.findings.shape.standard`), so
+that the ages of a band can be put together. Scenes are put together, too: that errors are larger in one scene than in
+another makes those of all scenes heavy-tailed, and is part of what is found.
+
+At a million errors every test rejects; what is told is how far from Gaussian they are
+(`tracknoise.findings.shape.verdict`).
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import polars as pl
+
+from tracknoise.findings.anchored import NO_KEY_FRAMES, anchored
+from tracknoise.findings.sampling.bounds import Method
+from tracknoise.findings.sampling.resampling import LEVEL
+from tracknoise.findings.sampling.units import Draws
+from tracknoise.findings.shape.shape_bounds import BAND, gain_bounds, mardia_bounds
+from tracknoise.findings.shape.standard import standard_sums, standardised, standards
+from tracknoise.findings.shape.tails import radii, tail_ratios
+from tracknoise.findings.shape.verdict import MARGIN_NATS, Evidence, Interval, judge
+from tracknoise.statistics.grouping import POOLED, reduce_each
+from tracknoise.statistics.samples import first_tracks, with_bands
+from tracknoise.tables.findings_schema import GAUSSIANITY, RADII
+from tracknoise.tables.schema import MOMENTS, SAMPLES, Schema, check, empty
+
+MAX_SAMPLED = 8192
+"""Single errors of a band that are looked at, about, shared out evenly among scenes."""
+_EDGES = [*BAND, "age_high"]
+
+
+@dataclass(frozen=True, slots=True)
+class Shapes:
+    """What shape errors have.
+
+    Attributes
+    ----------
+    gaussianity
+        Schema `GAUSSIANITY`, sorted by condition, trimming and band: every band in which there is an error.
+    radii
+        Schema `RADII`, sorted, in the same way.
+    """
+
+    gaussianity: pl.DataFrame
+    radii: pl.DataFrame
+
+
+@dataclass(frozen=True, slots=True)
+class _Options:
+    method: Method
+    min_features: int
+    margin: float
+    seed: int
+
+
+def gaussianity(
+    moments: pl.DataFrame | Iterable[pl.DataFrame],
+    samples: pl.DataFrame | Iterable[pl.DataFrame],
+    *,
+    key_frames: Mapping[str, int] = NO_KEY_FRAMES,
+    min_features: int = 100,
+    margin: float = MARGIN_NATS,
+    level: float = LEVEL,
+    n_draws: int = 1000,
+    seed: int = 0,
+) -> Shapes:
+    """Shape of visible errors, by condition, trimming and band of ages.
+
+    Parameters
+    ----------
+    moments, samples
+        One table of all scenes, or any number of them, read one at a time: `MOMENTS`, `SAMPLES`.
+    key_frames
+        Where a scan makes errors zero in one frame: which, by direction. Bands are then of distances from it.
+    min_features
+        Fewest errors, of all scenes together, of an age that is looked at.
+    margin
+        Largest distance from the Gaussian that is nothing, nats per error.
+    level
+        Of the intervals.
+    n_draws, seed
+        As in `tracknoise.findings.sampling.resampling.draws`; the seed decides, too, which scenes are fitted together.
+
+    Raises
+    ------
+    SchemaError
+        If a table has other columns.
+    """
+    errors = with_bands(anchored(moments, MOMENTS, "moments", key_frames), pl.col("since").abs())
+    n_scenes = int(errors.group_by("dataset").agg(pl.col("scene").n_unique())["scene"].min() or 1)  # type: ignore[arg-type]
+    count = math.ceil(MAX_SAMPLED / n_scenes)
+    chosen = reduce_each(samples, SAMPLES, "samples", lambda table: first_tracks(table, count))
+    options = _Options(Method(level=level), min_features, margin, seed)
+    rows, quantiles = [empty(GAUSSIANITY)], [empty(RADII)]
+    for labels, part, singles, draws in _conditions(errors, chosen, n_draws, seed):
+        found, distances = _condition(part, singles, draws, options)
+        rows.append(_typed(found.with_columns(labels), GAUSSIANITY))
+        quantiles.append(_typed(distances.with_columns(labels), RADII))
+    shapes = pl.concat(rows).sort(*POOLED, *BAND), pl.concat(quantiles).sort(*POOLED, *BAND, "probability")
+    return Shapes(check(shapes[0], GAUSSIANITY, "gaussianity"), check(shapes[1], RADII, "radii"))
+
+
+def _conditions(
+    errors: pl.DataFrame, samples: pl.DataFrame, n_draws: int, seed: int
+) -> Iterator[tuple[list[pl.Expr], pl.DataFrame, pl.DataFrame, Draws]]:
+    """The names, moments and samples of each condition, and the draws of its dataset."""
+    scenes = errors.group_by("dataset").agg(pl.col("scene").unique())
+    drawn = {dataset: Draws(names, n_draws=n_draws, seed=seed) for dataset, names in scenes.iter_rows()}
+    singles = _split(samples, POOLED)
+    for key, part in _split(errors, POOLED).items():
+        labels = [pl.lit(value, dtype=GAUSSIANITY[name]).alias(name) for name, value in zip(POOLED, key, strict=True)]
+        yield labels, part.sort("scene", maintain_order=True), singles.get(key, samples.clear()), drawn[key[0]]
+
+
+def _split(table: pl.DataFrame, by: list[str]) -> dict[tuple[Any, ...], pl.DataFrame]:
+    return table.partition_by(by, as_dict=True)
+
+
+def _condition(
+    moments: pl.DataFrame, samples: pl.DataFrame, draws: Draws, options: _Options
+) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """Rows of `GAUSSIANITY` and `RADII` of one condition."""
+    standard = standards(moments, min_features=options.min_features)
+    bands = moments.group_by(_EDGES).agg(all=pl.col("n").sum(), n_scenes=pl.col("scene").n_unique()).sort(_EDGES)
+    sums, singles = standard_sums(moments, standard), standardised(samples, standard)
+    if sums.is_empty() or singles.is_empty():
+        rows = bands.with_columns(n="all", n_sampled=0, verdict=pl.lit("undecided"), why=pl.lit(_few(options)))
+        return rows, empty(RADII)
+    gained, units = gain_bounds(singles, draws, options.method, seed=options.seed)
+    tails, quantiles = _tails(singles)
+    table = bands.join(mardia_bounds(sums, singles, draws, options.method), on=BAND, how="left")
+    table = table.join(gained, on=BAND, how="left").join(tails, on=BAND, how="left").sort(_EDGES)
+    judged = [_judged(row, options) for row in table.iter_rows(named=True)]
+    named = table.hstack(pl.DataFrame(judged, schema=["verdict", "why"], orient="row")).with_columns(
+        pl.coalesce("n", "all").alias("n"),
+        pl.col("n_sampled").fill_null(0),
+        level=options.method.level,
+        resampled=pl.lit(units.resampled),
+    )
+    return named.rename(_NAMES), quantiles.join(bands.select(_EDGES), on=BAND)
+
+
+_NAMES = {
+    "gain_student": "gain_student_nats",
+    "gain_mixture": "gain_mixture_nats",
+    "nu": "student_nu",
+    "spread_px": "student_scale_px",
+    "share": "mixture_share",
+    "ratio": "mixture_ratio",
+}
+
+
+def _tails(singles: pl.DataFrame) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """By band how many single errors there are and how many lie far out; and the quantiles of their distances."""
+    tails, quantiles = [], []
+    for key, part in _split(singles, BAND).items():
+        squared = (part["z_u"] ** 2 + part["z_v"] ** 2).to_numpy()
+        tails.append((*key, len(squared), *tail_ratios(squared)))
+        quantiles += [(*key, *point) for point in zip(*radii(squared), strict=True)]
+    place = {name: singles.schema[name] for name in BAND}
+    numbers = {"n_sampled": pl.Int64, "tail_99": pl.Float64, "tail_999": pl.Float64}
+    points = dict.fromkeys(("probability", "expected", "observed"), pl.Float64)
+    return (
+        pl.DataFrame(tails, schema={**place, **numbers}, orient="row"),
+        pl.DataFrame(quantiles, schema={**place, **points}, orient="row"),
+    )
+
+
+def _judged(row: Mapping[str, Any], options: _Options) -> tuple[str, str]:
+    """Verdict on one band, and why."""
+    if row["n"] is None:
+        return "undecided", _few(options)
+    known = {name: math.nan if value is None else value for name, value in row.items()}
+
+    def interval(name: str) -> Interval:
+        return Interval(known[name], known[f"{name}_low"], known[f"{name}_high"])
+
+    evidence = Evidence(
+        n_sampled=row["n_sampled"] or 0,
+        student=interval("gain_student"),
+        mixture=interval("gain_mixture"),
+        difference=interval("gain_difference"),
+        skewness=interval("skewness"),
+        kurtosis=interval("kurtosis"),
+        **{name: known[name] for name in ("tail_99", "nu", "share", "ratio")},
+    )
+    return judge(evidence, margin=options.margin)
+
+
+def _few(options: _Options) -> str:
+    return f"there are fewer than {options.min_features} errors at every age, or they do not vary"
+
+
+def _typed(rows: pl.DataFrame, schema: Schema) -> pl.DataFrame:
+    """Rows with the columns of a schema, null where there is no number."""
+    whole = rows.with_columns(pl.lit(None).alias(name) for name in schema if name not in rows.columns)
+    typed = whole.select(pl.col(name).cast(kind) for name, kind in schema.items())
+    return typed.with_columns(pl.selectors.float().fill_nan(None))

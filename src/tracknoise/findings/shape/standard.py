@@ -1,0 +1,104 @@
+"""Errors in units of their age: less the mean of all errors of that age, and whitened by their covariance.
+
+Errors grow with age. Were those of several ages put together as they are, a Gaussian that grows would look
+heavy-tailed. Of each age of a condition (or each frame, where a scan fixes the features) the mean m and the
+covariance C are therefore taken from the moments of all its scenes, and z = L^-1 (x - m), L L^T = C, is looked at in
+place of x (standard). What z looks like is then the shape of errors whose age is known.
+"""
+
+import numpy as np
+import polars as pl
+
+from tracknoise.findings.sampling.units import additive
+from tracknoise.findings.shape.mardia import ORDERS, transformed, whitening
+from tracknoise.statistics.grouping import group_rows
+from tracknoise.statistics.joint import FOURTH
+
+POWER_SUMS = ["n", *("z_" + "u" * p + "v" * q for p, q in ORDERS[1:])]
+"""Names of the sums of z_u^p z_v^q."""
+_PLACE = ["trimming", "at"]
+_SUMS = ["n", "u", "v", "uu", "uv", "vv"]
+_STANDARD = ["centre_u", "centre_v", "root_a", "root_b", "root_c"]
+_CENTRAL = ["m_" + "u" * p + "v" * q for p, q in FOURTH]
+
+
+def standards(moments: pl.DataFrame, *, min_features: int) -> pl.DataFrame:
+    """Return m and L^-1 of (standard) by trimming and age of one condition, where errors are many and have a spread.
+
+    Parameters
+    ----------
+    moments
+        Rows of one condition, of visible errors, with at least one error each.
+    min_features
+        Fewest errors of an age.
+
+    Returns
+    -------
+    polars.DataFrame
+        trimming, at, the parts of m, and the lower triangle a, b, c of L^-1.
+    """
+    groups = group_rows(moments, _PLACE)
+    columns = additive(moments).select(_SUMS).to_numpy().T
+    sums = np.stack([np.bincount(groups.index, column, groups.count) for column in columns]).astype(np.float64)
+    found = groups.keys.hstack(pl.DataFrame(dict(zip(_STANDARD, np.concatenate(whitening(sums)), strict=True))))
+    return found.filter(pl.Series(sums[0] >= min_features) & pl.col("root_c").is_finite())
+
+
+def standard_sums(moments: pl.DataFrame, standard: pl.DataFrame) -> pl.DataFrame:
+    """Sums of powers of z in place of moments; rows whose age has no standard are left out.
+
+    Parameters
+    ----------
+    moments
+        Rows of one condition.
+    standard
+        What `standards` returned.
+
+    Returns
+    -------
+    polars.DataFrame
+        The columns that are no moments, and `POWER_SUMS`.
+    """
+    rows = moments.join(standard, on=_PLACE, maintain_order="left")
+    zeros = [pl.lit(0.0).alias(name) for name in ("first_u", "first_v")]  # sums of order 1 about a row's own mean
+    central = rows.select("n", *zeros, *_CENTRAL).to_numpy().T.astype(np.float64)
+    centre, root = _parts(rows)
+    sums = transformed(central, centre - rows.select("mean_u", "mean_v").to_numpy().T, root)
+    labels = rows.select(pl.exclude("^(n|m_.*|mean_.*|centre_.|root_.)$"))
+    return labels.hstack(pl.DataFrame(dict(zip(POWER_SUMS, sums, strict=True))))
+
+
+def standardised(samples: pl.DataFrame, standard: pl.DataFrame) -> pl.DataFrame:
+    """Single errors as z, untrimmed and trimmed; those whose age has no standard are left out.
+
+    Parameters
+    ----------
+    samples
+        Rows of one condition, as in `SAMPLES`; those of a scene sorted.
+    standard
+        What `standards` returned.
+
+    Returns
+    -------
+    polars.DataFrame
+        Sorted by scene, otherwise as they were, with `z_u`, `z_v`, and `log_spread`, the logarithm of the mean spread
+        of a coordinate at that age, log px: a quarter of that of the determinant of C.
+    """
+    every = pl.lit(value=True)
+    selections = {"untrimmed": every, "trimmed": pl.col("kept")}
+    kind = standard.schema["trimming"]
+    both = [
+        samples.filter(chosen).with_columns(trimming=pl.lit(name, dtype=kind)) for name, chosen in selections.items()
+    ]
+    ordered = pl.concat(both).sort("scene", maintain_order=True)
+    rows = ordered.join(standard, on=_PLACE, maintain_order="left")
+    (centre_u, centre_v), (a, b, c) = _parts(rows)
+    u, v = rows["du_px"].to_numpy() - centre_u, rows["dv_px"].to_numpy() - centre_v
+    columns = {"z_u": a * u, "z_v": b * u + c * v, "log_spread": -0.5 * np.log(a * c)}
+    labels = rows.select("trimming", "age_low", "scene", "block", "track")
+    return labels.hstack(pl.DataFrame(columns, schema=dict.fromkeys(columns, pl.Float64)))
+
+
+def _parts(rows: pl.DataFrame) -> tuple[np.ndarray, np.ndarray]:
+    columns = rows.select(_STANDARD).to_numpy().T
+    return columns[:2], columns[2:]

@@ -1,0 +1,115 @@
+"""Words and numbers as findings and the report write them, so that the two never differ."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+SPACE = "\N{NO-BREAK SPACE}"
+MINUS, DASH, TIMES = "\N{MINUS SIGN}", "\N{EN DASH}", "\N{MULTIPLICATION SIGN}"
+_VIEW = {"lighting": "under lighting {}", "rotation": "at rotation {}°", "direction": "played {}"}
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+STATISTICS: Mapping[str, str] = {
+    "mean": "mean error",
+    "absolute": "mean absolute error",
+    "second": "second moment",
+    "lifetime": "lifetime",
+    "outlier_ratio": "outlier ratio",
+}
+"""Role of each statistic that a factor may matter to, and what it is called."""
+
+
+def number(value: float | None, *, digits: int = 3) -> str:
+    """Write a number to `digits` significant digits; whole numbers whole, a dash where it is missing."""
+    if value is None:
+        return DASH
+    if isinstance(value, int) or abs(value) >= 10**digits:
+        return f"{round(value):,}".replace("-", MINUS)
+    if value != 0 and abs(value) < 1e-3:
+        mantissa, exponent = f"{value:.{digits - 2}e}".split("e")
+        return f"{mantissa} {TIMES} 10{str(int(exponent)).translate(_SUPERSCRIPT)}".replace("-", MINUS)
+    if value == 0:
+        return "0"
+    decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
+    return f"{value:.{decimals}f}".replace("-", MINUS)
+
+
+def pixels(value: float | None) -> str:
+    """Write a length in px without its unit: to a thousandth where it is short, otherwise to three digits."""
+    if value is None or value == 0 or abs(value) < 5e-4 or abs(value) >= 10:
+        return number(value)
+    return f"{value:.3f}".replace("-", MINUS)
+
+
+def px(value: float | None) -> str:
+    """Write a length in px."""
+    return "unknown" if value is None else f"{pixels(value)}{SPACE}px"
+
+
+def percent(share: float | None) -> str:
+    """Write a share between 0 and 1 in percent, to a tenth."""
+    return "unknown" if share is None else f"{100 * share:.1f}{SPACE}%"
+
+
+def effect_text(effect: float | None) -> str:
+    """Write an effect in percent, to a tenth near the margin; nothing where there is none."""
+    if effect is None:
+        return ""
+    if effect >= 10:
+        return f">{SPACE}1000{SPACE}%"
+    return percent(effect) if effect < 0.2 else f"{100 * effect:.0f}{SPACE}%"
+
+
+def chance(p: float) -> str:
+    """Write a p-value: to two digits, and none below a ten thousandth."""
+    return "p < 0.0001" if p < 1e-4 else f"p = {p:.2g}"
+
+
+def count(n: int, noun: str) -> str:
+    """Write a count with its noun: ``no tracks``, ``1 track``, ``1,200 tracks``."""
+    return f"{number(n) if n else 'no'} {noun}{'' if n == 1 else 's'}"
+
+
+def listing(items: Iterable[str], *, joint: str = "and") -> str:
+    """Join items as prose does: ``a``, ``a and b``, ``a, b and c``."""
+    parts: Sequence[str] = list(items)
+    return f" {joint} ".join([", ".join(parts[:-1]), parts[-1]]) if len(parts) > 1 else "".join(parts)
+
+
+def place(axis: str, since: int) -> str:
+    """Write a place on an axis by its distance from where errors are zero.
+
+    ``at age 10``, or ``at 8 frames after the key frame``.
+
+    Parameters
+    ----------
+    axis
+        age or frame.
+    since
+        Frames of the sequence; negative before the key frame.
+    """
+    if axis == "age":
+        return f"at age {since}"
+    return f"at {count(abs(since), 'frame')} {'before' if since < 0 else 'after'} the key frame"
+
+
+def view_text(view: Mapping[str, object], names: Iterable[str]) -> str:
+    """Write which lighting, rotation or direction something was seen with, for those in `names`; blank first."""
+    return "".join(f" {_VIEW[name].format(view[name])}" for name in names)
+
+
+def interval_text(level: float, resampled: str, n_scenes: Sequence[int]) -> str:
+    """Write of what kind intervals are: ``95 % intervals, 8 scenes resampled``.
+
+    Parameters
+    ----------
+    level
+        Between 0 and 1.
+    resampled
+        `scenes` or `blocks`.
+    n_scenes
+        How many scenes each rests on.
+    """
+    least, most = min(n_scenes), max(n_scenes)
+    scenes = count(most, "scene") if least == most else f"{least} to {count(most, 'scene')}"
+    what = f"{scenes} resampled" if resampled == "scenes" else f"blocks of tracks resampled within {scenes}"
+    return f"{100 * level:g}{SPACE}% intervals, {what}"

@@ -1,0 +1,97 @@
+"""Intervals of curves: put beside the curves' values, turned with them, and told in words."""
+
+import polars as pl
+
+from tracknoise.findings.wording import interval_text
+from tracknoise.report.sentences import listing
+from tracknoise.statistics.grouping import POOLED
+from tracknoise.statistics.upright import upright
+from tracknoise.tables.findings_schema import RESAMPLED
+from tracknoise.tables.schema import Schema
+
+BOUNDS = ("u_low", "u_high", "v_low", "v_high")
+KIND: Schema = {"level": pl.Float64, "resampled": RESAMPLED, "n_resampled": pl.Int32}
+"""Level of an interval, what was resampled for it, and in how many scenes."""
+_CURVE = ["population", "trimming", "weighting", "statistic", "axis", "at"]
+
+
+def with_bounds(curves: pl.DataFrame, intervals: pl.DataFrame) -> pl.DataFrame:
+    """Curves with the bounds of their values in u and v.
+
+    Parameters
+    ----------
+    curves
+        Columns of `CURVES`, or of `ASPECT_CURVES`.
+    intervals
+        Columns of `INTERVALS`.
+
+    Returns
+    -------
+    polars.DataFrame
+        The same rows with columns `BOUNDS`, in the unit of the curve, and `KIND`; null where there is no interval.
+    """
+    aspect = ["aspect"] if "aspect" in curves.columns else []
+    keys = [*aspect, *POOLED, *_CURVE]
+    chosen = intervals if aspect else intervals.filter(aspect="all")
+    chosen = chosen.filter(pl.col("axis").is_in(["age", "frame"])).with_columns(pl.col("axis", "at").cast(pl.String))
+    named = [chosen.filter(coordinate=axis).select(*keys, **_of(axis)) for axis in "uv"]
+    kinds = chosen.filter(coordinate="u").drop_nulls(["low", "high"])
+    kinds = kinds.select(*keys, "level", "resampled", n_resampled="n_scenes")
+    table = curves.with_columns(axis_=pl.col("axis").cast(pl.String), at_=pl.col("at").cast(pl.String))
+    left = [*aspect, *POOLED, *_CURVE[:-2], "axis_", "at_"]
+    for part in (*named, kinds):
+        table = table.join(part, left_on=left, right_on=keys, how="left", maintain_order="left")
+    return table.drop("axis_", "at_")
+
+
+def _of(axis: str) -> dict[str, pl.Expr]:
+    return {f"{axis}_low": pl.col("low"), f"{axis}_high": pl.col("high")}
+
+
+def of_scalar(table: pl.DataFrame, intervals: pl.DataFrame, statistic: str) -> pl.DataFrame:
+    """A table of conditions with columns low and high, the bounds of a number that each has one of, and `KIND`.
+
+    Where `table` has a column lifetime, the number is the one at that lifetime.
+    """
+    along = ["lifetime"] if "lifetime" in table.columns else []
+    found = intervals.filter(aspect="all", statistic=statistic).drop_nulls(["low", "high"])
+    kinds = {"low": "low", "high": "high", "level": "level", "resampled": "resampled", "n_resampled": "n_scenes"}
+    found = found.select(*POOLED, *(pl.col("at").cast(pl.UInt32).alias(name) for name in along), **kinds)
+    return table.join(found, on=[*POOLED, *along], how="left", maintain_order="left")
+
+
+def upright_bounds(points: pl.DataFrame, *, signed: pl.Expr) -> pl.DataFrame:
+    """As `tracknoise.statistics.upright.upright`, for points with columns `BOUNDS`: these are turned too."""
+    values = upright(points, signed=signed)
+    low, high = (
+        upright(points.with_columns(u=f"u_{end}", v=f"v_{end}"), signed=signed).select("u", "v")
+        for end in ("low", "high")
+    )
+    ends = {
+        f"{axis}_{end}": choose(low[axis].alias("low"), high[axis].alias("high"))
+        for axis in "uv"
+        for end, choose in (("low", pl.min_horizontal), ("high", pl.max_horizontal))
+    }
+    return values.with_columns(**ends)
+
+
+def told(points: pl.DataFrame, *, of: str, marks: str = "Bands around") -> str:
+    """A sentence about the bands, or other `marks`, that show intervals, or that there are none.
+
+    Parameters
+    ----------
+    points
+        Columns `KIND`.
+    of
+        Around what the bands lie.
+    marks
+        What shows the intervals.
+    """
+    known = points.drop_nulls(list(KIND))
+    groups = known.group_by("level", "resampled").agg(pl.col("n_resampled").unique()).sort("level", "resampled")
+    kinds = listing(interval_text(*row) for row in groups.iter_rows())
+    if not kinds:
+        return f"No intervals were computed for {of}."
+    whose = "Those of blocks" if known["resampled"].n_unique() > 1 else "They"
+    only = f" {whose} hold for these scenes and say nothing of others." if "blocks" in known["resampled"] else ""
+    return f"{marks} {of}: {kinds}.{only}"

@@ -1,0 +1,213 @@
+"""How errors grow: the second moment by age with what was fitted to it, and the autocorrelation of the changes."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import altair as alt
+import numpy as np
+import polars as pl
+
+from tracknoise.findings.headlines.headline import told
+from tracknoise.findings.headlines.scope import Estimate
+from tracknoise.report import bands, style
+from tracknoise.report.evidence import Evidence
+from tracknoise.report.figures import marks
+from tracknoise.report.figures.figure import Absence, Family, Figure
+from tracknoise.report.figures.layout import Panel, arranged
+from tracknoise.report.sentences import DASH, MINUS, listing
+from tracknoise.report.tables import Cells
+
+_TITLE = "How errors grow"
+_PARTS = {
+    "white_px": ("constant", "px"),
+    "walk_px_per_sqrt_frame": ("random walk", "px/√frame"),
+    "drift_px_per_frame": ("drift", "px/frame"),
+}
+"""Parts of the fit, what they are called, and their units."""
+_BEHAVES = {
+    "white": "as large at first as later",
+    "random walk": "a random walk",
+    "drift": "a drift",
+    "none": "none of these",
+    "undecided": "undecided",
+}
+"""What is said of each verdict."""
+_SAID = ("random walk", "drift")
+"""Verdicts whose reason is in the columns before them."""
+_AXES = {"u": "u (horizontal)", "v": "v (vertical)"}
+_SIZE = {"width": 395, "height": 200}
+_MOST_PLACES = 200
+_YARDSTICKS = pl.DataFrame({"at": [0.0, -0.5], "of": ["random walk", "white noise"]})
+"""Autocorrelation of the changes of an error that is nothing else, at one step."""
+
+
+def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
+    """One figure: all trackers at the lowest speed, and below it the autocorrelation at every speed."""
+    table = _fitted(evidence)
+    if table.is_empty():
+        why = "How errors grow was not worked out: no condition has enough of them."
+        return [Absence("time-structure", _TITLE, why)]
+    points = evidence.nominal(evidence.points).filter(trimming="trimmed", population=evidence.population, role="second")
+    points = points.filter(pl.col("since") != 0).with_columns(distance=pl.col("since").abs())
+    nominal = table.filter(speed=evidence.slowest)
+    panels = [_growth(evidence, points, nominal, coordinate) for coordinate in _AXES]
+    panels += [_correlation(evidence, table, coordinate) for coordinate in _AXES]
+    figure = Figure(
+        id="time-structure",
+        title=_TITLE,
+        shows=f"Top: the second moment about zero by {evidence.axis.distance} at speed {evidence.slowest}"
+        f"{evidence.where} (dots, with the ends of their intervals) and what was fitted to it (lines): a part that "
+        "stays, one that grows with the number of frames, and one that grows with its square. Bottom: how much "
+        "the change of an error from one frame that the tracker saw to the next is like the change before, at every "
+        f"speed. {bands.told(points, of='the second moments', marks='Thin lines at')}",
+        look_for=_look_for(evidence, nominal),
+        spec=arranged(panels, columns=2),
+    )
+    return [figure]
+
+
+def tables(evidence: Evidence) -> Sequence[Cells]:
+    """What was fitted, a row a tracker, speed and coordinate."""
+    rows = [
+        [
+            row["tracker"],
+            str(row["speed"]),
+            row["coordinate"],
+            *(_size(row, name, unit) for name, (_, unit) in _PARTS.items()),
+            _size(row, "autocorrelation", ""),
+            _BEHAVES[row["verdict"]],
+            "" if row["verdict"] in _SAID else row["why"] or "",
+        ]
+        for row in _fitted(evidence).to_dicts()
+    ]
+    parts = [name for name, _ in _PARTS.values()]
+    headings = ["tracker", "speed", "", *parts, "autocorrelation", "behaves like", "why"]
+    caption = f"What errors grow like, trimmed{evidence.where}"
+    return [Cells(caption, headings, rows, [False, True, False, *[True] * 4, False, False])] if rows else []
+
+
+def _fitted(evidence: Evidence) -> pl.DataFrame:
+    table = evidence.reference(evidence.time_structure).filter(trimming="trimmed")
+    order = {name: place for place, name in enumerate(evidence.trackers)}
+    place = pl.col("tracker").replace_strict(order, return_dtype=pl.Int64, default=len(order))
+    return table.sort(place, "speed", "coordinate")
+
+
+def _growth(evidence: Evidence, points: pl.DataFrame, fits: pl.DataFrame, coordinate: str) -> Panel:
+    """Measured second moments, and the fit over the distances they cover."""
+    measured = points.select(
+        "tracker", "distance", "n", moment=pl.col(coordinate) ** 2, low=pl.col(f"{coordinate}_low") ** 2,
+        high=pl.col(f"{coordinate}_high") ** 2,
+    )  # fmt: skip
+    fitted = _curves(fits.filter(coordinate=coordinate), points)
+    values = pl.concat([measured["moment"], fitted["moment"]])
+    largest = float(values.max() or 1.0)  # type: ignore[arg-type]
+    highest = measured["high"].clip(upper_bound=2 * largest)
+    ends = marks.domain(pl.concat([values, highest]), zero=True)
+    reach = float(points["distance"].max() or 1)  # type: ignore[arg-type]
+    x = alt.X(
+        "distance:Q",
+        title=f"{evidence.axis.distance} (frames of the sequence)",
+        axis=alt.Axis(tickMinStep=1),
+        scale=alt.Scale(domain=[0, 1.03 * reach], nice=False),
+    )
+    y = alt.Y(
+        "moment:Q",
+        title=f"{_AXES[coordinate]}: second moment (px²)",
+        scale=alt.Scale(domain=ends, nice=False),
+    )
+    hue, opacity = marks.colour("tracker", evidence.colour, "tracker"), marks.opacity("tracker")
+    tips = [
+        alt.Tooltip("tracker:N"),
+        alt.Tooltip("distance:Q"),
+        alt.Tooltip("n:Q", title="features"),
+        alt.Tooltip("moment:Q", title="px²"),
+    ]
+    dots = alt.Chart(marks.rows(measured)).encode(x=x, y=y, color=hue, opacity=opacity, tooltip=tips)
+    lines = alt.Chart(marks.rows(fitted)).mark_line().encode(x=x, y=y, color=hue, opacity=opacity)
+    whiskers = alt.Chart(marks.rows(measured.drop_nulls(["low", "high"])))
+    whiskers = whiskers.mark_rule(strokeWidth=1, clip=True).encode(
+        x=x, y=marks.on(y, "low"), y2="high:Q", color=hue, opacity=opacity
+    )
+    chart = alt.layer(dots.mark_point(size=16, clip=True), lines, whiskers).properties(**_SIZE)
+    return Panel(chart, (marks.shown("tracker", evidence.colour),))
+
+
+def _curves(fits: pl.DataFrame, points: pl.DataFrame) -> pl.DataFrame:
+    """white^2 + walk^2 k + drift^2 k^2 of every tracker, over the distances k at which it was measured."""
+    parts = [pl.DataFrame(schema={"tracker": pl.String, "distance": pl.Float64, "moment": pl.Float64})]
+    for row in fits.drop_nulls(list(_PARTS)).to_dicts():
+        reach = points.filter(tracker=row["tracker"])["distance"].max()
+        k = np.linspace(0.0, float(reach or 0), _MOST_PLACES)  # type: ignore[arg-type]
+        white, walk, drift = (row[name] ** 2 for name in _PARTS)
+        columns = {"distance": k, "moment": white + walk * k + drift * k**2}
+        parts.append(pl.DataFrame(columns).select(pl.lit(row["tracker"]).alias("tracker"), "distance", "moment"))
+    return pl.concat(parts)
+
+
+def _correlation(evidence: Evidence, table: pl.DataFrame, coordinate: str) -> Panel:
+    """Autocorrelation of the changes at every speed, between those of a random walk and of white noise."""
+    names = ["autocorrelation", "autocorrelation_low", "autocorrelation_high"]
+    known = table.filter(coordinate=coordinate).drop_nulls("autocorrelation")
+    known = known.select("tracker", pl.col("speed").cast(pl.String), value=names[0], low=names[1], high=names[2])
+    ends = pl.concat([known["value"], known["low"], known["high"], pl.Series([-0.55, 0.1])])
+    x = alt.X("speed:N", sort=[str(speed) for speed in evidence.speeds], axis=alt.Axis(labelAngle=0))
+    y = alt.Y(
+        "value:Q",
+        title=f"{_AXES[coordinate]}: autocorrelation",
+        scale=alt.Scale(domain=marks.domain(ends), nice=False),
+    )
+    hue, opacity = marks.colour("tracker", evidence.colour, "tracker"), marks.opacity("tracker")
+    offset = alt.XOffset("tracker:N", sort=evidence.trackers)
+    tips = [
+        alt.Tooltip("tracker:N"),
+        alt.Tooltip("speed:N"),
+        *(alt.Tooltip(f"{name}:Q", format=".3f") for name in ("value", "low", "high")),
+    ]
+    base = alt.Chart(marks.rows(known)).encode(x=x, xOffset=offset, color=hue, opacity=opacity, tooltip=tips)
+    dots = base.mark_point(size=40).encode(y=y)
+    bars = base.transform_filter("isValid(datum.low) && isValid(datum.high)").mark_rule(strokeWidth=1.5)
+    yardsticks = alt.Chart(marks.rows(_YARDSTICKS))
+    rules = yardsticks.mark_rule(color=style.QUIET, strokeDash=[3, 3]).encode(y=marks.on(y, "at"))
+    labels = yardsticks.mark_text(color=style.QUIET, fontSize=10, align="left", dx=3, dy=-6).encode(
+        y=marks.on(y, "at"), x=alt.value(0), text="of:N"
+    )
+    chart = alt.layer(dots, bars.encode(y=marks.on(y, "low"), y2="high:Q"), rules, labels)
+    return Panel(chart.properties(**_SIZE), (marks.shown("tracker", evidence.colour),))
+
+
+def _look_for(evidence: Evidence, nominal: pl.DataFrame) -> str:
+    parts = []
+    for tracker in evidence.trackers:
+        rows = nominal.filter(tracker=tracker).to_dicts()
+        parts += [f"{tracker}: {listing(map(_sentence, rows))}"] if rows else []
+    numbers = f"At speed {evidence.slowest}, {'; '.join(parts)}. " if parts else ""
+    return (
+        f"{numbers}A line that stays flat is an error as large at first as later: white noise, which a filter averages "
+        f"away, if its changes undo each other (autocorrelation near {MINUS}0.5), or else an offset. A straight climb "
+        "is a random walk, and one that bends upwards a drift; no averaging removes these."
+    )
+
+
+def _sentence(row: Mapping[str, Any]) -> str:
+    sizes = [f"{name} {told(_estimate(row, part, unit))}" for part, (name, unit) in _PARTS.items() if row[part]]
+    return f"in {row['coordinate']} {_BEHAVES[row['verdict']]}" + (f" ({', '.join(sizes)})" if sizes else "")
+
+
+def _size(row: Mapping[str, Any], name: str, unit: str) -> str:
+    return DASH if row[name] is None else told(_estimate(row, name, unit)).strip()
+
+
+def _estimate(row: Mapping[str, Any], name: str, unit: str) -> Estimate:
+    return Estimate(row[name], row[f"{name}_low"], row[f"{name}_high"], unit)
+
+
+FAMILY = Family(
+    id="time-structure",
+    title=_TITLE,
+    lead="An estimator that takes errors for fresh noise in every frame trusts long tracks too much where the error "
+    "is one that was carried along. How the second moment grows tells the two apart, and so does whether one change "
+    "of the error is taken back by the next.",
+    figures=figures,
+    tables=tables,
+)

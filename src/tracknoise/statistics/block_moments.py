@@ -1,0 +1,47 @@
+"""Moments of du, dv by blocks of tracks: what is resampled where scenes are too few to be."""
+
+import polars as pl
+
+from tracknoise.statistics.blocks import with_blocks
+from tracknoise.statistics.moments import measure_cells, merge
+from tracknoise.statistics.populations import measured
+from tracknoise.tables.schema import AXIS, BLOCKS, OBSERVATIONS, ORIGIN, TRIMMING, check
+
+KEYS = [*ORIGIN, "block", "trimming", "axis", "at"]
+_CELL = [*ORIGIN, "block", "at"]
+
+
+def block_moments(observations: pl.DataFrame, tracks: pl.DataFrame, *, axis: str = "age") -> pl.DataFrame:
+    """Moments of the visible errors of every scene, condition and block of tracks, by trimming, and age or frame.
+
+    Parameters
+    ----------
+    observations
+        An observations table of any number of scenes, trimmed (`tracknoise.statistics.trimming.trim`).
+    tracks
+        All tracks of these scenes and conditions.
+    axis
+        ``age`` or ``frame``, as in `tracknoise.statistics.moments.scene_moments`.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `BLOCKS`, sorted by the columns of `KEYS`: a row for each combination that has an observation. Pooled
+        over the blocks of a scene they are the scene's moments.
+
+    Raises
+    ------
+    SchemaError
+        If the table has other columns, an error is missing where the true position is known, or a track is not in
+        `tracks`.
+    """
+    known = measured(check(observations, OBSERVATIONS, "observations"), population="visible")
+    cells = measure_cells(with_blocks(known.with_columns(at=axis), tracks), by=[*_CELL, "kept"])
+    selections = {"untrimmed": pl.lit(value=True), "trimmed": pl.col("kept")}
+    parts = [
+        merge(cells.filter(selected), by=_CELL).with_columns(
+            trimming=pl.lit(trimming, dtype=TRIMMING), axis=pl.lit(axis, dtype=AXIS)
+        )
+        for trimming, selected in selections.items()
+    ]
+    return check(pl.concat(parts).select(*BLOCKS).sort(KEYS), BLOCKS, "blocks")

@@ -1,0 +1,182 @@
+"""Columns of the tables that hold findings: intervals, tests, verdicts, and the sentences made of them.
+
+Every interval says its level, and what was resampled: `scenes`, or, where scenes are too few, `blocks` of tracks within
+them, so that it is conditional on those scenes.
+"""
+
+import polars as pl
+
+from tracknoise.tables.schema import CONDITION, POPULATION, TRIMMING, VERDICT, WEIGHTING, Schema
+
+RESAMPLED = pl.Enum(["scenes", "blocks"])
+INTERVAL_KIND = pl.Enum(["student", "percentile", "bca"])
+BEHAVIOUR = pl.Enum(["white", "random walk", "drift", "none", "undecided"])
+SHAPE = pl.Enum(["Gaussian", "heavy-tailed", "contaminated", "light-tailed", "skewed", "undecided"])
+
+_POOLED: Schema = {"dataset": pl.String, **CONDITION}
+
+INTERVALS: Schema = {
+    **_POOLED,
+    "aspect": pl.String,
+    "population": POPULATION,
+    "trimming": TRIMMING,
+    "weighting": WEIGHTING,
+    "statistic": pl.String,
+    "axis": pl.String,
+    "at": pl.Int64,
+    "coordinate": pl.String,
+    "unit": pl.String,
+    "value": pl.Float64,
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "kind": INTERVAL_KIND,
+    "level": pl.Float64,
+    "resampled": RESAMPLED,
+    "n_units": pl.Int32,
+    "n_scenes": pl.Int32,
+}
+"""A row a number that has an interval: every point of every curve, and every scalar of every condition.
+
+aspect `all` is every track in image axes; others are those of `ASPECTS`. Outlier ratios and lifetimes have no
+population, trimming, weighting or coordinate; `survival` runs along the axis `lifetime`. Bounds are null where nothing
+can be resampled.
+"""
+
+ZERO_MEAN: Schema = {
+    **_POOLED,
+    "trimming": TRIMMING,
+    "axis": pl.String,
+    "at": pl.Int64,
+    "n": pl.Int64,
+    "n_scenes": pl.Int32,
+    "mean_u_px": pl.Float64,
+    "mean_v_px": pl.Float64,
+    "effect_px": pl.Float64,
+    "share_of_second": pl.Float64,
+    "hotelling_p": pl.Float64,
+    "hotelling_p_adjusted": pl.Float64,
+    "sign_flip_p": pl.Float64,
+    "sign_flip_p_adjusted": pl.Float64,
+    "iid_p": pl.Float64,
+    "verdict": VERDICT,
+    "why": pl.String,
+}
+"""Is the mean error zero: a row an age (or frame), and one for all together where `at` is null.
+
+effect_px is the length of the mean, share_of_second its square over the trace of the second moment about zero. Adjusted
+p-values are over the ages of a condition: Hotelling's by Holm, the flips' by their own largest. iid_p is what a test
+that takes every feature for independent says. verdict `yes` means that the mean differs from zero; `undecided` that it
+may or may not.
+"""
+
+GAUSSIANITY: Schema = {
+    **_POOLED,
+    "trimming": TRIMMING,
+    "age_low": pl.Int64,
+    "age_high": pl.Int64,
+    "n": pl.Int64,
+    "n_sampled": pl.Int64,
+    "n_scenes": pl.Int32,
+    "skewness": pl.Float64,
+    "kurtosis": pl.Float64,
+    "kurtosis_low": pl.Float64,
+    "kurtosis_high": pl.Float64,
+    "tail_99": pl.Float64,
+    "tail_999": pl.Float64,
+    "gain_student_nats": pl.Float64,
+    "gain_student_low": pl.Float64,
+    "gain_student_high": pl.Float64,
+    "gain_mixture_nats": pl.Float64,
+    "gain_mixture_low": pl.Float64,
+    "gain_mixture_high": pl.Float64,
+    "student_nu": pl.Float64,
+    "student_scale_px": pl.Float64,
+    "mixture_share": pl.Float64,
+    "mixture_ratio": pl.Float64,
+    "level": pl.Float64,
+    "resampled": RESAMPLED,
+    "verdict": SHAPE,
+    "why": pl.String,
+}
+"""Are errors Gaussian: a row a band of ages (or of distances from the key frame) of a condition.
+
+skewness and kurtosis are Mardia's b1 and b2 (0 and 8 for a Gaussian in two dimensions). tail_99 is P(d2 > 9.21) / 0.01,
+tail_999 P(d2 > 13.82) / 0.001. Gains are held-out log-likelihood per observation over a Gaussian, nats. All are of
+errors in units of the mean and covariance of their age. student_scale_px is the scale of one coordinate at a typical
+age; mixture_share is the share of the wider component, mixture_ratio how many times larger its covariance is.
+"""
+
+RADII: Schema = {
+    **_POOLED,
+    "trimming": TRIMMING,
+    "age_low": pl.Int64,
+    "age_high": pl.Int64,
+    "probability": pl.Float64,
+    "expected": pl.Float64,
+    "observed": pl.Float64,
+}
+"""Radial QQ plot: quantiles of the Mahalanobis distance, observed and of a Gaussian of the same covariance."""
+
+TIME_STRUCTURE: Schema = {
+    **_POOLED,
+    "trimming": TRIMMING,
+    "coordinate": pl.String,
+    "n_ages": pl.Int32,
+    "n_scenes": pl.Int32,
+    **{
+        f"{name}{bound}": pl.Float64
+        for name in ("white_px", "walk_px_per_sqrt_frame", "drift_px_per_frame", "autocorrelation")
+        for bound in ("", "_low", "_high")
+    },
+    "level": pl.Float64,
+    "resampled": RESAMPLED,
+    "verdict": BEHAVIOUR,
+    "why": pl.String,
+}
+"""How errors grow with age: the second moment about zero fitted as white^2 + walk^2 k + drift^2 k^2.
+
+autocorrelation is that of the increments at one step of the tracker, about zero. coordinate is u or v. white_px is the
+root of the constant, which errors reach at the first age: sqrt(2) times that of one position where the first is as
+wrong as the others.
+"""
+
+DEPENDENCE: Schema = {
+    "dataset": pl.String,
+    "factor": pl.String,
+    **CONDITION,
+    "statistic": pl.String,
+    "axis": pl.String,
+    "effect": pl.Float64,
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "level": pl.Float64,
+    "margin": pl.Float64,
+    "p_yes": pl.Float64,
+    "q_yes": pl.Float64,
+    "p_no": pl.Float64,
+    "q_no": pl.Float64,
+    "n_scenes": pl.Int32,
+    "n_places": pl.Int32,
+    "at_low": pl.Int64,
+    "at_high": pl.Int64,
+    "verdict": VERDICT,
+    "why": pl.String,
+}
+"""Does a factor matter, with an interval: the rows of `EFFECTS`, by the same keys.
+
+p_yes is of the hypothesis that the effect is at most the margin, p_no that it is at least that; q are Benjamini and
+Hochberg's over the rows of a factor.
+"""
+
+FINDINGS: Schema = {
+    "rank": pl.Int32,
+    "topic": pl.String,
+    "text": pl.String,
+    "figure": pl.String,
+    "table": pl.String,
+    "value": pl.Float64,
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "unit": pl.String,
+}
+"""What was found, in sentences, the most important first; `figure` is the anchor of the section that shows it."""

@@ -1,0 +1,69 @@
+"""The dominant gradient of the image around a feature: across which axis a tracker has most to hold on to."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.trackers.frame import Frame
+
+WINDOW_PX = 15
+"""Side of the window around a feature whose gradients count."""
+LEAST_COHERENCE = 0.1
+"""Below this, gradients in all directions are about as strong, and none dominates."""
+_HALF_PX = WINDOW_PX // 2
+_MARGIN_PX = _HALF_PX + 1  # a derivative needs its neighbours too
+
+Derivatives = tuple[NDArray[np.int16], NDArray[np.int16]]
+
+
+def dominant_gradient(frame: Frame, uv: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Orientation of the dominant gradient at positions in an image.
+
+    It is that of the eigenvector of the larger eigenvalue l1 of the structure tensor, the sum of g g^T over the window
+    around the nearest pixel, where g are the image's derivatives (Sobel). One dominates where the coherence
+    (l1 - l2) / (l1 + l2) is at least `LEAST_COHERENCE`: 1 on an edge, 0 where all directions are alike. A gradient has
+    no sign here: what it is an axis of looks the same from both ends.
+
+    Parameters
+    ----------
+    frame
+        The image. Its derivatives are computed at most once, and only where there are positions.
+    uv
+        (n, 2) float64, px.
+
+    Returns
+    -------
+    (n,) float32
+        Radians from u towards v, in (-pi/2, pi/2]. NaN where no gradient dominates, and where the window, with a
+        pixel more around it for the derivatives, does not lie in the image.
+    """
+    angles = np.full(len(uv), np.nan, dtype=np.float32)
+    least, most = _MARGIN_PX - 0.5, np.array(frame.size) - _MARGIN_PX - 0.5
+    inside = np.all((uv >= least) & (uv < most), axis=1)
+    if inside.any():
+        column, row = np.floor(uv[inside] + 0.5).astype(np.intp).T
+        angles[inside] = _orientation(*_tensor(frame.memo("derivatives", _derivatives), column, row))
+    return angles
+
+
+def _derivatives(image: NDArray[np.uint8]) -> Derivatives:
+    """Along u and v, 8 times as large as they are: whole numbers, so that sums of them are exact."""
+    du, dv = cv2.spatialGradient(image)
+    return np.asarray(du, dtype=np.int16), np.asarray(dv, dtype=np.int16)
+
+
+def _tensor(
+    derivatives: Derivatives, column: NDArray[np.intp], row: NDArray[np.intp]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Sums over the windows of the products uu, uv and vv of the derivatives."""
+    side = np.arange(-_HALF_PX, _HALF_PX + 1)
+    rows, columns = (row[:, None] + side)[:, :, None], (column[:, None] + side)[:, None, :]
+    u, v = (derivative[rows, columns].astype(np.int32) for derivative in derivatives)
+    uu, uv, vv = ((a * b).sum(axis=(1, 2), dtype=np.int64) for a, b in ((u, u), (u, v), (v, v)))
+    return uu, uv, vv
+
+
+def _orientation(uu: NDArray[np.int64], uv: NDArray[np.int64], vv: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Half the angle of (uu - vv, 2 uv), whose length is l1 - l2; l1 + l2 is uu + vv."""
+    coherent = (np.hypot(uu - vv, 2 * uv) >= LEAST_COHERENCE * (uu + vv)) & (uu + vv > 0)
+    return np.where(coherent, np.arctan2(2 * uv, uu - vv) / 2, np.nan)

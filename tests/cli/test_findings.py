@@ -1,0 +1,68 @@
+"""What a run found, as a user asks for it."""
+
+import importlib.util
+import json
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """Folder of a made-up run with findings."""
+    path = Path(__file__).parents[1] / "report" / "synthetic.py"
+    spec = importlib.util.spec_from_file_location("tracknoise_synthetic_for_findings", path)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    small = {"scenes": ("one", "two"), "n_frames": 14, "born": 20, "min_features": 20}
+    return module.write_run(tmp_path_factory.mktemp("run"), module.World(**{**module.SMALL, **small}))
+
+
+def test_sentences_then_verdicts_are_printed(tracknoise, finished):
+    code, out, err = tracknoise("findings", str(finished.path))
+    assert (code, err) == (0, "")
+    lines = out.splitlines()
+    assert lines[0].startswith(" 1. In every condition there are only 2 scenes.")
+    assert (
+        sum(line[:2].strip().isdigit() and line[2:4] == ". " for line in lines)
+        == finished.statistics("findings").height
+    )
+    assert any(line.startswith("Verdicts") for line in lines)
+    assert any(line.startswith("lucas-kanade ") and "heavy-tailed" in line for line in lines)
+    assert "Does it matter?" in out
+    assert all(len(line) <= 110 for line in lines[: lines.index("")])
+
+
+def test_json_is_one_document_with_the_same_sentences(tracknoise, finished):
+    code, out, err = tracknoise("findings", str(finished.path), "--json")
+    assert (code, err) == (0, "")
+    document = json.loads(out)
+    assert [row["text"] for row in document["findings"]] == finished.statistics("findings")["text"].to_list()
+    assert {row["factor"] for row in document["dependence"]} >= {"tracker", "speed"}
+
+
+def test_a_terminal_gets_tables_with_lines(tracknoise, finished, monkeypatch):
+    monkeypatch.setattr("tracknoise.cli.text_table.sys.stdout.isatty", lambda: True)
+    code, out, _ = tracknoise("findings", str(finished.path))
+    assert code == 0
+    assert "━" in out
+
+
+def test_a_run_without_findings_says_what_makes_them(tracknoise, finished, tmp_path):
+    run = tmp_path / "run"
+    shutil.copytree(finished.path, run)
+    manifest = json.loads((run / "manifest.json").read_text())
+    del manifest["statistics"]["findings"]
+    (run / "manifest.json").write_text(json.dumps(manifest))
+    code, out, err = tracknoise("findings", str(run))
+    assert (code, out, err.count("\n")) == (1, "", 1)
+    assert "holds no findings" in err
+
+
+def test_a_folder_that_is_no_run_is_one_line(tracknoise, tmp_path):
+    code, _, err = tracknoise("findings", str(tmp_path / "nowhere"))
+    assert (code, err.count("\n")) == (1, 1)
+    assert "nowhere" in err

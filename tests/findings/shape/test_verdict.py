@@ -1,0 +1,64 @@
+from dataclasses import replace
+from math import nan
+
+import pytest
+
+from tracknoise.findings.shape.verdict import Evidence, Interval, judge
+from tracknoise.tables.findings_schema import SHAPE
+
+
+def near(value: float, half: float = 0.002) -> Interval:
+    return Interval(value, value - half, value + half)
+
+
+GAUSSIAN = Evidence(
+    n_sampled=4000,
+    student=near(0.0),
+    mixture=near(0.0),
+    difference=near(0.0),
+    skewness=near(0.01),
+    kurtosis=near(8.0, 0.3),
+    tail_99=1.0,
+    nu=150.0,
+    share=0.1,
+    ratio=1.0,
+)
+HEAVY = replace(GAUSSIAN, student=near(0.2), mixture=near(0.18), difference=near(-0.02), kurtosis=near(20, 5), nu=4.0)
+
+
+@pytest.mark.parametrize(
+    ("evidence", "verdict", "said"),
+    [
+        (GAUSSIAN, "Gaussian", "both below 0.01"),
+        (HEAVY, "heavy-tailed", "Student's t of 4.00 degrees of freedom gains 0.200 [0.198, 0.202] nat"),
+        (replace(HEAVY, difference=near(0.02), share=0.05, ratio=16.0), "contaminated", "4.00 times the spread"),
+        (replace(HEAVY, difference=near(0.001)), "heavy-tailed", "a mixture 0.180"),
+        (
+            replace(HEAVY, student=near(0.012, 0.02), mixture=near(0.03), difference=near(0.02)),
+            "contaminated",
+            "mixture",
+        ),
+        (replace(GAUSSIAN, skewness=near(0.5, 0.1)), "skewed", "b1 is 0.500"),
+        (
+            replace(GAUSSIAN, skewness=near(2.0), kurtosis=near(60, 50), student=near(0.01, 0.1)),
+            "undecided",
+            "straddle",
+        ),
+        (replace(GAUSSIAN, kurtosis=near(6.0, 0.3), tail_99=0.1), "light-tailed", "below 6.87"),
+        (replace(GAUSSIAN, kurtosis=near(6.9, 0.3), tail_99=0.6), "undecided", "straddle"),
+        (replace(GAUSSIAN, student=near(0.01, 0.005)), "undecided", "straddle"),
+        (replace(GAUSSIAN, student=Interval(0.5, nan, nan)), "undecided", "too few"),
+        (replace(GAUSSIAN, kurtosis=Interval(8.0, nan, nan)), "undecided", "too few"),
+    ],
+)
+def test_the_verdict_follows_from_effect_sizes(evidence: Evidence, verdict: str, said: str) -> None:
+    found, why = judge(evidence)
+    assert found == verdict
+    assert found in SHAPE.categories
+    assert said in why
+
+
+def test_a_wider_margin_calls_more_errors_gaussian() -> None:
+    slight = replace(GAUSSIAN, student=near(0.03), mixture=near(0.025))
+    assert judge(slight)[0] == "heavy-tailed"
+    assert judge(slight, margin=0.05)[0] == "Gaussian"

@@ -1,0 +1,54 @@
+"""Errors of the tracks that live long, told beside those of all."""
+
+import re
+from collections.abc import Callable
+
+import numpy as np
+import polars as pl
+import pytest
+
+from tracknoise.report.evidence import Evidence
+from tracknoise.report.figures import Absence, Figure, survivorship
+from tracknoise.report.sentences import number, px
+from tracknoise.tables.store import RunFolder
+
+ONE = {"scenes": ("only",), "trackers": ("one",), "speeds": (1,), "n_frames": 30, "percentile": None}
+
+
+@pytest.fixture(scope="module")
+def evidence(make_run: Callable[..., RunFolder]) -> Evidence:
+    return Evidence.of(make_run(**ONE))
+
+
+def test_the_longest_lived_are_told_beside_all_at_an_age_before_they_are_all(evidence: Evidence) -> None:
+    (figure,) = survivorship.figures(evidence)
+    assert isinstance(figure, Figure)
+    told = re.match(
+        r"At age (\d+) the root .* for those that live to age (\d+), (\S+) of (\S+) features\.", figure.look_for
+    )
+    age, longest = int(told.group(1)), int(told.group(2))
+    assert 0 < age < longest
+    observed = evidence.run.sequence_table("observations", next(iter(evidence.sequences)))
+    oldest = pl.col("age").max().over("track")
+    every = observed.with_columns(oldest=oldest).filter(pl.col("truth") == "valid", pl.col("age") == age)
+    for errors in (every, every.filter(pl.col("oldest") >= longest)):
+        u, v = (np.sqrt(np.sum(errors[name].to_numpy() ** 2) / (errors.height - 1)) for name in ("du_px", "dv_px"))
+        assert f"{px(u)} in u and {px(v)} in v for " in figure.look_for
+    survivors = every.filter(pl.col("oldest") >= longest).height
+    assert (told.group(3), told.group(4)) == (number(survivors), number(every.height))
+    assert survivors < every.height
+
+
+def test_only_lives_that_enough_features_reach_are_drawn(evidence: Evidence) -> None:
+    (figure,) = survivorship.figures(evidence)
+    assert isinstance(figure, Figure)
+    (legend,) = [one["value"] for one in figure.spec["params"] if one["name"] == "shown_tracks"]
+    names = [entry["tracks"] for entry in legend]
+    assert names[:2] == ["all", "to age 5"]
+    assert "to age 50" not in names  # the sequence has 30 frames
+
+
+def test_where_nobody_lives_long_there_is_nothing_to_tell(make_run: Callable[..., RunFolder]) -> None:
+    (item,) = survivorship.figures(Evidence.of(make_run(**{**ONE, "n_frames": 5})))
+    assert isinstance(item, Absence)
+    assert "age 5" in item.why

@@ -1,0 +1,156 @@
+"""Findings of a made-up run, written down rather than worked out: what reads them is tested, not what they say."""
+
+import math
+from collections.abc import Mapping
+
+import polars as pl
+
+from tracknoise.findings.headlines.headlines import headlines
+from tracknoise.findings.headlines.scope import Scope
+from tracknoise.statistics.grouping import POOLED
+from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
+from tracknoise.tables.findings_schema import DEPENDENCE, GAUSSIANITY, INTERVALS, RADII, TIME_STRUCTURE, ZERO_MEAN
+from tracknoise.tables.schema import Schema
+
+BANDS = ((1, 4), (5, 9), (10, 19))
+PROBABILITIES = (0.1, 0.25, 0.5, 0.75, 0.9, 0.99, 0.999)
+FEW = "no test at 5 % exists with {} scenes, at least 6 are needed"
+
+
+def made_up(tables: Mapping[str, pl.DataFrame], *, scope: Scope) -> dict[str, pl.DataFrame]:
+    """All findings for the statistics of a run: intervals are a tenth of the value to either side."""
+    found = {
+        "intervals": intervals(tables, population=scope.population),
+        "zero_mean": zero_mean(tables["curves"], population=scope.population),
+        "gaussianity": gaussianity(tables["curves"]),
+        "radii": radii(tables["curves"]),
+        "time_structure": time_structure(tables["curves"]),
+        "dependence": dependence(tables["effects"]),
+    }
+    found["findings"] = headlines({**tables, **found}, scope)
+    return found
+
+
+def intervals(tables: Mapping[str, pl.DataFrame], *, population: str) -> pl.DataFrame:
+    curves = tables["curves"].filter(population=population)
+    names = [name for name in curves.columns if name not in ("u", "v", "uv", "cut")]
+    long = curves.unpivot(["u", "v", "uv"], index=names, variable_name="coordinate", value_name="value")
+    parts = [long.filter(pl.col("value").is_not_null()).with_columns(aspect=pl.lit("all"))]
+    lifetimes = tables["lifetimes"]
+    survival = {"statistic": pl.lit("survival"), "axis": pl.lit("lifetime"), "at": "lifetime", "value": "survival"}
+    parts.append(lifetimes.with_columns(**survival))
+    scalars = {
+        "outlier_ratio": (tables["outliers"].with_columns(value="pooled_ratio"), "share"),
+        "median_lifetime": (median_survival(lifetimes).with_columns(value="median_lifetime"), "frames"),
+        "mean_lifetime": (mean_lifetime(lifetimes).with_columns(value="mean_lifetime"), "frames"),
+    }
+    parts += [table.with_columns(statistic=pl.lit(name), unit=pl.lit(unit)) for name, (table, unit) in scalars.items()]
+    typed = [_typed(part.with_columns(aspect=pl.lit("all")), INTERVALS) for part in parts]
+    room = 0.1 * pl.col("value").abs()
+    return (
+        pl.concat(typed)
+        .drop_nulls("value")
+        .with_columns(
+            low=pl.col("value") - room,
+            high=pl.col("value") + room,
+            kind=pl.lit("bca", dtype=INTERVALS["kind"]),
+            level=pl.lit(0.95),
+            resampled=_resampled(INTERVALS),
+            n_units=pl.lit(16, dtype=pl.Int32),
+        )
+    )
+
+
+def zero_mean(curves: pl.DataFrame, *, population: str) -> pl.DataFrame:
+    signed = pl.col("statistic").is_in(["nu", "mu"])
+    length = (pl.col("u") ** 2 + pl.col("v") ** 2).sqrt()
+    ages = curves.filter(signed, population=population, weighting="scenes").with_columns(
+        mean_u_px="u", mean_v_px="v", effect_px=length, share_of_second=pl.lit(0.02)
+    )
+    enough = pl.col("n_scenes") >= 6
+    tested = {
+        name: pl.when(enough).then(pl.lit(p))
+        for name, p in (("sign_flip_p", 0.012), ("sign_flip_p_adjusted", 0.024), ("hotelling_p", 0.02))
+    }
+    verdict = pl.when(enough).then(pl.lit("yes")).otherwise(pl.lit("undecided")).cast(ZERO_MEAN["verdict"])
+    why = pl.when(~enough).then(pl.format(FEW, pl.col("n_scenes")))
+    ages = _typed(ages, ZERO_MEAN).with_columns(**tested, iid_p=pl.lit(1e-9), verdict=verdict, why=why)
+    overall = ages.group_by(*POOLED, "trimming", "axis", maintain_order=True).agg(
+        pl.all().exclude(*POOLED, "trimming", "axis").first()
+    )
+    overall = overall.with_columns(at=pl.lit(None, dtype=pl.Int64)).select(ages.columns)
+    return pl.concat([ages, overall])
+
+
+def gaussianity(curves: pl.DataFrame) -> pl.DataFrame:
+    values = {
+        "n": 5000, "n_sampled": 500, "skewness": 0.1, "kurtosis": 31.0, "kurtosis_low": 25.0, "kurtosis_high": 40.0,
+        "tail_99": 2.4, "tail_999": 11.0, "gain_student_nats": 0.41, "gain_student_low": 0.35,
+        "gain_student_high": 0.47, "gain_mixture_nats": 0.38, "gain_mixture_low": 0.3, "gain_mixture_high": 0.45,
+        "student_nu": 2.1, "student_scale_px": 0.1, "mixture_share": 0.1, "mixture_ratio": 9.0, "level": 0.95,
+    }  # fmt: skip
+    trimmed = pl.col("trimming") == "trimmed"
+    verdict = pl.when(trimmed).then(pl.lit("light-tailed")).otherwise(pl.lit("heavy-tailed"))
+    table = _banded(curves).with_columns(pl.lit(value).alias(name) for name, value in values.items())
+    table = table.with_columns(resampled=_resampled(GAUSSIANITY), verdict=verdict.cast(GAUSSIANITY["verdict"]))
+    return _typed(table, GAUSSIANITY)
+
+
+def radii(curves: pl.DataFrame) -> pl.DataFrame:
+    expected = [math.sqrt(-2 * math.log(1 - p)) for p in PROBABILITIES]
+    points = pl.DataFrame({"probability": PROBABILITIES, "expected": expected})
+    observed = pl.col("expected") ** pl.when(pl.col("trimming") == "trimmed").then(0.9).otherwise(1.6)
+    return _typed(_banded(curves).join(points, how="cross").with_columns(observed=observed), RADII)
+
+
+def time_structure(curves: pl.DataFrame) -> pl.DataFrame:
+    walk = {"white_px": 0.05, "walk_px_per_sqrt_frame": 0.09, "drift_px_per_frame": 0.0, "autocorrelation": -0.03}
+    bounds = {
+        f"{name}{end}": value + step
+        for name, value in walk.items()
+        for end, step in (("", 0.0), ("_low", -0.02), ("_high", 0.02))
+    }
+    table = _conditions(curves).join(pl.DataFrame({"coordinate": ["u", "v"]}), how="cross")
+    table = table.with_columns(pl.lit(value).alias(name) for name, value in bounds.items()).with_columns(
+        n_ages=pl.lit(12),
+        level=pl.lit(0.95),
+        resampled=_resampled(TIME_STRUCTURE),
+        verdict=pl.lit("random walk", dtype=TIME_STRUCTURE["verdict"]),
+        why=pl.lit("behaves like a random walk: 0.09 px per sqrt(frame)"),
+    )
+    return _typed(table, TIME_STRUCTURE)
+
+
+def dependence(effects: pl.DataFrame, *, verdict: str = "undecided", n_scenes: int = 2) -> pl.DataFrame:
+    enough = n_scenes >= 6
+    table = effects.with_columns(
+        low=pl.when(enough).then(0.8 * pl.col("effect")),
+        high=pl.when(enough).then(1.2 * pl.col("effect")),
+        level=pl.lit(0.95),
+        n_scenes=pl.lit(n_scenes),
+        verdict=pl.lit(verdict, dtype=DEPENDENCE["verdict"]),
+        why=pl.lit(None if enough else f"only {n_scenes} scenes, at least 6 are needed"),
+    )
+    return _typed(table, DEPENDENCE)
+
+
+def _conditions(curves: pl.DataFrame) -> pl.DataFrame:
+    known = curves.filter(pl.col("n") > 0)
+    keys = [*POOLED, "trimming"]
+    return known.group_by(keys).agg(pl.col("n_scenes").max()).sort(keys)
+
+
+def _banded(curves: pl.DataFrame) -> pl.DataFrame:
+    bands = pl.DataFrame(BANDS, schema=["age_low", "age_high"], orient="row")
+    return _conditions(curves).join(bands, how="cross")
+
+
+def _resampled(schema: Schema) -> pl.Expr:
+    few = pl.col("n_scenes").fill_null(0) < 6
+    return pl.when(few).then(pl.lit("blocks")).otherwise(pl.lit("scenes")).cast(schema["resampled"])
+
+
+def _typed(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
+    """The columns of a schema, null where the table has none."""
+    missing = {name: pl.lit(None) for name in schema if name not in table.columns}
+    return table.with_columns(**missing).select(pl.col(name).cast(kind) for name, kind in schema.items())

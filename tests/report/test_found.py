@@ -1,0 +1,96 @@
+"""The first section: sentences that lead to what they are about, and verdicts with the numbers of the tables."""
+
+import dataclasses
+import re
+from collections.abc import Callable
+
+import polars as pl
+import pytest
+
+from tracknoise.report import found
+from tracknoise.report.evidence import Evidence
+from tracknoise.report.page import write_report
+from tracknoise.report.sentences import percent, pixels
+from tracknoise.tables.store import RunFolder
+
+MANY = tuple(f"scene-{place}" for place in range(8))
+TABLE = re.compile(r'href="tables/([a-z-]+)\.csv"')
+
+
+@pytest.fixture(scope="module")
+def evidence(make_run: Callable[..., RunFolder]) -> Evidence:
+    return Evidence.of(make_run(scenes=MANY, trackers=("lucas-kanade",), n_frames=14, born=12))
+
+
+def test_sentences_stand_first_and_lead_to_their_sections_and_tables(make_run: Callable[..., RunFolder]) -> None:
+    run = make_run(scenes=("one",), trackers=("lucas-kanade",), n_frames=14, born=30, dataset="tum", truth="birth")
+    page = write_report(run, figure_formats=())
+    text = page.read_text(encoding="utf-8")
+    section = text.split('<section id="found">')[1].split("</section>")[0]
+    assert text.index('<section id="found">') < text.index('<section id="measured">')
+    rows = run.statistics("findings").to_dicts()
+    assert {"scenes", "truth", "noise", "bias", "shape", "growth"} <= {row["topic"] for row in rows}
+    assert section.count("<li>") == len(rows)
+    for row in rows:
+        assert f'href="#{row["figure"]}"' in section
+        assert f'<section id="{row["figure"]}">' in text
+    assert all((page.parent / "tables" / f"{name}.csv").is_file() for name in TABLE.findall(section))
+
+
+def test_a_run_without_findings_says_so_and_has_no_empty_list(make_run: Callable[..., RunFolder]) -> None:
+    run = make_run(scenes=("bare",), trackers=("one",), speeds=(1,), n_frames=8, born=20)
+    manifest = run.manifest()
+    for name in ("intervals", "zero_mean", "gaussianity", "radii", "time_structure", "dependence", "findings"):
+        (run.path / "statistics" / f"{name}.parquet").unlink()
+        del manifest.statistics[name]
+    run.write_manifest(manifest)
+    text = write_report(run, figure_formats=()).read_text(encoding="utf-8")
+    section = text.split('<section id="found">')[1].split("</section>")[0]
+    assert "was not worked out for this run" in section
+    assert "<ol>" not in section
+    assert "No intervals were computed for the solid curves." in text
+
+
+def test_verdicts_quote_the_tables(evidence: Evidence) -> None:
+    cells = found.verdicts(evidence)
+    assert [row[:2] for row in cells.rows] == [["lucas-kanade", "1"], ["lucas-kanade", "2"]]
+    assert all(len(row) == len(cells.headings) == len(cells.numeric) for row in cells.rows)
+    assert sum(span for _, span in cells.groups) == len(cells.headings)
+    summary = evidence.summary.filter(speed=2).row(0, named=True)
+    point = {"speed": 2, "statistic": "Phi", "coordinate": "u", "trimming": "trimmed", "weighting": "features"}
+    interval = evidence.intervals.filter(**point, at=summary["at"]).row(0, named=True)
+    low, high = (pixels(interval[end] ** 0.5) for end in ("low", "high"))
+    assert cells.rows[1][3] == f"{pixels(summary['trimmed_rms_u_px'])} ({low} to {high})"
+    assert cells.rows[1][5] == "no (p = 0.024)"
+    assert cells.rows[1][6:10] == ["heavy-tailed", "light-tailed", "random walk", "random walk"]
+    assert cells.rows[1][10].startswith(percent(summary["outlier_ratio"]))
+
+
+def test_what_was_not_worked_out_has_a_dash(evidence: Evidence) -> None:
+    bare = dataclasses.replace(
+        evidence,
+        **{
+            name: getattr(evidence, name).clear()
+            for name in ("intervals", "zero_mean", "gaussianity", "time_structure")
+        },
+    )
+    row = found.verdicts(bare).rows[0]
+    assert row[5:10] == ["–"] * 5
+    assert "(" not in row[3]
+
+
+def test_an_untrimmed_run_has_one_shape(make_run: Callable[..., RunFolder]) -> None:
+    cells = found.verdicts(Evidence.of(make_run(percentile=None, scenes=("only",), trackers=("one",))))
+    assert len(cells.rows[0]) == len(cells.headings) == sum(span for _, span in cells.groups)
+    assert cells.rows[0][6] == "heavy-tailed"
+
+
+def test_conditions_without_a_feature_are_no_trouble(make_run: Callable[..., RunFolder]) -> None:
+    cells = found.verdicts(Evidence.of(make_run(born=0, scenes=("only",), speeds=(1,))))
+    assert all(cell == "–" for row in cells.rows for cell in row[2:])
+
+
+def test_findings_are_told_in_order_of_rank(evidence: Evidence) -> None:
+    turned = dataclasses.replace(evidence, findings=evidence.findings.sort(pl.col("rank"), descending=True))
+    assert found.sentences(turned) == found.sentences(evidence)
+    assert [row["rank"] for row in found.sentences(turned)] == list(range(1, evidence.findings.height + 1))

@@ -140,7 +140,22 @@ def test_mean_lifetime_by_hand(lived) -> None:
     row = mean_lifetime(table).row(0, named=True)
     assert (row["n_tracks"], row["n_censored"], row["restricted_to"]) == (6, 2, 4)
     assert row["mean_lifetime"] == pytest.approx(14 / 6)
+    assert row["frames_per_end"] == pytest.approx((14 - 2) / 4)
     assert row["restricted_mean_lifetime"] == pytest.approx(1 + 5 / 6 + 5 / 12 + 5 / 12)
+
+
+def test_frames_per_end_does_not_depend_on_where_sequences_end(lived) -> None:
+    # One track in ten ends in each step; after two steps the data end, or after nine.
+    ending = [round(1000 * 0.9**step) - round(1000 * 0.9 ** (step + 1)) for step in range(9)]
+    for steps in (2, 9):
+        ended = [(step + 1, False) for step in range(steps) for _ in range(ending[step])]
+        alive = [(steps + 1, True)] * (1000 - len(ended))
+        row = mean_lifetime(lifetimes(lived([*ended, *alive]))).row(0, named=True)
+        assert row["frames_per_end"] == pytest.approx(10, rel=0.01)
+
+
+def test_frames_per_end_is_missing_where_no_track_ended(lived) -> None:
+    assert mean_lifetime(lifetimes(lived([(3, True)])))["frames_per_end"].to_list() == [None]
 
 
 def test_gaps_between_lifetimes_count_with_their_width(lived) -> None:

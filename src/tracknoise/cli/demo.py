@@ -21,7 +21,7 @@ def demo(
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Measure two trackers at three speeds on four simulated motions, from nothing, and write the report.
+    """Measure two trackers at three speeds in eight simulated scenes, from nothing, and write the report.
 
     Example: `tracknoise demo`
     """

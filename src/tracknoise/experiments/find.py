@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import polars as pl
 
+from tracknoise.experiments.ingredients import Ingredients
 from tracknoise.experiments.reference import reference
 from tracknoise.experiments.settings import Experiment
 from tracknoise.findings.factors.dependence import dependence
@@ -49,14 +50,15 @@ def _tables(
     run: RunFolder, experiment: Experiment, statistics: Mapping[str, pl.DataFrame], view: Reference
 ) -> dict[str, pl.DataFrame]:
     population, least = experiment.truth.population, experiment.statistics.min_features
-    moments, aspects, blocks, ends, frames = (
-        pl.concat(run.sequence_tables(name)) for name in ("moments", "aspects", "blocks", "ends", "frames")
-    )
-    curves, zeros = statistics["curves"], view.key_frames
+    ingredients = Ingredients.read(run, population, view)
+    moments, ends, frames = ingredients.moments, ingredients.ends, ingredients.frames
+    blocks, curves, zeros = ingredients.blocks, statistics["curves"], view.key_frames
     shapes = gaussianity(moments, run.sequence_tables("samples"), key_frames=zeros, min_features=least)
     return {
-        "aspect_curves": aspect_curves(aspects, min_features=least),
-        "intervals": intervals(moments, ends, frames, blocks=blocks, aspects=aspects, population=population),
+        "aspect_curves": aspect_curves(run.sequence_tables("aspects"), min_features=least),
+        "intervals": intervals(
+            moments, ends, frames, blocks=blocks, aspects=ingredients.aspects, population=population
+        ),
         "zero_mean": zero_mean(moments, curves, key_frames=zeros, population=population),
         "gaussianity": shapes.gaussianity,
         "radii": shapes.radii,

@@ -3,8 +3,8 @@
 What is left out in turn, or resampled, are scenes; where they are too few, blocks of tracks within them
 (`tracknoise.findings.sampling.units`). Intervals of `blocks` say what these scenes would have given with other tracks,
 not what other scenes would give. The default kind, `student` (`tracknoise.findings.sampling.jackknife`), holds the true
-value at least as often as either kind of bootstrap (`tracknoise.findings.sampling.resampling`) with any number of scenes
-that was tried, and most of all with few.
+value at least as often as either kind of bootstrap (`tracknoise.findings.sampling.resampling`) with any number of
+scenes that was tried, and most of all with few.
 """
 
 from collections.abc import Callable, Iterator, Mapping

@@ -3,7 +3,7 @@
 For every pair of levels of a factor, everything else held, `tracknoise.statistics.differences` compares their curves.
 The factor's effect on a statistic is the largest over pairs and over the coordinates u and v (effect). Curves are the
 experiment's: trimmed, features pooled, not cut. Age 0 and the key frame are left out, for errors are zero there by
-construction. A number such as the mean lifetime has no curve: its effect is the range over the levels, relative to
+construction. A number such as the lifetime has no curve: its effect is the range over the levels, relative to
 their mean (effect.scalar).
 """
 
@@ -119,10 +119,10 @@ def _points(curves: pl.DataFrame, population: str, reference: Reference) -> pl.D
 
 
 def _scalars(lifetimes: pl.DataFrame, outliers: pl.DataFrame) -> pl.DataFrame:
-    """Mean lifetime and pooled outlier ratio of every condition: POOLED, statistic and value."""
+    """Frames per track that ended, and pooled outlier ratio, of every condition: POOLED, statistic and value."""
     lived = mean_lifetime(check(lifetimes, LIFETIMES, "lifetimes"))
     rejected = check(outliers, OUTLIERS, "outliers")
-    values = {"lifetime": (lived, "mean_lifetime"), "outlier_ratio": (rejected, "pooled_ratio")}
+    values = {"lifetime": (lived, "frames_per_end"), "outlier_ratio": (rejected, "pooled_ratio")}
     tables = [table.select(*POOLED, statistic=pl.lit(name), value=column) for name, (table, column) in values.items()]
     return pl.concat(tables).drop_nulls("value")
 

@@ -18,6 +18,7 @@ MEAN_LIFETIMES: Schema = {
     "n_tracks": pl.Int64,
     "n_censored": pl.Int64,
     "mean_lifetime": pl.Float64,
+    "frames_per_end": pl.Float64,
     "restricted_mean_lifetime": pl.Float64,
     "restricted_to": pl.UInt32,
 }
@@ -125,9 +126,11 @@ def mean_lifetime(lifetimes: pl.DataFrame) -> pl.DataFrame:
     -------
     polars.DataFrame
         Schema `MEAN_LIFETIMES`, sorted by condition. `mean_lifetime` is the paper's: frames found over tracks, a
-        censored track counting as if it had ended, so that it is too low where many are. `restricted_mean_lifetime` is
-        the Kaplan-Meier estimate of the mean of min(lifetime, restricted_to), where `restricted_to` is the longest
-        lifetime seen; beyond it the data say nothing.
+        censored track counting as if it had ended, so that it is too low where many are. `frames_per_end` is how often
+        a track was looked for, for each that ended: (sum of lifetimes - n_censored) / n_ended, null where none did. If
+        tracks end as readily at any age, it estimates the mean lifetime wherever sequences end.
+        `restricted_mean_lifetime` is the Kaplan-Meier estimate of the mean of min(lifetime, restricted_to), where
+        `restricted_to` is the longest lifetime seen; beyond it the data say nothing.
     """
     ordered = check(lifetimes, LIFETIMES, "lifetimes").sort(*POOLED, "lifetime")
     length = pl.col("lifetime").cast(pl.Int64)
@@ -135,11 +138,12 @@ def mean_lifetime(lifetimes: pl.DataFrame) -> pl.DataFrame:
     level = pl.col("survival").shift(1, fill_value=1.0).over(POOLED)  # from the lifetime before up to this one
     width = (length - length.shift(1, fill_value=0)).over(POOLED)
     areas = ordered.with_columns(found=found, frames=found * length, area=level * width)
-    groups = group_rows(areas, POOLED)
+    groups, n_ended = group_rows(areas, POOLED), pl.col("n_ended").sum()
     totals = areas.group_by(POOLED).agg(
         n_tracks=pl.col("found").sum(),
         n_censored=pl.col("n_censored").sum(),
         mean_lifetime=pl.col("frames").sum() / pl.col("found").sum(),
+        frames_per_end=pl.when(n_ended > 0).then((pl.col("frames").sum() - pl.col("n_censored").sum()) / n_ended),
         restricted_to=pl.col("lifetime").max(),
     )
     restricted = pl.Series(np.bincount(groups.index, areas["area"].to_numpy(), groups.count), dtype=pl.Float64)

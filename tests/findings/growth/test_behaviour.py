@@ -32,6 +32,19 @@ def test_the_sentence_says_what_was_found(found: Growth, verdict: str, said: str
     assert said in why.replace("\N{NO-BREAK SPACE}", " ")
 
 
+def test_what_grows_besides_is_told() -> None:
+    _, why = behaves(growth("white", related=-0.5))
+    said = why.replace("\N{NO-BREAK SPACE}", " ")
+    assert said.startswith("is mostly as large at first as later")
+    assert said.endswith("; besides, it wanders by 0.0900 px per sqrt(frame) [0.0800, 0.100]; besides, it drifts by "
+                         "0.0300 px per frame [0.0200, 0.0400]")  # fmt: skip
+    still = {"white": SIZES["white"], "walk": Interval(0.01, 0.0, 0.02), "drift": Interval(0.0, 0.0, 0.01)}
+    shares = {name: CLEAR if name == "white" else NOT for name in SIZES}
+    _, alone = behaves(Growth(still, shares, Interval(0.0, -0.05, 0.05), 0.0, 0.02))
+    assert alone.startswith("is as large at first as later")
+    assert "besides" not in alone
+
+
 def test_a_term_that_is_large_but_not_for_certain_decides_nothing() -> None:
     shares = {"white": Interval(0.6, 0.4, 0.8), "walk": Interval(0.4, 0.1, 0.6), "drift": NOT}
     assert behaves(Growth(SIZES, shares, Interval(0.0, nan, nan), nan, 0.0))[0] == "undecided"

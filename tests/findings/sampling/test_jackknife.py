@@ -43,9 +43,15 @@ def test_a_share_that_one_unit_makes_alone_has_an_interval():
 
 
 def test_at_a_limit_and_without_spread_nothing_is_left_but_the_value():
-    for value, scale in ((0.0, "log"), (1.0, "logit"), (0.3, "logit"), (-2.0, "linear")):
+    for value, scale in ((0.0, "log"), (0.3, "logit"), (-2.0, "linear")):
         values = np.full((6, 1), value)
         np.testing.assert_allclose(student_interval(values.mean(axis=0), left_out(values), scale=scale), value)
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_what_was_never_seen_or_always_has_no_bounds(share: float) -> None:
+    values = np.full((6, 1), share)
+    assert np.isnan(student_interval(values.mean(axis=0), left_out(values), scale="logit")).all()
 
 
 def test_strata_that_differ_do_not_make_it_wider_and_add_to_the_degrees_of_freedom():

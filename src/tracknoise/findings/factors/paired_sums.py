@@ -52,9 +52,13 @@ def curve_sums(
 
 
 def lifetime_sums(ends: pl.DataFrame) -> pl.DataFrame:
-    """Number of tracks, and the sum of their lifetimes (`total`, frames); `at` is 0."""
-    n = pl.col("n_ended") + pl.col("n_censored")
-    return _totals(check(ends, ENDS, "ends"), n, n * pl.col("lifetime"))
+    """Number of tracks that ended, and how often tracks were looked for (`total`, frames); `at` is 0.
+
+    Their ratio is `frames_per_end` of `tracknoise.statistics.lifetimes.mean_lifetime`.
+    """
+    ended, censored = pl.col("n_ended"), pl.col("n_censored")
+    looked_for = (ended + censored) * pl.col("lifetime") - censored
+    return _totals(check(ends, ENDS, "ends"), ended, looked_for)
 
 
 def outlier_sums(frames: pl.DataFrame) -> pl.DataFrame:

@@ -67,13 +67,20 @@ def behaves(growth: Growth) -> tuple[str, str]:
         return "none", f"neither stays nor grows steadily: the fit misses its square by {percent(growth.misfit)}"
     for term in TERMS:
         if growth.shares[term].above(MAJORITY):
-            return _NAMES[term], _SENTENCES[term](growth)
+            others = [f"; besides, it {_BESIDES[other](growth)}" for other in TERMS if _is_besides(growth, other, term)]
+            return _NAMES[term], _SENTENCES[term](growth) + "".join(others)
     shares = ", ".join(f"{_NAMES[term]} {_percents(growth.shares[term])}" for term in TERMS)
     return "undecided", f"shares of its square: {shares}: none is more than half of it for certain"
 
 
+def _is_besides(growth: Growth, other: str, term: str) -> bool:
+    """Whether a term that is less than half of the second moment is certainly there."""
+    return other != term and growth.sizes[other].above(0.0)
+
+
 def _white(growth: Growth) -> str:
-    said = f"is as large at first as later: {_size(growth, 'white', 'px')}"
+    rising = any(_is_besides(growth, other, "white") for other in TERMS)
+    said = f"is {'mostly ' if rising else ''}as large at first as later: {_size(growth, 'white', 'px')}"
     if growth.autocorrelation.below(_INDEPENDENT):
         return f"{said}, and differs from frame to frame as independent errors do"
     if growth.autocorrelation.above(_INDEPENDENT):
@@ -92,6 +99,11 @@ def _drift(growth: Growth) -> str:
 
 
 _SENTENCES = {"white": _white, "walk": _walk, "drift": _drift}
+_BESIDES = {
+    "white": lambda growth: f"has a constant part of {_size(growth, 'white', 'px')}",
+    "walk": lambda growth: f"wanders by {_size(growth, 'walk', 'px per sqrt(frame)')}",
+    "drift": lambda growth: f"drifts by {_size(growth, 'drift', 'px per frame')}",
+}
 
 
 def _size(growth: Growth, term: str, unit: str) -> str:

@@ -164,7 +164,7 @@ def _growth_of(tables: Tables, scope: Scope, tracker: str) -> tuple[str, list[Es
     said: dict[str, list[str]] = {}
     estimates = []
     for row in rows.to_dicts():
-        start, name, unit = _GROWTH.get(row["verdict"], _ungrown(row))
+        start, name, unit = _rising(row) if row["verdict"] == "white" else _GROWTH.get(row["verdict"], _ungrown(row))
         value = row.get(name)
         size = [] if value is None else [Estimate(value, row[f"{name}_low"], row[f"{name}_high"], unit)]
         estimates += size
@@ -172,6 +172,13 @@ def _growth_of(tables: Tables, scope: Scope, tracker: str) -> tuple[str, list[Es
     if not said:
         return None
     return f"those of {tracker} {listing(f'{start} {listing(places)}' for start, places in said.items())}", estimates
+
+
+def _rising(row: Mapping[str, Any]) -> tuple[str, str, str]:
+    """What is said of errors that stay: not all, where some part of them certainly grows."""
+    start, name, unit = _GROWTH["white"]
+    grows = any((row[f"{part}_low"] or 0.0) > 0 for part in ("walk_px_per_sqrt_frame", "drift_px_per_frame"))
+    return start.replace("are as", "are mostly as") if grows else start, name, unit
 
 
 def _ungrown(row: Mapping[str, Any]) -> tuple[str, str, str]:

@@ -71,7 +71,8 @@ def student_interval(
     Returns
     -------
     low, high : (...) float64
-        NaN where the estimate is NaN or rests on fewer than two units. At a limit of the scale, both are the estimate.
+        NaN where the estimate is NaN or rests on fewer than two units, and of a share of 0 or 1: that it was never seen
+        says nothing of how rare it is among other units. A size of 0 has both bounds there.
     """
     value, to = np.asarray(estimate, dtype=np.float64), SCALES[scale]
     n = np.broadcast_to(len(jackknife) if n_units is None else np.asarray(n_units), value.shape)
@@ -85,6 +86,6 @@ def student_interval(
     units, n_strata = np.maximum(n, 2), 1 if strata is None else len(np.unique(strata))
     factor = (1 - 1 / (n_strata * units)) ** 2 * units / (units - 1)
     width = special.stdtrit(n_strata * (units - 1.0), (1 + level) / 2) * np.sqrt(factor * squares)
-    usable = (n > 1) & ~np.isnan(value)
+    usable = (n > 1) & ~np.isnan(value) & (inside | (scale != "logit"))
     low, high = (np.where(inside, to.back(middle + shift), value) for shift in (-width, width))
     return np.where(usable, low, np.nan), np.where(usable, high, np.nan)

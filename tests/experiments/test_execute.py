@@ -8,7 +8,7 @@ import pytest
 
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.settings import Experiment, parse_experiment
-from tracknoise.tables.store import SEQUENCE_TABLES, STATISTICS_TABLES, RunFolder
+from tracknoise.tables.store import FINDINGS_TABLES, SEQUENCE_TABLES, STATISTICS_TABLES, RunFolder
 
 TEXT = """
 name = "small"
@@ -71,7 +71,7 @@ def tables(run: RunFolder) -> dict[Path, bytes]:
 def test_two_runs_of_one_experiment_are_identical_to_the_byte(experiment, finished, tmp_path):
     again = RunFolder(tmp_path / "again")
     execute(experiment, again, listener=Silent())
-    assert len(tables(finished)) == 2 * len(SEQUENCE_TABLES) + len(STATISTICS_TABLES)
+    assert len(tables(finished)) == 2 * len(SEQUENCE_TABLES) + len(STATISTICS_TABLES) + len(FINDINGS_TABLES)
     assert tables(again) == tables(finished)
 
 

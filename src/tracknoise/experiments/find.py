@@ -17,6 +17,7 @@ from tracknoise.findings.shape.gaussianity import gaussianity
 from tracknoise.findings.zero_mean import zero_mean
 from tracknoise.sequences.sequence import TruthKind
 from tracknoise.statistics.aspects import aspect_curves
+from tracknoise.statistics.change_curves import change_curves
 from tracknoise.statistics.effects import Reference
 from tracknoise.tables.store import STATISTICS_TABLES, RunFolder
 
@@ -56,6 +57,7 @@ def _tables(
     shapes = gaussianity(moments, run.sequence_tables("samples"), key_frames=zeros, min_features=least)
     return {
         "aspect_curves": aspect_curves(run.sequence_tables("aspects"), min_features=least),
+        "changes": change_curves(run.sequence_tables("increments")),
         "intervals": intervals(
             moments, ends, frames, blocks=blocks, aspects=ingredients.aspects, population=population
         ),

@@ -33,7 +33,7 @@ class Evidence:
         The folder, for tables a sequence.
     manifest, settings
         Where the run stands, and its resolved experiment.
-    curves, lifetimes, outliers, trims, errors, counts, summary, effects, aspect_curves
+    curves, lifetimes, outliers, trims, errors, counts, summary, effects, aspect_curves, changes
         Its pooled tables.
     intervals, zero_mean, gaussianity, radii, time_structure, dependence, findings
         What follows from them; without rows in a run in which nobody computed it.
@@ -51,6 +51,7 @@ class Evidence:
     summary: pl.DataFrame
     effects: pl.DataFrame
     aspect_curves: pl.DataFrame
+    changes: pl.DataFrame
     intervals: pl.DataFrame
     zero_mean: pl.DataFrame
     gaussianity: pl.DataFrame

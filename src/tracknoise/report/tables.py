@@ -60,6 +60,7 @@ EXPORTS: tuple[Export, ...] = (
     Export("zero-mean", "whether mean errors are zero", lambda evidence: evidence.zero_mean),
     Export("gaussianity", "whether errors are Gaussian", lambda evidence: evidence.gaussianity),
     Export("time-structure", "how errors grow", lambda evidence: evidence.time_structure),
+    Export("changes", "how errors change from frame to frame", lambda evidence: evidence.changes),
     Export("dependence", "which factors matter, with intervals", lambda evidence: evidence.dependence),
     Export("counts", "truth statuses and track ends", lambda evidence: evidence.counts),
 )

@@ -212,6 +212,23 @@ cut marks ages, or frames, with too few features.
 ASPECT_CURVES: Schema = {"aspect": pl.String, **CURVES}
 """Curves of each aspect of `ASPECTS`; u is along and v across. `gradient`, an axis without sign, has no mean."""
 
+CHANGES: Schema = {
+    "dataset": pl.String,
+    **CONDITION,
+    "trimming": TRIMMING,
+    "lag": pl.UInt32,
+    "age": pl.UInt32,
+    "n": pl.Int64,
+    "n_scenes": pl.Int32,
+    **dict.fromkeys(("mean_u_px", "mean_v_px"), pl.Float64),
+    **dict.fromkeys(("covariance_uu", "covariance_uv", "covariance_vv"), pl.Float64),
+    **dict.fromkeys(("autocorrelation_u", "autocorrelation_v"), pl.Float64),
+}
+"""Changes of visible errors from frame to frame; lag 0 has their mean and covariance (px^2) by the age at their end.
+
+Lags from 1 on, in frames that the tracker saw, have the autocorrelation of changes of all ages together.
+"""
+
 LIFETIMES: Schema = {
     "dataset": pl.String,
     **CONDITION,

@@ -53,6 +53,7 @@ STATISTICS_TABLES: Mapping[str, schema.Schema] = {
 }
 FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "aspect_curves": schema.ASPECT_CURVES,
+    "changes": schema.CHANGES,
     "intervals": findings_schema.INTERVALS,
     "zero_mean": findings_schema.ZERO_MEAN,
     "gaussianity": findings_schema.GAUSSIANITY,

@@ -1,0 +1,76 @@
+"""Increments of errors pooled over scenes: mean and covariance by age, and autocorrelation by lag.
+
+See `tracknoise.statistics.increments` for what a change is, and for (autocorrelation).
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+import polars as pl
+
+from tracknoise.statistics.grouping import POOLED, group_rows, in_chunks
+from tracknoise.tables.schema import CHANGES, INCREMENTS, check
+
+_KEYS = [*POOLED, "trimming", "lag", "age"]
+_MOMENTS = ["u", "v", "uu", "uv", "vv"]
+_PRODUCTS = ["lagged_uu", "lagged_vv", "squares_uu", "squares_vv"]
+_SUMS = ["n", "n_scenes", *_MOMENTS, *_PRODUCTS]
+
+
+def change_curves(increments: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
+    """Mean and covariance of the changes of errors by age, and their autocorrelation by lag, of every condition.
+
+    Parameters
+    ----------
+    increments
+        What `tracknoise.statistics.increments.increments` made of any number of scenes; or any number of such tables,
+        read as they are asked for, a scene and condition in one of them.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `CHANGES`, sorted by condition, trimming, lag and age; covariances are null where n is 1.
+
+    Raises
+    ------
+    SchemaError
+        If a table has other columns.
+    """
+    total = pl.DataFrame(schema={**{name: INCREMENTS[name] for name in _KEYS}, **dict.fromkeys(_SUMS, pl.Float64)})
+    for chunk in in_chunks(increments, INCREMENTS, "increments"):
+        total = _added(pl.concat([total, _sums(chunk)]))
+    n, divisor = pl.col("n"), pl.when(pl.col("n") > 1).then(pl.col("n") - 1)
+    alone = pl.when(pl.col("lag") == 0)
+    related = pl.when(pl.col("lag") > 0)
+    table = total.with_columns(
+        **{f"mean_{axis}_px": alone.then(pl.col(axis) / n) for axis in "uv"},
+        **{f"covariance_{a}{b}": alone.then((pl.col(a + b) - pl.col(a) * pl.col(b) / n) / divisor) for a, b in _PAIRS},
+        **{f"autocorrelation_{axis}": related.then(_ratio(axis)) for axis in "uv"},
+    )
+    table = table.sort(_KEYS).select(pl.col(name).cast(kind) for name, kind in CHANGES.items())
+    return check(table, CHANGES, "changes")
+
+
+_PAIRS = (("u", "u"), ("u", "v"), ("v", "v"))
+
+
+def _ratio(axis: str) -> pl.Expr:
+    """Autocorrelation; null where nothing changes."""
+    squares = pl.col(f"squares_{axis}{axis}")
+    return pl.when(squares > 0).then(pl.col(f"lagged_{axis}{axis}") / squares)
+
+
+def _sums(increments: pl.DataFrame) -> pl.DataFrame:
+    """Sums about zero, which add up, of every scene's blocks together."""
+    n, (u, v) = pl.col("n"), (pl.col("mean_u"), pl.col("mean_v"))
+    moments = [n * u, n * v, pl.col("m_uu") + n * u * u, pl.col("m_uv") + n * u * v, pl.col("m_vv") + n * v * v]
+    named = [expression.alias(name) for name, expression in zip(_MOMENTS, moments, strict=True)]
+    first = pl.struct("scene", *_KEYS).is_first_distinct().cast(pl.Float64)
+    table = increments.select(*_KEYS, n.cast(pl.Float64), *named, *_PRODUCTS, n_scenes=first)
+    return _added(table.with_columns(pl.col(*_MOMENTS, *_PRODUCTS).fill_null(0.0)).select(*_KEYS, *_SUMS))
+
+
+def _added(sums: pl.DataFrame) -> pl.DataFrame:
+    groups = group_rows(sums, _KEYS)
+    totals = {name: np.bincount(groups.index, sums[name].to_numpy(), groups.count) for name in _SUMS}
+    return groups.keys.hstack(pl.DataFrame(totals, schema=dict.fromkeys(_SUMS, pl.Float64)))

@@ -6,6 +6,7 @@ import pytest
 
 from tracknoise.exceptions import StoreError
 from tracknoise.experiments.execute import execute
+from tracknoise.experiments.settings import FindingsSettings
 from tracknoise.tables.store import OBSERVED, STATISTICS_TABLES, RunFolder
 
 
@@ -95,6 +96,22 @@ def test_data_that_gained_a_scene_are_measured_there_alone(experiment_file, scen
     assert listener.keys == ["seq-01@default"]
     assert not read & set(OBSERVED)
     assert files(run) == files(whole)
+
+
+def test_other_questions_are_answered_without_measuring_again(scenes, tmp_path, told, files, read):
+    asked = FindingsSettings(margin=0.5, level=0.8, intervals="bca")
+    experiment, run, whole = scenes(2), RunFolder(tmp_path / "run"), RunFolder(tmp_path / "whole")
+    execute(experiment.with_findings(asked), whole, listener=told())
+    execute(experiment, run, listener=told())
+    read.clear()
+    listener = told()
+    execute(experiment.with_findings(asked), run, listener=listener)
+    assert listener.keys == []
+    assert not read & set(OBSERVED)
+    assert files(run) == files(whole)
+    assert set(run.statistics("dependence")["margin"]) == {0.5}
+    assert set(run.statistics("intervals").select("kind", "level").rows()) == {("bca", 0.8)}
+    assert set(run.statistics("time_structure")["level"]) == {0.8}
 
 
 def test_fewer_scenes_are_another_experiment(scenes, tmp_path, told):

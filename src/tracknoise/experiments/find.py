@@ -1,6 +1,7 @@
 """From the statistics of a run to what can be believed of them: intervals, tests, verdicts, and sentences."""
 
 from collections.abc import Mapping
+from typing import TypedDict
 
 import polars as pl
 
@@ -47,6 +48,12 @@ def find(run: RunFolder, experiment: Experiment) -> None:
     run.write_findings(findings_json({**statistics, **tables}))
 
 
+class _Options(TypedDict):
+    key_frames: Mapping[str, int]
+    min_features: int
+    level: float
+
+
 def _tables(
     run: RunFolder, experiment: Experiment, statistics: Mapping[str, pl.DataFrame], view: Reference
 ) -> dict[str, pl.DataFrame]:
@@ -54,21 +61,35 @@ def _tables(
     ingredients = Ingredients.read(run, population, view)
     moments, ends, frames = ingredients.moments, ingredients.ends, ingredients.frames
     blocks, curves, zeros = ingredients.blocks, statistics["curves"], view.key_frames
-    shapes = gaussianity(moments, run.sequence_tables("samples"), key_frames=zeros, min_features=least)
+    asked = experiment.findings
+    options: _Options = {"key_frames": zeros, "min_features": least, "level": asked.level}
+    shapes = gaussianity(moments, run.sequence_tables("samples"), **options)
     return {
         "aspect_curves": aspect_curves(run.sequence_tables("aspects"), min_features=least),
         "changes": change_curves(run.sequence_tables("increments")),
         "intervals": intervals(
-            moments, ends, frames, blocks=blocks, aspects=ingredients.aspects, population=population
+            moments,
+            ends,
+            frames,
+            blocks=blocks,
+            aspects=ingredients.aspects,
+            population=population,
+            kind=asked.intervals,
+            level=asked.level,
         ),
         "zero_mean": zero_mean(moments, curves, key_frames=zeros, population=population),
         "gaussianity": shapes.gaussianity,
         "radii": shapes.radii,
-        "time_structure": time_structure(
-            moments, run.sequence_tables("increments"), blocks=blocks, key_frames=zeros, min_features=least
-        ),
+        "time_structure": time_structure(moments, run.sequence_tables("increments"), blocks=blocks, **options),
         "dependence": dependence(
-            moments, ends, frames, curves, statistics["effects"], key_frames=zeros, population=population
+            moments,
+            ends,
+            frames,
+            curves,
+            statistics["effects"],
+            key_frames=zeros,
+            population=population,
+            level=asked.level,
         ),
     }
 

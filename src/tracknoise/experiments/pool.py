@@ -56,6 +56,7 @@ def pool(run: RunFolder, experiment: Experiment) -> None:
         tables["outliers"],
         reference=view,
         population=experiment.truth.population,
+        margin=experiment.findings.margin,
     )
     for name, table in tables.items():
         run.write_statistics(name, table)

@@ -26,7 +26,7 @@ def begin(experiment: Experiment, run: RunFolder, *, fresh: bool) -> Manifest:
     ------
     StoreError
         If the folder holds another experiment's run, naming the first setting that differs, or no run at all. A run of
-        fewer scenes of the same experiment is one to go on with.
+        fewer scenes of the same experiment is one to go on with, and so is one of which other findings are asked.
     """
     if run.exists and not fresh and not run.is_stillborn:
         return _go_on(experiment, run)
@@ -71,12 +71,14 @@ def set_out(todo: list[Task], run: RunFolder, manifest: Manifest, experiment: Ex
 
 def _go_on(experiment: Experiment, run: RunFolder) -> Manifest:
     there = parse_experiment(run.experiment_toml(), place=str(run.path / "experiment.toml"))
-    grown = there.with_scenes(experiment.dataset.max_scenes) if _has_grown(there, experiment) else there
-    _check_same(experiment, grown, run)
+    adapted = there.with_findings(experiment.findings)  # which are made of what is kept
+    if _has_grown(there, experiment):
+        adapted = adapted.with_scenes(experiment.dataset.max_scenes)
+    _check_same(experiment, adapted, run)
     run.discard_unfinished()
     manifest = run.manifest()
-    if grown is not there:
-        run.write_experiment(grown.to_toml())
+    if adapted != there:
+        run.write_experiment(adapted.to_toml())
     manifest.settings_hash = experiment.digest()
     return manifest
 

@@ -11,7 +11,9 @@ import tomlkit
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.findings.sampling.resampling import LEVEL
 from tracknoise.sequences.sequence import Direction, TruthKind
+from tracknoise.statistics.effects import MARGIN
 from tracknoise.truth.scan import ScanAnchoring
 
 Population = Literal["visible", "projected"]
@@ -108,6 +110,17 @@ class StatisticsSettings(_Section):
     """Cut curves where fewer features than this remain."""
 
 
+class FindingsSettings(_Section):
+    """What is asked of the statistics, and how surely; may change from one start of a run to the next."""
+
+    margin: Annotated[float, Field(gt=0)] = MARGIN
+    """Largest relative effect of a factor that does not matter."""
+    level: Annotated[float, Field(ge=0.5, lt=1)] = LEVEL
+    """Share of intervals that hold the true value."""
+    intervals: Literal["student", "percentile", "bca"] = "student"
+    """How intervals of curves, lifetimes and outlier ratios are made: see docs/findings.md."""
+
+
 class Experiment(_Section):
     """Everything that decides an experiment's numbers."""
 
@@ -128,6 +141,7 @@ class Experiment(_Section):
     and enough for every table of the run and all figures but those of single errors. Numbers are the same."""
     truth: TruthSettings = TruthSettings()
     statistics: StatisticsSettings = StatisticsSettings()
+    findings: FindingsSettings = FindingsSettings()
 
     @model_validator(mode="after")
     def _values_differ(self) -> Self:
@@ -150,6 +164,10 @@ class Experiment(_Section):
     def with_scenes(self, most: int | None) -> "Experiment":
         """Return the same experiment on at most so many scenes; None is for all."""
         return self._with_dataset({"max_scenes": most})
+
+    def with_findings(self, settings: FindingsSettings) -> "Experiment":
+        """Return the same experiment of which other things are asked."""
+        return self.model_copy(update={"findings": settings})
 
     def with_option(self, name: str, value: object) -> "Experiment":
         """Return the same experiment with another value of an option of its reader."""
@@ -241,6 +259,7 @@ def _known_keys(location: tuple[int | str, ...]) -> list[str]:
         "trackers": TrackerChoice,
         "truth": TruthSettings,
         "statistics": StatisticsSettings,
+        "findings": FindingsSettings,
     }
     section = sections.get(str(location[0]), Experiment) if len(location) > 1 else Experiment
     return list(section.model_fields)

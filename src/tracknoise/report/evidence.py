@@ -14,6 +14,7 @@ from tracknoise.findings.wording import view_text
 from tracknoise.report import style
 from tracknoise.report.axis import AGE, FRAME, Axis
 from tracknoise.report.bands import BOUNDS, with_bounds
+from tracknoise.statistics.effects import MARGIN
 from tracknoise.statistics.lightings import lightings_in_order
 from tracknoise.tables.schema import VIEW
 from tracknoise.tables.store import FINDINGS_TABLES, STATISTICS_TABLES, Manifest, RunFolder, SequenceEntry
@@ -86,6 +87,11 @@ class Evidence:
     def keeps_observations(self) -> bool:
         """Whether the run folder has single observations and tracks, besides what was made of them."""
         return bool(self.settings.get("keep", "observations") == "observations")
+
+    @property
+    def margin(self) -> float:
+        """Largest relative effect of a factor that does not matter."""
+        return float(self._section("findings").get("margin", MARGIN))
 
     @property
     def min_features(self) -> int:

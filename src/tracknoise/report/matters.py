@@ -10,7 +10,6 @@ from tracknoise.report import paper
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.sentences import DASH, SPACE, count, effect_text, listing, number, percent
 from tracknoise.report.tables import Cells
-from tracknoise.statistics.effects import MARGIN
 
 _MARKS = {"agree": "✓", "disagree": "✗", "undecided": "?"}
 _UNITS = {"px": "px", "px^2": "px²", "frames": "frames", "share": ""}
@@ -45,7 +44,7 @@ def sentences(evidence: Evidence) -> list[str]:
     told = [_tally(evidence, table)] if table["paper"].count() else []
     if table.is_empty():
         told.append("Nothing was varied in this run, so there is nothing to compare.")
-    slight = table.filter(pl.col("share_of_absolute") <= MARGIN, verdict="yes")
+    slight = table.filter(pl.col("share_of_absolute") <= pl.col("margin"), verdict="yes")
     if slight.height:
         largest = percent(slight["share_of_absolute"].max())  # type: ignore[arg-type]
         told.append(

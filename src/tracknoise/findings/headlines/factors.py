@@ -9,7 +9,7 @@ from tracknoise.findings.headlines.headline import Headline, Tables, leading
 from tracknoise.findings.headlines.scope import Estimate, Scope
 from tracknoise.findings.wording import SPACE, STATISTICS, count, effect_text, listing
 from tracknoise.statistics.curves import NAMES
-from tracknoise.statistics.effects import FACTORS, MARGIN
+from tracknoise.statistics.effects import FACTORS
 from tracknoise.tables.schema import CONDITION
 
 ROLES: Mapping[str, str] = {
@@ -60,8 +60,9 @@ def factors(tables: Tables, scope: Scope) -> Headline | None:
     counts = [form.format(n) for verdict, form in _SAYS if (n := rows.filter(verdict=verdict).height)]
     matter = rows.filter(verdict="yes").sort("low", descending=True, nulls_last=True, maintain_order=True)
     largest = matter.head(_MOST_NAMED).to_dicts()
+    margin = f"{100 * rows['margin'].item(0):g}{SPACE}%"
     text = (
-        f"Does {listing(_names(rows), joint='or')} change a statistic by more than {100 * MARGIN:g}{SPACE}%, at speed "
+        f"Does {listing(_names(rows), joint='or')} change a statistic by more than {margin}, at speed "
         f"{scope.reference.speed} unless speeds are compared? Of {count(rows.height, 'question')}, {listing(counts)}."
     )
     if largest:

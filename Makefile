@@ -9,7 +9,7 @@ demo: $(STAMP)
 	$(BIN)/tracknoise demo
 
 test: lint
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -58,7 +58,7 @@ def _tables(n_scenes: int) -> Tables:
     return {
         "tracks": tracks,
         "moments": scene_moments(observations),
-        "blocks": block_moments(observations, tracks),
+        "blocks": block_moments(observations, tracks, populations=["visible", "projected"]),
         "ends": count_ends(tracks),
         "frames": frames,
     }
@@ -158,10 +158,13 @@ def test_without_blocks_the_errors_of_few_scenes_have_no_bounds():
     assert found.filter(statistic="outlier_ratio")["low"].null_count() == 0
 
 
-def test_projected_errors_of_few_scenes_have_no_bounds_for_blocks_are_of_visible_ones():
+def test_errors_of_few_scenes_have_bounds_by_blocks_of_the_same_population():
     found = of_curves(found_in(_tables(3), population="projected"))
     assert found["population"].unique().to_list() == ["projected"]
-    assert found["low"].null_count() == found.height
+    assert set(found.filter(pl.col("low").is_not_null())["resampled"]) == {"blocks"}
+    visible = _tables(3)["blocks"].filter(population="visible")
+    of_others = of_curves(found_in(_tables(3) | {"blocks": visible}, population="projected"))
+    assert of_others["low"].null_count() == of_others.height
 
 
 def test_the_order_of_rows_changes_nothing():

@@ -81,7 +81,7 @@ def test_verdicts_stand_beside_the_papers(repeated: Evidence) -> None:
 
 def test_what_was_measured_does_not_depend_on_the_paper(make_run: Callable[..., RunFolder]) -> None:
     runs = [Evidence.of(make_run(paper=name)) for name in ("kitti", "gazebo-linear", None)]
-    ours = [paper.comparison(run).drop("paper", "agreement") for run in runs]
+    ours = [paper.comparison(run).drop("paper", "agreement", "point_agreement") for run in runs]
     assert ours[0].equals(ours[1])
     assert ours[0].equals(ours[2])
 
@@ -206,6 +206,18 @@ def test_agreement_is_for_what_is_decided(judged: Evidence) -> None:
         "yes (45\N{NO-BREAK SPACE}%)",
         why,
     ]
+
+
+def test_what_the_effect_says_alone_stands_with_a_question_mark(judged: Evidence) -> None:
+    open_ = with_dependence(judged, verdict="undecided", low=None, high=None, n_scenes=4, why="only 4 scenes")
+    table = matters.verdicts(open_)
+    space = "\N{NO-BREAK SPACE}"
+    assert {cell for row in table.rows for cell in row[1::2]} == {f"yes?{space}(45{space}%)"}
+    said = {cell for row in table.rows for cell in row[2::2]}
+    assert said == {f"yes{space}(✓)", f"no{space}(✗)"}
+    alone = paper.tally(paper.comparison(open_), of="point_agreement")
+    (sentence,) = (text for text in matters.sentences(open_) if "paper's table" in text)
+    assert f"By their effects alone, {alone['agree']} of the verdicts agree" in sentence.replace(space, " ")
 
 
 def test_the_point_rule_keeps_its_own_table(judged: Evidence) -> None:

@@ -39,6 +39,14 @@ def test_blocks_pooled_are_the_moments_of_the_scene(tracks, observations):
         assert found[3:] == pytest.approx(true[3:])
 
 
+def test_hidden_features_count_where_they_are_asked_for(tracks, observations):
+    table, seen = _scene(tracks, observations)
+    both = block_moments(seen, table, populations=["visible", "projected"])
+    counts = both.filter(trimming="untrimmed", at=3).group_by("population").agg(pl.col("n").sum()).sort("population")
+    assert counts.rows() == [("visible", 30), ("projected", 40)]
+    assert both.filter(population="visible").equals(block_moments(seen, table))
+
+
 def test_a_block_holds_the_errors_of_its_tracks(tracks, observations):
     table = tracks(track=list(range(16)))
     seen = observations(track=[0, 0, 15], age=[0, 2, 2], du_px=[0.0, 3.0, -1.0], dv_px=[0.0, 0.0, 0.5])
@@ -60,7 +68,7 @@ def test_scenes_and_conditions_are_kept_apart(tracks, observations):
     parts = [_scene(tracks, observations, n_tracks=n, scene=f"s{n}") for n in (20, 40)]
     table, seen = (pl.concat(tables) for tables in zip(*parts, strict=True))
     expected = pl.concat([block_moments(part[1], part[0]) for part in parts])
-    assert block_moments(seen, table).equals(expected.sort(*ORIGIN, "block", "trimming", "axis", "at"))
+    assert block_moments(seen, table).equals(expected.sort(*ORIGIN, "block", "population", "trimming", "axis", "at"))
 
 
 def test_the_order_of_rows_does_not_matter(tracks, observations):

@@ -136,6 +136,7 @@ def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Meas
     """The tables of a sequence by name, those of single observations and tracks only where they are wanted."""
     observed = {"observations": measurement.observations, "tracks": measurement.tracks}
     axis = "age" if measurement.key_frame is None else "frame"
+    populations = list(dict.fromkeys(["visible", experiment.truth.population]))
     return {
         **(observed if experiment.keep == "observations" else {}),
         "frames": measurement.frames,
@@ -145,7 +146,7 @@ def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Meas
         "counts": counts(measurement.observations, measurement.tracks),
         "ends": count_ends(measurement.tracks),
         "errors": error_histogram(measurement.tracks),
-        "blocks": block_moments(measurement.observations, measurement.tracks, axis=axis),
+        "blocks": block_moments(measurement.observations, measurement.tracks, axis=axis, populations=populations),
         "aspects": scene_aspects(measurement.observations, measurement.tracks, axis=axis),
         "increments": increments(measurement.observations, measurement.tracks),
         "samples": samples(measurement.observations, measurement.tracks, key_frame=measurement.key_frame),

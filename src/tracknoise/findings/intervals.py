@@ -56,8 +56,8 @@ def intervals(
     moments, ends, frames
         Tables of all scenes, `MOMENTS`, `ENDS` and `FRAMES`.
     blocks
-        Schema `BLOCKS`: what to resample in conditions of too few scenes. Without it, and where errors of `projected`
-        observations are asked for, the errors of such conditions have no bounds; lifetimes and outlier ratios do.
+        Schema `BLOCKS`: what to resample in conditions of too few scenes. Without it the
+        errors of such conditions have no bounds; lifetimes and outlier ratios do.
     aspects
         Schema `ASPECTS`, for intervals of these, too, where scenes are enough; along the gradient, an axis without
         sign, of absolute errors and second moments only.
@@ -135,8 +135,8 @@ def _selected(moments: pl.DataFrame, aspects: pl.DataFrame | None, population: s
 
 def _resampled(blocks: pl.DataFrame | None, population: str) -> pl.DataFrame:
     """Blocks of the observations that there are to be intervals of."""
-    table = empty(BLOCKS) if blocks is None or population != "visible" else check(blocks, BLOCKS, "blocks")
-    return additive(table.select(pl.lit(ALL).alias("aspect"), *BLOCKS))
+    table = empty(BLOCKS) if blocks is None else check(blocks, BLOCKS, "blocks")
+    return additive(table.filter(population=population).select(pl.lit(ALL).alias("aspect"), *BLOCKS))
 
 
 def _curve_rows(

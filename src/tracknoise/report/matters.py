@@ -27,8 +27,8 @@ def verdicts(evidence: Evidence) -> Cells:
     for name in table.columns[1:]:
         group, _, heading = name.rpartition(": ")
         if heading == "paper":
-            pairs = zip(table[name], table[f"{group}: verdicts"], strict=True)
-            columns[name] = [f"{said}{SPACE}{_MARKS.get(agreement, '')}" for said, agreement in pairs]
+            cells = zip(table[name], table[f"{group}: verdicts"], table[f"{group}: effects"], strict=True)
+            columns[name] = [f"{said}{SPACE}{_mark(verdict, effect)}" for said, verdict, effect in cells]
         elif heading == "here":
             columns[name] = table[name].to_list()
     parts = [name.rpartition(": ") for name in columns]
@@ -36,6 +36,13 @@ def verdicts(evidence: Evidence) -> Cells:
     rows = list(zip(*columns.values(), strict=True))
     legend = "" if table.width == len(columns) else f" ({', '.join(f'{mark} {word}' for word, mark in _MARKS.items())})"
     return Cells(f"Does it matter?{legend}", [name for _, _, name in parts], rows, [False] * len(parts), groups)
+
+
+def _mark(agreement: str, point_agreement: str) -> str:
+    """Whether the paper is agreed with; in brackets if only the effect says so, and its interval does not decide."""
+    if agreement == "undecided" != point_agreement:
+        return f"({_MARKS[point_agreement]})"
+    return _MARKS.get(agreement, "")
 
 
 def sentences(evidence: Evidence) -> list[str]:
@@ -110,14 +117,18 @@ def _asked(row: Mapping[str, Any]) -> str:
 
 
 def _tally(evidence: Evidence, table: pl.DataFrame) -> str:
-    counts = paper.tally(table)
-    total = sum(counts.values())
+    counts, alone = paper.tally(table), paper.tally(table, of="point_agreement")
+    effects = f" By their effects alone, {_agreeing(alone)}." if alone != counts else ""
+    return (
+        f"Of the {count(sum(counts.values()), 'cell')} of the paper's table for "
+        f"{paper.title(evidence.settings['paper'])}, {_agreeing(counts)}.{effects}"
+    )
+
+
+def _agreeing(counts: Mapping[str, int]) -> str:
     parts = [
         f"{number(counts['agree'])} of the verdicts agree with the paper's",
         f"{number(counts['disagree'])} do not",
     ]
     parts += [f"{number(counts['undecided'])} cannot be given"] if counts["undecided"] else []
-    return (
-        f"Of the {count(total, 'cell')} of the paper's table for {paper.title(evidence.settings['paper'])}, "
-        f"{listing(parts)}."
-    )
+    return listing(parts)

@@ -28,6 +28,7 @@ COMPARISON: Schema = {
     "n_scenes": pl.Int32,
     "paper": VERDICT,
     "agreement": pl.String,
+    "point_agreement": pl.String,
 }
 AGREEMENTS = ("agree", "disagree", "undecided")
 _KEYS = ["dataset", "factor", *CONDITION, "statistic"]
@@ -72,7 +73,8 @@ def comparison(evidence: Evidence) -> pl.DataFrame:
         Schema `COMPARISON`, sorted by factor, tracker and statistic. `paper` is null where the paper says nothing, and
         so is then `agreement`; otherwise that is one of `AGREEMENTS`. Where verdicts come with intervals, `verdict` and
         `why` are theirs, `interval_effect` lies between `low` and `high`, and `point_verdict` and `point_why`
-        are those of the effect alone; otherwise `verdict` is that, and the interval is null.
+        are those of the effect alone; otherwise `verdict` is that, and the interval is null. `point_agreement` is that
+        of `point_verdict`.
     """
     kinds = {entry.get("name") or entry.get("kind"): entry.get("kind") for entry in evidence.settings["trackers"]}
     rows = []
@@ -81,7 +83,9 @@ def comparison(evidence: Evidence) -> pl.DataFrame:
         role = ROLES[row["statistic"]]
         said = finding(evidence.settings.get("paper"), row["factor"], role, kinds.get(row["tracker"]))
         if row["n_levels"] > 1 or said:
-            rows.append({**row, "role": role, "paper": said, "agreement": _agreement(row["verdict"], said)})
+            agreements = {"agreement": row["verdict"], "point_agreement": row["point_verdict"]}
+            agreed = {name: _agreement(verdict, said) for name, verdict in agreements.items()}
+            rows.append({**row, "role": role, "paper": said, **agreed})
     rows.sort(key=lambda row: _order(evidence, row))
     return pl.DataFrame(rows, schema=dict(COMPARISON))
 
@@ -112,12 +116,13 @@ def side_by_side(evidence: Evidence) -> pl.DataFrame:
         if group["paper"].count():
             columns[f"{heading}: paper"] = [_text(cells.get(role), "paper") for role in STATISTICS]
             columns[f"{heading}: verdicts"] = [_text(cells.get(role), "agreement") for role in STATISTICS]
+            columns[f"{heading}: effects"] = [_text(cells.get(role), "point_agreement") for role in STATISTICS]
     return pl.DataFrame(columns)
 
 
-def tally(table: pl.DataFrame) -> dict[str, int]:
-    """How many cells of a comparison fall to each of `AGREEMENTS`."""
-    return {name: table.filter(agreement=name).height for name in AGREEMENTS}
+def tally(table: pl.DataFrame, *, of: str = "agreement") -> dict[str, int]:
+    """How many cells of a comparison fall to each of `AGREEMENTS`, by their verdicts, or `point_agreement`."""
+    return {name: table.filter(pl.col(of) == name).height for name in AGREEMENTS}
 
 
 def interval_text(row: Mapping[str, Any]) -> str:
@@ -143,7 +148,14 @@ def _here(row: Mapping[str, Any] | None) -> str:
     if row is None:
         return "\N{EN DASH}"
     effect = interval_text(row)
-    return f"{row['verdict']}{SPACE}({effect})" if effect else str(row["verdict"])
+    return f"{_believed(row)}{SPACE}({effect})" if effect else str(row["verdict"])
+
+
+def _believed(row: Mapping[str, Any]) -> str:
+    """The verdict; where its interval does not decide, what the effect says, with a question mark."""
+    if row["verdict"] == "undecided" and row["point_verdict"] != "undecided":
+        return f"{row['point_verdict']}?"
+    return str(row["verdict"])
 
 
 def _text(row: Mapping[str, Any] | None, column: str) -> str:

@@ -131,16 +131,19 @@ class _Families(HTMLParser):
 
 def _ran(replicated: Sequence[Replicated], parts: Mapping[str, Part]) -> tables.Cells:
     rows = [_row(item, parts.get(item.experiment)) for item in replicated]
-    headings = ["experiment", "data", "sequences", "failed", "observations", "cells", *paper.AGREEMENTS]
-    return tables.Cells("What ran", headings, rows, [False, False, *[True] * (len(headings) - 2)])
+    headings = ["experiment", "data", "sequences", "failed", "observations", "cells", *paper.AGREEMENTS * 2]
+    groups = [("", 6), ("verdicts", len(paper.AGREEMENTS)), ("effects alone", len(paper.AGREEMENTS))]
+    return tables.Cells("What ran", headings, rows, [False, False, *[True] * (len(headings) - 2)], groups)
 
 
 def _row(item: Replicated, part: Part | None) -> list[str]:
     if part is None:
-        return [paper.title(item.experiment), item.found, *[DASH] * (4 + len(paper.AGREEMENTS))]
-    manifest, tally = part.evidence.manifest, paper.tally(paper.comparison(part.evidence))
+        return [paper.title(item.experiment), item.found, *[DASH] * (4 + 2 * len(paper.AGREEMENTS))]
+    manifest, table = part.evidence.manifest, paper.comparison(part.evidence)
+    tally, alone = paper.tally(table), paper.tally(table, of="point_agreement")
     observed = int(part.evidence.counts.filter(kind="truth")["n"].sum())
     counts = [len(manifest.sequences), len(manifest.failures), observed, sum(tally.values()), *tally.values()]
+    counts += alone.values()
     return [part.title, item.found, *map(number, counts)]
 
 

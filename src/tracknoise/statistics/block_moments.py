@@ -1,18 +1,22 @@
 """Moments of du, dv by blocks of tracks: what is resampled where scenes are too few to be."""
 
+from collections.abc import Sequence
+
 import polars as pl
 
 from tracknoise.statistics.blocks import with_blocks
 from tracknoise.statistics.moments import measure_cells, merge
 from tracknoise.statistics.populations import measured
-from tracknoise.tables.schema import AXIS, BLOCKS, OBSERVATIONS, ORIGIN, TRIMMING, check
+from tracknoise.tables.schema import AXIS, BLOCKS, OBSERVATIONS, ORIGIN, POPULATION, TRIMMING, check
 
-KEYS = [*ORIGIN, "block", "trimming", "axis", "at"]
+KEYS = [*ORIGIN, "block", "population", "trimming", "axis", "at"]
 _CELL = [*ORIGIN, "block", "at"]
 
 
-def block_moments(observations: pl.DataFrame, tracks: pl.DataFrame, *, axis: str = "age") -> pl.DataFrame:
-    """Moments of the visible errors of every scene, condition and block of tracks, by trimming, and age or frame.
+def block_moments(
+    observations: pl.DataFrame, tracks: pl.DataFrame, *, axis: str = "age", populations: Sequence[str] = ("visible",)
+) -> pl.DataFrame:
+    """Moments of the errors of every scene, condition and block of tracks, by trimming, and age or frame.
 
     Parameters
     ----------
@@ -22,6 +26,8 @@ def block_moments(observations: pl.DataFrame, tracks: pl.DataFrame, *, axis: str
         All tracks of these scenes and conditions.
     axis
         ``age`` or ``frame``, as in `tracknoise.statistics.moments.scene_moments`.
+    populations
+        Which observations: any of `visible` and `projected`.
 
     Returns
     -------
@@ -35,13 +41,18 @@ def block_moments(observations: pl.DataFrame, tracks: pl.DataFrame, *, axis: str
         If the table has other columns, an error is missing where the true position is known, or a track is not in
         `tracks`.
     """
-    known = measured(check(observations, OBSERVATIONS, "observations"), population="visible")
+    check(observations, OBSERVATIONS, "observations")
+    parts = [_of_population(observations, tracks, axis, population) for population in populations]
+    return check(pl.concat(parts).select(*BLOCKS).sort(KEYS), BLOCKS, "blocks")
+
+
+def _of_population(observations: pl.DataFrame, tracks: pl.DataFrame, axis: str, population: str) -> pl.DataFrame:
+    known = measured(observations, population=population)
     cells = measure_cells(with_blocks(known.with_columns(at=axis), tracks), by=[*_CELL, "kept"])
     selections = {"untrimmed": pl.lit(value=True), "trimmed": pl.col("kept")}
+    labels = {"population": pl.lit(population, dtype=POPULATION), "axis": pl.lit(axis, dtype=AXIS)}
     parts = [
-        merge(cells.filter(selected), by=_CELL).with_columns(
-            trimming=pl.lit(trimming, dtype=TRIMMING), axis=pl.lit(axis, dtype=AXIS)
-        )
+        merge(cells.filter(selected), by=_CELL).with_columns(trimming=pl.lit(trimming, dtype=TRIMMING), **labels)
         for trimming, selected in selections.items()
     ]
-    return check(pl.concat(parts).select(*BLOCKS).sort(KEYS), BLOCKS, "blocks")
+    return pl.concat(parts)

@@ -132,13 +132,14 @@ MOMENTS: Schema = {
 BLOCKS: Schema = {
     **ORIGIN,
     "block": pl.UInt8,
+    "population": POPULATION,
     "trimming": TRIMMING,
     "axis": AXIS,
     "at": pl.UInt32,
     "n": pl.Int64,
     **dict.fromkeys(("mean_u", "mean_v", "m_uu", "m_uv", "m_vv", "mean_abs_u", "mean_abs_v"), pl.Float64),
 }
-"""Moments as in `MOMENTS` of visible observations, by blocks of tracks that were born next to each other in time."""
+"""Moments as in `MOMENTS`, by blocks of tracks that were born next to each other in time."""
 
 ASPECTS: Schema = {"aspect": pl.String, **MOMENTS}
 """Moments of visible errors seen in another way: along (u) and across (v) something, or of some tracks only.

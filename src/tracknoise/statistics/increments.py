@@ -6,8 +6,8 @@ one track that lie l steps apart:
 - autocorrelation(l) = sum(d_k d_(k - l s)) / sum((d_k^2 + d_(k - l s)^2) / 2) (autocorrelation)
 
 about zero, not about the mean, so that a steady drift shows as positive correlation; between -1 and 1 whatever the
-data. Errors that are independent from frame to frame give about -1/2 at lag 1 and 0 beyond (a little less than -1/2 where the
-first position is exact and tracks are short), those of a random walk 0 at every lag, those of a steady drift 1.
+data. Errors that are independent from frame to frame give about -1/2 at lag 1 and 0 beyond (a little less than -1/2
+where the first position is exact and tracks are short), those of a random walk 0 at every lag, of a steady drift 1.
 """
 
 from collections.abc import Iterator, Mapping

@@ -16,25 +16,20 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-import polars as pl
-from numpy.typing import NDArray
 
 from benchmarks.harness import Row, in_new_process, peak_mib
+from benchmarks.made_up import made_up
 from tracknoise.experiments.find import find
 from tracknoise.experiments.measure import complete
 from tracknoise.experiments.pool import pool
 from tracknoise.experiments.provenance import new_manifest
 from tracknoise.experiments.settings import parse_experiment
 from tracknoise.experiments.task import tables_to_keep
-from tracknoise.measurement.scene import SceneTables
-from tracknoise.sequences.sequence import SequenceId, TruthKind
-from tracknoise.tables import schema
+from tracknoise.sequences.sequence import SequenceId
 from tracknoise.tables.store import RunFolder, SequenceEntry
 
 FEW, MANY = 20, 1000
 OBSERVATIONS = 100_000
-TRACKERS, SPEEDS = ("lucas-kanade", "correspondence"), (1, 2, 4, 8, 12)
-MEAN_LIFETIME = 20
 FRAMES = 600
 POSES = np.broadcast_to(np.eye(4), (FRAMES, 4, 4))
 EXPERIMENT = """
@@ -86,7 +81,7 @@ def _measure(sequences: int) -> dict[str, float]:
         manifest = new_manifest(experiment)
         run.create(experiment.to_toml(), manifest)
         for number in range(sequences):
-            scene = _made_up(number)
+            scene = made_up(str(number).zfill(5), seed=number, frames=FRAMES, observations=OBSERVATIONS)
             observations += scene.observations.height
             name = SequenceId("made up", f"{number:05d}")
             sequence = SimpleNamespace(id=name, world_from_camera=POSES)
@@ -117,50 +112,6 @@ def _entry(name: SequenceId) -> SequenceEntry:
     return SequenceEntry(
         name.dataset, name.scene, name.lighting, 0, str(name.direction), FRAMES, 800, 600, "birth", 0, 0.0
     )  # fmt: skip
-
-
-def _made_up(number: int) -> SceneTables:
-    """What might have been measured in a scene: errors that grow with age, lifetimes that are geometric."""
-    rng = np.random.default_rng(number)
-    conditions = [(tracker, speed) for tracker in TRACKERS for speed in SPEEDS]
-    parts = [_condition(rng, number, tracker, speed) for tracker, speed in conditions]
-    observations, tracks, frames = (pl.concat(tables) for tables in zip(*parts, strict=True))
-    return SceneTables(observations, tracks, frames, TruthKind.birth, None, FRAMES, 0, np.zeros((1, 1), np.uint8))
-
-
-def _condition(rng: np.random.Generator, number: int, tracker: str, speed: int) -> list[pl.DataFrame]:
-    """Observations, tracks and frames."""
-    lifetime = rng.geometric(1 / MEAN_LIFETIME, OBSERVATIONS // (len(TRACKERS) * len(SPEEDS) * MEAN_LIFETIME))
-    track = np.repeat(np.arange(len(lifetime)), lifetime)
-    age = (np.arange(len(track)) - np.repeat(np.cumsum(lifetime) - lifetime, lifetime)) * speed
-    n_seen = len(range(0, FRAMES, speed))
-    first = np.sort(rng.integers(0, n_seen, len(lifetime))) * speed
-    error = rng.standard_normal((len(track), 2)) * np.sqrt(0.01 + 0.05 * age)[:, None]
-    place = rng.uniform(0, 600, (len(track), 2))
-    observed = {"track": track, "frame": first[track] + age, "age": age, **_pairs("u_px", "v_px", place + error)}
-    observed |= {**_pairs("u_true_px", "v_true_px", place), **_pairs("du_px", "dv_px", error)}
-    lived = {"track": np.arange(len(lifetime)), "first_frame": first, "lifetime": lifetime}
-    offered = rng.integers(200, 1200, n_seen)
-    seen = {"frame": np.arange(n_seen) * speed, "outliers": offered // rng.integers(5, 50, n_seen)}
-    seen |= dict.fromkeys(("offered", "matched", "alive", "new"), offered)
-    origin = {"dataset": "made up", "scene": f"{number:05d}", "lighting": "default", "rotation": 0}
-    same = {**origin, "direction": "forward", "tracker": tracker, "speed": speed, "kept": True}
-    return [
-        _table(observed, same | {"truth": "valid"}, schema.OBSERVATIONS),
-        _table(lived, same | {"end": "lost"}, schema.TRACKS),
-        _table(seen, same, schema.FRAMES),
-    ]
-
-
-def _pairs(first: str, second: str, values: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-    return {first: values[:, 0], second: values[:, 1]}
-
-
-def _table(columns: dict[str, NDArray], same: dict[str, object], layout: schema.Schema) -> pl.DataFrame:
-    """A table of a layout; columns that are neither given nor the same in every row are null."""
-    literals = [pl.lit(same.get(name)).alias(name) for name in layout if name not in columns]
-    table = pl.DataFrame(columns).with_columns(literals)
-    return table.select(pl.col(name).cast(kind) for name, kind in layout.items())
 
 
 if __name__ == "__main__":

@@ -1,0 +1,107 @@
+"""How long the findings of a run take: from the stored tables of its sequences to the sentences, on one core.
+
+The full size is that of the paper's DTU experiment: 60 scenes, 19 lightings, two trackers at five speeds, 49 frames. A
+few scenes are made up, and stand in for all of them under other names.
+"""
+
+import json
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from benchmarks.harness import Row, in_new_process, peak_mib
+from benchmarks.made_up import SPEEDS, TRACKERS, made_up
+from tracknoise.experiments.find import find
+from tracknoise.experiments.measure import complete
+from tracknoise.experiments.pool import pool
+from tracknoise.experiments.provenance import new_manifest
+from tracknoise.experiments.settings import parse_experiment
+from tracknoise.experiments.task import tables_to_keep
+from tracknoise.sequences.sequence import SequenceId
+from tracknoise.tables.store import RunFolder, SequenceEntry
+
+FRAMES, OBSERVATIONS, DIFFERENT = 49, 40_000, 6
+EXPERIMENT = """
+name = "made up"
+keep = "statistics"
+speeds = [1, 2, 4, 8, 12]
+[dataset]
+reader = "simulated"
+lightings = ["light-00"]
+[[trackers]]
+kind = "lucas-kanade"
+[[trackers]]
+kind = "correspondence"
+"""
+
+
+def rows() -> list[Row]:
+    """Of 8 scenes under 2 lightings."""
+    return _rows(8, 2)
+
+
+def full_rows() -> list[Row]:
+    """Of 60 scenes under 19 lightings."""
+    return _rows(60, 19)
+
+
+def _rows(scenes: int, lightings: int) -> list[Row]:
+    measured = in_new_process("benchmarks.findings", scenes, lightings)
+    size = f"{scenes} scenes, {lightings * len(TRACKERS) * len(SPEEDS)} conditions, {FRAMES} frames"
+    return [
+        Row("findings: pooling", measured["pooling"], "s", size),
+        Row("findings: all of them, reading included", measured["finding"], "s", size),
+        Row("findings: peak memory", measured["peak"], "MiB", size),
+    ]
+
+
+def _measure(scenes: int, lightings: int) -> dict[str, float]:
+    experiment = parse_experiment(EXPERIMENT, place="benchmark")
+    made = [_tables(experiment, seed) for seed in range(DIFFERENT)]
+    with tempfile.TemporaryDirectory() as folder:
+        run = RunFolder(Path(folder) / "run")
+        manifest = new_manifest(experiment)
+        run.create(experiment.to_toml(), manifest)
+        for scene in range(scenes):
+            for light in range(lightings):
+                names = {"scene": f"scene-{scene:02d}", "lighting": f"light-{light:02d}"}
+                entry = SequenceEntry("made up", **names, rotation=0, direction="forward", n_frames=FRAMES, width=800,
+                                      height=600, truth="birth", snapshot_frame=0, seconds=0.0)  # fmt: skip
+                tables = _renamed(made[(scene + light) % DIFFERENT], names)
+                hashes = run.write_sequence(entry.key, tables, b"")
+                manifest.sequences[entry.key] = replace(entry, sha256=hashes)
+        run.write_manifest(manifest)
+        start = time.perf_counter()
+        pool(run, experiment)
+        pooled = time.perf_counter()
+        find(run, experiment)
+        return {"pooling": pooled - start, "finding": time.perf_counter() - pooled, "peak": peak_mib()}
+
+
+def _tables(experiment, seed: int) -> dict[str, pl.DataFrame]:
+    scene = made_up("scene", seed=seed, frames=FRAMES, observations=OBSERVATIONS)
+    sequence = _Sequence(SequenceId("made up", "scene"), np.broadcast_to(np.eye(4), (FRAMES, 4, 4)))
+    return tables_to_keep(experiment, sequence, complete(scene))
+
+
+def _renamed(tables: dict[str, pl.DataFrame], names: dict[str, str]) -> dict[str, pl.DataFrame]:
+    return {
+        name: table.with_columns(pl.lit(value).alias(key) for key, value in names.items() if key in table.columns)
+        for name, table in tables.items()
+    }
+
+
+class _Sequence:
+    """What tables are labelled by."""
+
+    def __init__(self, name: SequenceId, world_from_camera: np.ndarray) -> None:
+        self.id, self.world_from_camera = name, world_from_camera
+
+
+if __name__ == "__main__":
+    json.dump(_measure(int(sys.argv[1]), int(sys.argv[2])), sys.stdout)

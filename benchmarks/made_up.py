@@ -1,0 +1,71 @@
+"""Tables as a measurement makes them, made up: for benchmarks of what comes after."""
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.measurement.scene import SceneTables
+from tracknoise.sequences.sequence import TruthKind
+from tracknoise.tables import schema
+
+TRACKERS, SPEEDS = ("lucas-kanade", "correspondence"), (1, 2, 4, 8, 12)
+MEAN_LIFETIME = 20
+
+
+def made_up(scene: str, *, seed: int, frames: int, observations: int) -> SceneTables:
+    """What might have been measured in a scene: errors that grow with age, lifetimes that are geometric.
+
+    Parameters
+    ----------
+    scene
+        Its name.
+    seed
+        Of all that is made up.
+    frames
+        How many the scene has; at speed s every s-th is seen.
+    observations
+        About how many there are, of all conditions together.
+    """
+    rng = np.random.default_rng(seed)
+    conditions = [(tracker, speed) for tracker in TRACKERS for speed in SPEEDS]
+    n_tracks = observations // (len(conditions) * min(MEAN_LIFETIME, frames))
+    parts = [_condition(rng, scene, frames, n_tracks, tracker, speed) for tracker, speed in conditions]
+    tables = [pl.concat(each) for each in zip(*parts, strict=True)]
+    return SceneTables(*tables, TruthKind.birth, None, frames, 0, np.zeros((1, 1), np.uint8))
+
+
+def _condition(
+    rng: np.random.Generator, scene: str, frames: int, n_tracks: int, tracker: str, speed: int
+) -> list[pl.DataFrame]:
+    """Observations, tracks and frames."""
+    n_seen = len(range(0, frames, speed))
+    lifetime = np.minimum(rng.geometric(1 / MEAN_LIFETIME, n_tracks), n_seen)
+    track = np.repeat(np.arange(len(lifetime)), lifetime)
+    age = (np.arange(len(track)) - np.repeat(np.cumsum(lifetime) - lifetime, lifetime)) * speed
+    first = np.sort(rng.integers(0, n_seen - lifetime + 1)) * speed
+    error = rng.standard_normal((len(track), 2)) * np.sqrt(0.01 + 0.05 * age)[:, None]
+    place = rng.uniform(0, 600, (len(track), 2))
+    observed = {"track": track, "frame": first[track] + age, "age": age, **_pairs("u_px", "v_px", place + error)}
+    observed |= {**_pairs("u_true_px", "v_true_px", place), **_pairs("du_px", "dv_px", error)}
+    lived = {"track": np.arange(len(lifetime)), "first_frame": first, "lifetime": lifetime}
+    offered = rng.integers(200, 1200, n_seen)
+    seen = {"frame": np.arange(n_seen) * speed, "outliers": offered // rng.integers(5, 50, n_seen)}
+    seen |= dict.fromkeys(("offered", "matched", "alive", "new"), offered)
+    origin = {"dataset": "made up", "scene": scene, "lighting": "default", "rotation": 0}
+    same = {**origin, "direction": "forward", "tracker": tracker, "speed": speed, "kept": True}
+    return [
+        _table(observed, same | {"truth": "valid"}, schema.OBSERVATIONS),
+        _table(lived, same | {"end": "lost"}, schema.TRACKS),
+        _table(seen, same, schema.FRAMES),
+    ]
+
+
+def _pairs(first: str, second: str, values: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+    return {first: values[:, 0], second: values[:, 1]}
+
+
+def _table(columns: dict[str, NDArray], same: dict[str, object], layout: schema.Schema) -> pl.DataFrame:
+    """A table of a layout; columns that are neither given nor the same in every row are null."""
+    literals = [pl.lit(same.get(name)).alias(name) for name in layout if name not in columns]
+    table = pl.DataFrame(columns).with_columns(literals)
+    return table.select(pl.col(name).cast(kind) for name, kind in layout.items())

@@ -16,10 +16,12 @@ import polars as pl
 
 from tracknoise.findings.headlines.scope import Scope
 from tracknoise.statistics.aspects import aspect_curves, scene_aspects
+from tracknoise.statistics.change_curves import change_curves
 from tracknoise.statistics.counts import counts, merge_counts
 from tracknoise.statistics.curves import curves
 from tracknoise.statistics.effects import Reference, effects
 from tracknoise.statistics.histogram import error_histogram, merge_errors
+from tracknoise.statistics.increments import increments
 from tracknoise.statistics.lifetimes import count_ends, lifetimes_of_ends
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.outliers import outlier_ratios
@@ -171,7 +173,8 @@ def _sequence(rng: np.random.Generator, origin: Sequence[Any], world: World) -> 
         "counts": counts(trimmed.observations, trimmed.tracks),
         "ends": count_ends(trimmed.tracks),
         "errors": error_histogram(trimmed.tracks),
-        **{name: empty(SEQUENCE_TABLES[name]) for name in ("blocks", "increments", "samples")},  # findings are made up
+        "increments": increments(trimmed.observations, trimmed.tracks),
+        **{name: empty(SEQUENCE_TABLES[name]) for name in ("blocks", "samples")},  # findings are made up
     }
 
 
@@ -283,6 +286,7 @@ def _write_statistics(run: RunFolder, world: World) -> None:
         ),
         population=world.population,
     )
+    made["changes"] = change_curves(run.sequence_tables("increments"))
     made["aspect_curves"] = aspect_curves(run.sequence_tables("aspects"), min_features=world.min_features)
     made |= _made_up_findings().made_up(made, scope=_scope(world))
     for name, table in made.items():

@@ -183,7 +183,7 @@ def factor_rows(*verdicts: str) -> dict[str, pl.DataFrame]:
     names = ["nu", "eta", "Phi", "lifetime", "outlier_ratio"]
     rows = [
         {"factor": "speed", "speed": None, "statistic": name, "verdict": verdict, "effect": 0.45 - 0.05 * place,
-         "low": 0.3 - 0.05 * place, "high": 0.6 - 0.05 * place, "n_levels": 2, "why": None}
+         "low": 0.3 - 0.05 * place, "high": 0.6 - 0.05 * place, "margin": 0.1, "n_levels": 2, "why": None}
         for place, (name, verdict) in enumerate(zip(names, verdicts, strict=False))
     ]  # fmt: skip
     dependence = [{name: value for name, value in row.items() if name != "n_levels"} for row in rows]

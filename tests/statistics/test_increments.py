@@ -44,19 +44,23 @@ def test_a_step_is_a_frame_that_the_tracker_saw(observations, tracks) -> None:
     assert found.select("lag", "age", "n", "mean_u").rows() == [(0, 4, 1, 1.0), (0, 8, 1, 0.5), (1, None, 1, None)]
 
 
-def test_tracks_are_pooled_by_block_and_trimmed_ones_left_out(observations, tracks) -> None:
+def test_products_are_pooled_by_block_changes_over_all_and_trimmed_tracks_left_out(observations, tracks) -> None:
     n = 32  # two tracks a block
     table = observations(
-        track=np.repeat(range(n), 2).tolist(),
-        age=[0, 1] * n,
-        frame=[0, 1] * n,
-        du_px=[value for track in range(n) for value in (0.0, float(track))],
-        kept=[track % 2 == 0 for track in range(n) for _ in range(2)],
+        track=np.repeat(range(n), 3).tolist(),
+        age=[0, 1, 2] * n,
+        frame=[0, 1, 2] * n,
+        du_px=[value for track in range(n) for value in (0.0, float(track), 2.0 * track)],
+        kept=[track % 2 == 0 for track in range(n) for _ in range(3)],
     )
     found = increments(table, tracks(track=list(range(n))))
-    every, kept = (found.filter(trimming=name).select("block", "n", "mean_u") for name in ("untrimmed", "trimmed"))
-    assert every.rows() == [(block, 2, 2 * block + 0.5) for block in range(16)]
-    assert kept.rows() == [(block, 1, 2.0 * block) for block in range(16)]
+    pairs = found.filter(lag=1)
+    for trimming, count, mean in (("untrimmed", 32, 15.5), ("trimmed", 16, 15.0)):
+        by_age = found.filter(lag=0, trimming=trimming).select("block", "age", "n", "mean_u")
+        assert by_age.rows() == [(None, 1, count, mean), (None, 2, count, mean)]
+    every, kept = (pairs.filter(trimming=name).select("block", "n", "lagged_uu") for name in ("untrimmed", "trimmed"))
+    assert every.rows() == [(block, 2, 4.0 * block**2 + (2.0 * block + 1) ** 2) for block in range(16)]
+    assert kept.rows() == [(block, 1, 4.0 * block**2) for block in range(16)]
 
 
 @pytest.mark.parametrize(("kind", "expected"), [("white", -0.5), ("walk", 0.0), ("drift", 1.0)])

@@ -56,25 +56,33 @@ class Ingredients:
         StoreError, SchemaError
             If a table is damaged.
         """
-        frames = pl.concat(run.sequence_tables("frames"))
-        few = frames.group_by(POOLED).agg(n=pl.col("scene").n_unique()).filter(pl.col("n") < MIN_SCENES).drop("n")
+        entries = run.manifest().sequences
+        every = sorted(entries)
+        shown = [key for key in every if all(getattr(entries[key], name) == getattr(view, name) for name in VIEW)]
+
+        def read(name: str, keys: list[str], reduce: Callable[[pl.DataFrame], pl.DataFrame]) -> pl.DataFrame:
+            tables = (run.sequence_table(name, key) for key in keys)
+            return reduce_each(tables, SEQUENCE_TABLES[name], name, reduce)
+
         seen = (pl.col("n") > 0) & pl.col("population").is_in(sorted({"visible", population}))
-        shown = {name: getattr(view, name) for name in VIEW}
-
-        def read(name: str, reduce: Callable[[pl.DataFrame], pl.DataFrame]) -> pl.DataFrame:
-            return reduce_each(run.sequence_tables(name), SEQUENCE_TABLES[name], name, reduce)
-
+        frames = read("frames", every, lambda table: table)
+        few = frames.group_by(POOLED).agg(n=pl.col("scene").n_unique()).filter(pl.col("n") < MIN_SCENES).drop("n")
         return cls(
-            moments=read("moments", lambda table: table.filter(seen)),
-            aspects=read("aspects", lambda table: table.filter(**shown).join(few, on=POOLED, how="anti")),
-            blocks=read("blocks", lambda table: table.join(few, on=POOLED, how="semi", maintain_order="left")),
-            ends=read("ends", lambda table: _ends(table, few)),
+            moments=read("moments", every, lambda table: table.filter(seen)),
+            aspects=read("aspects", shown, lambda table: table.join(few, on=POOLED, how="anti", maintain_order="left")),
+            blocks=read(
+                "blocks",
+                [] if few.is_empty() else every,
+                lambda table: table.join(few, on=POOLED, how="semi", maintain_order="left"),
+            ),
+            ends=read("ends", every, lambda table: _ends(table, few)),
             frames=frames,
         )
 
 
 def _ends(ends: pl.DataFrame, few: pl.DataFrame) -> pl.DataFrame:
-    by_block = ends.join(few, on=POOLED, how="semi")
-    together = ends.join(few, on=POOLED, how="anti").with_columns(block=pl.lit(0, dtype=pl.UInt8))
     key = [*ORIGIN, "block", "lifetime"]
-    return pl.concat([by_block, together]).group_by(key).agg(pl.col("n_ended", "n_censored").sum()).sort(key)
+    marked = ends if few.is_empty() else ends.join(few.with_columns(few=True), on=POOLED, how="left")
+    alone = pl.lit(value=False) if few.is_empty() else pl.col("few").fill_null(value=False)
+    named = marked.with_columns(block=pl.when(alone).then("block").otherwise(pl.lit(0, dtype=pl.UInt8)))
+    return named.group_by(key).agg(pl.col("n_ended", "n_censored").sum()).sort(key)

@@ -65,8 +65,9 @@ def _sums(increments: pl.DataFrame) -> pl.DataFrame:
     n, (u, v) = pl.col("n"), (pl.col("mean_u"), pl.col("mean_v"))
     moments = [n * u, n * v, pl.col("m_uu") + n * u * u, pl.col("m_uv") + n * u * v, pl.col("m_vv") + n * v * v]
     named = [expression.alias(name) for name, expression in zip(_MOMENTS, moments, strict=True)]
-    first = pl.struct("scene", *_KEYS).is_first_distinct().cast(pl.Float64)
-    table = increments.select(*_KEYS, n.cast(pl.Float64), *named, *_PRODUCTS, n_scenes=first)
+    first = pl.col("block") == pl.col("block").min().over("scene", *_KEYS)  # rows of all blocks together have none
+    is_scene = first.fill_null(value=True).cast(pl.Float64)
+    table = increments.select(*_KEYS, n.cast(pl.Float64), *named, *_PRODUCTS, n_scenes=is_scene)
     return _added(table.with_columns(pl.col(*_MOMENTS, *_PRODUCTS).fill_null(0.0)).select(*_KEYS, *_SUMS))
 
 

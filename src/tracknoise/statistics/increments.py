@@ -83,7 +83,7 @@ def _followers(ordered: pl.DataFrame, steps: int) -> NDArray[np.intp]:
 
 def _by_age(changes: pl.DataFrame) -> pl.DataFrame:
     """Rows of lag 0."""
-    groups = group_rows(changes, ["condition", "block", "age"])
+    groups = group_rows(changes, ["condition", "age"])
     pairs = changes.select("du_px", "dv_px").to_numpy()
     moments = measure(pairs, groups.index, groups.count, orders=tuple(_ORDERS.values()))
     columns = {"n": moments.n, **dict(zip(("mean_u", "mean_v"), moments.mean.T, strict=True))}

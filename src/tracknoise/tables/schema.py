@@ -169,10 +169,10 @@ INCREMENTS: Schema = {
 }
 """Changes of visible errors from one frame that the tracker saw to the next.
 
-Rows of lag 0 hold their means and central sums by the age at which they end. Rows of lag l >= 1 are of all ages
-together, age null, and hold for the n pairs of a change with that of l steps before: lagged, the sum of products, and
-squares, half the sum of the squares of both. Without a birth-anchored truth there are rows too: a change does not
-depend on where the error is zero.
+Rows of lag 0 hold their means and central sums by the age at which they end, of all blocks together, block null. Rows
+of lag l >= 1 are of all ages together, age null, and hold for the n pairs of a change with that of l steps before:
+lagged, the sum of products, and squares, half the sum of the squares of both. Without a birth-anchored truth there are
+rows too: a change does not depend on where the error is zero.
 """
 
 SAMPLES: Schema = {

@@ -28,8 +28,8 @@ from tracknoise.statistics.grouping import POOLED, group_rows
 from tracknoise.tables.findings_schema import DEPENDENCE
 from tracknoise.tables.schema import EFFECTS, VERDICT, Schema, check
 
-N_DRAWS = 1000
-"""Rotations: p_yes is at least a thousandth."""
+N_DRAWS = 499
+"""Rotations, as many as are needed to tell p-values of a few percent from each other."""
 _FOUND: Schema = {
     "order": pl.UInt32,
     **{column: DEPENDENCE[column] for column in ("low", "high", "p_yes", "p_no")},

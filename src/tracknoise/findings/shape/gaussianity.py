@@ -29,7 +29,7 @@ from tracknoise.statistics.samples import first_tracks, with_bands
 from tracknoise.tables.findings_schema import GAUSSIANITY, RADII
 from tracknoise.tables.schema import MOMENTS, SAMPLES, Schema, check, empty
 
-MAX_SAMPLED = 8192
+MAX_SAMPLED = 4096
 """Single errors of a band that are looked at, about, shared out evenly among scenes."""
 _EDGES = [*BAND, "age_high"]
 

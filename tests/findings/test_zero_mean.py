@@ -99,7 +99,8 @@ def test_p_values_are_adjusted_over_the_ages():
 def test_under_six_scenes_there_is_no_test(n_scenes):
     found = found_in(scene_means(np.random.default_rng(9), n_scenes, 3, bias=50.0), min_features=1)
     assert found["verdict"].unique().to_list() == ["undecided"]
-    assert found["why"].unique().to_list() == [f"no test at 5 % exists with {n_scenes} scenes, at least 6 are needed"]
+    scenes = "1 scene" if n_scenes == 1 else f"{n_scenes} scenes"
+    assert found["why"].unique().to_list() == [f"no test at 5 % exists with {scenes}, at least 6 are needed"]
     assert found["sign_flip_p"].null_count() == found["hotelling_p"].null_count() == found.height
     assert found.drop_nulls("at")["effect_px"].min() > 10
 

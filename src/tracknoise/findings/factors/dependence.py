@@ -200,7 +200,8 @@ def _verdict(level: float) -> pl.Expr:
 
 def _why() -> pl.Expr:
     """What an undecided verdict wants; null for the others."""
-    few = pl.format(f"two levels share {{}} scenes, at least {MIN_SCENES} are needed", "n_scenes")
+    scenes = pl.when(pl.col("n_scenes") == 1).then(pl.lit("scene")).otherwise(pl.lit("scenes"))
+    few = pl.format(f"two levels share {{}} {{}}, at least {MIN_SCENES} are needed", "n_scenes", scenes)
     nowhere = pl.lit(f"nowhere do {MIN_SCENES} scenes have something at two levels")
     holds = (pl.col("low") <= pl.col("margin")) & (pl.col("high") >= pl.col("margin"))
     return (

@@ -45,12 +45,16 @@ class Headline:
 def told(estimate: Estimate) -> str:
     """Write a number with its unit, and the interval in brackets where there is one."""
     write = _WRITTEN.get(estimate.unit, number)
-    unit = "" if estimate.unit in ("", "share") else f"{SPACE}{estimate.unit}"
+    unit = "" if estimate.unit in ("", "share") else f"{SPACE}{_unit(estimate)}"
     text = f"{write(estimate.value)}{unit}"
     if estimate.low is None or estimate.high is None:
         beyond = f" ({write(estimate.low)} or more)" if estimate.low is not None else ""
         return f"{text} (up to {write(estimate.high)})" if estimate.high is not None else f"{text}{beyond}"
     return f"{text} ({write(estimate.low)} to {write(estimate.high)})"
+
+
+def _unit(estimate: Estimate) -> str:
+    return "frame" if estimate.unit == "frames" and estimate.value == 1 else estimate.unit
 
 
 def _whole(value: float | None) -> str:

@@ -6,7 +6,7 @@ from tracknoise.experiments.resolve import resolve
 from tracknoise.experiments.selfcheck import selfcheck_experiment
 from tracknoise.experiments.settings import parse_experiment
 from tracknoise.measurement import scene
-from tracknoise.tables.store import RunFolder
+from tracknoise.tables.store import Manifest, RunFolder
 
 SMALL = ("selfcheck", "--scenes", "1", "-w", "1", "--quiet")
 
@@ -45,3 +45,13 @@ def test_a_wrong_one_is_not_and_says_where(tracknoise, half_a_pixel_off, tmp_pat
     assert code == 2
     assert out.splitlines()[-1] == "The instrument is NOT right."
     assert any(line.startswith("bias") and "nu u" in line and line.endswith("off") for line in out.splitlines())
+
+
+def test_the_run_of_another_experiment_is_not_replaced(tracknoise, tmp_path):
+    other = RunFolder(tmp_path / "mine")
+    experiment = selfcheck_experiment(scenes=1).model_copy(update={"name": "mine"})
+    other.create(experiment.to_toml(), Manifest(settings_hash="", versions={}, machine={}, seed=0))
+    code, _, err = tracknoise(*SMALL, "--out", str(other.path))
+    assert code == 1
+    assert "holds the run of another experiment, expected a new folder or an earlier selfcheck" in err
+    assert parse_experiment(other.experiment_toml(), place="mine").name == "mine"

@@ -4,7 +4,7 @@ import shutil
 
 import pytest
 
-from tracknoise.exceptions import StoreError
+from tracknoise.exceptions import StoreError, TracknoiseError
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.settings import FindingsSettings
 from tracknoise.tables.store import OBSERVED, STATISTICS_TABLES, RunFolder
@@ -112,6 +112,30 @@ def test_other_questions_are_answered_without_measuring_again(scenes, tmp_path, 
     assert set(run.statistics("dependence")["margin"]) == {0.5}
     assert set(run.statistics("intervals").select("kind", "level").rows()) == {("bca", 0.8)}
     assert set(run.statistics("time_structure")["level"]) == {0.8}
+
+
+def test_what_was_found_before_is_gone_when_other_questions_are_interrupted(scenes, tmp_path, told, monkeypatch):
+    experiment, run = scenes(2), RunFolder(tmp_path / "run")
+    execute(experiment, run, listener=told())
+    (run.path / "report").mkdir()
+    monkeypatch.setattr("tracknoise.experiments.execute.find", lambda *_: pytest.fail("interrupted"))
+    with pytest.raises(pytest.fail.Exception):
+        execute(experiment.with_findings(FindingsSettings(margin=0.5)), run, listener=told())
+    assert run.statistics("findings").is_empty()
+    assert not (run.path / "report").exists()
+
+
+def test_a_start_that_is_refused_changes_nothing(scenes, tmp_path, told, files):
+    experiment, run = scenes(3), RunFolder(tmp_path / "run")
+    execute(experiment.with_scenes(2), run, listener=told())
+    manifest = run.manifest()
+    manifest.versions["numpy"] = "1.0.0"
+    run.write_manifest(manifest)
+    before, settings = files(run), run.experiment_toml()
+    with pytest.raises(TracknoiseError, match=r"expected 1\.0\.0"):
+        execute(experiment, run, listener=told())
+    assert run.experiment_toml() == settings
+    assert files(run) == before
 
 
 def test_fewer_scenes_are_another_experiment(scenes, tmp_path, told):

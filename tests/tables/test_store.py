@@ -68,6 +68,22 @@ def test_a_damaged_manifest_is_named(run, content, message):
         run.manifest()
 
 
+def test_a_run_of_another_format_says_what_to_do_and_can_be_replaced(run):
+    (run.path / "manifest.json").write_text('{"format": 2, "sequences": {}}')
+    with pytest.raises(StoreError, match="format 2, expected 3: measure again with --fresh"):
+        run.manifest()
+    run.clear()
+    assert not run.exists
+
+
+@pytest.mark.parametrize("content", ["{", "[]", '{"format": "x"}'])
+def test_what_is_no_manifest_is_not_cleared(run, content):
+    (run.path / "manifest.json").write_text(content)
+    with pytest.raises(StoreError, match="damaged"):
+        run.clear()
+    assert (run.path / "experiment.toml").exists()
+
+
 def test_a_folder_that_is_no_run_is_not_written_into(tmp_path):
     (tmp_path / "holiday.jpg").write_bytes(b"")
     with pytest.raises(StoreError, match="holds files that are no run"):

@@ -3,6 +3,7 @@
 Exit status: 0 done, 1 the user's error, 2 some scenes failed. Results go to stdout, everything else to stderr.
 """
 
+import io
 import sys
 from typing import Annotated
 
@@ -51,6 +52,9 @@ def main(arguments: list[str] | None = None) -> None:
         Without the program's name; by default those of the process.
     """
     terminal = Terminal()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal that lacks a sign shall not lose the rest
     try:
         status = typer.main.get_command(app).main(
             args=arguments, prog_name="tracknoise", standalone_mode=False, obj=terminal

@@ -38,6 +38,8 @@ def findings(
     evidence = Evidence.of(RunFolder(run))
     if evidence.findings.is_empty():
         raise StoreError(f"{run}: holds no findings, expected those of a finished run: `tracknoise run` makes them")
+    if failed := evidence.manifest.failures:
+        context.obj.warn(f"{run}: {len(failed)} sequences could not be measured and are not in these findings")
     if as_json:
         tables = {name: getattr(evidence, name) for name in FINDINGS_TABLES}
         context.obj.result(findings_json(tables).rstrip())

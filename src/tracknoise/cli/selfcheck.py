@@ -1,6 +1,7 @@
 """``tracknoise selfcheck``: whether the instrument gives back what went in, on this machine."""
 
 import os
+import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -105,11 +106,14 @@ def _folder(out: Path | None) -> Iterator[Path]:
 def _measure(terminal: Terminal, path: Path, *, scenes: int, seed: int, workers: int | None) -> "RunFolder | None":
     """Measure the oracles; None if a scene failed."""
     from tracknoise.cli.progress import RunProgress
+    from tracknoise.exceptions import StoreError
     from tracknoise.experiments.execute import execute
     from tracknoise.experiments.selfcheck import selfcheck_experiment
     from tracknoise.tables.store import RunFolder
 
     experiment, run = selfcheck_experiment(scenes=scenes, seed=seed), RunFolder(path)
+    if run.exists and tomllib.loads(run.experiment_toml()).get("name") != experiment.name:
+        raise StoreError(f"{path}: holds the run of another experiment, expected a new folder or an earlier selfcheck")
     with RunProgress(terminal) as progress:
         outcome = execute(
             experiment, run, listener=progress, workers=workers or os.cpu_count() or 1, fresh=True, debug=terminal.debug

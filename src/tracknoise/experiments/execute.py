@@ -105,10 +105,10 @@ def execute(
     experiment = resolve(experiment)
     tasks = with_inputs(plan(experiment))
     with hold(run) as claim:
-        manifest = begin(experiment, run, fresh=fresh)
+        manifest, changed = begin(experiment, run, fresh=fresh)
         manifest.left_out = left_out(experiment)
         todo = due(tasks, run, manifest)
-        set_out(todo, run, manifest, experiment)
+        set_out(todo, run, manifest, experiment, changed=changed)
         listener.planned([task.key for task in todo], len(tasks) - len(todo))
         job = Job(RunFolder(run.path.absolute()), claim, manifest.versions, debug)
         together = batches(todo)
@@ -117,8 +117,10 @@ def execute(
             listener.remark(f"{batch[0].key}: {cause}; it is tried again")
 
         with _crew(job, together, listener, workers=workers, scheduler=scheduler) as measure:
-            if todo:
+            if todo or changed:
                 run.discard_results()
+            if changed:
+                run.write_experiment(experiment.to_toml())
             results = with_retries(measure, together, retries=retries, retrying=retrying)
             with Ledger(run, manifest) as ledger, closing(results):
                 for batch, result in results:

@@ -10,8 +10,8 @@ from tracknoise.experiments.settings import Experiment, parse_experiment
 from tracknoise.tables.store import Manifest, RunFolder
 
 
-def begin(experiment: Experiment, run: RunFolder, *, fresh: bool) -> Manifest:
-    """The manifest of the run to go on with, or of a new one.
+def begin(experiment: Experiment, run: RunFolder, *, fresh: bool) -> tuple[Manifest, bool]:
+    """The manifest of the run to go on with, or of a new one; and whether its settings are to be written anew.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def begin(experiment: Experiment, run: RunFolder, *, fresh: bool) -> Manifest:
         run.require_empty()
     run.discard_unfinished()
     run.create(experiment.to_toml(), new_manifest(experiment))
-    return run.manifest()
+    return run.manifest(), False
 
 
 def due(tasks: list[Task], run: RunFolder, manifest: Manifest) -> list[Task]:
@@ -49,8 +49,10 @@ def due(tasks: list[Task], run: RunFolder, manifest: Manifest) -> list[Task]:
     return [task for task in tasks if not is_measured(task)]
 
 
-def set_out(todo: list[Task], run: RunFolder, manifest: Manifest, experiment: Experiment) -> None:
+def set_out(todo: list[Task], run: RunFolder, manifest: Manifest, experiment: Experiment, *, changed: bool) -> None:
     """Strike from the manifest what is to be measured, and what failed or was derived before.
+
+    Nothing is written: a start that is refused leaves the run as it was.
 
     Raises
     ------
@@ -60,7 +62,7 @@ def set_out(todo: list[Task], run: RunFolder, manifest: Manifest, experiment: Ex
     manifest.failures.clear()
     for task in todo:  # an earlier measurement that is stale must not stand in for one that fails
         manifest.sequences.pop(task.key, None)
-    if todo:
+    if todo or changed:
         manifest.statistics.clear()
     if not manifest.sequences:
         now = new_manifest(experiment)
@@ -69,7 +71,7 @@ def set_out(todo: list[Task], run: RunFolder, manifest: Manifest, experiment: Ex
         require_versions(manifest.versions, place=str(run.path))
 
 
-def _go_on(experiment: Experiment, run: RunFolder) -> Manifest:
+def _go_on(experiment: Experiment, run: RunFolder) -> tuple[Manifest, bool]:
     there = parse_experiment(run.experiment_toml(), place=str(run.path / "experiment.toml"))
     adapted = there.with_findings(experiment.findings)  # which are made of what is kept
     if _has_grown(there, experiment):
@@ -77,10 +79,8 @@ def _go_on(experiment: Experiment, run: RunFolder) -> Manifest:
     _check_same(experiment, adapted, run)
     run.discard_unfinished()
     manifest = run.manifest()
-    if adapted != there:
-        run.write_experiment(adapted.to_toml())
     manifest.settings_hash = experiment.digest()
-    return manifest
+    return manifest, adapted != there
 
 
 def _has_grown(there: Experiment, wanted: Experiment) -> bool:

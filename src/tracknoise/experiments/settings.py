@@ -113,9 +113,9 @@ class StatisticsSettings(_Section):
 class FindingsSettings(_Section):
     """What is asked of the statistics, and how surely; may change from one start of a run to the next."""
 
-    margin: Annotated[float, Field(gt=0)] = MARGIN
+    margin: Annotated[float, Field(gt=0, allow_inf_nan=False)] = MARGIN
     """Largest relative effect of a factor that does not matter."""
-    level: Annotated[float, Field(ge=0.5, lt=1)] = LEVEL
+    level: Annotated[float, Field(ge=0.5, le=0.99)] = LEVEL
     """Share of intervals that hold the true value."""
     intervals: Literal["student", "percentile", "bca"] = "student"
     """How intervals of curves, lifetimes and outlier ratios are made: see docs/findings.md."""

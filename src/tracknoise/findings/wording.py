@@ -98,7 +98,7 @@ def view_text(view: Mapping[str, object], names: Iterable[str]) -> str:
 
 
 def interval_text(level: float, resampled: str, n_scenes: Sequence[int]) -> str:
-    """Write of what kind intervals are: ``95 % intervals, 8 scenes resampled``.
+    """Write of what kind intervals are: ``95 % intervals over 8 scenes``.
 
     Parameters
     ----------
@@ -111,5 +111,5 @@ def interval_text(level: float, resampled: str, n_scenes: Sequence[int]) -> str:
     """
     least, most = min(n_scenes), max(n_scenes)
     scenes = count(most, "scene") if least == most else f"{least} to {count(most, 'scene')}"
-    what = f"{scenes} resampled" if resampled == "scenes" else f"blocks of tracks resampled within {scenes}"
-    return f"{100 * level:g}{SPACE}% intervals, {what}"
+    what = f" over {scenes}" if resampled == "scenes" else f", blocks of tracks resampled within {scenes}"
+    return f"{100 * level:g}{SPACE}% intervals{what}"

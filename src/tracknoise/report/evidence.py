@@ -91,7 +91,8 @@ class Evidence:
     @property
     def margin(self) -> float:
         """Largest relative effect of a factor that does not matter."""
-        return float(self._section("findings").get("margin", MARGIN))
+        found = self.effects["margin"].drop_nulls()
+        return float(found.item(0)) if found.len() else MARGIN
 
     @property
     def min_features(self) -> int:

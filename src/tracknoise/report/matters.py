@@ -34,7 +34,10 @@ def verdicts(evidence: Evidence) -> Cells:
     parts = [name.rpartition(": ") for name in columns]
     groups = [(group, len(list(names))) for group, names in groupby(group for group, _, _ in parts)]
     rows = list(zip(*columns.values(), strict=True))
-    legend = "" if table.width == len(columns) else f" ({', '.join(f'{mark} {word}' for word, mark in _MARKS.items())})"
+    marks = [] if table.width == len(columns) else [f"{mark} {word}" for word, mark in _MARKS.items()]
+    asks = any("?" in cell for name in columns if name.endswith(": here") for cell in columns[name])
+    marks += ["yes? or no?: by the effect alone, undecided by its interval"] if asks else []
+    legend = f" ({', '.join(marks)})" if marks else ""
     return Cells(f"Does it matter?{legend}", [name for _, _, name in parts], rows, [False] * len(parts), groups)
 
 

@@ -117,6 +117,23 @@ class Manifest:
         return json.dumps(document, indent=2) + "\n"
 
     @classmethod
+    def emptied(cls, text: str, *, place: str) -> Self:
+        """One of this format that says that nothing is measured, in place of one of any.
+
+        Raises
+        ------
+        StoreError
+            If `text` is no manifest at all.
+        """
+        try:
+            is_manifest = isinstance(json.loads(text)["format"], int)
+        except (ValueError, KeyError, TypeError) as error:
+            raise StoreError(f"{place}: damaged ({error}), expected a run's manifest") from error
+        if not is_manifest:
+            raise StoreError(f"{place}: damaged, expected a run's manifest")
+        return cls(settings_hash="", versions={}, machine={}, seed=0)
+
+    @classmethod
     def from_json(cls, text: str, *, place: str) -> Self:
         """Read what `to_json` wrote; `place` is what errors call it.
 
@@ -129,7 +146,8 @@ class Manifest:
             raw: dict[str, Any] = json.loads(text)
             found = raw.pop("format")
             if found != FORMAT:
-                raise StoreError(f"{place}: format {found}, expected {FORMAT}")
+                remedy = "measure again with --fresh, or read it with the version that wrote it"
+                raise StoreError(f"{place}: format {found}, expected {FORMAT}: {remedy}")
             raw["sequences"] = {
                 key: SequenceEntry(**{**entry, "notes": tuple(entry["notes"])})
                 for key, entry in raw["sequences"].items()

@@ -222,9 +222,7 @@ class RunFolder:
         StoreError
             If the manifest is not one of a run, or the folder cannot be written.
         """
-        manifest = self.manifest()
-        manifest.sequences.clear()
-        self.write_manifest(manifest)
+        self.write_manifest(Manifest.emptied(self._read_text(_MANIFEST), place=str(self.path / _MANIFEST)))
         self.discard_results()
         for name in (*SEQUENCE_TABLES, _SNAPSHOTS, _FAILURES, _SETTINGS, _MANIFEST):
             remove(self.path / name)

@@ -71,7 +71,7 @@ def test_noise_is_the_root_of_the_second_moment_with_its_interval() -> None:
         "0.300 px in v, untrimmed 1.200 px in u and 0.900 px in v."
     )
     assert "above the 90th percentile" in noise["text"]
-    assert noise["text"].endswith("In brackets: 95 % intervals, 8 scenes resampled.")
+    assert noise["text"].endswith("In brackets: 95 % intervals over 8 scenes.")
     assert (noise["value"], noise["low"], noise["high"]) == pytest.approx((0.41, 0.38, 0.45))
     assert (noise["figure"], noise["table"], noise["unit"]) == ("curves", "intervals", "px")
 

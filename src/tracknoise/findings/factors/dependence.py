@@ -3,7 +3,8 @@
 Scenes are what is sampled, and a scene is seen at all levels of a factor: what its levels share cancels in their
 difference. For every row of the table of effects, the levels' curves are compared at the same points
 (`tracknoise.findings.factors.paired`), and the largest effect gets an interval and two p-values
-(`tracknoise.findings.factors.largest`). q-values are taken over all rows of a dataset's factor.
+(`tracknoise.findings.factors.largest`). q-values are taken over the cells of a factor's table, those of all trackers
+and speeds together; central covariances are in no table, and have q-values among themselves.
 
 A factor matters (`yes`) if the interval is above the margin, and q_yes is at most 1 - level. It does not (`no`) if the
 interval is below the margin, q_no is at most 1 - level, and every pair of levels is in it. All else is `undecided`.
@@ -180,9 +181,11 @@ def _judged(table: pl.DataFrame, level: float) -> pl.DataFrame:
 
 
 def _q(table: pl.DataFrame, p: str) -> pl.Series:
-    """q-values over the rows of each dataset and factor."""
+    """q-values over the cells of the table of each dataset and factor, and over what is in no table."""
     values = table[p].to_numpy().astype(np.float64)
-    families = group_rows(table, ["dataset", "factor"])
+    families = group_rows(
+        table.with_columns(is_cell=pl.col("statistic") != "central"), ["dataset", "factor", "is_cell"]
+    )
     for family in range(families.count):
         rows = families.index == family
         values[rows] = benjamini_hochberg(values[rows])

@@ -1,8 +1,8 @@
 """What errors do as time goes by: a verdict from how their second moment grows, and a sentence that says it.
 
 The verdict (behaviour) is `none` where (growth) misses the second moment by a quarter of it or more, so that it neither
-stays, nor grows as any of the three does; otherwise the term whose share of the fitted second moment is above a half
-with all of its interval; otherwise `undecided`.
+stays, nor grows as any of the three does; otherwise the term whose share of the fitted second moment is above a half,
+and whose size is above zero, with all of their intervals; otherwise `undecided`.
 
 What each means:
 
@@ -66,7 +66,7 @@ def behaves(growth: Growth) -> tuple[str, str]:
     if growth.misfit >= MAX_MISFIT:
         return "none", f"neither stays nor grows steadily: the fit misses its square by {percent(growth.misfit)}"
     for term in TERMS:
-        if growth.shares[term].above(MAJORITY):
+        if growth.shares[term].above(MAJORITY) and growth.sizes[term].above(0.0):
             others = [f"; besides, it {_BESIDES[other](growth)}" for other in TERMS if _is_besides(growth, other, term)]
             return _NAMES[term], _SENTENCES[term](growth) + "".join(others)
     shares = ", ".join(f"{_NAMES[term]} {_percents(growth.shares[term])}" for term in TERMS)

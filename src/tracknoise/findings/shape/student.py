@@ -18,8 +18,8 @@ from tracknoise.findings.shape.elliptical import log_normaliser, moments, square
 
 Array = NDArray[np.float64]
 
-ROUNDS = 15
-"""Enough for nu to three digits, and for the likelihood to 1e-6 nats."""
+ROUNDS = 40
+"""Enough for nu to three digits, unless tails are so heavy that scenes differ by more than their errors do."""
 NU_RANGE = (0.5, 200.0)
 """Beyond the upper end it cannot be told from a Gaussian: the two differ by 5e-5 nats there."""
 _START = 8.0

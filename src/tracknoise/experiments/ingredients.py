@@ -23,7 +23,7 @@ class Ingredients:
     moments
         Of the visible observations, and of those that the experiment is about.
     aspects
-        Of the reference view, where scenes are enough to be resampled.
+        Of the reference view at the lowest speed, which figures show, where scenes are enough to be resampled.
     blocks
         Where they are not.
     ends
@@ -59,6 +59,7 @@ class Ingredients:
         entries = run.manifest().sequences
         every = sorted(entries)
         shown = [key for key in every if all(getattr(entries[key], name) == getattr(view, name) for name in VIEW)]
+        slowest = pl.col("speed") == view.speed
 
         def read(name: str, keys: list[str], reduce: Callable[[pl.DataFrame], pl.DataFrame]) -> pl.DataFrame:
             tables = (run.sequence_table(name, key) for key in keys)
@@ -69,7 +70,11 @@ class Ingredients:
         few = frames.group_by(POOLED).agg(n=pl.col("scene").n_unique()).filter(pl.col("n") < MIN_SCENES).drop("n")
         return cls(
             moments=read("moments", every, lambda table: table.filter(seen)),
-            aspects=read("aspects", shown, lambda table: table.join(few, on=POOLED, how="anti", maintain_order="left")),
+            aspects=read(
+                "aspects",
+                shown,
+                lambda table: table.filter(slowest).join(few, on=POOLED, how="anti", maintain_order="left"),
+            ),
             blocks=read(
                 "blocks",
                 [] if few.is_empty() else every,

@@ -93,10 +93,10 @@ def _measure(sequences: int) -> dict[str, float]:
             manifest.sequences[entry.key] = replace(entry, sha256=hashes)
         run.write_manifest(manifest)
         with _timed(clock, "pooling"):
-            pool(run, experiment)
+            statistics = pool(run, experiment)
         peak = peak_mib()
         with _timed(clock, "finding"):
-            find(run, experiment)
+            find(run, experiment, statistics)
         kept = sum(path.stat().st_size for path in run.path.rglob("*.parquet"))
     return {"peak": peak, "peak with findings": peak_mib(), "observations": observations, "kept": kept, **clock}
 

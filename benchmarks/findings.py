@@ -77,9 +77,9 @@ def _measure(scenes: int, lightings: int) -> dict[str, float]:
                 manifest.sequences[entry.key] = replace(entry, sha256=hashes)
         run.write_manifest(manifest)
         start = time.perf_counter()
-        pool(run, experiment)
+        statistics = pool(run, experiment)
         pooled = time.perf_counter()
-        find(run, experiment)
+        find(run, experiment, statistics)
         return {"pooling": pooled - start, "finding": time.perf_counter() - pooled, "peak": peak_mib()}
 
 

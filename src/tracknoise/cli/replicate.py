@@ -1,6 +1,5 @@
 """``tracknoise replicate``: the paper's experiments, as far as the data at hand allow, and the pages that join them."""
 
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -8,7 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.run import FramesOption, FreshOption, ModelsOption, ScenesOption, WorkersOption, run_experiment
+from tracknoise.cli.run import (
+    FramesOption,
+    FreshOption,
+    ModelsOption,
+    ScenesOption,
+    WorkersOption,
+    processes,
+    run_experiment,
+)
 from tracknoise.cli.terminal import DebugOption, QuietOption, Terminal
 from tracknoise.exceptions import TracknoiseError
 
@@ -52,7 +59,7 @@ def replicate(
     found = candidates(data or [])
     for candidate in found:
         context.obj.say(f"{candidate.preset}: {candidate.found}")
-    runs = _Runs(context.obj, out, workers or os.cpu_count() or 1, fresh=fresh)
+    runs = _Runs(context.obj, out, processes(workers), fresh=fresh)
     replicated = [_repeat(candidate, runs, Limits(scenes, frames, models)) for candidate in found]
     if not any(item.run for item in replicated):
         context.obj.error("none of the paper's experiments could be measured")

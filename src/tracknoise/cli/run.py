@@ -77,6 +77,11 @@ def run(
     return run_experiment(context.obj, loaded, out, workers, scheduler=scheduler, fresh=fresh, report=report)
 
 
+def processes(workers: int | None) -> int:
+    """How many processes measure: as many as were asked for, else one a core."""
+    return workers or os.cpu_count() or 1
+
+
 def run_experiment(
     terminal: Terminal,
     experiment: "Experiment",
@@ -100,7 +105,7 @@ def run_experiment(
             experiment,
             folder,
             listener=progress,
-            workers=workers or os.cpu_count() or 1,
+            workers=processes(workers),
             scheduler=scheduler,
             fresh=fresh,
             debug=terminal.debug,

@@ -1,6 +1,5 @@
 """``tracknoise selfcheck``: whether the instrument gives back what went in, on this machine."""
 
-import os
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tracknoise.cli.run import WorkersOption
+from tracknoise.cli.run import WorkersOption, processes
 from tracknoise.cli.terminal import DebugOption, QuietOption, Terminal
 
 if TYPE_CHECKING:
@@ -63,15 +62,10 @@ def selfcheck(
 
 def comparison_text(comparison: "pl.DataFrame") -> str:
     """The comparison as a plain text table, a line a number."""
+    from tracknoise.cli.text_table import aligned
+
     rows = [_HEADINGS, *(_cells(row) for row in comparison.iter_rows(named=True))]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = [
-        "  ".join(
-            cell.ljust(width) if place in _TEXT_COLUMNS else cell.rjust(width)
-            for place, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
+    lines = aligned(rows, numeric=[place not in _TEXT_COLUMNS for place in range(len(_HEADINGS))])
     return "\n".join([lines[0], "-" * len(lines[0]), *lines[1:]])
 
 
@@ -116,7 +110,7 @@ def _measure(terminal: Terminal, path: Path, *, scenes: int, seed: int, workers:
         raise StoreError(f"{path}: holds the run of another experiment, expected a new folder or an earlier selfcheck")
     with RunProgress(terminal) as progress:
         outcome = execute(
-            experiment, run, listener=progress, workers=workers or os.cpu_count() or 1, fresh=True, debug=terminal.debug
+            experiment, run, listener=progress, workers=processes(workers), fresh=True, debug=terminal.debug
         )
     return None if outcome.failures else run
 

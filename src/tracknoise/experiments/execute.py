@@ -127,8 +127,7 @@ def execute(
                     _settle(batch, result, ledger, listener)
                     ledger.write_if_due()
         if manifest.sequences:
-            pool(run, experiment)
-            find(run, experiment)
+            find(run, experiment, pool(run, experiment))
     return Outcome(sorted(manifest.sequences), dict(manifest.failures))
 
 

@@ -20,27 +20,28 @@ from tracknoise.sequences.sequence import TruthKind
 from tracknoise.statistics.aspects import aspect_curves
 from tracknoise.statistics.change_curves import change_curves
 from tracknoise.statistics.effects import Reference
-from tracknoise.tables.store import STATISTICS_TABLES, RunFolder
+from tracknoise.statistics.trimming import dropped_above
+from tracknoise.tables.store import RunFolder
 
 
-def find(run: RunFolder, experiment: Experiment) -> None:
+def find(run: RunFolder, experiment: Experiment, statistics: Mapping[str, pl.DataFrame]) -> None:
     """Compute the findings of a run from its scenes' moments and write them, as tables and as ``findings.json``.
 
     Parameters
     ----------
     run
-        With its statistics, those that `tracknoise.experiments.pool.pool` writes.
+        With at least one measured sequence.
     experiment
         Says where curves are cut, and which population errors are of.
+    statistics
+        What `tracknoise.experiments.pool.pool` made of it.
 
     Raises
     ------
     StoreError, SchemaError
         If a table is damaged, or the folder cannot be written.
     """
-    statistics = {name: run.statistics(name) for name in STATISTICS_TABLES}
-    slowest = int(statistics["outliers"]["speed"].min())  # type: ignore[arg-type]
-    view = reference(run.manifest(), experiment, speed=slowest)
+    view = reference(run.manifest(), experiment, statistics["outliers"])
     tables = _tables(run, experiment, statistics, view)
     tables["findings"] = headlines({**statistics, **tables}, _scope(run, experiment, statistics["trims"], view))
     for name, table in tables.items():
@@ -95,12 +96,11 @@ def _tables(
 
 
 def _scope(run: RunFolder, experiment: Experiment, trims: pl.DataFrame, view: Reference) -> Scope:
-    dropped = trims["percentile"].drop_nulls().unique().to_list()
     truths = {entry.truth for entry in run.manifest().sequences.values()}
     return Scope(
         view,
         [tracker.label for tracker in experiment.trackers],
         population=experiment.truth.population,
-        percentile=dropped[0] if dropped and dropped[0] < 100 else None,
+        percentile=dropped_above(trims),
         recorded=truths != {TruthKind.raycast},
     )

@@ -86,8 +86,8 @@ class Ingredients:
 
 
 def _ends(ends: pl.DataFrame, few: pl.DataFrame) -> pl.DataFrame:
+    """Counts by block where scenes are few, otherwise of all blocks together."""
     key = [*ORIGIN, "block", "lifetime"]
-    marked = ends if few.is_empty() else ends.join(few.with_columns(few=True), on=POOLED, how="left")
-    alone = pl.lit(value=False) if few.is_empty() else pl.col("few").fill_null(value=False)
-    named = marked.with_columns(block=pl.when(alone).then("block").otherwise(pl.lit(0, dtype=pl.UInt8)))
+    marked = ends.join(few.with_columns(is_few=pl.lit(value=True)), on=POOLED, how="left")
+    named = marked.with_columns(block=pl.when("is_few").then("block").otherwise(pl.lit(0, dtype=pl.UInt8)))
     return named.group_by(key).agg(pl.col("n_ended", "n_censored").sum()).sort(key)

@@ -14,7 +14,7 @@ from tracknoise.statistics.summary import summary
 from tracknoise.tables.store import RunFolder
 
 
-def pool(run: RunFolder, experiment: Experiment) -> None:
+def pool(run: RunFolder, experiment: Experiment) -> dict[str, pl.DataFrame]:
     """Compute the statistics of a run from its sequences' tables, a few sequences at a time, and write them.
 
     None of the tables that are read grows with the count of observations, and what is held grows with neither that nor
@@ -27,6 +27,11 @@ def pool(run: RunFolder, experiment: Experiment) -> None:
         With at least one measured sequence.
     experiment
         Says where curves are cut, and which population the summary is of.
+
+    Returns
+    -------
+    dict
+        What was written: the tables of `STATISTICS_TABLES`, by name.
 
     Raises
     ------
@@ -41,8 +46,7 @@ def pool(run: RunFolder, experiment: Experiment) -> None:
         "errors": merge_errors(run.sequence_tables("errors")),
         "counts": merge_counts(run.sequence_tables("counts")),
     }
-    slowest = int(tables["outliers"]["speed"].min())  # type: ignore[arg-type]
-    view = reference(run.manifest(), experiment, speed=slowest)
+    view = reference(run.manifest(), experiment, tables["outliers"])
     tables["summary"] = summary(
         tables["curves"],
         tables["lifetimes"],
@@ -60,3 +64,4 @@ def pool(run: RunFolder, experiment: Experiment) -> None:
     )
     for name, table in tables.items():
         run.write_statistics(name, table)
+    return tables

@@ -2,6 +2,8 @@
 
 from collections.abc import Collection
 
+import polars as pl
+
 from tracknoise.experiments.settings import Experiment
 from tracknoise.statistics.effects import Reference
 from tracknoise.statistics.lightings import lightings_in_order
@@ -21,8 +23,8 @@ def first_lighting(lightings: Collection[str], experiment: Experiment) -> str:
     return lightings_in_order(lightings, experiment.dataset.lightings)[0]
 
 
-def reference(manifest: Manifest, experiment: Experiment, *, speed: int) -> Reference:
-    """The view that comes first in a run: forward, upright, and under the first lighting.
+def reference(manifest: Manifest, experiment: Experiment, outliers: pl.DataFrame) -> Reference:
+    """The view that comes first in a run: forward, upright, and under the first lighting, at the lowest speed.
 
     Parameters
     ----------
@@ -30,14 +32,14 @@ def reference(manifest: Manifest, experiment: Experiment, *, speed: int) -> Refe
         With at least one measured sequence.
     experiment
         Which may name lightings.
-    speed
-        The lowest one measured.
+    outliers
+        Statistics table of that name, which has every condition that was measured.
     """
     entries = list(manifest.sequences.values())
     return Reference(
         lighting=first_lighting({entry.lighting for entry in entries}, experiment),
         rotation=min(entry.rotation for entry in entries),
         direction=max(entry.direction for entry in entries),
-        speed=speed,
+        speed=int(outliers["speed"].min()),  # type: ignore[arg-type]
         key_frames={entry.direction: entry.key_frame for entry in entries if entry.key_frame is not None},
     )

@@ -3,6 +3,8 @@
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
+import polars as pl
+
 SPACE = "\N{NO-BREAK SPACE}"
 MINUS, DASH, TIMES = "\N{MINUS SIGN}", "\N{EN DASH}", "\N{MULTIPLICATION SIGN}"
 _VIEW = {"lighting": "under lighting {}", "rotation": "at rotation {}°", "direction": "played {}"}
@@ -67,6 +69,12 @@ def chance(p: float) -> str:
 def count(n: int, noun: str) -> str:
     """Write a count with its noun: ``no tracks``, ``1 track``, ``1,200 tracks``."""
     return f"{number(n) if n else 'no'} {noun}{'' if n == 1 else 's'}"
+
+
+def scenes_counted(column: str) -> pl.Expr:
+    """A column of counts of scenes in words: ``1 scene``, ``4 scenes``; null where it is."""
+    noun = pl.when(pl.col(column) == 1).then(pl.lit("scene")).otherwise(pl.lit("scenes"))
+    return pl.format("{} {}", column, noun)
 
 
 def listing(items: Iterable[str], *, joint: str = "and") -> str:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from tracknoise.findings.flips import FlipTest, flip_test
 from tracknoise.findings.sampling.multiplicity import holm
 from tracknoise.findings.sampling.resampling import MIN_SCENES
+from tracknoise.findings.wording import scenes_counted
 from tracknoise.statistics.curves import NAMES
 from tracknoise.statistics.grouping import POOLED, group_rows
 from tracknoise.tables.findings_schema import ZERO_MEAN
@@ -123,8 +124,7 @@ def _of_curve(points: pl.DataFrame, scenes: pl.DataFrame, seed: int) -> pl.DataF
     overall = _overall(ages, found, scenes["scene"].n_unique())
     rows = pl.concat([overall, ages], how="diagonal_relaxed")
     differs = (pl.col("sign_flip_p_adjusted").fill_nan(None) <= ALPHA).fill_null(value=False)
-    noun = pl.when(pl.col("n_scenes") == 1).then(pl.lit("scene")).otherwise(pl.lit("scenes"))
-    few = pl.format(f"no test at 5 % exists with {{}} {{}}, at least {MIN_SCENES} are needed", "n_scenes", noun)
+    few = pl.format(f"no test at 5 % exists with {{}}, at least {MIN_SCENES} are needed", scenes_counted("n_scenes"))
     chance = pl.when(~differs).then(pl.lit(_CHANCE))
     why = pl.when(pl.col("n_scenes") < MIN_SCENES).then(few).otherwise(pl.coalesce("why", chance))
     return rows.with_columns(why=why, verdict=pl.when(differs).then(pl.lit("yes")).otherwise(pl.lit("undecided")))

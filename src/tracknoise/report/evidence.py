@@ -16,6 +16,7 @@ from tracknoise.report.axis import AGE, FRAME, Axis
 from tracknoise.report.bands import BOUNDS, with_bounds
 from tracknoise.statistics.effects import MARGIN
 from tracknoise.statistics.lightings import lightings_in_order
+from tracknoise.statistics.trimming import dropped_above
 from tracknoise.tables.schema import VIEW
 from tracknoise.tables.store import FINDINGS_TABLES, STATISTICS_TABLES, Manifest, RunFolder, SequenceEntry
 
@@ -102,8 +103,7 @@ class Evidence:
     @cached_property
     def percentile(self) -> float | None:
         """Percentile of the tracks' largest error above which they were dropped; None where none was."""
-        found = self.trims["percentile"].drop_nulls().unique().to_list()
-        return found[0] if found and found[0] < 100 else None
+        return dropped_above(self.trims)
 
     @property
     def errors_kept(self) -> str:

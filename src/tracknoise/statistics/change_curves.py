@@ -5,16 +5,15 @@ See `tracknoise.statistics.increments` for what a change is, and for (autocorrel
 
 from collections.abc import Iterable
 
-import numpy as np
 import polars as pl
 
 from tracknoise.statistics.grouping import POOLED, group_rows, in_chunks
+from tracknoise.statistics.moments import ABOUT_ZERO
 from tracknoise.tables.schema import CHANGES, INCREMENTS, check
 
 _KEYS = [*POOLED, "trimming", "lag", "age"]
-_MOMENTS = ["u", "v", "uu", "uv", "vv"]
 _PRODUCTS = ["lagged_uu", "lagged_vv", "squares_uu", "squares_vv"]
-_SUMS = ["n", "n_scenes", *_MOMENTS, *_PRODUCTS]
+_SUMS = ["n", "n_scenes", *ABOUT_ZERO, *_PRODUCTS]
 
 
 def change_curves(increments: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
@@ -62,16 +61,12 @@ def _ratio(axis: str) -> pl.Expr:
 
 def _sums(increments: pl.DataFrame) -> pl.DataFrame:
     """Sums about zero, which add up, of every scene's blocks together."""
-    n, (u, v) = pl.col("n"), (pl.col("mean_u"), pl.col("mean_v"))
-    moments = [n * u, n * v, pl.col("m_uu") + n * u * u, pl.col("m_uv") + n * u * v, pl.col("m_vv") + n * v * v]
-    named = [expression.alias(name) for name, expression in zip(_MOMENTS, moments, strict=True)]
     first = pl.col("block") == pl.col("block").min().over("scene", *_KEYS)  # rows of all blocks together have none
     is_scene = first.fill_null(value=True).cast(pl.Float64)
-    table = increments.select(*_KEYS, n.cast(pl.Float64), *named, *_PRODUCTS, n_scenes=is_scene)
-    return _added(table.with_columns(pl.col(*_MOMENTS, *_PRODUCTS).fill_null(0.0)).select(*_KEYS, *_SUMS))
+    table = increments.select(*_KEYS, pl.col("n").cast(pl.Float64), *_PRODUCTS, n_scenes=is_scene, **ABOUT_ZERO)
+    return _added(table.with_columns(pl.col(*ABOUT_ZERO, *_PRODUCTS).fill_null(0.0)))
 
 
 def _added(sums: pl.DataFrame) -> pl.DataFrame:
     groups = group_rows(sums, _KEYS)
-    totals = {name: np.bincount(groups.index, sums[name].to_numpy(), groups.count) for name in _SUMS}
-    return groups.keys.hstack(pl.DataFrame(totals, schema=dict.fromkeys(_SUMS, pl.Float64)))
+    return groups.keys.hstack(groups.sums(sums, _SUMS))

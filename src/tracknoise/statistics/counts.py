@@ -4,8 +4,8 @@ from collections.abc import Iterable
 
 import polars as pl
 
-from tracknoise.statistics.grouping import POOLED, in_chunks
-from tracknoise.tables.schema import COUNTS, OBSERVATIONS, TRACKS, TrackEnd, TruthStatus, check, empty
+from tracknoise.statistics.grouping import POOLED, add_up
+from tracknoise.tables.schema import COUNTS, OBSERVATIONS, TRACKS, TrackEnd, TruthStatus, check
 
 
 def counts(observations: pl.DataFrame, tracks: pl.DataFrame) -> pl.DataFrame:
@@ -52,11 +52,7 @@ def merge_counts(tables: Iterable[pl.DataFrame]) -> pl.DataFrame:
     SchemaError
         If a table has other columns.
     """
-    names = [column for column in COUNTS if column != "n"]
-    total = empty(COUNTS)
-    for chunk in in_chunks(tables, COUNTS, "counts"):
-        total = pl.concat([total, chunk]).group_by(names).agg(pl.col("n").sum())
-    return total.sort(names)
+    return add_up(tables, COUNTS, "counts").sort([column for column in COUNTS if column != "n"])
 
 
 def _count(table: pl.DataFrame, kind: str, names: list[str]) -> pl.DataFrame:

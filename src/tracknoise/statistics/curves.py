@@ -103,8 +103,7 @@ def _added(points: pl.DataFrame) -> pl.DataFrame:
     """Rows of the same point made one, added up in the order in which they stand; sorted by point."""
     groups = group_rows(points, _POINT)
     totals = [name for statistic in _COLUMNS for name in (*_SUMS[statistic], _SCENES[statistic])]
-    sums = {name: np.bincount(groups.index, points[name].to_numpy(), groups.count) for name in totals}
-    added = pl.DataFrame(sums).select(pl.col(name).cast(points.schema[name]) for name in totals)
+    added = groups.sums(points, totals).select(pl.col(name).cast(points.schema[name]) for name in totals)
     return merge(points.select(_MOMENTS), by=_POINT).hstack(added)
 
 

@@ -35,6 +35,11 @@ class Groups:
         """Number of groups."""
         return self.keys.height
 
+    def sums(self, table: pl.DataFrame, columns: Sequence[str]) -> pl.DataFrame:
+        """Totals of columns of the grouped table, Float64, added up in the order of its rows: a row a group."""
+        totals = {name: np.bincount(self.index, table[name].to_numpy(), self.count) for name in columns}
+        return pl.DataFrame(totals, schema=dict.fromkeys(columns, pl.Float64))
+
 
 def group_rows(table: pl.DataFrame, by: Sequence[str]) -> Groups:
     """Group the rows of `table` that agree in all columns of `by` (at least one)."""
@@ -107,3 +112,25 @@ def in_chunks(
             waiting, height = [], 0
     if waiting:
         yield pl.concat(waiting)
+
+
+def add_up(tables: pl.DataFrame | Iterable[pl.DataFrame], schema: Schema, name: str) -> pl.DataFrame:
+    """Counts `n` of rows that agree in all other columns, added up; in no particular order.
+
+    Parameters
+    ----------
+    tables
+        One table of counts, or any number of them, read one at a time.
+    schema, name
+        What each must be, and what to call it where it is not.
+
+    Raises
+    ------
+    SchemaError
+        If a table does not have the columns of `schema`.
+    """
+    keys = [column for column in schema if column != "n"]
+    total = empty(schema)
+    for chunk in in_chunks(tables, schema, name):
+        total = pl.concat([total, chunk]).group_by(keys).agg(pl.col("n").sum())
+    return total

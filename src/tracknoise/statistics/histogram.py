@@ -5,8 +5,8 @@ from collections.abc import Iterable
 import numpy as np
 import polars as pl
 
-from tracknoise.statistics.grouping import POOLED, in_chunks
-from tracknoise.tables.schema import ERRORS, TRACKS, check, empty
+from tracknoise.statistics.grouping import POOLED, add_up
+from tracknoise.tables.schema import ERRORS, TRACKS, check
 
 BINS_PER_DECADE = 10
 # Rounded, so that they are the same numbers on every machine.
@@ -62,10 +62,7 @@ def merge_errors(errors: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
     SchemaError
         If a table has other columns.
     """
-    bins = [column for column in ERRORS if column != "n"]
-    total = empty(ERRORS)
-    for chunk in in_chunks(errors, ERRORS, "errors"):
-        total = pl.concat([total, chunk]).group_by(bins).agg(pl.col("n").sum())
+    total = add_up(errors, ERRORS, "errors")
     return check(total.sort(*POOLED, "bin_low_px"), ERRORS, "errors")
 
 

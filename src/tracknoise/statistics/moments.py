@@ -5,6 +5,7 @@ resampled and added later without a second look at the observations.
 """
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 import polars as pl
@@ -15,6 +16,17 @@ from tracknoise.statistics.populations import VISIBLE, measured
 from tracknoise.tables.schema import AXIS, MOMENTS, OBSERVATIONS, ORIGIN, POPULATION, TRIMMING, check
 
 KEYS = [*ORIGIN, "population", "trimming", "axis", "at"]
+_N, _MEAN_U, _MEAN_V = pl.col("n"), pl.col("mean_u").fill_null(0.0), pl.col("mean_v").fill_null(0.0)
+ABOUT_ZERO: Mapping[str, pl.Expr] = MappingProxyType(
+    {
+        "u": _N * _MEAN_U,
+        "v": _N * _MEAN_V,
+        "uu": pl.col("m_uu") + _N * _MEAN_U**2,
+        "uv": pl.col("m_uv") + _N * _MEAN_U * _MEAN_V,
+        "vv": pl.col("m_vv") + _N * _MEAN_V**2,
+    }
+)
+"""Sums about zero, which add up, from n, means and central sums."""
 _MEANS = ["mean_u", "mean_v"]
 _SUMS = ["m_" + "u" * p + "v" * q for p, q in FOURTH]
 _ABS_MEANS = ["mean_abs_u", "mean_abs_v"]

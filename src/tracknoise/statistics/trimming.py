@@ -87,6 +87,18 @@ def trim(
     return Trimmed(_with_kept(observations, marked), marked, trims)
 
 
+def dropped_above(trims: pl.DataFrame) -> float | None:
+    """Percentile of the tracks' largest errors above which a run's tracks were dropped; None where none was.
+
+    Parameters
+    ----------
+    trims
+        Schema `TRIMS`, of one run.
+    """
+    found: list[float] = trims["percentile"].drop_nulls().unique().to_list()
+    return found[0] if found and found[0] < 100 else None
+
+
 def _with_largest_error(tracks: pl.DataFrame, errors: pl.DataFrame, away: pl.Expr) -> pl.DataFrame:
     """Tracks with `max_error_px`, and `followed`: whether they have an error away from their anchor."""
     error_px = (pl.col("du_px").pow(2) + pl.col("dv_px").pow(2)).sqrt()

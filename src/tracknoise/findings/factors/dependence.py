@@ -23,6 +23,7 @@ from tracknoise.findings.factors.paired_sums import CURVE_SUMS, curve_sums, life
 from tracknoise.findings.factors.rotation import rotations
 from tracknoise.findings.sampling.multiplicity import benjamini_hochberg
 from tracknoise.findings.sampling.resampling import LEVEL, MIN_SCENES
+from tracknoise.findings.wording import scenes_counted
 from tracknoise.statistics.curves import NAMES
 from tracknoise.statistics.effects import SCALARS
 from tracknoise.statistics.grouping import POOLED, group_rows
@@ -203,8 +204,7 @@ def _verdict(level: float) -> pl.Expr:
 
 def _why() -> pl.Expr:
     """What an undecided verdict wants; null for the others."""
-    scenes = pl.when(pl.col("n_scenes") == 1).then(pl.lit("scene")).otherwise(pl.lit("scenes"))
-    few = pl.format(f"two levels share {{}} {{}}, at least {MIN_SCENES} are needed", "n_scenes", scenes)
+    few = pl.format(f"two levels share {{}}, at least {MIN_SCENES} are needed", scenes_counted("n_scenes"))
     nowhere = pl.lit(f"nowhere do {MIN_SCENES} scenes have something at two levels")
     holds = (pl.col("low") <= pl.col("margin")) & (pl.col("high") >= pl.col("margin"))
     return (

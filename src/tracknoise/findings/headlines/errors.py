@@ -5,7 +5,7 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.findings.headlines.headline import Headline, Tables, capitalised, each_tracker, leading, resampled, told
+from tracknoise.findings.headlines.headline import Headline, Said, Tables, by_tracker, capitalised, resampled, told
 from tracknoise.findings.headlines.scope import Estimate, Scope, curve_bounds
 from tracknoise.findings.wording import SPACE, chance, listing, number, percent
 
@@ -27,10 +27,17 @@ _GROWTH: Mapping[str, tuple[str, str, str]] = {
 
 def noise(tables: Tables, scope: Scope) -> Headline | None:
     """Root mean square errors at the reference age: the noise that an estimator should assume."""
-    parts, estimates = each_tracker(scope, lambda tracker: _noise_of(tables, scope, tracker))
-    if not parts:
-        return None
-    text = f"The noise to assume {scope.where(tables['summary'])}, as root mean square: {'; '.join(parts)}."
+
+    def write(parts: list[str]) -> str:
+        text = f"The noise to assume {scope.where(tables['summary'])}, as root mean square: {'; '.join(parts)}."
+        return f"{text}{_of_which(scope)} {resampled(tables, scope, 'second')}".rstrip()
+
+    return by_tracker(tables, scope, _noise_of, write, topic="noise", figure="curves", table="intervals")
+
+
+def _of_which(scope: Scope) -> str:
+    """Which errors the noise is of."""
+    text = ""
     if scope.percentile is not None:
         text += (
             f" Trimmed: without the tracks whose largest error is above the {scope.percentile:g}th percentile; an "
@@ -38,11 +45,10 @@ def noise(tables: Tables, scope: Scope) -> Headline | None:
         )
     if scope.population == "projected":
         text += " Features that something hides count too."
-    kind = resampled(tables, scope, "second")
-    return Headline("noise", f"{text} {kind}".rstrip(), "curves", "intervals", leading(estimates))
+    return text
 
 
-def _noise_of(tables: Tables, scope: Scope, tracker: str) -> tuple[str, list[Estimate]] | None:
+def _noise_of(tables: Tables, scope: Scope, tracker: str) -> Said | None:
     row = _first(scope.of(tables["summary"], tracker))
     if row is None or row["at"] is None:
         return None
@@ -62,15 +68,15 @@ def _rms(intervals: pl.DataFrame, scope: Scope, row: Mapping[str, Any], coordina
 
 def bias(tables: Tables, scope: Scope) -> Headline | None:
     """Is the mean error zero."""
-    parts, estimates = each_tracker(scope, lambda tracker: _bias_of(tables, scope, tracker))
-    if not parts:
-        return None
     how = f"all {scope.axis}s together, {_dropped(scope)}scenes weighted alike"
-    text = f"Is the mean error zero {scope.where(tables['summary'])} ({how})? {capitalised(parts)}."
-    return Headline("bias", text, "curves", "zero_mean", leading(estimates))
+
+    def write(parts: list[str]) -> str:
+        return f"Is the mean error zero {scope.where(tables['summary'])} ({how})? {capitalised(parts)}."
+
+    return by_tracker(tables, scope, _bias_of, write, topic="bias", figure="curves", table="zero_mean")
 
 
-def _bias_of(tables: Tables, scope: Scope, tracker: str) -> tuple[str, list[Estimate]] | None:
+def _bias_of(tables: Tables, scope: Scope, tracker: str) -> Said | None:
     rows = scope.of(tables["zero_mean"], tracker).filter(trimming=scope.trimmings[0], axis=scope.axis)
     overall, summary = _first(rows.filter(pl.col("at").is_null())), _first(scope.of(tables["summary"], tracker))
     if overall is None:
@@ -108,14 +114,14 @@ def _means(intervals: pl.DataFrame, scope: Scope, row: Mapping[str, Any]) -> lis
 
 def shape(tables: Tables, scope: Scope) -> Headline | None:
     """Are errors Gaussian, in the band of ages that holds the reference age."""
-    parts, estimates = each_tracker(scope, lambda tracker: _shape_of(tables, scope, tracker))
-    if not parts:
-        return None
-    text = f"Are errors Gaussian {scope.where(tables['summary'])}? {capitalised(parts)}."
-    return Headline("shape", text, "gaussianity", "gaussianity", leading(estimates))
+
+    def write(parts: list[str]) -> str:
+        return f"Are errors Gaussian {scope.where(tables['summary'])}? {capitalised(parts)}."
+
+    return by_tracker(tables, scope, _shape_of, write, topic="shape", figure="gaussianity", table="gaussianity")
 
 
-def _shape_of(tables: Tables, scope: Scope, tracker: str) -> tuple[str, list[Estimate]] | None:
+def _shape_of(tables: Tables, scope: Scope, tracker: str) -> Said | None:
     rows = scope.of(tables["gaussianity"], tracker)
     bands = rows.select("age_low", "age_high").unique().sort("age_low").rows()
     if not bands:
@@ -152,14 +158,14 @@ def _band(scope: Scope, low: int, high: int | None) -> str:
 
 def growth(tables: Tables, scope: Scope) -> Headline | None:
     """How errors grow with age."""
-    parts, estimates = each_tracker(scope, lambda tracker: _growth_of(tables, scope, tracker))
-    if not parts:
-        return None
-    text = f"How do errors grow, {_dropped(scope)}{scope.where(tables['summary'])}? {capitalised(parts)}."
-    return Headline("growth", text, "time-structure", "time_structure", leading(estimates))
+
+    def write(parts: list[str]) -> str:
+        return f"How do errors grow, {_dropped(scope)}{scope.where(tables['summary'])}? {capitalised(parts)}."
+
+    return by_tracker(tables, scope, _growth_of, write, topic="growth", figure="time-structure", table="time_structure")
 
 
-def _growth_of(tables: Tables, scope: Scope, tracker: str) -> tuple[str, list[Estimate]] | None:
+def _growth_of(tables: Tables, scope: Scope, tracker: str) -> Said | None:
     rows = scope.of(tables["time_structure"], tracker).filter(trimming=scope.trimmings[0]).sort("coordinate")
     said: dict[str, list[str]] = {}
     estimates = []
@@ -189,14 +195,14 @@ def _ungrown(row: Mapping[str, Any]) -> tuple[str, str, str]:
 
 def survivors(tables: Tables, scope: Scope) -> Headline | None:
     """Whether tracks that live on are the ones with small errors."""
-    parts, estimates = each_tracker(scope, lambda tracker: _survivors_of(tables, scope, tracker))
-    if not parts:
-        return None
-    text = f"Root mean square errors in u of tracks that live on, {_dropped(scope)}beside all: {'; '.join(parts)}."
-    return Headline("survivors", text, "survivorship", "intervals", leading(estimates))
+
+    def write(parts: list[str]) -> str:
+        return f"Root mean square errors in u of tracks that live on, {_dropped(scope)}beside all: {'; '.join(parts)}."
+
+    return by_tracker(tables, scope, _survivors_of, write, topic="survivors", figure="survivorship", table="intervals")
 
 
-def _survivors_of(tables: Tables, scope: Scope, tracker: str) -> tuple[str, list[Estimate]] | None:
+def _survivors_of(tables: Tables, scope: Scope, tracker: str) -> Said | None:
     row, intervals = _first(scope.of(tables["summary"], tracker)), scope.of(tables["intervals"], tracker)
     if row is None or row["at"] is None:
         return None

@@ -13,6 +13,10 @@ from tracknoise.statistics.grouping import POOLED
 
 Tables: TypeAlias = Mapping[str, pl.DataFrame]
 """Tables of a run, by their names."""
+Said: TypeAlias = tuple[str, list[Estimate]]
+"""Part of a sentence, and the numbers in it."""
+Tell: TypeAlias = Callable[[Tables, Scope, str], Said | None]
+"""Says something of one tracker, or nothing."""
 MOST_TRACKERS = 4
 """Of more trackers than this the headlines name only the first."""
 
@@ -66,20 +70,38 @@ _WRITTEN: Mapping[str, Callable[[float | None], str]] = {"share": percent, "px":
 """How numbers of a unit are written; others to three digits."""
 
 
-def leading(estimates: Sequence[Estimate]) -> Estimate | None:
-    """The first number that has an interval, or else the first."""
-    return next((one for one in estimates if one.low is not None), estimates[0] if estimates else None)
+def by_tracker(
+    tables: Tables, scope: Scope, tell: Tell, write: Callable[[list[str]], str], *, topic: str, figure: str, table: str
+) -> Headline | None:
+    """A headline of what is said of each tracker; None where there is nothing to say of any.
+
+    Parameters
+    ----------
+    tables, scope
+        What is told of.
+    tell
+        Says its part, with the numbers in it, of one tracker.
+    write
+        Makes the text of the parts.
+    topic, figure, table
+        Of the headline.
+    """
+    parts, estimates = _parts(tables, scope, tell)
+    return Headline(topic, write(parts), figure, table, leading(estimates)) if parts else None
 
 
-def each_tracker(
-    scope: Scope, tell: Callable[[str], tuple[str, list[Estimate]] | None]
-) -> tuple[list[str], list[Estimate]]:
+def _parts(tables: Tables, scope: Scope, tell: Tell) -> tuple[list[str], list[Estimate]]:
     """What `tell` says of each tracker, of the first few where there are many, and the numbers in it."""
-    known = [said for tracker in scope.trackers if (said := tell(tracker))]
+    known = [said for tracker in scope.trackers if (said := tell(tables, scope, tracker))]
     more = len(known) - MOST_TRACKERS
     parts = [text for text, _ in known[:MOST_TRACKERS]]
     parts += [f"the table has {count(more, 'other')}"] if more > 0 else []
     return parts, [estimate for _, estimates in known[:MOST_TRACKERS] for estimate in estimates]
+
+
+def leading(estimates: Sequence[Estimate]) -> Estimate | None:
+    """The first number that has an interval, or else the first."""
+    return next((one for one in estimates if one.low is not None), estimates[0] if estimates else None)
 
 
 def resampled(tables: Tables, scope: Scope, role: str) -> str:

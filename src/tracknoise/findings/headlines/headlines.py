@@ -6,7 +6,7 @@ import polars as pl
 
 from tracknoise.findings.headlines import errors
 from tracknoise.findings.headlines.factors import factors
-from tracknoise.findings.headlines.headline import Headline, Tables, capitalised, each_tracker, leading, told
+from tracknoise.findings.headlines.headline import Headline, Said, Tables, by_tracker, capitalised, told
 from tracknoise.findings.headlines.scope import Estimate, Scope, scalar_bounds
 from tracknoise.findings.sampling.resampling import MIN_SCENES
 from tracknoise.findings.wording import count
@@ -80,14 +80,14 @@ def _recorded_truth(tables: Tables, scope: Scope) -> Headline | None:
 
 def _outliers(tables: Tables, scope: Scope) -> Headline | None:
     """What share of its features each tracker rejects."""
-    parts, estimates = each_tracker(scope, lambda tracker: _outliers_of(tables, scope, tracker))
-    if not parts:
-        return None
-    text = f"Of the features carried into a frame {scope.where(tables['summary'])}, {'; '.join(parts)}."
-    return Headline("outliers", text, "outlier-ratio", "intervals", leading(estimates))
+
+    def write(parts: list[str]) -> str:
+        return f"Of the features carried into a frame {scope.where(tables['summary'])}, {'; '.join(parts)}."
+
+    return by_tracker(tables, scope, _outliers_of, write, topic="outliers", figure="outlier-ratio", table="intervals")
 
 
-def _outliers_of(tables: Tables, scope: Scope, tracker: str) -> tuple[str, list[Estimate]] | None:
+def _outliers_of(tables: Tables, scope: Scope, tracker: str) -> Said | None:
     ratio = _value(scope.of(tables["summary"], tracker), "outlier_ratio")
     if ratio is None:
         return None
@@ -98,14 +98,14 @@ def _outliers_of(tables: Tables, scope: Scope, tracker: str) -> tuple[str, list[
 
 def _lifetimes(tables: Tables, scope: Scope) -> Headline | None:
     """How long half of the tracks live."""
-    parts, estimates = each_tracker(scope, lambda tracker: _lifetime_of(tables, scope, tracker))
-    if not parts:
-        return None
-    text = f"How long do tracks live {scope.where(tables['summary'])} (Kaplan-Meier)? {capitalised(parts)}."
-    return Headline("lifetimes", text, "lifetimes", "intervals", leading(estimates))
+
+    def write(parts: list[str]) -> str:
+        return f"How long do tracks live {scope.where(tables['summary'])} (Kaplan-Meier)? {capitalised(parts)}."
+
+    return by_tracker(tables, scope, _lifetime_of, write, topic="lifetimes", figure="lifetimes", table="intervals")
 
 
-def _lifetime_of(tables: Tables, scope: Scope, tracker: str) -> tuple[str, list[Estimate]] | None:
+def _lifetime_of(tables: Tables, scope: Scope, tracker: str) -> Said | None:
     rows = scope.of(tables["summary"], tracker)
     if not _value(rows, "n_tracks"):
         return None

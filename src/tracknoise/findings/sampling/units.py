@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from tracknoise.findings.sampling.resampling import MIN_SCENES, N_DRAWS, draws, draws_within
 from tracknoise.statistics.blocks import BLOCKS
 from tracknoise.statistics.grouping import group_rows
+from tracknoise.statistics.moments import ABOUT_ZERO
 
 SUMS = ("n", "u", "v", "uu", "uv", "vv", "abs_u", "abs_v")
 """What `additive` makes of moments: the count, and sums of du, dv, their products about zero, and |du|, |dv|."""
@@ -106,17 +107,8 @@ def additive(moments: pl.DataFrame) -> pl.DataFrame:
     moments
         Of scenes (`MOMENTS`, `ASPECTS`) or blocks (`BLOCKS`); whatever else it has stays.
     """
-    n, mean_u, mean_v = pl.col("n"), pl.col("mean_u").fill_null(0.0), pl.col("mean_v").fill_null(0.0)
-    sums = {
-        "u": n * mean_u,
-        "v": n * mean_v,
-        "uu": pl.col("m_uu") + n * mean_u**2,
-        "uv": pl.col("m_uv") + n * mean_u * mean_v,
-        "vv": pl.col("m_vv") + n * mean_v**2,
-        "abs_u": n * pl.col("mean_abs_u").fill_null(0.0),
-        "abs_v": n * pl.col("mean_abs_v").fill_null(0.0),
-    }
-    return moments.with_columns(**sums).select(pl.exclude("^m_.*$", "^mean_.*$"))
+    absolute = {f"abs_{axis}": pl.col("n") * pl.col(f"mean_abs_{axis}").fill_null(0.0) for axis in "uv"}
+    return moments.with_columns(**ABOUT_ZERO, **absolute).select(pl.exclude("^m_.*$", "^mean_.*$"))
 
 
 def units_of(

@@ -19,10 +19,11 @@ from tracknoise.findings.intervals import curve_statistics
 from tracknoise.findings.sampling.bounds import Sample
 from tracknoise.findings.sampling.jackknife import student_interval
 from tracknoise.findings.sampling.resampling import LEVEL, N_DRAWS, draws, interval
-from tracknoise.findings.scalar_bounds import first_reached, survival
+from tracknoise.findings.scalar_bounds import first_reached, interpolated, survival
 
 AGE, FRAMES, TRACKS = 15, 40, 200
 HAZARD, STEP_PX, BIAS_PX, OUTLIERS = 0.06, 0.1, 0.2, 0.03
+MEDIANS = {"median lifetime": first_reached, "interpolated median": interpolated}
 SURVIVES = 10
 """Lifetime beyond which survival is looked at."""
 BATCH = 20
@@ -110,24 +111,37 @@ def truth(spread: Spread) -> dict[str, float]:
         "mean, scenes": BIAS_PX,
         "second moment, scenes": second,
         "outlier ratio": OUTLIERS * np.exp(spread.outliers**2 / 2),
-        "median lifetime": float(1 + np.argmax(np.array(lives) <= 0.5)),
+        **{name: reached(np.array(lives), np.arange(1.0, FRAMES + 1), 0.5) for name, reached in MEDIANS.items()},
         "survival": lives[SURVIVES - 1],
     }
 
 
-def samples(sums: Sums, weights: np.ndarray) -> Iterator[tuple[str, Sample, str]]:
-    """Name, values of all runs, (1 or lifetimes, runs), and scale of every statistic."""
+@dataclass(frozen=True)
+class Statistic:
+    """Values of all runs, (1 or lifetimes, runs), their scale, and how much each scene holds, (scenes, 1, runs)."""
+
+    values: Sample
+    scale: str
+    sizes: np.ndarray
+
+
+def statistics(sums: Sums, weights: np.ndarray) -> Iterator[tuple[str, Statistic]]:
+    """Every statistic by its name."""
     units = weights.shape[1]
     errors, outliers = sums.errors.reshape(units, -1, 8), sums.outliers.reshape(units, -1, 2)
     own = curve_statistics(errors.transpose(2, 1, 0))
     for name, row, scale in (("mean", 0, "linear"), ("second moment", 4, "log")):
-        yield name, Sample.of(errors, weights).map(lambda total, row=row: curve_statistics(total)[[row]]), scale
+        pooled = Sample.of(errors, weights).map(lambda total, row=row: curve_statistics(total)[[row]])
+        yield name, Statistic(pooled, scale, errors[:, None, :, 0])
         counted = np.stack([np.nan_to_num(own[row]), ~np.isnan(own[row])]).transpose(2, 1, 0)
-        yield f"{name}, scenes", Sample.of(counted, weights).map(_ratio), scale
-    yield "outlier ratio", Sample.of(outliers[..., ::-1], weights).map(_ratio), "logit"
+        alike = Sample.of(counted, weights).map(_ratio)
+        yield f"{name}, scenes", Statistic(alike, scale, counted[:, None, :, 1])
+    ratio = Sample.of(outliers[..., ::-1], weights).map(_ratio)
+    yield "outlier ratio", Statistic(ratio, "logit", outliers[:, None, :, 0])
     runs = errors.shape[1]
     ends = sums.ends.reshape(units, runs, FRAMES, 2).swapaxes(1, 2).reshape(units, FRAMES * runs, 2)
-    yield "survival", Sample.of(ends, weights).map(partial(_survival, runs=runs)), "logit"
+    tracks = sums.ends.sum(axis=(1, 2)).reshape(units, 1, runs)
+    yield "survival", Statistic(Sample.of(ends, weights).map(partial(_survival, runs=runs)), "logit", tracks)
 
 
 def _ratio(total: np.ndarray) -> np.ndarray:
@@ -138,11 +152,12 @@ def _survival(sums: np.ndarray, *, runs: int) -> np.ndarray:
     return survival(sums.reshape(2, FRAMES, runs, *sums.shape[2:]))[0]
 
 
-def bounded(kind: str, sample: Sample, scale: str, n_scenes: int) -> tuple[np.ndarray, np.ndarray]:
+def bounded(kind: str, statistic: Statistic, n_scenes: int) -> tuple[np.ndarray, np.ndarray]:
     """Low and high of a kind of interval."""
+    sample = statistic.values
     drawn, without = np.moveaxis(sample.drawn, -1, 0), np.moveaxis(sample.without, -1, 0)
     if kind == "student":
-        return student_interval(sample.whole, without, scale=scale)
+        return student_interval(sample.whole, without, scale=statistic.scale, sizes=statistic.sizes)
     n_units = PLAIN if kind == "plain percentile" else n_scenes
     return interval(sample.whole, drawn, without, kind=kind.removeprefix("plain "), n_units=n_units)
 
@@ -158,21 +173,24 @@ def coverage(
     for batch in range(batches):
         sums = simulate(rng, n_scenes * BATCH, spread)
         weights = draws(n_scenes, n_draws=n_draws, seed=batch)
-        for name, sample, scale in samples(sums, weights):
+        for name, statistic in statistics(sums, weights):
             for kind in kinds:
-                for called, low, high in _read(name, *bounded(kind, sample, scale, n_scenes)):
+                for called, low, high in _read(name, *bounded(kind, statistic, n_scenes)):
                     above, below = np.mean(low > true[called]), np.mean(high < true[called])
                     counts[kind, called] += np.array([1 - above - below, above, below]) / batches
     return counts
 
 
 def _read(name: str, low: np.ndarray, high: np.ndarray) -> list[tuple[str, np.ndarray, np.ndarray]]:
-    """Bounds (runs,) of a statistic; of survival, at one lifetime, and those of the median lifetime."""
+    """Bounds (runs,) of a statistic; of survival, at one lifetime, and those of the median lifetimes."""
     if name != "survival":
         return [(name, low[0], high[0])]
     lifetimes = np.arange(1.0, FRAMES + 1)
-    medians = [np.array([first_reached(curve, lifetimes, 0.5) for curve in bound.T]) for bound in (low, high)]
-    return [(name, low[SURVIVES - 1], high[SURVIVES - 1]), ("median lifetime", medians[0], medians[1])]
+    found = [(name, low[SURVIVES - 1], high[SURVIVES - 1])]
+    for called, reached in MEDIANS.items():
+        medians = [np.array([reached(curve, lifetimes, 0.5) for curve in bound.T]) for bound in (low, high)]
+        found.append((called, medians[0], medians[1]))
+    return found
 
 
 def main() -> None:

@@ -7,7 +7,7 @@ import pytest
 from tracknoise.findings.intervals import curve_statistics
 from tracknoise.findings.sampling.bounds import Method, averaged, pooled
 from tracknoise.findings.sampling.units import Units
-from tracknoise.findings.scalar_bounds import first_reached, survival
+from tracknoise.findings.scalar_bounds import first_reached, interpolated, survival
 
 RUNS, TRACKS, AGE, LONGEST = 400, 60, 8, 40
 BIAS_PX, STEP_PX, HAZARD, OUTLIERS = 0.2, 0.1, 0.06, 0.04
@@ -92,15 +92,18 @@ def test_median_lifetime_of_scenes_that_lose_tracks_at_different_rates(n_scenes)
         shaped = totals.reshape(2, LONGEST, RUNS, *totals.shape[2:])
         return survival(shaped)[0].reshape(1, LONGEST * RUNS, *totals.shape[2:])
 
-    everywhere = np.ones((LONGEST * RUNS, n_scenes), dtype=np.bool_)
-    options = {"scales": ["logit"], "present": everywhere}
+    options = {"scales": ["logit"], "sizes": np.ones((LONGEST * RUNS, n_scenes))}
     bounds = pooled(units_of_runs(by_lifetime), no_weights(n_scenes), curve, STUDENT, **options)
     lifetimes = np.arange(1.0, LONGEST + 1)
-    low, high = (
-        np.array([first_reached(values, lifetimes, 0.5) for values in bound.reshape(LONGEST, RUNS).T])
-        for bound in (bounds.low, bounds.high)
-    )
     population = HAZARD * np.exp(0.3 * np.random.default_rng(0).normal(size=200_000))
-    true = next(k for k in lifetimes if np.mean((1 - population) ** k) <= 0.5)
-    assert share(low, high, true) > 0.92 - 0.03  # whole frames make it cover more than it says
-    assert np.nanmedian(high - low) < 10 / np.sqrt(n_scenes / 8)
+    survives = np.array([np.mean((1 - population) ** k) for k in lifetimes])
+    held = {}
+    for reached in (first_reached, interpolated):
+        low, high = (
+            np.array([reached(values, lifetimes, 0.5) for values in bound.reshape(LONGEST, RUNS).T])
+            for bound in (bounds.low, bounds.high)
+        )
+        held[reached] = share(low, high, reached(survives, lifetimes, 0.5))
+        assert np.nanmedian(high - low) < 10 / np.sqrt(n_scenes / 8)
+    assert 0.92 - 0.03 < held[interpolated] < 0.97 + 0.015
+    assert held[first_reached] >= held[interpolated]  # whole frames make it cover more than it says

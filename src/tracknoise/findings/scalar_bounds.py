@@ -1,10 +1,14 @@
 """Bounds of lifetimes, survival and outlier ratio of one condition.
 
 The lifetime that a share of the tracks exceeds is where the survival curve comes down to that share; its bounds are
-where the bounds of the survival curve do (Brookmeyer and Crowley 1982), so that they are lifetimes, too.
+where the bounds of the survival curve do (Brookmeyer and Crowley 1982), so that they are lifetimes, too. Lifetimes are
+whole frames, and whole frames are too coarse for an interval that holds the true value as often as its level says: of
+a value, or of bounds, between two of them nothing is left but the next one. The same lifetimes interpolated, where
+the line from each whole frame's survival to the next one's comes down to the share (the median of a life table), stand
+beside them.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 import polars as pl
@@ -20,9 +24,11 @@ QUANTILES: Mapping[str, float] = {
     "upper_quartile_lifetime": 0.25,
 }
 """Lifetimes by the share of the tracks that live longer."""
+INTERPOLATED = "interpolated_"
+"""What the name of such a lifetime begins with where it is interpolated between whole frames."""
 SCALAR_UNITS: Mapping[str, str] = {
     "mean_lifetime": "frames",
-    **dict.fromkeys(QUANTILES, "frames"),
+    **{prefix + name: "frames" for prefix in ("", INTERPOLATED) for name in QUANTILES},
     "survival": "share",
     "outlier_ratio": "share",
 }
@@ -49,14 +55,15 @@ def lifetime_bounds(ends: pl.DataFrame, draws: Draws, method: Method) -> Iterato
     whole = ends.select("scene", "block", "lifetime", "n_ended", "n_censored")
     units = units_of(whole, whole, points=["lifetime"], columns=["n_ended", "n_censored"])
     weights, lifetimes = draws.weights(units), units.points["lifetime"].to_numpy().astype(np.float64)
-    there = units.sums.sum(axis=(1, 2)) > 0
-    mean = pooled(units, weights, lambda sums: _mean(sums, lifetimes), method, scales=["log"], present=there[None])
+    tracks = units.sums.sum(axis=(1, 2))
+    mean = pooled(units, weights, lambda sums: _mean(sums, lifetimes), method, scales=["log"], sizes=tracks[None])
     yield _labels("mean_lifetime"), mean, units
-    present = np.broadcast_to(there, (len(lifetimes), len(there)))
-    curve = pooled(units, weights, survival, method, scales=["logit"], present=present)
+    sizes = np.broadcast_to(tracks, (len(lifetimes), len(tracks)))
+    curve = pooled(units, weights, survival, method, scales=["logit"], sizes=sizes)
     yield _labels("survival", lifetimes), _where_at_risk(curve, units), units
     for name, share in QUANTILES.items():
-        yield _labels(name), _quantile(curve, lifetimes, share), units
+        yield _labels(name), _quantile(curve, lifetimes, share, first_reached), units
+        yield _labels(INTERPOLATED + name), _quantile(curve, lifetimes, share, interpolated), units
 
 
 def outlier_bounds(frames: pl.DataFrame, draws: Draws, method: Method) -> Iterator[Found]:
@@ -100,6 +107,29 @@ def first_reached(curve: NDArray[np.float64], lifetimes: NDArray[np.float64], sh
     return float(lifetimes[places[0]]) if len(places) else np.nan
 
 
+def interpolated(curve: NDArray[np.float64], lifetimes: NDArray[np.float64], share: float) -> float:
+    """Where the line between a survival curve at whole frames is down to a share; NaN if it never is.
+
+    Parameters
+    ----------
+    curve : (lifetimes,)
+        Survival beyond each lifetime, or a bound of it; it is 1 before the first, and stays where it was at whole
+        frames that are not among the lifetimes. Places before the one where it is down, and which have none, as
+        bounds of a survival of 1, count as 1.
+    lifetimes : (lifetimes,)
+        Whole frames, ascending.
+    share
+        Between 0 and 1.
+    """
+    places = np.flatnonzero(curve <= share + _ROUNDED)
+    if not len(places):
+        return np.nan
+    place = places[0]
+    before = curve[place - 1] if place else 1.0
+    height = (1.0 if np.isnan(before) else before) - curve[place]
+    return float(lifetimes[place] - max(share - curve[place], 0.0) / height)
+
+
 def _labels(statistic: str, at: NDArray[np.float64] | None = None) -> pl.DataFrame:
     """One row, or, along the axis lifetime, one a lifetime."""
     if at is None:
@@ -127,9 +157,14 @@ def _ratio(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(outliers / np.where(offered > 0, offered, np.nan))[None]
 
 
-def _quantile(curve: Bounds, lifetimes: NDArray[np.float64], share: float) -> Bounds:
+def _quantile(
+    curve: Bounds,
+    lifetimes: NDArray[np.float64],
+    share: float,
+    reached: Callable[[NDArray[np.float64], NDArray[np.float64], float], float],
+) -> Bounds:
     """Where a survival curve and its bounds come down to a share."""
     value, low, high = (
-        np.array([[first_reached(values[0], lifetimes, share)]]) for values in (curve.value, curve.low, curve.high)
+        np.array([[reached(values[0], lifetimes, share)]]) for values in (curve.value, curve.low, curve.high)
     )
     return Bounds(value, low, high, curve.n_units[:, :1], curve.n_scenes[:, :1])

@@ -68,7 +68,7 @@ def test_scenes_that_weigh_unequally_leave_fewer_degrees_of_freedom() -> None:
     n = np.where(np.arange(9) == 0, 500.0, 50.0)[:, None, None] * np.ones((1, 2, 1))
     w = n[:, 0, 0] / n[:, 0, 0].sum()
     centring = np.eye(9) - w
-    form = centring.T @ np.diag(w**2 / (1 - w)) @ centring
+    form = centring.T @ np.diag(w**2 / (1 - 2 * w + (w**2).sum())) @ centring
     expected = np.trace(form) ** 2 / np.trace(form @ form)
     assert pair_curves(curves_of(values, n)).ratios[0].degrees == pytest.approx([expected] * 2)
     assert 1 < expected < 4

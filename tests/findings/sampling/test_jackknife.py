@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tracknoise.findings.sampling.jackknife import student_interval
+from tracknoise.findings.sampling.jackknife import degrees, parts, student_interval
 
 
 def left_out(values: np.ndarray) -> np.ndarray:
@@ -69,3 +69,42 @@ def test_what_rests_on_one_unit_or_is_undefined_has_no_bounds():
     middle = np.array([0.0, 0.0, np.nan])
     low, high = student_interval(middle, left_out(values), n_units=[6, 1, 6])
     assert np.isnan(low).tolist() == np.isnan(high).tolist() == [False, True, True]
+
+
+def ratios_without(sums: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """Ratios of all sums (units, ...) to all sizes but those of one unit."""
+    return (sums.sum(axis=0) - sums) / (sizes.sum(axis=0) - sizes)
+
+
+def test_units_of_one_size_have_one_degree_of_freedom_less_than_there_are():
+    assert degrees(np.full(7, 3.0)) == pytest.approx(6.0)
+    sizes = np.array([[1.0, 1.0], [1.0, 0.0], [1.0, 1.0]])  # a unit that holds nothing is none
+    np.testing.assert_allclose(degrees(sizes), [2.0, 1.0])
+
+
+def test_a_unit_that_outweighs_all_others_leaves_one_degree_of_freedom():
+    assert degrees(np.array([1e9, 1.0, 1.0, 1.0, 1.0, 1.0])) == pytest.approx(1.0, abs=0.01)
+    assert degrees(np.array([5.0, 0.0, 0.0])) == 1.0
+
+
+def test_variance_and_degrees_of_freedom_of_unequal_units_are_those_of_the_variance_itself():
+    rng, sizes = np.random.default_rng(5), np.array([9.0, 5.0, 3.0, 1.0, 1.0, 1.0])[:, None]
+    values = rng.normal(size=(6, 200_000))
+    mean = (values * sizes).sum(axis=0) / sizes.sum()
+    variance = np.square(parts(mean - ratios_without(values * sizes, sizes), sizes)).sum(axis=0)
+    assert variance.mean() == pytest.approx(np.square(sizes / sizes.sum()).sum(), rel=0.01)
+    assert degrees(sizes).item() == pytest.approx(2 * variance.mean() ** 2 / variance.var(), rel=0.02)
+
+
+@pytest.mark.parametrize("n_units", [6, 8, 11, 28])
+def test_units_of_unequal_sizes_are_covered_as_often_as_it_says(n_units):
+    rng = np.random.default_rng(n_units)
+    sizes = rng.lognormal(sigma=0.6, size=(n_units, 10_000))
+    sums = sizes * rng.normal(size=sizes.shape)
+    mean, without = sums.sum(axis=0) / sizes.sum(axis=0), ratios_without(sums, sizes)
+    held = {}
+    for name, known in (("sizes", sizes), ("none", None)):
+        low, high = student_interval(mean, without, sizes=known)
+        held[name] = float(((low <= 0) & (high >= 0)).mean())
+    assert 0.94 < held["sizes"] < 0.98
+    assert held["none"] < held["sizes"]

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.findings.factors.largest import Ratios
+from tracknoise.findings.sampling.jackknife import degrees, parts
 from tracknoise.findings.sampling.resampling import MIN_SCENES, leave_one_out
 
 Values = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
@@ -97,10 +98,10 @@ def _share(n: NDArray[np.float64], sums: NDArray[np.float64]) -> NDArray[np.floa
 
 
 def _jackknife(n: NDArray[np.float64], sums: NDArray[np.float64], values: Values) -> _Jackknife:
-    """Values, and parts whose sum of squares is without bias where scenes are alike, however unequal their weights."""
+    """Values, and parts whose squares add up to their variance, however unequal the scenes."""
     whole = values(n.sum(axis=0), sums.sum(axis=0))
     moved = whole - values(leave_one_out(n), leave_one_out(sums))
-    return whole, moved * np.sqrt(1 - n / n.sum(axis=0))[..., None]
+    return whole, parts(moved, n[..., None])
 
 
 def _range_of_middle(a: _Jackknife, b: _Jackknife) -> _Common:
@@ -160,14 +161,14 @@ def _ratios(n: NDArray[np.float64], a: _Jackknife, b: _Jackknife, common: _Commo
     Curves are one a value; their parts are (scenes, places, values).
     """
     difference = a[0] - b[0]
-    degrees = _degrees(n).min(axis=0)[:, None]  # of the level that is the worse off
+    freedom = degrees(n).min(axis=0)[:, None]  # of the level that is the worse off
     curve = np.arange(difference.shape[1], dtype=np.intp)
     return Ratios(
         difference=difference,
         common=np.broadcast_to(common[0], difference.shape),
         difference_parts=_among(scenes, a[1] - b[1]),
         common_parts=_among(scenes, np.broadcast_to(common[1][:, None], a[1].shape)),
-        degrees=np.broadcast_to(degrees, difference.shape),
+        degrees=np.broadcast_to(freedom, difference.shape),
         curve=np.broadcast_to(curve, difference.shape),
         curve_parts=_among(scenes, common[2]),
     )
@@ -178,23 +179,6 @@ def _among(scenes: NDArray[np.bool_], parts: NDArray[np.float64]) -> NDArray[np.
     every = np.zeros((len(scenes), *parts.shape[1:]))
     every[scenes] = parts
     return every
-
-
-def _degrees(n: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Degrees of freedom of the jackknife's variance of a mean over scenes that are alike but weigh as `n`.
-
-    The variance is x' A x with A = M' D M, where M takes the mean of weights w = n / sum(n) from each scene's x and D
-    holds w^2 / (1 - w); it has tr(A)^2 / tr(A^2) degrees (Bell and McCaffrey 2002), which is one less than the scenes
-    where all weigh the same.
-    """
-    w = n / n.sum(axis=0)
-    d = w**2 / (1 - w)
-    square = np.square(w).sum(axis=0)
-    d0, d1, d2 = (np.sum(d * w**power, axis=0) for power in range(3))
-    trace = ((1 + square) * d - 2 * w * d).sum(axis=0)
-    apart = square**2 * d0**2 + 2 * d0 * d2 - 4 * square * d0 * d1 + 2 * d1**2
-    degrees: NDArray[np.float64] = trace**2 / (apart + np.sum(d**2 * (1 + 2 * (square - 2 * w)), axis=0))
-    return np.clip(degrees, 1.0, len(n) - 1.0)  # rounding may lead out of it where one scene outweighs all others
 
 
 def _by_statistic(ratios: list[Ratios], coordinates: int) -> list[Ratios]:

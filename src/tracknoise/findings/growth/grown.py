@@ -83,8 +83,7 @@ def fitted(units: Units, weights: Array, ages: NDArray[np.bool_], method: Method
         """Coefficients, free and bounded, and shares of u, then of v, (18, 1, ...)."""
         return np.concatenate([_fit(sums, axis, second[axis], since, weight[axis]) for axis in (0, 1)])
 
-    present = np.any(part.sums[..., 0] > 0, axis=1, keepdims=True)
-    bounds = pooled(part, weights, statistics, method, present=present.T)
+    bounds = pooled(part, weights, statistics, method, sizes=part.sums[..., 0].sum(axis=1)[None])
     u, v = (_named(bounds, 9 * axis, second[axis], since, weight[axis]) for axis in (0, 1))
     return u, v
 

@@ -90,7 +90,7 @@ def pooled(
     method: Method,
     *,
     scales: Sequence[str] | None = None,
-    present: NDArray[np.bool_] | None = None,
+    sizes: NDArray[np.float64] | None = None,
 ) -> Bounds:
     """Statistics of the sums over all units.
 
@@ -106,11 +106,11 @@ def pooled(
         How to make intervals.
     scales : (statistics,)
         Names in `tracknoise.findings.jackknife.SCALES`, for intervals by the jackknife; by default all linear.
-    present : (points, units)
-        Whether a unit takes part at a point; by default where its first column, a count, is more than 0.
+    sizes : (points, units)
+        How much a unit holds at a point, by default its first column, a count; units of size 0 take no part.
     """
     sample = Sample.of(units.sums, weights).map(statistics)
-    return _bounded(sample, units, units.sums[..., 0].T > 0 if present is None else present, method, scales)
+    return _bounded(sample, units, units.sums[..., 0].T if sizes is None else sizes, method, scales)
 
 
 def averaged(
@@ -129,11 +129,12 @@ def averaged(
         As in `pooled`.
     """
     if units.resampled == "blocks":
-        return _bounded(_mean_of_scenes(units, weights, statistics), units, units.sums[..., 0].T > 0, method, scales)
+        return _bounded(_mean_of_scenes(units, weights, statistics), units, units.sums[..., 0].T, method, scales)
     own = statistics(np.transpose(units.sums, (2, 1, 0)))
     defined = ~np.isnan(own)
     sums = np.concatenate([np.where(defined, own, 0.0), defined])
-    return _bounded(Sample.of(np.transpose(sums, (2, 1, 0)), weights).map(_mean), units, defined, method, scales)
+    sample = Sample.of(np.transpose(sums, (2, 1, 0)), weights).map(_mean)
+    return _bounded(sample, units, defined.astype(np.float64), method, scales)
 
 
 def _mean(sums: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -160,16 +161,17 @@ def _mean_of(values: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
 
 
 def _bounded(
-    sample: Sample, units: Units, present: NDArray[np.bool_], method: Method, scales: Sequence[str] | None
+    sample: Sample, units: Units, sizes: NDArray[np.float64], method: Method, scales: Sequence[str] | None
 ) -> Bounds:
-    """Intervals where enough is resampled; `present` is (points, units) or (statistics, points, units)."""
-    n_units, n_scenes = (np.broadcast_to(n, sample.whole.shape) for n in units.contributing(present))
+    """Intervals where enough is resampled; `sizes` is (points, units) or (statistics, points, units)."""
+    n_units, n_scenes = (np.broadcast_to(n, sample.whole.shape) for n in units.contributing(sizes > 0))
     by_block = units.resampled == "blocks"
     in_stratum = n_units // np.maximum(n_scenes, 1) if by_block else np.where(n_scenes >= MIN_SCENES, n_units, 0)
     strata = units.scene if by_block else None
     if method.kind == "student":
+        held = np.moveaxis(sizes.reshape(-1, *sizes.shape[-2:]), -1, 0)
         named = scales or ["linear"] * len(sample.whole)
-        low, high = _by_jackknife(sample, named, in_stratum, strata, method.level)
+        low, high = _by_jackknife(sample, named, in_stratum, held, strata, method.level)
     else:
         drawn, without = np.moveaxis(sample.drawn, -1, 0), np.moveaxis(sample.without, -1, 0)
         kind, level = method.kind, method.level
@@ -178,13 +180,25 @@ def _bounded(
 
 
 def _by_jackknife(
-    sample: Sample, scales: Sequence[str], n_units: NDArray[np.intp], strata: NDArray[np.intp] | None, level: float
+    sample: Sample,
+    scales: Sequence[str],
+    n_units: NDArray[np.intp],
+    sizes: NDArray[np.float64],
+    strata: NDArray[np.intp] | None,
+    level: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Bounds of statistics, each on its scale; `sizes` is (units, statistics or 1, points)."""
     low, high = np.empty_like(sample.whole), np.empty_like(sample.whole)
     for scale in sorted(set(scales)):
         rows = np.array([name == scale for name in scales])
         without = np.moveaxis(sample.without[rows], -1, 0)
         low[rows], high[rows] = student_interval(
-            sample.whole[rows], without, scale=scale, level=level, n_units=n_units[rows], strata=strata
+            sample.whole[rows],
+            without,
+            scale=scale,
+            level=level,
+            n_units=n_units[rows],
+            sizes=sizes if sizes.shape[1] == 1 else sizes[:, rows],
+            strata=strata,
         )
     return low, high

@@ -6,6 +6,7 @@ import pytest
 
 from tracknoise.exceptions import SettingsError
 from tracknoise.findings.intervals import intervals
+from tracknoise.findings.scalar_bounds import interpolated
 from tracknoise.statistics.block_moments import block_moments
 from tracknoise.statistics.curves import curves
 from tracknoise.statistics.lifetimes import count_ends, lifetimes_of_ends, mean_lifetime, median_survival
@@ -116,6 +117,27 @@ def test_quartiles_are_where_survival_is_down_to_a_quarter_and_its_bounds_with_i
         row = found.row(by_predicate=pl.col("statistic") == name, named=True)
         for bound in ("value", "low", "high"):
             assert row[bound] == curve.filter(pl.col(bound) <= share)["at"].min()
+
+
+def test_interpolated_quantiles_are_on_the_lines_between_whole_frames():
+    found = found_in(_tables(8)).filter(tracker="a")
+    curve = found.filter(statistic="survival").drop_nulls("value")
+    lifetimes = np.array([0.0, *curve["at"]])
+    for name, share in {"lower_quartile": 0.75, "median": 0.5, "upper_quartile": 0.25}.items():
+        whole = found.row(by_predicate=pl.col("statistic") == f"{name}_lifetime", named=True)
+        row = found.row(by_predicate=pl.col("statistic") == f"interpolated_{name}_lifetime", named=True)
+        for bound in ("value", "low", "high"):
+            survives = [1.0, *curve[bound].fill_null(1.0)]
+            assert np.interp(row[bound], lifetimes, survives) == pytest.approx(share)
+            assert whole[bound] - 1 < row[bound] <= whole[bound]
+
+
+def test_a_survival_curve_is_level_between_lifetimes_that_were_not_seen():
+    lifetimes, curve = np.array([2.0, 7.0]), np.array([0.8, 0.3])
+    assert interpolated(curve, lifetimes, 0.5) == pytest.approx(6 + 0.3 / 0.5)
+    assert interpolated(curve, lifetimes, 0.9) == pytest.approx(1.5)
+    assert interpolated(curve, lifetimes, 0.3) == 7.0
+    assert np.isnan(interpolated(curve, lifetimes, 0.2))
 
 
 def test_enough_scenes_are_resampled_and_too_few_are_not():

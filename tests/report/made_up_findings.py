@@ -39,9 +39,11 @@ def intervals(tables: Mapping[str, pl.DataFrame], *, population: str) -> pl.Data
     lifetimes = tables["lifetimes"]
     survival = {"statistic": pl.lit("survival"), "axis": pl.lit("lifetime"), "at": "lifetime", "value": "survival"}
     parts.append(lifetimes.with_columns(**survival))
+    halves = median_survival(lifetimes).with_columns(value="median_lifetime")
     scalars = {
         "outlier_ratio": (tables["outliers"].with_columns(value="pooled_ratio"), "share"),
-        "median_lifetime": (median_survival(lifetimes).with_columns(value="median_lifetime"), "frames"),
+        "median_lifetime": (halves, "frames"),
+        "interpolated_median_lifetime": (halves.with_columns(value=pl.col("value") - 0.25), "frames"),
         "mean_lifetime": (mean_lifetime(lifetimes).with_columns(value="mean_lifetime"), "frames"),
     }
     parts += [table.with_columns(statistic=pl.lit(name), unit=pl.lit(unit)) for name, (table, unit) in scalars.items()]

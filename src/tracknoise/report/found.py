@@ -7,6 +7,7 @@ import polars as pl
 from tracknoise.findings.headlines.errors import SHAPES
 from tracknoise.findings.headlines.headline import told
 from tracknoise.findings.headlines.scope import Estimate, Scope, curve_bounds, scalar_bounds
+from tracknoise.findings.scalar_bounds import INTERPOLATED
 from tracknoise.findings.wording import chance
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.sentences import DASH, SPACE
@@ -32,7 +33,8 @@ def verdicts(evidence: Evidence) -> Cells:
     headings += ["trimmed" if dropped else "errors", "in u", "in v", "outliers", "median lifetime"]
     groups = [("", 3), ("rms (px)", 2), ("mean", 1), ("Gaussian?", 1 + dropped), ("grow like", 2), ("", 2)]
     rows = [_row(evidence, tracker, speed) for tracker in evidence.trackers for speed in evidence.speeds]
-    caption = f"Verdicts{evidence.where}{', errors trimmed unless the heading says otherwise' if dropped else ''}"
+    trimmed = "errors trimmed unless the heading says otherwise, " if dropped else ""
+    caption = f"Verdicts{evidence.where}, {trimmed}median lifetimes interpolated between whole frames"
     shown = [row for row in rows if row]
     return Cells(caption, headings, shown, [False, True, True, *[False] * (len(headings) - 3)], groups)
 
@@ -51,8 +53,8 @@ def _row(evidence: Evidence, tracker: str, speed: int) -> list[str]:
         _zero_mean(evidence, chosen, tracker),
         *_shapes(evidence, chosen, tracker, summary["at"]),
         *(_growth(evidence, chosen, tracker, coordinate) for coordinate in "uv"),
-        _scalar(evidence, chosen, tracker, "outlier_ratio", "share"),
-        _scalar(evidence, chosen, tracker, "median_lifetime", "frames"),
+        _outliers(evidence, chosen, tracker),
+        _median_lifetime(evidence, chosen, tracker),
     ]
 
 
@@ -96,12 +98,19 @@ def _growth(evidence: Evidence, scope: Scope, tracker: str, coordinate: str) -> 
     return DASH if row is None else _GROWTH.get(row["verdict"], row["verdict"])
 
 
-def _scalar(evidence: Evidence, scope: Scope, tracker: str, statistic: str, unit: str) -> str:
-    value = scope.of(evidence.summary, tracker)[statistic][0]
+def _outliers(evidence: Evidence, scope: Scope, tracker: str) -> str:
+    value = scope.of(evidence.summary, tracker)["outlier_ratio"][0]
     if value is None:
         return DASH
-    bounds = scalar_bounds(scope.of(evidence.intervals, tracker), statistic)
-    return told(Estimate.of(value, bounds, unit))
+    bounds = scalar_bounds(scope.of(evidence.intervals, tracker), "outlier_ratio")
+    return told(Estimate.of(value, bounds, "share"))
+
+
+def _median_lifetime(evidence: Evidence, scope: Scope, tracker: str) -> str:
+    """Interpolated, so that conditions which differ by less than a frame can be told apart."""
+    rows = scope.of(evidence.intervals, tracker).filter(statistic=f"{INTERPOLATED}median_lifetime")
+    row = _first(rows.drop_nulls("value"))
+    return DASH if row is None else told(Estimate(row["value"], row["low"], row["high"], "frames"))
 
 
 def _first(rows: pl.DataFrame) -> dict[str, Any] | None:

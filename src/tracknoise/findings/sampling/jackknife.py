@@ -132,7 +132,9 @@ def degrees(sizes: NDArray[np.float64]) -> NDArray[np.float64]:
     apart = square**2 * d0**2 + 2 * d0 * d2 - 4 * square * d0 * d1 + 2 * d1**2
     whole = apart + np.sum(d**2 * (1 + 2 * (square - 2 * w)), axis=0)
     found: NDArray[np.float64] = square**2 / np.where(whole > 0, whole, 1.0)
-    return np.clip(found, 1.0, max(len(sizes) - 1.0, 1.0))  # rounding may lead out of it where one unit outweighs all others
+    return np.clip(
+        found, 1.0, max(len(sizes) - 1.0, 1.0)
+    )  # rounding may lead out of it where one unit outweighs all others
 
 
 def _shares(sizes: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -141,7 +143,7 @@ def _shares(sizes: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _apart(w: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Variance of what a unit differs by from the mean of weights w, in units of its own; 1 where it is all there is."""
+    """Variance of a unit's distance from the mean of weights w, in units of its own; 1 where it is all there is."""
     others: NDArray[np.float64] = np.square(w).sum(axis=0) - np.square(w)
     return np.where(w < 1, np.square(1 - w) + np.maximum(others, 0.0), 1.0)
 

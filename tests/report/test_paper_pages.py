@@ -17,7 +17,7 @@ WORLDS = {
     "Gazebo Linear": {"views": ((0, "forward"), (0, "backward"))},
 }
 BESIDES = {
-    *("picture-1", "curves-untrimmed", "occlusion", "time-structure", "gaussianity"),
+    *("picture-1", "curves-untrimmed", "occlusion", "time-structure", "changes", "gaussianity"),
     *(f"along-{TRACKER}", f"survivorship-{TRACKER}"),
 }
 

@@ -74,6 +74,7 @@ def _tables(
             frames,
             blocks=blocks,
             aspects=ingredients.aspects,
+            changes=ingredients.changes,
             population=population,
             kind=asked.intervals,
             level=asked.level,

@@ -24,8 +24,10 @@ class Ingredients:
         Of the visible observations, and of those that the experiment is about.
     aspects
         Of the reference view at the lowest speed, which figures show, where scenes are enough to be resampled.
+    changes
+        Of the same view and speed.
     blocks
-        Where they are not.
+        Where scenes are too few to be resampled.
     ends
         By block there, otherwise of all blocks together, as block 0.
     frames
@@ -34,6 +36,7 @@ class Ingredients:
 
     moments: pl.DataFrame
     aspects: pl.DataFrame
+    changes: pl.DataFrame
     blocks: pl.DataFrame
     ends: pl.DataFrame
     frames: pl.DataFrame
@@ -75,6 +78,7 @@ class Ingredients:
                 shown,
                 lambda table: table.filter(slowest).join(few, on=POOLED, how="anti", maintain_order="left"),
             ),
+            changes=read("increments", shown, lambda table: table.filter(slowest)),
             blocks=read(
                 "blocks",
                 [] if few.is_empty() else every,

@@ -14,6 +14,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.findings.change_bounds import AUTOCORRELATION, CHANGE, correlation_bounds, moments_of_changes
 from tracknoise.findings.sampling.bounds import Bounds, Method, averaged, pooled
 from tracknoise.findings.sampling.resampling import LEVEL, N_DRAWS
 from tracknoise.findings.sampling.units import SUMS, Draws, Units, additive, units_of
@@ -22,7 +23,7 @@ from tracknoise.statistics.aspects import GRADIENT
 from tracknoise.statistics.curves import NAMES, UNITS
 from tracknoise.statistics.grouping import POOLED
 from tracknoise.tables.findings_schema import INTERVALS
-from tracknoise.tables.schema import ASPECTS, BLOCKS, ENDS, FRAMES, MOMENTS, check, empty
+from tracknoise.tables.schema import ASPECTS, BLOCKS, ENDS, FRAMES, INCREMENTS, MOMENTS, check, empty
 
 ALL = "all"
 """Aspect of the errors of every track in image axes."""
@@ -32,7 +33,10 @@ _CURVES = [
     *((role, coordinate) for role in ("second", "central") for coordinate in ("u", "v", "uv")),
 ]
 """What `curve_statistics` returns: the role of each statistic, as in `tracknoise.statistics.curves`, and coordinate."""
+_MEANT = {GRADIENT: ("absolute", "second"), CHANGE: ("mean", "second", "central")}
+"""Roles that an aspect has, if not all: a gradient has no sign, and of changes no absolute values are kept."""
 _SCALES = ["linear" if role == "mean" or coordinate == "uv" else "log" for role, coordinate in _CURVES]
+_SCALARS: Mapping[str, str] = {**SCALAR_UNITS, AUTOCORRELATION: "1"}
 _SORTED = ["aspect", "population", "trimming", "weighting", "statistic", "axis", "at", "coordinate"]
 
 
@@ -43,6 +47,7 @@ def intervals(
     *,
     blocks: pl.DataFrame | None = None,
     aspects: pl.DataFrame | None = None,
+    changes: pl.DataFrame | None = None,
     population: str = "visible",
     kind: str = "student",
     level: float = LEVEL,
@@ -61,6 +66,9 @@ def intervals(
     aspects
         Schema `ASPECTS`, for intervals of these, too, where scenes are enough; along the gradient, an axis without
         sign, of absolute errors and second moments only.
+    changes
+        Schema `INCREMENTS`, for intervals of the changes of errors from frame to frame: of their mean and second
+        moments by age, where scenes are enough, and of their autocorrelation by lag.
     population
         Which observations the errors are of: `visible` or `projected`.
     kind
@@ -94,10 +102,13 @@ def intervals(
         for (dataset,), part in named.partition_by("dataset", as_dict=True).items()
     }
     method = Method(kind, level)
+    moved = empty(INCREMENTS) if changes is None else check(changes, INCREMENTS, "increments")
+    selected = _selected(moments, aspects, moved, population)
     parts = [
-        *_curve_rows(_selected(moments, aspects, population), _resampled(blocks, population), drawn, method),
+        *_curve_rows(selected, _resampled(blocks, population), drawn, method),
         *_scalar_rows(ends, lifetime_bounds, drawn, method),
         *_scalar_rows(frames, outlier_bounds, drawn, method),
+        *_scalar_rows(moved.filter(pl.col("lag") > 0), correlation_bounds, drawn, method),
     ]
     typed = [part.select(pl.col(name).cast(kind) for name, kind in INTERVALS.items()) for part in parts]
     table = pl.concat([empty(INTERVALS), *typed]).with_columns(pl.col("value", "low", "high").fill_nan(None))
@@ -125,12 +136,15 @@ def curve_statistics(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([mean_u, mean_v, abs_u / count, abs_v / count, *spread])
 
 
-def _selected(moments: pl.DataFrame, aspects: pl.DataFrame | None, population: str) -> pl.DataFrame:
-    """Moments of which there are to be intervals, by aspect."""
-    parts = [moments.filter(population=population).select(pl.lit(ALL).alias("aspect"), *MOMENTS)]
+def _selected(
+    moments: pl.DataFrame, aspects: pl.DataFrame | None, changes: pl.DataFrame, population: str
+) -> pl.DataFrame:
+    """Sums of which there are to be intervals, by aspect."""
+    parts = [moments.filter(population=population).with_columns(aspect=pl.lit(ALL)), moments_of_changes(changes)]
     if aspects is not None:
         parts.append(check(aspects, ASPECTS, "aspects"))
-    return additive(pl.concat(parts).filter(pl.col("n") > 0))
+    columns = ["aspect", "scene", *POOLED, "population", *_POINT, *SUMS]
+    return pl.concat(additive(part.filter(pl.col("n") > 0)).select(columns) for part in parts)
 
 
 def _resampled(blocks: pl.DataFrame | None, population: str) -> pl.DataFrame:
@@ -152,9 +166,9 @@ def _curve_rows(
         weights = drawn[key[0]].weights(units)
         found = [f(units, weights, curve_statistics, method, scales=_SCALES) for f in (pooled, averaged)]
         rows = _rows(labels.join(units.points, how="cross"), found, units, method)
-        has_sign = key[keys.index("aspect")] != GRADIENT
-        meant = rows if has_sign else rows.filter(pl.col("role").is_in(["absolute", "second"]))
-        yield _named(meant.with_columns(_literals(dict(zip(keys, key, strict=True)))))
+        meant = _MEANT.get(key[keys.index("aspect")])
+        chosen = rows if meant is None else rows.filter(pl.col("role").is_in(meant))
+        yield _named(chosen.with_columns(_literals(dict(zip(keys, key, strict=True)))))
 
 
 def _named(rows: pl.DataFrame) -> pl.DataFrame:
@@ -170,13 +184,14 @@ def _scalar_rows(
     drawn: Mapping[str, Draws],
     method: Method,
 ) -> Iterator[pl.DataFrame]:
-    """Rows of the lifetimes, or of the outlier ratio, of every condition."""
-    nothing = dict.fromkeys(("population", "trimming", "weighting", "coordinate"))
+    """Rows of the lifetimes, of the outlier ratio, or of the autocorrelation, of every condition."""
+    usual = {"aspect": ALL, **dict.fromkeys(("population", "trimming", "weighting", "coordinate"))}
     for key, part in table.partition_by(POOLED, as_dict=True).items():
         for labels, bounds, units in bounded(part, drawn[key[0]], method):
             rows = _rows(labels, [bounds], units, method)
-            named = _literals({**dict(zip(POOLED, key, strict=True)), "aspect": ALL, **nothing})
-            yield rows.with_columns(named, unit=pl.col("statistic").replace_strict(SCALAR_UNITS))
+            untold = {name: value for name, value in usual.items() if name not in labels.columns}
+            named = _literals({**dict(zip(POOLED, key, strict=True)), **untold})
+            yield rows.with_columns(named, unit=pl.col("statistic").replace_strict(_SCALARS))
 
 
 def _rows(labels: pl.DataFrame, found: list[Bounds], units: Units, method: Method) -> pl.DataFrame:

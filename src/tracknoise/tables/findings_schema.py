@@ -37,7 +37,8 @@ INTERVALS: Schema = {
 }
 """A row a number that has an interval: every point of every curve, and every scalar of every condition.
 
-aspect `all` is every track in image axes; others are those of `ASPECTS`. Outlier ratios and lifetimes have no
+aspect `all` is every track in image axes; `change` the changes of their errors from frame to frame, whose
+`autocorrelation` runs along the axis `lag`; others are those of `ASPECTS`. Outlier ratios and lifetimes have no
 population, trimming, weighting or coordinate; `survival` runs along the axis `lifetime`. Bounds are null where nothing
 can be resampled.
 """

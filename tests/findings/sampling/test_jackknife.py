@@ -36,6 +36,15 @@ def test_bounds_of_shares_are_shares():
     assert (low < high).all()
 
 
+def test_bounds_of_correlations_are_correlations():
+    values = 1 - 2 * np.random.default_rng(6).random((6, 50)) ** 6
+    low, high = student_interval(values.mean(axis=0), left_out(values), scale="fisher")
+    assert (low > -1).all()
+    assert (high < 1).all()
+    assert (low < high).all()
+    assert np.isnan(student_interval(np.ones(1), np.ones((6, 1)), scale="fisher")).all()
+
+
 def test_a_share_that_one_unit_makes_alone_has_an_interval():
     values = np.array([[0.5], [0.0], [0.0], [0.0], [0.0], [0.0]])
     low, high = student_interval(values.mean(axis=0), left_out(values), scale="logit")

@@ -7,10 +7,12 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.findings.change_bounds import SUMS as CHANGES
+from tracknoise.findings.change_bounds import correlated
 from tracknoise.findings.growth.fit import TERMS, contributions, fit_freely, fit_growth, misfit
 from tracknoise.findings.sampling.bounds import Bounds, Method, pooled
 from tracknoise.findings.sampling.resampling import leave_one_out
-from tracknoise.findings.sampling.units import Units
+from tracknoise.findings.sampling.units import Draws, Units, units_of
 from tracknoise.findings.shape.verdict import Interval
 from tracknoise.tables.schema import ORIGIN
 
@@ -20,8 +22,6 @@ MIN_AGES = 4
 """Fewest ages of a fit."""
 SUMS = ("n", "uu", "vv")
 """What a fit needs of each age: the count, and the sums of squared errors."""
-CHANGES = ("n", "lagged_uu", "squares_uu", "lagged_vv", "squares_vv")
-"""What is needed of the changes: the count and the sums of (autocorrelation) at lag 1."""
 _MIN_UNITS = 4
 _OWN = 0.05
 """How far off (growth) may be, relative to the second moment: that much is added to each age's standard error."""
@@ -89,21 +89,24 @@ def fitted(units: Units, weights: Array, ages: NDArray[np.bool_], method: Method
 
 
 def neighbours(increments: pl.DataFrame) -> pl.DataFrame:
-    """Rows of lag 1 of `INCREMENTS`, of which only `CHANGES` are kept."""
+    """Rows of lag 1 of `INCREMENTS`, of which only what (autocorrelation) is made of is kept."""
     return increments.filter(pl.col("lag") == 1).select(*ORIGIN, "block", "trimming", *CHANGES)
 
 
-def correlated(units: Units, weights: Array, method: Method) -> tuple[Interval, Interval]:
+def related(changes: pl.DataFrame, draws: Draws, method: Method, *, resampled: bool) -> tuple[Interval, Interval]:
     """(autocorrelation) at one step of u and of v.
 
     Parameters
     ----------
-    units
-        One point; columns `CHANGES`.
-    weights, method
-        As in `fitted`.
+    changes
+        What `neighbours` kept of one condition and trimming.
+    draws, method
+        How to make intervals.
+    resampled
+        Whether blocks may be resampled where scenes are few.
     """
-    bounds = pooled(units, weights, _correlation, method)
+    units = units_of(changes, changes if resampled else None, points=[], columns=CHANGES)
+    bounds = correlated(units, draws.weights(units), method)
     return _interval(bounds, 0), _interval(bounds, 1)
 
 
@@ -143,13 +146,6 @@ def _fit(sums: Array, axis: int, second: Array, since: Array, weight: Array) -> 
     known = np.where(np.isnan(drawn), whole, drawn)
     free, bounded = fit_freely(known, since, weight), fit_growth(known, since, weight)
     return np.concatenate([free, bounded, contributions(bounded, since)])[:, None]
-
-
-def _correlation(sums: Array) -> Array:
-    """Of u and of v, (2, 1, ...)."""
-    _, lagged_u, squares_u, lagged_v, squares_v = sums
-    squares = np.stack([squares_u, squares_v])
-    return np.stack([lagged_u, lagged_v]) / np.where(squares > 0, squares, np.nan)
 
 
 def _named(bounds: Bounds, first: int, second: Array, since: Array, weight: Array) -> Fit:

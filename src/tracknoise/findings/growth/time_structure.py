@@ -22,17 +22,7 @@ import polars as pl
 from tracknoise.findings.anchored import NO_KEY_FRAMES, anchored
 from tracknoise.findings.growth.behaviour import Growth, behaves
 from tracknoise.findings.growth.fit import TERMS
-from tracknoise.findings.growth.grown import (
-    CHANGES,
-    MIN_AGES,
-    SUMS,
-    Fit,
-    correlated,
-    fit_ages,
-    fitted,
-    mean_drift,
-    neighbours,
-)
+from tracknoise.findings.growth.grown import MIN_AGES, SUMS, Fit, fit_ages, fitted, mean_drift, neighbours, related
 from tracknoise.findings.sampling.bounds import Method
 from tracknoise.findings.sampling.resampling import LEVEL
 from tracknoise.findings.sampling.units import Draws, additive, units_of
@@ -119,14 +109,13 @@ def _rows(
     fits: tuple[Fit | None, Fit | None] = (None, None)
     if np.count_nonzero(ages) >= MIN_AGES and (units.sums[:, ages, 1:].sum(axis=0) > 0).all():
         fits = fitted(units, draws.weights(units), ages, method)
-    related, drifts = (_UNKNOWN, _UNKNOWN), mean_drift(scenes)
+    alike, drifts = (_UNKNOWN, _UNKNOWN), mean_drift(scenes)
     if changes is not None:
-        moved = units_of(changes, changes if units.resampled else None, points=[], columns=CHANGES)
-        related = correlated(moved, draws.weights(moved), method)
+        alike = related(changes, draws, Method("student", method.level), resampled=units.resampled is not None)
     n_ages = int(np.count_nonzero(ages))
     for place, coordinate in enumerate("uv"):
         row = {"coordinate": coordinate, "n_ages": n_ages, "n_scenes": len(units.scenes)}
-        numbers = _numbers(fits[place], related[place], drifts[place], n_ages)
+        numbers = _numbers(fits[place], alike[place], drifts[place], n_ages)
         yield {**row, "resampled": units.resampled, **numbers}
 
 

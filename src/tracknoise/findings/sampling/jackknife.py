@@ -11,9 +11,10 @@ g +- t se, with Student's quantile of as many degrees of freedom as such an se^2
 hold the same, fewer where some outweigh the others (Bell and McCaffrey 2002). With units drawn within s strata of n,
 g is the mean of g_i in each stratum, the factor is ((s n - 1) / (s n))^2 n / (n - 1), and there are s (n - 1) degrees.
 
-For what is never negative g is the logarithm, for shares the logit, so that bounds stay within limits, and lie farther
-out on the side where few units that are far larger than the others can be missing from a sample. Where the g_i of a
-unit does not exist, as that of a share of 0, its linear approximation stands for it.
+For what is never negative g is the logarithm, for shares the logit, for correlations the inverse hyperbolic tangent
+(Fisher 1915), so that bounds stay within limits, and lie farther out on the side where few units that are far larger
+than the others can be missing from a sample. Where the g_i of a unit does not exist, as that of a share of 0, its
+linear approximation stands for it.
 
 Of few scenes that differ much, such intervals hold the true value more often than bootstrap percentiles, corrected or
 not, and they need no draws: `python -m benchmarks.validity.intervals`. The unequal weights alone take second moments of
@@ -49,7 +50,10 @@ SCALES: Mapping[str, Scale] = {
     "linear": Scale(-np.inf, np.inf, np.asarray, np.asarray, np.ones_like),
     "log": Scale(0.0, np.inf, np.log, np.exp, np.reciprocal),
     "logit": Scale(0.0, 1.0, special.logit, special.expit, lambda share: 1 / (share * (1 - share))),
+    "fisher": Scale(-1.0, 1.0, np.arctanh, np.tanh, lambda correlation: 1 / (1 - correlation**2)),
 }
+_BETWEEN = ("logit", "fisher")
+"""Scales of what has a limit on either side."""
 
 
 def student_interval(
@@ -85,7 +89,8 @@ def student_interval(
     -------
     low, high : (...) float64
         NaN where the estimate is NaN or rests on fewer than two units, and of a share of 0 or 1: that it was never seen
-        says nothing of how rare it is among other units. A size of 0 has both bounds there.
+        says nothing of how rare it is among other units, nor does a correlation of -1 or 1 of how strict it is. A size
+        of 0 has both bounds there.
     """
     value, to = np.asarray(estimate, dtype=np.float64), SCALES[scale]
     n = np.broadcast_to(len(jackknife) if n_units is None else np.asarray(n_units), value.shape)
@@ -101,7 +106,7 @@ def student_interval(
     else:
         variance, freedom = _of_strata(moved, np.maximum(n, 2), strata)
     width = special.stdtrit(freedom, (1 + level) / 2) * np.sqrt(variance)
-    usable = (n > 1) & ~np.isnan(value) & (inside | (scale != "logit"))
+    usable = (n > 1) & ~np.isnan(value) & (inside | (scale not in _BETWEEN))
     low, high = (np.where(inside, to.back(middle + shift), value) for shift in (-width, width))
     return np.where(usable, low, np.nan), np.where(usable, high, np.nan)
 

@@ -4,6 +4,7 @@ A new family is a new file and a line here.
 """
 
 from tracknoise.report.figures import (
+    changes,
     curves,
     directions,
     gaussianity,
@@ -33,6 +34,7 @@ FAMILIES: tuple[Family, ...] = (
     outlier_ratio.FAMILY,
     curves.FAMILY,
     time_structure.FAMILY,
+    changes.FAMILY,
     gaussianity.FAMILY,
     directions.FAMILY,
     survivorship.FAMILY,

@@ -129,7 +129,7 @@ def _row(points: pl.DataFrame, role: str, series: Series, axis: Axis, *, boxes: 
     order = pl.col(series.field).replace_strict(place, return_dtype=pl.Int64)
     table = points.filter(pl.col("role").is_in(drawn)).sort("role", order, "at")
     banded = table.filter(pl.col("role") == role, pl.col(series.field).is_in(_banded(series)))
-    bounds = _domain(table, banded)
+    bounds = marks.holding(pl.concat([table["u"], table["v"]]), pl.concat(banded[name] for name in BOUNDS))
     wide, narrow = _WIDTHS["alone" if not boxes else "many" if many else "few"]
     panels = []
     for coordinate, label in zip("uv", series.columns, strict=True):
@@ -137,7 +137,8 @@ def _row(points: pl.DataFrame, role: str, series: Series, axis: Axis, *, boxes: 
         heading = _ROWS[role].format(axis.signs[role]) if coordinate == "u" else None
         y = alt.Y(f"{coordinate}:Q", scale=alt.Scale(domain=bounds, nice=False), title=heading)
         x = marks.along(axis, table["at"])
-        band, lines = _bands(banded, series, coordinate, x, y), _lines(table, series, axis, x, y)
+        band = marks.band(banded, series.field, series.colours, coordinate, x, y)
+        lines = _lines(table, series, axis, x, y)
         chart = alt.layer(*band, *lines).properties(title=title, width=wide, height=_HEIGHT)
         selections = marks.shown(series.field, series.colours), marks.zoom("x")
         panels.append(Panel(chart, selections, layer=len(band)))
@@ -164,33 +165,6 @@ def _banded(series: Series) -> list[str]:
     """Whose curves have a band: all, or of many the first alone, for many bands hide each other."""
     names = list(series.colours)
     return names if len(names) <= MANY else names[:1]
-
-
-def _domain(table: pl.DataFrame, banded: pl.DataFrame) -> list[float]:
-    """Axis bounds that hold the curves, and of their bands what does not leave the curves a sliver."""
-    curves = pl.concat([table["u"], table["v"]]).drop_nulls()
-    if curves.is_empty():
-        return marks.domain(curves, zero=True)
-    low, high = min(0.0, float(curves.min())), max(0.0, float(curves.max()))  # type: ignore[arg-type]
-    ends = pl.concat([curves, *(banded[name] for name in BOUNDS)]).drop_nulls()
-    return marks.domain(ends.clip(low - (high - low), high + (high - low)), zero=True)
-
-
-def _bands(banded: pl.DataFrame, series: Series, coordinate: str, x: alt.X, y: alt.Y) -> list[alt.Chart]:
-    """Areas between the bounds; none where there are no bounds."""
-    low, high = f"{coordinate}_low", f"{coordinate}_high"
-    table = banded.select(series.field, "at", low, high).drop_nulls()
-    if table.is_empty():
-        return []
-    area = alt.Chart(marks.rows(table)).mark_area(clip=True, tooltip=None)
-    encoded = area.encode(
-        x=x,
-        y=marks.on(y, low),
-        y2=f"{high}:Q",
-        fill=marks.fill(series.field, series.colours),
-        opacity=marks.faint(series.field),
-    )
-    return [encoded]
 
 
 def _lines(table: pl.DataFrame, series: Series, axis: Axis, x: alt.X, y: alt.Y) -> list[alt.Chart]:

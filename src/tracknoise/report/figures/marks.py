@@ -73,6 +73,28 @@ def domain(values: pl.Series, *, zero: bool = False) -> list[float]:
     return [low if zero and low == 0.0 else low - room, high + room]
 
 
+def holding(curves: pl.Series, ends: pl.Series) -> list[float]:
+    """Axis bounds that hold zero and curves, and of the ends of their bands what does not leave the curves a sliver."""
+    known = curves.drop_nulls()
+    if known.is_empty():
+        return domain(known, zero=True)
+    low, high = min(0.0, float(known.min())), max(0.0, float(known.max()))  # type: ignore[arg-type]
+    held = pl.concat([known, ends.drop_nulls()]).clip(low - (high - low), high + (high - low))
+    return domain(held, zero=True)
+
+
+def band(
+    table: pl.DataFrame, field: str, colours: Mapping[str, str], coordinate: str, x: alt.X, y: alt.Y
+) -> list[alt.Chart]:
+    """Areas between the bounds of a coordinate, along ``at``, one a value of `field`; none where there are none."""
+    low, high = f"{coordinate}_low", f"{coordinate}_high"
+    known = table.select(field, "at", low, high).drop_nulls()
+    if known.is_empty():
+        return []
+    area = alt.Chart(rows(known)).mark_area(clip=True, tooltip=None)
+    return [area.encode(x=x, y=on(y, low), y2=f"{high}:Q", fill=fill(field, colours), opacity=faint(field))]
+
+
 def along(axis: Axis, places: pl.Series) -> alt.X:
     """Horizontal axis of curves, column ``at``: ages from zero, or the frames that there are."""
     low, high = (float(places.min()), float(places.max())) if places.len() else (0.0, 1.0)  # type: ignore[arg-type]

@@ -1,0 +1,82 @@
+"""Changes of errors from one frame that the tracker saw to the next: what their intervals are made of.
+
+Their moments by age are those of errors, with an aspect of their own; (autocorrelation) by lag is that of
+`tracknoise.statistics.increments`. Its intervals are made on Fisher's scale, on which a correlation has no limits.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.findings.sampling.bounds import Bounds, Method, pooled
+from tracknoise.findings.sampling.units import Draws, Units, units_of
+from tracknoise.findings.scalar_bounds import Found
+from tracknoise.tables.schema import AXIS, ORIGIN, POPULATION
+
+CHANGE = "change"
+"""Aspect of the changes of the errors of every track, in image axes, along the age at which they end."""
+AUTOCORRELATION = "autocorrelation"
+SUMS = ("n", "lagged_uu", "squares_uu", "lagged_vv", "squares_vv")
+"""What (autocorrelation) is made of: the count of pairs of changes, and the sums of their products and squares."""
+_MOMENTS = ("mean_u", "mean_v", "m_uu", "m_uv", "m_vv")
+_POINT = ["trimming", "lag"]
+
+
+def moments_of_changes(increments: pl.DataFrame) -> pl.DataFrame:
+    """Rows of lag 0 of `INCREMENTS` as moments of an aspect, but for absolute values, which count as 0."""
+    return increments.filter(pl.col("lag") == 0).select(
+        pl.lit(CHANGE).alias("aspect"),
+        *ORIGIN,
+        pl.lit("visible", dtype=POPULATION).alias("population"),
+        "trimming",
+        pl.lit("age", dtype=AXIS).alias("axis"),
+        pl.col("age").alias("at"),
+        "n",
+        *_MOMENTS,
+        mean_abs_u=pl.lit(0.0),
+        mean_abs_v=pl.lit(0.0),
+    )
+
+
+def correlation_bounds(increments: pl.DataFrame, draws: Draws, method: Method) -> Iterator[Found]:
+    """(autocorrelation) at every lag, of u and of v.
+
+    Parameters
+    ----------
+    increments
+        Columns of `INCREMENTS`, rows of one condition, lags from 1 on.
+    draws
+        Of all scenes of the dataset.
+    method
+        How to make intervals.
+    """
+    units = units_of(increments, increments, points=_POINT, columns=SUMS)
+    coordinates = pl.DataFrame({"coordinate": ["u", "v"]})
+    labels = coordinates.join(units.points.rename({"lag": "at"}), how="cross").with_columns(
+        statistic=pl.lit(AUTOCORRELATION), axis=pl.lit("lag"), aspect=pl.lit(CHANGE), population=pl.lit("visible")
+    )
+    yield labels, correlated(units, draws.weights(units), method), units
+
+
+def correlated(units: Units, weights: NDArray[np.float64], method: Method) -> Bounds:
+    """(autocorrelation) of u and of v, with intervals.
+
+    Parameters
+    ----------
+    units
+        Columns `SUMS`.
+    weights : (draws, units)
+        How often each unit was drawn.
+    method
+        How to make intervals.
+    """
+    return pooled(units, weights, _autocorrelation, method, scales=["fisher"] * 2)
+
+
+def _autocorrelation(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of u and of v, (2, points, ...)."""
+    _, lagged_u, squares_u, lagged_v, squares_v = sums
+    squares = np.stack([squares_u, squares_v])
+    return np.asarray(np.stack([lagged_u, lagged_v]) / np.where(squares > 0, squares, np.nan))

@@ -1,0 +1,82 @@
+"""Changes from frame to frame: drawn and told as the tables have them, with the bounds that were found."""
+
+import dataclasses
+import io
+
+import numpy as np
+import polars as pl
+import pytest
+
+from tracknoise.report.evidence import Evidence
+from tracknoise.report.figures import Absence, Figure, changes
+from tracknoise.report.sentences import SPACE, px
+from tracknoise.statistics.increments import LAGS
+from tracknoise.tables.findings_schema import INTERVALS
+from tracknoise.tables.store import RunFolder
+
+
+@pytest.fixture(scope="module")
+def evidence(run: RunFolder) -> Evidence:
+    return Evidence.of(run)
+
+
+def drawn(evidence: Evidence, column: str) -> pl.DataFrame:
+    (figure,) = changes.figures(evidence)
+    assert isinstance(figure, Figure)
+    texts = [data for data in figure.spec["datasets"].values() if isinstance(data, str)]
+    tables = [pl.read_csv(io.StringIO(text)) for text in texts]
+    return pl.concat([table for table in tables if column in table.columns], how="diagonal_relaxed")
+
+
+def nominal(evidence: Evidence) -> pl.DataFrame:
+    return evidence.nominal(evidence.changes).filter(pl.col("n") >= evidence.min_features, trimming="trimmed")
+
+
+def test_means_spreads_and_autocorrelations_are_those_of_the_table(evidence: Evidence) -> None:
+    table, points = nominal(evidence), drawn(evidence, "u")
+    expected = [
+        *table.drop_nulls("mean_u_px")["mean_u_px"],
+        *table.drop_nulls("covariance_uu")["covariance_uu"].sqrt(),
+        *table.drop_nulls("autocorrelation_u")["autocorrelation_u"],
+    ]
+    np.testing.assert_allclose(sorted(points["u"]), sorted(expected), rtol=1e-3, atol=1e-12)
+    assert points.filter(pl.col("tracker") == "lucas-kanade")["at"].max() > LAGS
+
+
+def test_the_sentence_quotes_the_change_that_ends_at_the_reference_age(evidence: Evidence) -> None:
+    (figure,) = changes.figures(evidence)
+    assert isinstance(figure, Figure)
+    ages = nominal(evidence).filter(pl.col("lag") == 0, pl.col("age") <= 10, tracker="lucas-kanade").sort("age")
+    row = ages.row(-1, named=True)
+    told = f"ends at age {row['age']} is {px(row['mean_u_px'])} in u and {px(row['mean_v_px'])} in v on average"
+    assert told in figure.look_for
+    assert px(row["covariance_uu"] ** 0.5) in figure.look_for
+
+
+def test_bounds_stand_where_their_values_do_and_those_of_variances_are_roots(evidence: Evidence) -> None:
+    table = nominal(evidence).filter(lag=0, tracker="lucas-kanade")
+    labels = {name: table[name] for name in ("dataset", "tracker", "speed", "lighting", "rotation", "direction")}
+    kind = {"aspect": "change", "trimming": "trimmed", "weighting": "features", "statistic": "central", "axis": "age"}
+    said = {"level": 0.95, "resampled": "scenes", "n_scenes": 8, "n_units": 8, "kind": "student", "unit": "px^2"}
+    rows = [
+        pl.DataFrame({**labels, "at": table["age"], "value": table[f"covariance_{axis}{axis}"]}).with_columns(
+            low=0.25 * pl.col("value"), high=4 * pl.col("value"), coordinate=pl.lit(axis), population=pl.lit("visible"),
+            **{name: pl.lit(value) for name, value in {**kind, **said}.items()},
+        )
+        for axis in "uv"
+    ]  # fmt: skip
+    found = pl.concat(rows).select(pl.col(name).cast(kind) for name, kind in INTERVALS.items())
+    bounded = dataclasses.replace(evidence, intervals=found)
+    bands = drawn(bounded, "u_low").sort("at")
+    spread = table.sort("age")["covariance_uu"].sqrt()
+    np.testing.assert_allclose(bands["u_low"], 0.5 * spread, rtol=1e-3)
+    np.testing.assert_allclose(bands["u_high"], 2 * spread, rtol=1e-3)
+    (figure,) = changes.figures(bounded)
+    assert f"95{SPACE}% intervals over 8 scenes" in figure.shows
+
+
+def test_without_intervals_the_figure_says_so_and_without_changes_there_is_none(evidence: Evidence) -> None:
+    (figure,) = changes.figures(dataclasses.replace(evidence, intervals=evidence.intervals.clear()))
+    assert "No intervals were computed for the curves." in figure.shows
+    (absence,) = changes.figures(dataclasses.replace(evidence, changes=evidence.changes.clear()))
+    assert isinstance(absence, Absence)

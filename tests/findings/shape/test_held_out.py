@@ -4,6 +4,7 @@ import pytest
 from tracknoise.findings.shape.elliptical import terms
 from tracknoise.findings.shape.gaussian import fit_gaussian
 from tracknoise.findings.shape.held_out import MAX_FITTED, MIN_FITTED, gains
+from tracknoise.findings.shape.mixture import fit_mixture
 from tracknoise.findings.shape.student import fit_student
 
 
@@ -14,7 +15,7 @@ def student(rng: np.random.Generator, nu: float, n: int) -> np.ndarray:
 def found(*samples: np.ndarray):
     sample = np.repeat(np.arange(len(samples)), [len(pairs) for pairs in samples])
     pairs = np.concatenate(samples)
-    return gains(pairs, sample, np.arange(len(pairs)) % 2 == 0, len(samples)), sample
+    return gains(pairs, sample, np.arange(len(pairs)) % 4, len(samples)), sample
 
 
 def test_heavy_tails_gain_and_a_gaussian_does_not() -> None:
@@ -34,13 +35,23 @@ def test_gains_do_not_depend_on_units_but_the_spread_does() -> None:
     assert other.spread == pytest.approx(3 * one.spread, rel=1e-9)
 
 
-def test_a_half_is_told_by_what_was_fitted_to_the_other() -> None:
+def test_a_fold_is_told_by_what_was_fitted_to_the_others() -> None:
     rng = np.random.default_rng(2)
-    one, other = rng.standard_normal((500, 2)), student(rng, 3, 500)
-    gained = gains(np.concatenate([one, other]), np.zeros(1000, dtype=np.intp), np.repeat([False, True], 500), 1)
-    heavy, normal = fit_student(terms([one])), fit_gaussian(terms([one]))
-    expected = heavy.log_density(terms([other])) - normal.log_density(terms([other]))
-    assert gained.student[500:] == pytest.approx(expected[0], rel=1e-9)
+    folds = [rng.standard_normal((300, 2)), 1.5 * rng.standard_normal((300, 2)), student(rng, 3, 300)]
+    fold = np.repeat([4, 0, 2], 300)
+    gained = gains(np.concatenate(folds), np.zeros(900, dtype=np.intp), fold, 1)
+    for place, one in enumerate(folds):
+        rest = terms([np.concatenate([other for other in folds if other is not one])])
+        normal = fit_gaussian(rest).log_density(terms([one]))
+        there = slice(300 * place, 300 * (place + 1))
+        heavy, mixed = fit_student(rest, rounds=400), fit_mixture(rest)
+        assert gained.student[there] == pytest.approx((heavy.log_density(terms([one])) - normal)[0], rel=1e-3, abs=1e-4)
+        assert gained.mixture[there] == pytest.approx((mixed.log_density(terms([one])) - normal)[0], rel=1e-9)
+
+
+def test_of_one_fold_nothing_is_told() -> None:
+    pairs = np.random.default_rng(6).normal(size=(300, 2))
+    assert np.isnan(gains(pairs, np.zeros(300, dtype=np.intp), np.zeros(300, dtype=np.intp), 1).student).all()
 
 
 def test_no_more_than_so_many_are_fitted_and_all_are_told() -> None:
@@ -48,7 +59,7 @@ def test_no_more_than_so_many_are_fitted_and_all_are_told() -> None:
     assert np.isfinite(gained.student).all()
 
 
-@pytest.mark.parametrize("pairs", [np.ones((200, 2)), np.random.default_rng(4).normal(size=(2 * MIN_FITTED - 1, 2))])
+@pytest.mark.parametrize("pairs", [np.ones((200, 2)), np.random.default_rng(4).normal(size=(MIN_FITTED, 2))])
 def test_samples_that_are_too_small_or_have_no_spread_gain_nothing(pairs) -> None:
     gained, sample = found(pairs, np.random.default_rng(5).normal(size=(300, 2)))
     assert np.isnan(gained.student[sample == 0]).all()

@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 BAND = ["trimming", "age_low"]
 """What tells the bands of a condition apart."""
+FOLDS = 8
+"""Of the scenes, or of the blocks of each; each fold is told by fits to all others. Up to eight scenes are each one."""
 _MARDIA = ("skewness", "kurtosis")
 _GAINS = ("gain_student", "gain_mixture", "gain_difference")
 _TOLD = ("told", "student", "mixture")
@@ -69,7 +71,7 @@ def gain_bounds(singles: pl.DataFrame, draws: Draws, method: Method, *, seed: in
     draws, method
         How to resample.
     seed
-        Decides which scenes, or blocks, are of which half.
+        Decides which scenes, if they are more than `FOLDS`, or blocks are put into one fold.
 
     Returns
     -------
@@ -81,7 +83,7 @@ def gain_bounds(singles: pl.DataFrame, draws: Draws, method: Method, *, seed: in
     """
     groups = group_rows(singles, BAND)
     pairs = singles.select("z_u", "z_v").to_numpy()
-    found = gains(pairs, groups.index, _halves(singles, seed), groups.count)
+    found = gains(pairs, groups.index, _folds(singles, seed), groups.count)
     told = ~np.isnan(found.student)
     columns = zip(_TOLD, (told * 1.0, np.nan_to_num(found.student), np.nan_to_num(found.mixture)), strict=True)
     rows = singles.select("scene", "block", *BAND).with_columns(**dict(columns))
@@ -108,13 +110,13 @@ def _per_error(sums: Array) -> Array:
     return np.stack([student, mixture, mixture - student]) / np.where(told > 0, told, np.nan)
 
 
-def _halves(singles: pl.DataFrame, seed: int) -> NDArray[np.bool_]:
-    """Of which half each row is: that of its scene or, where scenes are few, that of its block, drawn in each scene."""
+def _folds(singles: pl.DataFrame, seed: int) -> NDArray[np.intp]:
+    """Of which fold each row is: that of its scene or, where scenes are few, that of its block, drawn in each scene."""
     rng = np.random.default_rng(seed)
     scenes = group_rows(singles, ["scene"])
     if scenes.count >= MIN_SCENES:
-        return np.asarray((rng.permutation(scenes.count) % 2 == 1)[scenes.index])
-    blocks = np.stack([rng.permutation(BLOCKS) % 2 == 1 for _ in range(scenes.count)])
+        return np.asarray(rng.permutation(scenes.count)[scenes.index] % FOLDS)
+    blocks = np.stack([rng.permutation(BLOCKS) % FOLDS for _ in range(scenes.count)])
     return np.asarray(blocks[scenes.index, singles["block"].to_numpy()])
 
 

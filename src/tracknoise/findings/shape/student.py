@@ -48,7 +48,7 @@ class Student:
         return log_normaliser(self.scatter) - 0.5 * (nu + 2) * np.log1p(distance / nu)
 
 
-def fit_student(points: Array, *, rounds: int = ROUNDS) -> Student:
+def fit_student(points: Array, *, rounds: int = ROUNDS, start: Student | None = None) -> Student:
     """The most likely (student) of each sample.
 
     Parameters
@@ -57,10 +57,12 @@ def fit_student(points: Array, *, rounds: int = ROUNDS) -> Student:
         What `elliptical.terms` made; at least three points a sample that are not on a line.
     rounds
         How many.
+    start
+        Where to start, if something is known; otherwise at the moments.
     """
     count = points[:, 0].sum(axis=1)
-    mean, scatter = moments(points.sum(axis=2))
-    inverse_nu = np.full(len(points), 1 / _START)
+    first = start or Student(*moments(points.sum(axis=2)), np.full(len(points), _START))
+    mean, scatter, inverse_nu = first.mean, first.scatter, 1 / first.nu
     for _ in range(rounds):
         distance = squared_distances(points, mean, scatter)
         inverse_nu = _newton(inverse_nu, distance, count)

@@ -91,7 +91,7 @@ def _split(rows: Rows, fold: Rows) -> list[tuple[Rows, Rows]]:
 
 
 def _told(pairs: Array, parts: list[tuple[Rows, Rows]], start: Student) -> tuple[Array, Array]:
-    """(gain) on every error of each fold, (folds, most errors), by fits to all others; that of the t begins at `start`."""
+    """(gain) on every error of each fold, (folds, most errors), by fits to all others; the t begins at `start`."""
     fitted = terms([pairs[_thinned(rest)] for _, rest in parts])
     told = terms([pairs[rows] for rows, _ in parts])
     base = fit_gaussian(fitted).log_density(told)

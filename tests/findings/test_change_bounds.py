@@ -8,8 +8,9 @@ from tracknoise.findings.change_bounds import correlated
 from tracknoise.findings.intervals import intervals
 from tracknoise.findings.sampling.bounds import Method
 from tracknoise.findings.sampling.units import Units
+from tracknoise.statistics.aspect_blocks import aspect_blocks
 from tracknoise.statistics.change_curves import change_curves
-from tracknoise.statistics.increments import LAGS, increments
+from tracknoise.statistics.increments import increments
 from tracknoise.statistics.lifetimes import count_ends
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.tables.schema import FRAMES, empty
@@ -35,11 +36,14 @@ def found_of(see_errors, n_scenes: int) -> tuple[pl.DataFrame, pl.DataFrame]:
     seen = see_errors([np.concatenate([np.zeros((TRACKS, 1, 2)), walk], axis=1) for walk in walks])
     moved = increments(seen.observations, seen.tracks)
     tables = scene_moments(seen.observations), count_ends(seen.tracks), empty(FRAMES)
-    return intervals(*tables, changes=moved).filter(aspect="change"), change_curves(moved)
+    blocks = aspect_blocks(seen.observations, seen.tracks)
+    found = intervals(*tables, changes=moved, aspect_blocks=blocks)
+    return found.filter(aspect="change"), change_curves(moved)
 
 
-def test_values_are_those_of_the_curves(see_errors) -> None:
-    found, curves = found_of(see_errors, 8)
+@pytest.mark.parametrize("n_scenes", [3, 8])
+def test_values_are_those_of_the_curves(see_errors, n_scenes: int) -> None:
+    found, curves = found_of(see_errors, n_scenes)
     for statistic, column in {"nu": "mean_{}_px", "central": "covariance_{0}{0}", "autocorrelation": None}.items():
         for axis in "uv":
             name = (column or "autocorrelation_{}").format(axis)
@@ -55,18 +59,11 @@ def test_values_are_those_of_the_curves(see_errors) -> None:
     assert not found["statistic"].is_in(["eta"]).any()  # absolute changes are not kept
 
 
-def test_of_enough_scenes_all_have_bounds_that_hold_them(see_errors) -> None:
-    found, _ = found_of(see_errors, 8)
-    assert found["resampled"].unique().to_list() == ["scenes"]
+@pytest.mark.parametrize(("n_scenes", "resampled"), [(8, "scenes"), (3, "blocks")])
+def test_all_have_bounds_that_hold_them(see_errors, n_scenes: int, resampled: str) -> None:
+    found, _ = found_of(see_errors, n_scenes)
+    assert found["resampled"].unique().to_list() == [resampled]
     assert ((found["low"] < found["value"]) & (found["value"] < found["high"])).all()
-
-
-def test_of_few_scenes_only_the_autocorrelation_has_bounds_by_block(see_errors) -> None:
-    found, _ = found_of(see_errors, 3)
-    bounded = found.drop_nulls(["low", "high"])
-    assert bounded["statistic"].unique().to_list() == ["autocorrelation"]
-    assert bounded["resampled"].unique().to_list() == ["blocks"]
-    assert bounded.height == 2 * 2 * LAGS
 
 
 @pytest.mark.parametrize("n_scenes", [8, 28])

@@ -174,7 +174,7 @@ def _sequence(rng: np.random.Generator, origin: Sequence[Any], world: World) -> 
         "ends": count_ends(trimmed.tracks),
         "errors": error_histogram(trimmed.tracks),
         "increments": increments(trimmed.observations, trimmed.tracks),
-        **{name: empty(SEQUENCE_TABLES[name]) for name in ("blocks", "samples")},  # findings are made up
+        **{name: empty(SEQUENCE_TABLES[name]) for name in ("blocks", "aspect_blocks", "samples")},  # findings are made up
     }
 
 

@@ -75,6 +75,7 @@ def _tables(
             blocks=blocks,
             aspects=ingredients.aspects,
             changes=ingredients.changes,
+            aspect_blocks=ingredients.aspect_blocks,
             population=population,
             kind=asked.intervals,
             level=asked.level,

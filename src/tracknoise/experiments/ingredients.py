@@ -22,12 +22,12 @@ class Ingredients:
     ----------
     moments
         Of the visible observations, and of those that the experiment is about.
-    aspects
-        Of the reference view at the lowest speed, which figures show, where scenes are enough to be resampled.
-    changes
-        Of the same view and speed.
+    aspects, changes
+        Of the reference view at the lowest speed, which figures show.
+    aspect_blocks
+        Of these, where scenes are too few to be resampled.
     blocks
-        Where scenes are too few to be resampled.
+        Where they are.
     ends
         By block there, otherwise of all blocks together, as block 0.
     frames
@@ -37,6 +37,7 @@ class Ingredients:
     moments: pl.DataFrame
     aspects: pl.DataFrame
     changes: pl.DataFrame
+    aspect_blocks: pl.DataFrame
     blocks: pl.DataFrame
     ends: pl.DataFrame
     frames: pl.DataFrame
@@ -73,20 +74,19 @@ class Ingredients:
         few = frames.group_by(POOLED).agg(n=pl.col("scene").n_unique()).filter(pl.col("n") < MIN_SCENES).drop("n")
         return cls(
             moments=read("moments", every, lambda table: table.filter(seen)),
-            aspects=read(
-                "aspects",
-                shown,
-                lambda table: table.filter(slowest).join(few, on=POOLED, how="anti", maintain_order="left"),
-            ),
+            aspects=read("aspects", shown, lambda table: table.filter(slowest)),
             changes=read("increments", shown, lambda table: table.filter(slowest)),
-            blocks=read(
-                "blocks",
-                [] if few.is_empty() else every,
-                lambda table: table.join(few, on=POOLED, how="semi", maintain_order="left"),
+            aspect_blocks=read(
+                "aspect_blocks", [] if few.is_empty() else shown, lambda table: _of(few, table.filter(slowest))
             ),
+            blocks=read("blocks", [] if few.is_empty() else every, lambda table: _of(few, table)),
             ends=read("ends", every, lambda table: _ends(table, few)),
             frames=frames,
         )
+
+
+def _of(conditions: pl.DataFrame, table: pl.DataFrame) -> pl.DataFrame:
+    return table.join(conditions, on=POOLED, how="semi", maintain_order="left")
 
 
 def _ends(ends: pl.DataFrame, few: pl.DataFrame) -> pl.DataFrame:

@@ -17,6 +17,7 @@ from tracknoise.experiments.settings import Experiment
 from tracknoise.measurement.sweep import Progress
 from tracknoise.sequences.images import encode_png
 from tracknoise.sequences.sequence import Sequence
+from tracknoise.statistics.aspect_blocks import aspect_blocks
 from tracknoise.statistics.aspects import scene_aspects
 from tracknoise.statistics.block_moments import block_moments
 from tracknoise.statistics.counts import counts
@@ -137,6 +138,7 @@ def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Meas
     observed = {"observations": measurement.observations, "tracks": measurement.tracks}
     axis = "age" if measurement.key_frame is None else "frame"
     populations = list(dict.fromkeys(["visible", experiment.truth.population]))
+    slowest = measurement.observations.filter(pl.col("speed") == min(experiment.speeds))  # which figures show
     return {
         **(observed if experiment.keep == "observations" else {}),
         "frames": measurement.frames,
@@ -148,6 +150,7 @@ def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Meas
         "errors": error_histogram(measurement.tracks),
         "blocks": block_moments(measurement.observations, measurement.tracks, axis=axis, populations=populations),
         "aspects": scene_aspects(measurement.observations, measurement.tracks, axis=axis),
+        "aspect_blocks": aspect_blocks(slowest, measurement.tracks, axis=axis),
         "increments": increments(measurement.observations, measurement.tracks),
         "samples": samples(measurement.observations, measurement.tracks, key_frame=measurement.key_frame),
     }

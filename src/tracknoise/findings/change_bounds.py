@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from tracknoise.findings.sampling.bounds import Bounds, Method, pooled
 from tracknoise.findings.sampling.units import Draws, Units, units_of
 from tracknoise.findings.scalar_bounds import Found
+from tracknoise.statistics.increments import CHANGE
 from tracknoise.tables.schema import AXIS, ORIGIN, POPULATION
 
-CHANGE = "change"
-"""Aspect of the changes of the errors of every track, in image axes, along the age at which they end."""
 AUTOCORRELATION = "autocorrelation"
 SUMS = ("n", "lagged_uu", "squares_uu", "lagged_vv", "squares_vv")
 """What (autocorrelation) is made of: the count of pairs of changes, and the sums of their products and squares."""

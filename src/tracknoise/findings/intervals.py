@@ -14,7 +14,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.change_bounds import AUTOCORRELATION, CHANGE, correlation_bounds, moments_of_changes
+from tracknoise.findings.change_bounds import AUTOCORRELATION, correlation_bounds, moments_of_changes
 from tracknoise.findings.sampling.bounds import Bounds, Method, averaged, pooled
 from tracknoise.findings.sampling.resampling import LEVEL, N_DRAWS
 from tracknoise.findings.sampling.units import SUMS, Draws, Units, additive, units_of
@@ -22,8 +22,9 @@ from tracknoise.findings.scalar_bounds import SCALAR_UNITS, Found, lifetime_boun
 from tracknoise.statistics.aspects import GRADIENT
 from tracknoise.statistics.curves import NAMES, UNITS
 from tracknoise.statistics.grouping import POOLED
+from tracknoise.statistics.increments import CHANGE
 from tracknoise.tables.findings_schema import INTERVALS
-from tracknoise.tables.schema import ASPECTS, BLOCKS, ENDS, FRAMES, INCREMENTS, MOMENTS, check, empty
+from tracknoise.tables.schema import ASPECT_BLOCKS, ASPECTS, BLOCKS, ENDS, FRAMES, INCREMENTS, MOMENTS, check, empty
 
 ALL = "all"
 """Aspect of the errors of every track in image axes."""
@@ -48,6 +49,7 @@ def intervals(
     blocks: pl.DataFrame | None = None,
     aspects: pl.DataFrame | None = None,
     changes: pl.DataFrame | None = None,
+    aspect_blocks: pl.DataFrame | None = None,
     population: str = "visible",
     kind: str = "student",
     level: float = LEVEL,
@@ -64,11 +66,13 @@ def intervals(
         Schema `BLOCKS`: what to resample in conditions of too few scenes. Without it the
         errors of such conditions have no bounds; lifetimes and outlier ratios do.
     aspects
-        Schema `ASPECTS`, for intervals of these, too, where scenes are enough; along the gradient, an axis without
-        sign, of absolute errors and second moments only.
+        Schema `ASPECTS`, for intervals of these, too; along the gradient, an axis without sign, of absolute errors and
+        second moments only.
     changes
         Schema `INCREMENTS`, for intervals of the changes of errors from frame to frame: of their mean and second
-        moments by age, where scenes are enough, and of their autocorrelation by lag.
+        moments by age, and of their autocorrelation by lag.
+    aspect_blocks
+        Schema `ASPECT_BLOCKS`: what to resample of aspects and changes in conditions of too few scenes.
     population
         Which observations the errors are of: `visible` or `projected`.
     kind
@@ -105,7 +109,7 @@ def intervals(
     moved = empty(INCREMENTS) if changes is None else check(changes, INCREMENTS, "increments")
     selected = _selected(moments, aspects, moved, population)
     parts = [
-        *_curve_rows(selected, _resampled(blocks, population), drawn, method),
+        *_curve_rows(selected, _resampled(blocks, aspect_blocks, population), drawn, method),
         *_scalar_rows(ends, lifetime_bounds, drawn, method),
         *_scalar_rows(frames, outlier_bounds, drawn, method),
         *_scalar_rows(moved.filter(pl.col("lag") > 0), correlation_bounds, drawn, method),
@@ -147,10 +151,12 @@ def _selected(
     return pl.concat(additive(part.filter(pl.col("n") > 0)).select(columns) for part in parts)
 
 
-def _resampled(blocks: pl.DataFrame | None, population: str) -> pl.DataFrame:
-    """Blocks of the observations that there are to be intervals of."""
-    table = empty(BLOCKS) if blocks is None else check(blocks, BLOCKS, "blocks")
-    return additive(table.filter(population=population).select(pl.lit(ALL).alias("aspect"), *BLOCKS))
+def _resampled(blocks: pl.DataFrame | None, aspects: pl.DataFrame | None, population: str) -> pl.DataFrame:
+    """Sums by block of the observations that there are to be intervals of, by aspect."""
+    of_all = empty(BLOCKS) if blocks is None else check(blocks, BLOCKS, "blocks")
+    others = empty(ASPECT_BLOCKS) if aspects is None else check(aspects, ASPECT_BLOCKS, "blocks of aspects")
+    named = of_all.filter(population=population).select(pl.lit(ALL).alias("aspect"), *BLOCKS)
+    return additive(pl.concat([named, others]))
 
 
 def _curve_rows(

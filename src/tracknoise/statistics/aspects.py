@@ -13,7 +13,7 @@ it mean something and mean errors nothing.
 at the same age, part of what curves over all tracks show is that bad tracks leave.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import polars as pl
@@ -68,16 +68,42 @@ def scene_aspects(observations: pl.DataFrame, tracks: pl.DataFrame, *, axis: str
     SchemaError
         If a table has other columns, or an error is missing where the true position is known.
     """
-    seen = check(observations, OBSERVATIONS, "observations").select(*_NEEDED)
-    seen = seen.with_columns(at=axis, who=pl.Series(_numbers(seen)))
-    visible = measured(seen, population="visible")
-    gradients = check(tracks, TRACKS, "tracks").select(*_TRACK, pl.col("gradient_rad").cast(pl.Float64)).drop_nulls()
+    seen = check(observations, OBSERVATIONS, "observations").with_columns(at=axis)
     parts = [
-        _moments(_along_motion(seen), MOTION, axis),
-        _moments(_along_gradient(visible, gradients), GRADIENT, axis),
-        *_survivors(visible, _oldest(seen), axis),
+        unite_cells(cells, _SELECTIONS, axis=axis).select(pl.lit(aspect).alias("aspect"), pl.all())
+        for aspect, cells in aspect_cells(seen, tracks, by=[*ORIGIN, "at", "kept"])
     ]
     return check(pl.concat(parts).sort("aspect", *KEYS), ASPECTS, "aspects")
+
+
+def aspect_cells(
+    observations: pl.DataFrame, tracks: pl.DataFrame, *, by: Sequence[str]
+) -> Iterator[tuple[str, pl.DataFrame]]:
+    """Each aspect with moments of the visible errors in rows that agree in `by`, or in that and something more.
+
+    Parameters
+    ----------
+    observations
+        Columns of `OBSERVATIONS`, and any others.
+    tracks
+        As in `scene_aspects`.
+    by
+        Columns of the observations.
+
+    Yields
+    ------
+    str, polars.DataFrame
+        The aspect, and what `tracknoise.statistics.moments.measure_cells` made of it.
+    """
+    seen = observations.select(list(dict.fromkeys([*_NEEDED, *by]))).with_columns(who=pl.Series(_numbers(observations)))
+    visible = measured(seen, population="visible")
+    gradients = check(tracks, TRACKS, "tracks").select(*_TRACK, pl.col("gradient_rad").cast(pl.Float64)).drop_nulls()
+    yield MOTION, measure_cells(_along_motion(seen), by=by)
+    yield GRADIENT, measure_cells(_along_gradient(visible, gradients), by=by)
+    reached = np.searchsorted(LIVES, _oldest(seen)[visible["who"].to_numpy()], side="right")
+    cells = measure_cells(visible.with_columns(reached=pl.Series(reached)), by=[*by, "reached"])
+    for place, age in enumerate(LIVES):  # unions of the cells of tracks that live between two of these ages
+        yield lives(age), cells.filter(pl.col("reached") > place)
 
 
 def aspect_curves(aspects: pl.DataFrame | Iterable[pl.DataFrame], *, min_features: int = 100) -> pl.DataFrame:
@@ -153,21 +179,3 @@ def _oldest(seen: pl.DataFrame) -> NDArray[np.uint32]:
     oldest = np.zeros(who.max(initial=-1) + 1, dtype=np.uint32)
     np.maximum.at(oldest, who, seen["age"].to_numpy())
     return oldest
-
-
-def _survivors(visible: pl.DataFrame, oldest: NDArray[np.uint32], axis: str) -> list[pl.DataFrame]:
-    """Of each of `LIVES`, as unions of the cells of tracks that live between two of them."""
-    reached = np.searchsorted(LIVES, oldest[visible["who"].to_numpy()], side="right")
-    cells = measure_cells(visible.with_columns(reached=pl.Series(reached)), by=[*ORIGIN, "at", "kept", "reached"])
-    return [
-        _named(unite_cells(cells.filter(pl.col("reached") > place), _SELECTIONS, axis=axis), lives(age))
-        for place, age in enumerate(LIVES)
-    ]
-
-
-def _moments(errors: pl.DataFrame, aspect: str, axis: str) -> pl.DataFrame:
-    return _named(unite_cells(measure_cells(errors, by=[*ORIGIN, "at", "kept"]), _SELECTIONS, axis=axis), aspect)
-
-
-def _named(table: pl.DataFrame, aspect: str) -> pl.DataFrame:
-    return table.select(pl.lit(aspect).alias("aspect"), pl.all())

@@ -22,6 +22,8 @@ from tracknoise.statistics.joint import measure
 from tracknoise.statistics.populations import measured
 from tracknoise.tables.schema import INCREMENTS, OBSERVATIONS, ORIGIN, TRIMMING, Schema, check
 
+CHANGE = "change"
+"""Aspect of the changes of the errors of every track, in image axes, along the age at which they end."""
 LAGS = 5
 """Largest lag, in steps of the tracker."""
 
@@ -54,7 +56,7 @@ def increments(observations: pl.DataFrame, tracks: pl.DataFrame) -> pl.DataFrame
     seen = measured(check(observations, OBSERVATIONS, "observations"), population="visible")
     conditions = group_rows(seen, list(ORIGIN))
     blocked = with_blocks(seen.select(_READ), tracks)
-    changes = _changes(blocked.with_columns(condition=pl.Series(conditions.index)))
+    changes = changes_of(blocked.with_columns(condition=pl.Series(conditions.index)))
     selections = {"untrimmed": changes, "trimmed": changes.filter("kept")}
     parts = [
         table.with_columns(trimming=pl.lit(trimming, dtype=TRIMMING))
@@ -66,8 +68,14 @@ def increments(observations: pl.DataFrame, tracks: pl.DataFrame) -> pl.DataFrame
     return check(table.select(pl.col(name).cast(kind) for name, kind in INCREMENTS.items()), INCREMENTS, "increments")
 
 
-def _changes(seen: pl.DataFrame) -> pl.DataFrame:
-    """The rows that follow on another, track by track in the order of frames, with changes in place of errors."""
+def changes_of(seen: pl.DataFrame) -> pl.DataFrame:
+    """The rows that follow on another, track by track in the order of frames, with changes in place of errors.
+
+    Parameters
+    ----------
+    seen
+        Visible observations; column `condition`, a number, tells those of different sequences and conditions apart.
+    """
     ordered = seen.sort("condition", "track", "frame")
     return ordered.with_columns(pl.col("du_px", "dv_px").diff())[_followers(ordered, 1)]
 

@@ -7,7 +7,7 @@ from urllib.parse import quote
 
 from tracknoise.exceptions import StoreError
 
-FORMAT = 3
+FORMAT = 4
 
 
 @dataclass(frozen=True, slots=True)

@@ -148,6 +148,9 @@ aspect `motion` has them along and across the image motion, `gradient` along and
 feature's birth, `lives K` in image axes those of tracks that were seen at age K or later.
 """
 
+ASPECT_BLOCKS: Schema = {"aspect": pl.String, **BLOCKS}
+"""Moments as in `ASPECTS`, and of changes (aspect `change`, see `INCREMENTS`), by blocks of tracks."""
+
 ENDS: Schema = {
     **ORIGIN,
     "block": pl.UInt8,

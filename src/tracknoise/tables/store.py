@@ -36,6 +36,7 @@ SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "errors": schema.ERRORS,
     "blocks": schema.BLOCKS,
     "aspects": schema.ASPECTS,
+    "aspect_blocks": schema.ASPECT_BLOCKS,
     "increments": schema.INCREMENTS,
     "samples": schema.SAMPLES,
 }

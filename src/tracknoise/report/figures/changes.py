@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import altair as alt
 import polars as pl
 
-from tracknoise.findings.change_bounds import AUTOCORRELATION, CHANGE
+from tracknoise.findings.change_bounds import AUTOCORRELATION
 from tracknoise.report import bands, style
 from tracknoise.report.bands import BOUNDS
 from tracknoise.report.evidence import Evidence
@@ -14,7 +14,7 @@ from tracknoise.report.figures.figure import Absence, Family, Figure
 from tracknoise.report.figures.layout import Panel, arranged
 from tracknoise.report.sentences import MINUS, listing, number, px
 from tracknoise.statistics.curves import NAMES
-from tracknoise.statistics.increments import LAGS
+from tracknoise.statistics.increments import CHANGE, LAGS
 from tracknoise.statistics.summary import REFERENCE_AGE
 
 _NAME, _TITLE = "changes", "Changes from frame to frame"

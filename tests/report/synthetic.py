@@ -31,6 +31,8 @@ from tracknoise.tables.schema import FRAMES, OBSERVATIONS, ORIGIN, POSES, SEQUEN
 from tracknoise.tables.store import OBSERVED, SEQUENCE_TABLES, Manifest, RunFolder, SequenceEntry
 
 WIDTH, HEIGHT = 160, 120
+_UNREAD = ("blocks", "aspect_blocks", "samples")
+"""Tables that only findings are made of, which are made up here."""
 SMALL: dict[str, object] = {
     "scenes": ("fixating", "forward"),
     "speeds": (1, 2),
@@ -174,7 +176,7 @@ def _sequence(rng: np.random.Generator, origin: Sequence[Any], world: World) -> 
         "ends": count_ends(trimmed.tracks),
         "errors": error_histogram(trimmed.tracks),
         "increments": increments(trimmed.observations, trimmed.tracks),
-        **{name: empty(SEQUENCE_TABLES[name]) for name in ("blocks", "aspect_blocks", "samples")},  # findings are made up
+        **{name: empty(SEQUENCE_TABLES[name]) for name in _UNREAD},
     }
 
 

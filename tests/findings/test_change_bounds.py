@@ -82,3 +82,13 @@ def test_autocorrelation_is_held_as_often_as_it_says(n_scenes: int) -> None:
         bounds = correlated(units, np.empty((0, n_scenes)), Method("student"))
         held = np.mean((bounds.low[0] <= SHARE**lag) & (SHARE**lag <= bounds.high[0]))
         assert 0.92 - 0.03 < held < 0.97 + 0.015
+
+
+def test_scenes_without_changes_tell_nothing_of_their_correlation() -> None:
+    squares = np.where(np.arange(8) < 7, 0.0, 10.0)[:, None]
+    sums = np.stack([np.full((8, 1), 50.0), -0.3 * squares, squares, -0.3 * squares, squares], axis=-1)
+    units = Units(sums, pl.DataFrame(), tuple(map(str, range(8))), np.arange(8), "scenes")
+    bounds = correlated(units, np.empty((0, 8)), Method("student"))
+    assert bounds.value[0, 0] == pytest.approx(-0.3)
+    assert np.isnan(bounds.low[0, 0])
+    assert bounds.n_scenes[0, 0] == 1

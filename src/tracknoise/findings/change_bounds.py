@@ -60,7 +60,7 @@ def correlation_bounds(increments: pl.DataFrame, draws: Draws, method: Method) -
 
 
 def correlated(units: Units, weights: NDArray[np.float64], method: Method) -> Bounds:
-    """(autocorrelation) of u and of v, with intervals.
+    """(autocorrelation) of u and of v, with intervals; what a unit weighs in it are the squares of its changes.
 
     Parameters
     ----------
@@ -71,7 +71,8 @@ def correlated(units: Units, weights: NDArray[np.float64], method: Method) -> Bo
     method
         How to make intervals.
     """
-    return pooled(units, weights, _autocorrelation, method, scales=["fisher"] * 2)
+    squares = np.stack([units.sums[..., SUMS.index(name)].T for name in ("squares_uu", "squares_vv")])
+    return pooled(units, weights, _autocorrelation, method, scales=["fisher"] * 2, sizes=squares)
 
 
 def _autocorrelation(sums: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -125,7 +125,7 @@ def curve_statistics(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     Parameters
     ----------
     sums : (8, ...)
-        Those of `tracknoise.findings.units.SUMS`.
+        Those of `tracknoise.findings.sampling.units.SUMS`.
 
     Returns
     -------

@@ -12,6 +12,7 @@ from tracknoise.statistics.moments import ABOUT_ZERO
 from tracknoise.tables.schema import CHANGES, INCREMENTS, check
 
 _KEYS = [*POOLED, "trimming", "lag", "age"]
+_PAIRS = (("u", "u"), ("u", "v"), ("v", "v"))
 _PRODUCTS = ["lagged_uu", "lagged_vv", "squares_uu", "squares_vv"]
 _SUMS = ["n", "n_scenes", *ABOUT_ZERO, *_PRODUCTS]
 
@@ -38,19 +39,22 @@ def change_curves(increments: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataF
     total = pl.DataFrame(schema={**{name: INCREMENTS[name] for name in _KEYS}, **dict.fromkeys(_SUMS, pl.Float64)})
     for chunk in in_chunks(increments, INCREMENTS, "increments"):
         total = _added(pl.concat([total, _sums(chunk)]))
-    n, divisor = pl.col("n"), pl.when(pl.col("n") > 1).then(pl.col("n") - 1)
     alone = pl.when(pl.col("lag") == 0)
     related = pl.when(pl.col("lag") > 0)
     table = total.with_columns(
-        **{f"mean_{axis}_px": alone.then(pl.col(axis) / n) for axis in "uv"},
-        **{f"covariance_{a}{b}": alone.then((pl.col(a + b) - pl.col(a) * pl.col(b) / n) / divisor) for a, b in _PAIRS},
+        **{f"mean_{axis}_px": alone.then(pl.col(axis) / pl.col("n")) for axis in "uv"},
+        **{f"covariance_{a}{b}": alone.then(_covariance(a, b)) for a, b in _PAIRS},
         **{f"autocorrelation_{axis}": related.then(_ratio(axis)) for axis in "uv"},
     )
     table = table.sort(_KEYS).select(pl.col(name).cast(kind) for name, kind in CHANGES.items())
     return check(table, CHANGES, "changes")
 
 
-_PAIRS = (("u", "u"), ("u", "v"), ("v", "v"))
+def _covariance(a: str, b: str) -> pl.Expr:
+    """Null where n is 1; rounding makes no variance negative."""
+    n = pl.col("n")
+    central = pl.col(a + b) - pl.col(a) * pl.col(b) / n
+    return (central.clip(lower_bound=0.0) if a == b else central) / pl.when(n > 1).then(n - 1)
 
 
 def _ratio(axis: str) -> pl.Expr:

@@ -66,6 +66,14 @@ def test_parameters_of_a_mixture_come_back(contaminated) -> None:
     assert fit.scatter[0] == pytest.approx([1.0, 0.3, 0.34], rel=0.1)
 
 
+def test_parameters_of_a_mixture_that_is_mostly_wide_come_back() -> None:
+    rng = np.random.default_rng(5)
+    wide = rng.random((4000, 1)) < 0.8
+    fit = fit_mixture(terms([rng.normal(size=(4000, 2)) * np.where(wide, 4.5, 1.0)]))
+    assert fit.share[0] == pytest.approx(0.8, abs=0.03)
+    assert fit.ratio[0] == pytest.approx(4.5**2, rel=0.15)
+
+
 @pytest.mark.parametrize("factor", [0.97, 1.03])
 def test_no_parameter_near_the_fit_is_more_likely(heavy, contaminated, factor: float) -> None:
     samples = terms([heavy, contaminated])

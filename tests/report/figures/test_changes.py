@@ -2,6 +2,7 @@
 
 import dataclasses
 import io
+from collections.abc import Callable
 
 import numpy as np
 import polars as pl
@@ -9,7 +10,7 @@ import pytest
 
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import Absence, Figure, changes
-from tracknoise.report.sentences import SPACE, px
+from tracknoise.report.sentences import SPACE, number, px
 from tracknoise.statistics.increments import LAGS
 from tracknoise.tables.findings_schema import INTERVALS
 from tracknoise.tables.store import RunFolder
@@ -80,3 +81,29 @@ def test_without_intervals_the_figure_says_so_and_without_changes_there_is_none(
     assert "No intervals were computed for the curves." in figure.shows
     (absence,) = changes.figures(dataclasses.replace(evidence, changes=evidence.changes.clear()))
     assert isinstance(absence, Absence)
+
+
+def test_correlations_are_said_to_be_of_all_ages(evidence: Evidence) -> None:
+    (figure,) = changes.figures(evidence)
+    row = nominal(evidence).filter(lag=1, tracker="lucas-kanade").row(0, named=True)
+    told = [number(row[f"autocorrelation_{axis}"]) for axis in "uv"]
+    assert f"Over all ages, a change correlates with the one before by {told[0]} and {told[1]}." in figure.look_for
+
+
+@pytest.mark.parametrize("n_frames", [2, 3, 4])
+def test_with_few_frames_nothing_is_drawn_outside_of_the_panels(
+    make_run: Callable[..., RunFolder], n_frames: int
+) -> None:
+    run = make_run(scenes=("only",), trackers=("one",), speeds=(1,), born=80, n_frames=n_frames, min_features=20)
+    for item in changes.figures(Evidence.of(run)):
+        assert isinstance(item, Figure)
+        lines = [layer for panel in item.spec["concat"] for layer in panel["layer"] if layer["mark"]["type"] == "line"]
+        assert all(line["mark"].get("clip") for line in lines)
+
+
+def test_changes_that_are_all_alike_vary_by_nothing(make_run: Callable[..., RunFolder]) -> None:
+    run = make_run(scenes=("only",), trackers=("one",), speeds=(1,), sigma_px=0.0, bias_px=0.1, percentile=None)
+    constant = Evidence.of(run)
+    (figure,) = changes.figures(constant)
+    assert "nan" not in figure.look_for
+    assert drawn(constant, "u").drop_nulls("u")["u"].is_finite().all()

@@ -174,10 +174,10 @@ def _ratios(n: NDArray[np.float64], a: _Jackknife, b: _Jackknife, common: _Commo
     )
 
 
-def _among(scenes: NDArray[np.bool_], parts: NDArray[np.float64]) -> NDArray[np.float64]:
+def _among(scenes: NDArray[np.bool_], some: NDArray[np.float64]) -> NDArray[np.float64]:
     """Parts of some of the scenes as parts of all: the others add nothing."""
-    every = np.zeros((len(scenes), *parts.shape[1:]))
-    every[scenes] = parts
+    every = np.zeros((len(scenes), *some.shape[1:]))
+    every[scenes] = some
     return every
 
 

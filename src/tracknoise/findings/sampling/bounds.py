@@ -105,9 +105,10 @@ def pooled(
     method
         How to make intervals.
     scales : (statistics,)
-        Names in `tracknoise.findings.jackknife.SCALES`, for intervals by the jackknife; by default all linear.
-    sizes : (points, units)
-        How much a unit holds at a point, by default its first column, a count; units of size 0 take no part.
+        Names in `tracknoise.findings.sampling.jackknife.SCALES`, for intervals by the jackknife; by default all linear.
+    sizes : (points, units) or (statistics, points, units)
+        How much a unit holds of what a statistic divides by, by default its first column, a count; units of size 0 take
+        no part.
     """
     sample = Sample.of(units.sums, weights).map(statistics)
     return _bounded(sample, units, units.sums[..., 0].T if sizes is None else sizes, method, scales)

@@ -5,8 +5,8 @@ others. What counts is the log-likelihood that a density gives to what it was no
 fitted to the same, in nats per error (gain). A density with more parameters gains nothing by having them.
 
 Student's t is fitted to all errors first; from there its fits to all folds but one have not far to go, and reach their
-own optimum to 1e-5 nats. The mixture's creep, where its components can hardly be told apart, and would bring with them
-what they know of the fold that is left out: each of these starts where it always does.
+own optimum to 1e-5 nats. Those of the mixture may not, where its components can hardly be told apart, and would keep
+something of what they knew of the fold that is left out: each of these starts where it always does.
 """
 
 from dataclasses import dataclass

@@ -1,6 +1,14 @@
 """A Gaussian of pairs contaminated by a wider one of the same mean and shape, fitted by expectation and maximisation.
 
 p(x) = (1 - share) N(x; m, S) + share N(x; m, ratio S),  ratio >= 1 (mixture)
+
+Where the components are hardly apart, such steps are tiny. So after every two of them the fit goes on in their
+direction, by (squarem)
+
+    x - 2 a r + a^2 v,  r = x1 - x, v = x2 - 2 x1 + x, a = -|r| / |v|
+
+on scales without limits, x1 and x2 being one and two steps from x, and takes a step from there; where the likelihood is
+less than it was at x1, it stays at x2. Source: R. Varadhan, C. Roland, Scandinavian Journal of Statistics 35 (2008).
 """
 
 from dataclasses import dataclass
@@ -12,8 +20,12 @@ from tracknoise.findings.shape.elliptical import log_normaliser, moments, square
 
 Array = NDArray[np.float64]
 
-ROUNDS = 30
-"""Enough for the likelihood to 1e-5 nats where the components can be told apart."""
+CYCLES = 10
+"""Of three steps each. Of a thousand points each of eleven kinds, from Student's t of 2 to 10 degrees of freedom to
+mixtures, they leave 6e-6 nats an error at most to the likelihood of five thousand plain steps; as many plain steps as
+these are leave 0.07."""
+_LEAST, _FARTHEST, _ALMOST = 1e-300, 500.0, 1 - 1e-12
+"""Bounds that keep (squarem) from overflow."""
 _START = (0.1, 10.0)
 _SHARES = (1e-4, 1 - 1e-4)
 _MAX_RATIO = 1e8
@@ -44,32 +56,88 @@ class Mixture:
         return log_normaliser(self.scatter) + np.logaddexp(core, wide)
 
 
-def fit_mixture(points: Array, *, rounds: int = ROUNDS) -> Mixture:
+def fit_mixture(points: Array, *, cycles: int = CYCLES) -> Mixture:
     """A likely (mixture) of each sample, from one start: a tenth of the points of ten times the covariance.
 
     Parameters
     ----------
     points : (samples, 6, points)
         What `elliptical.terms` made; at least three points a sample that are not on a line.
-    rounds
+    cycles
         How many.
     """
     total = points.sum(axis=2)
+    fit = _first(total)
+    for _ in range(cycles):
+        one, _ = _step(points, total, fit)
+        two, least = _step(points, total, one)
+        ahead, likely = _step(points, total, _extrapolated(fit, one, two))
+        fit = _chosen(likely >= least, ahead, two)
+    return fit
+
+
+def _first(total: Array) -> Mixture:
     mean, scatter = moments(total)
-    share, ratio = (np.full(len(points), value) for value in _START)
-    scatter = scatter / (1 - share + share * ratio)[:, None]
-    for _ in range(rounds):
-        wide = (points @ _wide(squared_distances(points, mean, scatter), share, ratio)[:, :, None])[:, :, 0]
-        mean, scatter = _core(total, wide, ratio)
-        share = np.clip(wide[:, 0] / total[:, 0], *_SHARES)
-        ratio = np.clip(trace_ratio(_about(wide, mean), scatter) / (2 * wide[:, 0]), 1.0, _MAX_RATIO)
-    return Mixture(mean, scatter, share, ratio)
+    share, ratio = (np.full(len(total), value) for value in _START)
+    return Mixture(mean, scatter / (1 - share + share * ratio)[:, None], share, ratio)
 
 
-def _wide(distance: Array, share: Array, ratio: Array) -> Array:
-    """Probability that each point is of the wider component."""
+def _step(points: Array, total: Array, fit: Mixture) -> tuple[Mixture, Array]:
+    """The next fit, and the log-likelihood of this one, but for a constant, (samples,)."""
+    distance = squared_distances(points, fit.mean, fit.scatter)
+    of_wide, likelihood = _expected(distance, fit.share, fit.ratio)
+    wide = (points @ of_wide[:, :, None])[:, :, 0]
+    mean, scatter = _core(total, wide, fit.ratio)
+    share = np.clip(wide[:, 0] / total[:, 0], *_SHARES)
+    ratio = np.clip(trace_ratio(_about(wide, mean), scatter) / (2 * wide[:, 0]), 1.0, _MAX_RATIO)
+    each = np.einsum("ij,ij->i", likelihood, points[:, 0]) + total[:, 0] * log_normaliser(fit.scatter)[:, 0]
+    return Mixture(mean, scatter, share, ratio), each
+
+
+def _expected(distance: Array, share: Array, ratio: Array) -> tuple[Array, Array]:
+    """Probability that each point is of the wider component, and its log density, less that of the core at its mean."""
     odds = np.log((1 - share) / share * ratio)[:, None] - 0.5 * (1 - 1 / ratio)[:, None] * distance
-    return 1 / (1 + np.exp(odds))
+    less = np.exp(-np.abs(odds))
+    density = np.log1p(-share)[:, None] - 0.5 * distance + np.log1p(less) - np.minimum(odds, 0.0)
+    return np.where(odds > 0, less, 1.0) / (1 + less), density
+
+
+def _extrapolated(fit: Mixture, one: Mixture, two: Mixture) -> Mixture:
+    """(squarem); at least as far as the two steps went, and no farther where there is no direction."""
+    x, x1, x2 = (_free(each) for each in (fit, one, two))
+    r, v = x1 - x, x2 - 2 * x1 + x
+    length = np.sqrt(np.square(r).sum(axis=0) / np.maximum(np.square(v).sum(axis=0), _LEAST))
+    a = -np.maximum(length, 1.0)
+    far = x - 2 * a * r + a**2 * v
+    return _bound(np.where(np.isfinite(far) & (np.abs(far) < _FARTHEST), far, x2))
+
+
+def _free(fit: Mixture) -> Array:
+    """Parameters on scales without limits, (7, samples)."""
+    uu, uv, vv = fit.scatter.T
+    shape = np.arctanh(np.clip(uv / np.sqrt(uu * vv), -_ALMOST, _ALMOST))
+    odds = np.log(fit.share / (1 - fit.share))
+    return np.stack([*fit.mean.T, np.log(uu), np.log(vv), shape, odds, np.log(fit.ratio)])
+
+
+def _bound(free: Array) -> Mixture:
+    """The mixture of such parameters, within its limits."""
+    u, v, log_uu, log_vv, shape, odds, log_ratio = free
+    uu, vv = np.exp(log_uu), np.exp(log_vv)
+    scatter = np.stack([uu, np.tanh(shape) * np.sqrt(uu * vv), vv], axis=1)
+    share = np.clip(1 / (1 + np.exp(-odds)), *_SHARES)
+    return Mixture(np.stack([u, v], axis=1), scatter, share, np.clip(np.exp(log_ratio), 1.0, _MAX_RATIO))
+
+
+def _chosen(first: NDArray[np.bool_], one: Mixture, other: Mixture) -> Mixture:
+    """Of each sample one fit or the other."""
+    row = first[:, None]
+    return Mixture(
+        np.where(row, one.mean, other.mean),
+        np.where(row, one.scatter, other.scatter),
+        np.where(first, one.share, other.share),
+        np.where(first, one.ratio, other.ratio),
+    )
 
 
 def _core(total: Array, wide: Array, ratio: Array) -> tuple[Array, Array]:

@@ -12,7 +12,7 @@ from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Family, Figure
 from tracknoise.report.figures.layout import Panel, arranged
-from tracknoise.report.sentences import MINUS, listing, number, px
+from tracknoise.report.sentences import MINUS, number, px
 from tracknoise.statistics.curves import NAMES
 from tracknoise.statistics.increments import CHANGE, LAGS
 from tracknoise.statistics.summary import REFERENCE_AGE
@@ -43,10 +43,10 @@ def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
         return [Absence(_NAME, _TITLE, why)]
     panels = [_panel(evidence, points, name, coordinate) for name in _ROWS for coordinate in _COORDINATES]
     shows = (
-        f"By how much {evidence.errors_kept.lower()} at speed {evidence.slowest}{evidence.where} change from one frame "
-        "that the tracker saw to the next: the mean and the standard deviation of the change, by the age at which it "
-        "ends, and how much a change is like those up to "
-        f"{number(LAGS)} steps before it. {bands.told(points, of='the curves')}"
+        f"By how much {evidence.errors_kept.lower()} at speed {evidence.slowest}{evidence.where}, of features that "
+        "could be seen, change from one frame that the tracker saw to the next. Top and middle: the mean and the "
+        "standard deviation of the change, by the age at which it ends. Bottom: how much a change of any age is like "
+        f"those up to {number(LAGS)} steps before it. {bands.told(points, of='the curves')}"
     )
     return [
         Figure(_NAME, _TITLE, shows, _look_for(evidence, points), arranged(panels, columns=2, independent=["fill"]))
@@ -55,22 +55,26 @@ def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
 
 def _points(evidence: Evidence) -> pl.DataFrame:
     """A row a tracker, statistic and age or lag: `at`, n, u and v with `BOUNDS`, and the kind of interval."""
-    table = evidence.nominal(evidence.changes).filter(
-        pl.col("trimming") == "trimmed", pl.col("n") >= evidence.min_features
-    )
-    alone, pairs = table.filter(pl.col("lag") == 0), table.filter(pl.col("lag") > 0)
+    table = evidence.nominal(evidence.changes).filter(trimming="trimmed")
+    alone = _uncut(table.filter(pl.col("lag") == 0), "age", evidence.min_features)
+    pairs = _uncut(table.filter(pl.col("lag") > 0), "lag", evidence.min_features)
     parts = [
-        _named(alone, _MEAN, "age", {axis: pl.col(f"mean_{axis}_px") for axis in "uv"}),
-        _named(alone, _SPREAD, "age", {axis: pl.col(f"covariance_{axis}{axis}").sqrt() for axis in "uv"}),
-        _named(pairs, AUTOCORRELATION, "lag", {axis: pl.col(f"autocorrelation_{axis}") for axis in "uv"}),
+        _named(alone, _MEAN, {axis: pl.col(f"mean_{axis}_px") for axis in "uv"}),
+        _named(alone, _SPREAD, {axis: pl.col(f"covariance_{axis}{axis}").sqrt() for axis in "uv"}),
+        _named(pairs, AUTOCORRELATION, {axis: pl.col(f"autocorrelation_{axis}") for axis in "uv"}),
     ]
     values = pl.concat(parts).drop_nulls(["u", "v"])
     return values.join(_bounds(evidence), on=["tracker", "statistic", "at"], how="left", maintain_order="left")
 
 
-def _named(table: pl.DataFrame, statistic: str, along: str, values: Mapping[str, pl.Expr]) -> pl.DataFrame:
-    at = pl.col(along).cast(pl.Int64).alias("at")
-    return table.select("tracker", pl.lit(statistic).alias("statistic"), at, "n", **values)
+def _uncut(table: pl.DataFrame, along: str, min_features: int) -> pl.DataFrame:
+    """Rows up to the first of a tracker that rests on too few, along `at`."""
+    enough = (pl.col("n") >= min_features).cum_min().over("tracker")
+    return table.with_columns(at=pl.col(along).cast(pl.Int64)).sort("tracker", "at").filter(enough)
+
+
+def _named(table: pl.DataFrame, statistic: str, values: Mapping[str, pl.Expr]) -> pl.DataFrame:
+    return table.select("tracker", pl.lit(statistic).alias("statistic"), "at", "n", **values)
 
 
 def _bounds(evidence: Evidence) -> pl.DataFrame:
@@ -97,7 +101,7 @@ def _panel(evidence: Evidence, points: pl.DataFrame, statistic: str, coordinate:
         "at:Q",
         title="steps from one change to the other" if correlation else "age (frames of the sequence)",
         axis=alt.Axis(tickMinStep=1),
-        scale=alt.Scale(domain=marks.domain(table["at"].cast(pl.Float64)), nice=False),
+        scale=alt.Scale(domain=marks.domain(pl.Series([1.0, LAGS]) if correlation else table["at"]), nice=False),
     )
     heading = _ROWS[statistic] if coordinate == "u" else None
     y = alt.Y(
@@ -120,7 +124,7 @@ def _panel(evidence: Evidence, points: pl.DataFrame, statistic: str, coordinate:
 
 def _yardsticks(x: alt.X, y: alt.Y) -> list[alt.Chart]:
     """What white noise would give, and, at zero, a random walk."""
-    white = alt.Chart(marks.rows(_WHITE)).mark_line(color=style.QUIET, strokeDash=[3, 3])
+    white = alt.Chart(marks.rows(_WHITE)).mark_line(color=style.QUIET, strokeDash=[3, 3], clip=True)
     names = alt.Chart(marks.rows(_YARDSTICKS)).mark_text(color=style.QUIET, fontSize=10, align="left", dx=14, dy=-6)
     return [white.encode(x=x, y=marks.on(y, "white")), names.encode(x=x, y=marks.on(y, "value"), text="of:N")]
 
@@ -143,21 +147,23 @@ def _look_for(evidence: Evidence, points: pl.DataFrame) -> str:
 
 
 def _told(tracker: str, points: pl.DataFrame) -> str:
-    """One sentence of a tracker, at the last age up to the reference age."""
+    """What a tracker's changes are like at the last age up to the reference age, and from one to the next."""
     ages = points.filter(pl.col("statistic") == _SPREAD, pl.col("at") <= REFERENCE_AGE).sort("at")
-    near = points.filter(statistic=AUTOCORRELATION, at=1)
     if ages.is_empty():
         return ""
     spread = ages.row(-1, named=True)
     mean = points.filter(statistic=_MEAN, at=spread["at"]).row(0, named=True)
-    parts = [
-        f"is {px(mean['u'])} in u and {px(mean['v'])} in v on average",
-        f"varies by {px(spread['u'])} and {px(spread['v'])} (standard deviation)",
-    ]
-    if near.height:
-        row = near.row(0, named=True)
-        parts.append(f"correlates with the one before by {number(row['u'])} and {number(row['v'])}")
-    return f"The change of an error of {tracker} that ends at age {number(spread['at'])} {listing(parts)}."
+    text = (
+        f"The change of an error of {tracker} that ends at age {number(spread['at'])} is {px(mean['u'])} in u and "
+        f"{px(mean['v'])} in v on average, and varies by {px(spread['u'])} and {px(spread['v'])} (standard deviation)."
+    )
+    near = points.filter(statistic=AUTOCORRELATION, at=1)
+    if near.is_empty():
+        return text
+    row = near.row(0, named=True)
+    return (
+        f"{text} Over all ages, a change correlates with the one before by {number(row['u'])} and {number(row['v'])}."
+    )
 
 
 FAMILY = Family(

@@ -59,6 +59,10 @@ def _tables(
     run: RunFolder, experiment: Experiment, statistics: Mapping[str, pl.DataFrame], view: Reference
 ) -> dict[str, pl.DataFrame]:
     population, least = experiment.truth.population, experiment.statistics.min_features
+    pooled = {  # first, since nothing else is to be held for them
+        "aspect_curves": aspect_curves(run.sequence_tables("aspects"), min_features=least),
+        "changes": change_curves(run.sequence_tables("increments")),
+    }
     ingredients = Ingredients.read(run, population, view)
     moments, ends, frames = ingredients.moments, ingredients.ends, ingredients.frames
     blocks, curves, zeros = ingredients.blocks, statistics["curves"], view.key_frames
@@ -66,8 +70,7 @@ def _tables(
     options: _Options = {"key_frames": zeros, "min_features": least, "level": asked.level}
     shapes = gaussianity(moments, run.sequence_tables("samples"), **options)
     return {
-        "aspect_curves": aspect_curves(run.sequence_tables("aspects"), min_features=least),
-        "changes": change_curves(run.sequence_tables("increments")),
+        **pooled,
         "intervals": intervals(
             moments,
             ends,

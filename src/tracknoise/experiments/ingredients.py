@@ -1,13 +1,14 @@
 """What findings are made from: of the tables of single sequences, the part that is needed, all sequences together."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import polars as pl
 
 from tracknoise.findings.sampling.resampling import MIN_SCENES
+from tracknoise.statistics.conditions import Conditions, by_condition
 from tracknoise.statistics.effects import Reference
-from tracknoise.statistics.grouping import POOLED, reduce_each
+from tracknoise.statistics.grouping import POOLED
 from tracknoise.tables.schema import ORIGIN, VIEW
 from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
 
@@ -16,14 +17,15 @@ from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
 class Ingredients:
     """Tables of all sequences of a run.
 
-    They are held in memory together and grow with the count of sequences, so that each is cut down as it is read.
+    Those that several findings are made from are held in memory together and grow with the count of sequences, so that
+    each is cut down as it is read, and held by condition, so that no finding needs a copy of all of it.
 
     Attributes
     ----------
     moments
         Of the visible observations, and of those that the experiment is about.
     aspects, changes
-        Of the reference view at the lowest speed, which figures show.
+        Of the reference view at the lowest speed, which figures show; aspects are read as they are asked for, once.
     aspect_blocks
         Of these, where scenes are too few to be resampled.
     blocks
@@ -34,13 +36,13 @@ class Ingredients:
         All.
     """
 
-    moments: pl.DataFrame
-    aspects: pl.DataFrame
-    changes: pl.DataFrame
-    aspect_blocks: pl.DataFrame
-    blocks: pl.DataFrame
-    ends: pl.DataFrame
-    frames: pl.DataFrame
+    moments: Conditions
+    aspects: Iterator[pl.DataFrame]
+    changes: Conditions
+    aspect_blocks: Conditions
+    blocks: Conditions
+    ends: Conditions
+    frames: Conditions
 
     @classmethod
     def read(cls, run: RunFolder, population: str, view: Reference) -> "Ingredients":
@@ -65,16 +67,17 @@ class Ingredients:
         shown = [key for key in every if all(getattr(entries[key], name) == getattr(view, name) for name in VIEW)]
         slowest = pl.col("speed") == view.speed
 
-        def read(name: str, keys: list[str], reduce: Callable[[pl.DataFrame], pl.DataFrame]) -> pl.DataFrame:
+        def read(name: str, keys: list[str], reduce: Callable[[pl.DataFrame], pl.DataFrame]) -> Conditions:
             tables = (run.sequence_table(name, key) for key in keys)
-            return reduce_each(tables, SEQUENCE_TABLES[name], name, reduce)
+            return by_condition(tables, SEQUENCE_TABLES[name], name, reduce)
 
         seen = (pl.col("n") > 0) & pl.col("population").is_in(sorted({"visible", population}))
         frames = read("frames", every, lambda table: table)
-        few = frames.group_by(POOLED).agg(n=pl.col("scene").n_unique()).filter(pl.col("n") < MIN_SCENES).drop("n")
+        of_few = [key for key, table in frames.items() if table["scene"].n_unique() < MIN_SCENES]
+        few = pl.DataFrame(of_few, schema={name: ORIGIN[name] for name in POOLED}, orient="row")
         return cls(
             moments=read("moments", every, lambda table: table.filter(seen)),
-            aspects=read("aspects", shown, lambda table: table.filter(slowest)),
+            aspects=(run.sequence_table("aspects", key).filter(slowest) for key in shown),
             changes=read("increments", shown, lambda table: table.filter(slowest)),
             aspect_blocks=read(
                 "aspect_blocks", [] if few.is_empty() else shown, lambda table: _of(few, table.filter(slowest))

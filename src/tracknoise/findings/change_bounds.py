@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tracknoise.findings.sampling.bounds import Bounds, Method, pooled
 from tracknoise.findings.sampling.units import Draws, Units, units_of
 from tracknoise.findings.scalar_bounds import Found
+from tracknoise.statistics.conditions import Conditions
 from tracknoise.statistics.increments import CHANGE
 from tracknoise.tables.schema import AXIS, ORIGIN, POPULATION
 
@@ -23,8 +24,12 @@ _MOMENTS = ("mean_u", "mean_v", "m_uu", "m_uv", "m_vv")
 _POINT = ["trimming", "lag"]
 
 
-def moments_of_changes(increments: pl.DataFrame) -> pl.DataFrame:
+def moments_of_changes(increments: Conditions) -> Conditions:
     """Rows of lag 0 of `INCREMENTS` as moments of an aspect, but for absolute values, which count as 0."""
+    return {key: _as_moments(part) for key, part in increments.items()}
+
+
+def _as_moments(increments: pl.DataFrame) -> pl.DataFrame:
     return increments.filter(pl.col("lag") == 0).select(
         pl.lit(CHANGE).alias("aspect"),
         *ORIGIN,
@@ -39,13 +44,19 @@ def moments_of_changes(increments: pl.DataFrame) -> pl.DataFrame:
     )
 
 
+def correlated_changes(increments: Conditions) -> Conditions:
+    """Rows of `INCREMENTS` of which (autocorrelation) is made, of the conditions that have any."""
+    pairs = {key: part.filter(pl.col("lag") > 0) for key, part in increments.items()}
+    return {key: part for key, part in pairs.items() if not part.is_empty()}
+
+
 def correlation_bounds(increments: pl.DataFrame, draws: Draws, method: Method) -> Iterator[Found]:
     """(autocorrelation) at every lag, of u and of v.
 
     Parameters
     ----------
     increments
-        Columns of `INCREMENTS`, rows of one condition, lags from 1 on.
+        Rows of one condition: what `correlated_changes` made.
     draws
         Of all scenes of the dataset.
     method

@@ -7,27 +7,44 @@ value at least as often as either kind of bootstrap (`tracknoise.findings.sampli
 scenes that was tried, and most of all with few.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import chain
 from typing import Any
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.change_bounds import AUTOCORRELATION, correlation_bounds, moments_of_changes
+from tracknoise.findings.change_bounds import (
+    AUTOCORRELATION,
+    correlated_changes,
+    correlation_bounds,
+    moments_of_changes,
+)
+from tracknoise.findings.curve_sums import ALL, CurveSums, aspect_sums, error_sums, moments_to_order_2
 from tracknoise.findings.sampling.bounds import Bounds, Method, averaged, pooled
 from tracknoise.findings.sampling.resampling import LEVEL, N_DRAWS
-from tracknoise.findings.sampling.units import SUMS, Draws, Units, additive, units_of
+from tracknoise.findings.sampling.units import SUMS, Draws, Units, units_of
 from tracknoise.findings.scalar_bounds import SCALAR_UNITS, Found, lifetime_bounds, outlier_bounds
 from tracknoise.statistics.aspects import GRADIENT
+from tracknoise.statistics.conditions import Conditions, Tables, by_condition, scenes_by_dataset
 from tracknoise.statistics.curves import NAMES, UNITS
 from tracknoise.statistics.grouping import POOLED
 from tracknoise.statistics.increments import CHANGE
 from tracknoise.tables.findings_schema import INTERVALS
-from tracknoise.tables.schema import ASPECT_BLOCKS, ASPECTS, BLOCKS, ENDS, FRAMES, INCREMENTS, MOMENTS, check, empty
+from tracknoise.tables.schema import (
+    ASPECT_BLOCKS,
+    ASPECTS,
+    BLOCKS,
+    ENDS,
+    FRAMES,
+    INCREMENTS,
+    MOMENTS,
+    Schema,
+    check,
+    empty,
+)
 
-ALL = "all"
-"""Aspect of the errors of every track in image axes."""
 _POINT = ["trimming", "axis", "at"]
 _CURVES = [
     *((role, coordinate) for role in ("mean", "absolute") for coordinate in ("u", "v")),
@@ -42,14 +59,14 @@ _SORTED = ["aspect", "population", "trimming", "weighting", "statistic", "axis",
 
 
 def intervals(
-    moments: pl.DataFrame,
-    ends: pl.DataFrame,
-    frames: pl.DataFrame,
+    moments: Tables,
+    ends: Tables,
+    frames: Tables,
     *,
-    blocks: pl.DataFrame | None = None,
-    aspects: pl.DataFrame | None = None,
-    changes: pl.DataFrame | None = None,
-    aspect_blocks: pl.DataFrame | None = None,
+    blocks: Tables | None = None,
+    aspects: Tables | None = None,
+    changes: Tables | None = None,
+    aspect_blocks: Tables | None = None,
     population: str = "visible",
     kind: str = "student",
     level: float = LEVEL,
@@ -67,7 +84,7 @@ def intervals(
         errors of such conditions have no bounds; lifetimes and outlier ratios do.
     aspects
         Schema `ASPECTS`, for intervals of these, too; along the gradient, an axis without sign, of absolute errors and
-        second moments only.
+        second moments only. No more of them is held than that needs.
     changes
         Schema `INCREMENTS`, for intervals of the changes of errors from frame to frame: of their mean and second
         moments by age, and of their autocorrelation by lag.
@@ -98,21 +115,21 @@ def intervals(
     SettingsError
         If there is no such kind, or the level is not between 0 and 1.
     """
-    tables = [check(moments, MOMENTS, "moments"), check(ends, ENDS, "ends"), check(frames, FRAMES, "frames")]
-    named = pl.concat([table.select("dataset", "scene").unique() for table in tables]).unique()
+    errors = by_condition(moments, MOMENTS, "moments")
+    lived, seen = by_condition(ends, ENDS, "ends"), by_condition(frames, FRAMES, "frames")
+    scenes = scenes_by_dataset(chain(errors.items(), lived.items(), seen.items()))
     n_drawn = 0 if kind == "student" else n_draws
-    drawn = {
-        dataset: Draws(part["scene"].to_list(), n_draws=n_drawn, seed=seed)
-        for (dataset,), part in named.partition_by("dataset", as_dict=True).items()
-    }
+    drawn = {dataset: Draws(sorted(names), n_draws=n_drawn, seed=seed) for dataset, names in scenes.items()}
     method = Method(kind, level)
-    moved = empty(INCREMENTS) if changes is None else check(changes, INCREMENTS, "increments")
-    selected = _selected(moments, aspects, moved, population)
+    moved = _held(changes, INCREMENTS, "increments")
+    within = _held(aspect_blocks, ASPECT_BLOCKS, "blocks of aspects")
     parts = [
-        *_curve_rows(selected, _resampled(blocks, aspect_blocks, population), drawn, method),
-        *_scalar_rows(ends, lifetime_bounds, drawn, method),
-        *_scalar_rows(frames, outlier_bounds, drawn, method),
-        *_scalar_rows(moved.filter(pl.col("lag") > 0), correlation_bounds, drawn, method),
+        *_curve_rows(error_sums(errors, _held(blocks, BLOCKS, "blocks"), population), drawn, method),
+        *_curve_rows(aspect_sums(_held(aspects, ASPECTS, "aspects", moments_to_order_2), within), drawn, method),
+        *_curve_rows(aspect_sums(moments_of_changes(moved), within), drawn, method),
+        *_scalar_rows(lived, lifetime_bounds, drawn, method),
+        *_scalar_rows(seen, outlier_bounds, drawn, method),
+        *_scalar_rows(correlated_changes(moved), correlation_bounds, drawn, method),
     ]
     typed = [part.select(pl.col(name).cast(kind) for name, kind in INTERVALS.items()) for part in parts]
     table = pl.concat([empty(INTERVALS), *typed]).with_columns(pl.col("value", "low", "high").fill_nan(None))
@@ -140,35 +157,23 @@ def curve_statistics(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([mean_u, mean_v, abs_u / count, abs_v / count, *spread])
 
 
-def _selected(
-    moments: pl.DataFrame, aspects: pl.DataFrame | None, changes: pl.DataFrame, population: str
-) -> pl.DataFrame:
-    """Sums of which there are to be intervals, by aspect."""
-    parts = [moments.filter(population=population).with_columns(aspect=pl.lit(ALL)), moments_of_changes(changes)]
-    if aspects is not None:
-        parts.append(check(aspects, ASPECTS, "aspects"))
-    columns = ["aspect", "scene", *POOLED, "population", *_POINT, *SUMS]
-    return pl.concat(additive(part.filter(pl.col("n") > 0)).select(columns) for part in parts)
+def _held(
+    tables: Tables | None,
+    schema: Schema,
+    name: str,
+    reduce: Callable[[pl.DataFrame], pl.DataFrame] = lambda table: table,
+) -> Conditions:
+    """Tables by condition; none where there are none."""
+    return by_condition(() if tables is None else tables, schema, name, reduce)
 
 
-def _resampled(blocks: pl.DataFrame | None, aspects: pl.DataFrame | None, population: str) -> pl.DataFrame:
-    """Sums by block of the observations that there are to be intervals of, by aspect."""
-    of_all = empty(BLOCKS) if blocks is None else check(blocks, BLOCKS, "blocks")
-    others = empty(ASPECT_BLOCKS) if aspects is None else check(aspects, ASPECT_BLOCKS, "blocks of aspects")
-    named = of_all.filter(population=population).select(pl.lit(ALL).alias("aspect"), *BLOCKS)
-    return additive(pl.concat([named, others]))
-
-
-def _curve_rows(
-    moments: pl.DataFrame, blocks: pl.DataFrame, drawn: Mapping[str, Draws], method: Method
-) -> Iterator[pl.DataFrame]:
+def _curve_rows(sums: Iterable[CurveSums], drawn: Mapping[str, Draws], method: Method) -> Iterator[pl.DataFrame]:
     """Rows of every aspect of every condition."""
     keys = [*POOLED, "aspect", "population"]
-    by_condition = blocks.partition_by([*POOLED, "aspect"], as_dict=True)
     roles = pl.DataFrame(_CURVES, schema=["role", "coordinate"], orient="row")
     labels = pl.DataFrame({"weighting": ["features", "scenes"]}).join(roles, how="cross")
-    for key, part in moments.partition_by(keys, as_dict=True).items():
-        units = units_of(part, by_condition.get(key[:-1]), points=_POINT, columns=SUMS)
+    for key, scenes, blocks in sums:
+        units = units_of(scenes, blocks, points=_POINT, columns=SUMS)
         weights = drawn[key[0]].weights(units)
         found = [f(units, weights, curve_statistics, method, scales=_SCALES) for f in (pooled, averaged)]
         rows = _rows(labels.join(units.points, how="cross"), found, units, method)
@@ -185,14 +190,14 @@ def _named(rows: pl.DataFrame) -> pl.DataFrame:
 
 
 def _scalar_rows(
-    table: pl.DataFrame,
+    tables: Conditions,
     bounded: Callable[[pl.DataFrame, Draws, Method], Iterator[Found]],
     drawn: Mapping[str, Draws],
     method: Method,
 ) -> Iterator[pl.DataFrame]:
     """Rows of the lifetimes, of the outlier ratio, or of the autocorrelation, of every condition."""
     usual = {"aspect": ALL, **dict.fromkeys(("population", "trimming", "weighting", "coordinate"))}
-    for key, part in table.partition_by(POOLED, as_dict=True).items():
+    for key, part in tables.items():
         for labels, bounds, units in bounded(part, drawn[key[0]], method):
             rows = _rows(labels, [bounds], units, method)
             untold = {name: value for name, value in usual.items() if name not in labels.columns}

@@ -5,7 +5,8 @@ of Hotelling's test that takes every feature for a sampling unit (iid). Features
 the same time, so that it rejects most true zeros.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -15,6 +16,7 @@ from tracknoise.findings.flips import FlipTest, flip_test
 from tracknoise.findings.sampling.multiplicity import holm
 from tracknoise.findings.sampling.resampling import MIN_SCENES
 from tracknoise.findings.wording import scenes_counted
+from tracknoise.statistics.conditions import Conditions, Tables, by_condition
 from tracknoise.statistics.curves import NAMES
 from tracknoise.statistics.grouping import POOLED, group_rows
 from tracknoise.tables.findings_schema import ZERO_MEAN
@@ -25,11 +27,12 @@ ALPHA = 0.05
 _FLAT = 1e-12
 """Determinants that are smaller than this, relative to what they are a difference of, are rounding."""
 _CHANCE = "a mean error of this size may be chance"
-_CURVE = [*POOLED, "trimming", "axis"]
+_LINE = ["trimming", "axis"]
+_CURVE = [*POOLED, *_LINE]
 
 
 def zero_mean(
-    moments: pl.DataFrame,
+    moments: Tables,
     curves: pl.DataFrame,
     *,
     key_frames: Mapping[str, int] | None = None,
@@ -67,15 +70,22 @@ def zero_mean(
         If a table has other columns.
     """
     points = _points(check(curves, CURVES, "curves").filter(population=population), key_frames or {})
-    means = check(moments, MOMENTS, "moments").filter(pl.col("n") > 0, population=population)
     by_curve = points.partition_by(_CURVE, as_dict=True)
     parts = [empty(ZERO_MEAN)]
-    for key, scenes in means.partition_by(_CURVE, as_dict=True).items():
-        rows = _of_curve(by_curve.get(key, points.clear()), scenes.select("scene", "at", "mean_u", "mean_v"), seed)
+    for key, scenes in _means_by_curve(by_condition(moments, MOMENTS, "moments"), population):
+        rows = _of_curve(by_curve.get(key, points.clear()), scenes, seed)
         named = [pl.lit(value).alias(name) for name, value in zip(_CURVE, key, strict=True)]
         parts.append(rows.with_columns(named).select(pl.col(name).cast(kind) for name, kind in ZERO_MEAN.items()))
     table = pl.concat(parts).with_columns(pl.col("^.*_p(_adjusted)?$").fill_nan(None))
     return check(table.sort(*POOLED, "trimming", "axis", "at"), ZERO_MEAN, "zero mean")
+
+
+def _means_by_curve(moments: Conditions, population: str) -> Iterator[tuple[tuple[Any, ...], pl.DataFrame]]:
+    """Mean errors of the scenes of each curve."""
+    for condition, part in moments.items():
+        means = part.filter(pl.col("n") > 0, population=population).select(*_LINE, "scene", "at", "mean_u", "mean_v")
+        for line, scenes in means.partition_by(_LINE, as_dict=True, include_key=False).items():
+            yield (*condition, *line), scenes
 
 
 def _points(curves: pl.DataFrame, key_frames: Mapping[str, int]) -> pl.DataFrame:

@@ -7,7 +7,6 @@ from tracknoise.findings.shape.mardia import mardia
 from tracknoise.findings.shape.standard import POWER_SUMS, standard_sums, standardised, standards
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.samples import samples, with_bands
-from tracknoise.tables.schema import MOMENTS
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +20,7 @@ def walking(see_errors):
 
 @pytest.fixture(scope="module")
 def moments(walking) -> pl.DataFrame:
-    return with_bands(anchored(scene_moments(walking.observations), MOMENTS, "moments", {}), pl.col("since"))
+    return with_bands(anchored(scene_moments(walking.observations), {}), pl.col("since"))
 
 
 def test_errors_that_grow_have_a_gaussian_kurtosis_in_units_of_their_age(walking, moments) -> None:
@@ -60,7 +59,7 @@ def test_single_errors_are_whitened_and_know_their_spread(walking, moments) -> N
 
 def test_ages_of_few_errors_or_of_none_that_differ_have_no_standard(walking, see_errors) -> None:
     alike = see_errors([np.full((200, 3, 2), 0.5)]).observations
-    moments = anchored(scene_moments(alike), MOMENTS, "moments", {})
+    moments = anchored(scene_moments(alike), {})
     assert standards(moments, min_features=100).is_empty()
-    many = anchored(scene_moments(walking.observations), MOMENTS, "moments", {})
+    many = anchored(scene_moments(walking.observations), {})
     assert standards(many, min_features=3001).is_empty()

@@ -24,11 +24,12 @@ from tracknoise.findings.factors.rotation import rotations
 from tracknoise.findings.sampling.multiplicity import benjamini_hochberg
 from tracknoise.findings.sampling.resampling import LEVEL, MIN_SCENES
 from tracknoise.findings.wording import scenes_counted
+from tracknoise.statistics.conditions import Tables, by_condition
 from tracknoise.statistics.curves import NAMES
 from tracknoise.statistics.effects import SCALARS
 from tracknoise.statistics.grouping import POOLED, group_rows
 from tracknoise.tables.findings_schema import DEPENDENCE
-from tracknoise.tables.schema import EFFECTS, VERDICT, Schema, check
+from tracknoise.tables.schema import EFFECTS, ENDS, FRAMES, MOMENTS, VERDICT, Schema, check
 
 N_DRAWS = 499
 """Rotations, as many as are needed to tell p-values of a few percent from each other."""
@@ -49,9 +50,9 @@ class _Test:
 
 
 def dependence(
-    moments: pl.DataFrame,
-    ends: pl.DataFrame,
-    frames: pl.DataFrame,
+    moments: Tables,
+    ends: Tables,
+    frames: Tables,
     curves: pl.DataFrame,
     effects: pl.DataFrame,
     *,
@@ -66,7 +67,7 @@ def dependence(
     Parameters
     ----------
     moments, ends, frames
-        Tables of all sequences together.
+        Of all sequences: `MOMENTS`, `ENDS` and `FRAMES`.
     curves, effects
         What the functions of these names made of them; `curves` says where they are cut.
     key_frames
@@ -94,10 +95,11 @@ def dependence(
         If a table has other columns.
     """
     questions = check(effects, EFFECTS, "effects").with_row_index("order")
+    errors = by_condition(moments, MOMENTS, "moments")
     sums = {
-        None: curve_sums(moments, curves, population=population, key_frames=key_frames or {}),
-        "lifetime": lifetime_sums(ends),
-        "outlier_ratio": outlier_sums(frames),
+        None: curve_sums(errors, curves, population=population, key_frames=key_frames or {}),
+        "lifetime": lifetime_sums(by_condition(ends, ENDS, "ends")),
+        "outlier_ratio": outlier_sums(by_condition(frames, FRAMES, "frames")),
     }
     answers: list[tuple[object, ...]] = []
     for (dataset,), asked in questions.partition_by("dataset", as_dict=True, maintain_order=True).items():

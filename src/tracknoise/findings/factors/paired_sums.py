@@ -8,10 +8,11 @@ from collections.abc import Mapping
 import polars as pl
 
 from tracknoise.findings.sampling.units import additive
+from tracknoise.statistics.conditions import Conditions
 from tracknoise.statistics.differences import comparable
-from tracknoise.statistics.grouping import POOLED
+from tracknoise.statistics.grouping import POOLED, reduce_each
 from tracknoise.statistics.upright import upright
-from tracknoise.tables.schema import CURVES, ENDS, FRAMES, MOMENTS, check
+from tracknoise.tables.schema import CURVES, ENDS, FRAMES, MOMENTS, Schema, check, empty
 
 CURVE_SUMS = ["u", "v", "abs_u", "abs_v", "uu", "vv"]
 """Sums of du, dv, |du|, |dv|, du^2 and dv^2."""
@@ -19,7 +20,7 @@ _CURVE = [*POOLED, "axis"]
 
 
 def curve_sums(
-    moments: pl.DataFrame, curves: pl.DataFrame, *, population: str, key_frames: Mapping[str, int]
+    moments: Conditions, curves: pl.DataFrame, *, population: str, key_frames: Mapping[str, int]
 ) -> pl.DataFrame:
     """Sums of trimmed errors at the points of curves that may be compared, in the axes of the upright image.
 
@@ -43,33 +44,36 @@ def curve_sums(
         If a table has other columns.
     """
     chosen = {"population": population, "trimming": "trimmed"}
-    cuts = check(curves, CURVES, "curves").filter(**chosen, weighting="features").select(*_CURVE, "at", "cut").unique()
-    all_ages = check(moments, MOMENTS, "moments").filter(**chosen)
-    measured = all_ages.select(*_CURVE, "scene").unique()
-    points = comparable(additive(all_ages).join(cuts, on=[*_CURVE, "at"]), key_frames)
+    known = check(curves, CURVES, "curves").filter(**chosen, weighting="features").select(*_CURVE, "at", "cut").unique()
+    cuts = known.partition_by(POOLED, as_dict=True, include_key=False)
     columns = [*_CURVE, "scene", "at", "n", *CURVE_SUMS]
-    return pl.concat([_upright(points).select(columns), measured], how="diagonal").sort(*_CURVE, "scene", "at")
+    parts = []
+    for key, table in {(): empty(MOMENTS), **moments}.items():
+        all_ages = table.filter(**chosen)
+        there = additive(all_ages).join(cuts.get(key, known.select("axis", "at", "cut").clear()), on=["axis", "at"])
+        parts += [comparable(there, key_frames).select(columns), all_ages.select(*_CURVE, "scene").unique()]
+    return _upright(pl.concat(parts, how="diagonal")).sort(*_CURVE, "scene", "at")
 
 
-def lifetime_sums(ends: pl.DataFrame) -> pl.DataFrame:
+def lifetime_sums(ends: Conditions) -> pl.DataFrame:
     """Number of tracks that ended, and how often tracks were looked for (`total`, frames); `at` is 0.
 
     Their ratio is `frames_per_end` of `tracknoise.statistics.lifetimes.mean_lifetime`.
     """
     ended, censored = pl.col("n_ended"), pl.col("n_censored")
     looked_for = (ended + censored) * pl.col("lifetime") - censored
-    return _totals(check(ends, ENDS, "ends"), ended, looked_for)
+    return _totals(ends, ENDS, "ends", ended, looked_for)
 
 
-def outlier_sums(frames: pl.DataFrame) -> pl.DataFrame:
+def outlier_sums(frames: Conditions) -> pl.DataFrame:
     """Sums of F(t-1), and of f1(t) (`total`); `at` is 0."""
-    return _totals(check(frames, FRAMES, "frames"), pl.col("offered"), pl.col("outliers"))
+    return _totals(frames, FRAMES, "frames", pl.col("offered"), pl.col("outliers"))
 
 
-def _totals(table: pl.DataFrame, n: pl.Expr, total: pl.Expr) -> pl.DataFrame:
+def _totals(tables: Conditions, schema: Schema, name: str, n: pl.Expr, total: pl.Expr) -> pl.DataFrame:
     kinds = {"n": n.cast(pl.Int64).sum(), "total": total.cast(pl.Int64).sum()}
-    summed = table.group_by(*POOLED, "scene").agg(**kinds).sort(*POOLED, "scene")
-    return summed.with_columns(at=pl.lit(0, dtype=pl.Int64))
+    summed = reduce_each(tables.values(), schema, name, lambda table: table.group_by(*POOLED, "scene").agg(**kinds))
+    return summed.sort(*POOLED, "scene").with_columns(at=pl.lit(0, dtype=pl.Int64))
 
 
 def _upright(points: pl.DataFrame) -> pl.DataFrame:

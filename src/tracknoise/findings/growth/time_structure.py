@@ -28,6 +28,7 @@ from tracknoise.findings.sampling.resampling import LEVEL
 from tracknoise.findings.sampling.units import Draws, additive, units_of
 from tracknoise.findings.shape.verdict import Interval
 from tracknoise.findings.wording import count
+from tracknoise.statistics.conditions import Conditions, Tables, by_condition, scenes_by_dataset
 from tracknoise.statistics.grouping import POOLED, reduce_each
 from tracknoise.tables.findings_schema import TIME_STRUCTURE
 from tracknoise.tables.schema import BLOCKS, INCREMENTS, MOMENTS, check, empty
@@ -38,10 +39,10 @@ _UNKNOWN = Interval(nan, nan, nan)
 
 
 def time_structure(
-    moments: pl.DataFrame | Iterable[pl.DataFrame],
+    moments: Tables,
     increments: pl.DataFrame | Iterable[pl.DataFrame],
     *,
-    blocks: pl.DataFrame | Iterable[pl.DataFrame] = (),
+    blocks: Tables = (),
     key_frames: Mapping[str, int] = NO_KEY_FRAMES,
     min_features: int = 100,
     level: float = LEVEL,
@@ -53,7 +54,7 @@ def time_structure(
     Parameters
     ----------
     moments, increments
-        One table of all scenes, or any number of them, read one at a time: `MOMENTS`, `INCREMENTS`.
+        Of all scenes, `MOMENTS` and `INCREMENTS`.
     blocks
         Schema `BLOCKS`: what to resample in conditions of too few scenes. They have no bounds without, and no verdict.
     key_frames
@@ -74,12 +75,10 @@ def time_structure(
     SchemaError
         If a table has other columns.
     """
-    by_scene = _split(additive(anchored(moments, MOMENTS, "moments", key_frames)))
-    by_block = _split(additive(anchored(blocks, BLOCKS, "blocks", key_frames)))
-    changes = _split(reduce_each(increments, INCREMENTS, "increments", neighbours))
-    scenes: dict[str, set[str]] = {}
-    for key, part in by_scene.items():
-        scenes.setdefault(key[0], set()).update(part["scene"])
+    by_scene = _sums(by_condition(moments, MOMENTS, "moments"), key_frames)
+    by_block = _sums(by_condition(blocks, BLOCKS, "blocks"), key_frames)
+    changes = reduce_each(increments, INCREMENTS, "increments", neighbours).partition_by(_KEY, as_dict=True)
+    scenes = scenes_by_dataset(by_scene.items())
     drawn = {dataset: Draws(sorted(names), n_draws=n_draws, seed=seed) for dataset, names in scenes.items()}
     tables = [empty(TIME_STRUCTURE)]
     for key, part in by_scene.items():
@@ -90,9 +89,13 @@ def time_structure(
     return check(table, TIME_STRUCTURE, "time structure")
 
 
-def _split(table: pl.DataFrame) -> dict[tuple[Any, ...], pl.DataFrame]:
-    """Rows of each condition and trimming; what is added up in one place is of one scene, and in its order."""
-    return table.partition_by(_KEY, as_dict=True)
+def _sums(moments: Conditions, key_frames: Mapping[str, int]) -> dict[tuple[Any, ...], pl.DataFrame]:
+    """Sums of each condition and trimming; what is added up in one place is of one scene, and in its order."""
+    return {
+        (*key, *trimming): sums
+        for key, part in moments.items()
+        for trimming, sums in additive(anchored(part, key_frames)).partition_by("trimming", as_dict=True).items()
+    }
 
 
 def _rows(

@@ -131,11 +131,16 @@ def averaged(
     """
     if units.resampled == "blocks":
         return _bounded(_mean_of_scenes(units, weights, statistics), units, units.sums[..., 0].T, method, scales)
+    sums = _own(units, statistics)
+    sizes = sums[len(sums) // 2 :]
+    return _bounded(Sample.of(np.transpose(sums, (2, 1, 0)), weights).map(_mean), units, sizes, method, scales)
+
+
+def _own(units: Units, statistics: Statistics) -> NDArray[np.float64]:
+    """Each unit's own statistics, 0 where undefined, and whether they are defined, (2 statistics, points, units)."""
     own = statistics(np.transpose(units.sums, (2, 1, 0)))
     defined = ~np.isnan(own)
-    sums = np.concatenate([np.where(defined, own, 0.0), defined])
-    sample = Sample.of(np.transpose(sums, (2, 1, 0)), weights).map(_mean)
-    return _bounded(sample, units, defined.astype(np.float64), method, scales)
+    return np.concatenate([np.where(defined, own, 0.0), defined])
 
 
 def _mean(sums: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ At a million errors every test rejects; what is told is how far from Gaussian th
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,7 +24,8 @@ from tracknoise.findings.shape.shape_bounds import BAND, gain_bounds, mardia_bou
 from tracknoise.findings.shape.standard import standard_sums, standardised, standards
 from tracknoise.findings.shape.tails import radii, tail_ratios
 from tracknoise.findings.shape.verdict import MARGIN_NATS, Evidence, Interval, judge
-from tracknoise.statistics.grouping import POOLED, reduce_each
+from tracknoise.statistics.conditions import Condition, Conditions, Tables, by_condition, scenes_by_dataset
+from tracknoise.statistics.grouping import POOLED
 from tracknoise.statistics.samples import first_tracks, with_bands
 from tracknoise.tables.findings_schema import GAUSSIANITY, RADII
 from tracknoise.tables.schema import MOMENTS, SAMPLES, Schema, check, empty
@@ -59,8 +60,8 @@ class _Options:
 
 
 def gaussianity(
-    moments: pl.DataFrame | Iterable[pl.DataFrame],
-    samples: pl.DataFrame | Iterable[pl.DataFrame],
+    moments: Tables,
+    samples: Tables,
     *,
     key_frames: Mapping[str, int] = NO_KEY_FRAMES,
     min_features: int = 100,
@@ -74,7 +75,7 @@ def gaussianity(
     Parameters
     ----------
     moments, samples
-        One table of all scenes, or any number of them, read one at a time: `MOMENTS`, `SAMPLES`.
+        Of all scenes, `MOMENTS` and `SAMPLES`.
     key_frames
         Where a scan makes errors zero in one frame: which, by direction. Bands are then of distances from it.
     min_features
@@ -91,30 +92,29 @@ def gaussianity(
     SchemaError
         If a table has other columns.
     """
-    errors = with_bands(anchored(moments, MOMENTS, "moments", key_frames), pl.col("since").abs())
-    n_scenes = int(errors.group_by("dataset").agg(pl.col("scene").n_unique())["scene"].min() or 1)  # type: ignore[arg-type]
-    count = math.ceil(MAX_SAMPLED / n_scenes)
-    chosen = reduce_each(samples, SAMPLES, "samples", lambda table: first_tracks(table, count))
+    errors = by_condition(moments, MOMENTS, "moments")
+    scenes = scenes_by_dataset(_banded(errors, key_frames))
+    count = math.ceil(MAX_SAMPLED / min(map(len, scenes.values()), default=1))
+    singles = by_condition(samples, SAMPLES, "samples", lambda table: first_tracks(table, count))
+    drawn = {dataset: Draws(sorted(names), n_draws=n_draws, seed=seed) for dataset, names in scenes.items()}
     options = _Options(Method(level=level), min_features, margin, seed)
     rows, quantiles = [empty(GAUSSIANITY)], [empty(RADII)]
-    for labels, part, singles, draws in _conditions(errors, chosen, n_draws, seed):
-        found, distances = _condition(part, singles, draws, options)
+    for key, part in _banded(errors, key_frames):
+        labels = [pl.lit(value, dtype=GAUSSIANITY[name]).alias(name) for name, value in zip(POOLED, key, strict=True)]
+        of_scenes = part.sort("scene", maintain_order=True)
+        found, distances = _condition(of_scenes, singles.get(key, empty(SAMPLES)), drawn[key[0]], options)
         rows.append(_typed(found.with_columns(labels), GAUSSIANITY))
         quantiles.append(_typed(distances.with_columns(labels), RADII))
     shapes = pl.concat(rows).sort(*POOLED, *BAND), pl.concat(quantiles).sort(*POOLED, *BAND, "probability")
     return Shapes(check(shapes[0], GAUSSIANITY, "gaussianity"), check(shapes[1], RADII, "radii"))
 
 
-def _conditions(
-    errors: pl.DataFrame, samples: pl.DataFrame, n_draws: int, seed: int
-) -> Iterator[tuple[list[pl.Expr], pl.DataFrame, pl.DataFrame, Draws]]:
-    """The names, moments and samples of each condition, and the draws of its dataset."""
-    scenes = errors.group_by("dataset").agg(pl.col("scene").unique())
-    drawn = {dataset: Draws(names, n_draws=n_draws, seed=seed) for dataset, names in scenes.iter_rows()}
-    singles = _split(samples, POOLED)
-    for key, part in _split(errors, POOLED).items():
-        labels = [pl.lit(value, dtype=GAUSSIANITY[name]).alias(name) for name, value in zip(POOLED, key, strict=True)]
-        yield labels, part.sort("scene", maintain_order=True), singles.get(key, samples.clear()), drawn[key[0]]
+def _banded(moments: Conditions, key_frames: Mapping[str, int]) -> Iterator[tuple[Condition, pl.DataFrame]]:
+    """Moments of each condition that has any in one of the bands."""
+    for key, part in moments.items():
+        banded = with_bands(anchored(part, key_frames), pl.col("since").abs())
+        if not banded.is_empty():
+            yield key, banded
 
 
 def _split(table: pl.DataFrame, by: list[str]) -> dict[tuple[Any, ...], pl.DataFrame]:

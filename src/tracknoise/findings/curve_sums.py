@@ -1,0 +1,40 @@
+"""What intervals of curves are made of: sums by scene, and by block, of every condition and aspect, one at a time."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import polars as pl
+
+from tracknoise.findings.sampling.units import additive
+from tracknoise.statistics.conditions import Conditions
+from tracknoise.tables.schema import BLOCKS
+
+ALL = "all"
+"""Aspect of the errors of every track in image axes."""
+CurveSums = tuple[tuple[Any, ...], pl.DataFrame, pl.DataFrame | None]
+"""Condition, aspect and population; sums by scene; and by block, if there are any."""
+_TO_ORDER_2 = ["aspect", *(column for column in BLOCKS if column != "block")]
+
+
+def moments_to_order_2(aspects: pl.DataFrame) -> pl.DataFrame:
+    """Of `ASPECTS` the columns that are needed, which are those of blocks, too."""
+    return aspects.select(_TO_ORDER_2)
+
+
+def error_sums(errors: Conditions, blocks: Conditions, population: str) -> Iterator[CurveSums]:
+    """Of the errors of every track in image axes; `errors` are of `MOMENTS`, `blocks` of `BLOCKS`."""
+    for key, part in errors.items():
+        scenes = additive(part.filter(pl.col("n") > 0, population=population))
+        if not scenes.is_empty():
+            within = additive(blocks[key].filter(population=population)) if key in blocks else None
+            yield (*key, ALL, population), scenes, within
+
+
+def aspect_sums(aspects: Conditions, blocks: Conditions) -> Iterator[CurveSums]:
+    """Of each aspect of the errors; `blocks` are of `ASPECT_BLOCKS`."""
+    for key, part in aspects.items():
+        seen = part.filter(pl.col("n") > 0)
+        for aspect, population in seen.select("aspect", "population").unique().rows():
+            chosen = {"aspect": aspect, "population": population}
+            within = additive(blocks[key].filter(**chosen)) if key in blocks else None
+            yield (*key, aspect, population), additive(seen.filter(**chosen)), within

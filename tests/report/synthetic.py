@@ -291,8 +291,7 @@ def _write_statistics(run: RunFolder, world: World) -> None:
     made["changes"] = change_curves(run.sequence_tables("increments"))
     made["aspect_curves"] = aspect_curves(run.sequence_tables("aspects"), min_features=world.min_features)
     made |= _made_up_findings().made_up(made, scope=_scope(world))
-    for name, table in made.items():
-        run.write_statistics(name, table)
+    run.write_statistics(made)
 
 
 def _made_up_findings() -> ModuleType:

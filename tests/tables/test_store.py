@@ -50,7 +50,7 @@ def test_only_sequences_in_the_manifest_are_read(run):
 
 def test_a_table_with_other_columns_is_refused_and_not_written(run):
     with pytest.raises(SchemaError, match="summary: column 0"):
-        run.write_statistics("summary", pl.DataFrame({"x": [1]}))
+        run.write_statistics({"summary": pl.DataFrame({"x": [1]})})
     assert not (run.path / "statistics").exists()
 
 
@@ -96,7 +96,7 @@ def test_a_missing_run_is_one_line(tmp_path):
 
 
 def test_a_truncated_table_is_named(run):
-    run.write_statistics("summary", schema.empty(schema.SUMMARY))
+    run.write_statistics({"summary": schema.empty(schema.SUMMARY)})
     path = run.path / "statistics" / "summary.parquet"
     path.write_bytes(path.read_bytes()[:40])
     with pytest.raises(StoreError, match=r"summary\.parquet: damaged"):
@@ -188,7 +188,7 @@ def test_a_damaged_bit_is_noticed_when_a_table_is_read(measured):
     flip(measured.path / "tracks" / f"{ENTRY.key}.parquet")
     with pytest.raises(StoreError, match=r"tracks.*damaged \(not what was written\).*`tracknoise run` makes it again"):
         measured.sequence_table("tracks", ENTRY.key)
-    measured.write_statistics("summary", schema.empty(schema.SUMMARY))
+    measured.write_statistics({"summary": schema.empty(schema.SUMMARY)})
     assert measured.statistics("summary").is_empty()
     flip(measured.path / "statistics" / "summary.parquet")
     with pytest.raises(StoreError, match=r"summary\.parquet: damaged"):
@@ -220,7 +220,7 @@ def test_what_a_killed_start_left_unfinished_is_removed_and_nothing_else(measure
     before = sorted(measured.path.rglob("*"))
     monkeypatch.setattr(Path, "replace", lambda self, target: None)  # as if it were killed before the renaming
     monkeypatch.setattr(Path, "unlink", lambda self, missing_ok: None)
-    measured.write_statistics("summary", schema.empty(schema.SUMMARY))
+    measured.write_statistics({"summary": schema.empty(schema.SUMMARY)})
     monkeypatch.undo()
     left = set(measured.path.rglob("*")) - set(before)
     assert len([path for path in left if path.is_file()]) == 2

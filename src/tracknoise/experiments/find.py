@@ -1,6 +1,6 @@
 """From the statistics of a run to what can be believed of them: intervals, tests, verdicts, and sentences."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TypedDict
 
 import polars as pl
@@ -44,8 +44,7 @@ def find(run: RunFolder, experiment: Experiment, statistics: Mapping[str, pl.Dat
     view = reference(run.manifest(), experiment, statistics["outliers"])
     tables = _tables(run, experiment, statistics, view)
     tables["findings"] = headlines({**statistics, **tables}, _scope(run, experiment, statistics["trims"], view))
-    for name, table in tables.items():
-        run.write_statistics(name, table)
+    run.write_statistics(tables)
     run.write_findings(findings_json({**statistics, **tables}))
 
 
@@ -59,9 +58,11 @@ def _tables(
     run: RunFolder, experiment: Experiment, statistics: Mapping[str, pl.DataFrame], view: Reference
 ) -> dict[str, pl.DataFrame]:
     population, least = experiment.truth.population, experiment.statistics.min_features
+    neighbours: list[pl.DataFrame] = []
+    moved = _keeping(run.sequence_tables("increments"), neighbours, pl.col("lag") == 1)  # all are read only once
     pooled = {  # first, since nothing else is to be held for them
         "aspect_curves": aspect_curves(run.sequence_tables("aspects"), min_features=least),
-        "changes": change_curves(run.sequence_tables("increments")),
+        "changes": change_curves(moved),
     }
     ingredients = Ingredients.read(run, population, view)
     moments, ends, frames = ingredients.moments, ingredients.ends, ingredients.frames
@@ -86,7 +87,7 @@ def _tables(
         "zero_mean": zero_mean(moments, curves, key_frames=zeros, population=population),
         "gaussianity": shapes.gaussianity,
         "radii": shapes.radii,
-        "time_structure": time_structure(moments, run.sequence_tables("increments"), blocks=blocks, **options),
+        "time_structure": time_structure(moments, neighbours, blocks=blocks, **options),
         "dependence": dependence(
             moments,
             ends,
@@ -98,6 +99,13 @@ def _tables(
             level=asked.level,
         ),
     }
+
+
+def _keeping(tables: Iterable[pl.DataFrame], kept: list[pl.DataFrame], rows: pl.Expr) -> Iterator[pl.DataFrame]:
+    """Tables as they come, of each of which some rows are kept."""
+    for table in tables:
+        kept.append(table.filter(rows))
+        yield table
 
 
 def _scope(run: RunFolder, experiment: Experiment, trims: pl.DataFrame, view: Reference) -> Scope:

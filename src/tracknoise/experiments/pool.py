@@ -62,6 +62,5 @@ def pool(run: RunFolder, experiment: Experiment) -> dict[str, pl.DataFrame]:
         population=experiment.truth.population,
         margin=experiment.findings.margin,
     )
-    for name, table in tables.items():
-        run.write_statistics(name, table)
+    run.write_statistics(tables)
     return tables

@@ -250,17 +250,18 @@ class RunFolder:
         for key in sorted(self.manifest().sequences):
             yield self.sequence_table(name, key)
 
-    def write_statistics(self, name: str, table: pl.DataFrame) -> None:
-        """Write one table of `STATISTICS_TABLES` or `FINDINGS_TABLES`.
+    def write_statistics(self, tables: Mapping[str, pl.DataFrame]) -> None:
+        """Write tables of `STATISTICS_TABLES` or `FINDINGS_TABLES`, by name, and then the manifest, which is long.
 
         Raises
         ------
         SchemaError, StoreError
-            If the table does not have its columns, or the folder cannot be written.
+            If a table does not have its columns, or the folder cannot be written.
         """
-        checked = schema.check(table, _RUN_TABLES[name], name)
+        checked = {name: schema.check(table, _RUN_TABLES[name], name) for name, table in tables.items()}
         manifest = self.manifest()
-        manifest.statistics[name] = write_parquet(self.path / "statistics" / f"{name}.parquet", checked)
+        for name, table in checked.items():
+            manifest.statistics[name] = write_parquet(self.path / "statistics" / f"{name}.parquet", table)
         self.write_manifest(manifest)
 
     def statistics(self, name: str) -> pl.DataFrame:

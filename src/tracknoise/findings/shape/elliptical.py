@@ -27,6 +27,22 @@ def terms(samples: Sequence[Array]) -> Array:
     return padded
 
 
+def gathered(every: Array, samples: Sequence[NDArray[np.intp]]) -> Array:
+    """Terms of samples, each some of the columns of the terms of all points: (samples, 6, most points).
+
+    Parameters
+    ----------
+    every : (6, points)
+        Terms of one sample that holds all points.
+    samples
+        Which points each is of.
+    """
+    padded = np.zeros((len(samples), len(every), max(map(len, samples), default=0)))
+    for place, points in enumerate(samples):
+        padded[place, :, : len(points)] = every[:, points]
+    return padded
+
+
 def moments(sums: Array) -> tuple[Array, Array]:
     """Mean, (samples, 2), and covariance as uu, uv, vv, (samples, 3), from weighted sums of terms, (samples, 6)."""
     mean, second = sums[:, 1:3] / sums[:, :1], sums[:, 3:] / sums[:, :1]

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.findings.shape.elliptical import determinant, terms
+from tracknoise.findings.shape.elliptical import determinant, gathered, terms
 from tracknoise.findings.shape.gaussian import fit_gaussian
 from tracknoise.findings.shape.mardia import whitening
 from tracknoise.findings.shape.mixture import fit_mixture
@@ -25,7 +25,7 @@ Rows = NDArray[np.intp]
 
 MIN_FITTED = 50
 """Fewest errors outside of each fold."""
-MAX_FITTED = 1024
+MAX_FITTED = 768
 """So many errors are fitted at most; all of a fold are told."""
 ROUNDS = 15
 """Of the fits of Student's t that start from that of all errors."""
@@ -67,19 +67,20 @@ def gains(pairs: Array, sample: Rows, fold: Rows, count: int) -> Gains:
     count
         Number of samples.
     """
+    every = terms([pairs])[0]
     samples = [np.flatnonzero(sample == place) for place in range(count)]
     split = [_split(rows, fold) for rows in samples]
-    usable = [place for place, parts in enumerate(split) if parts and all(_fits(pairs[rest]) for _, rest in parts)]
+    usable = [place for place, parts in enumerate(split) if parts and _can_be_fitted(every, parts)]
     student, mixture = np.full(len(pairs), np.nan), np.full(len(pairs), np.nan)
     parameters = np.full((4, count), np.nan)
     if usable:
-        whole = terms([pairs[_thinned(samples[place])] for place in usable])
+        whole = gathered(every, [_thinned(samples[place]) for place in usable])
         heavy, mixed = fit_student(whole), fit_mixture(whole)
         parameters[:, usable] = [heavy.nu, determinant(heavy.scatter) ** 0.25, mixed.share, mixed.ratio]
         parts = [part for place in usable for part in split[place]]
         of = np.repeat(np.arange(len(usable)), [len(split[place]) for place in usable])
         start = Student(heavy.mean[of], heavy.scatter[of], heavy.nu[of])
-        for (rows, _), one, other in zip(parts, *_told(pairs, parts, start), strict=True):
+        for (rows, _), one, other in zip(parts, *_told(every, parts, start), strict=True):
             student[rows], mixture[rows] = one[: len(rows)], other[: len(rows)]
     return Gains(student, mixture, *parameters)
 
@@ -90,20 +91,20 @@ def _split(rows: Rows, fold: Rows) -> list[tuple[Rows, Rows]]:
     return [(rows[fold[rows] == name], rows[fold[rows] != name]) for name in names] if len(names) > 1 else []
 
 
-def _told(pairs: Array, parts: list[tuple[Rows, Rows]], start: Student) -> tuple[Array, Array]:
+def _told(every: Array, parts: list[tuple[Rows, Rows]], start: Student) -> tuple[Array, Array]:
     """(gain) on every error of each fold, (folds, most errors), by fits to all others; the t begins at `start`."""
-    fitted = terms([pairs[_thinned(rest)] for _, rest in parts])
-    told = terms([pairs[rows] for rows, _ in parts])
+    fitted = gathered(every, [_thinned(rest) for _, rest in parts])
+    told = gathered(every, [rows for rows, _ in parts])
     base = fit_gaussian(fitted).log_density(told)
     student = fit_student(fitted, rounds=ROUNDS, start=start).log_density(told)
     return student - base, fit_mixture(fitted).log_density(told) - base
 
 
-def _fits(pairs: Array) -> bool:
-    """Whether there is enough to be fitted, with a spread."""
-    if len(pairs) < MIN_FITTED:
+def _can_be_fitted(every: Array, parts: list[tuple[Rows, Rows]]) -> bool:
+    """Whether there is enough outside of each fold, with a spread."""
+    if min(len(rest) for _, rest in parts) < MIN_FITTED:
         return False
-    _, root = whitening(terms([pairs])[0].sum(axis=1))
+    _, root = whitening(np.stack([every[:, rest].sum(axis=1) for _, rest in parts], axis=1))
     return bool(np.isfinite(root).all())
 
 

@@ -21,9 +21,8 @@ from tracknoise.findings.shape.elliptical import log_normaliser, moments, square
 Array = NDArray[np.float64]
 
 CYCLES = 10
-"""Of three steps each. Of a thousand points each of eleven kinds, from Student's t of 2 to 10 degrees of freedom to
-mixtures, they leave 6e-6 nats an error at most to the likelihood of five thousand plain steps; as many plain steps as
-these are leave 0.07."""
+"""Of three steps each. Of a thousand points each of a dozen kinds, from Student's t of 2 to 10 degrees of freedom to
+mixtures, they leave 1e-5 nats an error at most to the likelihood of 1000 cycles; thirty plain steps leave 0.07."""
 _LEAST, _FARTHEST, _ALMOST = 1e-300, 500.0, 1 - 1e-12
 """Bounds that keep (squarem) from overflow."""
 _START = (0.1, 10.0)
@@ -69,7 +68,7 @@ def fit_mixture(points: Array, *, cycles: int = CYCLES) -> Mixture:
     total = points.sum(axis=2)
     fit = _first(total)
     for _ in range(cycles):
-        one, _ = _step(points, total, fit)
+        one = _step(points, total, fit)[0]
         two, least = _step(points, total, one)
         ahead, likely = _step(points, total, _extrapolated(fit, one, two))
         fit = _chosen(likely >= least, ahead, two)
@@ -95,11 +94,18 @@ def _step(points: Array, total: Array, fit: Mixture) -> tuple[Mixture, Array]:
 
 
 def _expected(distance: Array, share: Array, ratio: Array) -> tuple[Array, Array]:
-    """Probability that each point is of the wider component, and its log density, less that of the core at its mean."""
-    odds = np.log((1 - share) / share * ratio)[:, None] - 0.5 * (1 - 1 / ratio)[:, None] * distance
-    less = np.exp(-np.abs(odds))
-    density = np.log1p(-share)[:, None] - 0.5 * distance + np.log1p(less) - np.minimum(odds, 0.0)
-    return np.where(odds > 0, less, 1.0) / (1 + less), density
+    """Probability that each point is of the wider component, and its log density, less that of the core at its mean.
+
+    This is where the time of a fit goes, and most of it to new memory: hence in place.
+    """
+    odds = distance * (-0.5 * (1 - 1 / ratio))[:, None]
+    odds += np.log((1 - share) / share * ratio)[:, None]
+    np.exp(odds, out=odds)
+    density = distance * (-0.5 / ratio)[:, None]
+    density += np.log(share / ratio)[:, None]
+    density += np.log1p(odds)
+    odds += 1
+    return np.reciprocal(odds, out=odds), density
 
 
 def _extrapolated(fit: Mixture, one: Mixture, two: Mixture) -> Mixture:

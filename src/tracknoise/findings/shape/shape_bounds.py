@@ -19,8 +19,8 @@ Array = NDArray[np.float64]
 
 BAND = ["trimming", "age_low"]
 """What tells the bands of a condition apart."""
-FOLDS = 8
-"""Of the scenes, or of the blocks of each; each fold is told by fits to all others. Up to eight scenes are each one."""
+FOLDS, MANY_FOLDS, MANY = 8, 4, 17
+"""Folds of scenes, or of the blocks of each, and of as many scenes as `MANY` or more, among which chance does less."""
 _MARDIA = ("skewness", "kurtosis")
 _GAINS = ("gain_student", "gain_mixture", "gain_difference")
 _TOLD = ("told", "student", "mixture")
@@ -71,7 +71,7 @@ def gain_bounds(singles: pl.DataFrame, draws: Draws, method: Method, *, seed: in
     draws, method
         How to resample.
     seed
-        Decides which scenes, if they are more than `FOLDS`, or blocks are put into one fold.
+        Decides which scenes, if they are more than `FOLDS`, or which blocks are put into one fold.
 
     Returns
     -------
@@ -115,7 +115,8 @@ def _folds(singles: pl.DataFrame, seed: int) -> NDArray[np.intp]:
     rng = np.random.default_rng(seed)
     scenes = group_rows(singles, ["scene"])
     if scenes.count >= MIN_SCENES:
-        return np.asarray(rng.permutation(scenes.count)[scenes.index] % FOLDS)
+        folds = FOLDS if scenes.count < MANY else MANY_FOLDS
+        return np.asarray(rng.permutation(scenes.count)[scenes.index] % folds)
     blocks = np.stack([rng.permutation(BLOCKS) % FOLDS for _ in range(scenes.count)])
     return np.asarray(blocks[scenes.index, singles["block"].to_numpy()])
 

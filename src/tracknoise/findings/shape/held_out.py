@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tracknoise.findings.shape.elliptical import determinant, gathered, terms
 from tracknoise.findings.shape.gaussian import fit_gaussian
 from tracknoise.findings.shape.mardia import whitening
-from tracknoise.findings.shape.mixture import fit_mixture
+from tracknoise.findings.shape.mixture import Mixture, fit_mixture
 from tracknoise.findings.shape.student import Student, fit_student
 
 Array = NDArray[np.float64]
@@ -33,14 +33,15 @@ ROUNDS = 15
 
 @dataclass(frozen=True, slots=True)
 class Gains:
-    """What was gained on each error, and the parameters of the fits to all; NaN for samples that are too small.
+    """What was gained on each error, and the fits' parameters; NaN for samples that are too small.
 
     Attributes
     ----------
     student, mixture : (rows,)
         Log-likelihood less that of the Gaussian, nats.
     nu, spread : (samples,)
-        Student's degrees of freedom, and the fourth root of the determinant of its scatter.
+        Student's degrees of freedom, and the fourth root of the determinant of its scatter: geometric means of the fits
+        of all folds.
     share, ratio : (samples,)
         The mixture's: how many errors are of the wider component, and how many times larger its covariance is.
     """
@@ -74,30 +75,37 @@ def gains(pairs: Array, sample: Rows, fold: Rows, count: int) -> Gains:
     student, mixture = np.full(len(pairs), np.nan), np.full(len(pairs), np.nan)
     parameters = np.full((4, count), np.nan)
     if usable:
-        whole = gathered(every, [_thinned(samples[place]) for place in usable])
-        heavy, mixed = fit_student(whole), fit_mixture(whole)
-        parameters[:, usable] = [heavy.nu, determinant(heavy.scatter) ** 0.25, mixed.share, mixed.ratio]
         parts = [part for place in usable for part in split[place]]
         of = np.repeat(np.arange(len(usable)), [len(split[place]) for place in usable])
-        start = Student(heavy.mean[of], heavy.scatter[of], heavy.nu[of])
-        for (rows, _), one, other in zip(parts, *_told(every, parts, start), strict=True):
+        whole = fit_student(gathered(every, [_thinned(samples[place]) for place in usable]))
+        start = Student(whole.mean[of], whole.scatter[of], whole.nu[of])
+        heavy, mixed, gained = _told(every, parts, start)
+        for (rows, _), one, other in zip(parts, *gained, strict=True):
             student[rows], mixture[rows] = one[: len(rows)], other[: len(rows)]
+        parameters[:, usable] = _parameters(heavy, mixed, of)
     return Gains(student, mixture, *parameters)
+
+
+def _told(every: Array, parts: list[tuple[Rows, Rows]], start: Student) -> tuple[Student, Mixture, Array]:
+    """Fits to all but each fold, of which the t begins at `start`, and their (gain) on it, (2, folds, most errors)."""
+    fitted = gathered(every, [_thinned(rest) for _, rest in parts])
+    heavy, mixed = fit_student(fitted, rounds=ROUNDS, start=start), fit_mixture(fitted)
+    told = gathered(every, [rows for rows, _ in parts])
+    base = fit_gaussian(fitted).log_density(told)
+    return heavy, mixed, np.stack([heavy.log_density(told), mixed.log_density(told)]) - base
+
+
+def _parameters(heavy: Student, mixed: Mixture, of: Rows) -> Array:
+    """nu, spread, share and ratio of each sample, from the fits of its folds, which follow one another."""
+    each = np.log([heavy.nu, determinant(heavy.scatter) ** 0.25, mixed.share, mixed.ratio])
+    means: Array = np.exp(np.stack([np.bincount(of, row) for row in each]) / np.bincount(of))
+    return means
 
 
 def _split(rows: Rows, fold: Rows) -> list[tuple[Rows, Rows]]:
     """Rows of each fold of a sample, and all others; nothing if there is but one fold."""
     names = np.unique(fold[rows])
     return [(rows[fold[rows] == name], rows[fold[rows] != name]) for name in names] if len(names) > 1 else []
-
-
-def _told(every: Array, parts: list[tuple[Rows, Rows]], start: Student) -> tuple[Array, Array]:
-    """(gain) on every error of each fold, (folds, most errors), by fits to all others; the t begins at `start`."""
-    fitted = gathered(every, [_thinned(rest) for _, rest in parts])
-    told = gathered(every, [rows for rows, _ in parts])
-    base = fit_gaussian(fitted).log_density(told)
-    student = fit_student(fitted, rounds=ROUNDS, start=start).log_density(told)
-    return student - base, fit_mixture(fitted).log_density(told) - base
 
 
 def _can_be_fitted(every: Array, parts: list[tuple[Rows, Rows]]) -> bool:

@@ -11,7 +11,7 @@ from tracknoise.tables.schema import CONDITION, Schema, check, empty
 
 POOLED = ["dataset", *CONDITION]
 """What identifies a condition of a dataset once its scenes are pooled."""
-_ROWS_AT_ONCE = 2**18
+_ROWS_AT_ONCE = 2**17
 """So many rows of small tables are put together before anything is done with them: it costs no more than one."""
 
 

@@ -15,11 +15,11 @@ from functools import partial
 
 import numpy as np
 
-from tracknoise.findings.intervals import curve_statistics
+from tracknoise.findings.intervals.intervals import curve_statistics
+from tracknoise.findings.intervals.scalar_bounds import first_reached, interpolated, survival
 from tracknoise.findings.sampling.bounds import Sample
 from tracknoise.findings.sampling.jackknife import student_interval
 from tracknoise.findings.sampling.resampling import LEVEL, N_DRAWS, draws, interval
-from tracknoise.findings.scalar_bounds import first_reached, interpolated, survival
 
 AGE, FRAMES, TRACKS = 15, 40, 200
 HAZARD, STEP_PX, BIAS_PX, OUTLIERS = 0.06, 0.1, 0.2, 0.03

@@ -13,7 +13,7 @@ from tracknoise.findings.growth.time_structure import time_structure
 from tracknoise.findings.headlines.document import findings_json
 from tracknoise.findings.headlines.headlines import headlines
 from tracknoise.findings.headlines.scope import Scope
-from tracknoise.findings.intervals import intervals
+from tracknoise.findings.intervals.intervals import intervals
 from tracknoise.findings.shape.gaussianity import gaussianity
 from tracknoise.findings.zero_mean import zero_mean
 from tracknoise.sequences.sequence import TruthKind

@@ -24,7 +24,7 @@ from tracknoise.experiments.settings import (
     ViewSettings,
     parse_experiment,
 )
-from tracknoise.findings.curve_sums import ALL
+from tracknoise.findings.intervals.curve_sums import ALL
 from tracknoise.findings.sampling.resampling import LEVEL
 from tracknoise.sequences.sequence import Direction
 from tracknoise.tables.schema import Schema, check

@@ -7,7 +7,7 @@ import polars as pl
 from tracknoise.findings.headlines.errors import SHAPES
 from tracknoise.findings.headlines.headline import told
 from tracknoise.findings.headlines.scope import Estimate, Scope, curve_bounds, scalar_bounds
-from tracknoise.findings.scalar_bounds import INTERPOLATED
+from tracknoise.findings.intervals.scalar_bounds import INTERPOLATED
 from tracknoise.findings.wording import chance
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.sentences import DASH, SPACE

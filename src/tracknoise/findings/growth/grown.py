@@ -7,9 +7,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.change_bounds import SUMS as CHANGES
-from tracknoise.findings.change_bounds import correlated
 from tracknoise.findings.growth.fit import TERMS, contributions, fit_freely, fit_growth, misfit
+from tracknoise.findings.intervals.change_bounds import SUMS as CHANGES
+from tracknoise.findings.intervals.change_bounds import correlated
 from tracknoise.findings.sampling.bounds import Bounds, Method, pooled
 from tracknoise.findings.sampling.resampling import leave_one_out
 from tracknoise.findings.sampling.units import Draws, Units, units_of

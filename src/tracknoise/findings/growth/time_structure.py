@@ -62,7 +62,7 @@ def time_structure(
     min_features
         Ages are fitted up to the first at which all scenes together have fewer features than this.
     level, n_draws, seed
-        As in `tracknoise.findings.intervals.intervals`.
+        As in `tracknoise.findings.intervals.intervals.intervals`.
 
     Returns
     -------

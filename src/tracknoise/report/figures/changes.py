@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import altair as alt
 import polars as pl
 
-from tracknoise.findings.change_bounds import AUTOCORRELATION
+from tracknoise.findings.intervals.change_bounds import AUTOCORRELATION
 from tracknoise.report import bands, style
 from tracknoise.report.bands import BOUNDS
 from tracknoise.report.evidence import Evidence

@@ -4,8 +4,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.findings.change_bounds import correlated
-from tracknoise.findings.intervals import intervals
+from tracknoise.findings.intervals.change_bounds import correlated
+from tracknoise.findings.intervals.intervals import intervals
 from tracknoise.findings.sampling.bounds import Method
 from tracknoise.findings.sampling.units import Units
 from tracknoise.statistics.aspect_blocks import aspect_blocks

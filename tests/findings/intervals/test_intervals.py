@@ -5,8 +5,8 @@ import polars as pl
 import pytest
 
 from tracknoise.exceptions import SettingsError
-from tracknoise.findings.intervals import intervals
-from tracknoise.findings.scalar_bounds import interpolated
+from tracknoise.findings.intervals.intervals import intervals
+from tracknoise.findings.intervals.scalar_bounds import interpolated
 from tracknoise.statistics.block_moments import block_moments
 from tracknoise.statistics.curves import curves
 from tracknoise.statistics.lifetimes import count_ends, lifetimes_of_ends, mean_lifetime, median_survival

@@ -10,9 +10,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.findings.intervals.scalar_bounds import Found
 from tracknoise.findings.sampling.bounds import Bounds, Method, pooled
 from tracknoise.findings.sampling.units import Draws, Units, units_of
-from tracknoise.findings.scalar_bounds import Found
 from tracknoise.statistics.conditions import Conditions
 from tracknoise.statistics.increments import CHANGE
 from tracknoise.tables.schema import AXIS, ORIGIN, POPULATION

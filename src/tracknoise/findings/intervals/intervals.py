@@ -15,17 +15,17 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.change_bounds import (
+from tracknoise.findings.intervals.change_bounds import (
     AUTOCORRELATION,
     correlated_changes,
     correlation_bounds,
     moments_of_changes,
 )
-from tracknoise.findings.curve_sums import ALL, CurveSums, aspect_sums, error_sums, moments_to_order_2
+from tracknoise.findings.intervals.curve_sums import ALL, CurveSums, aspect_sums, error_sums, moments_to_order_2
+from tracknoise.findings.intervals.scalar_bounds import SCALAR_UNITS, Found, lifetime_bounds, outlier_bounds
 from tracknoise.findings.sampling.bounds import Bounds, Method, averaged, pooled
 from tracknoise.findings.sampling.resampling import LEVEL, N_DRAWS
 from tracknoise.findings.sampling.units import SUMS, Draws, Units, units_of
-from tracknoise.findings.scalar_bounds import SCALAR_UNITS, Found, lifetime_bounds, outlier_bounds
 from tracknoise.statistics.aspects import GRADIENT
 from tracknoise.statistics.conditions import Conditions, Tables, by_condition, scenes_by_dataset
 from tracknoise.statistics.curves import NAMES, UNITS

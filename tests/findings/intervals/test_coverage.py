@@ -4,10 +4,10 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.findings.intervals import curve_statistics
+from tracknoise.findings.intervals.intervals import curve_statistics
+from tracknoise.findings.intervals.scalar_bounds import first_reached, interpolated, survival
 from tracknoise.findings.sampling.bounds import Method, averaged, pooled
 from tracknoise.findings.sampling.units import Units
-from tracknoise.findings.scalar_bounds import first_reached, interpolated, survival
 
 RUNS, TRACKS, AGE, LONGEST = 400, 60, 8, 40
 BIAS_PX, STEP_PX, HAZARD, OUTLIERS = 0.2, 0.1, 0.06, 0.04

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 BAND = ["trimming", "age_low"]
 """What tells the bands of a condition apart."""
-FOLDS, MANY_FOLDS, MANY = 8, 4, 17
+FOLDS, MANY_FOLDS, MANY = 8, 3, 17
 """Folds of scenes, or of the blocks of each, and of as many scenes as `MANY` or more, among which chance does less."""
 _MARDIA = ("skewness", "kurtosis")
 _GAINS = ("gain_student", "gain_mixture", "gain_difference")

@@ -18,7 +18,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from benchmarks.harness import Row, in_new_process, peak_mib
-from benchmarks.made_up import made_up
+from benchmarks.made_up import EXPERIMENT, made_up
 from tracknoise.experiments.find import find
 from tracknoise.experiments.measure import complete
 from tracknoise.experiments.pool import pool
@@ -32,17 +32,6 @@ FEW, MANY = 20, 1000
 OBSERVATIONS = 100_000
 FRAMES = 600
 POSES = np.broadcast_to(np.eye(4), (FRAMES, 4, 4))
-EXPERIMENT = """
-name = "made up"
-keep = "statistics"
-speeds = [1, 2, 4, 8, 12]
-[dataset]
-reader = "simulated"
-[[trackers]]
-kind = "lucas-kanade"
-[[trackers]]
-kind = "correspondence"
-"""
 
 
 def rows() -> list[Row]:

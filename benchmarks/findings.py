@@ -10,12 +10,13 @@ import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import polars as pl
 
 from benchmarks.harness import Row, in_new_process, peak_mib
-from benchmarks.made_up import SPEEDS, TRACKERS, made_up
+from benchmarks.made_up import EXPERIMENT, SPEEDS, TRACKERS, made_up
 from tracknoise.experiments.find import find
 from tracknoise.experiments.measure import complete
 from tracknoise.experiments.pool import pool
@@ -26,18 +27,6 @@ from tracknoise.sequences.sequence import SequenceId
 from tracknoise.tables.store import RunFolder, SequenceEntry
 
 FRAMES, OBSERVATIONS, DIFFERENT = 49, 40_000, 6
-EXPERIMENT = """
-name = "made up"
-keep = "statistics"
-speeds = [1, 2, 4, 8, 12]
-[dataset]
-reader = "simulated"
-lightings = ["light-00"]
-[[trackers]]
-kind = "lucas-kanade"
-[[trackers]]
-kind = "correspondence"
-"""
 
 
 def rows() -> list[Row]:
@@ -61,7 +50,7 @@ def _rows(scenes: int, lightings: int) -> list[Row]:
 
 
 def _measure(scenes: int, lightings: int) -> dict[str, float]:
-    experiment = parse_experiment(EXPERIMENT, place="benchmark")
+    experiment = parse_experiment(f'{EXPERIMENT}lightings = ["light-00"]', place="benchmark")
     made = [_tables(experiment, seed) for seed in range(DIFFERENT)]
     with tempfile.TemporaryDirectory() as folder:
         run = RunFolder(Path(folder) / "run")
@@ -85,7 +74,8 @@ def _measure(scenes: int, lightings: int) -> dict[str, float]:
 
 def _tables(experiment, seed: int) -> dict[str, pl.DataFrame]:
     scene = made_up("scene", seed=seed, frames=FRAMES, observations=OBSERVATIONS)
-    sequence = _Sequence(SequenceId("made up", "scene"), np.broadcast_to(np.eye(4), (FRAMES, 4, 4)))
+    poses = np.broadcast_to(np.eye(4), (FRAMES, 4, 4))
+    sequence = SimpleNamespace(id=SequenceId("made up", "scene"), world_from_camera=poses)
     return tables_to_keep(experiment, sequence, complete(scene))
 
 
@@ -94,13 +84,6 @@ def _renamed(tables: dict[str, pl.DataFrame], names: dict[str, str]) -> dict[str
         name: table.with_columns(pl.lit(value).alias(key) for key, value in names.items() if key in table.columns)
         for name, table in tables.items()
     }
-
-
-class _Sequence:
-    """What tables are labelled by."""
-
-    def __init__(self, name: SequenceId, world_from_camera: np.ndarray) -> None:
-        self.id, self.world_from_camera = name, world_from_camera
 
 
 if __name__ == "__main__":

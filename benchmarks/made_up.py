@@ -10,6 +10,18 @@ from tracknoise.tables import schema
 
 TRACKERS, SPEEDS = ("lucas-kanade", "correspondence"), (1, 2, 4, 8, 12)
 MEAN_LIFETIME = 20
+EXPERIMENT = """
+name = "made up"
+keep = "statistics"
+speeds = [1, 2, 4, 8, 12]
+[[trackers]]
+kind = "lucas-kanade"
+[[trackers]]
+kind = "correspondence"
+[dataset]
+reader = "simulated"
+"""
+"""That might have measured them; more settings of the dataset may follow."""
 
 
 def made_up(scene: str, *, seed: int, frames: int, observations: int) -> SceneTables:

@@ -9,6 +9,7 @@ from tracknoise.experiments.ingredients import Ingredients
 from tracknoise.experiments.reference import reference
 from tracknoise.experiments.settings import Experiment
 from tracknoise.findings.factors.dependence import dependence
+from tracknoise.findings.growth.grown import ONE_STEP
 from tracknoise.findings.growth.time_structure import time_structure
 from tracknoise.findings.headlines.document import findings_json
 from tracknoise.findings.headlines.headlines import headlines
@@ -59,7 +60,7 @@ def _tables(
 ) -> dict[str, pl.DataFrame]:
     population, least = experiment.truth.population, experiment.statistics.min_features
     neighbours: list[pl.DataFrame] = []
-    moved = _keeping(run.sequence_tables("increments"), neighbours, pl.col("lag") == 1)  # all are read only once
+    moved = _keeping(run.sequence_tables("increments"), neighbours, ONE_STEP)  # all are read only once
     pooled = {  # first, since nothing else is to be held for them
         "aspect_curves": aspect_curves(run.sequence_tables("aspects"), min_features=least),
         "changes": change_curves(moved),

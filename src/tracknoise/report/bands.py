@@ -1,5 +1,7 @@
 """Intervals of curves: put beside the curves' values, turned with them, and told in words."""
 
+from collections.abc import Sequence
+
 import polars as pl
 
 from tracknoise.findings.wording import interval_text
@@ -34,18 +36,28 @@ def with_bounds(curves: pl.DataFrame, intervals: pl.DataFrame) -> pl.DataFrame:
     keys = [*aspect, *POOLED, *_CURVE]
     chosen = intervals if aspect else intervals.filter(aspect="all")
     chosen = chosen.filter(pl.col("axis").is_in(["age", "frame"])).with_columns(pl.col("axis", "at").cast(pl.String))
-    named = [chosen.filter(coordinate=axis).select(*keys, **_of(axis)) for axis in "uv"]
-    kinds = chosen.filter(coordinate="u").drop_nulls(["low", "high"])
-    kinds = kinds.select(*keys, "level", "resampled", n_resampled="n_scenes")
     table = curves.with_columns(axis_=pl.col("axis").cast(pl.String), at_=pl.col("at").cast(pl.String))
     left = [*aspect, *POOLED, *_CURVE[:-2], "axis_", "at_"]
-    for part in (*named, kinds):
-        table = table.join(part, left_on=left, right_on=keys, how="left", maintain_order="left")
-    return table.drop("axis_", "at_")
+    bounds = side_by_side(chosen, keys)
+    return table.join(bounds, left_on=left, right_on=keys, how="left", maintain_order="left").drop("axis_", "at_")
 
 
-def _of(axis: str) -> dict[str, pl.Expr]:
-    return {f"{axis}_low": pl.col("low"), f"{axis}_high": pl.col("high")}
+def side_by_side(intervals: pl.DataFrame, keys: Sequence[str]) -> pl.DataFrame:
+    """Bounds of what the keys name in u and v, in one row: the keys, `BOUNDS` and `KIND`.
+
+    Parameters
+    ----------
+    intervals
+        The keys, and coordinate, low, high, level, resampled and n_scenes: a row a coordinate.
+    keys
+        Columns that tell values apart; never null.
+    """
+    u, v = (
+        intervals.filter(coordinate=axis).select(*keys, pl.col("low", "high").name.prefix(f"{axis}_")) for axis in "uv"
+    )
+    kinds = intervals.filter(coordinate="u").drop_nulls(["low", "high"])
+    kinds = kinds.select(*keys, "level", "resampled", n_resampled="n_scenes")
+    return u.join(v, on=keys, how="left").join(kinds, on=keys, how="left")
 
 
 def of_scalar(table: pl.DataFrame, intervals: pl.DataFrame, statistic: str) -> pl.DataFrame:

@@ -4,17 +4,17 @@ from collections.abc import Iterator
 
 import polars as pl
 
-from tracknoise.statistics.aspects import aspect_cells
+from tracknoise.statistics import block_moments
+from tracknoise.statistics.aspects import SELECTIONS, aspect_cells
+from tracknoise.statistics.block_moments import CELL
 from tracknoise.statistics.blocks import with_blocks
 from tracknoise.statistics.grouping import group_rows
 from tracknoise.statistics.increments import CHANGE, changes_of
-from tracknoise.statistics.moments import measure_cells, merge
+from tracknoise.statistics.moments import measure_cells, unite_cells
 from tracknoise.statistics.populations import measured
-from tracknoise.tables.schema import ASPECT_BLOCKS, AXIS, OBSERVATIONS, ORIGIN, POPULATION, TRIMMING, check
+from tracknoise.tables.schema import ASPECT_BLOCKS, OBSERVATIONS, ORIGIN, check
 
-KEYS = ["aspect", *ORIGIN, "block", "population", "trimming", "axis", "at"]
-_CELL = [*ORIGIN, "block", "at"]
-_SELECTIONS = {"untrimmed": pl.lit(value=True), "trimmed": pl.col("kept")}
+KEYS = ["aspect", *block_moments.KEYS]
 
 
 def aspect_blocks(observations: pl.DataFrame, tracks: pl.DataFrame, *, axis: str = "age") -> pl.DataFrame:
@@ -39,21 +39,15 @@ def aspect_blocks(observations: pl.DataFrame, tracks: pl.DataFrame, *, axis: str
     check(observations, OBSERVATIONS, "observations")
     blocked = with_blocks(observations, tracks)
     parts = [
-        merge(cells.filter(selected), by=_CELL).with_columns(
-            aspect=pl.lit(aspect),
-            trimming=pl.lit(trimming, dtype=TRIMMING),
-            population=pl.lit("visible", dtype=POPULATION),
-            axis=pl.lit(along, dtype=AXIS),
-        )
+        unite_cells(cells, SELECTIONS, axis=along, by=CELL).with_columns(aspect=pl.lit(aspect))
         for aspect, cells, along in _cells(blocked, tracks, axis)
-        for trimming, selected in _SELECTIONS.items()
     ]
     return check(pl.concat(parts).select(*ASPECT_BLOCKS).sort(KEYS), ASPECT_BLOCKS, "blocks of aspects")
 
 
 def _cells(blocked: pl.DataFrame, tracks: pl.DataFrame, axis: str) -> Iterator[tuple[str, pl.DataFrame, str]]:
     """Each aspect, its moments by block, and what they run along."""
-    by = [*_CELL, "kept"]
+    by = [*CELL, "kept"]
     for aspect, cells in aspect_cells(blocked.with_columns(at=axis), tracks, by=by):
         yield aspect, cells, axis
     seen = measured(blocked, population="visible")

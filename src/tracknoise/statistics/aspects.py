@@ -23,14 +23,15 @@ from tracknoise.statistics.curves import NAMES, curves
 from tracknoise.statistics.grouping import group_rows
 from tracknoise.statistics.moments import KEYS, measure_cells, unite_cells
 from tracknoise.statistics.populations import measured
-from tracknoise.tables.schema import ASPECT_CURVES, ASPECTS, CURVES, OBSERVATIONS, ORIGIN, TRACKS, check
+from tracknoise.tables.schema import ASPECT_CURVES, ASPECTS, CURVES, MOMENTS, OBSERVATIONS, ORIGIN, TRACKS, check
 
 MOTION, GRADIENT = "motion", "gradient"
 LIVES = (5, 10, 20, 50, 100)
 """Ages that long-lived tracks are told by, frames of the nominal sequence."""
 LEAST_MOTION_PX = 0.1
 """A true position that moved less than this has no direction to speak of."""
-_SELECTIONS = {("visible", "untrimmed"): pl.lit(value=True), ("visible", "trimmed"): pl.col("kept")}
+SELECTIONS = {("visible", "untrimmed"): pl.lit(value=True), ("visible", "trimmed"): pl.col("kept")}
+"""Which of the visible errors make up each population and trimming of aspects."""
 _TRACK = [*ORIGIN, "track"]
 _POSITION = ["u_true_px", "v_true_px"]
 _NEEDED = [*_TRACK, "frame", "age", *_POSITION, "truth", "du_px", "dv_px", "kept"]
@@ -70,7 +71,7 @@ def scene_aspects(observations: pl.DataFrame, tracks: pl.DataFrame, *, axis: str
     """
     seen = check(observations, OBSERVATIONS, "observations").with_columns(at=axis)
     parts = [
-        unite_cells(cells, _SELECTIONS, axis=axis).select(pl.lit(aspect).alias("aspect"), pl.all())
+        unite_cells(cells, SELECTIONS, axis=axis).select(pl.lit(aspect).alias("aspect"), *MOMENTS)
         for aspect, cells in aspect_cells(seen, tracks, by=[*ORIGIN, "at", "kept"])
     ]
     return check(pl.concat(parts).sort("aspect", *KEYS), ASPECTS, "aspects")

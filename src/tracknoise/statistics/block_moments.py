@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import polars as pl
 
 from tracknoise.statistics.blocks import with_blocks
-from tracknoise.statistics.moments import measure_cells, merge
+from tracknoise.statistics.moments import measure_cells, unite_cells
 from tracknoise.statistics.populations import measured
-from tracknoise.tables.schema import AXIS, BLOCKS, OBSERVATIONS, ORIGIN, POPULATION, TRIMMING, check
+from tracknoise.tables.schema import BLOCKS, OBSERVATIONS, ORIGIN, check
 
 KEYS = [*ORIGIN, "block", "population", "trimming", "axis", "at"]
-_CELL = [*ORIGIN, "block", "at"]
+CELL = [*ORIGIN, "block", "at"]
 
 
 def block_moments(
@@ -48,11 +48,6 @@ def block_moments(
 
 def _of_population(observations: pl.DataFrame, tracks: pl.DataFrame, axis: str, population: str) -> pl.DataFrame:
     known = measured(observations, population=population)
-    cells = measure_cells(with_blocks(known.with_columns(at=axis), tracks), by=[*_CELL, "kept"])
-    selections = {"untrimmed": pl.lit(value=True), "trimmed": pl.col("kept")}
-    labels = {"population": pl.lit(population, dtype=POPULATION), "axis": pl.lit(axis, dtype=AXIS)}
-    parts = [
-        merge(cells.filter(selected), by=_CELL).with_columns(trimming=pl.lit(trimming, dtype=TRIMMING), **labels)
-        for trimming, selected in selections.items()
-    ]
-    return pl.concat(parts)
+    cells = measure_cells(with_blocks(known.with_columns(at=axis), tracks), by=[*CELL, "kept"])
+    selections = {(population, "untrimmed"): pl.lit(value=True), (population, "trimmed"): pl.col("kept")}
+    return unite_cells(cells, selections, axis=axis, by=CELL)

@@ -46,7 +46,7 @@ def by_condition(
         for key, part in reduce(chunk).partition_by(POOLED, as_dict=True, include_key=False).items():
             parts.setdefault(key, []).append(part)
     columns = reduce(empty(schema)).columns
-    return {key: pl.concat(parts[key]).with_columns(_names(key, schema)).select(columns) for key in sorted(parts)}
+    return {key: pl.concat(parts[key]).with_columns(names(key, schema)).select(columns) for key in sorted(parts)}
 
 
 def scenes_by_dataset(conditions: Iterable[tuple[Condition, pl.DataFrame]]) -> dict[str, set[str]]:
@@ -58,6 +58,6 @@ def scenes_by_dataset(conditions: Iterable[tuple[Condition, pl.DataFrame]]) -> d
     return found
 
 
-def _names(key: Condition, schema: Schema) -> list[pl.Expr]:
+def names(key: Condition, schema: Schema) -> list[pl.Expr]:
     """The names of a condition as literals, of which a table holds one each, however many rows it has."""
     return [pl.lit(value, dtype=schema[name]).alias(name) for name, value in zip(POOLED, key, strict=True)]

@@ -67,7 +67,7 @@ def scene_moments(observations: pl.DataFrame, *, axis: str = "age") -> pl.DataFr
         ("projected", "untrimmed"): pl.lit(value=True),
         ("projected", "trimmed"): pl.col("kept"),
     }
-    return unite_cells(cells, selections, axis=axis)
+    return check(unite_cells(cells, selections, axis=axis).select(*MOMENTS).sort(KEYS), MOMENTS, "moments")
 
 
 def measure_cells(errors: pl.DataFrame, *, by: Sequence[str]) -> pl.DataFrame:
@@ -92,27 +92,40 @@ def measure_cells(errors: pl.DataFrame, *, by: Sequence[str]) -> pl.DataFrame:
     return _table(groups, signed, absolute)
 
 
-def unite_cells(cells: pl.DataFrame, selections: Mapping[tuple[str, str], pl.Expr], *, axis: str) -> pl.DataFrame:
-    """A moments table of selections of cells.
+def unite_cells(
+    cells: pl.DataFrame,
+    selections: Mapping[tuple[str, str], pl.Expr],
+    *,
+    axis: str,
+    by: Sequence[str] = (*ORIGIN, "at"),
+) -> pl.DataFrame:
+    """Moments of selections of cells, one selection after another.
 
     Parameters
     ----------
     cells
-        What `measure_cells` made, by `ORIGIN`, ``at`` and whatever the selections look at.
+        What `measure_cells` made, by the columns `by` and whatever the selections look at.
     selections
         Which cells make up each population and trimming.
     axis
         What ``at`` is: ``age`` or ``frame``.
+    by
+        Key columns to keep.
+
+    Returns
+    -------
+    polars.DataFrame
+        What `merge` makes, and columns population, trimming and axis.
     """
     parts = [
-        merge(cells.filter(selected), by=[*ORIGIN, "at"]).with_columns(
+        merge(cells.filter(selected), by=by).with_columns(
             population=pl.lit(population, dtype=POPULATION),
             trimming=pl.lit(trimming, dtype=TRIMMING),
             axis=pl.lit(axis, dtype=AXIS),
         )
         for (population, trimming), selected in selections.items()
     ]
-    return check(pl.concat(parts).select(*MOMENTS).sort(KEYS), MOMENTS, "moments")
+    return pl.concat(parts)
 
 
 def merge(moments: pl.DataFrame, *, by: Sequence[str]) -> pl.DataFrame:

@@ -174,7 +174,7 @@ def test_points_of_fewer_than_six_scenes_have_no_bounds():
 
 
 def test_without_blocks_the_errors_of_few_scenes_have_no_bounds():
-    found = found_in(_tables(3), blocks=None)
+    found = found_in(_tables(3), blocks=())
     assert of_curves(found)["low"].null_count() == of_curves(found).height
     assert of_curves(found)["resampled"].null_count() == of_curves(found).height
     assert found.filter(statistic="outlier_ratio")["low"].null_count() == 0

@@ -48,7 +48,7 @@ def curve_sums(
     cuts = known.partition_by(POOLED, as_dict=True, include_key=False)
     columns = [*_CURVE, "scene", "at", "n", *CURVE_SUMS]
     parts = []
-    for key, table in {(): empty(MOMENTS), **moments}.items():
+    for key, table in {(): empty(MOMENTS), **moments}.items():  # one part at least, which has the columns
         all_ages = table.filter(**chosen)
         there = additive(all_ages).join(cuts.get(key, known.select("axis", "at", "cut").clear()), on=["axis", "at"])
         parts += [comparable(there, key_frames).select(columns), all_ages.select(*_CURVE, "scene").unique()]

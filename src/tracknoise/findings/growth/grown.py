@@ -22,6 +22,8 @@ MIN_AGES = 4
 """Fewest ages of a fit."""
 SUMS = ("n", "uu", "vv")
 """What a fit needs of each age: the count, and the sums of squared errors."""
+ONE_STEP = pl.col("lag") == 1
+"""Rows of `INCREMENTS` of which (autocorrelation) at one step is made: all that time structure needs."""
 _MIN_UNITS = 4
 _OWN = 0.05
 """How far off (growth) may be, relative to the second moment: that much is added to each age's standard error."""
@@ -90,7 +92,7 @@ def fitted(units: Units, weights: Array, ages: NDArray[np.bool_], method: Method
 
 def neighbours(increments: pl.DataFrame) -> pl.DataFrame:
     """Rows of lag 1 of `INCREMENTS`, of which only what (autocorrelation) is made of is kept."""
-    return increments.filter(pl.col("lag") == 1).select(*ORIGIN, "block", "trimming", *CHANGES)
+    return increments.filter(ONE_STEP).select(*ORIGIN, "block", "trimming", *CHANGES)
 
 
 def related(changes: pl.DataFrame, draws: Draws, method: Method, *, resampled: bool) -> tuple[Interval, Interval]:

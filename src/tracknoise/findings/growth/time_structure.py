@@ -25,7 +25,7 @@ from tracknoise.findings.growth.fit import TERMS
 from tracknoise.findings.growth.grown import MIN_AGES, SUMS, Fit, fit_ages, fitted, mean_drift, neighbours, related
 from tracknoise.findings.sampling.bounds import Method
 from tracknoise.findings.sampling.resampling import LEVEL
-from tracknoise.findings.sampling.units import Draws, additive, units_of
+from tracknoise.findings.sampling.units import Draws, additive, draws_by_dataset, units_of
 from tracknoise.findings.shape.verdict import Interval
 from tracknoise.findings.wording import count
 from tracknoise.statistics.conditions import Conditions, Tables, by_condition, scenes_by_dataset
@@ -78,8 +78,7 @@ def time_structure(
     by_scene = _sums(by_condition(moments, MOMENTS, "moments"), key_frames)
     by_block = _sums(by_condition(blocks, BLOCKS, "blocks"), key_frames)
     changes = reduce_each(increments, INCREMENTS, "increments", neighbours).partition_by(_KEY, as_dict=True)
-    scenes = scenes_by_dataset(by_scene.items())
-    drawn = {dataset: Draws(sorted(names), n_draws=n_draws, seed=seed) for dataset, names in scenes.items()}
+    drawn = draws_by_dataset(scenes_by_dataset(by_scene.items()), n_draws=n_draws, seed=seed)
     tables = [empty(TIME_STRUCTURE)]
     for key, part in by_scene.items():
         rows = _rows(part, by_block.get(key), changes.get(key), drawn[key[0]], Method(level=level), min_features)

@@ -25,7 +25,7 @@ from tracknoise.findings.intervals.curve_sums import ALL, CurveSums, aspect_sums
 from tracknoise.findings.intervals.scalar_bounds import SCALAR_UNITS, Found, lifetime_bounds, outlier_bounds
 from tracknoise.findings.sampling.bounds import Bounds, Method, averaged, pooled
 from tracknoise.findings.sampling.resampling import LEVEL, N_DRAWS
-from tracknoise.findings.sampling.units import SUMS, Draws, Units, units_of
+from tracknoise.findings.sampling.units import SUMS, Draws, Units, draws_by_dataset, units_of
 from tracknoise.statistics.aspects import GRADIENT
 from tracknoise.statistics.conditions import Conditions, Tables, by_condition, scenes_by_dataset
 from tracknoise.statistics.curves import NAMES, UNITS
@@ -40,7 +40,6 @@ from tracknoise.tables.schema import (
     FRAMES,
     INCREMENTS,
     MOMENTS,
-    Schema,
     check,
     empty,
 )
@@ -63,10 +62,10 @@ def intervals(
     ends: Tables,
     frames: Tables,
     *,
-    blocks: Tables | None = None,
-    aspects: Tables | None = None,
-    changes: Tables | None = None,
-    aspect_blocks: Tables | None = None,
+    blocks: Tables = (),
+    aspects: Tables = (),
+    changes: Tables = (),
+    aspect_blocks: Tables = (),
     population: str = "visible",
     kind: str = "student",
     level: float = LEVEL,
@@ -118,14 +117,13 @@ def intervals(
     errors = by_condition(moments, MOMENTS, "moments")
     lived, seen = by_condition(ends, ENDS, "ends"), by_condition(frames, FRAMES, "frames")
     scenes = scenes_by_dataset(chain(errors.items(), lived.items(), seen.items()))
-    n_drawn = 0 if kind == "student" else n_draws
-    drawn = {dataset: Draws(sorted(names), n_draws=n_drawn, seed=seed) for dataset, names in scenes.items()}
+    drawn = draws_by_dataset(scenes, n_draws=0 if kind == "student" else n_draws, seed=seed)
     method = Method(kind, level)
-    moved = _held(changes, INCREMENTS, "increments")
-    within = _held(aspect_blocks, ASPECT_BLOCKS, "blocks of aspects")
+    moved = by_condition(changes, INCREMENTS, "increments")
+    within = by_condition(aspect_blocks, ASPECT_BLOCKS, "blocks of aspects")
     parts = [
-        *_curve_rows(error_sums(errors, _held(blocks, BLOCKS, "blocks"), population), drawn, method),
-        *_curve_rows(aspect_sums(_held(aspects, ASPECTS, "aspects", moments_to_order_2), within), drawn, method),
+        *_curve_rows(error_sums(errors, by_condition(blocks, BLOCKS, "blocks"), population), drawn, method),
+        *_curve_rows(aspect_sums(by_condition(aspects, ASPECTS, "aspects", moments_to_order_2), within), drawn, method),
         *_curve_rows(aspect_sums(moments_of_changes(moved), within), drawn, method),
         *_scalar_rows(lived, lifetime_bounds, drawn, method),
         *_scalar_rows(seen, outlier_bounds, drawn, method),
@@ -155,16 +153,6 @@ def curve_statistics(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     central = [np.maximum(uu - u * mean_u, 0.0), np.maximum(vv - v * mean_v, 0.0), uv - u * mean_v]
     spread = [total / divisor for total in (uu, vv, uv, *central)]
     return np.stack([mean_u, mean_v, abs_u / count, abs_v / count, *spread])
-
-
-def _held(
-    tables: Tables | None,
-    schema: Schema,
-    name: str,
-    reduce: Callable[[pl.DataFrame], pl.DataFrame] = lambda table: table,
-) -> Conditions:
-    """Tables by condition; none where there are none."""
-    return by_condition(() if tables is None else tables, schema, name, reduce)
 
 
 def _curve_rows(sums: Iterable[CurveSums], drawn: Mapping[str, Draws], method: Method) -> Iterator[pl.DataFrame]:

@@ -137,9 +137,8 @@ def degrees(sizes: NDArray[np.float64]) -> NDArray[np.float64]:
     apart = square**2 * d0**2 + 2 * d0 * d2 - 4 * square * d0 * d1 + 2 * d1**2
     whole = apart + np.sum(d**2 * (1 + 2 * (square - 2 * w)), axis=0)
     found: NDArray[np.float64] = square**2 / np.where(whole > 0, whole, 1.0)
-    return np.clip(
-        found, 1.0, max(len(sizes) - 1.0, 1.0)
-    )  # rounding may lead out of it where one unit outweighs all others
+    most = max(len(sizes) - 1.0, 1.0)
+    return np.clip(found, 1.0, most)  # rounding may lead out of it where one unit outweighs all others
 
 
 def _shares(sizes: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -5,7 +5,7 @@ fewer than `MIN_SCENES` of them no such thing can be said. What is resampled the
 what follows from that holds for these very scenes only: how much another one would differ is not in it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -97,6 +97,11 @@ class Draws:
         """(draws, scenes, blocks)."""
         sizes = [BLOCKS] * len(self._place)
         return draws_within(sizes, n_draws=self._n_draws, seed=self._seed).reshape(self._n_draws, len(sizes), BLOCKS)
+
+
+def draws_by_dataset(scenes: Mapping[str, Iterable[str]], *, n_draws: int, seed: int) -> dict[str, Draws]:
+    """Draws of the scenes of each dataset."""
+    return {dataset: Draws(list(names), n_draws=n_draws, seed=seed) for dataset, names in scenes.items()}
 
 
 def additive(moments: pl.DataFrame) -> pl.DataFrame:

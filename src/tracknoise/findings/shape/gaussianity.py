@@ -19,12 +19,12 @@ import polars as pl
 from tracknoise.findings.anchored import NO_KEY_FRAMES, anchored
 from tracknoise.findings.sampling.bounds import Method
 from tracknoise.findings.sampling.resampling import LEVEL
-from tracknoise.findings.sampling.units import Draws
+from tracknoise.findings.sampling.units import Draws, draws_by_dataset
 from tracknoise.findings.shape.shape_bounds import BAND, gain_bounds, mardia_bounds
 from tracknoise.findings.shape.standard import standard_sums, standardised, standards
 from tracknoise.findings.shape.tails import radii, tail_ratios
 from tracknoise.findings.shape.verdict import MARGIN_NATS, Evidence, Interval, judge
-from tracknoise.statistics.conditions import Condition, Conditions, Tables, by_condition, scenes_by_dataset
+from tracknoise.statistics.conditions import Condition, Conditions, Tables, by_condition, names, scenes_by_dataset
 from tracknoise.statistics.grouping import POOLED
 from tracknoise.statistics.samples import first_tracks, with_bands
 from tracknoise.tables.findings_schema import GAUSSIANITY, RADII
@@ -96,11 +96,11 @@ def gaussianity(
     scenes = scenes_by_dataset(_banded(errors, key_frames))
     count = math.ceil(MAX_SAMPLED / min(map(len, scenes.values()), default=1))
     singles = by_condition(samples, SAMPLES, "samples", lambda table: first_tracks(table, count))
-    drawn = {dataset: Draws(sorted(names), n_draws=n_draws, seed=seed) for dataset, names in scenes.items()}
+    drawn = draws_by_dataset(scenes, n_draws=n_draws, seed=seed)
     options = _Options(Method(level=level), min_features, margin, seed)
     rows, quantiles = [empty(GAUSSIANITY)], [empty(RADII)]
     for key, part in _banded(errors, key_frames):
-        labels = [pl.lit(value, dtype=GAUSSIANITY[name]).alias(name) for name, value in zip(POOLED, key, strict=True)]
+        labels = names(key, GAUSSIANITY)
         of_scenes = part.sort("scene", maintain_order=True)
         found, distances = _condition(of_scenes, singles.get(key, empty(SAMPLES)), drawn[key[0]], options)
         rows.append(_typed(found.with_columns(labels), GAUSSIANITY))

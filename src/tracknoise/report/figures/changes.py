@@ -85,12 +85,7 @@ def _bounds(evidence: Evidence) -> pl.DataFrame:
     named = found.with_columns(statistic=pl.col("statistic").replace_strict(_TOLD_AS, return_dtype=pl.String))
     root = pl.col("statistic") == _SPREAD
     ends = {end: pl.when(root).then(pl.col(end).clip(lower_bound=0.0).sqrt()).otherwise(end) for end in ("low", "high")}
-    kind = {"level": "level", "resampled": "resampled", "n_resampled": "n_scenes"}
-    known = named.drop_nulls(["low", "high"]).select("tracker", "statistic", "at", "coordinate", **ends, **kind)
-    u, v = (known.filter(coordinate=axis).drop("coordinate") for axis in "uv")
-    of = {axis: {"low": f"{axis}_low", "high": f"{axis}_high"} for axis in "uv"}
-    key = ["tracker", "statistic", "at"]
-    return u.rename(of["u"]).join(v.rename(of["v"]).select(*key, "v_low", "v_high"), on=key, how="inner")
+    return bands.side_by_side(named.with_columns(**ends), ["tracker", "statistic", "at"]).drop_nulls(list(BOUNDS))
 
 
 def _panel(evidence: Evidence, points: pl.DataFrame, statistic: str, coordinate: str) -> Panel:

@@ -19,12 +19,12 @@ import numpy as np
 
 from benchmarks.harness import Row, in_new_process, peak_mib
 from benchmarks.made_up import EXPERIMENT, made_up
-from tracknoise.experiments.find import find
+from tracknoise.experiments.analysis.run_findings import compute_findings
+from tracknoise.experiments.analysis.run_statistics import compute_statistics
 from tracknoise.experiments.measure import complete
-from tracknoise.experiments.pool import pool
-from tracknoise.experiments.provenance import new_manifest
+from tracknoise.experiments.running.provenance import new_manifest
+from tracknoise.experiments.running.task import tables_to_keep
 from tracknoise.experiments.settings import parse_experiment
-from tracknoise.experiments.task import tables_to_keep
 from tracknoise.sequences.sequence import SequenceId
 from tracknoise.tables.store import RunFolder, SequenceEntry
 
@@ -82,10 +82,10 @@ def _measure(sequences: int) -> dict[str, float]:
             manifest.sequences[entry.key] = replace(entry, sha256=hashes)
         run.write_manifest(manifest)
         with _timed(clock, "pooling"):
-            statistics = pool(run, experiment)
+            statistics = compute_statistics(run, experiment)
         peak = peak_mib()
         with _timed(clock, "finding"):
-            find(run, experiment, statistics)
+            compute_findings(run, experiment, statistics)
         kept = sum(path.stat().st_size for path in run.path.rglob("*.parquet"))
     return {"peak": peak, "peak with findings": peak_mib(), "observations": observations, "kept": kept, **clock}
 

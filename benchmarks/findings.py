@@ -17,12 +17,12 @@ import polars as pl
 
 from benchmarks.harness import Row, in_new_process, peak_mib
 from benchmarks.made_up import EXPERIMENT, SPEEDS, TRACKERS, made_up
-from tracknoise.experiments.find import find
+from tracknoise.experiments.analysis.run_findings import compute_findings
+from tracknoise.experiments.analysis.run_statistics import compute_statistics
 from tracknoise.experiments.measure import complete
-from tracknoise.experiments.pool import pool
-from tracknoise.experiments.provenance import new_manifest
+from tracknoise.experiments.running.provenance import new_manifest
+from tracknoise.experiments.running.task import tables_to_keep
 from tracknoise.experiments.settings import parse_experiment
-from tracknoise.experiments.task import tables_to_keep
 from tracknoise.sequences.sequence import SequenceId
 from tracknoise.tables.store import RunFolder, SequenceEntry
 
@@ -66,9 +66,9 @@ def _measure(scenes: int, lightings: int) -> dict[str, float]:
                 manifest.sequences[entry.key] = replace(entry, sha256=hashes)
         run.write_manifest(manifest)
         start = time.perf_counter()
-        statistics = pool(run, experiment)
+        statistics = compute_statistics(run, experiment)
         pooled = time.perf_counter()
-        find(run, experiment, statistics)
+        compute_findings(run, experiment, statistics)
         return {"pooling": pooled - start, "finding": time.perf_counter() - pooled, "peak": peak_mib()}
 
 

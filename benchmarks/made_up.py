@@ -68,7 +68,7 @@ def _condition(
     return [
         _table(observed, same | {"truth": "valid"}, schema.OBSERVATIONS),
         _table(lived, same | {"end": "lost"}, schema.TRACKS),
-        _table(seen, same, schema.FRAMES),
+        _table(seen, same, schema.FRAME_COUNTS),
     ]
 
 

@@ -77,20 +77,20 @@ def _stage(size: tuple[int, int]) -> list[Row]:
 
 def _measure_sweep(length: int) -> dict[str, float]:
     from tracknoise import LucasKanade, open_sequence
-    from tracknoise.measurement.sweep import Condition, sweep
+    from tracknoise.measurement.tracking import TrackerSetup, run_trackers
     from tracknoise.truth.truth import make_truth
 
     sequence = open_sequence("simulated", motions=["arvr"], frames=length, width=320, height=240, supersampling=1)
-    conditions = [Condition("lucas-kanade", LucasKanade(), 1)]
-    swept = sweep([sequence], conditions, [make_truth(sequence, None)], n_frames=length, seed=0)
+    conditions = [TrackerSetup("lucas-kanade", LucasKanade(), 1)]
+    swept = run_trackers([sequence], conditions, [make_truth(sequence, None)], n_frames=length, seed=0)
     recording = swept[0].recordings[0]
     size = sum(getattr(recording, name).nbytes for name in recording.__slots__)
     return {"peak": peak_mib(), "recorded observations": size / 2**20}
 
 
 def _measure_stage(folder: Path) -> dict[str, float]:
-    from tracknoise.experiments.execute import execute
     from tracknoise.experiments.load import load_experiment
+    from tracknoise.experiments.running.execute import execute
     from tracknoise.tables.store import RunFolder
 
     experiment, run = load_experiment(folder / "x.toml"), RunFolder(folder / "run")

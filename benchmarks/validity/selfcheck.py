@@ -12,8 +12,8 @@ from pathlib import Path
 
 import polars as pl
 
-from tracknoise.experiments.execute import execute
-from tracknoise.experiments.selfcheck import compare, judge, selfcheck_experiment
+from tracknoise.experiments.running.execute import execute
+from tracknoise.experiments.validation.selfcheck import compare, judge, selfcheck_experiment
 from tracknoise.tables.store import RunFolder
 
 

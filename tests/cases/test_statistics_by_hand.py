@@ -25,7 +25,7 @@ from tracknoise.statistics.moments import merge, scene_moments
 from tracknoise.statistics.outliers import outlier_ratios
 from tracknoise.statistics.summary import summary
 from tracknoise.statistics.trimming import Trimmed, trim
-from tracknoise.tables.schema import FRAMES, OBSERVATIONS, ORIGIN, TRACKS, Schema
+from tracknoise.tables.schema import FRAME_COUNTS, OBSERVATIONS, ORIGIN, TRACKS, Schema
 
 SEEN = [  # track, frame, age, truth, du, dv
     (0, 0, 0, "valid", 0.0, 0.0),
@@ -170,4 +170,4 @@ def test_summary(trimmed: Trimmed) -> None:
 
 def table_of_frames() -> pl.DataFrame:
     rows = [(*row, 0, 0, 0) for row in OFFERED]
-    return table(FRAMES, ["frame", "offered", "outliers", "matched", "new", "alive"], rows)
+    return table(FRAME_COUNTS, ["frame", "offered", "outliers", "matched", "new", "alive"], rows)

@@ -3,8 +3,8 @@
 import pytest
 
 from tracknoise.experiments.resolve import resolve
-from tracknoise.experiments.selfcheck import selfcheck_experiment
 from tracknoise.experiments.settings import parse_experiment
+from tracknoise.experiments.validation.selfcheck import selfcheck_experiment
 from tracknoise.measurement import scene
 from tracknoise.tables.store import Manifest, RunFolder
 

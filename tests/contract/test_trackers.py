@@ -12,7 +12,7 @@ import pytest
 from tracknoise.tables.schema import TrackEnd, TruthStatus
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.registry import TRACKERS
-from tracknoise.trackers.tracker import Setting, Step, TrackerSettings
+from tracknoise.trackers.tracker import SequenceContext, Step, TrackerSettings
 
 SIZE = (200, 160)
 FRAMES = 8
@@ -49,7 +49,7 @@ def _track_file(path: Path) -> str:
 
 
 def start(settings: TrackerSettings, size: tuple[int, int] = SIZE, speed: int = 1) -> Callable[[Frame], Step]:
-    return settings.start(Setting("scene", "default", 0, "forward", size, FRAMES, speed, 0, Still())).step
+    return settings.start(SequenceContext("scene", "default", 0, "forward", size, FRAMES, speed, 0, Still())).step
 
 
 def images() -> list[np.ndarray]:

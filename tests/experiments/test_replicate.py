@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from tracknoise.exceptions import DataError
+from tracknoise.experiments.analysis.reference_condition import first_lighting
 from tracknoise.experiments.load import load_experiment
-from tracknoise.experiments.plan import make_trackers, plan
-from tracknoise.experiments.reference import first_lighting
 from tracknoise.experiments.replicate import Candidate, Limits, candidates, load_candidate, variants
+from tracknoise.experiments.running.plan import make_trackers, plan
 
 LINEAR = Candidate("gazebo-linear", None, True, "")
 

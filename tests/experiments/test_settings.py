@@ -7,7 +7,7 @@ import pytest
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.experiments.load import load_experiment, preset_names
-from tracknoise.experiments.plan import plan
+from tracknoise.experiments.running.plan import plan
 from tracknoise.experiments.settings import experiment_schema, parse_experiment
 
 MINIMAL = """

@@ -19,7 +19,7 @@ from tracknoise.statistics.aspects import aspect_curves, scene_aspects
 from tracknoise.statistics.change_curves import change_curves
 from tracknoise.statistics.counts import counts, merge_counts
 from tracknoise.statistics.curves import curves
-from tracknoise.statistics.effects import Reference, effects
+from tracknoise.statistics.effects import ReferenceCondition, effects
 from tracknoise.statistics.histogram import error_histogram, merge_errors
 from tracknoise.statistics.increments import increments
 from tracknoise.statistics.lifetimes import count_ends, lifetimes_of_ends
@@ -27,7 +27,7 @@ from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.outliers import outlier_ratios
 from tracknoise.statistics.summary import summary
 from tracknoise.statistics.trimming import trim
-from tracknoise.tables.schema import FRAMES, OBSERVATIONS, ORIGIN, POSES, SEQUENCE, TRACKS, TrackEnd, empty
+from tracknoise.tables.schema import FRAME_COUNTS, OBSERVATIONS, ORIGIN, POSES, SEQUENCE, TRACKS, TrackEnd, empty
 from tracknoise.tables.store import OBSERVED, SEQUENCE_TABLES, Manifest, RunFolder, SequenceEntry
 
 WIDTH, HEIGHT = 160, 120
@@ -252,7 +252,7 @@ def _condition(
             "alive": alive,
         }
     )
-    made = ((observations, OBSERVATIONS), (tracks, TRACKS), (frames, FRAMES))
+    made = ((observations, OBSERVATIONS), (tracks, TRACKS), (frames, FRAME_COUNTS))
     observations, tracks, frames = (_labelled(table, origin).cast(dict(kinds)).select(*kinds) for table, kinds in made)
     return observations, tracks, frames
 
@@ -281,7 +281,7 @@ def _write_statistics(run: RunFolder, world: World) -> None:
         made["curves"],
         made["lifetimes"],
         made["outliers"],
-        reference=Reference(
+        reference=ReferenceCondition(
             world.lightings[0],
             speed=world.speeds[0],
             key_frames={} if world.key_frame is None else dict.fromkeys(("forward", "backward"), world.key_frame),
@@ -308,7 +308,7 @@ def _made_up_findings() -> ModuleType:
 def _scope(world: World) -> Scope:
     """What the headlines are about."""
     key_frames = {} if world.key_frame is None else dict.fromkeys(("forward", "backward"), world.key_frame)
-    reference = Reference(world.lightings[0], speed=min(world.speeds), key_frames=key_frames)
+    reference = ReferenceCondition(world.lightings[0], speed=min(world.speeds), key_frames=key_frames)
     return Scope(
         reference,
         world.trackers,

@@ -3,7 +3,7 @@ from collections.abc import Callable
 import polars as pl
 import pytest
 
-from tracknoise.tables.schema import FRAMES, OBSERVATIONS, TRACKS, Schema
+from tracknoise.tables.schema import FRAME_COUNTS, OBSERVATIONS, TRACKS, Schema
 
 Build = Callable[..., pl.DataFrame]
 
@@ -50,4 +50,4 @@ def tracks() -> Build:
 
 @pytest.fixture(scope="session")
 def frames() -> Build:
-    return _builder(FRAMES, FRAME)
+    return _builder(FRAME_COUNTS, FRAME)

@@ -6,7 +6,7 @@ import polars as pl
 import pytest
 
 from tracknoise.exceptions import SchemaError
-from tracknoise.statistics.effects import FACTORS, Reference, effects
+from tracknoise.statistics.effects import FACTORS, ReferenceCondition, effects
 from tracknoise.tables.schema import CURVES, EFFECTS, LIFETIMES, OUTLIERS, empty
 
 CONDITION = {"dataset": "d", "lighting": "day", "rotation": 0, "direction": "forward", "tracker": "lk", "speed": 1}
@@ -14,7 +14,7 @@ POINT = {
     "population": "visible", "trimming": "trimmed", "weighting": "features", "statistic": "eta", "axis": "age",
     "n": 500, "n_scenes": 3, "unit": "px", "uv": None, "cut": False,
 }  # fmt: skip
-REFERENCE = Reference("day")
+REFERENCE = ReferenceCondition("day")
 
 
 def curve(values: Mapping[int, float], *, v: float = 0.0, **condition: object) -> pl.DataFrame:
@@ -106,14 +106,14 @@ def test_what_is_zero_by_construction_is_not_compared() -> None:
     assert effect([curve({0: 0.0}), curve({0: 0.0}, speed=2)])["verdict"] == "undecided"
     names = {"axis": "frame", "statistic": "kappa"}
     curves = [curve({23: 1.0, 24: 0.0, 25: 1.0}, **names), curve({24: 0.0, 25: 3.0}, speed=2, **names)]
-    row = effect(curves, statistic="kappa", reference=Reference("day", key_frames={"forward": 24}))
+    row = effect(curves, statistic="kappa", reference=ReferenceCondition("day", key_frames={"forward": 24}))
     assert (row["at"], row["n_shared"], row["effect"]) == (1, 1, 1.0)
 
 
 def test_frames_played_backward_are_compared_at_the_same_distance_from_the_key_frame() -> None:
     names = {"axis": "frame", "statistic": "kappa"}
     curves = [curve({26: 1.0, 28: 2.0}, **names), curve({7: 1.0, 9: 2.0}, direction="backward", **names)]
-    reference = Reference("day", key_frames={"forward": 24, "backward": 5})
+    reference = ReferenceCondition("day", key_frames={"forward": 24, "backward": 5})
     row = effect(curves, factor="direction", statistic="kappa", reference=reference)
     assert (row["effect"], row["n_shared"]) == (0.0, 2)
 
@@ -140,7 +140,7 @@ def test_other_factors_are_held_where_the_reference_says() -> None:
     day = [SLOW, FAST]
     night = [curve({1: 1.0, 2: 2.0, 4: 4.0}, lighting="night"), curve({2: 90.0}, lighting="night", speed=2)]
     assert effect(day + night)["difference"] == 1.0
-    assert effect(day + night, reference=Reference("night"))["difference"] == 88.0
+    assert effect(day + night, reference=ReferenceCondition("night"))["difference"] == 88.0
     rows = found(day + night).filter(factor="lighting", statistic="eta")
     assert rows.select("lighting", "tracker", "speed", "difference").rows() == [
         (None, "lk", 1, 0.0),

@@ -4,7 +4,7 @@ import pytest
 from tracknoise.exceptions import SchemaError
 from tracknoise.statistics.box import box_summary
 from tracknoise.statistics.outliers import outlier_ratios
-from tracknoise.tables.schema import FRAMES, OUTLIERS, TRACKS, empty
+from tracknoise.tables.schema import FRAME_COUNTS, OUTLIERS, TRACKS, empty
 
 
 def test_by_hand(frames) -> None:
@@ -69,7 +69,7 @@ def test_pooled_ratios_have_the_box_of_all_frames(frames) -> None:
 
 
 def test_no_frames_give_empty_tables() -> None:
-    assert outlier_ratios(empty(FRAMES)).equals(empty(OUTLIERS))
+    assert outlier_ratios(empty(FRAME_COUNTS)).equals(empty(OUTLIERS))
     assert outlier_ratios([]).equals(empty(OUTLIERS))
 
 

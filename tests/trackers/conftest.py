@@ -8,7 +8,7 @@ import pytest
 
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.trackers.frame import Frame
-from tracknoise.trackers.tracker import Setting
+from tracknoise.trackers.tracker import SequenceContext
 
 SIZE = (320, 240)
 
@@ -28,11 +28,11 @@ def sideways() -> list[Frame]:
 
 
 @pytest.fixture
-def setting() -> Callable[..., Setting]:
+def setting() -> Callable[..., SequenceContext]:
     def make(
         size: tuple[int, int] = SIZE, n_frames: int = 6, speed: int = 1, scene: str = "scene", truth: object = None
-    ) -> Setting:
-        return Setting(
+    ) -> SequenceContext:
+        return SequenceContext(
             scene, "default", 0, "forward", size, n_frames, speed, 0, truth if truth is not None else FlatTruth(size)
         )
 

@@ -6,7 +6,7 @@ from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.detection import Detection
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.lucas_kanade import LucasKanade, LucasKanadeTracker
-from tracknoise.trackers.rejection import Model, Reference, Rejection
+from tracknoise.trackers.rejection import Model, ReferencePosition, Rejection
 
 FEW = {"min_features": 100, "max_features": 120}
 
@@ -97,7 +97,7 @@ def test_what_moves_by_itself_is_an_outlier_and_its_place_is_not_taken_again_at_
 
 def test_the_rejection_is_given_the_first_positions_where_asked(sideways, setting):
     seen = {}
-    for reference in Reference:
+    for reference in ReferencePosition:
         calls = []
 
         def inliers(source, target, frame, calls=calls):
@@ -109,8 +109,8 @@ def test_the_rejection_is_given_the_first_positions_where_asked(sideways, settin
             tracker.step(frame)
         source, target = calls[-1]
         seen[reference] = np.median(target - source, axis=0)
-    assert np.abs(seen[Reference.previous] - (3, -2)).max() < 0.1
-    assert np.abs(seen[Reference.first] - (6, -4)).max() < 0.1
+    assert np.abs(seen[ReferencePosition.previous] - (3, -2)).max() < 0.1
+    assert np.abs(seen[ReferencePosition.first] - (6, -4)).max() < 0.1
 
 
 def test_after_a_black_frame_it_begins_again(sideways, setting):

@@ -6,17 +6,17 @@ import pytest
 from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.oracle import Oracle
-from tracknoise.trackers.tracker import Setting, Step
+from tracknoise.trackers.tracker import SequenceContext, Step
 
 SIZE = (320, 240)
 
 
-def run(settings: Oracle, setting: Setting, indices: range) -> list[Step]:
+def run(settings: Oracle, setting: SequenceContext, indices: range) -> list[Step]:
     tracker = settings.start(setting)
     return [tracker.step(Frame(k, np.zeros((SIZE[1], SIZE[0]), np.uint8))) for k in indices]
 
 
-def errors(steps: list[Step], indices: range, setting: Setting) -> tuple[np.ndarray, np.ndarray]:
+def errors(steps: list[Step], indices: range, setting: SequenceContext) -> tuple[np.ndarray, np.ndarray]:
     """Ages and errors of all observations, the true positions from the first, exact ones."""
     born: dict[int, tuple[int, np.ndarray]] = {}
     ages, rows = [], []

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from tracknoise.trackers.ransac import hypotheses_needed
-from tracknoise.trackers.rejection import Consensus, Model, Reference, Rejection
+from tracknoise.trackers.rejection import Consensus, Model, ReferencePosition, Rejection
 
 H = np.array([[1.02, 0.01, 3.0], [-0.01, 0.99, 2.0], [1e-5, 2e-5, 1.0]])
 
@@ -142,7 +142,7 @@ def test_impossible_settings_are_refused_by_name(wrong):
 
 def test_names_do_for_members_and_unknown_ones_are_refused():
     assert Rejection(consensus="hypothesis", reference="first", model="none") == Rejection(
-        consensus=Consensus.hypothesis, reference=Reference.first, model=Model.none
+        consensus=Consensus.hypothesis, reference=ReferencePosition.first, model=Model.none
     )
     with pytest.raises(ValueError, match=r"consensus is 'best', expected one of hypothesis, refined"):
         Rejection(consensus="best")

@@ -107,7 +107,7 @@ class Heartbeat:
 
 
 class RunProgress:
-    """Shows sequences and frames as they are measured; a `tracknoise.experiments.execute.Listener`.
+    """Shows sequences and frames as they are measured; a `tracknoise.experiments.running.execute.Listener`.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ import typer
 from tracknoise.cli.terminal import DebugOption, QuietOption, Terminal
 
 if TYPE_CHECKING:
-    from tracknoise.experiments.execute import Outcome
+    from tracknoise.experiments.running.execute import Outcome
     from tracknoise.experiments.settings import Experiment
 
 _NAMED = 10
@@ -96,7 +96,7 @@ def run_experiment(
     from tracknoise.cli.progress import RunProgress
     from tracknoise.cli.report import write
     from tracknoise.cli.summary import summary_text
-    from tracknoise.experiments.execute import execute
+    from tracknoise.experiments.running.execute import execute
     from tracknoise.tables.store import RunFolder
 
     folder = RunFolder(out)

@@ -15,7 +15,7 @@ from tracknoise.cli.terminal import DebugOption, QuietOption, Terminal
 if TYPE_CHECKING:
     import polars as pl
 
-    from tracknoise.experiments.selfcheck import Verdict
+    from tracknoise.experiments.validation.selfcheck import Verdict
     from tracknoise.tables.store import RunFolder
 
 _HEADINGS = ("setting", "speed", "number", "at", "went in", "came back", "95 % interval", "")
@@ -46,7 +46,7 @@ def selfcheck(
 
     Example: `tracknoise selfcheck`
     """
-    from tracknoise.experiments.selfcheck import compare, judge
+    from tracknoise.experiments.validation.selfcheck import compare, judge
 
     with _folder(out) as path:
         run = _measure(context.obj, path, scenes=scenes, seed=seed, workers=workers)
@@ -71,7 +71,7 @@ def comparison_text(comparison: "pl.DataFrame") -> str:
 
 def verdict_text(verdict: "Verdict") -> str:
     """What the comparison comes to, in a few lines."""
-    from tracknoise.experiments.selfcheck import furthest
+    from tracknoise.experiments.validation.selfcheck import furthest
     from tracknoise.findings.sampling.resampling import LEVEL
 
     limit = f"more than {furthest(verdict.n_numbers):.1f} standard errors from what went in"
@@ -101,8 +101,8 @@ def _measure(terminal: Terminal, path: Path, *, scenes: int, seed: int, workers:
     """Measure the oracles; None if a scene failed."""
     from tracknoise.cli.progress import RunProgress
     from tracknoise.exceptions import StoreError
-    from tracknoise.experiments.execute import execute
-    from tracknoise.experiments.selfcheck import selfcheck_experiment
+    from tracknoise.experiments.running.execute import execute
+    from tracknoise.experiments.validation.selfcheck import selfcheck_experiment
     from tracknoise.tables.store import RunFolder
 
     experiment, run = selfcheck_experiment(scenes=scenes, seed=seed), RunFolder(path)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import SettingsError
 from tracknoise.experiments.settings import Population, TrimAmong
 from tracknoise.measurement.scene import SceneTables, measure_scenes
-from tracknoise.measurement.sweep import Condition, Progress
+from tracknoise.measurement.tracking import Progress, TrackerSetup
 from tracknoise.sequences.sequence import Sequence, TruthKind
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.trimming import trim
@@ -138,7 +138,9 @@ def measure_together(
         If two trackers share a name, the sequence is too short for a speed or cannot be read, it does not offer
         the truth asked for, or no tracker finds a feature.
     """
-    conditions = [Condition(name, settings, speed) for name, settings in _named(trackers).items() for speed in speeds]
+    conditions = [
+        TrackerSetup(name, settings, speed) for name, settings in _named(trackers).items() for speed in speeds
+    ]
     scenes = measure_scenes(
         sequences, conditions, truth=truth, scan_rule=scan_rule, max_frames=max_frames, seed=seed, progress=progress
     )

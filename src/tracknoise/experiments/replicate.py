@@ -7,20 +7,23 @@ from pathlib import Path
 from typing import Any
 
 from tracknoise.exceptions import TracknoiseError
+from tracknoise.experiments.analysis.reference_condition import first_lighting
 from tracknoise.experiments.load import load_experiment
-from tracknoise.experiments.plan import plan
-from tracknoise.experiments.reference import first_lighting
 from tracknoise.experiments.resolve import resolve
+from tracknoise.experiments.running.plan import plan
 from tracknoise.experiments.settings import Experiment, TrackerChoice, ViewSettings
 from tracknoise.sequences.registry import make_reader
 from tracknoise.sequences.sequence import require_directory
 from tracknoise.simulation.places import PLACES
-from tracknoise.trackers.rejection import Consensus, Reference
+from tracknoise.trackers.rejection import Consensus, ReferencePosition
 
 RECORDED, SIMULATED = ("dtu", "kitti"), ("gazebo-linear", "gazebo-arvr")
 """Presets that repeat the paper's experiments: those that need data, and those that do not."""
 _VARIED: dict[str, dict[str, tuple[str, ...]]] = {
-    "correspondence": {"reference": (Reference.first, Reference.previous), "consensus": tuple(Consensus)},
+    "correspondence": {
+        "reference": (ReferencePosition.first, ReferencePosition.previous),
+        "consensus": tuple(Consensus),
+    },
     "lucas-kanade": {"consensus": tuple(Consensus)},
 }
 """What is tried of the outlier rejection of each kind of tracker."""

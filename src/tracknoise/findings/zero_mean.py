@@ -16,7 +16,7 @@ from tracknoise.findings.flips import FlipTest, flip_test
 from tracknoise.findings.sampling.multiplicity import holm
 from tracknoise.findings.sampling.resampling import MIN_SCENES
 from tracknoise.findings.wording import scenes_counted
-from tracknoise.statistics.conditions import Conditions, Tables, by_condition
+from tracknoise.statistics.conditions import Tables, TablesByCondition, by_condition
 from tracknoise.statistics.curves import NAMES
 from tracknoise.statistics.grouping import POOLED, group_rows
 from tracknoise.tables.findings_schema import ZERO_MEAN
@@ -80,7 +80,7 @@ def zero_mean(
     return check(table.sort(*POOLED, "trimming", "axis", "at"), ZERO_MEAN, "zero mean")
 
 
-def _means_by_curve(moments: Conditions, population: str) -> Iterator[tuple[tuple[Any, ...], pl.DataFrame]]:
+def _means_by_curve(moments: TablesByCondition, population: str) -> Iterator[tuple[tuple[Any, ...], pl.DataFrame]]:
     """Mean errors of the scenes of each curve."""
     for condition, part in moments.items():
         means = part.filter(pl.col("n") > 0, population=population).select(*_LINE, "scene", "at", "mean_u", "mean_v")

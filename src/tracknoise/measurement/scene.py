@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.measurement.errors import TruePaths, true_paths
 from tracknoise.measurement.recording import Recording
-from tracknoise.measurement.sweep import Condition, Progress, Sweep, sweep
+from tracknoise.measurement.tracking import Progress, TrackerSetup, TrackingResult, run_trackers
 from tracknoise.sequences.sequence import Sequence, SequenceId, TruthKind
 from tracknoise.tables import schema
 from tracknoise.tables.schema import TrackEnd, TruthStatus
@@ -49,7 +49,7 @@ class SceneTables:
 
 def measure_scene(
     sequence: Sequence,
-    conditions: Items[Condition],
+    conditions: Items[TrackerSetup],
     *,
     truth: TruthKind | None = None,
     scan_rule: ScanRule = SCAN_RULE,
@@ -66,7 +66,7 @@ def measure_scene(
 
 def measure_scenes(
     sequences: Items[Sequence],
-    conditions: Items[Condition],
+    conditions: Items[TrackerSetup],
     *,
     truth: TruthKind | None = None,
     scan_rule: ScanRule = SCAN_RULE,
@@ -111,14 +111,14 @@ def measure_scenes(
     for sequence, known in zip(sequences, truths, strict=True):
         _check_length(sequence, n_frames, conditions)
         _check_key_frame(sequence, n_frames, conditions, known.key_frame)
-    swept = sweep(sequences, conditions, truths, n_frames=n_frames, seed=seed, progress=progress)
+    swept = run_trackers(sequences, conditions, truths, n_frames=n_frames, seed=seed, progress=progress)
     for sequence, known, one in zip(sequences, truths, swept, strict=True):
         _check_features(sequence, one.recordings, known.key_frame)
         yield _scene_tables(sequence, conditions, known, one, n_frames)
 
 
 def _scene_tables(
-    sequence: Sequence, conditions: Items[Condition], known: Truth, swept: Sweep, n_frames: int
+    sequence: Sequence, conditions: Items[TrackerSetup], known: Truth, swept: TrackingResult, n_frames: int
 ) -> SceneTables:
     parts = [
         _tables(sequence, condition, recording)
@@ -136,7 +136,7 @@ def _scene_tables(
     )
 
 
-def _check_length(sequence: Sequence, n_frames: int, conditions: Items[Condition]) -> None:
+def _check_length(sequence: Sequence, n_frames: int, conditions: Items[TrackerSetup]) -> None:
     if n_frames < 2:
         raise DataError(sequence.source, f"a sequence of {n_frames} frame", "at least 2, for a feature to be tracked")
     for condition in conditions:
@@ -148,7 +148,7 @@ def _check_length(sequence: Sequence, n_frames: int, conditions: Items[Condition
             )
 
 
-def _check_key_frame(sequence: Sequence, n_frames: int, conditions: Items[Condition], key_frame: int | None) -> None:
+def _check_key_frame(sequence: Sequence, n_frames: int, conditions: Items[TrackerSetup], key_frame: int | None) -> None:
     if key_frame is None:
         return
     if not 0 <= key_frame < n_frames:
@@ -176,13 +176,13 @@ def _check_features(sequence: Sequence, recordings: Items[Recording], key_frame:
 
 
 def _tables(
-    sequence: Sequence, condition: Condition, recording: Recording
+    sequence: Sequence, condition: TrackerSetup, recording: Recording
 ) -> tuple[pl.DataFrame, pl.DataFrame, pl.DataFrame]:
     paths = true_paths(recording, sequence)
     return (
         _table(_observations(recording, paths), schema.OBSERVATIONS, sequence.id, condition),
         _table(_tracks(recording, paths), schema.TRACKS, sequence.id, condition),
-        _table(_frames(recording), schema.FRAMES, sequence.id, condition),
+        _table(_frames(recording), schema.FRAME_COUNTS, sequence.id, condition),
     )
 
 
@@ -224,7 +224,7 @@ def _frames(recording: Recording) -> dict[str, pl.Series]:
 
 
 def _table(
-    columns: dict[str, pl.Series], layout: schema.Schema, sequence: SequenceId, condition: Condition
+    columns: dict[str, pl.Series], layout: schema.Schema, sequence: SequenceId, condition: TrackerSetup
 ) -> pl.DataFrame:
     origin = {
         "dataset": sequence.dataset,

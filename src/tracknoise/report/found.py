@@ -12,7 +12,7 @@ from tracknoise.findings.wording import chance
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.sentences import DASH, SPACE
 from tracknoise.report.tables import Cells
-from tracknoise.statistics.effects import Reference
+from tracknoise.statistics.effects import ReferenceCondition
 
 _GROWTH = {"white": "constant", "none": "none of these"}
 """Behaviours whose names need more words."""
@@ -61,7 +61,7 @@ def _row(evidence: Evidence, tracker: str, speed: int) -> list[str]:
 def _scope(evidence: Evidence, speed: int) -> Scope:
     found = {name: evidence.key_frame(name) for name in evidence.directions}
     frames = {name: frame for name, frame in found.items() if frame is not None}
-    reference = Reference(**evidence.view, speed=speed, key_frames=frames)
+    reference = ReferenceCondition(**evidence.view, speed=speed, key_frames=frames)
     return Scope(reference, evidence.trackers, evidence.population, evidence.percentile)
 
 

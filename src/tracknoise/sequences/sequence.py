@@ -214,7 +214,7 @@ class SharingReader(Protocol):
 
 
 @runtime_checkable
-class ChoosyReader(Protocol):
+class FilteringReader(Protocol):
     """A `Reader` that leaves scenes out of what it lists."""
 
     def left_out(self) -> dict[str, str]:

@@ -14,15 +14,15 @@ from tracknoise.tables.schema import Schema, check, empty
 
 Condition = tuple[Any, ...]
 """Values of `POOLED`."""
-Conditions = Mapping[Condition, pl.DataFrame]
+TablesByCondition = Mapping[Condition, pl.DataFrame]
 """Rows of each condition."""
-Tables = pl.DataFrame | Iterable[pl.DataFrame] | Conditions
+Tables = pl.DataFrame | Iterable[pl.DataFrame] | TablesByCondition
 """One table, or any number of them, which may be read as they are asked for; or already apart."""
 
 
 def by_condition(
     tables: Tables, schema: Schema, name: str, reduce: Callable[[pl.DataFrame], pl.DataFrame] = lambda table: table
-) -> Conditions:
+) -> TablesByCondition:
     """Rows of each condition, sorted by condition, otherwise in their order.
 
     Parameters

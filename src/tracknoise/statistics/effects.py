@@ -37,7 +37,7 @@ SCALARS: Mapping[str, str] = MappingProxyType({"lifetime": "frames", "outlier_ra
 
 
 @dataclass(frozen=True, slots=True)
-class Reference:
+class ReferenceCondition:
     """Where factors are held while another one varies.
 
     Parameters
@@ -64,7 +64,7 @@ def effects(
     lifetimes: pl.DataFrame,
     outliers: pl.DataFrame,
     *,
-    reference: Reference,
+    reference: ReferenceCondition,
     population: str = "visible",
     margin: float = MARGIN,
 ) -> pl.DataFrame:
@@ -110,7 +110,7 @@ def effects(
     return check(table.select(pl.col(name).cast(kind) for name, kind in EFFECTS.items()), EFFECTS, "effects")
 
 
-def _points(curves: pl.DataFrame, population: str, reference: Reference) -> pl.DataFrame:
+def _points(curves: pl.DataFrame, population: str, reference: ReferenceCondition) -> pl.DataFrame:
     """The points of curves at which levels may be compared."""
     chosen = {"population": population, "trimming": "trimmed", "weighting": "features"}
     signed = pl.col("statistic").is_in([names["mean"] for names in NAMES.values()])
@@ -131,7 +131,7 @@ def _others(factor: str) -> list[str]:
     return [column for column in POOLED if column != factor]
 
 
-def _held(table: pl.DataFrame, factor: str, reference: Reference) -> pl.DataFrame:
+def _held(table: pl.DataFrame, factor: str, reference: ReferenceCondition) -> pl.DataFrame:
     """Rows of a table in which all that neither is the factor nor is looked at alone is at its reference."""
     held = [column for column in CONDITION if column not in (factor, *FACTORS[factor])]
     return table.filter(**{column: getattr(reference, column) for column in held})

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from tracknoise.statistics.blocks import with_blocks
 from tracknoise.statistics.grouping import group_rows
-from tracknoise.statistics.joint import measure
+from tracknoise.statistics.joint import measure_moments
 from tracknoise.statistics.populations import measured
 from tracknoise.tables.schema import INCREMENTS, OBSERVATIONS, ORIGIN, TRIMMING, Schema, check
 
@@ -93,7 +93,7 @@ def _by_age(changes: pl.DataFrame) -> pl.DataFrame:
     """Rows of lag 0."""
     groups = group_rows(changes, ["condition", "age"])
     pairs = changes.select("du_px", "dv_px").to_numpy()
-    moments = measure(pairs, groups.index, groups.count, orders=tuple(_ORDERS.values()))
+    moments = measure_moments(pairs, groups.index, groups.count, orders=tuple(_ORDERS.values()))
     columns = {"n": moments.n, **dict(zip(("mean_u", "mean_v"), moments.mean.T, strict=True))}
     columns |= dict(zip(_ORDERS, moments.central.T, strict=True))
     return groups.keys.hstack(_typed(columns)).with_columns(lag=pl.lit(0, dtype=pl.UInt32))

@@ -40,7 +40,7 @@ class JointMoments:
     central: NDArray[np.float64]
 
 
-def measure(
+def measure_moments(
     pairs: NDArray[np.float64], group: NDArray[np.intp], count: int, *, orders: Sequence[Order] = FOURTH
 ) -> JointMoments:
     """Moments of each group of pairs, in two passes: means first, then powers of what differs from them.
@@ -64,7 +64,7 @@ def measure(
     return JointMoments(tuple(orders), n, mean, np.stack(central, axis=1))
 
 
-def pool(parts: JointMoments, group: NDArray[np.intp], count: int) -> JointMoments:
+def pool_moments(parts: JointMoments, group: NDArray[np.intp], count: int) -> JointMoments:
     """Moments of the union of the samples in each group, from the moments of the samples alone.
 
     Shifting a sample's central power sums to the pooled mean is a binomial expansion, which is exact (Chan, Golub and

@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 
 from tracknoise.statistics.grouping import Groups, group_rows
-from tracknoise.statistics.joint import FOURTH, VARIANCES, JointMoments, measure, pool
+from tracknoise.statistics.joint import FOURTH, VARIANCES, JointMoments, measure_moments, pool_moments
 from tracknoise.statistics.populations import VISIBLE, measured
 from tracknoise.tables.schema import AXIS, MOMENTS, OBSERVATIONS, ORIGIN, POPULATION, TRIMMING, check
 
@@ -87,8 +87,8 @@ def measure_cells(errors: pl.DataFrame, *, by: Sequence[str]) -> pl.DataFrame:
     """
     groups = group_rows(errors, by)
     pairs = errors.select("du_px", "dv_px").to_numpy()
-    signed = measure(pairs, groups.index, groups.count)
-    absolute = measure(np.abs(pairs), groups.index, groups.count, orders=VARIANCES)
+    signed = measure_moments(pairs, groups.index, groups.count)
+    absolute = measure_moments(np.abs(pairs), groups.index, groups.count, orders=VARIANCES)
     return _table(groups, signed, absolute)
 
 
@@ -151,8 +151,8 @@ def merge(moments: pl.DataFrame, *, by: Sequence[str]) -> pl.DataFrame:
     check(moments.select(column for column in _VALUES if column in moments.columns), _VALUES, "moments")
     ordered = moments.sort([column for column in moments.columns if column not in _VALUES], maintain_order=True)
     groups = group_rows(ordered, by)
-    signed = pool(_joint(ordered, FOURTH, _MEANS, _SUMS), groups.index, groups.count)
-    absolute = pool(_joint(ordered, VARIANCES, _ABS_MEANS, _ABS_SUMS), groups.index, groups.count)
+    signed = pool_moments(_joint(ordered, FOURTH, _MEANS, _SUMS), groups.index, groups.count)
+    absolute = pool_moments(_joint(ordered, VARIANCES, _ABS_MEANS, _ABS_SUMS), groups.index, groups.count)
     return _table(groups, signed, absolute)
 
 

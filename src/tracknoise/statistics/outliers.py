@@ -7,7 +7,7 @@ import polars as pl
 
 from tracknoise.statistics.box import box_of_counts
 from tracknoise.statistics.grouping import POOLED, in_chunks
-from tracknoise.tables.schema import FRAMES, OUTLIERS, check, empty
+from tracknoise.tables.schema import FRAME_COUNTS, OUTLIERS, check, empty
 
 _RATIO = pl.when(pl.col("offered") > 0).then(pl.col("outliers") / pl.col("offered"))
 
@@ -47,9 +47,9 @@ def _pooled(
     frames: pl.DataFrame | Iterable[pl.DataFrame],
 ) -> tuple[pl.DataFrame, pl.DataFrame, pl.DataFrame]:
     """Counts of each condition; how often it had each ratio; and its scenes with F(t-1) > 0."""
-    seen = empty(FRAMES).with_columns(ratio=_RATIO)
+    seen = empty(FRAME_COUNTS).with_columns(ratio=_RATIO)
     totals, ratios, scenes = _totals(seen), _ratios(seen), _scenes(seen)
-    for chunk in in_chunks(frames, FRAMES, "frames"):
+    for chunk in in_chunks(frames, FRAME_COUNTS, "frames"):
         seen = chunk.with_columns(ratio=_RATIO)
         counts = pl.col("n_frames", "offered", "outliers").sum()
         totals = pl.concat([totals, _totals(seen)]).group_by(POOLED).agg(counts)

@@ -91,7 +91,7 @@ gradient_rad is the orientation of the image's dominant gradient where the track
 towards v; null where none dominates.
 """
 
-FRAMES: Schema = {
+FRAME_COUNTS: Schema = {
     **ORIGIN,
     "frame": pl.UInt32,
     "offered": pl.UInt32,

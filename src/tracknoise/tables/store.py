@@ -27,7 +27,7 @@ _RESULTS = ("report", "statistics")
 SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "observations": schema.OBSERVATIONS,
     "tracks": schema.TRACKS,
-    "frames": schema.FRAMES,
+    "frames": schema.FRAME_COUNTS,
     "poses": schema.POSES,
     "moments": schema.MOMENTS,
     "trims": schema.TRIMS,

@@ -13,8 +13,8 @@ from tracknoise.trackers.detection import Detection
 from tracknoise.trackers.features import ALIVE, Features, displacement_px, report
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.matching import mutual_nearest
-from tracknoise.trackers.rejection import Inliers, Reference, Rejection
-from tracknoise.trackers.tracker import Setting, Step
+from tracknoise.trackers.rejection import Inliers, ReferencePosition, Rejection
+from tracknoise.trackers.tracker import SequenceContext, Step
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class Correspondence:
         require_at_least("max_features", self.max_features, 1)
         require_at_least("max_missed_frames", self.max_missed_frames, 0)
 
-    def start(self, setting: Setting) -> "CorrespondenceTracker":
+    def start(self, context: SequenceContext) -> "CorrespondenceTracker":
         """Make a tracker at work on one sequence at one speed."""
         return CorrespondenceTracker(self, self.rejection.inliers)
 
@@ -122,7 +122,7 @@ class CorrespondenceTracker:
         seen = displacement_px(features.uv[rows], uv) < settings.max_displacement_px
         end[rows] = TrackEnd.displaced
         near = rows[seen]
-        source = features.first_uv if settings.rejection.reference is Reference.first else features.uv
+        source = features.first_uv if settings.rejection.reference is ReferencePosition.first else features.uv
         inlier = self._inliers(source[near], uv[seen], frame)
         end[near] = np.where(inlier, ALIVE, TrackEnd.outlier)
         seen[seen] = inlier

@@ -11,7 +11,7 @@ from tracknoise.trackers.checks import require
 from tracknoise.trackers.features import ALIVE, Features, report
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.track_file import Tracks, read_tracks
-from tracknoise.trackers.tracker import Setting, Step
+from tracknoise.trackers.tracker import SequenceContext, Step
 
 _PLACEHOLDERS = ("scene", "lighting", "rotation", "direction", "speed")
 
@@ -44,7 +44,7 @@ class Imported:
         suffix = Path(self.path).suffix
         require(suffix in (".csv", ".parquet"), "path", self.path, "a file that ends in .csv or .parquet")
 
-    def start(self, setting: Setting) -> "ImportedTracker":
+    def start(self, context: SequenceContext) -> "ImportedTracker":
         """Read the file of one sequence and speed.
 
         Raises
@@ -53,8 +53,8 @@ class Imported:
             If it is missing, lacks a column, holds no track, something that is not a number, a frame that the
             sequence does not have, or two rows for one track and frame; with the line.
         """
-        path = self.path.format(**{name: getattr(setting, name) for name in _PLACEHOLDERS})
-        return ImportedTracker(read_tracks(Path(path), n_frames=setting.n_frames))
+        path = self.path.format(**{name: getattr(context, name) for name in _PLACEHOLDERS})
+        return ImportedTracker(read_tracks(Path(path), n_frames=context.n_frames))
 
 
 class ImportedTracker:

@@ -12,9 +12,9 @@ from tracknoise.trackers.checks import require, require_at_least, require_odd, r
 from tracknoise.trackers.detection import Detection, keypoints
 from tracknoise.trackers.features import ALIVE, Features, displacement_px, report
 from tracknoise.trackers.frame import Frame
-from tracknoise.trackers.rejection import Inliers, Reference, Rejection
+from tracknoise.trackers.rejection import Inliers, ReferencePosition, Rejection
 from tracknoise.trackers.suppression import Mask
-from tracknoise.trackers.tracker import Setting, Step
+from tracknoise.trackers.tracker import SequenceContext, Step
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ class LucasKanade:
         expected = f"a number not below min_features, {self.min_features}"
         require(self.max_features >= self.min_features, "max_features", self.max_features, expected)
 
-    def start(self, setting: Setting) -> "LucasKanadeTracker":
+    def start(self, context: SequenceContext) -> "LucasKanadeTracker":
         """Make a tracker at work on one sequence at one speed."""
         return LucasKanadeTracker(self, self.rejection.inliers)
 
@@ -115,7 +115,7 @@ class LucasKanadeTracker:
         rows = np.flatnonzero(near)
         end[rows] = TrackEnd.masked
         rows = rows[mask.claim(uv[rows])]
-        first = self._settings.rejection.reference is Reference.first
+        first = self._settings.rejection.reference is ReferencePosition.first
         source = before.first_uv if first else before.uv
         inlier = self._inliers(source[rows], uv[rows], frame.index)
         end[rows] = np.where(inlier, ALIVE, TrackEnd.outlier)

@@ -12,7 +12,7 @@ from tracknoise.tables.schema import TrackEnd, TruthStatus
 from tracknoise.trackers.checks import require, require_at_least, require_share
 from tracknoise.trackers.features import ALIVE, Features, report
 from tracknoise.trackers.frame import Frame
-from tracknoise.trackers.tracker import Setting, Step
+from tracknoise.trackers.tracker import SequenceContext, Step
 
 _BEGINNING_ROUNDS = 8
 
@@ -71,9 +71,9 @@ class Oracle:
         require_at_least("margin_px", self.margin_px, 0)
         require_at_least("seed", self.seed, 0)
 
-    def start(self, setting: Setting) -> "OracleTracker":
+    def start(self, context: SequenceContext) -> "OracleTracker":
         """Make an oracle at work on one sequence at one speed."""
-        return OracleTracker(self, setting)
+        return OracleTracker(self, context)
 
 
 class OracleTracker:
@@ -86,15 +86,15 @@ class OracleTracker:
     ----------
     settings
         The settings.
-    setting
+    context
         The sequence, with its true positions.
     """
 
-    def __init__(self, settings: Oracle, setting: Setting) -> None:
+    def __init__(self, settings: Oracle, context: SequenceContext) -> None:
         self._settings = settings
-        self._truth = setting.truth
-        self._size = setting.size
-        self._rng = _generator(settings.seed, setting)
+        self._truth = context.truth
+        self._size = context.size
+        self._rng = _generator(settings.seed, context)
         self._root = _root(settings.covariance_px2)
         self._features = Features.begin(0, np.empty((0, 2)))
         self._points = np.empty((0, 3))
@@ -156,10 +156,10 @@ class OracleTracker:
         return Features.begin(self._next_id, uv[:wanted]), points[:wanted]
 
 
-def _generator(seed: int, setting: Setting) -> np.random.Generator:
+def _generator(seed: int, context: SequenceContext) -> np.random.Generator:
     """Independent for every sequence and speed, and the same in every process (`hash` is not)."""
-    names = (zlib.crc32(name.encode()) for name in (setting.scene, setting.lighting, setting.direction))
-    return np.random.default_rng([seed, setting.seed, *names, setting.rotation % 360, setting.speed])
+    names = (zlib.crc32(name.encode()) for name in (context.scene, context.lighting, context.direction))
+    return np.random.default_rng([seed, context.seed, *names, context.rotation % 360, context.speed])
 
 
 def _root(covariance: tuple[Pair, Pair]) -> tuple[Pair, Pair]:

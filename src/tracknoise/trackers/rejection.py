@@ -33,7 +33,7 @@ class Consensus(StrEnum):
     refined = "refined"
 
 
-class Reference(StrEnum):
+class ReferencePosition(StrEnum):
     """Where a match starts: at the track's previous position, or at its first."""
 
     previous = "previous"
@@ -74,14 +74,14 @@ class Rejection:
 
     model: Model = Model.homography
     consensus: Consensus = Consensus.hypothesis
-    reference: Reference = Reference.previous
+    reference: ReferencePosition = ReferencePosition.previous
     threshold_px: float = 3.0
     confidence: float = 0.995
     max_hypotheses: int = 2000
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for name, kind in (("model", Model), ("consensus", Consensus), ("reference", Reference)):
+        for name, kind in (("model", Model), ("consensus", Consensus), ("reference", ReferencePosition)):
             value = getattr(self, name)
             require(value in tuple(kind), name, value, f"one of {', '.join(kind)}")
             object.__setattr__(self, name, kind(value))  # so that a name will do for the member

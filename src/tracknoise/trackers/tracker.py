@@ -98,7 +98,7 @@ class TruePositions(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class SequenceContext:
     """Where a tracker is started: the sequence and condition, and what only some trackers need.
 
     Parameters
@@ -134,7 +134,7 @@ class TrackerSettings(Protocol):
     kind: ClassVar[str]
     description: ClassVar[str]
 
-    def start(self, setting: Setting) -> Tracker:
+    def start(self, context: SequenceContext) -> Tracker:
         """Make a tracker at work on one sequence at one speed.
 
         Raises

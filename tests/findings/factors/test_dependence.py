@@ -9,13 +9,13 @@ import pytest
 from tracknoise.exceptions import SchemaError
 from tracknoise.findings.factors.dependence import dependence
 from tracknoise.statistics.curves import curves
-from tracknoise.statistics.effects import Reference, effects
+from tracknoise.statistics.effects import ReferenceCondition, effects
 from tracknoise.statistics.outliers import outlier_ratios
 from tracknoise.tables.findings_schema import DEPENDENCE
-from tracknoise.tables.schema import CURVES, EFFECTS, ENDS, FRAMES, LIFETIMES, MOMENTS, TRACKS, empty
+from tracknoise.tables.schema import CURVES, EFFECTS, ENDS, FRAME_COUNTS, LIFETIMES, MOMENTS, TRACKS, empty
 
 CONDITION = {"dataset": "d", "lighting": "day", "rotation": 0, "direction": "forward", "tracker": "lk", "speed": 1}
-REFERENCE = Reference("day")
+REFERENCE = ReferenceCondition("day")
 AGES = 5
 TRACKS_OF_A_SCENE = 400
 
@@ -50,7 +50,7 @@ def asked(
 ) -> pl.DataFrame:
     """What `dependence` says after `curves` and `effects`."""
     ends = empty(ENDS) if ends is None else ends
-    frames = empty(FRAMES) if frames is None else frames
+    frames = empty(FRAME_COUNTS) if frames is None else frames
     bent = curves(table)
     lived = ends.group_by(pl.exclude("scene", "block", "n_ended", "n_censored")).agg(
         pl.col("n_ended", "n_censored").sum(), at_risk=0, survival=0.0, n_scenes=1
@@ -177,13 +177,13 @@ def ends_of(levels: Mapping[int, float], *, scenes: int = 10) -> pl.DataFrame:
 def frames_of(levels: Mapping[int, int], *, scenes: int = 10) -> pl.DataFrame:
     rng = np.random.default_rng(0)
     rows = [
-        dict.fromkeys(FRAMES, 0) | CONDITION | {"scene": f"s{scene}", "speed": speed, "frame": frame}
+        dict.fromkeys(FRAME_COUNTS, 0) | CONDITION | {"scene": f"s{scene}", "speed": speed, "frame": frame}
         | {"offered": 10_000, "outliers": round(outliers * base * rng.uniform(0.97, 1.03))}
         for scene, base in enumerate(rng.uniform(0.5, 2.0, scenes))
         for speed, outliers in levels.items()
         for frame in range(3)
     ]  # fmt: skip
-    return pl.DataFrame(rows, schema=dict(FRAMES))
+    return pl.DataFrame(rows, schema=dict(FRAME_COUNTS))
 
 
 @pytest.mark.parametrize(("factor", "verdict"), [(1.0, "no"), (1.3, "yes")])
@@ -217,8 +217,8 @@ def test_more_questions_make_a_weak_answer_weaker() -> None:
 def test_the_rows_are_those_of_the_effects() -> None:
     table = moments({1: 1.0, 2: 1.2})
     bent = curves(table)
-    point = effects(bent, empty(LIFETIMES), outlier_ratios(empty(FRAMES)), reference=REFERENCE)
-    found = dependence(table, empty(ENDS), empty(FRAMES), bent, point, n_draws=50)
+    point = effects(bent, empty(LIFETIMES), outlier_ratios(empty(FRAME_COUNTS)), reference=REFERENCE)
+    found = dependence(table, empty(ENDS), empty(FRAME_COUNTS), bent, point, n_draws=50)
     keys = [name for name in DEPENDENCE if name in EFFECTS and name not in ("verdict", "why", "axis")]
     assert found.select(keys).equals(point.select(keys))
 
@@ -238,12 +238,12 @@ def test_frames_are_counted_from_the_key_frame() -> None:
 
 
 def test_nothing_gives_nothing() -> None:
-    found = dependence(*map(empty, (MOMENTS, ENDS, FRAMES, CURVES, EFFECTS)))
+    found = dependence(*map(empty, (MOMENTS, ENDS, FRAME_COUNTS, CURVES, EFFECTS)))
     assert found.equals(empty(DEPENDENCE))
 
 
 def test_the_wrong_tables_are_refused() -> None:
-    right = [MOMENTS, ENDS, FRAMES, CURVES, EFFECTS]
+    right = [MOMENTS, ENDS, FRAME_COUNTS, CURVES, EFFECTS]
     for place in range(len(right)):
         tables = [empty(TRACKS if number == place else schema) for number, schema in enumerate(right)]
         with pytest.raises(SchemaError):

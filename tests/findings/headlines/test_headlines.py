@@ -9,7 +9,7 @@ import pytest
 from tracknoise.findings.headlines.document import findings_json
 from tracknoise.findings.headlines.headlines import headlines
 from tracknoise.findings.headlines.scope import Scope
-from tracknoise.statistics.effects import Reference
+from tracknoise.statistics.effects import ReferenceCondition
 from tracknoise.tables.findings_schema import (
     DEPENDENCE,
     FINDINGS,
@@ -21,7 +21,7 @@ from tracknoise.tables.findings_schema import (
 from tracknoise.tables.schema import EFFECTS, SUMMARY, Schema, check, empty
 
 CONDITION = {"dataset": "d", "lighting": "l", "rotation": 0, "direction": "forward", "tracker": "lk", "speed": 1}
-SCOPE = Scope(Reference("l"), ("lk",), percentile=90.0)
+SCOPE = Scope(ReferenceCondition("l"), ("lk",), percentile=90.0)
 SCHEMAS: Mapping[str, Schema] = {
     "summary": SUMMARY,
     "effects": EFFECTS,
@@ -85,13 +85,13 @@ def test_intervals_of_another_place_or_trimming_are_not_taken() -> None:
 
 
 def test_an_untrimmed_run_speaks_of_no_trimming() -> None:
-    noise = told(Scope(Reference("l"), ("lk",)))["noise"]
+    noise = told(Scope(ReferenceCondition("l"), ("lk",)))["noise"]
     assert "trimmed" not in noise["text"].lower()
     assert "1.200 px in u" in noise["text"]
 
 
 def test_errors_by_frame_are_placed_from_the_key_frame() -> None:
-    scope = Scope(Reference("l", key_frames={"forward": 24}), ("lk",), percentile=90.0)
+    scope = Scope(ReferenceCondition("l", key_frames={"forward": 24}), ("lk",), percentile=90.0)
     point = {**POINT, "statistic": "Sigma", "axis": "frame", "at": 34, "value": 0.1681, "low": 0.1444, "high": 0.2025}
     noise = told(
         scope, summary=table(SUMMARY, {**SUMMED, "axis": "frame", "at": 34}), intervals=table(INTERVALS, point)
@@ -120,7 +120,7 @@ def test_few_scenes_come_first(n_scenes: int, expected: str | None) -> None:
 
 
 def test_a_recorded_truth_is_told_before_any_number() -> None:
-    recorded = told(Scope(Reference("l"), ("lk",), recorded=True))
+    recorded = told(Scope(ReferenceCondition("l"), ("lk",), recorded=True))
     assert recorded["truth"]["rank"] < recorded["noise"]["rank"]
     assert "the truth's own error is inside every number and not yet separated" in recorded["truth"]["text"]
     assert "truth" not in told()
@@ -246,7 +246,7 @@ def test_survivors_are_set_beside_all() -> None:
 def test_many_trackers_are_not_all_named() -> None:
     names = [f"t{i}" for i in range(6)]
     summary = table(SUMMARY, *({**SUMMED, "tracker": name} for name in names))
-    text = told(Scope(Reference("l"), names), summary=summary)["outliers"]["text"]
+    text = told(Scope(ReferenceCondition("l"), names), summary=summary)["outliers"]["text"]
     assert "t3 rejects" in text
     assert "t4" not in text
     assert "the table has 2 others" in text

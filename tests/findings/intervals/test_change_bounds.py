@@ -13,7 +13,7 @@ from tracknoise.statistics.change_curves import change_curves
 from tracknoise.statistics.increments import increments
 from tracknoise.statistics.lifetimes import count_ends
 from tracknoise.statistics.moments import scene_moments
-from tracknoise.tables.schema import FRAMES, empty
+from tracknoise.tables.schema import FRAME_COUNTS, empty
 
 TRACKS, STEPS, RUNS = 40, 12, 400
 SHARE = 0.4
@@ -35,7 +35,7 @@ def found_of(see_errors, n_scenes: int) -> tuple[pl.DataFrame, pl.DataFrame]:
     walks = [0.1 * changes_of(rng, (TRACKS, 2)).cumsum(axis=-1).swapaxes(1, 2) for _ in range(n_scenes)]
     seen = see_errors([np.concatenate([np.zeros((TRACKS, 1, 2)), walk], axis=1) for walk in walks])
     moved = increments(seen.observations, seen.tracks)
-    tables = scene_moments(seen.observations), count_ends(seen.tracks), empty(FRAMES)
+    tables = scene_moments(seen.observations), count_ends(seen.tracks), empty(FRAME_COUNTS)
     blocks = aspect_blocks(seen.observations, seen.tracks)
     found = intervals(*tables, changes=moved, aspect_blocks=blocks)
     return found.filter(aspect="change"), change_curves(moved)

@@ -12,7 +12,7 @@ from tracknoise.statistics.curves import curves
 from tracknoise.statistics.lifetimes import count_ends, lifetimes_of_ends, mean_lifetime, median_survival
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.outliers import outlier_ratios
-from tracknoise.tables.schema import FRAMES, OBSERVATIONS, TRACKS, Schema
+from tracknoise.tables.schema import FRAME_COUNTS, OBSERVATIONS, TRACKS, Schema
 
 VIEW = {"dataset": "d", "lighting": "nominal", "rotation": 0, "direction": "forward"}
 POINT = ["lighting", "tracker", "speed", "trimming", "weighting", "statistic", "axis", "at"]
@@ -43,7 +43,7 @@ def _scene(rng: np.random.Generator, scene: str, tracker: str, n_tracks: int) ->
     offered = np.append(0, rng.integers(20, 40, 12))
     counts = {"frame": np.arange(13), "offered": offered, "outliers": rng.binomial(offered, 0.1)}
     counts |= dict.fromkeys(("matched", "new", "alive"), 0)
-    return _typed(origin | tracks, TRACKS), _typed(origin | seen, OBSERVATIONS), _typed(origin | counts, FRAMES)
+    return _typed(origin | tracks, TRACKS), _typed(origin | seen, OBSERVATIONS), _typed(origin | counts, FRAME_COUNTS)
 
 
 @cache

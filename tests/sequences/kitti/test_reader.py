@@ -9,7 +9,7 @@ from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.geometry.depth import sample as read_depth
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.kitti.reader import Kitti
-from tracknoise.sequences.sequence import ChoosyReader, SequenceId, TruthKind
+from tracknoise.sequences.sequence import FilteringReader, SequenceId, TruthKind
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.truth.truth import make_truth
 
@@ -128,7 +128,7 @@ def test_drives_that_stand_still_are_left_out(tmp_path, write_drive):
     write_drive(tmp_path, number=1, frames=12, step_m=0.019)
     write_drive(tmp_path, number=2, frames=12, step_m=0.021)
     reader = Kitti(tmp_path)
-    assert isinstance(reader, ChoosyReader)
+    assert isinstance(reader, FilteringReader)
     assert [listed.scene for listed in reader.sequences()] == ["2011_09_26_drive_0002_sync"]
     reason = "stands still in frames 1 to 11, each less than 0.02 m from the one before"
     assert reader.left_out() == {NAME: reason}

@@ -29,7 +29,7 @@ from tracknoise.statistics.curves import NAMES
 from tracknoise.statistics.effects import SCALARS
 from tracknoise.statistics.grouping import POOLED, group_rows
 from tracknoise.tables.findings_schema import DEPENDENCE
-from tracknoise.tables.schema import EFFECTS, ENDS, FRAMES, MOMENTS, VERDICT, Schema, check
+from tracknoise.tables.schema import EFFECTS, ENDS, FRAME_COUNTS, MOMENTS, VERDICT, Schema, check
 
 N_DRAWS = 499
 """Rotations, as many as are needed to tell p-values of a few percent from each other."""
@@ -67,7 +67,7 @@ def dependence(
     Parameters
     ----------
     moments, ends, frames
-        Of all sequences: `MOMENTS`, `ENDS` and `FRAMES`.
+        Of all sequences: `MOMENTS`, `ENDS` and `FRAME_COUNTS`.
     curves, effects
         What the functions of these names made of them; `curves` says where they are cut.
     key_frames
@@ -99,7 +99,7 @@ def dependence(
     sums = {
         None: curve_sums(errors, curves, population=population, key_frames=key_frames or {}),
         "lifetime": lifetime_sums(by_condition(ends, ENDS, "ends")),
-        "outlier_ratio": outlier_sums(by_condition(frames, FRAMES, "frames")),
+        "outlier_ratio": outlier_sums(by_condition(frames, FRAME_COUNTS, "frames")),
     }
     answers: list[tuple[object, ...]] = []
     for (dataset,), asked in questions.partition_by("dataset", as_dict=True, maintain_order=True).items():

@@ -8,11 +8,11 @@ from collections.abc import Mapping
 import polars as pl
 
 from tracknoise.findings.sampling.units import additive
-from tracknoise.statistics.conditions import Conditions
+from tracknoise.statistics.conditions import TablesByCondition
 from tracknoise.statistics.differences import comparable
 from tracknoise.statistics.grouping import POOLED, reduce_each
 from tracknoise.statistics.upright import upright
-from tracknoise.tables.schema import CURVES, ENDS, FRAMES, MOMENTS, Schema, check, empty
+from tracknoise.tables.schema import CURVES, ENDS, FRAME_COUNTS, MOMENTS, Schema, check, empty
 
 CURVE_SUMS = ["u", "v", "abs_u", "abs_v", "uu", "vv"]
 """Sums of du, dv, |du|, |dv|, du^2 and dv^2."""
@@ -20,7 +20,7 @@ _CURVE = [*POOLED, "axis"]
 
 
 def curve_sums(
-    moments: Conditions, curves: pl.DataFrame, *, population: str, key_frames: Mapping[str, int]
+    moments: TablesByCondition, curves: pl.DataFrame, *, population: str, key_frames: Mapping[str, int]
 ) -> pl.DataFrame:
     """Sums of trimmed errors at the points of curves that may be compared, in the axes of the upright image.
 
@@ -55,7 +55,7 @@ def curve_sums(
     return _upright(pl.concat(parts, how="diagonal")).sort(*_CURVE, "scene", "at")
 
 
-def lifetime_sums(ends: Conditions) -> pl.DataFrame:
+def lifetime_sums(ends: TablesByCondition) -> pl.DataFrame:
     """Number of tracks that ended, and how often tracks were looked for (`total`, frames); `at` is 0.
 
     Their ratio is `frames_per_end` of `tracknoise.statistics.lifetimes.mean_lifetime`.
@@ -65,12 +65,12 @@ def lifetime_sums(ends: Conditions) -> pl.DataFrame:
     return _totals(ends, ENDS, "ends", ended, looked_for)
 
 
-def outlier_sums(frames: Conditions) -> pl.DataFrame:
+def outlier_sums(frames: TablesByCondition) -> pl.DataFrame:
     """Sums of F(t-1), and of f1(t) (`total`); `at` is 0."""
-    return _totals(frames, FRAMES, "frames", pl.col("offered"), pl.col("outliers"))
+    return _totals(frames, FRAME_COUNTS, "frames", pl.col("offered"), pl.col("outliers"))
 
 
-def _totals(tables: Conditions, schema: Schema, name: str, n: pl.Expr, total: pl.Expr) -> pl.DataFrame:
+def _totals(tables: TablesByCondition, schema: Schema, name: str, n: pl.Expr, total: pl.Expr) -> pl.DataFrame:
     kinds = {"n": n.cast(pl.Int64).sum(), "total": total.cast(pl.Int64).sum()}
     summed = reduce_each(tables.values(), schema, name, lambda table: table.group_by(*POOLED, "scene").agg(**kinds))
     return summed.sort(*POOLED, "scene").with_columns(at=pl.lit(0, dtype=pl.Int64))

@@ -28,7 +28,7 @@ from tracknoise.findings.sampling.resampling import LEVEL
 from tracknoise.findings.sampling.units import Draws, additive, draws_by_dataset, units_of
 from tracknoise.findings.shape.verdict import Interval
 from tracknoise.findings.wording import count
-from tracknoise.statistics.conditions import Conditions, Tables, by_condition, scenes_by_dataset
+from tracknoise.statistics.conditions import Tables, TablesByCondition, by_condition, scenes_by_dataset
 from tracknoise.statistics.grouping import POOLED, reduce_each
 from tracknoise.tables.findings_schema import TIME_STRUCTURE
 from tracknoise.tables.schema import BLOCKS, INCREMENTS, MOMENTS, check, empty
@@ -88,7 +88,7 @@ def time_structure(
     return check(table, TIME_STRUCTURE, "time structure")
 
 
-def _sums(moments: Conditions, key_frames: Mapping[str, int]) -> dict[tuple[Any, ...], pl.DataFrame]:
+def _sums(moments: TablesByCondition, key_frames: Mapping[str, int]) -> dict[tuple[Any, ...], pl.DataFrame]:
     """Sums of each condition and trimming; what is added up in one place is of one scene, and in its order."""
     return {
         (*key, *trimming): sums

@@ -8,7 +8,7 @@ import polars as pl
 
 from tracknoise.findings.wording import place, view_text
 from tracknoise.statistics.curves import NAMES
-from tracknoise.statistics.effects import Reference
+from tracknoise.statistics.effects import ReferenceCondition
 from tracknoise.tables.schema import VIEW
 
 Found: TypeAlias = tuple[float, float | None, float | None]
@@ -33,7 +33,7 @@ class Scope:
         Whether true positions come from recorded poses and depth, whose own errors are inside every number.
     """
 
-    reference: Reference
+    reference: ReferenceCondition
     trackers: Sequence[str]
     population: str = "visible"
     percentile: float | None = None

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tracknoise.findings.intervals.scalar_bounds import Found
 from tracknoise.findings.sampling.bounds import Bounds, Method, pooled
 from tracknoise.findings.sampling.units import Draws, Units, units_of
-from tracknoise.statistics.conditions import Conditions
+from tracknoise.statistics.conditions import TablesByCondition
 from tracknoise.statistics.increments import CHANGE
 from tracknoise.tables.schema import AXIS, ORIGIN, POPULATION
 
@@ -24,7 +24,7 @@ _MOMENTS = ("mean_u", "mean_v", "m_uu", "m_uv", "m_vv")
 _POINT = ["trimming", "lag"]
 
 
-def moments_of_changes(increments: Conditions) -> Conditions:
+def moments_of_changes(increments: TablesByCondition) -> TablesByCondition:
     """Rows of lag 0 of `INCREMENTS` as moments of an aspect, but for absolute values, which count as 0."""
     return {key: _as_moments(part) for key, part in increments.items()}
 
@@ -44,7 +44,7 @@ def _as_moments(increments: pl.DataFrame) -> pl.DataFrame:
     )
 
 
-def correlated_changes(increments: Conditions) -> Conditions:
+def correlated_changes(increments: TablesByCondition) -> TablesByCondition:
     """Rows of `INCREMENTS` of which (autocorrelation) is made, of the conditions that have any."""
     pairs = {key: part.filter(pl.col("lag") > 0) for key, part in increments.items()}
     return {key: part for key, part in pairs.items() if not part.is_empty()}

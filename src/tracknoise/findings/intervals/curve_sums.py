@@ -6,7 +6,7 @@ from typing import Any
 import polars as pl
 
 from tracknoise.findings.sampling.units import additive
-from tracknoise.statistics.conditions import Conditions
+from tracknoise.statistics.conditions import TablesByCondition
 from tracknoise.tables.schema import BLOCKS
 
 ALL = "all"
@@ -21,7 +21,7 @@ def moments_to_order_2(aspects: pl.DataFrame) -> pl.DataFrame:
     return aspects.select(_TO_ORDER_2)
 
 
-def error_sums(errors: Conditions, blocks: Conditions, population: str) -> Iterator[CurveSums]:
+def error_sums(errors: TablesByCondition, blocks: TablesByCondition, population: str) -> Iterator[CurveSums]:
     """Of the errors of every track in image axes; `errors` are of `MOMENTS`, `blocks` of `BLOCKS`."""
     for key, part in errors.items():
         scenes = additive(part.filter(pl.col("n") > 0, population=population))
@@ -30,7 +30,7 @@ def error_sums(errors: Conditions, blocks: Conditions, population: str) -> Itera
             yield (*key, ALL, population), scenes, within
 
 
-def aspect_sums(aspects: Conditions, blocks: Conditions) -> Iterator[CurveSums]:
+def aspect_sums(aspects: TablesByCondition, blocks: TablesByCondition) -> Iterator[CurveSums]:
     """Of each aspect of the errors; `blocks` are of `ASPECT_BLOCKS`."""
     for key, part in aspects.items():
         seen = part.filter(pl.col("n") > 0)

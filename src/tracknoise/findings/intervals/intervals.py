@@ -27,7 +27,7 @@ from tracknoise.findings.sampling.bounds import Bounds, Method, averaged, pooled
 from tracknoise.findings.sampling.resampling import LEVEL, N_DRAWS
 from tracknoise.findings.sampling.units import SUMS, Draws, Units, draws_by_dataset, units_of
 from tracknoise.statistics.aspects import GRADIENT
-from tracknoise.statistics.conditions import Conditions, Tables, by_condition, scenes_by_dataset
+from tracknoise.statistics.conditions import Tables, TablesByCondition, by_condition, scenes_by_dataset
 from tracknoise.statistics.curves import NAMES, UNITS
 from tracknoise.statistics.grouping import POOLED
 from tracknoise.statistics.increments import CHANGE
@@ -37,7 +37,7 @@ from tracknoise.tables.schema import (
     ASPECTS,
     BLOCKS,
     ENDS,
-    FRAMES,
+    FRAME_COUNTS,
     INCREMENTS,
     MOMENTS,
     check,
@@ -77,7 +77,7 @@ def intervals(
     Parameters
     ----------
     moments, ends, frames
-        Tables of all scenes, `MOMENTS`, `ENDS` and `FRAMES`.
+        Tables of all scenes, `MOMENTS`, `ENDS` and `FRAME_COUNTS`.
     blocks
         Schema `BLOCKS`: what to resample in conditions of too few scenes. Without it the
         errors of such conditions have no bounds; lifetimes and outlier ratios do.
@@ -115,7 +115,7 @@ def intervals(
         If there is no such kind, or the level is not between 0 and 1.
     """
     errors = by_condition(moments, MOMENTS, "moments")
-    lived, seen = by_condition(ends, ENDS, "ends"), by_condition(frames, FRAMES, "frames")
+    lived, seen = by_condition(ends, ENDS, "ends"), by_condition(frames, FRAME_COUNTS, "frames")
     scenes = scenes_by_dataset(chain(errors.items(), lived.items(), seen.items()))
     drawn = draws_by_dataset(scenes, n_draws=0 if kind == "student" else n_draws, seed=seed)
     method = Method(kind, level)
@@ -178,7 +178,7 @@ def _named(rows: pl.DataFrame) -> pl.DataFrame:
 
 
 def _scalar_rows(
-    tables: Conditions,
+    tables: TablesByCondition,
     bounded: Callable[[pl.DataFrame, Draws, Method], Iterator[Found]],
     drawn: Mapping[str, Draws],
     method: Method,

@@ -72,7 +72,7 @@ def outlier_bounds(frames: pl.DataFrame, draws: Draws, method: Method) -> Iterat
     Parameters
     ----------
     frames
-        Columns of `FRAMES`, rows of one condition.
+        Columns of `FRAME_COUNTS`, rows of one condition.
     draws, method
         As in `lifetime_bounds`.
     """

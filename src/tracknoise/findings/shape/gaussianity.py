@@ -24,7 +24,14 @@ from tracknoise.findings.shape.shape_bounds import BAND, gain_bounds, mardia_bou
 from tracknoise.findings.shape.standard import standard_sums, standardised, standards
 from tracknoise.findings.shape.tails import radii, tail_ratios
 from tracknoise.findings.shape.verdict import MARGIN_NATS, Evidence, Interval, judge
-from tracknoise.statistics.conditions import Condition, Conditions, Tables, by_condition, names, scenes_by_dataset
+from tracknoise.statistics.conditions import (
+    Condition,
+    Tables,
+    TablesByCondition,
+    by_condition,
+    names,
+    scenes_by_dataset,
+)
 from tracknoise.statistics.grouping import POOLED
 from tracknoise.statistics.samples import first_tracks, with_bands
 from tracknoise.tables.findings_schema import GAUSSIANITY, RADII
@@ -109,7 +116,7 @@ def gaussianity(
     return Shapes(check(shapes[0], GAUSSIANITY, "gaussianity"), check(shapes[1], RADII, "radii"))
 
 
-def _banded(moments: Conditions, key_frames: Mapping[str, int]) -> Iterator[tuple[Condition, pl.DataFrame]]:
+def _banded(moments: TablesByCondition, key_frames: Mapping[str, int]) -> Iterator[tuple[Condition, pl.DataFrame]]:
     """Moments of each condition that has any in one of the bands."""
     for key, part in moments.items():
         banded = with_bands(anchored(part, key_frames), pl.col("since").abs())

@@ -13,7 +13,9 @@ _STEP_DEG = 0.1728  # at ten turns a second
 _SWAY_DEG = 0.25
 
 
-def sweep(camera: Camera, camera_from_velodyne: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+def lidar_sweep(
+    camera: Camera, camera_from_velodyne: NDArray[np.float64], rng: np.random.Generator
+) -> NDArray[np.float64]:
     """Positions in the image through which the lasers shine in one turn, or the half of it that looks ahead.
 
     The lasers are taken to start where the camera is: so they measure nothing that the camera does not see.

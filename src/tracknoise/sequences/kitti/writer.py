@@ -14,7 +14,7 @@ from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.images import encode_png
 from tracknoise.sequences.kitti.depth import UNITS_PER_METRE
 from tracknoise.sequences.kitti.layout import Drive
-from tracknoise.sequences.kitti.lidar import FARTHEST_M, sweep
+from tracknoise.sequences.kitti.lidar import FARTHEST_M, lidar_sweep
 from tracknoise.sequences.kitti.oxts import records_of_poses, write_record
 from tracknoise.sequences.kitti.rig import CAMERA_FROM_IMU, CAMERA_FROM_VELODYNE, write_calibration
 from tracknoise.sequences.kitti.velodyne import write_scan
@@ -113,7 +113,7 @@ def _depth_map(sequence: Sequence, index: int, uv: NDArray[np.float64]) -> NDArr
 
 def _swept(camera: Camera, seed: tuple[int, int], index: int) -> NDArray[np.float64]:
     """(n, 2) float64, px: where the lasers shine in one frame."""
-    return sweep(camera, CAMERA_FROM_VELODYNE, np.random.default_rng([*seed, index]))
+    return lidar_sweep(camera, CAMERA_FROM_VELODYNE, np.random.default_rng([*seed, index]))
 
 
 def _measured(sequence: Sequence, index: int, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:

@@ -1,0 +1,112 @@
+"""Show that a change to the structure changes no number: four runs before and after it, compared to the byte.
+
+    python -m benchmarks.same_tables record BEFORE     # with the version before the change
+    python -m benchmarks.same_tables record AFTER      # with the version after it
+    python -m benchmarks.same_tables compare BEFORE AFTER
+
+The runs are the demo, 7-Scenes, KITTI and a small simulated light stage. `compare` reads every Parquet table of every
+run. Columns of one name must hold the same bytes, row by row. A table, or a column, that only one side has is listed;
+so is one that `RENAMED` says was replaced, after its content was compared. Exit status 1 if a number differs.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import polars as pl
+
+DATA = Path(os.environ.get("TRACKNOISE_DATA", "../shared/data"))
+STAGE = ["simulate", "--layout", "dtu", "--scenes", "2", "--width", "400", "--height", "300", "--image-format", "bmp"]
+
+
+def record(out: Path) -> None:
+    """Make the four runs with the `tracknoise` that this interpreter imports."""
+    stage = out / "data" / "dtu"
+    commands = [
+        ["demo", "--out", str(out / "demo")],
+        ["run", "examples/sevenscenes.toml", "--data", str(DATA / "sevenscenes"), "--out", str(out / "sevenscenes")],
+        ["run", "kitti", "--data", str(DATA / "kitti"), "--out", str(out / "kitti")],
+        [*STAGE, "--out", str(stage)],
+        ["run", "dtu", "--data", str(stage), "--out", str(out / "dtu")],
+    ]
+    for command in commands:
+        print("tracknoise", *command, flush=True)
+        program = "from tracknoise.cli.app import main; main()"
+        subprocess.run([sys.executable, "-c", program, *command, "--quiet"], check=True)
+
+
+def compare(before: Path, after: Path) -> int:
+    """Print what differs, run by run; return how many columns hold other values."""
+    wrong = 0
+    for name in ("demo", "sevenscenes", "kitti", "dtu"):
+        differences, same = [], 0
+        tables = sorted({*_tables(before / name), *_tables(after / name)})
+        for table in tables:
+            found = list(_differences(before / name / table, after / name / table))
+            same += not found
+            differences += [f"{table}: {line}" for line in found]
+        wrong += sum("differs" in line for line in differences)
+        print(f"{name}: {same} of {len(tables)} tables the same in every column")
+        for line in _folded(differences):
+            print(f"  {line}")
+    print("no number differs" if not wrong else f"{wrong} columns differ")
+    return int(wrong > 0)
+
+
+def _tables(run: Path) -> list[Path]:
+    return [path.relative_to(run) for path in run.rglob("*.parquet")]
+
+
+def _differences(before: Path, after: Path) -> Iterator[str]:
+    if not before.exists() or not after.exists():
+        yield "only before" if before.exists() else "only after"
+        return
+    old, new = pl.read_parquet(before), pl.read_parquet(after)
+    if old.height != new.height:
+        yield f"differs: {old.height} rows, then {new.height}"
+        return
+    for name in [*old.columns, *(column for column in new.columns if column not in old.columns)]:
+        if name not in old.columns or name not in new.columns:
+            yield f"column {name} only {'before' if name in old.columns else 'after'}"
+        elif not _same_bytes(old[name], new[name]):
+            yield f"column {name} differs"
+
+
+def _same_bytes(old: pl.Series, new: pl.Series) -> bool:
+    """Whether two columns have one type and the same bits: 0.0 is not -0.0 here."""
+    if old.dtype != new.dtype or not old.is_null().equals(new.is_null()):
+        return False
+    if old.dtype.is_float():
+        kind = pl.Int64 if old.dtype == pl.Float64 else pl.Int32
+        old, new = (column.drop_nulls().reinterpret(dtype=kind) for column in (old, new))
+    return old.equals(new)
+
+
+def _folded(lines: list[str]) -> list[str]:
+    """One line for all sequences of which the same is said."""
+    said: dict[str, int] = {}
+    for line in lines:
+        path, _, text = line.partition(": ")
+        said[f"{Path(path).parent}: {text}"] = said.get(f"{Path(path).parent}: {text}", 0) + 1
+    return [f"{text} ({count} tables)" if count > 1 else text for text, count in said.items()]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    actions = parser.add_subparsers(dest="action", required=True)
+    actions.add_parser("record").add_argument("out", type=Path)
+    comparing = actions.add_parser("compare")
+    comparing.add_argument("before", type=Path)
+    comparing.add_argument("after", type=Path)
+    chosen = parser.parse_args()
+    if chosen.action == "compare":
+        return compare(chosen.before, chosen.after)
+    record(chosen.out)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

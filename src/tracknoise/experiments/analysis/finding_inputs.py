@@ -1,0 +1,100 @@
+"""What findings are made from: of the tables of single sequences, the part that is needed, all sequences together."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import polars as pl
+
+from tracknoise.findings.sampling.resampling import MIN_SCENES
+from tracknoise.statistics.conditions import TablesByCondition, by_condition
+from tracknoise.statistics.effects import ReferenceCondition
+from tracknoise.statistics.grouping import POOLED
+from tracknoise.tables.schema import ORIGIN, VIEW
+from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
+
+
+@dataclass(frozen=True, slots=True)
+class FindingInputs:
+    """Tables of all sequences of a run.
+
+    Those that several findings are made from are held in memory together and grow with the count of sequences, so that
+    each is cut down as it is read, and held by condition, so that no finding needs a copy of all of it.
+
+    Attributes
+    ----------
+    moments
+        Of the visible observations, and of those that the experiment is about.
+    aspects, changes
+        Of the reference view at the lowest speed, which figures show; aspects are read as they are asked for, once.
+    aspect_blocks
+        Of these, where scenes are too few to be resampled.
+    blocks
+        Where they are.
+    ends
+        By block there, otherwise of all blocks together, as block 0.
+    frames
+        All.
+    """
+
+    moments: TablesByCondition
+    aspects: Iterator[pl.DataFrame]
+    changes: TablesByCondition
+    aspect_blocks: TablesByCondition
+    blocks: TablesByCondition
+    ends: TablesByCondition
+    frames: TablesByCondition
+
+    @classmethod
+    def read(cls, run: RunFolder, population: str, view: ReferenceCondition) -> "FindingInputs":
+        """Read them from a run.
+
+        Parameters
+        ----------
+        run
+            With at least one measured sequence.
+        population
+            Which observations the experiment is about.
+        view
+            Which view figures are about.
+
+        Raises
+        ------
+        StoreError, SchemaError
+            If a table is damaged.
+        """
+        entries = run.manifest().sequences
+        every = sorted(entries)
+        shown = [key for key in every if all(getattr(entries[key], name) == getattr(view, name) for name in VIEW)]
+        slowest = pl.col("speed") == view.speed
+
+        def read(name: str, keys: list[str], reduce: Callable[[pl.DataFrame], pl.DataFrame]) -> TablesByCondition:
+            tables = (run.sequence_table(name, key) for key in keys)
+            return by_condition(tables, SEQUENCE_TABLES[name], name, reduce)
+
+        seen = (pl.col("n") > 0) & pl.col("population").is_in(sorted({"visible", population}))
+        frames = read("frames", every, lambda table: table)
+        of_few = [key for key, table in frames.items() if table["scene"].n_unique() < MIN_SCENES]
+        few = pl.DataFrame(of_few, schema={name: ORIGIN[name] for name in POOLED}, orient="row")
+        return cls(
+            moments=read("moments", every, lambda table: table.filter(seen)),
+            aspects=(run.sequence_table("aspects", key).filter(slowest) for key in shown),
+            changes=read("increments", shown, lambda table: table.filter(slowest)),
+            aspect_blocks=read(
+                "aspect_blocks", [] if few.is_empty() else shown, lambda table: _of(few, table.filter(slowest))
+            ),
+            blocks=read("blocks", [] if few.is_empty() else every, lambda table: _of(few, table)),
+            ends=read("ends", every, lambda table: _ends(table, few)),
+            frames=frames,
+        )
+
+
+def _of(conditions: pl.DataFrame, table: pl.DataFrame) -> pl.DataFrame:
+    return table.join(conditions, on=POOLED, how="semi", maintain_order="left")
+
+
+def _ends(ends: pl.DataFrame, few: pl.DataFrame) -> pl.DataFrame:
+    """Counts by block where scenes are few, otherwise of all blocks together."""
+    key = [*ORIGIN, "block", "lifetime"]
+    marked = ends.join(few.with_columns(is_few=pl.lit(value=True)), on=POOLED, how="left")
+    named = marked.with_columns(block=pl.when("is_few").then("block").otherwise(pl.lit(0, dtype=pl.UInt8)))
+    return named.group_by(key).agg(pl.col("n_ended", "n_censored").sum()).sort(key)

@@ -1,0 +1,120 @@
+"""From the statistics of a run to what can be believed of them: intervals, tests, verdicts, and sentences."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TypedDict
+
+import polars as pl
+
+from tracknoise.experiments.analysis.finding_inputs import FindingInputs
+from tracknoise.experiments.analysis.reference_condition import reference_condition
+from tracknoise.experiments.settings import Experiment
+from tracknoise.findings.factors.dependence import dependence
+from tracknoise.findings.growth.grown import ONE_STEP
+from tracknoise.findings.growth.time_structure import time_structure
+from tracknoise.findings.headlines.document import findings_json
+from tracknoise.findings.headlines.headlines import headlines
+from tracknoise.findings.headlines.scope import Scope
+from tracknoise.findings.intervals.intervals import intervals
+from tracknoise.findings.shape.gaussianity import gaussianity
+from tracknoise.findings.zero_mean import zero_mean
+from tracknoise.sequences.sequence import TruthKind
+from tracknoise.statistics.aspects import aspect_curves
+from tracknoise.statistics.change_curves import change_curves
+from tracknoise.statistics.effects import ReferenceCondition
+from tracknoise.statistics.trimming import dropped_above
+from tracknoise.tables.store import RunFolder
+
+
+def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping[str, pl.DataFrame]) -> None:
+    """Compute the findings of a run from its scenes' moments and write them, as tables and as ``findings.json``.
+
+    Parameters
+    ----------
+    run
+        With at least one measured sequence.
+    experiment
+        Says where curves are cut, and which population errors are of.
+    statistics
+        What `tracknoise.experiments.analysis.run_statistics.compute_statistics` made of it.
+
+    Raises
+    ------
+    StoreError, SchemaError
+        If a table is damaged, or the folder cannot be written.
+    """
+    view = reference_condition(run.manifest(), experiment, statistics["outliers"])
+    tables = _tables(run, experiment, statistics, view)
+    tables["findings"] = headlines({**statistics, **tables}, _scope(run, experiment, statistics["trims"], view))
+    run.write_statistics(tables)
+    run.write_findings(findings_json({**statistics, **tables}))
+
+
+class _Options(TypedDict):
+    key_frames: Mapping[str, int]
+    min_features: int
+    level: float
+
+
+def _tables(
+    run: RunFolder, experiment: Experiment, statistics: Mapping[str, pl.DataFrame], view: ReferenceCondition
+) -> dict[str, pl.DataFrame]:
+    population, least = experiment.truth.population, experiment.statistics.min_features
+    neighbours: list[pl.DataFrame] = []
+    moved = _keeping(run.sequence_tables("increments"), neighbours, ONE_STEP)  # all are read only once
+    pooled = {  # first, since nothing else is to be held for them
+        "aspect_curves": aspect_curves(run.sequence_tables("aspects"), min_features=least),
+        "changes": change_curves(moved),
+    }
+    finding_inputs = FindingInputs.read(run, population, view)
+    moments, ends, frames = finding_inputs.moments, finding_inputs.ends, finding_inputs.frames
+    blocks, curves, zeros = finding_inputs.blocks, statistics["curves"], view.key_frames
+    asked = experiment.findings
+    options: _Options = {"key_frames": zeros, "min_features": least, "level": asked.level}
+    shapes = gaussianity(moments, run.sequence_tables("samples"), **options)
+    return {
+        **pooled,
+        "intervals": intervals(
+            moments,
+            ends,
+            frames,
+            blocks=blocks,
+            aspects=finding_inputs.aspects,
+            changes=finding_inputs.changes,
+            aspect_blocks=finding_inputs.aspect_blocks,
+            population=population,
+            kind=asked.intervals,
+            level=asked.level,
+        ),
+        "zero_mean": zero_mean(moments, curves, key_frames=zeros, population=population),
+        "gaussianity": shapes.gaussianity,
+        "radii": shapes.radii,
+        "time_structure": time_structure(moments, neighbours, blocks=blocks, **options),
+        "dependence": dependence(
+            moments,
+            ends,
+            frames,
+            curves,
+            statistics["effects"],
+            key_frames=zeros,
+            population=population,
+            level=asked.level,
+        ),
+    }
+
+
+def _keeping(tables: Iterable[pl.DataFrame], kept: list[pl.DataFrame], rows: pl.Expr) -> Iterator[pl.DataFrame]:
+    """Tables as they come, of each of which some rows are kept."""
+    for table in tables:
+        kept.append(table.filter(rows))
+        yield table
+
+
+def _scope(run: RunFolder, experiment: Experiment, trims: pl.DataFrame, view: ReferenceCondition) -> Scope:
+    truths = {entry.truth for entry in run.manifest().sequences.values()}
+    return Scope(
+        view,
+        [tracker.label for tracker in experiment.trackers],
+        population=experiment.truth.population,
+        percentile=dropped_above(trims),
+        recorded=truths != {TruthKind.raycast},
+    )

@@ -1,0 +1,66 @@
+"""From the tables of single sequences to the statistics of the whole run."""
+
+import polars as pl
+
+from tracknoise.experiments.analysis.reference_condition import reference_condition
+from tracknoise.experiments.settings import Experiment
+from tracknoise.statistics.counts import merge_counts
+from tracknoise.statistics.curves import curves
+from tracknoise.statistics.effects import effects
+from tracknoise.statistics.histogram import merge_errors
+from tracknoise.statistics.lifetimes import lifetimes_of_ends
+from tracknoise.statistics.outliers import outlier_ratios
+from tracknoise.statistics.summary import summary
+from tracknoise.tables.store import RunFolder
+
+
+def compute_statistics(run: RunFolder, experiment: Experiment) -> dict[str, pl.DataFrame]:
+    """Compute the statistics of a run from its sequences' tables, a few sequences at a time, and write them.
+
+    None of the tables that are read grows with the count of observations, and what is held grows with neither that nor
+    the count of sequences, but for a few rows each. The order of the sequences is that of their keys, so that the
+    result does not depend on which was measured first.
+
+    Parameters
+    ----------
+    run
+        With at least one measured sequence.
+    experiment
+        Says where curves are cut, and which population the summary is of.
+
+    Returns
+    -------
+    dict
+        What was written: the tables of `STATISTICS_TABLES`, by name.
+
+    Raises
+    ------
+    StoreError, SchemaError
+        If a table is damaged, or the folder cannot be written.
+    """
+    tables = {
+        "curves": curves(run.sequence_tables("moments"), min_features=experiment.statistics.min_features),
+        "lifetimes": lifetimes_of_ends(run.sequence_tables("ends")),
+        "outliers": outlier_ratios(run.sequence_tables("frames")),
+        "trims": pl.concat(run.sequence_tables("trims")),
+        "errors": merge_errors(run.sequence_tables("errors")),
+        "counts": merge_counts(run.sequence_tables("counts")),
+    }
+    view = reference_condition(run.manifest(), experiment, tables["outliers"])
+    tables["summary"] = summary(
+        tables["curves"],
+        tables["lifetimes"],
+        tables["outliers"],
+        key_frame=view.key_frames.get(view.direction, 0),
+        population=experiment.truth.population,
+    )
+    tables["effects"] = effects(
+        tables["curves"],
+        tables["lifetimes"],
+        tables["outliers"],
+        reference=view,
+        population=experiment.truth.population,
+        margin=experiment.findings.margin,
+    )
+    run.write_statistics(tables)
+    return tables

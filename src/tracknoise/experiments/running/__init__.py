@@ -1,0 +1,1 @@
+"""Planning, measuring and resuming a run: the only place that knows Dask."""

@@ -1,0 +1,145 @@
+"""Which sequences and conditions an experiment consists of."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.experiments.settings import DatasetSettings, Experiment
+from tracknoise.sequences.registry import make_reader, open_together
+from tracknoise.sequences.sequence import Direction, FilteringReader, Sequence, SequenceId, SharingReader
+from tracknoise.sequences.views import view
+from tracknoise.tables.store import sequence_key
+from tracknoise.trackers.registry import make_tracker
+from tracknoise.trackers.tracker import TrackerSettings
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One sequence of an experiment: small enough to be sent to another machine.
+
+    Parameters
+    ----------
+    experiment
+        Everything that decides the numbers.
+    sequence
+        Which sequence to measure.
+    speeds
+        At which speeds.
+    inputs
+        Hash of the files besides the images that the numbers depend on: see `tracknoise.experiments.running.inputs`.
+    """
+
+    experiment: Experiment
+    sequence: SequenceId
+    speeds: tuple[int, ...]
+    inputs: str = ""
+
+    @property
+    def key(self) -> str:
+        """File name, without extension, of the sequence's tables."""
+        name = self.sequence
+        return sequence_key(name.scene, name.lighting, name.rotation, name.direction)
+
+
+def plan(experiment: Experiment) -> list[Task]:
+    """List the sequences of an experiment, from file names alone.
+
+    Raises
+    ------
+    TracknoiseError
+        If the reader, one of its options, a scene or a lighting is unknown, or the data's folder is wrong.
+    """
+    dataset = experiment.dataset
+    listed = make_reader(*_reader_arguments(dataset)).sequences()
+    _check_selected("scene", dataset.scenes, {item.scene for item in listed})
+    for lightings in (dataset.lightings, *(way.lightings for way in experiment.views)):
+        _check_selected("lighting", lightings, {item.lighting for item in listed})
+    chosen = [item for item in listed if _is_selected(item, dataset)]
+    if not chosen:
+        raise SettingsError("no sequence has both a scene and a lighting that the experiment names")
+    scenes = sorted({item.scene for item in chosen})[: dataset.max_scenes]
+    return [
+        Task(
+            experiment,
+            replace(item, rotation=way.rotation, direction=way.direction),
+            tuple(way.speeds or experiment.speeds),
+        )
+        for item in chosen
+        if item.scene in scenes
+        for way in experiment.views
+        if way.lightings is None or item.lighting in way.lightings
+    ]
+
+
+def left_out(experiment: Experiment) -> dict[str, str]:
+    """Why scenes that the data hold are not in the plan, by scene: what their reader says.
+
+    Raises
+    ------
+    TracknoiseError
+        If what decides it cannot be read.
+    """
+    reader = make_reader(*_reader_arguments(experiment.dataset))
+    return reader.left_out() if isinstance(reader, FilteringReader) else {}
+
+
+def batches(tasks: list[Task]) -> list[list[Task]]:
+    """Put together the tasks whose sequences share what they read: those of one scene, played alike.
+
+    Readers that share nothing get a batch a task, so that more can go on at the same time.
+    """
+    if not tasks or not isinstance(make_reader(*_reader_arguments(tasks[0].experiment.dataset)), SharingReader):
+        return [[task] for task in tasks]
+    together: dict[tuple[str, str, tuple[int, ...]], list[Task]] = {}
+    for task in tasks:
+        together.setdefault((task.sequence.scene, task.sequence.direction, task.speeds), []).append(task)
+    return list(together.values())
+
+
+def make_trackers(experiment: Experiment) -> dict[str, TrackerSettings]:
+    """The settings of each tracker of an experiment, by name.
+
+    Raises
+    ------
+    UnknownNameError, SettingsError
+        If a tracker or an option is unknown, or a value is wrong.
+    """
+    return {choice.label: make_tracker(choice.kind, choice.options) for choice in experiment.trackers}
+
+
+def open_batch(tasks: list[Task]) -> list[Sequence]:
+    """Open the sequences of a batch, as the experiment wants to see them.
+
+    Raises
+    ------
+    TracknoiseError
+        If their data cannot be used.
+    """
+    dataset = tasks[0].experiment.dataset
+    recorded = [replace(task.sequence, rotation=0, direction=Direction.forward) for task in tasks]
+    once = list(dict.fromkeys(recorded))
+    opened = dict(zip(once, open_together(make_reader(*_reader_arguments(dataset)), once), strict=True))
+    return [
+        view(
+            opened[name],
+            n_frames=dataset.max_frames,
+            direction=task.sequence.direction,
+            rotation=task.sequence.rotation,
+        )
+        for name, task in zip(recorded, tasks, strict=True)
+    ]
+
+
+def _reader_arguments(dataset: DatasetSettings) -> tuple[str, Path | None, dict[str, object]]:
+    return dataset.reader, dataset.root, dataset.options
+
+
+def _check_selected(kind: str, names: list[str] | None, known: set[str]) -> None:
+    for name in names or []:
+        if name not in known:
+            raise UnknownNameError(kind, name, known)
+
+
+def _is_selected(sequence: SequenceId, dataset: DatasetSettings) -> bool:
+    wanted_scene = dataset.scenes is None or sequence.scene in dataset.scenes
+    return wanted_scene and (dataset.lightings is None or sequence.lighting in dataset.lightings)

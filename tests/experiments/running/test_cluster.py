@@ -1,0 +1,159 @@
+"""Measured by several processes, some of which are killed: a run ends as if one had done it all in peace."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from dataclasses import replace
+
+import cv2
+import psutil
+import pytest
+from distributed import Client
+
+from tracknoise.exceptions import SettingsError, StoreError
+from tracknoise.experiments.running.cluster import Job, measure_locally
+from tracknoise.experiments.running.execute import execute
+from tracknoise.experiments.running.failures import FailureKind
+from tracknoise.experiments.running.lock import hold
+from tracknoise.experiments.running.plan import batches, plan
+from tracknoise.experiments.running.provenance import new_manifest
+from tracknoise.experiments.running.task import attempt
+from tracknoise.tables.store import RunFolder
+
+CLI = "from distributed.cli.dask_{0} import main; main()"
+
+
+@pytest.fixture
+def scheduler(tmp_path):
+    """Starts a scheduler and two workers, each a process of its own; gives its address and the workers."""
+    processes = []
+
+    def start(name, *arguments):
+        command = [sys.executable, "-c", CLI.format(name), *arguments]
+        log = (tmp_path / f"{name}-{len(processes)}.log").open("wb")
+        with log:
+            processes.append(subprocess.Popen(command, stdout=log, stderr=log, cwd=tmp_path))
+        return processes[-1]
+
+    where = tmp_path / "scheduler.json"
+    start("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", where)
+    options = ("--scheduler-file", where, "--nthreads", "1", "--no-nanny", "--no-dashboard", "--death-timeout", "60")
+    workers = [start("worker", *options, "--local-directory", tmp_path) for _ in range(2)]
+    with Client(scheduler_file=str(where), timeout=60) as client:
+        client.wait_for_workers(2, timeout=60)
+        yield client.scheduler.address, workers
+    for process in processes:
+        process.kill()
+        process.wait()
+
+
+class Killer:
+    """Listens to a run, and kills a process when the first sequence is measured and others are under way."""
+
+    def __init__(self, told, victim):
+        self.told, self.victim = told, victim
+
+    def __getattr__(self, name):
+        return getattr(self.told, name)
+
+    def measured(self, key, entry):
+        if not self.told.keys:
+            os.kill(self.victim(), signal.SIGKILL)
+        self.told.measured(key, entry)
+
+
+@pytest.fixture
+def long_scenes(scenes, tmp_path, told):
+    """Six scenes of some tenths of a second each, and the run of them in peace."""
+    experiment, whole = scenes(6, 60), RunFolder(tmp_path / "whole")
+    execute(experiment, whole, listener=told())
+    return experiment, whole
+
+
+def test_a_scheduler_with_two_workers_one_of_which_is_killed(scheduler, long_scenes, tmp_path, told, files):
+    (address, workers), (experiment, whole) = scheduler, long_scenes
+    run, listener = RunFolder(tmp_path / "run"), Killer(told(), lambda: workers[0].pid)
+    outcome = execute(experiment, run, listener=listener, scheduler=address)
+    assert workers[0].wait(timeout=60) == -signal.SIGKILL
+    assert outcome.failures == {}
+    assert files(run) == files(whole)
+    assert listener.told.remarks[0] == f"scheduler {address}: 2 workers"
+
+
+def test_a_local_worker_that_is_killed(long_scenes, tmp_path, told, files):
+    experiment, whole = long_scenes
+    run, listener = RunFolder(tmp_path / "run"), Killer(told(), lambda: spawned()[0].pid)
+    outcome = execute(experiment, run, listener=listener, workers=2)
+    assert outcome.failures == {}
+    assert files(run) == files(whole)
+    (retried,) = [text for text in listener.told.remarks if not text.startswith("dashboard")]
+    assert "the worker died while measuring it (killed, or out of memory); it is tried again" in retried
+    assert spawned() == []
+
+
+def spawned() -> list[psutil.Process]:
+    """The workers of this process."""
+    return [child for child in psutil.Process().children(recursive=True) if "spawn_main" in " ".join(child.cmdline())]
+
+
+def test_local_workers_load_every_library_with_one_thread(told):
+    """`os.getenv` is the job here, and variables are the batches."""
+    names = ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS"]
+    assert dict(measure_locally(os.getenv, names, workers=1, remark=told().remark)) == dict.fromkeys(names, "1")
+
+
+def test_a_batch_that_kills_its_worker_is_a_failure_that_names_it(told):
+    """`os._exit` is the job here, and exit codes are the batches."""
+    results = list(measure_locally(os._exit, [3, 4], workers=1, remark=told().remark))
+    assert [batch for batch, _ in results] == [3, 4]
+    assert {(result.kind, result.attempts) for _, result in results} == {(FailureKind.transient, 1)}
+    assert all(result.place.startswith("tcp://127.0.0.1:") for _, result in results)
+
+
+@pytest.mark.parametrize(
+    ("address", "reason"),
+    [("nonsense", "missing port number"), ("carrier://pigeon:1", "unknown address scheme"), ("tcp://x:port", "port")],
+)
+def test_an_address_that_is_none_is_one_line_and_leaves_nothing(address, reason, scenes, tmp_path, told):
+    run = RunFolder(tmp_path / "run")
+    with pytest.raises(SettingsError, match=rf"scheduler {address}: cannot be reached \(.*{reason}"):
+        execute(scenes(1), run, listener=told(), scheduler=address)
+    assert not run.lock_path.exists()
+    assert run.manifest().sequences == {}
+
+
+@pytest.fixture
+def threads():
+    """A worker sets the count of OpenCV's threads for good."""
+    before = cv2.getNumThreads()
+    yield
+    cv2.setNumThreads(before)
+
+
+@pytest.mark.usefixtures("threads")
+def test_a_worker_pins_threads_and_refuses_other_libraries_and_other_folders(scenes, tmp_path):
+    run, experiment = RunFolder(tmp_path / "run"), scenes(1)
+    (batch,) = batches(plan(experiment))
+    versions = new_manifest(experiment).versions
+    with hold(run) as claim:
+        cv2.setNumThreads(2)
+        (entry,) = Job(run, claim, versions, False)(batch)
+        assert cv2.getNumThreads() == 1
+        assert run.has_sequence(entry)
+        with pytest.raises(SettingsError, match=rf"worker on {socket.gethostname()}: polars .* expected 1.0"):
+            Job(run, claim, {**versions, "polars": "1.0"}, False)(batch)
+        with pytest.raises(StoreError, match="expected the same folder on every machine"):
+            Job(run, replace(claim, path=tmp_path / "elsewhere", patience_s=0), versions, False)(batch)
+
+
+def test_a_worker_whose_program_is_gone_writes_nothing(scenes, tmp_path):
+    run = RunFolder(tmp_path / "run")
+    (batch,) = batches(plan(scenes(1)))
+    with hold(run) as first:
+        claim = replace(first, patience_s=0)
+    with hold(run):
+        result = attempt(batch, run, claim=claim)
+        assert result.kind is FailureKind.fatal
+        assert [path.name for path in run.path.iterdir()] == [run.lock_path.name]

@@ -1,0 +1,51 @@
+"""The table of poses holds the camera path as the sequence has it."""
+
+import numpy as np
+import pytest
+
+from tracknoise.experiments.running.execute import execute
+from tracknoise.experiments.running.plan import open_batch, plan
+from tracknoise.experiments.settings import parse_experiment
+from tracknoise.geometry.pose import from_quaternion
+from tracknoise.tables.store import RunFolder
+
+TEXT = """
+name = "poses"
+[dataset]
+reader = "simulated"
+[dataset.options]
+motions = ["arvr"]
+frames = 6
+width = 80
+height = 60
+[[views]]
+rotation = 90
+direction = "backward"
+[[trackers]]
+kind = "lucas-kanade"
+[statistics]
+min_features = 2
+"""
+
+
+class Silent:
+    """Listens to a run and says nothing."""
+
+    def __getattr__(self, name):
+        return lambda *arguments: None
+
+
+def test_poses_come_back(tmp_path) -> None:
+    experiment = parse_experiment(TEXT, place="poses.toml")
+    run = RunFolder(tmp_path / "run")
+    execute(experiment, run, listener=Silent())
+    tasks = plan(experiment)
+    (sequence,) = open_batch(tasks)
+    table = run.sequence_table("poses", tasks[0].key)
+    assert table["frame"].to_list() == list(range(6))
+    assert table.select("rotation", "direction").unique().rows() == [(90, "backward")]
+    assert table["qw"].min() >= 0
+    quaternions = table.select("qx", "qy", "qz", "qw").to_numpy()
+    found = from_quaternion(table.select("x_m", "y_m", "z_m").to_numpy(), quaternions)
+    np.testing.assert_allclose(found, sequence.world_from_camera, atol=1e-12)
+    assert np.linalg.norm(quaternions, axis=1) == pytest.approx(1)

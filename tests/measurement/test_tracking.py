@@ -1,0 +1,104 @@
+import numpy as np
+import pytest
+
+from tracknoise.exceptions import DataError, SettingsError
+from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.depth import DepthMap
+from tracknoise.measurement.scene import measure_scene
+from tracknoise.measurement.tracking import TrackerSetup
+from tracknoise.sequences.sequence import Direction, Scan, SequenceId, TruthKind
+from tracknoise.sequences.views import view
+from tracknoise.trackers.imported import Imported
+
+
+class Wall:
+    """Five frames of a camera that stands 2 m before a wall."""
+
+    id = SequenceId("case", "wall")
+    source = "the wall"
+    camera = Camera(40, 30, 100.0, 100.0, 19.5, 14.5)
+    world_from_camera = np.tile(np.eye(4), (5, 1, 1))
+    truths = (TruthKind.birth,)
+    notes = ()
+    surface = None
+
+    def __len__(self) -> int:
+        return 5
+
+    def image(self, index: int) -> np.ndarray:
+        return np.zeros((30, 40), np.uint8)
+
+    def depth(self, index: int) -> DepthMap:
+        return DepthMap(np.full((30, 40), 2.0), np.full((30, 40), fill_value=True))
+
+
+def measured(tmp_path, last_frame: int):
+    path = tmp_path / "tracks.csv"
+    path.write_text("track,frame,u_px,v_px\n" + "".join(f"0,{k},9.0,9.0\n" for k in range(last_frame + 1)))
+    return measure_scene(Wall(), [TrackerSetup("imported", Imported(str(path)), 1)], max_frames=2)
+
+
+def test_a_tracker_is_told_the_length_of_the_sequence_not_of_the_part_that_is_read(tmp_path):
+    assert measured(tmp_path, last_frame=4).observations["frame"].to_list() == [0, 1]
+    with pytest.raises(DataError, match=r"tracks.csv:7: frame 5, expected a frame from 0 to 4 of the sequence$"):
+        measured(tmp_path, last_frame=5)
+
+
+class Scanned(Wall):
+    """The wall, with a point of it seen in the middle of pixel (9, 9) of frame 1."""
+
+    truths = (TruthKind.scan,)
+    scan = Scan(np.array([[-0.21, -0.11, 2.0]]), 1)
+
+
+def test_the_frame_kept_for_drawing_is_not_the_key_frame_but_half_way_from_it_to_the_end(tmp_path):
+    path = tmp_path / "tracks.csv"
+    path.write_text("track,frame,u_px,v_px\n" + "".join(f"0,{k},9.0,9.0\n" for k in range(5)))
+    conditions = [TrackerSetup("imported", Imported(str(path)), 1)]
+    assert measure_scene(Scanned(), conditions).snapshot_frame == 3
+    assert measure_scene(Wall(), conditions).snapshot_frame == 2
+
+
+def test_a_speed_that_passes_over_the_key_frame_and_a_run_that_ends_before_it_are_refused(tmp_path):
+    path = tmp_path / "tracks.csv"
+    path.write_text("track,frame,u_px,v_px\n0,0,9.0,9.0\n")
+    imported = Imported(str(path))
+    with pytest.raises(
+        SettingsError, match="the wall: found speed 2, which passes over the key frame 1, expected a speed"
+    ):
+        measure_scene(Scanned(), [TrackerSetup("imported", imported, 2)])
+    late = Scanned()
+    late.scan = Scan(Scanned.scan.points_world, 3)
+    with pytest.raises(DataError, match="the wall: 3 frames, expected at least 4, to reach the key frame"):
+        measure_scene(late, [TrackerSetup("imported", imported, 1)], max_frames=3)
+    backward = view(late, n_frames=3, direction=Direction.backward, rotation=0)
+    with pytest.raises(DataError, match="the wall: 3 frames, expected at least 4, to reach the key frame"):
+        measure_scene(backward, [TrackerSetup("imported", imported, 1)])
+
+
+def test_a_scan_that_no_feature_lies_on_is_said_to_be_the_reason(tmp_path):
+    path = tmp_path / "tracks.csv"
+    path.write_text("track,frame,u_px,v_px\n0,0,9.0,9.0\n0,1,9.0,9.0\n")
+    elsewhere = Scanned()
+    elsewhere.scan = Scan(-Scanned.scan.points_world, 1)
+    with pytest.raises(DataError, match=r"the wall: no feature of the key frame 1 on the scan, expected .* in metres"):
+        measure_scene(elsewhere, [TrackerSetup("imported", Imported(str(path)), 1)])
+
+
+class Striped(Wall):
+    """The wall with upright stripes until frame 1, and lying ones from frame 2 on."""
+
+    def image(self, index: int) -> np.ndarray:
+        ramp = (np.arange(40) * 6 if index < 2 else np.arange(30)[:, None] * 8).astype(np.uint8)
+        return np.ascontiguousarray(np.broadcast_to(ramp, (30, 40)))
+
+
+def test_tracks_know_the_gradient_of_the_image_in_their_first_frame(tmp_path):
+    path = tmp_path / "tracks.csv"
+    rows = [(0, 0, 9, 9), (0, 1, 9, 9), (0, 2, 9, 9), (1, 2, 20, 15), (1, 3, 20, 15), (2, 2, 3, 15), (3, 4, 20, 9)]
+    path.write_text("track,frame,u_px,v_px\n" + "".join(f"{t},{k},{u},{v}\n" for t, k, u, v in rows))
+    conditions = [TrackerSetup("imported", Imported(str(path)), speed) for speed in (1, 2)]
+    tracks = measure_scene(Striped(), conditions).tracks
+    across, down = 0.0, float(np.float32(np.pi / 2))
+    for speed in (1, 2):
+        assert tracks.filter(speed=speed)["gradient_rad"].to_list() == [across, down, None, down]

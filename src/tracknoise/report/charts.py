@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import altair as alt
 import polars as pl
+from altair.utils.schemapi import debug_mode
 
 from tracknoise.exceptions import FigureError, UnknownNameError
 from tracknoise.report.evidence import Evidence
@@ -56,8 +57,8 @@ class Charts:
         figure = self._find(self._aliases.get(name, name))
         if isinstance(figure, Absence):
             raise FigureError(f"figure {name!r} cannot be drawn: {figure.why}")
-        # Checking the specification takes seconds; the tests of the figures do it.
-        return Chart.from_dict(specification(figure), validate=False)
+        with debug_mode(False):  # no checks of every part, which take half of the time: tests check all figures
+            return Chart.from_dict(specification(figure), validate=False)
 
     def _find(self, name: str) -> Figure | Absence:
         families = [family for family in FAMILIES if family.id == name] or FAMILIES

@@ -1,5 +1,6 @@
 """A finished run, read from its folder."""
 
+import numpy as np
 import polars as pl
 import pytest
 
@@ -40,6 +41,7 @@ def test_intervals_are_chosen_by_their_columns(run):
     assert found.schema == INTERVALS
     assert set(found["statistic"]) == {"nu", "eta"}
     assert set(found["at"]) == {1, 2, 3}
+    assert found.equals(run.intervals(**wanted | {"at": np.arange(1, 4)}, speed=np.int64(1), coordinate="u"))
     assert found.height < run.intervals(**wanted).height < run.intervals().height
     assert (found["low"] <= found["value"]).all()
 

@@ -54,7 +54,7 @@ def analyse(
     Returns
     -------
     Run
-        As `tracknoise.open_run` returns it. Settings that are not given are those of `docs/experiment.schema.json`.
+        As `tracknoise.open_run` returns it. Settings that are not given have the defaults of an experiment file.
 
     Raises
     ------

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import polars as pl
 
-from tracknoise.api.selection import IntervalColumns, Origin, Wanted, filtered, select
+from tracknoise.api.selection import IntervalColumns, OriginColumns, Wanted, filtered, select
 from tracknoise.exceptions import DataError, SettingsError, StoreError, UnknownNameError
 from tracknoise.tables.schema import ORIGIN, SEQUENCE, Schema
 from tracknoise.tables.store import FINDINGS_TABLES, SEQUENCE_TABLES, STATISTICS_TABLES, RunFolder
@@ -73,9 +73,8 @@ class Run:
         speeds = ", ".join(map(str, self._conditions["speed"].unique().sort()))
         manifest = self._folder.manifest()
         failed = f"; failed: {len(manifest.failures)}" if manifest.failures else ""
-        return (
-            f"<Run {self.path}; sequences: {len(manifest.sequences)}{failed}; trackers: {trackers}; speeds: {speeds}>"
-        )
+        counts = f"sequences: {len(manifest.sequences)}{failed}"
+        return f"<Run {self.path}; {counts}; trackers: {trackers}; speeds: {speeds}>"
 
     @property
     def path(self) -> Path:
@@ -204,7 +203,7 @@ class Run:
             return self._of_sequences(name, wanted)
         raise UnknownNameError("table", name, self.tables())
 
-    def observations(self, **wanted: Unpack[Origin]) -> pl.DataFrame:
+    def observations(self, **wanted: Unpack[OriginColumns]) -> pl.DataFrame:
         """Return single observations with their errors.
 
         Parameters
@@ -228,7 +227,7 @@ class Run:
         """
         return self._of_sequences("observations", wanted)
 
-    def tracks(self, **wanted: Unpack[Origin]) -> pl.DataFrame:
+    def tracks(self, **wanted: Unpack[OriginColumns]) -> pl.DataFrame:
         """Return tracks: where each began, how long it lived, why it ended, and its largest error.
 
         Parameters
@@ -248,7 +247,7 @@ class Run:
         """
         return self._of_sequences("tracks", wanted)
 
-    def track(self, track: int, **wanted: Unpack[Origin]) -> pl.DataFrame:
+    def track(self, track: int, **wanted: Unpack[OriginColumns]) -> pl.DataFrame:
         """Return the observations of one track in the order of its frames.
 
         Parameters

@@ -14,8 +14,8 @@ Wanted: TypeAlias = str | float | Collection[str | float | None] | None
 """One value, or several; None stands for a missing one."""
 
 
-class View(TypedDict, total=False):
-    """How scenes were seen, and by which tracker at which speed; what is not given is not restricted."""
+class ConditionColumns(TypedDict, total=False):
+    """Columns of a condition; a column that is not given is not restricted."""
 
     lighting: Names
     rotation: Numbers
@@ -24,13 +24,13 @@ class View(TypedDict, total=False):
     speed: Numbers
 
 
-class Origin(View, total=False):
-    """Where a row comes from: the same, and which scenes."""
+class OriginColumns(ConditionColumns, total=False):
+    """Columns of a condition and its scenes."""
 
     scene: Names
 
 
-class IntervalColumns(View, total=False):
+class IntervalColumns(ConditionColumns, total=False):
     """Columns of the table of intervals by which rows are chosen: see `tracknoise.tables.findings_schema.INTERVALS`."""
 
     statistic: Names
@@ -80,7 +80,7 @@ def filtered(table: pl.DataFrame, wanted: Mapping[str, Any]) -> pl.DataFrame:
 
 
 def _listed(value: Wanted) -> list[str | float | None]:
-    return [value] if value is None or isinstance(value, str | float | int) else list(value)
+    return list(value) if isinstance(value, Collection) and not isinstance(value, str) else [value]
 
 
 def _require_known(table: pl.DataFrame, column: str, values: list[str | float | None]) -> None:

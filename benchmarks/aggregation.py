@@ -75,7 +75,7 @@ def _measure(sequences: int) -> dict[str, float]:
             name = SequenceId("made up", f"{number:05d}")
             sequence = SimpleNamespace(id=name, world_from_camera=POSES)
             with _timed(clock, "reducing"):
-                tables = tables_to_keep(experiment, sequence, complete(scene))
+                tables = tables_to_keep(experiment, sequence, complete(sequence, scene))
             entry = _entry(name)
             with _timed(clock, "writing"):
                 hashes = run.write_sequence(entry.key, tables, b"")

@@ -76,7 +76,7 @@ def _tables(experiment, seed: int) -> dict[str, pl.DataFrame]:
     scene = made_up("scene", seed=seed, frames=FRAMES, observations=OBSERVATIONS)
     poses = np.broadcast_to(np.eye(4), (FRAMES, 4, 4))
     sequence = SimpleNamespace(id=SequenceId("made up", "scene"), world_from_camera=poses)
-    return tables_to_keep(experiment, sequence, complete(scene))
+    return tables_to_keep(experiment, sequence, complete(sequence, scene))
 
 
 def _renamed(tables: dict[str, pl.DataFrame], names: dict[str, str]) -> dict[str, pl.DataFrame]:

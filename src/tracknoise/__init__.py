@@ -1,16 +1,19 @@
 """Measure how wrong feature tracks are: bias, covariance, drift, outlier ratio and lifetime.
 
-`open_sequence` opens images of known geometry, `measure` runs trackers over them and returns tables of errors, and
-`tracknoise.statistics` summarises these. Names are loaded when first used, so that importing the package is quick.
+`open_sequence` opens images of known geometry. `measure` runs trackers over them and returns tables of errors, and
+`analyse` works out findings from several measurements. `open_run` reads what `tracknoise run` has measured. Names are
+loaded when first used, so that importing the package is quick.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from tracknoise.api.analyse import analyse
+    from tracknoise.api.run import Run, open_run
     from tracknoise.exceptions import TracknoiseError
     from tracknoise.experiments.measure import Measurement, measure
-    from tracknoise.sequences.registry import open_sequence
+    from tracknoise.sequences.registry import open_sequence, open_sequences
     from tracknoise.statistics.curves import curves
     from tracknoise.statistics.lifetimes import lifetimes
     from tracknoise.statistics.outliers import outlier_ratios
@@ -32,11 +35,15 @@ __all__ = [
     "Measurement",
     "Oracle",
     "Rejection",
+    "Run",
     "TracknoiseError",
+    "analyse",
     "curves",
     "lifetimes",
     "measure",
+    "open_run",
     "open_sequence",
+    "open_sequences",
     "outlier_ratios",
     "summary",
 ]
@@ -49,11 +56,15 @@ _HOMES = {
     "Measurement": "experiments.measure",
     "Oracle": "trackers.oracle",
     "Rejection": "trackers.rejection",
+    "Run": "api.run",
     "TracknoiseError": "exceptions",
+    "analyse": "api.analyse",
     "curves": "statistics.curves",
     "lifetimes": "statistics.lifetimes",
     "measure": "experiments.measure",
+    "open_run": "api.run",
     "open_sequence": "sequences.registry",
+    "open_sequences": "sequences.registry",
     "outlier_ratios": "statistics.outliers",
     "summary": "statistics.summary",
 }

@@ -59,5 +59,9 @@ class StoreError(TracknoiseError):
     """A run folder cannot be used: it is missing, damaged, or belongs to another experiment."""
 
 
+class FigureError(TracknoiseError):
+    """A figure cannot be drawn from what a run holds."""
+
+
 class DataWarning(UserWarning):
     """The input was usable only after a correction, which the message names with its size."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from collections.abc import Sequence as Items
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import polars as pl
@@ -26,9 +26,13 @@ class Measurement:
 
     Attributes
     ----------
+    sequence
+        What was measured.
     observations, tracks, frames, moments, trims
         Tables of `tracknoise.tables.schema`. Errors `du_px`, `dv_px` are observed minus true, px; ages count
         frames of the nominal sequence.
+    population
+        The observations that trimming looked at.
     truth
         The kind of truth used.
     key_frame
@@ -39,11 +43,13 @@ class Measurement:
         One frame, (height, width) uint8, to draw the tracks on.
     """
 
+    sequence: Sequence = field(repr=False)
     observations: pl.DataFrame
     tracks: pl.DataFrame
     frames: pl.DataFrame
     moments: pl.DataFrame
     trims: pl.DataFrame
+    population: Population
     truth: TruthKind
     key_frame: int | None
     n_frames: int
@@ -144,11 +150,12 @@ def measure_together(
     scenes = measure_scenes(
         sequences, conditions, truth=truth, scan_rule=scan_rule, max_frames=max_frames, seed=seed, progress=progress
     )
-    for scene in scenes:
-        yield complete(scene, trim_percentile=trim_percentile, trim_among=trim_among, population=population)
+    for sequence, scene in zip(sequences, scenes, strict=True):
+        yield complete(sequence, scene, trim_percentile=trim_percentile, trim_among=trim_among, population=population)
 
 
 def complete(
+    sequence: Sequence,
     scene: SceneTables,
     *,
     trim_percentile: float = 90.0,
@@ -166,11 +173,13 @@ def complete(
     )
     axis = "age" if scene.key_frame is None else "frame"
     return Measurement(
+        sequence=sequence,
         observations=trimmed.observations,
         tracks=trimmed.tracks,
         frames=scene.frames,
         moments=scene_moments(trimmed.observations, axis=axis),
         trims=trimmed.trims,
+        population=population,
         truth=scene.truth,
         key_frame=scene.key_frame,
         n_frames=scene.n_frames,

@@ -1,7 +1,7 @@
 """Readers by name: the built-in ones, and those of other packages' entry points ``tracknoise.sequences``."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
@@ -118,3 +118,30 @@ def open_sequence(
     """
     made = make_reader(reader, None if root is None else Path(root), options)
     return made.open(select(made, scene, lighting))
+
+
+def open_sequences(reader: str, root: str | Path | None = None, **options: object) -> Iterator[Sequence]:
+    """Open every sequence of a data set in turn.
+
+    Parameters
+    ----------
+    reader
+        Name of the format: see `READERS.names()`.
+    root
+        Folder of the data; None for ``simulated``.
+    **options
+        The reader's own settings.
+
+    Yields
+    ------
+    Sequence
+        Each is opened when it is asked for.
+
+    Raises
+    ------
+    TracknoiseError
+        If a name is unknown, an option is wrong, or the data cannot be used.
+    """
+    made = make_reader(reader, None if root is None else Path(root), options)
+    for sequence in made.sequences():
+        yield made.open(sequence)

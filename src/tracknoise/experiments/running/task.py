@@ -84,19 +84,16 @@ def run_batch(
                 claim.check()
             hashes = run.write_sequence(task.key, tables, snapshot)
             seconds = (time.monotonic() - started) / len(batch)
-            entries.append(_entry(task, sequence, measurement, seconds=seconds, sha256=hashes))
+            entries.append(sequence_entry(measurement, seconds=seconds, inputs=task.inputs, sha256=hashes))
     return entries
 
 
-def _entry(
-    task: Task,
-    sequence: Sequence,
-    measurement: Measurement,
-    *,
-    seconds: float,
-    sha256: dict[str, str],
+def sequence_entry(
+    measurement: Measurement, *, sha256: dict[str, str], seconds: float = 0.0, inputs: str = ""
 ) -> SequenceEntry:
-    name = task.sequence
+    """What the manifest says of a measured sequence; see `SequenceEntry` for the parameters."""
+    sequence = measurement.sequence
+    name = sequence.id
     return SequenceEntry(
         dataset=name.dataset,
         scene=name.scene,
@@ -110,7 +107,7 @@ def _entry(
         snapshot_frame=measurement.snapshot_frame,
         seconds=round(seconds, 3),
         notes=sequence.notes,
-        inputs=task.inputs,
+        inputs=inputs,
         key_frame=measurement.key_frame,
         sha256=sha256,
     )

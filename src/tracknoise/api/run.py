@@ -1,0 +1,316 @@
+"""A finished run, read from its folder."""
+
+from collections.abc import Collection, Iterable, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Unpack
+
+import polars as pl
+
+from tracknoise.api.selection import IntervalColumns, OriginColumns, Wanted, filtered, select
+from tracknoise.exceptions import DataError, SettingsError, StoreError, UnknownNameError
+from tracknoise.tables.schema import ORIGIN, SEQUENCE, Schema
+from tracknoise.tables.store import FINDINGS_TABLES, SEQUENCE_TABLES, STATISTICS_TABLES, RunFolder
+
+if TYPE_CHECKING:
+    from tracknoise.report.charts import Chart, Charts
+
+SEQUENCES: Schema = {
+    "sequence": pl.String,
+    **SEQUENCE,
+    "n_frames": pl.Int64,
+    "width": pl.Int64,
+    "height": pl.Int64,
+    "truth": pl.String,
+    "key_frame": pl.Int64,
+    "notes": pl.List(pl.String),
+}
+"""One row per measured sequence: its key, its name, count and size (px) of its images, and the kind of its truth.
+
+key_frame is null where truth is not a scan. notes are what its reader corrected or assumed.
+"""
+FAILURES: Schema = {"sequence": pl.String, "cause": pl.String}
+"""One row per sequence that could not be measured."""
+_CONDITION = ("tracker", "speed")
+
+
+def open_run(path: str | Path) -> "Run":
+    """Open a finished run.
+
+    Parameters
+    ----------
+    path
+        Folder of the run.
+
+    Raises
+    ------
+    StoreError
+        If there is no run, it is not finished, or it is damaged.
+    """
+    folder = RunFolder(Path(path))
+    if not folder.exists:
+        raise StoreError(f"{path}: no run found, expected the folder of a finished run")
+    folder.statistics("summary")
+    return Run(folder)
+
+
+class Run:
+    """A finished run: its findings, intervals, figures and tables.
+
+    Tables are polars data frames. They are read when they are asked for. Made by `open_run` and `analyse`.
+
+    Parameters
+    ----------
+    folder
+        Of a finished run.
+    """
+
+    def __init__(self, folder: RunFolder) -> None:
+        self._folder = folder
+
+    def __repr__(self) -> str:
+        trackers = ", ".join(self._conditions["tracker"].unique(maintain_order=True))
+        speeds = ", ".join(map(str, self._conditions["speed"].unique().sort()))
+        manifest = self._folder.manifest()
+        failed = f"; failed: {len(manifest.failures)}" if manifest.failures else ""
+        counts = f"sequences: {len(manifest.sequences)}{failed}"
+        return f"<Run {self.path}; {counts}; trackers: {trackers}; speeds: {speeds}>"
+
+    @property
+    def path(self) -> Path:
+        """The folder of the run."""
+        return self._folder.path
+
+    def sequences(self) -> pl.DataFrame:
+        """List what was measured.
+
+        Returns
+        -------
+        polars.DataFrame
+            One row per sequence; columns are those of `SEQUENCES`.
+        """
+        entries = sorted(self._folder.manifest().sequences.items())
+        rows = [(key, *(getattr(entry, name) for name in SEQUENCES if name != "sequence")) for key, entry in entries]
+        return pl.DataFrame(rows, schema=dict(SEQUENCES), orient="row")
+
+    def failures(self) -> pl.DataFrame:
+        """List the sequences that could not be measured, with the cause; no result includes them."""
+        return pl.DataFrame(sorted(self._folder.manifest().failures.items()), schema=dict(FAILURES), orient="row")
+
+    def findings(self) -> pl.DataFrame:
+        """Return the findings: one sentence per row, the most important first.
+
+        Returns
+        -------
+        polars.DataFrame
+            Columns rank, topic, text, figure, table, value, low, high and unit. `value` is the number that the sentence
+            is about, `low` and `high` bound its interval. `figure` is the section of the report that shows it, `table`
+            the name of the table that it comes from.
+
+        Raises
+        ------
+        StoreError
+            If the run has no findings, because an earlier version made it.
+        """
+        found = self._folder.statistics("findings")
+        if found.is_empty():
+            raise StoreError(f"{self.path}: holds no findings, expected some: `tracknoise run` makes them")
+        return found.sort("rank")
+
+    def intervals(self, **wanted: Unpack[IntervalColumns]) -> pl.DataFrame:
+        """Return the intervals of all numbers that have one.
+
+        Parameters
+        ----------
+        **wanted
+            Only rows that have these values: statistic, aspect, population, trimming, weighting, axis, at, coordinate,
+            tracker, speed, lighting, rotation, direction. Each is one value or several.
+
+        Returns
+        -------
+        polars.DataFrame
+            One row per number; columns are those of `tracknoise.tables.findings_schema.INTERVALS`.
+
+        Raises
+        ------
+        UnknownNameError
+            If a name is not among those of the run.
+        """
+        return select(self._folder.statistics("intervals"), wanted)
+
+    def figures(self) -> pl.DataFrame:
+        """List the figures in the order of the report.
+
+        Returns
+        -------
+        polars.DataFrame
+            Columns figure (id), section, title, shows, look_for and absent: why there is no chart, null where there is.
+        """
+        return self._charts.table()
+
+    def figure(self, name: str) -> "Chart":
+        """Draw a figure.
+
+        Parameters
+        ----------
+        name
+            Id of a figure, or of a section, which stands for its first figure that can be drawn.
+
+        Returns
+        -------
+        altair.ConcatChart
+            Displays itself in a notebook; `save` writes SVG, PNG, PDF, HTML or JSON, by the file's extension.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such figure.
+        FigureError
+            If there is nothing to draw, with the reason.
+        """
+        return self._charts.chart(name)
+
+    def tables(self) -> list[str]:
+        """Names of the tables that `table` knows, sorted."""
+        return sorted({*STATISTICS_TABLES, *FINDINGS_TABLES, *SEQUENCE_TABLES})
+
+    def table(self, name: str, **wanted: Wanted) -> pl.DataFrame:
+        """Return a table of the run.
+
+        Parameters
+        ----------
+        name
+            One of `tables`. A table that is stored by sequence is put together; one that also exists for the whole run
+            is the latter.
+        **wanted
+            Only rows that have these values: one value or several, by column; None for a missing value.
+
+        Returns
+        -------
+        polars.DataFrame
+            Its columns are described in `tracknoise.tables.schema` and `tracknoise.tables.findings_schema`.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such table or column, or a name is not among those of the run.
+        StoreError, SchemaError
+            If the table is missing or damaged, or the run does not keep it.
+        """
+        if name in STATISTICS_TABLES or name in FINDINGS_TABLES:
+            return select(self._folder.statistics(name), wanted)
+        if name in SEQUENCE_TABLES:
+            return self._of_sequences(name, wanted)
+        raise UnknownNameError("table", name, self.tables())
+
+    def observations(self, **wanted: Unpack[OriginColumns]) -> pl.DataFrame:
+        """Return single observations with their errors.
+
+        Parameters
+        ----------
+        **wanted
+            Only these: scene, lighting, rotation, direction, tracker, speed. Each is one value or several. Only the
+            files of the sequences that are asked for are read.
+
+        Returns
+        -------
+        polars.DataFrame
+            One row per feature and frame in which its tracker found it; columns are those of
+            `tracknoise.tables.schema.OBSERVATIONS`.
+
+        Raises
+        ------
+        UnknownNameError
+            If a name is not among those of the run.
+        StoreError, SchemaError
+            If a file is missing or damaged, or the run keeps statistics alone.
+        """
+        return self._of_sequences("observations", wanted)
+
+    def tracks(self, **wanted: Unpack[OriginColumns]) -> pl.DataFrame:
+        """Return tracks: where each began, how long it lived, why it ended, and its largest error.
+
+        Parameters
+        ----------
+        **wanted
+            As for `observations`.
+
+        Returns
+        -------
+        polars.DataFrame
+            One row per track; columns are those of `tracknoise.tables.schema.TRACKS`.
+
+        Raises
+        ------
+        UnknownNameError, StoreError, SchemaError
+            As for `observations`.
+        """
+        return self._of_sequences("tracks", wanted)
+
+    def track(self, track: int, **wanted: Unpack[OriginColumns]) -> pl.DataFrame:
+        """Return the observations of one track in the order of its frames.
+
+        Parameters
+        ----------
+        track
+            Its number.
+        **wanted
+            As for `observations`; together they must name one sequence, tracker and speed.
+
+        Returns
+        -------
+        polars.DataFrame
+            Columns are those of `observations`.
+
+        Raises
+        ------
+        SettingsError
+            If there are several scenes, trackers, ... to choose from.
+        DataError
+            If there is no such track.
+        UnknownNameError, StoreError, SchemaError
+            As for `observations`.
+        """
+        _require_one(self._chosen(wanted), SEQUENCE, track=track)
+        observations = self.observations(**wanted)
+        _require_one(observations, _CONDITION, track=track)
+        found = observations.filter(pl.col("track") == track).sort("frame")
+        if found.is_empty():
+            raise DataError(self.path, f"no track {track}", f"one of {observations['track'].n_unique()} tracks")
+        return found
+
+    def _chosen(self, wanted: Mapping[str, Any]) -> pl.DataFrame:
+        """Rows of `sequences` whose names are wanted."""
+        return select(self.sequences(), _part(wanted, SEQUENCE))
+
+    def _of_sequences(self, name: str, wanted: Mapping[str, Any]) -> pl.DataFrame:
+        """One table of the sequences that are wanted; each is cut down as it is read, so that little is held."""
+        keys, condition = self._chosen(wanted)["sequence"], _part(wanted, _CONDITION)
+        select(self._conditions, condition)  # a name may be missing from one sequence, but not from the run
+        table = pl.concat(filtered(self._folder.sequence_table(name, key), condition) for key in keys)
+        return select(table, {column: value for column, value in wanted.items() if column not in ORIGIN})
+
+    @cached_property
+    def _conditions(self) -> pl.DataFrame:
+        """Trackers and speeds that were measured."""
+        return self._folder.statistics("outliers").select(_CONDITION).unique(maintain_order=True)
+
+    @cached_property
+    def _charts(self) -> "Charts":
+        from tracknoise.report.charts import Charts
+        from tracknoise.report.evidence import Evidence
+
+        return Charts(Evidence.of(self._folder))
+
+
+def _part(wanted: Mapping[str, Any], columns: Collection[str]) -> dict[str, Any]:
+    return {column: value for column, value in wanted.items() if column in columns}
+
+
+def _require_one(table: pl.DataFrame, columns: Iterable[str], *, track: int) -> None:
+    """Refuse a choice of several scenes, trackers, ... where a track needs one of each."""
+    for column in columns:
+        values = table[column].unique().sort().to_list()
+        if len(values) > 1:
+            found = ", ".join(map(str, values))
+            raise SettingsError(f"track {track}: several values of {column} match ({found}), expected one")

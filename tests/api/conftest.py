@@ -1,0 +1,83 @@
+"""One small finished run for all tests of the API, and the same sequences measured in memory."""
+
+from pathlib import Path
+
+import pytest
+
+import tracknoise as tn
+from tracknoise.experiments.running.execute import execute
+from tracknoise.experiments.settings import parse_experiment
+from tracknoise.tables.store import RunFolder
+
+OPTIONS = {"motions": ["forward", "sideways"], "frames": 8, "width": 200, "height": 150, "supersampling": 1}
+EXPERIMENT = f"""
+name = "demo"
+speeds = [1, 2]
+[dataset]
+reader = "simulated"
+options = {{ {", ".join(f"{name} = {value}" for name, value in OPTIONS.items())} }}
+[[trackers]]
+kind = "lucas-kanade"
+[statistics]
+min_features = 20
+"""
+WITHOUT_OBSERVATIONS = """
+name = "bare"
+keep = "statistics"
+[dataset]
+reader = "simulated"
+options = { motions = ["forward"], frames = 4, width = 64, height = 48, supersampling = 1 }
+[[trackers]]
+kind = "oracle"
+options = { n_features = 20, margin_px = 2 }
+"""
+
+
+class Silent:
+    """Listens to a run and says nothing."""
+
+    def planned(self, keys, done): ...
+
+    def frame(self, key, done, total): ...
+
+    def measured(self, key, entry): ...
+
+    def failed(self, keys, cause): ...
+
+    def remark(self, text): ...
+
+
+@pytest.fixture(scope="session")
+def place(tmp_path_factory) -> Path:
+    """A folder with ``runs/demo``."""
+    folder = tmp_path_factory.mktemp("place")
+    _execute(EXPERIMENT, folder / "runs" / "demo")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def run(place) -> tn.Run:
+    return tn.open_run(place / "runs" / "demo")
+
+
+@pytest.fixture(scope="session")
+def bare_run(tmp_path_factory) -> tn.Run:
+    """One that keeps statistics alone."""
+    return _execute(WITHOUT_OBSERVATIONS, tmp_path_factory.mktemp("bare") / "run")
+
+
+@pytest.fixture(scope="session")
+def measurements() -> list[tn.Measurement]:
+    """What the run measured, measured again."""
+    return [tn.measure(one, tn.LucasKanade(), speeds=[1, 2]) for one in tn.open_sequences("simulated", **OPTIONS)]
+
+
+@pytest.fixture(scope="session")
+def analysis(measurements) -> tn.Run:
+    return tn.analyse(measurements, min_features=20)
+
+
+def _execute(text: str, folder: Path) -> tn.Run:
+    outcome = execute(parse_experiment(text, place="test"), RunFolder(folder), listener=Silent())
+    assert not outcome.failures
+    return tn.open_run(folder)

@@ -11,13 +11,11 @@ import tomlkit
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
-from tracknoise.findings.sampling.resampling import LEVEL
 from tracknoise.sequences.sequence import Direction, TruthKind
-from tracknoise.statistics.effects import MARGIN
+from tracknoise.tables import defaults
+from tracknoise.tables.enumerations import IntervalKind, Population, TrimAmong
 from tracknoise.truth.scan import ScanAnchoring
 
-Population = Literal["visible", "projected"]
-TrimAmong = Literal["all", "followed"]
 Keep = Literal["observations", "statistics"]
 
 
@@ -90,9 +88,9 @@ class TruthSettings(_Section):
 
     kind: Annotated[TruthKind | None, Field(strict=False)] = None
     """How a feature is fixed in the world; by default the best that the data offer."""
-    population: Population = "visible"
+    population: Annotated[Population, Field(strict=False)] = defaults.POPULATION
     """Which observations trimming looks at: `visible`, or all that can be `projected`, the occluded too."""
-    scan_radius_px: Annotated[float, Field(gt=0)] = 0.25
+    scan_radius_px: Annotated[float, Field(gt=0)] = defaults.SCAN_RADIUS_PX
     """How near the projection of a scan point must lie to a feature in the key frame to be associated with it."""
     scan_anchoring: Annotated[ScanAnchoring, Field(strict=False)] = ScanAnchoring.ray
     """What a feature takes of its scan point: the depth along its own `ray`, or the `point` itself."""
@@ -101,24 +99,24 @@ class TruthSettings(_Section):
 class StatisticsSettings(_Section):
     """How errors are summarised."""
 
-    trim_percentile: Annotated[float, Field(gt=0, le=100)] = 90.0
+    trim_percentile: Annotated[float, Field(gt=0, le=100)] = defaults.TRIM_PERCENTILE
     """Drop tracks whose largest error is above this percentile of their scene and condition; 100 drops none."""
-    trim_among: TrimAmong = "all"
+    trim_among: Annotated[TrimAmong, Field(strict=False)] = defaults.TRIM_AMONG
     """Of which tracks that percentile is taken: of `all` that have an error, as in the paper, or of those `followed`,
     which have one away from the frame that fixes their true position, where it is zero by construction."""
-    min_features: Annotated[int, Field(ge=2)] = 100
+    min_features: Annotated[int, Field(ge=2)] = defaults.MIN_FEATURES
     """Cut curves where fewer features than this remain."""
 
 
 class FindingsSettings(_Section):
     """What is asked of the statistics, and how surely; may change from one start of a run to the next."""
 
-    margin: Annotated[float, Field(gt=0, allow_inf_nan=False)] = MARGIN
+    margin: Annotated[float, Field(gt=0, allow_inf_nan=False)] = defaults.MARGIN
     """Largest relative effect of a factor that does not matter."""
-    level: Annotated[float, Field(ge=0.5, le=0.99)] = LEVEL
+    level: Annotated[float, Field(ge=0.5, le=0.99)] = defaults.LEVEL
     """Share of intervals that hold the true value."""
-    intervals: Literal["student", "percentile", "bca"] = "student"
-    """How intervals of curves, lifetimes and outlier ratios are made: see docs/findings.md."""
+    intervals: Annotated[IntervalKind, Field(strict=False)] = defaults.KIND_OF_INTERVAL
+    """How intervals are made: see docs/findings.md, which names the findings that need another kind."""
 
 
 class Experiment(_Section):

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.findings.sampling.resampling import MIN_SCENES
+from tracknoise.findings.sampling.units import MIN_SCENES
 
 EXACT = 12
 """Most scenes of which all flips are used."""

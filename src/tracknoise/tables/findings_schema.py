@@ -6,12 +6,14 @@ them, so that it is conditional on those scenes.
 
 import polars as pl
 
+from tracknoise.tables.enumerations import Behaviour, EffectIntervalKind, IntervalKind, Resampled, Shape
 from tracknoise.tables.schema import CONDITION, POPULATION, TRIMMING, VERDICT, WEIGHTING, Schema
 
-RESAMPLED = pl.Enum(["scenes", "blocks"])
-INTERVAL_KIND = pl.Enum(["student", "percentile", "bca"])
-BEHAVIOUR = pl.Enum(["white", "random walk", "drift", "none", "undecided"])
-SHAPE = pl.Enum(["Gaussian", "heavy-tailed", "contaminated", "light-tailed", "skewed", "undecided"])
+RESAMPLED = pl.Enum(Resampled)
+INTERVAL_KIND = pl.Enum(IntervalKind)
+EFFECT_INTERVAL_KIND = pl.Enum(EffectIntervalKind)
+BEHAVIOUR = pl.Enum(Behaviour)
+SHAPE = pl.Enum(Shape)
 
 _POOLED: Schema = {"dataset": pl.String, **CONDITION}
 
@@ -94,6 +96,7 @@ GAUSSIANITY: Schema = {
     "student_scale_px": pl.Float64,
     "mixture_share": pl.Float64,
     "mixture_ratio": pl.Float64,
+    "kind": INTERVAL_KIND,
     "level": pl.Float64,
     "resampled": RESAMPLED,
     "verdict": SHAPE,
@@ -129,6 +132,8 @@ TIME_STRUCTURE: Schema = {
         for name in ("white_px", "walk_px_per_sqrt_frame", "drift_px_per_frame", "autocorrelation")
         for bound in ("", "_low", "_high")
     },
+    "kind": INTERVAL_KIND,
+    "autocorrelation_kind": INTERVAL_KIND,
     "level": pl.Float64,
     "resampled": RESAMPLED,
     "verdict": BEHAVIOUR,
@@ -150,6 +155,7 @@ DEPENDENCE: Schema = {
     "effect": pl.Float64,
     "low": pl.Float64,
     "high": pl.Float64,
+    "kind": EFFECT_INTERVAL_KIND,
     "level": pl.Float64,
     "margin": pl.Float64,
     "p_yes": pl.Float64,

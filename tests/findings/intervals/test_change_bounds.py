@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 from tracknoise.findings.intervals.change_bounds import correlated
-from tracknoise.findings.intervals.intervals import intervals
+from tracknoise.findings.intervals.table import interval_table
 from tracknoise.findings.sampling.bounds import Method
 from tracknoise.findings.sampling.units import Units
 from tracknoise.statistics.aspect_blocks import aspect_blocks
@@ -37,7 +37,7 @@ def found_of(see_errors, n_scenes: int) -> tuple[pl.DataFrame, pl.DataFrame]:
     moved = increments(seen.observations, seen.tracks)
     tables = scene_moments(seen.observations), count_ends(seen.tracks), empty(FRAME_COUNTS)
     blocks = aspect_blocks(seen.observations, seen.tracks)
-    found = intervals(*tables, changes=moved, aspect_blocks=blocks)
+    found = interval_table(*tables, changes=moved, aspect_blocks=blocks)
     return found.filter(aspect="change"), change_curves(moved)
 
 

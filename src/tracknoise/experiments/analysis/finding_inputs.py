@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import polars as pl
 
-from tracknoise.findings.sampling.resampling import MIN_SCENES
+from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.statistics.conditions import TablesByCondition, by_condition
 from tracknoise.statistics.effects import ReferenceCondition
 from tracknoise.statistics.grouping import POOLED

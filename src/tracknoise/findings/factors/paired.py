@@ -15,9 +15,10 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.findings.factors.largest import Ratios
+from tracknoise.findings.factors.ratios import Ratios
 from tracknoise.findings.sampling.jackknife import degrees, parts
-from tracknoise.findings.sampling.resampling import MIN_SCENES, leave_one_out
+from tracknoise.findings.sampling.resampling import leave_one_out
+from tracknoise.findings.sampling.units import MIN_SCENES
 
 Values = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 """Statistics from counts (...,) and sums (..., columns): (..., values)."""

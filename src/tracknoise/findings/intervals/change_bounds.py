@@ -10,11 +10,13 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.intervals.scalar_bounds import Found
-from tracknoise.findings.sampling.bounds import Bounds, Method, pooled
-from tracknoise.findings.sampling.units import Draws, Units, units_of
+from tracknoise.findings.estimate import EstimateArray
+from tracknoise.findings.sampling.bounds import LabelledEstimates, Method, pooled
+from tracknoise.findings.sampling.draws import Draws
+from tracknoise.findings.sampling.units import Units, units_of
 from tracknoise.statistics.conditions import TablesByCondition
 from tracknoise.statistics.increments import CHANGE
+from tracknoise.tables.enumerations import Axis, Population
 from tracknoise.tables.schema import AXIS, ORIGIN, POPULATION
 
 AUTOCORRELATION = "autocorrelation"
@@ -33,9 +35,9 @@ def _as_moments(increments: pl.DataFrame) -> pl.DataFrame:
     return increments.filter(pl.col("lag") == 0).select(
         pl.lit(CHANGE).alias("aspect"),
         *ORIGIN,
-        pl.lit("visible", dtype=POPULATION).alias("population"),
+        pl.lit(Population.visible, dtype=POPULATION).alias("population"),
         "trimming",
-        pl.lit("age", dtype=AXIS).alias("axis"),
+        pl.lit(Axis.age, dtype=AXIS).alias("axis"),
         pl.col("age").alias("at"),
         "n",
         *_MOMENTS,
@@ -50,7 +52,7 @@ def correlated_changes(increments: TablesByCondition) -> TablesByCondition:
     return {key: part for key, part in pairs.items() if not part.is_empty()}
 
 
-def correlation_bounds(increments: pl.DataFrame, draws: Draws, method: Method) -> Iterator[Found]:
+def correlation_bounds(increments: pl.DataFrame, draws: Draws, method: Method) -> Iterator[LabelledEstimates]:
     """(autocorrelation) at every lag, of u and of v.
 
     Parameters
@@ -65,12 +67,15 @@ def correlation_bounds(increments: pl.DataFrame, draws: Draws, method: Method) -
     units = units_of(increments, increments, points=_POINT, columns=SUMS)
     coordinates = pl.DataFrame({"coordinate": ["u", "v"]})
     labels = coordinates.join(units.points.rename({"lag": "at"}), how="cross").with_columns(
-        statistic=pl.lit(AUTOCORRELATION), axis=pl.lit("lag"), aspect=pl.lit(CHANGE), population=pl.lit("visible")
+        statistic=pl.lit(AUTOCORRELATION),
+        axis=pl.lit("lag"),
+        aspect=pl.lit(CHANGE),
+        population=pl.lit(Population.visible),
     )
-    yield labels, correlated(units, draws.weights(units), method), units
+    yield LabelledEstimates(labels, correlated(units, draws.weights(units), method), units)
 
 
-def correlated(units: Units, weights: NDArray[np.float64], method: Method) -> Bounds:
+def correlated(units: Units, weights: NDArray[np.float64], method: Method) -> EstimateArray:
     """(autocorrelation) of u and of v, with intervals; what a unit weighs in it are the squares of its changes.
 
     Parameters

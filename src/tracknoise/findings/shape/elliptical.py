@@ -10,11 +10,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.findings.shape.mardia import ORDERS
-
 Array = NDArray[np.float64]
 
-_SECOND = ORDERS[:6]
+_SECOND = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+"""Powers (p, q) of u^p v^q."""
 _LOG_2PI = float(np.log(2 * np.pi))
 
 

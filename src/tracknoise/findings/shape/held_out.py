@@ -9,12 +9,11 @@ own optimum to 1e-5 nats. Those of the mixture may not, where its components can
 something of what they knew of the fold that is left out: each of these starts where it always does.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.findings.shape.elliptical import determinant, gathered, terms
+from tracknoise.findings.shape.gains import Gains
 from tracknoise.findings.shape.gaussian import fit_gaussian
 from tracknoise.findings.shape.mardia import whitening
 from tracknoise.findings.shape.mixture import Mixture, fit_mixture
@@ -29,29 +28,6 @@ MAX_FITTED = 768
 """So many errors are fitted at most; all of a fold are told."""
 ROUNDS = 15
 """Of the fits of Student's t that start from that of all errors."""
-
-
-@dataclass(frozen=True, slots=True)
-class Gains:
-    """What was gained on each error, and the fits' parameters; NaN for samples that are too small.
-
-    Attributes
-    ----------
-    student, mixture : (rows,)
-        Log-likelihood less that of the Gaussian, nats.
-    nu, spread : (samples,)
-        Student's degrees of freedom, and the fourth root of the determinant of its scatter: geometric means of the fits
-        of all folds.
-    share, ratio : (samples,)
-        The mixture's: how many errors are of the wider component, and how many times larger its covariance is.
-    """
-
-    student: Array
-    mixture: Array
-    nu: Array
-    spread: Array
-    share: Array
-    ratio: Array
 
 
 def gains(pairs: Array, sample: Rows, fold: Rows, count: int) -> Gains:

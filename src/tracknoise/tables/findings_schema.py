@@ -1,7 +1,9 @@
 """Columns of the tables that hold findings: intervals, tests, verdicts, and the sentences made of them.
 
-Every interval says its level, and what was resampled: `scenes`, or, where scenes are too few, `blocks` of tracks within
-them, so that it is conditional on those scenes.
+Every interval states its level, how it was made (`kind`), and what was resampled: `scenes` or, where scenes are too
+few, `blocks` of tracks within them, so that it is conditional on those scenes. `kind` is the one that the experiment
+asks for, with two exceptions. Shape, and what is fitted to growth, have `bca` in place of `student`
+(`tracknoise.findings.sampling.bounds.Method`). Effects of factors always have `fieller`.
 """
 
 import polars as pl
@@ -37,7 +39,7 @@ INTERVALS: Schema = {
     "n_units": pl.Int32,
     "n_scenes": pl.Int32,
 }
-"""A row a number that has an interval: every point of every curve, and every scalar of every condition.
+"""One row per number that has an interval: every point of every curve, and every scalar of every condition.
 
 aspect `all` is every track in image axes; `change` the changes of their errors from frame to frame, whose
 `autocorrelation` runs along the axis `lag`; others are those of `ASPECTS`. Outlier ratios and lifetimes have no
@@ -64,7 +66,7 @@ ZERO_MEAN: Schema = {
     "verdict": VERDICT,
     "why": pl.String,
 }
-"""Is the mean error zero: a row an age (or frame), and one for all together where `at` is null.
+"""Is the mean error zero: one row per age (or frame), and one for all together where `at` is null.
 
 effect_px is the length of the mean, share_of_second its square over the trace of the second moment about zero. Adjusted
 p-values are over the ages of a condition: Hotelling's by Holm, the flips' by their own largest. iid_p is what a test

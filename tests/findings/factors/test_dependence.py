@@ -71,6 +71,7 @@ def test_a_large_effect_is_said_to_matter() -> None:
     assert row["margin"] < row["low"] < row["effect"] < row["high"]
     assert row["p_yes"] <= row["q_yes"] <= 0.05 < row["p_no"]
     assert (row["n_scenes"], row["n_places"], row["at_low"], row["at_high"], row["level"]) == (12, 5, 1, 5, 0.95)
+    assert row["kind"] == "fieller"
 
 
 def test_what_scenes_share_cancels_between_levels() -> None:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import polars as pl
 
-from tracknoise.tables.enumerations import Resampled, Shape
+from tracknoise.tables.enumerations import Axis, Resampled, Shape
 
 SPACE = "\N{NO-BREAK SPACE}"
 MINUS, DASH, TIMES = "\N{MINUS SIGN}", "\N{EN DASH}", "\N{MULTIPLICATION SIGN}"
@@ -64,7 +64,7 @@ def percent(share: float | None) -> str:
 
 
 def effect_text(effect: float | None) -> str:
-    """Write an effect in percent, to a tenth near the margin; nothing where there is none."""
+    """Write an effect in percent, to a tenth near the margin; empty where there is none."""
     if effect is None:
         return ""
     if effect >= 10:
@@ -106,7 +106,7 @@ def place(axis: str, since: int) -> str:
     since
         Frames of the sequence; negative before the key frame.
     """
-    if axis == "age":
+    if axis == Axis.age:
         return f"at age {since}"
     return f"at {count(abs(since), 'frame')} {'before' if since < 0 else 'after'} the key frame"
 

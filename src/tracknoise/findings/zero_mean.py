@@ -1,8 +1,8 @@
 """Is the mean error zero? At every age, and at all ages together.
 
-What is tested is that of scenes (`tracknoise.findings.flips`), each of which counts once. Beside it stands the p-value
-of Hotelling's test that takes every feature for a sampling unit (iid). Features of a scene are wrong in the same way at
-the same time, so that it rejects most true zeros.
+The test takes scenes for sampling units (`tracknoise.findings.flips`), each of which counts once. The table also has
+the p-value of Hotelling's test that takes every feature for a sampling unit (iid). Errors of the features of a scene
+are correlated, so that it rejects most true zeros.
 """
 
 from collections.abc import Iterator, Mapping
@@ -25,7 +25,7 @@ from tracknoise.tables.findings_schema import ZERO_MEAN
 from tracknoise.tables.schema import CURVES, MOMENTS, check, empty
 
 ALPHA = 0.05
-"""Probability with which a true zero may be said to differ from zero, all ages of a condition together."""
+"""Probability of a false `yes`: of rejecting a true zero, all ages of a condition together."""
 _FLAT = 1e-12
 """Determinants that are smaller than this, relative to what they are a difference of, are rounding."""
 _CHANCE = "a mean error of this size may be chance"
@@ -48,7 +48,7 @@ def zero_mean(
     moments
         Schema `MOMENTS`, of all scenes.
     curves
-        What `tracknoise.statistics.curves.curves` made of them. Where they are cut nothing is tested.
+        What `tracknoise.statistics.curves.curves` made of them. Where they are cut there is no test.
     key_frames
         Where curves run along frames: the one in which errors are zero by construction, by direction. Neither it nor
         age 0 is tested.

@@ -43,8 +43,8 @@ INTERVALS: Schema = {
 
 aspect `all` is every track in image axes; `change` the changes of their errors from frame to frame, whose
 `autocorrelation` runs along the axis `lag`; others are those of `ASPECTS`. Outlier ratios and lifetimes have no
-population, trimming, weighting or coordinate; `survival` runs along the axis `lifetime`. Bounds are null where nothing
-can be resampled.
+population, trimming, weighting or coordinate; `survival` runs along the axis `lifetime`. Bounds are null where there is
+nothing to resample.
 """
 
 ZERO_MEAN: Schema = {
@@ -104,7 +104,7 @@ GAUSSIANITY: Schema = {
     "verdict": SHAPE,
     "why": pl.String,
 }
-"""Are errors Gaussian: a row a band of ages (or of distances from the key frame) of a condition.
+"""Are errors Gaussian: one row per band of ages (or of distances from the key frame) of a condition.
 
 skewness and kurtosis are Mardia's b1 and b2 (0 and 8 for a Gaussian in two dimensions). tail_99 is P(d2 > 9.21) / 0.01,
 tail_999 P(d2 > 13.82) / 0.001. Gains are held-out log-likelihood per observation over a Gaussian, nats. All are of

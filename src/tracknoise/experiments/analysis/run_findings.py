@@ -60,8 +60,8 @@ def _tables(
 ) -> dict[str, pl.DataFrame]:
     population, least = experiment.truth.population, experiment.statistics.min_features
     neighbours: list[pl.DataFrame] = []
-    moved = _keeping(run.sequence_tables("increments"), neighbours, ONE_STEP)  # all are read only once
-    pooled = {  # first, since nothing else is to be held for them
+    moved = _keeping(run.sequence_tables("increments"), neighbours, ONE_STEP)  # each is read only once
+    pooled = {  # first, while no other tables are in memory
         "aspect_curves": aspect_curves(run.sequence_tables("aspects"), min_features=least),
         "changes": change_curves(moved),
     }

@@ -34,7 +34,7 @@ from tracknoise.tables.findings_schema import DEPENDENCE
 from tracknoise.tables.schema import EFFECTS, ENDS, FRAME_COUNTS, MOMENTS, VERDICT, Schema, check
 
 N_DRAWS = 499
-"""Rotations, as many as are needed to tell p-values of a few percent from each other."""
+"""Rotations: enough to distinguish p-values of a few percent."""
 _FOUND: Schema = {
     "order": pl.UInt32,
     **{column: DEPENDENCE[column] for column in ("low", "high", "p_yes", "p_no")},
@@ -86,8 +86,8 @@ def dependence(
     polars.DataFrame
         Schema `DEPENDENCE`: the rows of `effects`, in their order. `n_scenes` is the fewest that two levels share.
         `at_low` to `at_high` are the ages (or frames from the key frame on) that the interval holds for, `n_places`
-        of them: where fewer than `MIN_SCENES` scenes have something at both levels of a pair, nothing is known of
-        their scatter. The interval is widened to hold the effect where that rests on other scenes or places, too.
+        of them: where fewer than `MIN_SCENES` scenes have data at both levels of a pair, their scatter is
+        unknown. The interval is widened to hold the effect where that rests on other scenes or places, too.
         Bounds and p-values are null where no two levels share enough scenes; `high` is infinite where what the effect
         is relative to may be zero.
 

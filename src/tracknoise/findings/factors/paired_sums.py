@@ -1,4 +1,4 @@
-"""Sums of every scene and condition that effects are worked out from: tables with a row a scene, condition and place.
+"""Sums from which effects are computed: tables with one row per scene, condition and place.
 
 All have columns scene, POOLED, at, n and sums. A row whose `at` is null says only that the scene was measured.
 """

@@ -24,7 +24,7 @@ from tracknoise.findings.wording import SPACE, number, percent
 from tracknoise.tables.enumerations import Behaviour
 
 MAX_MISFIT = 0.25
-"""Relative; from here on the fit says nothing."""
+"""Relative; with this misfit or more, the fit is not used."""
 MAJORITY = 0.5
 _BEHAVIOURS: Mapping[str, Behaviour] = dict(
     zip(TERMS, (Behaviour.white, Behaviour.random_walk, Behaviour.drift), strict=True)

@@ -115,7 +115,7 @@ def _second(sums: Array) -> Array:
 
 
 def _fit(sums: Array, axis: int, second: Array, since: Array, weight: Array) -> Array:
-    """What `fitted` needs of one coordinate, (9, 1, ...); ages that a draw has nothing of are taken as observed."""
+    """What `fitted` needs of one coordinate, (9, 1, ...); ages without data in a draw are taken as observed."""
     drawn = _second(sums)[axis]
     whole = second.reshape(-1, *[1] * (drawn.ndim - 1))
     known = np.where(np.isnan(drawn), whole, drawn)

@@ -6,7 +6,7 @@ tracker saw to the next are correlated by (autocorrelation) of `tracknoise.stati
 Errors are zero at birth (or in the key frame) by construction: what is measured at age k is n_k - n_0, where n_0 is how
 far from the feature the detector put it. Where n_0 is of the same kind as the later n_k, independent and of variance
 s^2, the second moment is 2 s^2 from the first age on. `white_px` is the root of the constant, and thus sqrt(2) s then;
-it is s where nothing is wrong with the first position, as with the template of a tracker, or with the oracle.
+it is s where the first position has no error, as with the template of a tracker, or with the oracle.
 
 As variances at all ages come from the same tracks, each age is weighted by how much its second moment varies when
 scenes are drawn again, and a twentieth of itself besides, so that no age decides alone.

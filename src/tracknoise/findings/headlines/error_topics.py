@@ -12,7 +12,7 @@ from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.wording import SHAPES, SPACE, chance, interval_text, listing, number, percent
 from tracknoise.statistics.curves import NAMES
 from tracknoise.statistics.grouping import POOLED
-from tracknoise.tables.enumerations import Behaviour, Verdict, Weighting
+from tracknoise.tables.enumerations import Axis, Behaviour, Population, Verdict, Weighting
 
 _GROWTH: Mapping[str, tuple[str, str, str]] = {
     Behaviour.white: ("constant", "white_px", "px"),
@@ -60,13 +60,13 @@ def _population(conditions: ReportedConditions) -> str:
             f"{conditions.percentile:g}th percentile. An estimator that keeps these tracks must assume the untrimmed "
             "errors."
         )
-    if conditions.population == "projected":
+    if conditions.population == Population.projected:
         text += " Occluded features are included."
     return text.strip()
 
 
 def _brackets(tables: Tables, conditions: ReportedConditions, role: str) -> str:
-    """Of what kind the intervals of a statistic at the reference are; nothing where there are none."""
+    """How intervals of a statistic at the reference were made; empty where there are none."""
     axis = conditions.axis
     known = tables["intervals"].filter(
         aspect="all", axis=axis, statistic=NAMES[axis][role], weighting=Weighting.features
@@ -187,7 +187,7 @@ def _tails(row: Mapping[str, Any], gain: list[Estimate]) -> list[str]:
 
 def _band(conditions: ReportedConditions, low: int, high: int | None) -> str:
     ages = f"{low} or more" if high is None else f"{low} to {high}"
-    return f"ages {ages}" if conditions.axis == "age" else f"{ages} frames from the key frame"
+    return f"ages {ages}" if conditions.axis == Axis.age else f"{ages} frames from the key frame"
 
 
 def growth(tables: Tables, conditions: ReportedConditions) -> Headline | None:
@@ -218,7 +218,9 @@ def _behaviour(row: Mapping[str, Any]) -> tuple[str, list[Estimate]]:
     """Name of the behaviour of one coordinate, and its size if it has one."""
     if row["verdict"] not in _GROWTH:
         undecided = f"undecided; {row['why']}" if row["why"] else "undecided"
-        return ("neither constant, nor a random walk, nor a drift" if row["verdict"] == "none" else undecided), []
+        return (
+            "neither constant, nor a random walk, nor a drift" if row["verdict"] == Behaviour.none else undecided
+        ), []
     name, column, unit = _GROWTH[row["verdict"]]
     rises = row["verdict"] == Behaviour.white and any((row[f"{part}_low"] or 0.0) > 0 for part in _RISING)
     size = Estimate.of_row(row, column, f"{column}_low", f"{column}_high", unit)

@@ -55,7 +55,7 @@ def factors(tables: Tables, conditions: ReportedConditions) -> Headline | None:
     counts = [f"{n} {verdict}" for verdict in Verdict if (n := rows.filter(verdict=verdict).height)]
     yes = rows.filter(verdict=Verdict.yes).sort("low", descending=True, nulls_last=True, maintain_order=True)
     no = rows.filter(verdict=Verdict.no).sort("high", maintain_order=True)
-    clearest = {"yes": yes.head(_MOST_NAMED).to_dicts(), "no": no.head(_MOST_NAMED).to_dicts()}
+    clearest = {Verdict.yes: yes.head(_MOST_NAMED).to_dicts(), Verdict.no: no.head(_MOST_NAMED).to_dicts()}
     margin = f"{100 * rows['margin'].item(0):g}{SPACE}%"
     sentences = [
         f"Does {listing(_names(rows), joint='or')} change a statistic by more than {margin}?",
@@ -63,7 +63,7 @@ def factors(tables: Tables, conditions: ReportedConditions) -> Headline | None:
         f"Factors other than the speed are compared at speed {conditions.reference.speed}.",
         *(f"Clearest {answer}: {_effects(found)}." for answer, found in clearest.items() if found),
     ]
-    decided = clearest["yes"] or clearest["no"]
+    decided = clearest[Verdict.yes] or clearest[Verdict.no]
     sentences += [] if decided else _undecided(rows)
     estimate = leading([Estimate.of_row(row, "effect", "low", "high", "share") for row in decided])
     return Headline("factors", " ".join(sentences), "matters", "dependence", estimate)
@@ -75,7 +75,7 @@ def _names(rows: pl.DataFrame) -> Sequence[str]:
 
 
 def _undecided(rows: pl.DataFrame) -> list[str]:
-    """Why nothing is decided, as the table says it, and the largest effect that was measured."""
+    """Why all answers are undecided, in the words of the table, and the largest effect that was measured."""
     reasons = rows["why"].drop_nulls().unique(maintain_order=True).to_list()
     known = rows.drop_nulls("effect").sort("effect", descending=True, maintain_order=True).head(1).to_dicts()
     sentences = [f"Reason: {reasons[0]}."] if len(reasons) == 1 else []

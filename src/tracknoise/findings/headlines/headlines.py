@@ -23,7 +23,7 @@ _TOPICS: tuple[Callable[[Tables, ReportedConditions], Headline | None], ...] = (
     tracking_topics.outliers,
     tracking_topics.lifetimes,
 )
-"""Each makes a headline, or none where the tables have nothing about it; the most important first."""
+"""Each makes a headline, or none where the tables have no rows about it; the most important first."""
 
 
 def headlines(tables: Tables, conditions: ReportedConditions) -> pl.DataFrame:

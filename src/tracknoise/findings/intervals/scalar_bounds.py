@@ -2,8 +2,8 @@
 
 The lifetime that a share of the tracks exceeds is where the survival curve comes down to that share; its bounds are
 where the bounds of the survival curve do (Brookmeyer and Crowley 1982), so that they are lifetimes, too. Lifetimes are
-whole frames, and whole frames are too coarse for an interval that holds the true value as often as its level says: of
-a value, or of bounds, between two of them nothing is left but the next one. The same lifetimes interpolated, where
+whole frames, and whole frames are too coarse for an interval that contains the true value as often as its level says:
+a value, or a bound, between two of them is rounded up to the next one. The same lifetimes interpolated, where
 the line from each whole frame's survival to the next one's comes down to the share (the median of a life table), stand
 beside them.
 """

@@ -1,4 +1,4 @@
-"""Draws of units with replacement, which the bootstrap weights sums with."""
+"""Draws of units with replacement: the weights of sums in the bootstrap."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property

@@ -91,7 +91,7 @@ def student_interval(
     -------
     low, high : (...) float64
         NaN where the estimate is NaN or rests on fewer than two units, and of a share of 0 or 1: that it was never seen
-        says nothing of how rare it is among other units. A size of 0, and a correlation of -1 or 1, which chance alone
+        does not show how rare it is among other units. A size of 0, and a correlation of -1 or 1, which chance alone
         does not give, have both bounds there.
     """
     value, to = np.asarray(estimate, dtype=np.float64), SCALES[scale]
@@ -197,7 +197,7 @@ def _apart(w: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _of_sizes(moved: NDArray[np.float64], sizes: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-    """Variance, and its degrees of freedom, of units of one kind; a unit that changes nothing adds nothing."""
+    """Variance, and its degrees of freedom, of units of one kind; a unit without influence adds 0."""
     added = parts(np.where(np.isnan(moved), 0.0, moved), sizes)
     return np.square(added).sum(axis=0), degrees(sizes)
 

@@ -1,8 +1,8 @@
 """What is resampled, as arrays of sums that add up: scenes, or blocks of tracks within them where scenes are few.
 
-The scene is the unit of everything: what is said of a condition is said of scenes like those that were measured. With
-fewer than `MIN_SCENES` of them no such thing can be said. What is resampled then is blocks, within each scene, and
-what follows from that holds for these very scenes only: how much another one would differ is not in it.
+Scenes are the sampling units: findings about a condition hold for scenes like those that were measured. With fewer
+than `MIN_SCENES` of them no such finding is possible. Blocks are then resampled within each scene, and the findings
+hold for these scenes only: they do not include how much another scene would differ.
 """
 
 from collections.abc import Sequence
@@ -31,9 +31,9 @@ class Units:
     Attributes
     ----------
     sums : (units, points, columns) float64
-        0 where a unit has nothing.
+        0 where a unit has no data.
     points
-        What tells the points apart: a row each, sorted.
+        Labels of the points: one row each, sorted.
     scenes
         Names of the scenes that have anything, sorted.
     scene : (units,) intp
@@ -61,8 +61,8 @@ class Units:
         n_units, n_scenes : (...) intp
         """
         if not self.scenes:
-            nothing = np.zeros(present.shape[:-1], dtype=np.intp)
-            return nothing, nothing
+            zeros = np.zeros(present.shape[:-1], dtype=np.intp)
+            return zeros, zeros
         starts = np.searchsorted(self.scene, np.arange(len(self.scenes)))
         by_scene = np.logical_or.reduceat(present, starts, axis=-1)
         return present.sum(axis=-1), by_scene.sum(axis=-1)
@@ -92,7 +92,7 @@ def units_of(
     blocks
         The same with a column block, under `BLOCKS`; what it holds adds up to what `scenes` holds.
     points
-        Columns that tell apart the points at which there are sums; none makes one point.
+        Columns that identify the points at which there are sums; without any there is one point.
     columns
         What is summed.
     """

@@ -1,8 +1,8 @@
 """What densities of pairs that depend on a squared distance alone have in common: many samples at once, arrays only.
 
 A sample is given by the terms of its power sums to order 2: 1, u, v, u^2, uv, v^2 of each point. Squared distances and
-weighted moments are then one matrix product each. Samples shorter than others are padded with zeros, which count for
-nothing.
+weighted moments are then one matrix product each. Shorter samples are padded with zeros, which have no
+effect.
 """
 
 from collections.abc import Sequence

@@ -5,7 +5,7 @@ Skewness and kurtosis come from the moments of all errors, tails, quantiles and 
 that the ages of a band can be put together. Scenes are put together, too: that errors are larger in one scene than in
 another makes those of all scenes heavy-tailed, and is part of what is found.
 
-At a million errors every test rejects; what is told is how far from Gaussian they are
+At a million errors every test rejects; what is reported is how far from Gaussian they are
 (`tracknoise.findings.shape.verdict`).
 """
 

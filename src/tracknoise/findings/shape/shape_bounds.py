@@ -18,7 +18,7 @@ from tracknoise.statistics.grouping import Groups, group_rows
 Array = NDArray[np.float64]
 
 BAND = ["trimming", "age_low"]
-"""What tells the bands of a condition apart."""
+"""Columns that identify the bands of a condition."""
 FOLDS, MANY_FOLDS, MANY = 8, 3, 17
 """Folds of scenes, or of the blocks of each, and of as many scenes as `MANY` or more, among which chance does less."""
 _MARDIA = ("skewness", "kurtosis")

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 
 import polars as pl
 
-from tracknoise.findings.headlines.headlines import headlines
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
+from tracknoise.findings.headlines.table import headline_table
 from tracknoise.statistics.grouping import POOLED
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
 from tracknoise.tables.findings_schema import DEPENDENCE, GAUSSIANITY, INTERVALS, RADII, TIME_STRUCTURE, ZERO_MEAN
@@ -27,7 +27,7 @@ def made_up(tables: Mapping[str, pl.DataFrame], *, scope: ReportedConditions) ->
         "time_structure": time_structure(tables["curves"]),
         "dependence": dependence(tables["effects"]),
     }
-    found["findings"] = headlines({**tables, **found}, scope)
+    found["findings"] = headline_table({**tables, **found}, scope)
     return found
 
 

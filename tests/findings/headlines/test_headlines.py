@@ -7,8 +7,8 @@ import polars as pl
 import pytest
 
 from tracknoise.findings.headlines.document import findings_json
-from tracknoise.findings.headlines.headlines import headlines
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
+from tracknoise.findings.headlines.table import headline_table
 from tracknoise.statistics.effects import ReferenceCondition
 from tracknoise.tables.findings_schema import (
     DEPENDENCE,
@@ -51,7 +51,7 @@ POINT |= {"axis": "age", "at": 10, "coordinate": "u", "unit": "px^2"}
 def read(scope: ReportedConditions = SCOPE, **tables: pl.DataFrame) -> dict[str, dict[str, Any]]:
     """Headlines by topic; tables that are not given are empty, but for the summary."""
     given = {"summary": table(SUMMARY, SUMMED), **tables}
-    found = headlines({name: given.get(name, empty(schema)) for name, schema in SCHEMAS.items()}, scope)
+    found = headline_table({name: given.get(name, empty(schema)) for name, schema in SCHEMAS.items()}, scope)
     check(found, FINDINGS, "findings")
     assert found["rank"].to_list() == list(range(1, found.height + 1))
     return {row["topic"]: {**row, "text": row["text"].replace("\N{NO-BREAK SPACE}", " ")} for row in found.to_dicts()}
@@ -274,7 +274,7 @@ def test_the_document_is_json_even_where_effects_are_infinite() -> None:
     tables = {**{name: empty(schema) for name, schema in SCHEMAS.items()}, **factor_rows("yes")}
     tables["dependence"] = tables["dependence"].with_columns(high=pl.lit(float("inf")))
     tables["zero_mean"] = table(ZERO_MEAN, OVERALL, AT_TEN)
-    tables["findings"] = headlines({**tables, "summary": table(SUMMARY, SUMMED)}, SCOPE)
+    tables["findings"] = headline_table({**tables, "summary": table(SUMMARY, SUMMED)}, SCOPE)
     document = json.loads(findings_json(tables))
     assert document["dependence"][0]["high"] == "Infinity"
     assert [row["at"] for row in document["zero_mean"]] == [None]

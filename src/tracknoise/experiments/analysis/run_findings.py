@@ -11,8 +11,8 @@ from tracknoise.experiments.settings import Experiment
 from tracknoise.findings.factors.dependence import dependence
 from tracknoise.findings.growth.time_structure import ONE_STEP, time_structure
 from tracknoise.findings.headlines.document import findings_json
-from tracknoise.findings.headlines.headlines import headlines
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
+from tracknoise.findings.headlines.table import headline_table
 from tracknoise.findings.intervals.table import interval_table
 from tracknoise.findings.shape.gaussianity import gaussianity
 from tracknoise.findings.zero_mean import zero_mean
@@ -43,7 +43,7 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
     """
     view = reference_condition(run.manifest(), experiment, statistics["outliers"])
     tables = _tables(run, experiment, statistics, view)
-    tables["findings"] = headlines({**statistics, **tables}, _reported(run, experiment, statistics["trims"], view))
+    tables["findings"] = headline_table({**statistics, **tables}, _reported(run, experiment, statistics["trims"], view))
     run.write_statistics(tables)
     run.write_findings(findings_json({**statistics, **tables}))
 

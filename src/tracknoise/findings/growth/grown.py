@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 MIN_AGES = 4
 """Fewest ages of a fit."""
-SUMS = ("n", "uu", "vv")
+GROWTH_SUMS = ("n", "uu", "vv")
 """What a fit needs of each age: the count, and the sums of squared errors."""
 _MIN_UNITS = 4
 _OWN = 0.05
@@ -49,7 +49,7 @@ def fit_ages(units: Units, *, min_features: int) -> NDArray[np.bool_]:
     Parameters
     ----------
     units
-        Points by `since`; columns `SUMS`.
+        Points by `since`; columns `GROWTH_SUMS`.
     min_features
         Fewest errors of all units together.
     """
@@ -64,7 +64,7 @@ def fitted(units: Units, weights: Array, ages: NDArray[np.bool_], method: Method
     Parameters
     ----------
     units
-        Points by `since`; columns `SUMS`.
+        Points by `since`; columns `GROWTH_SUMS`.
     weights : (draws, units)
         How often each unit was drawn.
     ages : (points,)
@@ -109,7 +109,7 @@ def _observed(units: Units) -> tuple[Array, Array]:
 
 
 def _second(sums: Array) -> Array:
-    """(Phi) of u and of v from `SUMS`, (2, ages, ...), NaN where undefined."""
+    """(Phi) of u and of v from `GROWTH_SUMS`, (2, ages, ...), NaN where undefined."""
     n, uu, vv = sums
     return np.stack([uu, vv]) / np.where(n > 1, n - 1, np.nan)
 

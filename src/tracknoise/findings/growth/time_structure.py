@@ -22,9 +22,8 @@ from tracknoise.findings.anchored import NO_KEY_FRAMES, anchored
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.growth.behaviour import Growth, behaves
 from tracknoise.findings.growth.fit import TERMS
-from tracknoise.findings.growth.grown import MIN_AGES, SUMS, Fit, fit_ages, fitted, mean_drift
-from tracknoise.findings.intervals.change_bounds import SUMS as CHANGES
-from tracknoise.findings.intervals.change_bounds import correlated
+from tracknoise.findings.growth.grown import GROWTH_SUMS, MIN_AGES, Fit, fit_ages, fitted, mean_drift
+from tracknoise.findings.intervals.change_bounds import CHANGE_SUMS, correlated
 from tracknoise.findings.sampling.bounds import Method
 from tracknoise.findings.sampling.draws import Draws, draws_by_dataset
 from tracknoise.findings.sampling.units import additive, units_of
@@ -111,7 +110,7 @@ def _rows(
     min_features: int,
 ) -> Iterator[dict[str, Any]]:
     """Rows of a condition and trimming, by the columns of `TIME_STRUCTURE`."""
-    units = units_of(_apart(scenes), None if blocks is None else _apart(blocks), points=["since"], columns=SUMS)
+    units = units_of(_apart(scenes), None if blocks is None else _apart(blocks), points=["since"], columns=GROWTH_SUMS)
     ages = fit_ages(units, min_features=min_features)
     fits: tuple[Fit | None, Fit | None] = (None, None)
     made = method.by_bootstrap()
@@ -127,12 +126,12 @@ def _rows(
 
 def _of_one_step(increments: pl.DataFrame) -> pl.DataFrame:
     """Rows of lag 1 of `INCREMENTS`, with the columns that (autocorrelation) is made of."""
-    return increments.filter(ONE_STEP).select(*ORIGIN, "block", "trimming", *CHANGES)
+    return increments.filter(ONE_STEP).select(*ORIGIN, "block", "trimming", *CHANGE_SUMS)
 
 
 def _related(changes: pl.DataFrame, draws: Draws, method: Method, *, resampled: bool) -> tuple[Estimate, Estimate]:
     """(autocorrelation) at one step of u and of v; blocks are resampled where scenes are few, if `resampled`."""
-    units = units_of(changes, changes if resampled else None, points=[], columns=CHANGES)
+    units = units_of(changes, changes if resampled else None, points=[], columns=CHANGE_SUMS)
     found = correlated(units, draws.weights(units), method)
     return found.at(0), found.at(1)
 

@@ -3,7 +3,7 @@
 import polars as pl
 
 from tracknoise.findings.estimate import Estimate
-from tracknoise.findings.headlines.headline import Headline, Tables
+from tracknoise.findings.headlines.headline import Headline, RunTables
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.wording import count
@@ -12,7 +12,7 @@ ENOUGH_SCENES = 8
 """With fewer scenes than this, intervals contain the true value less often than their level says."""
 
 
-def few_scenes(tables: Tables, _conditions: ReportedConditions) -> Headline | None:
+def few_scenes(tables: RunTables, _conditions: ReportedConditions) -> Headline | None:
     """Warn where intervals hold for these scenes alone, or are less reliable, as scenes are few."""
     measured = tables["summary"].drop_nulls("n_scenes")
     few = measured.filter(pl.col("n_scenes") < ENOUGH_SCENES)
@@ -34,7 +34,7 @@ def few_scenes(tables: Tables, _conditions: ReportedConditions) -> Headline | No
     return Headline("scenes", text, "measured", "summary", Estimate(numbers[0], unit="scenes"))
 
 
-def recorded_truth(_tables: Tables, conditions: ReportedConditions) -> Headline | None:
+def recorded_truth(_tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """Warn where the truth was measured too."""
     text = (
         "True positions come from recorded poses, depth and calibration. Their own errors are part of every number and "

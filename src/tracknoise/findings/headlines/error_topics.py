@@ -7,7 +7,7 @@ import polars as pl
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
-from tracknoise.findings.headlines.headline import Headline, Part, Tables, by_tracker
+from tracknoise.findings.headlines.headline import Headline, Part, RunTables, by_tracker
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions, curve_bounds
 from tracknoise.findings.wording import SHAPES, SPACE, chance, interval_text, listing, number, percent
 from tracknoise.statistics.curves import NAMES
@@ -23,7 +23,7 @@ _GROWTH: Mapping[str, tuple[str, str, str]] = {
 _RISING = ("walk_px_per_sqrt_frame", "drift_px_per_frame")
 
 
-def noise(tables: Tables, conditions: ReportedConditions) -> Headline | None:
+def noise(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """Root mean square errors at the reference age: the noise that an estimator should assume."""
     opening = f"Noise to assume {conditions.where(tables['summary'])}, as root mean square error."
     closing = f"{_population(conditions)} {_brackets(tables, conditions, 'second')}".strip()
@@ -65,7 +65,7 @@ def _population(conditions: ReportedConditions) -> str:
     return text.strip()
 
 
-def _brackets(tables: Tables, conditions: ReportedConditions, role: str) -> str:
+def _brackets(tables: RunTables, conditions: ReportedConditions, role: str) -> str:
     """How intervals of a statistic at the reference were made; empty where there are none."""
     axis = conditions.axis
     known = tables["intervals"].filter(
@@ -91,7 +91,7 @@ def _in_u_and_v(pair: list[Estimate]) -> str:
     return f"{format_estimate(pair[0])} in u and {format_estimate(pair[1])} in v"
 
 
-def bias(tables: Tables, conditions: ReportedConditions) -> Headline | None:
+def bias(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """Is the mean error zero."""
     opening = (
         f"Is the mean {_trimmed(conditions)}error zero {conditions.where(tables['summary'])}? The test takes all "
@@ -107,7 +107,7 @@ def bias(tables: Tables, conditions: ReportedConditions) -> Headline | None:
     )
 
 
-def _bias_of(tables: Tables, conditions: ReportedConditions, tracker: str) -> Part | None:
+def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
     rows = conditions.of(tables["zero_mean"], tracker).filter(trimming=conditions.trimmings[0], axis=conditions.axis)
     overall, summary = _first(rows.filter(pl.col("at").is_null())), _first(conditions.of(tables["summary"], tracker))
     if overall is None:
@@ -142,7 +142,7 @@ def _means(intervals: pl.DataFrame, conditions: ReportedConditions, row: Mapping
     return found
 
 
-def shape(tables: Tables, conditions: ReportedConditions) -> Headline | None:
+def shape(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """Are errors Gaussian, in the band of ages that holds the reference age."""
     return by_tracker(
         conditions.trackers,
@@ -154,7 +154,7 @@ def shape(tables: Tables, conditions: ReportedConditions) -> Headline | None:
     )
 
 
-def _shape_of(tables: Tables, conditions: ReportedConditions, tracker: str) -> Part | None:
+def _shape_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
     rows = conditions.of(tables["gaussianity"], tracker)
     bands = rows.select("age_low", "age_high").unique().sort("age_low").rows()
     if not bands:
@@ -190,7 +190,7 @@ def _band(conditions: ReportedConditions, low: int, high: int | None) -> str:
     return f"ages {ages}" if conditions.axis == Axis.age else f"{ages} frames from the key frame"
 
 
-def growth(tables: Tables, conditions: ReportedConditions) -> Headline | None:
+def growth(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """How errors grow with age."""
     return by_tracker(
         conditions.trackers,
@@ -202,7 +202,7 @@ def growth(tables: Tables, conditions: ReportedConditions) -> Headline | None:
     )
 
 
-def _growth_of(tables: Tables, conditions: ReportedConditions, tracker: str) -> Part | None:
+def _growth_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
     rows = conditions.of(tables["time_structure"], tracker).filter(trimming=conditions.trimmings[0])
     texts: dict[str, list[str]] = {}
     estimates = []
@@ -227,7 +227,7 @@ def _behaviour(row: Mapping[str, Any]) -> tuple[str, list[Estimate]]:
     return f"mostly {name}" if rises else name, [] if size.value is None else [size]
 
 
-def survivorship(tables: Tables, conditions: ReportedConditions) -> Headline | None:
+def survivorship(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """Whether tracks that live long are the ones with small errors."""
     return by_tracker(
         conditions.trackers,
@@ -239,7 +239,7 @@ def survivorship(tables: Tables, conditions: ReportedConditions) -> Headline | N
     )
 
 
-def _survivorship_of(tables: Tables, conditions: ReportedConditions, tracker: str) -> Part | None:
+def _survivorship_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
     row, intervals = _first(conditions.of(tables["summary"], tracker)), conditions.of(tables["intervals"], tracker)
     if row is None or row["at"] is None:
         return None

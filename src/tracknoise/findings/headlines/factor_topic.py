@@ -6,7 +6,7 @@ from typing import Any
 import polars as pl
 
 from tracknoise.findings.estimate import Estimate
-from tracknoise.findings.headlines.headline import Headline, Tables, leading
+from tracknoise.findings.headlines.headline import Headline, RunTables, leading
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.roles import ROLES
 from tracknoise.findings.wording import SPACE, STATISTICS, count, effect_text, listing
@@ -24,7 +24,7 @@ def asked(dependence: pl.DataFrame, effects: pl.DataFrame, conditions: ReportedC
     Parameters
     ----------
     dependence, effects
-        Tables of the same rows.
+        RunTables of the same rows.
     conditions
         Say which speed is the lowest.
 
@@ -47,7 +47,7 @@ def asked(dependence: pl.DataFrame, effects: pl.DataFrame, conditions: ReportedC
     return rows.sort(*places, maintain_order=True)
 
 
-def factors(tables: Tables, conditions: ReportedConditions) -> Headline | None:
+def factors(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """How many factors matter to how many statistics, the largest effects that do, and the smallest that do not."""
     rows = asked(tables["dependence"], tables["effects"], conditions)
     if rows.is_empty():

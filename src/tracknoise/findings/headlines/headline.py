@@ -9,8 +9,8 @@ import polars as pl
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.wording import count
 
-Tables: TypeAlias = Mapping[str, pl.DataFrame]
-"""Tables of a run, by their names."""
+RunTables: TypeAlias = Mapping[str, pl.DataFrame]
+"""RunTables of a run, by their names."""
 Part: TypeAlias = tuple[str, list[Estimate]]
 """One or several sentences about one tracker, and the numbers in them."""
 MOST_TRACKERS = 4

@@ -4,11 +4,11 @@ import polars as pl
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
-from tracknoise.findings.headlines.headline import Headline, Part, Tables, by_tracker
+from tracknoise.findings.headlines.headline import Headline, Part, RunTables, by_tracker
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions, scalar_bounds
 
 
-def outliers(tables: Tables, conditions: ReportedConditions) -> Headline | None:
+def outliers(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """What share of its features each tracker rejects."""
     return by_tracker(
         conditions.trackers,
@@ -20,7 +20,7 @@ def outliers(tables: Tables, conditions: ReportedConditions) -> Headline | None:
     )
 
 
-def _outliers_of(tables: Tables, conditions: ReportedConditions, tracker: str) -> Part | None:
+def _outliers_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
     ratio = _value(conditions.of(tables["summary"], tracker), "outlier_ratio")
     if ratio is None:
         return None
@@ -29,7 +29,7 @@ def _outliers_of(tables: Tables, conditions: ReportedConditions, tracker: str) -
     return f"{tracker} rejects {format_estimate(estimate)} of the features carried into a frame.", [estimate]
 
 
-def lifetimes(tables: Tables, conditions: ReportedConditions) -> Headline | None:
+def lifetimes(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """Median lifetime of tracks."""
     return by_tracker(
         conditions.trackers,
@@ -41,7 +41,7 @@ def lifetimes(tables: Tables, conditions: ReportedConditions) -> Headline | None
     )
 
 
-def _lifetime_of(tables: Tables, conditions: ReportedConditions, tracker: str) -> Part | None:
+def _lifetime_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
     rows = conditions.of(tables["summary"], tracker)
     if not _value(rows, "n_tracks"):
         return None

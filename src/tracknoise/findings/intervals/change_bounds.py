@@ -20,7 +20,7 @@ from tracknoise.tables.enumerations import Axis, Population
 from tracknoise.tables.schema import AXIS, ORIGIN, POPULATION
 
 AUTOCORRELATION = "autocorrelation"
-SUMS = ("n", "lagged_uu", "squares_uu", "lagged_vv", "squares_vv")
+CHANGE_SUMS = ("n", "lagged_uu", "squares_uu", "lagged_vv", "squares_vv")
 """What (autocorrelation) is made of: the count of pairs of changes, and the sums of their products and squares."""
 _MOMENTS = ("mean_u", "mean_v", "m_uu", "m_uv", "m_vv")
 _POINT = ["trimming", "lag"]
@@ -64,7 +64,7 @@ def correlation_bounds(increments: pl.DataFrame, draws: Draws, method: Method) -
     method
         How to make intervals.
     """
-    units = units_of(increments, increments, points=_POINT, columns=SUMS)
+    units = units_of(increments, increments, points=_POINT, columns=CHANGE_SUMS)
     coordinates = pl.DataFrame({"coordinate": ["u", "v"]})
     labels = coordinates.join(units.points.rename({"lag": "at"}), how="cross").with_columns(
         statistic=pl.lit(AUTOCORRELATION),
@@ -81,13 +81,13 @@ def correlated(units: Units, weights: NDArray[np.float64], method: Method) -> Es
     Parameters
     ----------
     units
-        Columns `SUMS`.
+        Columns `CHANGE_SUMS`.
     weights : (draws, units)
         How often each unit was drawn.
     method
         How to make intervals.
     """
-    squares = np.stack([units.sums[..., SUMS.index(name)].T for name in ("squares_uu", "squares_vv")])
+    squares = np.stack([units.sums[..., CHANGE_SUMS.index(name)].T for name in ("squares_uu", "squares_vv")])
     return pooled(units, weights, _autocorrelation, method, scales=["fisher"] * 2, sizes=squares)
 
 

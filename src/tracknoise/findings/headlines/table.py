@@ -6,12 +6,12 @@ import polars as pl
 
 from tracknoise.findings.headlines import caveats, error_topics, tracking_topics
 from tracknoise.findings.headlines.factor_topic import factors
-from tracknoise.findings.headlines.headline import Headline, Tables
+from tracknoise.findings.headlines.headline import Headline, RunTables
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.tables.findings_schema import FINDINGS
 from tracknoise.tables.schema import check
 
-_TOPICS: tuple[Callable[[Tables, ReportedConditions], Headline | None], ...] = (
+_TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] = (
     caveats.few_scenes,
     caveats.recorded_truth,
     error_topics.noise,
@@ -26,7 +26,7 @@ _TOPICS: tuple[Callable[[Tables, ReportedConditions], Headline | None], ...] = (
 """Each makes a headline, or none where the tables have no rows about it; the most important first."""
 
 
-def headlines(tables: Tables, conditions: ReportedConditions) -> pl.DataFrame:
+def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.DataFrame:
     """Sentences about what was found, the most important first.
 
     Parameters

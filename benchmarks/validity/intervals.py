@@ -15,11 +15,13 @@ from functools import partial
 
 import numpy as np
 
-from tracknoise.findings.intervals.intervals import curve_statistics
 from tracknoise.findings.intervals.scalar_bounds import first_reached, interpolated, survival
+from tracknoise.findings.intervals.table import curve_statistics
 from tracknoise.findings.sampling.bounds import Sample
-from tracknoise.findings.sampling.jackknife import student_interval
-from tracknoise.findings.sampling.resampling import LEVEL, N_DRAWS, draws, interval
+from tracknoise.findings.sampling.draws import N_DRAWS, draws
+from tracknoise.findings.sampling.jackknife import acceleration, student_interval
+from tracknoise.findings.sampling.resampling import interval
+from tracknoise.tables.defaults import LEVEL
 
 AGE, FRAMES, TRACKS = 15, 40, 200
 HAZARD, STEP_PX, BIAS_PX, OUTLIERS = 0.06, 0.1, 0.2, 0.03
@@ -159,7 +161,8 @@ def bounded(kind: str, statistic: Statistic, n_scenes: int) -> tuple[np.ndarray,
     if kind == "student":
         return student_interval(sample.whole, without, scale=statistic.scale, sizes=statistic.sizes)
     n_units = PLAIN if kind == "plain percentile" else n_scenes
-    return interval(sample.whole, drawn, without, kind=kind.removeprefix("plain "), n_units=n_units)
+    made, grows = kind.removeprefix("plain "), acceleration(without)
+    return interval(sample.whole, drawn, kind=made, n_units=n_units, acceleration=grows)
 
 
 def coverage(

@@ -25,7 +25,7 @@ def test_sentences_then_verdicts_are_printed(tracknoise, finished):
     code, out, err = tracknoise("findings", str(finished.path))
     assert (code, err) == (0, "")
     lines = out.splitlines()
-    assert lines[0].startswith(" 1. In every condition there are only 2 scenes.")
+    assert lines[0].startswith(" 1. Every condition has only 2 scenes.")
     assert (
         sum(line[:2].strip().isdigit() and line[2:4] == ". " for line in lines)
         == finished.statistics("findings").height

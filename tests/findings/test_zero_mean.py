@@ -54,7 +54,7 @@ def test_a_bias_is_found_at_its_ages_and_overall():
     assert ages["verdict"].to_list() == [*["undecided"] * 3, *["yes"] * 3]
     overall = found.row(by_predicate=pl.col("at").is_null(), named=True)
     assert overall["verdict"] == "yes"
-    assert overall["why"].startswith("strongest at age ")
+    assert overall["why"].startswith("strongest evidence at age ")
     strongest = ages.row(by_predicate=pl.col("at") == int(overall["why"].split()[-1]), named=True)
     assert strongest["effect_px"] == overall["effect_px"]
 
@@ -100,7 +100,7 @@ def test_under_six_scenes_there_is_no_test(n_scenes):
     found = found_in(scene_means(np.random.default_rng(9), n_scenes, 3, bias=50.0), min_features=1)
     assert found["verdict"].unique().to_list() == ["undecided"]
     scenes = "1 scene" if n_scenes == 1 else f"{n_scenes} scenes"
-    assert found["why"].unique().to_list() == [f"no test at 5 % exists with {scenes}, at least 6 are needed"]
+    assert found["why"].unique().to_list() == [f"a test at 5 % needs at least 6 scenes; found {scenes}"]
     assert found["sign_flip_p"].null_count() == found["hotelling_p"].null_count() == found.height
     assert found.drop_nulls("at")["effect_px"].min() > 10
 
@@ -112,7 +112,7 @@ def test_ages_that_few_scenes_reach_are_not_tested_and_do_not_count_in_the_adjus
     last = found.row(by_predicate=pl.col("at") == 4, named=True)
     assert last["sign_flip_p"] is None
     assert last["sign_flip_p_adjusted"] is None
-    assert last["why"] == "no test at 5 % exists with 3 scenes, at least 6 are needed"
+    assert last["why"] == "a test at 5 % needs at least 6 scenes; found 3 scenes"
     without = found_in(means[:, :4]).drop_nulls("at")
     assert found.head(3)["sign_flip_p_adjusted"].equals(without["sign_flip_p_adjusted"])
     assert found.head(3)["hotelling_p_adjusted"].equals(without["hotelling_p_adjusted"])
@@ -150,7 +150,7 @@ def test_neither_the_key_frame_nor_what_is_cut_is_tested():
 
 def test_a_condition_that_is_cut_everywhere_says_so():
     found = found_in(scene_means(np.random.default_rng(13), 8, 4), min_features=10_000)
-    assert found["why"].to_list() == ["no place with enough features"]
+    assert found["why"].to_list() == ["no age or frame has enough features"]
     assert found["verdict"].to_list() == ["undecided"]
 
 

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 
 import polars as pl
 
-from tracknoise.findings.headlines.headlines import headlines
-from tracknoise.findings.headlines.scope import Scope
+from tracknoise.findings.headlines.reported_conditions import ReportedConditions
+from tracknoise.findings.headlines.table import headline_table
 from tracknoise.statistics.grouping import POOLED
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
 from tracknoise.tables.findings_schema import DEPENDENCE, GAUSSIANITY, INTERVALS, RADII, TIME_STRUCTURE, ZERO_MEAN
@@ -14,10 +14,10 @@ from tracknoise.tables.schema import Schema
 
 BANDS = ((1, 4), (5, 9), (10, 19))
 PROBABILITIES = (0.1, 0.25, 0.5, 0.75, 0.9, 0.99, 0.999)
-FEW = "no test at 5 % exists with {} scenes, at least 6 are needed"
+FEW = "a test at 5 % needs at least 6 scenes; found {} scenes"
 
 
-def made_up(tables: Mapping[str, pl.DataFrame], *, scope: Scope) -> dict[str, pl.DataFrame]:
+def made_up(tables: Mapping[str, pl.DataFrame], *, scope: ReportedConditions) -> dict[str, pl.DataFrame]:
     """All findings for the statistics of a run: intervals are a tenth of the value to either side."""
     found = {
         "intervals": intervals(tables, population=scope.population),
@@ -27,7 +27,7 @@ def made_up(tables: Mapping[str, pl.DataFrame], *, scope: Scope) -> dict[str, pl
         "time_structure": time_structure(tables["curves"]),
         "dependence": dependence(tables["effects"]),
     }
-    found["findings"] = headlines({**tables, **found}, scope)
+    found["findings"] = headline_table({**tables, **found}, scope)
     return found
 
 
@@ -118,7 +118,7 @@ def time_structure(curves: pl.DataFrame) -> pl.DataFrame:
         level=pl.lit(0.95),
         resampled=_resampled(TIME_STRUCTURE),
         verdict=pl.lit("random walk", dtype=TIME_STRUCTURE["verdict"]),
-        why=pl.lit("behaves like a random walk: 0.09 px per sqrt(frame)"),
+        why=pl.lit("random walk: 0.09 px per sqrt(frame)"),
     )
     return _typed(table, TIME_STRUCTURE)
 

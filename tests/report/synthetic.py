@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from tracknoise.findings.headlines.scope import Scope
+from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.statistics.aspects import aspect_curves, scene_aspects
 from tracknoise.statistics.change_curves import change_curves
 from tracknoise.statistics.counts import counts, merge_counts
@@ -305,11 +305,11 @@ def _made_up_findings() -> ModuleType:
     return module
 
 
-def _scope(world: World) -> Scope:
+def _scope(world: World) -> ReportedConditions:
     """What the headlines are about."""
     key_frames = {} if world.key_frame is None else dict.fromkeys(("forward", "backward"), world.key_frame)
     reference = ReferenceCondition(world.lightings[0], speed=min(world.speeds), key_frames=key_frames)
-    return Scope(
+    return ReportedConditions(
         reference,
         world.trackers,
         population=world.population,

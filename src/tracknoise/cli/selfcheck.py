@@ -72,7 +72,7 @@ def comparison_text(comparison: "pl.DataFrame") -> str:
 def verdict_text(verdict: "Verdict") -> str:
     """What the comparison comes to, in a few lines."""
     from tracknoise.experiments.validation.selfcheck import furthest
-    from tracknoise.findings.sampling.resampling import LEVEL
+    from tracknoise.tables.defaults import LEVEL
 
     limit = f"more than {furthest(verdict.n_numbers):.1f} standard errors from what went in"
     missing = f" {verdict.n_missing} more are missing." if verdict.n_missing else ""

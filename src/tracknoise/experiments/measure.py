@@ -9,12 +9,12 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import SettingsError
-from tracknoise.experiments.settings import Population, TrimAmong
 from tracknoise.measurement.scene import SceneTables, measure_scenes
 from tracknoise.measurement.tracking import Progress, TrackerSetup
 from tracknoise.sequences.sequence import Sequence, TruthKind
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.trimming import trim
+from tracknoise.tables.defaults import POPULATION, TRIM_AMONG, TRIM_PERCENTILE
 from tracknoise.trackers.tracker import TrackerSettings
 from tracknoise.truth.scan import ScanRule
 from tracknoise.truth.truth import SCAN_RULE
@@ -64,9 +64,9 @@ def measure(
     speeds: Items[int] = (1,),
     truth: TruthKind | None = None,
     scan_rule: ScanRule = SCAN_RULE,
-    population: Population = "visible",
-    trim_percentile: float = 90.0,
-    trim_among: TrimAmong = "all",
+    population: str = POPULATION,
+    trim_percentile: float = TRIM_PERCENTILE,
+    trim_among: str = TRIM_AMONG,
     max_frames: int | None = None,
     seed: int = 0,
     progress: Progress | None = None,
@@ -98,9 +98,9 @@ def measure_together(
     speeds: Items[int] = (1,),
     truth: TruthKind | None = None,
     scan_rule: ScanRule = SCAN_RULE,
-    population: Population = "visible",
-    trim_percentile: float = 90.0,
-    trim_among: TrimAmong = "all",
+    population: str = POPULATION,
+    trim_percentile: float = TRIM_PERCENTILE,
+    trim_among: str = TRIM_AMONG,
     max_frames: int | None = None,
     seed: int = 0,
     progress: Progress | None = None,
@@ -158,9 +158,9 @@ def complete(
     sequence: Sequence,
     scene: SceneTables,
     *,
-    trim_percentile: float = 90.0,
-    trim_among: TrimAmong = "all",
-    population: Population = "visible",
+    trim_percentile: float = TRIM_PERCENTILE,
+    trim_among: str = TRIM_AMONG,
+    population: str = POPULATION,
 ) -> Measurement:
     """Trim what was measured in a sequence, and work out its moments; see `measure_together` for the parameters."""
     trimmed = trim(

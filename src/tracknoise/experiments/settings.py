@@ -1,4 +1,4 @@
-"""What to run: the sections of an experiment file, and their checks."""
+"""The sections of an experiment file, and their checks."""
 
 import hashlib
 import json
@@ -11,13 +11,11 @@ import tomlkit
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
-from tracknoise.findings.sampling.resampling import LEVEL
 from tracknoise.sequences.sequence import Direction, TruthKind
-from tracknoise.statistics.effects import MARGIN
+from tracknoise.tables import defaults
+from tracknoise.tables.enumerations import IntervalKind, Population, TrimAmong
 from tracknoise.truth.scan import ScanAnchoring
 
-Population = Literal["visible", "projected"]
-TrimAmong = Literal["all", "followed"]
 Keep = Literal["observations", "statistics"]
 
 
@@ -26,7 +24,7 @@ class _Section(BaseModel):
 
 
 class DatasetSettings(_Section):
-    """Which images."""
+    """Dataset and the part of it that is measured."""
 
     reader: str
     """Name of the format: see `tracknoise datasets`."""
@@ -37,20 +35,20 @@ class DatasetSettings(_Section):
     lightings: list[str] | None = None
     """Only these lightings; by default all."""
     max_frames: Annotated[int, Field(ge=2)] | None = None
-    """Only so many frames of each sequence, from the first; by default all."""
+    """Most frames of each sequence, from the first; by default all."""
     max_scenes: Annotated[int, Field(ge=1)] | None = None
-    """Only so many scenes, the first by name; by default all."""
+    """Most scenes, the first by name; by default all."""
     options: dict[str, Any] = {}
     """The reader's own settings."""
 
 
 class ViewSettings(_Section):
-    """One way to see every scene."""
+    """One view of every scene: rotation and direction."""
 
     rotation: Literal[0, 90, 180, 270] = 0
-    """By how many degrees images are turned counter-clockwise, and the camera with them."""
+    """Rotation of the images and the camera, degrees counter-clockwise."""
     direction: Annotated[Direction, Field(strict=False)] = Direction.forward
-    """Whether frames come in the order of their recording, or the last first."""
+    """Whether frames are played in the order of their recording, or in reverse."""
     lightings: list[str] | None = None
     """Only under these lightings; by default all of the experiment."""
     speeds: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1)] | None = None
@@ -63,9 +61,9 @@ class TrackerChoice(_Section):
     kind: str
     """Which tracker: see `tracknoise trackers`."""
     name: Annotated[str, Field(min_length=1)] | None = None
-    """What to call it in tables and figures; by default its kind."""
+    """Its name in tables and figures; by default its kind."""
     options: dict[str, Any] = {}
-    """Its own settings, where they are not the defaults."""
+    """Its own settings that differ from the defaults."""
 
     @property
     def label(self) -> str:
@@ -86,59 +84,59 @@ class TrackerChoice(_Section):
 
 
 class TruthSettings(_Section):
-    """Where each feature really was."""
+    """How true positions of features are computed."""
 
     kind: Annotated[TruthKind | None, Field(strict=False)] = None
-    """How a feature is fixed in the world; by default the best that the data offer."""
-    population: Population = "visible"
-    """Which observations trimming looks at: `visible`, or all that can be `projected`, the occluded too."""
-    scan_radius_px: Annotated[float, Field(gt=0)] = 0.25
-    """How near the projection of a scan point must lie to a feature in the key frame to be associated with it."""
+    """How a feature is anchored in the world; by default the best that the data allow."""
+    population: Annotated[Population, Field(strict=False)] = defaults.POPULATION
+    """Which observations errors are of: `visible` ones, or all that can be `projected`, occluded ones included."""
+    scan_radius_px: Annotated[float, Field(gt=0)] = defaults.SCAN_RADIUS_PX
+    """Largest distance of a feature in the key frame to the projection of the scan point associated with it."""
     scan_anchoring: Annotated[ScanAnchoring, Field(strict=False)] = ScanAnchoring.ray
-    """What a feature takes of its scan point: the depth along its own `ray`, or the `point` itself."""
+    """What a feature takes from its scan point: the depth along its own `ray`, or the `point` itself."""
 
 
 class StatisticsSettings(_Section):
     """How errors are summarised."""
 
-    trim_percentile: Annotated[float, Field(gt=0, le=100)] = 90.0
+    trim_percentile: Annotated[float, Field(gt=0, le=100)] = defaults.TRIM_PERCENTILE
     """Drop tracks whose largest error is above this percentile of their scene and condition; 100 drops none."""
-    trim_among: TrimAmong = "all"
-    """Of which tracks that percentile is taken: of `all` that have an error, as in the paper, or of those `followed`,
-    which have one away from the frame that fixes their true position, where it is zero by construction."""
-    min_features: Annotated[int, Field(ge=2)] = 100
-    """Cut curves where fewer features than this remain."""
+    trim_among: Annotated[TrimAmong, Field(strict=False)] = defaults.TRIM_AMONG
+    """Tracks of which that percentile is taken: `all` that have an error, as in the paper, or those `followed`, which
+    have an error in another frame than the one that fixes their true position, where it is zero by construction."""
+    min_features: Annotated[int, Field(ge=2)] = defaults.MIN_FEATURES
+    """Curves are cut where fewer features than this remain."""
 
 
 class FindingsSettings(_Section):
-    """What is asked of the statistics, and how surely; may change from one start of a run to the next."""
+    """Margin, level and intervals of findings; they may change when a run is resumed."""
 
-    margin: Annotated[float, Field(gt=0, allow_inf_nan=False)] = MARGIN
+    margin: Annotated[float, Field(gt=0, allow_inf_nan=False)] = defaults.MARGIN
     """Largest relative effect of a factor that does not matter."""
-    level: Annotated[float, Field(ge=0.5, le=0.99)] = LEVEL
-    """Share of intervals that hold the true value."""
-    intervals: Literal["student", "percentile", "bca"] = "student"
-    """How intervals of curves, lifetimes and outlier ratios are made: see docs/findings.md."""
+    level: Annotated[float, Field(ge=0.5, le=0.99)] = defaults.LEVEL
+    """Probability that an interval contains the true value."""
+    intervals: Annotated[IntervalKind, Field(strict=False)] = defaults.KIND_OF_INTERVAL
+    """How intervals are made: see docs/findings.md, which names the findings that need another kind."""
 
 
 class Experiment(_Section):
-    """Everything that decides an experiment's numbers."""
+    """All settings that decide the numbers of an experiment."""
 
     name: Annotated[str, Field(pattern=r"^[^/\\]*[^/\\.][^/\\]*$")]
-    """What to call it in the report, and its run folder: a file name."""
+    """Its name in the report and of its run folder: a file name."""
     dataset: DatasetSettings
     trackers: Annotated[list[TrackerChoice], Field(min_length=1)]
     speeds: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1)] = [1]
-    """Every how many frames a tracker sees one."""
+    """Speeds: at speed s a tracker sees every s-th frame."""
     views: Annotated[list[ViewSettings], Field(min_length=1)] = [ViewSettings()]
-    """In which ways scenes are seen: by default as they were recorded."""
+    """Views of the scenes: by default as they were recorded."""
     paper: str | None = None
-    """Which experiment of the paper this repeats: the report sets the paper's findings beside its own."""
+    """Experiment of the paper that this one repeats: the report compares the findings of both."""
     seed: Annotated[int, Field(ge=0)] = 0
-    """Of trackers that are random by nature, such as the oracle. Simulations and outlier rejection have their own."""
+    """Random seed of trackers such as the oracle. Simulations and outlier rejection have seeds of their own."""
     keep: Keep = "observations"
-    """What the run folder keeps of a sequence: all `observations` and tracks, or `statistics` alone, which is smaller,
-    and enough for every table of the run and all figures but those of single errors. Numbers are the same."""
+    """What the run folder keeps of a sequence: all `observations` and tracks, or only `statistics`. These are smaller.
+    Figures of single errors need observations; all other figures, and all tables, are the same."""
     truth: TruthSettings = TruthSettings()
     statistics: StatisticsSettings = StatisticsSettings()
     findings: FindingsSettings = FindingsSettings()

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 
 import polars as pl
 
+from tracknoise.tables.enumerations import Axis, Population
+
 NO_KEY_FRAMES: Mapping[str, int] = {}
 
 
@@ -23,5 +25,5 @@ def anchored(table: pl.DataFrame, key_frames: Mapping[str, int]) -> pl.DataFrame
         The same columns, and `since` (Int64), not 0: an age, or frames after the key frame, negative before it.
     """
     key = pl.col("direction").replace_strict(dict(key_frames), default=0, return_dtype=pl.Int64)
-    since = pl.col("at").cast(pl.Int64) - pl.when(pl.col("axis") == "frame").then(key).otherwise(0)
-    return table.with_columns(since=since).filter(pl.col("n") > 0, pl.col("since") != 0, population="visible")
+    since = pl.col("at").cast(pl.Int64) - pl.when(pl.col("axis") == Axis.frame).then(key).otherwise(0)
+    return table.with_columns(since=since).filter(pl.col("n") > 0, pl.col("since") != 0, population=Population.visible)

@@ -13,7 +13,7 @@ curves of weighting `scenes` have. With n scenes, Q = sum x_i x_i' and s = sum x
 - An age among all: the share of flips whose largest -log P(q) over the ages is as large as that found at this one
   (adjusted). To reject where it is at most alpha keeps the probability of any false rejection under alpha, whichever
   ages differ from zero and however they depend on each other (Westfall and Young 1993). Holm's adjustment does, too,
-  but no p-value is less than 2 / 2^n: with nine scenes and twenty ages it rejects nothing, however large the mean.
+  but no p-value is less than 2 / 2^n: with nine scenes and twenty ages it never rejects, however large the mean.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.findings.sampling.resampling import MIN_SCENES
+from tracknoise.findings.sampling.units import MIN_SCENES
 
 EXACT = 12
 """Most scenes of which all flips are used."""
@@ -90,7 +90,7 @@ def flip_test(means: NDArray[np.float64], *, seed: int = 0) -> FlipTest:
 
 
 def _share_as_large(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Share of flips, along the first axis, whose value is at least that of the first, which flips nothing."""
+    """Share of flips, along the first axis, whose value is at least that of the first, which has no flip."""
     return np.asarray((values >= values[0] * (1 - _SAME)).mean(axis=0))
 
 
@@ -101,7 +101,7 @@ def _share_above(values: NDArray[np.float64], limits: NDArray[np.float64]) -> ND
 
 
 def _signs(scenes: int, seed: int) -> NDArray[np.float64]:
-    """Flips as rows of 1 and -1; the first flips nothing."""
+    """Flips as rows of 1 and -1; the first has no flip."""
     if scenes <= EXACT:
         bits = np.arange(2**scenes)[:, None] >> np.arange(scenes) & 1
     else:

@@ -1,15 +1,26 @@
-"""Words and numbers as findings and the report write them, so that the two never differ."""
+"""Words and numbers in text, the same in findings and in the report."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
 import polars as pl
 
+from tracknoise.tables.enumerations import Axis, Resampled, Shape
+
 SPACE = "\N{NO-BREAK SPACE}"
 MINUS, DASH, TIMES = "\N{MINUS SIGN}", "\N{EN DASH}", "\N{MULTIPLICATION SIGN}"
 _VIEW = {"lighting": "under lighting {}", "rotation": "at rotation {}°", "direction": "played {}"}
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
+SHAPES: Mapping[str, str] = {
+    Shape.gaussian: "close to Gaussian",
+    Shape.heavy_tailed: "heavy-tailed",
+    Shape.contaminated: "contaminated (as if some came from a wider Gaussian)",
+    Shape.light_tailed: "light-tailed",
+    Shape.skewed: "skewed",
+    Shape.undecided: "of undecided shape",
+}
+"""What errors of each shape are called."""
 STATISTICS: Mapping[str, str] = {
     "mean": "mean error",
     "absolute": "mean absolute error",
@@ -17,7 +28,7 @@ STATISTICS: Mapping[str, str] = {
     "lifetime": "lifetime",
     "outlier_ratio": "outlier ratio",
 }
-"""Role of each statistic that a factor may matter to, and what it is called."""
+"""Name of each statistic that a factor may affect, by its role."""
 
 
 def number(value: float | None, *, digits: int = 3) -> str:
@@ -53,7 +64,7 @@ def percent(share: float | None) -> str:
 
 
 def effect_text(effect: float | None) -> str:
-    """Write an effect in percent, to a tenth near the margin; nothing where there is none."""
+    """Write an effect in percent, to a tenth near the margin; empty where there is none."""
     if effect is None:
         return ""
     if effect >= 10:
@@ -95,7 +106,7 @@ def place(axis: str, since: int) -> str:
     since
         Frames of the sequence; negative before the key frame.
     """
-    if axis == "age":
+    if axis == Axis.age:
         return f"at age {since}"
     return f"at {count(abs(since), 'frame')} {'before' if since < 0 else 'after'} the key frame"
 
@@ -106,7 +117,7 @@ def view_text(view: Mapping[str, object], names: Iterable[str]) -> str:
 
 
 def interval_text(level: float, resampled: str, n_scenes: Sequence[int]) -> str:
-    """Write of what kind intervals are: ``95 % intervals over 8 scenes``.
+    """Write how intervals were made: ``95 % intervals over 8 scenes``.
 
     Parameters
     ----------
@@ -119,5 +130,5 @@ def interval_text(level: float, resampled: str, n_scenes: Sequence[int]) -> str:
     """
     least, most = min(n_scenes), max(n_scenes)
     scenes = count(most, "scene") if least == most else f"{least} to {count(most, 'scene')}"
-    what = f" over {scenes}" if resampled == "scenes" else f", blocks of tracks resampled within {scenes}"
+    what = f" over {scenes}" if resampled == Resampled.scenes else f", blocks of tracks resampled within {scenes}"
     return f"{100 * level:g}{SPACE}% intervals{what}"

@@ -1,8 +1,8 @@
 """Is the mean error zero? At every age, and at all ages together.
 
-What is tested is that of scenes (`tracknoise.findings.flips`), each of which counts once. Beside it stands the p-value
-of Hotelling's test that takes every feature for a sampling unit (iid). Features of a scene are wrong in the same way at
-the same time, so that it rejects most true zeros.
+The test takes scenes for sampling units (`tracknoise.findings.flips`), each of which counts once. The table also has
+the p-value of Hotelling's test that takes every feature for a sampling unit (iid). Errors of the features of a scene
+are correlated, so that it rejects most true zeros.
 """
 
 from collections.abc import Iterator, Mapping
@@ -14,16 +14,18 @@ from numpy.typing import NDArray
 
 from tracknoise.findings.flips import FlipTest, flip_test
 from tracknoise.findings.sampling.multiplicity import holm
-from tracknoise.findings.sampling.resampling import MIN_SCENES
+from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.wording import scenes_counted
 from tracknoise.statistics.conditions import Tables, TablesByCondition, by_condition
 from tracknoise.statistics.curves import NAMES
 from tracknoise.statistics.grouping import POOLED, group_rows
+from tracknoise.tables.defaults import POPULATION
+from tracknoise.tables.enumerations import Axis, Verdict, Weighting
 from tracknoise.tables.findings_schema import ZERO_MEAN
 from tracknoise.tables.schema import CURVES, MOMENTS, check, empty
 
 ALPHA = 0.05
-"""Probability with which a true zero may be said to differ from zero, all ages of a condition together."""
+"""Probability of a false `yes`: of rejecting a true zero, all ages of a condition together."""
 _FLAT = 1e-12
 """Determinants that are smaller than this, relative to what they are a difference of, are rounding."""
 _CHANCE = "a mean error of this size may be chance"
@@ -36,7 +38,7 @@ def zero_mean(
     curves: pl.DataFrame,
     *,
     key_frames: Mapping[str, int] | None = None,
-    population: str = "visible",
+    population: str = POPULATION,
     seed: int = 0,
 ) -> pl.DataFrame:
     """Test at every age whether the mean error is zero, and at all ages together.
@@ -46,7 +48,7 @@ def zero_mean(
     moments
         Schema `MOMENTS`, of all scenes.
     curves
-        What `tracknoise.statistics.curves.curves` made of them. Where they are cut nothing is tested.
+        What `tracknoise.statistics.curves.curves` made of them. Where they are cut there is no test.
     key_frames
         Where curves run along frames: the one in which errors are zero by construction, by direction. Neither it nor
         age 0 is tested.
@@ -61,8 +63,8 @@ def zero_mean(
         Schema `ZERO_MEAN`, sorted by condition, trimming and age, the row of all ages first. Means and second moments
         weigh scenes equally. The row of all ages has the means at the age where the evidence is strongest, which `why`
         names; these are larger than at an age chosen beforehand. The verdict is `yes` if the flips' p-value, adjusted
-        over the ages, is at most `ALPHA`; it is never `no`: a mean that could not be told from zero may differ from it
-        by as much as its interval is wide. Under `MIN_SCENES` scenes there is no test.
+        over the ages, is at most `ALPHA`; it is never `no`: a mean that could not be distinguished from zero may
+        differ from it by as much as its interval is wide. Under `MIN_SCENES` scenes there is no test.
 
     Raises
     ------
@@ -91,13 +93,13 @@ def _means_by_curve(moments: TablesByCondition, population: str) -> Iterator[tup
 def _points(curves: pl.DataFrame, key_frames: Mapping[str, int]) -> pl.DataFrame:
     """Places that are tested, by curve: what weighs scenes equally, and (iid), which weighs features equally."""
     key = pl.col("direction").replace_strict(dict(key_frames), default=0, return_dtype=pl.Int64)
-    zero = pl.when(pl.col("axis") == "frame").then(key).otherwise(0)
+    zero = pl.when(pl.col("axis") == Axis.frame).then(key).otherwise(0)
     usable = curves.with_columns(pl.col("at").cast(pl.Int64)).filter(~pl.col("cut"), pl.col("at") != zero)
     points = usable.group_by(*_CURVE, "at").agg(
         n=pl.col("n").first(),
-        mean_u=_value("u", "mean", "scenes"),
-        mean_v=_value("v", "mean", "scenes"),
-        second=_value("u", "second", "scenes") + _value("v", "second", "scenes"),
+        mean_u=_value("u", "mean", Weighting.scenes),
+        mean_v=_value("v", "mean", Weighting.scenes),
+        second=_value("u", "second", Weighting.scenes) + _value("v", "second", Weighting.scenes),
         iid_p=_iid_p(),
     )
     length = (pl.col("mean_u") ** 2 + pl.col("mean_v") ** 2).sqrt()
@@ -112,8 +114,8 @@ def _value(column: str, role: str, weighting: str) -> pl.Expr:
 
 def _iid_p() -> pl.Expr:
     """P-value of Hotelling's test over features; null where they do not vary in both directions."""
-    n, u, v = pl.col("n").first(), _value("u", "mean", "features"), _value("v", "mean", "features")
-    uu, vv, uv = (_value(column, "central", "features") for column in ("u", "v", "uv"))
+    n, u, v = pl.col("n").first(), _value("u", "mean", Weighting.features), _value("v", "mean", Weighting.features)
+    uu, vv, uv = (_value(column, "central", Weighting.features) for column in ("u", "v", "uv"))
     determinant = uu * vv - uv**2
     t2 = n * (vv * u**2 - 2 * uv * u * v + uu * v**2) / determinant
     possible = (n > 2) & (determinant > _FLAT * uu * vv)
@@ -134,23 +136,25 @@ def _of_curve(points: pl.DataFrame, scenes: pl.DataFrame, seed: int) -> pl.DataF
     overall = _overall(ages, found, scenes["scene"].n_unique())
     rows = pl.concat([overall, ages], how="diagonal_relaxed")
     differs = (pl.col("sign_flip_p_adjusted").fill_nan(None) <= ALPHA).fill_null(value=False)
-    few = pl.format(f"no test at 5 % exists with {{}}, at least {MIN_SCENES} are needed", scenes_counted("n_scenes"))
+    few = pl.format(f"a test at 5 % needs at least {MIN_SCENES} scenes; found {{}}", scenes_counted("n_scenes"))
     chance = pl.when(~differs).then(pl.lit(_CHANCE))
     why = pl.when(pl.col("n_scenes") < MIN_SCENES).then(few).otherwise(pl.coalesce("why", chance))
-    return rows.with_columns(why=why, verdict=pl.when(differs).then(pl.lit("yes")).otherwise(pl.lit("undecided")))
+    return rows.with_columns(
+        why=why, verdict=pl.when(differs).then(pl.lit(Verdict.yes)).otherwise(pl.lit(Verdict.undecided))
+    )
 
 
 def _overall(ages: pl.DataFrame, found: FlipTest, n_scenes: int) -> pl.DataFrame:
     """Row of all ages, with the means of the strongest."""
     counted = {"n_scenes": n_scenes}
     if found.strongest is None:
-        why = f"no place with {MIN_SCENES} scenes" if ages.height else "no place with enough features"
+        why = f"no age or frame has {MIN_SCENES} scenes" if ages.height else "no age or frame has enough features"
         return pl.DataFrame({**counted, "why": why})
     strongest = ages.select("n", "mean_u_px", "mean_v_px", "effect_px", "share_of_second").row(
         found.strongest, named=True
     )
     p = {"sign_flip_p": found.overall_p, "sign_flip_p_adjusted": found.overall_p}
-    why = "strongest at {axis} {at}".format(**ages.row(found.strongest, named=True))
+    why = "strongest evidence at {axis} {at}".format(**ages.row(found.strongest, named=True))
     return pl.DataFrame({**strongest, **counted, **p, "why": why})
 
 

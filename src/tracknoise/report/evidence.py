@@ -14,9 +14,9 @@ from tracknoise.findings.wording import view_text
 from tracknoise.report import style
 from tracknoise.report.axis import AGE, FRAME, Axis
 from tracknoise.report.bands import BOUNDS, with_bounds
-from tracknoise.statistics.effects import MARGIN
 from tracknoise.statistics.lightings import lightings_in_order
 from tracknoise.statistics.trimming import dropped_above
+from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.schema import VIEW
 from tracknoise.tables.store import FINDINGS_TABLES, STATISTICS_TABLES, Manifest, RunFolder, SequenceEntry
 
@@ -77,17 +77,17 @@ class Evidence:
     @property
     def name(self) -> str:
         """What the experiment is called."""
-        return str(self.settings.get("name", self.run.path.name))
+        return str(self.settings["name"])
 
     @property
     def population(self) -> str:
         """Which observations the experiment is about: `visible`, or `projected`, the occluded too."""
-        return str(self._section("truth").get("population", "visible"))
+        return str(self.settings["truth"]["population"])
 
     @property
     def keeps_observations(self) -> bool:
         """Whether the run folder has single observations and tracks, besides what was made of them."""
-        return bool(self.settings.get("keep", "observations") == "observations")
+        return bool(self.settings["keep"] == "observations")
 
     @property
     def margin(self) -> float:
@@ -98,7 +98,7 @@ class Evidence:
     @property
     def min_features(self) -> int:
         """Where fewer features than this remain, curves are cut."""
-        return int(self._section("statistics").get("min_features", 100))
+        return int(self.settings["statistics"]["min_features"])
 
     @cached_property
     def percentile(self) -> float | None:
@@ -164,7 +164,7 @@ class Evidence:
     @cached_property
     def trackers(self) -> list[str]:
         """Trackers with results, in the order in which the experiment names them."""
-        configured = [entry.get("name") or entry.get("kind") for entry in self.settings.get("trackers", [])]
+        configured = [entry.get("name") or entry["kind"] for entry in self.settings["trackers"]]
         return _ordered(self._measured("tracker"), configured)
 
     @cached_property
@@ -175,7 +175,7 @@ class Evidence:
     @cached_property
     def lightings(self) -> list[str]:
         """Lightings with results, in the order in which the experiment names them, or else by name, diffuse first."""
-        return lightings_in_order(self._measured("lighting"), self._section("dataset").get("lightings"))
+        return lightings_in_order(self._measured("lighting"), self.settings["dataset"].get("lightings"))
 
     @cached_property
     def rotations(self) -> list[int]:
@@ -270,10 +270,6 @@ class Evidence:
     def _remoteness(self, view: Mapping[str, Any]) -> tuple[int, int, int]:
         direction, lighting = self.directions.index(view["direction"]), self.lightings.index(view["lighting"])
         return direction, view["rotation"], lighting
-
-    def _section(self, name: str) -> Mapping[str, Any]:
-        section: Mapping[str, Any] = self.settings.get(name, {})
-        return section
 
     def _measured(self, column: str) -> list[Any]:
         tables = (self.counts, self.outliers, self.lifetimes, self.curves)

@@ -4,11 +4,11 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.findings.headlines.errors import SHAPES
-from tracknoise.findings.headlines.headline import told
-from tracknoise.findings.headlines.scope import Estimate, Scope, curve_bounds, scalar_bounds
+from tracknoise.findings.estimate import Estimate
+from tracknoise.findings.estimate_text import format_estimate
+from tracknoise.findings.headlines.reported_conditions import ReportedConditions, curve_bounds, scalar_bounds
 from tracknoise.findings.intervals.scalar_bounds import INTERPOLATED
-from tracknoise.findings.wording import chance
+from tracknoise.findings.wording import SHAPES, chance
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.sentences import DASH, SPACE
 from tracknoise.report.tables import Cells
@@ -58,23 +58,23 @@ def _row(evidence: Evidence, tracker: str, speed: int) -> list[str]:
     ]
 
 
-def _scope(evidence: Evidence, speed: int) -> Scope:
+def _scope(evidence: Evidence, speed: int) -> ReportedConditions:
     found = {name: evidence.key_frame(name) for name in evidence.directions}
     frames = {name: frame for name, frame in found.items() if frame is not None}
     reference = ReferenceCondition(**evidence.view, speed=speed, key_frames=frames)
-    return Scope(reference, evidence.trackers, evidence.population, evidence.percentile)
+    return ReportedConditions(reference, evidence.trackers, evidence.population, evidence.percentile)
 
 
-def _rms(evidence: Evidence, scope: Scope, tracker: str, coordinate: str) -> str:
+def _rms(evidence: Evidence, scope: ReportedConditions, tracker: str, coordinate: str) -> str:
     row = scope.of(evidence.summary, tracker).row(0, named=True)
     value = row[f"trimmed_rms_{coordinate}_px"]
     if value is None:
         return DASH
     bounds = curve_bounds(scope.of(evidence.intervals, tracker), scope, "second", row["at"], coordinate)
-    return told(Estimate.of(value, bounds)).replace(f"{SPACE}px", "")
+    return format_estimate(Estimate.of(value, bounds, "px")).replace(f"{SPACE}px", "")
 
 
-def _zero_mean(evidence: Evidence, scope: Scope, tracker: str) -> str:
+def _zero_mean(evidence: Evidence, scope: ReportedConditions, tracker: str) -> str:
     rows = scope.of(evidence.zero_mean, tracker).filter(pl.col("at").is_null(), trimming="trimmed")
     row = _first(rows.filter(axis=evidence.axis.name))
     if row is None:
@@ -83,7 +83,7 @@ def _zero_mean(evidence: Evidence, scope: Scope, tracker: str) -> str:
     return _ZERO[row["verdict"]] + ("" if p is None else f" ({chance(p)})")
 
 
-def _shapes(evidence: Evidence, scope: Scope, tracker: str, at: int | None) -> list[str]:
+def _shapes(evidence: Evidence, scope: ReportedConditions, tracker: str, at: int | None) -> list[str]:
     """Verdict on the shape in the band of ages that holds the reference, before trimming and after."""
     rows = scope.of(evidence.gaussianity, tracker).sort("age_low")
     since = 1 if at is None else abs(scope.since(at))
@@ -92,25 +92,25 @@ def _shapes(evidence: Evidence, scope: Scope, tracker: str, at: int | None) -> l
     return [DASH if row is None else SHAPES[row["verdict"]].partition(" (")[0] for row in found]
 
 
-def _growth(evidence: Evidence, scope: Scope, tracker: str, coordinate: str) -> str:
+def _growth(evidence: Evidence, scope: ReportedConditions, tracker: str, coordinate: str) -> str:
     rows = scope.of(evidence.time_structure, tracker).filter(trimming="trimmed", coordinate=coordinate)
     row = _first(rows)
     return DASH if row is None else _GROWTH.get(row["verdict"], row["verdict"])
 
 
-def _outliers(evidence: Evidence, scope: Scope, tracker: str) -> str:
+def _outliers(evidence: Evidence, scope: ReportedConditions, tracker: str) -> str:
     value = scope.of(evidence.summary, tracker)["outlier_ratio"][0]
     if value is None:
         return DASH
     bounds = scalar_bounds(scope.of(evidence.intervals, tracker), "outlier_ratio")
-    return told(Estimate.of(value, bounds, "share"))
+    return format_estimate(Estimate.of(value, bounds, "share"))
 
 
-def _median_lifetime(evidence: Evidence, scope: Scope, tracker: str) -> str:
+def _median_lifetime(evidence: Evidence, scope: ReportedConditions, tracker: str) -> str:
     """Interpolated, so that conditions which differ by less than a frame can be told apart."""
     rows = scope.of(evidence.intervals, tracker).filter(statistic=f"{INTERPOLATED}median_lifetime")
     row = _first(rows.drop_nulls("value"))
-    return DASH if row is None else told(Estimate(row["value"], row["low"], row["high"], "frames"))
+    return DASH if row is None else format_estimate(Estimate.of_row(row, "value", "low", "high", "frames"))
 
 
 def _first(rows: pl.DataFrame) -> dict[str, Any] | None:

@@ -9,7 +9,7 @@ from typing import Any
 import polars as pl
 
 from tracknoise.findings import wording
-from tracknoise.findings.headlines.factors import ROLES
+from tracknoise.findings.roles import ROLES
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.sentences import SPACE, effect_text
 from tracknoise.statistics.effects import FACTORS

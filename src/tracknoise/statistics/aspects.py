@@ -23,6 +23,7 @@ from tracknoise.statistics.curves import NAMES, curves
 from tracknoise.statistics.grouping import group_rows
 from tracknoise.statistics.moments import KEYS, measure_cells, unite_cells
 from tracknoise.statistics.populations import measured
+from tracknoise.tables.defaults import MIN_FEATURES
 from tracknoise.tables.schema import ASPECT_CURVES, ASPECTS, CURVES, MOMENTS, OBSERVATIONS, ORIGIN, TRACKS, check
 
 MOTION, GRADIENT = "motion", "gradient"
@@ -107,7 +108,7 @@ def aspect_cells(
         yield lives(age), cells.filter(pl.col("reached") > place)
 
 
-def aspect_curves(aspects: pl.DataFrame | Iterable[pl.DataFrame], *, min_features: int = 100) -> pl.DataFrame:
+def aspect_curves(aspects: pl.DataFrame | Iterable[pl.DataFrame], *, min_features: int = MIN_FEATURES) -> pl.DataFrame:
     """Curves of every aspect, pooled over scenes: see `tracknoise.statistics.curves.curves`.
 
     Parameters

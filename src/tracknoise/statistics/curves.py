@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from tracknoise.statistics.grouping import POOLED, group_rows, in_chunks
 from tracknoise.statistics.moments import KEYS, merge
+from tracknoise.tables.defaults import MIN_FEATURES
 from tracknoise.tables.schema import CURVES, MOMENTS, WEIGHTING, check, empty
 
 UNITS = {"mean": "px", "absolute": "px", "second": "px^2", "central": "px^2"}
@@ -42,7 +43,7 @@ _Values = dict[str, tuple[NDArray[np.float64], NDArray[np.int64]]]
 """For each statistic: its values, (points, 2 or 3), NaN where undefined; and the scenes it rests on, (points,)."""
 
 
-def curves(moments: pl.DataFrame | Iterable[pl.DataFrame], *, min_features: int = 100) -> pl.DataFrame:
+def curves(moments: pl.DataFrame | Iterable[pl.DataFrame], *, min_features: int = MIN_FEATURES) -> pl.DataFrame:
     """Curves of (nu), (eta), (Phi), or (mu), (kappa), (Sigma), and central covariance, pooled over scenes.
 
     Parameters

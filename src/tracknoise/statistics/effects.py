@@ -18,10 +18,9 @@ from tracknoise.statistics.differences import comparable, largest_differences, r
 from tracknoise.statistics.grouping import POOLED
 from tracknoise.statistics.lifetimes import mean_lifetime
 from tracknoise.statistics.upright import upright
+from tracknoise.tables.defaults import MARGIN, POPULATION
 from tracknoise.tables.schema import AXIS, CONDITION, CURVES, EFFECTS, LIFETIMES, OUTLIERS, VERDICT, Schema, check
 
-MARGIN = 0.10
-"""Largest effect that does not matter: the paper's own yardstick for lighting."""
 FACTORS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "tracker": (),
@@ -65,7 +64,7 @@ def effects(
     outliers: pl.DataFrame,
     *,
     reference: ReferenceCondition,
-    population: str = "visible",
+    population: str = POPULATION,
     margin: float = MARGIN,
 ) -> pl.DataFrame:
     """Effect of every factor on every statistic, and whether it matters.

@@ -7,6 +7,7 @@ from tracknoise.statistics.curves import NAMES
 from tracknoise.statistics.grouping import POOLED
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
 from tracknoise.statistics.populations import POPULATIONS
+from tracknoise.tables.defaults import POPULATION
 from tracknoise.tables.schema import CURVES, OUTLIERS, SUMMARY, TRIMMING, check
 
 REFERENCE_AGE = 10
@@ -19,7 +20,7 @@ def summary(
     *,
     age: int = REFERENCE_AGE,
     key_frame: int = 0,
-    population: str = "visible",
+    population: str = POPULATION,
 ) -> pl.DataFrame:
     """Lifetimes, outlier ratio, and errors at a reference age, of every condition.
 

@@ -7,6 +7,7 @@ import polars as pl
 
 from tracknoise.exceptions import SchemaError, SettingsError, UnknownNameError
 from tracknoise.statistics.populations import measured
+from tracknoise.tables.defaults import POPULATION, TRIM_AMONG
 from tracknoise.tables.schema import AMONG, OBSERVATIONS, ORIGIN, TRACKS, TRIMS, check
 
 _CONDITION = list(ORIGIN)
@@ -37,8 +38,8 @@ def trim(
     tracks: pl.DataFrame,
     *,
     percentile: float | None,
-    population: str = "visible",
-    among: str = "all",
+    population: str = POPULATION,
+    among: str = TRIM_AMONG,
     key_frame: int | None = None,
 ) -> Trimmed:
     """Mark as dropped the tracks whose largest error exceeds a percentile of their scene and condition.

@@ -1,17 +1,21 @@
 """Columns of the tables that hold findings: intervals, tests, verdicts, and the sentences made of them.
 
-Every interval says its level, and what was resampled: `scenes`, or, where scenes are too few, `blocks` of tracks within
-them, so that it is conditional on those scenes.
+Every interval states its level, how it was made (`kind`), and what was resampled: `scenes` or, where scenes are too
+few, `blocks` of tracks within them, so that it is conditional on those scenes. `kind` is the one that the experiment
+asks for, with two exceptions. Shape, and what is fitted to growth, have `bca` in place of `student`
+(`tracknoise.findings.sampling.bounds.Method`). Effects of factors always have `fieller`.
 """
 
 import polars as pl
 
+from tracknoise.tables.enumerations import Behaviour, EffectIntervalKind, IntervalKind, Resampled, Shape
 from tracknoise.tables.schema import CONDITION, POPULATION, TRIMMING, VERDICT, WEIGHTING, Schema
 
-RESAMPLED = pl.Enum(["scenes", "blocks"])
-INTERVAL_KIND = pl.Enum(["student", "percentile", "bca"])
-BEHAVIOUR = pl.Enum(["white", "random walk", "drift", "none", "undecided"])
-SHAPE = pl.Enum(["Gaussian", "heavy-tailed", "contaminated", "light-tailed", "skewed", "undecided"])
+RESAMPLED = pl.Enum(Resampled)
+INTERVAL_KIND = pl.Enum(IntervalKind)
+EFFECT_INTERVAL_KIND = pl.Enum(EffectIntervalKind)
+BEHAVIOUR = pl.Enum(Behaviour)
+SHAPE = pl.Enum(Shape)
 
 _POOLED: Schema = {"dataset": pl.String, **CONDITION}
 
@@ -35,12 +39,12 @@ INTERVALS: Schema = {
     "n_units": pl.Int32,
     "n_scenes": pl.Int32,
 }
-"""A row a number that has an interval: every point of every curve, and every scalar of every condition.
+"""One row per number that has an interval: every point of every curve, and every scalar of every condition.
 
 aspect `all` is every track in image axes; `change` the changes of their errors from frame to frame, whose
 `autocorrelation` runs along the axis `lag`; others are those of `ASPECTS`. Outlier ratios and lifetimes have no
-population, trimming, weighting or coordinate; `survival` runs along the axis `lifetime`. Bounds are null where nothing
-can be resampled.
+population, trimming, weighting or coordinate; `survival` runs along the axis `lifetime`. Bounds are null where there is
+nothing to resample.
 """
 
 ZERO_MEAN: Schema = {
@@ -62,7 +66,7 @@ ZERO_MEAN: Schema = {
     "verdict": VERDICT,
     "why": pl.String,
 }
-"""Is the mean error zero: a row an age (or frame), and one for all together where `at` is null.
+"""Is the mean error zero: one row per age (or frame), and one for all together where `at` is null.
 
 effect_px is the length of the mean, share_of_second its square over the trace of the second moment about zero. Adjusted
 p-values are over the ages of a condition: Hotelling's by Holm, the flips' by their own largest. iid_p is what a test
@@ -94,12 +98,13 @@ GAUSSIANITY: Schema = {
     "student_scale_px": pl.Float64,
     "mixture_share": pl.Float64,
     "mixture_ratio": pl.Float64,
+    "kind": INTERVAL_KIND,
     "level": pl.Float64,
     "resampled": RESAMPLED,
     "verdict": SHAPE,
     "why": pl.String,
 }
-"""Are errors Gaussian: a row a band of ages (or of distances from the key frame) of a condition.
+"""Are errors Gaussian: one row per band of ages (or of distances from the key frame) of a condition.
 
 skewness and kurtosis are Mardia's b1 and b2 (0 and 8 for a Gaussian in two dimensions). tail_99 is P(d2 > 9.21) / 0.01,
 tail_999 P(d2 > 13.82) / 0.001. Gains are held-out log-likelihood per observation over a Gaussian, nats. All are of
@@ -129,6 +134,8 @@ TIME_STRUCTURE: Schema = {
         for name in ("white_px", "walk_px_per_sqrt_frame", "drift_px_per_frame", "autocorrelation")
         for bound in ("", "_low", "_high")
     },
+    "kind": INTERVAL_KIND,
+    "autocorrelation_kind": INTERVAL_KIND,
     "level": pl.Float64,
     "resampled": RESAMPLED,
     "verdict": BEHAVIOUR,
@@ -150,6 +157,7 @@ DEPENDENCE: Schema = {
     "effect": pl.Float64,
     "low": pl.Float64,
     "high": pl.Float64,
+    "kind": EFFECT_INTERVAL_KIND,
     "level": pl.Float64,
     "margin": pl.Float64,
     "p_yes": pl.Float64,

@@ -9,6 +9,7 @@ from enum import IntEnum
 import polars as pl
 
 from tracknoise.exceptions import SchemaError
+from tracknoise.tables.enumerations import Axis, Population, TrimAmong, Trimming, Verdict, Weighting
 
 
 class TruthStatus(IntEnum):
@@ -44,12 +45,12 @@ Schema = Mapping[str, pl.DataType | type[pl.DataType]]
 
 TRUTH = pl.Enum([status.name for status in TruthStatus])
 END = pl.Enum([end.name for end in TrackEnd])
-POPULATION = pl.Enum(["visible", "projected"])
-AXIS = pl.Enum(["age", "frame"])
-TRIMMING = pl.Enum(["untrimmed", "trimmed"])
-AMONG = pl.Enum(["all", "followed"])
-WEIGHTING = pl.Enum(["features", "scenes"])
-VERDICT = pl.Enum(["yes", "no", "undecided"])
+POPULATION = pl.Enum(Population)
+AXIS = pl.Enum(Axis)
+TRIMMING = pl.Enum(Trimming)
+AMONG = pl.Enum(TrimAmong)
+WEIGHTING = pl.Enum(Weighting)
+VERDICT = pl.Enum(Verdict)
 
 VIEW: Schema = {"lighting": pl.String, "rotation": pl.Int16, "direction": pl.String}
 """How a scene was seen: under which lighting, turned by how many degrees, and played forward or backward."""

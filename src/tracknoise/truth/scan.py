@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from tracknoise.sequences.sequence import Scan
+from tracknoise.tables.defaults import SCAN_RADIUS_PX
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.truth.anchor import Anchored, fix
 from tracknoise.truth.frames import Frames
@@ -34,7 +35,7 @@ class ScanRule:
         What the feature takes of it.
     """
 
-    radius_px: float = 0.25
+    radius_px: float = SCAN_RADIUS_PX
     anchoring: ScanAnchoring = ScanAnchoring.ray
 
 

@@ -99,7 +99,7 @@ def test_data_that_gained_a_scene_are_measured_there_alone(experiment_file, scen
 
 
 def test_other_questions_are_answered_without_measuring_again(scenes, tmp_path, told, files, read):
-    asked = FindingsSettings(margin=0.5, level=0.8, intervals="bca")
+    asked = FindingsSettings(margin=0.5, level=0.8, intervals="percentile")
     experiment, run, whole = scenes(2), RunFolder(tmp_path / "run"), RunFolder(tmp_path / "whole")
     execute(experiment.with_findings(asked), whole, listener=told())
     execute(experiment, run, listener=told())
@@ -110,8 +110,11 @@ def test_other_questions_are_answered_without_measuring_again(scenes, tmp_path, 
     assert not read & set(OBSERVED)
     assert files(run) == files(whole)
     assert set(run.statistics("dependence")["margin"]) == {0.5}
-    assert set(run.statistics("intervals").select("kind", "level").rows()) == {("bca", 0.8)}
-    assert set(run.statistics("time_structure")["level"]) == {0.8}
+    assert set(run.statistics("intervals").select("kind", "level").rows()) == {("percentile", 0.8)}
+    for table, kinds in (("gaussianity", ["kind"]), ("time_structure", ["kind", "autocorrelation_kind"])):
+        found = run.statistics(table).drop_nulls("level")
+        assert set(found["level"]) == {0.8}
+        assert all(set(found[kind]) == {"percentile"} for kind in kinds)
 
 
 def test_what_was_found_before_is_gone_when_other_questions_are_interrupted(scenes, tmp_path, told, monkeypatch):

@@ -71,6 +71,7 @@ def test_a_large_effect_is_said_to_matter() -> None:
     assert row["margin"] < row["low"] < row["effect"] < row["high"]
     assert row["p_yes"] <= row["q_yes"] <= 0.05 < row["p_no"]
     assert (row["n_scenes"], row["n_places"], row["at_low"], row["at_high"], row["level"]) == (12, 5, 1, 5, 0.95)
+    assert row["kind"] == "fieller"
 
 
 def test_what_scenes_share_cancels_between_levels() -> None:
@@ -83,7 +84,7 @@ def test_what_scenes_share_cancels_between_levels() -> None:
 
 def test_where_scenes_scatter_too_much_it_is_undecided() -> None:
     row = answer(moments({1: 1.0, 2: 1.0}, own=0.3))
-    assert (row["verdict"], row["why"]) == ("undecided", "the interval holds the margin")
+    assert (row["verdict"], row["why"]) == ("undecided", "the interval contains the margin")
     assert row["low"] <= row["margin"] <= row["high"]
 
 
@@ -95,7 +96,7 @@ def test_one_bad_level_of_many_is_found() -> None:
 @pytest.mark.parametrize("factor", [1.0, 3.0])
 def test_with_few_scenes_nothing_is_decided(factor: float) -> None:
     row = answer(moments({1: 1.0, 2: factor}, scenes=5))
-    assert (row["verdict"], row["why"]) == ("undecided", "two levels share 5 scenes, at least 6 are needed")
+    assert (row["verdict"], row["why"]) == ("undecided", "two levels share only 5 scenes; at least 6 are needed")
     assert (row["low"], row["high"], row["p_yes"], row["q_yes"], row["p_no"]) == (None,) * 5
     assert row["effect"] is not None
 
@@ -118,7 +119,7 @@ def test_a_no_needs_every_level() -> None:
     table = moments({1: 1.0, 2: 1.0, 4: 1.0})
     few = (pl.col("speed") != 4) | (pl.col("scene") < "s03")
     row = answer(table.filter(few))
-    assert (row["verdict"], row["why"]) == ("undecided", "two levels share 3 scenes, at least 6 are needed")
+    assert (row["verdict"], row["why"]) == ("undecided", "two levels share only 3 scenes; at least 6 are needed")
     row = answer(table.filter((pl.col("speed") != 4) | (pl.col("at") == 0)))
     assert (row["verdict"], row["why"]) == ("undecided", "nothing to compare speed 4 by")
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tracknoise.findings.factors.largest import Largest, Ratios, largest
+from tracknoise.findings.factors.largest import Largest, largest
+from tracknoise.findings.factors.ratios import Ratios
 from tracknoise.findings.factors.rotation import rotations
 
 MARGIN, LEVEL = 0.1, 0.95

@@ -92,8 +92,8 @@ def test_intervals_hold_the_truth_about_as_often_as_they_say(see_errors) -> None
 def test_sentences_tell_white_errors_from_an_offset_that_stays(see_errors) -> None:
     said = {errors: structured(of_scenes(see_errors, errors))["why"][0] for errors in (white, offset, walk)}
     assert "independent" in said[white]
-    assert "stays what it is" in said[offset]
-    assert said[walk].startswith("behaves like a random walk: 0.1")
+    assert "mostly the same offset" in said[offset]
+    assert said[walk].startswith("random walk: 0.1")
 
 
 def test_time_is_of_the_sequence_whatever_the_speed(see_errors) -> None:
@@ -130,7 +130,9 @@ def test_with_a_key_frame_time_is_the_distance_from_it(see_errors) -> None:
     assert rows["walk_px_per_sqrt_frame"].to_list() == pytest.approx([0.1, 0.1], rel=0.2)
 
 
-@pytest.mark.parametrize(("frames", "scale", "why"), [(4, 1.0, "3 ages with enough"), (FRAMES, 0.0, "are zero at")])
+@pytest.mark.parametrize(
+    ("frames", "scale", "why"), [(4, 1.0, "ages with enough errors: 3; at least 4"), (FRAMES, 0.0, "are zero at")]
+)
 def test_too_few_ages_or_no_errors_leave_it_undecided(see_errors, frames: int, scale: float, why: str) -> None:
     found = structured(of_scenes(see_errors, lambda rng: scale * walk(rng)[:, :frames]))
     assert found["verdict"].unique().to_list() == ["undecided"]
@@ -158,3 +160,21 @@ def test_without_errors_there_are_no_rows_and_wrong_tables_are_refused() -> None
     assert time_structure(empty(MOMENTS), empty(INCREMENTS)).equals(empty(TIME_STRUCTURE))
     with pytest.raises(SchemaError, match="increments: column 0"):
         time_structure(empty(MOMENTS), empty(INCREMENTS).drop("dataset"))
+
+
+def test_the_kind_that_is_asked_for_changes_bounds_alone_and_is_named(see_errors) -> None:
+    seen = of_scenes(see_errors, walk)
+    found = {kind: structured(seen, kind=kind) for kind in ("student", "percentile", "bca")}
+    kinds = {kind: table.select("kind", "autocorrelation_kind").unique().rows() for kind, table in found.items()}
+    assert kinds == {
+        "student": [("bca", "student")],  # fits that may not be negative rule Student's out
+        "percentile": [("percentile", "percentile")],
+        "bca": [("bca", "bca")],
+    }
+    sizes = ["white_px", "walk_px_per_sqrt_frame", "drift_px_per_frame", "autocorrelation"]
+    student, percentile, bca = (found[kind] for kind in ("student", "percentile", "bca"))
+    assert student.select(sizes).equals(percentile.select(sizes))
+    fitted, related = ["walk_px_per_sqrt_frame_low", "walk_px_per_sqrt_frame_high"], "autocorrelation_low"
+    assert student.select(fitted).equals(bca.select(fitted))
+    assert (student[fitted[0]] != percentile[fitted[0]]).all()
+    assert len({table[related][0] for table in found.values()}) == 3

@@ -7,8 +7,8 @@ import polars as pl
 import pytest
 
 from tracknoise.findings.headlines.document import findings_json
-from tracknoise.findings.headlines.headlines import headlines
-from tracknoise.findings.headlines.scope import Scope
+from tracknoise.findings.headlines.reported_conditions import ReportedConditions
+from tracknoise.findings.headlines.table import headline_table
 from tracknoise.statistics.effects import ReferenceCondition
 from tracknoise.tables.findings_schema import (
     DEPENDENCE,
@@ -21,7 +21,7 @@ from tracknoise.tables.findings_schema import (
 from tracknoise.tables.schema import EFFECTS, SUMMARY, Schema, check, empty
 
 CONDITION = {"dataset": "d", "lighting": "l", "rotation": 0, "direction": "forward", "tracker": "lk", "speed": 1}
-SCOPE = Scope(ReferenceCondition("l"), ("lk",), percentile=90.0)
+SCOPE = ReportedConditions(ReferenceCondition("l"), ("lk",), percentile=90.0)
 SCHEMAS: Mapping[str, Schema] = {
     "summary": SUMMARY,
     "effects": EFFECTS,
@@ -48,30 +48,30 @@ POINT = {**BASE, "population": "visible", "trimming": "trimmed", "weighting": "f
 POINT |= {"axis": "age", "at": 10, "coordinate": "u", "unit": "px^2"}
 
 
-def told(scope: Scope = SCOPE, **tables: pl.DataFrame) -> dict[str, dict[str, Any]]:
+def read(scope: ReportedConditions = SCOPE, **tables: pl.DataFrame) -> dict[str, dict[str, Any]]:
     """Headlines by topic; tables that are not given are empty, but for the summary."""
     given = {"summary": table(SUMMARY, SUMMED), **tables}
-    found = headlines({name: given.get(name, empty(schema)) for name, schema in SCHEMAS.items()}, scope)
+    found = headline_table({name: given.get(name, empty(schema)) for name, schema in SCHEMAS.items()}, scope)
     check(found, FINDINGS, "findings")
     assert found["rank"].to_list() == list(range(1, found.height + 1))
     return {row["topic"]: {**row, "text": row["text"].replace("\N{NO-BREAK SPACE}", " ")} for row in found.to_dicts()}
 
 
 def test_nothing_measured_says_nothing() -> None:
-    assert told(summary=empty(SUMMARY)) == {}
+    assert read(summary=empty(SUMMARY)) == {}
     nothing = {"n_scenes": 8, "n_tracks": 0}
-    assert told(summary=table(SUMMARY, nothing)) == {}
+    assert read(summary=table(SUMMARY, nothing)) == {}
 
 
 def test_noise_is_the_root_of_the_second_moment_with_its_interval() -> None:
     point = {**POINT, "value": 0.1681, "low": 0.1444, "high": 0.2025}
-    noise = told(intervals=table(INTERVALS, point))["noise"]
+    noise = read(intervals=table(INTERVALS, point))["noise"]
     assert noise["text"].startswith(
-        "The noise to assume at speed 1, as root mean square: lk at age 10 trimmed 0.410 px (0.380 to 0.450) in u and "
-        "0.300 px in v, untrimmed 1.200 px in u and 0.900 px in v."
+        "Noise to assume at speed 1, as root mean square error. lk at age 10, trimmed: 0.410 px (0.380 to 0.450) in u "
+        "and 0.300 px in v. lk at age 10, untrimmed: 1.200 px in u and 0.900 px in v."
     )
     assert "above the 90th percentile" in noise["text"]
-    assert noise["text"].endswith("In brackets: 95 % intervals over 8 scenes.")
+    assert noise["text"].endswith("Brackets: 95 % intervals over 8 scenes.")
     assert (noise["value"], noise["low"], noise["high"]) == pytest.approx((0.41, 0.38, 0.45))
     assert (noise["figure"], noise["table"], noise["unit"]) == ("curves", "intervals", "px")
 
@@ -80,23 +80,23 @@ def test_intervals_of_another_place_or_trimming_are_not_taken() -> None:
     others = [{**POINT, "at": 9}, {**POINT, "coordinate": "uv"}, {**POINT, "weighting": "scenes"}]
     others += [{**POINT, "population": "projected"}, {**POINT, "aspect": "motion"}, {**POINT, "speed": 2}]
     rows = [{**row, "value": 0.2, "low": 0.1, "high": 0.3} for row in others]
-    text = told(intervals=table(INTERVALS, *rows))["noise"]["text"]
+    text = read(intervals=table(INTERVALS, *rows))["noise"]["text"]
     assert "(" not in text
 
 
 def test_an_untrimmed_run_speaks_of_no_trimming() -> None:
-    noise = told(Scope(ReferenceCondition("l"), ("lk",)))["noise"]
+    noise = read(ReportedConditions(ReferenceCondition("l"), ("lk",)))["noise"]
     assert "trimmed" not in noise["text"].lower()
     assert "1.200 px in u" in noise["text"]
 
 
 def test_errors_by_frame_are_placed_from_the_key_frame() -> None:
-    scope = Scope(ReferenceCondition("l", key_frames={"forward": 24}), ("lk",), percentile=90.0)
+    scope = ReportedConditions(ReferenceCondition("l", key_frames={"forward": 24}), ("lk",), percentile=90.0)
     point = {**POINT, "statistic": "Sigma", "axis": "frame", "at": 34, "value": 0.1681, "low": 0.1444, "high": 0.2025}
-    noise = told(
+    noise = read(
         scope, summary=table(SUMMARY, {**SUMMED, "axis": "frame", "at": 34}), intervals=table(INTERVALS, point)
     )
-    assert "lk at 10 frames after the key frame trimmed 0.410 px (0.380 to 0.450)" in noise["noise"]["text"]
+    assert "lk at 10 frames after the key frame, trimmed: 0.410 px (0.380 to 0.450)" in noise["noise"]["text"]
 
 
 @pytest.mark.parametrize(
@@ -105,12 +105,12 @@ def test_errors_by_frame_are_placed_from_the_key_frame() -> None:
         (8, None),
         (7, "less reliable"),
         (6, "less reliable"),
-        (5, "say nothing of others"),
-        (1, "there is only 1 scene."),
+        (5, "hold for these scenes only"),
+        (1, "Every condition has only 1 scene."),
     ],
 )
 def test_few_scenes_come_first(n_scenes: int, expected: str | None) -> None:
-    found = told(summary=table(SUMMARY, {**SUMMED, "n_scenes": n_scenes}))
+    found = read(summary=table(SUMMARY, {**SUMMED, "n_scenes": n_scenes}))
     if expected is None:
         assert "scenes" not in found
     else:
@@ -119,31 +119,32 @@ def test_few_scenes_come_first(n_scenes: int, expected: str | None) -> None:
         assert found["scenes"]["value"] == n_scenes
 
 
-def test_a_recorded_truth_is_told_before_any_number() -> None:
-    recorded = told(Scope(ReferenceCondition("l"), ("lk",), recorded=True))
+def test_a_recorded_truth_is_reported_before_any_number() -> None:
+    recorded = read(ReportedConditions(ReferenceCondition("l"), ("lk",), recorded=True))
     assert recorded["truth"]["rank"] < recorded["noise"]["rank"]
-    assert "the truth's own error is inside every number and not yet separated" in recorded["truth"]["text"]
-    assert "truth" not in told()
+    assert "Their own errors are part of every number and are not yet separated." in recorded["truth"]["text"]
+    assert "truth" not in read()
 
 
 OVERALL = {"trimming": "trimmed", "axis": "age", "n": 900, "n_scenes": 8, "mean_u_px": 0.2, "mean_v_px": 0.1}
 AT_TEN = {**OVERALL, "at": 10, "mean_u_px": 0.12, "mean_v_px": -0.04, "share_of_second": 0.062}
 
 
-def test_a_bias_that_was_shown_is_told_with_its_size() -> None:
+def test_a_bias_that_was_shown_is_reported_with_its_size() -> None:
     mean = {**POINT, "statistic": "nu", "weighting": "scenes", "value": 0.12, "low": 0.05, "high": 0.19}
     whole = {**OVERALL, "verdict": "yes", "sign_flip_p": 0.012}
-    bias = told(zero_mean=table(ZERO_MEAN, whole, AT_TEN), intervals=table(INTERVALS, mean))["bias"]
-    assert "That of lk is not (p = 0.012, 8 scenes); at age 10 it is 0.120 px (0.050 to 0.190) in u" in bias["text"]
-    assert "6.2 % of the second moment" in bias["text"]
+    bias = read(zero_mean=table(ZERO_MEAN, whole, AT_TEN), intervals=table(INTERVALS, mean))["bias"]
+    assert "lk: no (p = 0.012, 8 scenes)." in bias["text"]
+    assert "Its mean error at age 10 is 0.120 px (0.050 to 0.190) in u and −0.040 px in v." in bias["text"]
+    assert "The square of the mean is 6.2 % of the second moment." in bias["text"]
     assert (bias["value"], bias["low"], bias["high"]) == (0.12, 0.05, 0.19)
 
 
 def test_too_few_scenes_decide_no_bias() -> None:
-    why = "no test at 5 % exists with 4 scenes, at least 6 are needed"
-    bias = told(zero_mean=table(ZERO_MEAN, {**OVERALL, "verdict": "undecided", "why": why}))["bias"]
-    assert f"For lk that is undecided: {why}." in bias["text"]
-    assert " not " not in bias["text"]
+    why = "a test at 5 % needs at least 6 scenes; found 4 scenes"
+    bias = read(zero_mean=table(ZERO_MEAN, {**OVERALL, "verdict": "undecided", "why": why}))["bias"]
+    assert f"lk: undecided ({why})." in bias["text"]
+    assert "lk: no" not in bias["text"]
 
 
 def test_the_shape_is_that_of_the_band_which_holds_the_reference_age() -> None:
@@ -153,17 +154,18 @@ def test_the_shape_is_that_of_the_band_which_holds_the_reference_age() -> None:
         for trimmed, trimming in enumerate(("untrimmed", "trimmed"))
         for low, high, verdict in bands
     ]
-    text = told(gaussianity=table(GAUSSIANITY, *rows))["shape"]["text"]
-    assert "Those of lk at ages 10 to 19 are heavy-tailed untrimmed and light-tailed trimmed." in text
+    text = read(gaussianity=table(GAUSSIANITY, *rows))["shape"]["text"]
+    assert "Untrimmed errors of lk at ages 10 to 19 are heavy-tailed." in text
+    assert "Trimmed errors of lk at ages 10 to 19 are light-tailed." in text
 
 
 def test_growth_names_the_behaviour_and_its_size() -> None:
     walk = {"trimming": "trimmed", "coordinate": "u", "verdict": "random walk", "walk_px_per_sqrt_frame": 0.09}
     walk |= {"walk_px_per_sqrt_frame_low": 0.08, "walk_px_per_sqrt_frame_high": 0.1}
     other = {"trimming": "trimmed", "coordinate": "v", "verdict": "undecided", "why": "too few ages"}
-    growth = told(time_structure=table(TIME_STRUCTURE, other, walk))["growth"]
-    assert "grow like a random walk, 0.0900 px per sqrt(frame) (0.0800 to 0.100) in u and" in growth["text"]
-    assert growth["text"].endswith("are undecided (too few ages) in v.")
+    growth = read(time_structure=table(TIME_STRUCTURE, other, walk))["growth"]
+    assert "lk in u: random walk, 0.0900 px per sqrt(frame) (0.0800 to 0.100)." in growth["text"]
+    assert growth["text"].endswith("lk in v: undecided; too few ages.")
     assert growth["value"] == 0.09
 
 
@@ -173,8 +175,8 @@ def test_of_two_coordinates_that_differ_each_has_its_own_words() -> None:
         {"trimming": "trimmed", "coordinate": "v", "verdict": "drift", "drift_px_per_frame": 0.02},
         {"trimming": "untrimmed", "coordinate": "v", "verdict": "none"},
     ]
-    text = told(time_structure=table(TIME_STRUCTURE, *rows))["growth"]["text"]
-    assert "are as large at first as later, 0.200 px in u and grow in proportion to time, a drift of 0.0200 px" in text
+    text = read(time_structure=table(TIME_STRUCTURE, *rows))["growth"]["text"]
+    assert "lk in u: constant, 0.200 px. lk in v: drift, 0.0200 px per frame." in text
     assert "neither" not in text
 
 
@@ -192,26 +194,26 @@ def factor_rows(*verdicts: str) -> dict[str, pl.DataFrame]:
 
 
 def test_factors_are_counted_and_the_clearest_are_named() -> None:
-    found = told(**factor_rows("yes", "no", "undecided"))["factors"]
-    assert "Of 3 questions, 1 yes, 1 no and 1 undecided." in found["text"]
-    assert "The clearest yes: speed, mean error of lk, 45 % (30 % to 60 %)." in found["text"]
-    assert "The clearest no: speed, mean absolute error of lk, 40 % (25 % to 55 %)." in found["text"]
+    found = read(**factor_rows("yes", "no", "undecided"))["factors"]
+    assert "Answers to 3 questions: 1 yes, 1 no and 1 undecided." in found["text"]
+    assert "Clearest yes: speed, mean error of lk, 45 % (30 % to 60 %)." in found["text"]
+    assert "Clearest no: speed, mean absolute error of lk, 40 % (25 % to 55 %)." in found["text"]
     assert (found["value"], found["low"], found["high"]) == pytest.approx((0.45, 0.3, 0.6))
 
 
 def test_what_is_undecided_is_called_so() -> None:
-    text = told(**factor_rows("undecided", "undecided"))["factors"]["text"]
-    assert "Of 2 questions, 2 undecided." in text
+    text = read(**factor_rows("undecided", "undecided"))["factors"]["text"]
+    assert "Answers to 2 questions: 2 undecided." in text
     assert "which may be chance: speed, mean error of lk" in text
-    assert "clearest" not in text
+    assert "Clearest" not in text
 
 
 def test_other_speeds_and_what_was_not_varied_are_no_questions() -> None:
     tables = factor_rows("yes", "yes")
     single = tables["effects"].with_columns(n_levels=pl.lit(1, dtype=pl.Int32))
-    assert "factors" not in told(**{**tables, "effects": single})
+    assert "factors" not in read(**{**tables, "effects": single})
     faster = {name: part.with_columns(speed=pl.lit(2, dtype=pl.Int32)) for name, part in tables.items()}
-    assert "factors" not in told(**faster)
+    assert "factors" not in read(**faster)
 
 
 def test_outliers_and_lifetimes_have_their_intervals() -> None:
@@ -219,42 +221,42 @@ def test_outliers_and_lifetimes_have_their_intervals() -> None:
         {**BASE, "statistic": "outlier_ratio", "value": 0.0482, "low": 0.041, "high": 0.055},
         {**BASE, "statistic": "median_lifetime", "value": 7.0, "low": 6.0, "high": 9.0},
     ]
-    found = told(intervals=table(INTERVALS, *rows))
-    assert "lk rejects 4.8 % (4.1 % to 5.5 %) as outliers." in found["outliers"]["text"]
-    assert "Half of the tracks of lk live no longer than 7 frames (6 to 9)." in found["lifetimes"]["text"]
+    found = read(intervals=table(INTERVALS, *rows))
+    assert "lk rejects 4.8 % (4.1 % to 5.5 %) of the features carried into a frame." in found["outliers"]["text"]
+    assert found["lifetimes"]["text"] == "Median lifetime at speed 1 (Kaplan-Meier). lk: 7 frames (6 to 9)."
 
 
 def test_a_bound_that_lies_beyond_the_data_is_open() -> None:
     row = {**BASE, "statistic": "median_lifetime", "value": 7.0, "low": 6.0}
-    assert "7 frames (6 or more)" in told(intervals=table(INTERVALS, row))["lifetimes"]["text"]
+    assert "7 frames (6 or more)" in read(intervals=table(INTERVALS, row))["lifetimes"]["text"]
 
 
 def test_tracks_that_outlive_the_data_have_no_median() -> None:
-    text = told(summary=table(SUMMARY, {**SUMMED, "median_lifetime": None}))["lifetimes"]["text"]
-    assert "More than half of the tracks of lk outlive the data." in text
+    text = read(summary=table(SUMMARY, {**SUMMED, "median_lifetime": None}))["lifetimes"]["text"]
+    assert "lk: unknown, as more than half of the tracks are alive when the data end." in text
 
 
-def test_survivors_are_set_beside_all() -> None:
+def test_tracks_that_live_long_are_compared_with_all() -> None:
     rows = [
         {**POINT, "aspect": aspect, "value": value, "low": 0.8 * value, "high": 1.2 * value}
         for aspect, value in (("all", 0.1681), ("lives 5", 0.16), ("lives 20", 0.09))
     ]
-    text = told(intervals=table(INTERVALS, *rows))["survivors"]["text"]
-    assert "lk at age 10 0.300 px (0.268 to 0.329) where a track lives to age 20, 0.410 px" in text
+    text = read(intervals=table(INTERVALS, *rows))["survivorship"]["text"]
+    assert "lk at age 10: 0.300 px (0.268 to 0.329) for tracks that live to age 20, 0.410 px" in text
 
 
 def test_many_trackers_are_not_all_named() -> None:
     names = [f"t{i}" for i in range(6)]
     summary = table(SUMMARY, *({**SUMMED, "tracker": name} for name in names))
-    text = told(Scope(ReferenceCondition("l"), names), summary=summary)["outliers"]["text"]
+    text = read(ReportedConditions(ReferenceCondition("l"), names), summary=summary)["outliers"]["text"]
     assert "t3 rejects" in text
     assert "t4" not in text
-    assert "the table has 2 others" in text
+    assert "The table has 2 other trackers." in text
 
 
 def test_the_lighting_is_named_where_there_are_several() -> None:
     summary = table(SUMMARY, SUMMED, {**SUMMED, "lighting": "other"})
-    assert "at speed 1 under lighting l," in told(summary=summary)["noise"]["text"]
+    assert "at speed 1 under lighting l," in read(summary=summary)["noise"]["text"]
 
 
 def test_the_order_of_rows_changes_nothing() -> None:
@@ -263,7 +265,7 @@ def test_the_order_of_rows_changes_nothing() -> None:
         INTERVALS, *({**POINT, "coordinate": axis, "value": 0.2, "low": 0.1, "high": 0.3} for axis in "uv")
     )
     turned = {name: part.reverse() for name, part in tables.items()}
-    assert told(**tables) == told(**turned)
+    assert read(**tables) == read(**turned)
 
 
 def test_the_document_is_json_even_where_effects_are_infinite() -> None:
@@ -272,8 +274,8 @@ def test_the_document_is_json_even_where_effects_are_infinite() -> None:
     tables = {**{name: empty(schema) for name, schema in SCHEMAS.items()}, **factor_rows("yes")}
     tables["dependence"] = tables["dependence"].with_columns(high=pl.lit(float("inf")))
     tables["zero_mean"] = table(ZERO_MEAN, OVERALL, AT_TEN)
-    tables["findings"] = headlines({**tables, "summary": table(SUMMARY, SUMMED)}, SCOPE)
+    tables["findings"] = headline_table({**tables, "summary": table(SUMMARY, SUMMED)}, SCOPE)
     document = json.loads(findings_json(tables))
     assert document["dependence"][0]["high"] == "Infinity"
     assert [row["at"] for row in document["zero_mean"]] == [None]
-    assert document["findings"][0]["text"].startswith("The noise to assume")
+    assert document["findings"][0]["text"].startswith("Noise to assume")

@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 from tracknoise.findings.intervals.change_bounds import correlated
-from tracknoise.findings.intervals.intervals import intervals
+from tracknoise.findings.intervals.table import interval_table
 from tracknoise.findings.sampling.bounds import Method
 from tracknoise.findings.sampling.units import Units
 from tracknoise.statistics.aspect_blocks import aspect_blocks
@@ -29,7 +29,7 @@ def changes_of(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
     return own
 
 
-def found_of(see_errors, n_scenes: int) -> tuple[pl.DataFrame, pl.DataFrame]:
+def found_of(see_errors, n_scenes: int, **options: object) -> tuple[pl.DataFrame, pl.DataFrame]:
     """Intervals and curves of the same changes."""
     rng = np.random.default_rng(n_scenes)
     walks = [0.1 * changes_of(rng, (TRACKS, 2)).cumsum(axis=-1).swapaxes(1, 2) for _ in range(n_scenes)]
@@ -37,7 +37,7 @@ def found_of(see_errors, n_scenes: int) -> tuple[pl.DataFrame, pl.DataFrame]:
     moved = increments(seen.observations, seen.tracks)
     tables = scene_moments(seen.observations), count_ends(seen.tracks), empty(FRAME_COUNTS)
     blocks = aspect_blocks(seen.observations, seen.tracks)
-    found = intervals(*tables, changes=moved, aspect_blocks=blocks)
+    found = interval_table(*tables, changes=moved, aspect_blocks=blocks, **options)
     return found.filter(aspect="change"), change_curves(moved)
 
 
@@ -64,6 +64,16 @@ def test_all_have_bounds_that_hold_them(see_errors, n_scenes: int, resampled: st
     found, _ = found_of(see_errors, n_scenes)
     assert found["resampled"].unique().to_list() == [resampled]
     assert ((found["low"] < found["value"]) & (found["value"] < found["high"])).all()
+
+
+@pytest.mark.parametrize("n_scenes", [8, 3])
+def test_the_kind_that_is_asked_for_changes_bounds_alone_and_is_named(see_errors, n_scenes: int) -> None:
+    (usual, _), (asked, _) = found_of(see_errors, n_scenes), found_of(see_errors, n_scenes, kind="percentile")
+    assert (usual["kind"].unique().to_list(), asked["kind"].unique().to_list()) == (["student"], ["percentile"])
+    assert usual["value"].equals(asked["value"])
+    for statistic in ("nu", "autocorrelation"):
+        of_one = usual["statistic"] == statistic
+        assert (usual.filter(of_one)["low"] != asked.filter(of_one)["low"]).all()
 
 
 @pytest.mark.parametrize("n_scenes", [8, 28])

@@ -4,8 +4,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.findings.intervals.intervals import curve_statistics
 from tracknoise.findings.intervals.scalar_bounds import first_reached, interpolated, survival
+from tracknoise.findings.intervals.table import curve_statistics
 from tracknoise.findings.sampling.bounds import Method, averaged, pooled
 from tracknoise.findings.sampling.units import Units
 

@@ -2,7 +2,9 @@ import numpy as np
 import pytest
 
 from tracknoise.exceptions import SettingsError
-from tracknoise.findings.sampling.resampling import draws, draws_within, interval, leave_one_out, resample
+from tracknoise.findings.sampling.draws import draws, draws_within
+from tracknoise.findings.sampling.jackknife import acceleration
+from tracknoise.findings.sampling.resampling import interval, leave_one_out, resample
 
 
 def means(sums: np.ndarray, count: int, **options: object) -> tuple[np.ndarray, np.ndarray]:
@@ -10,7 +12,8 @@ def means(sums: np.ndarray, count: int, **options: object) -> tuple[np.ndarray, 
     columns = sums[..., None]
     drawn = resample(columns, draws(count))[..., 0] / count
     without = leave_one_out(columns)[..., 0] / (count - 1)
-    return interval(sums.mean(axis=0), drawn, without, **options)
+    made = {"n_units": count, "acceleration": acceleration(without), **options}
+    return interval(sums.mean(axis=0), drawn, **made)
 
 
 def held(low: np.ndarray, high: np.ndarray, true: float) -> float:
@@ -83,9 +86,9 @@ def test_bca_is_nearer_to_its_level_than_percentiles_on_either_side_of_a_skewed_
 def test_bca_does_not_depend_on_the_scale_on_which_a_statistic_is_written():
     values = np.random.default_rng(8).lognormal(sigma=0.5, size=(12, 3))
     columns = values[..., None]
-    drawn, without = resample(columns, draws(12))[..., 0] / 12, leave_one_out(columns)[..., 0] / 11
+    drawn = resample(columns, draws(12))[..., 0] / 12
     for power in (1.0, 3.0):  # percentiles go along exactly; the acceleration nearly
-        low, high = interval(values.mean(axis=0) ** power, drawn**power, without**power, kind="percentile")
+        low, high = interval(values.mean(axis=0) ** power, drawn**power, n_units=12, kind="percentile")
         np.testing.assert_allclose(low ** (1 / power), means(values, 12, kind="percentile")[0], rtol=2e-3)
         np.testing.assert_allclose(high ** (1 / power), means(values, 12, kind="percentile")[1], rtol=2e-3)
 
@@ -101,7 +104,7 @@ def test_what_rests_on_one_unit_or_is_undefined_has_no_bounds():
     values = np.random.default_rng(9).normal(size=(6, 3))
     columns = values[..., None]
     drawn, without = resample(columns, draws(6))[..., 0], leave_one_out(columns)[..., 0]
-    low, high = interval([0.0, 0.0, np.nan], drawn, without, n_units=[6, 1, 6])
+    low, high = interval([0.0, 0.0, np.nan], drawn, n_units=[6, 1, 6], acceleration=acceleration(without))
     assert np.isnan(low).tolist() == np.isnan(high).tolist() == [False, True, True]
 
 
@@ -109,9 +112,10 @@ def test_draws_without_a_value_are_left_out():
     values = np.random.default_rng(10).normal(size=(8, 1))
     columns = values[..., None]
     drawn, without = resample(columns, draws(8))[..., 0] / 8, leave_one_out(columns)[..., 0] / 7
-    expected = interval(values.mean(axis=0), drawn, without)
+    options = {"n_units": 8, "acceleration": acceleration(without)}
+    expected = interval(values.mean(axis=0), drawn, **options)
     missing = np.concatenate([drawn, np.full((30, 1), np.nan)])
-    assert interval(values.mean(axis=0), missing, without) == expected
+    assert interval(values.mean(axis=0), missing, **options) == expected
 
 
 def test_strata_that_differ_do_not_make_the_interval_wider():
@@ -119,7 +123,8 @@ def test_strata_that_differ_do_not_make_the_interval_wider():
     values = rng.normal(size=(32, 1)) + np.repeat([0.0, 100.0], 16)[:, None]
     columns, strata = values[..., None], np.repeat([0, 1], 16)
     drawn = resample(columns, draws_within([16, 16]))[..., 0] / 32
-    low, high = interval(values.mean(axis=0), drawn, leave_one_out(columns)[..., 0] / 31, n_units=16, strata=strata)
+    grows = acceleration(leave_one_out(columns)[..., 0] / 31, strata)
+    low, high = interval(values.mean(axis=0), drawn, n_units=16, acceleration=grows)
     assert 0.5 < (high - low)[0] < 1.1  # 2 t(15) sqrt(16 / 15) / sqrt(32) = 0.78
 
 

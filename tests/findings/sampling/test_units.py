@@ -2,7 +2,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.findings.sampling.units import SUMS, Draws, additive, units_of
+from tracknoise.findings.sampling.draws import Draws
+from tracknoise.findings.sampling.units import SUMS, additive, units_of
 from tracknoise.statistics.blocks import BLOCKS
 
 

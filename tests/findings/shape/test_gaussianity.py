@@ -149,3 +149,23 @@ def test_without_errors_there_are_no_rows_and_wrong_tables_are_refused() -> None
     assert nothing.gaussianity.equals(empty(GAUSSIANITY))
     with pytest.raises(SchemaError, match="samples: column 0"):
         gaussianity(empty(MOMENTS), empty(SAMPLES).drop("dataset"))
+
+
+BOUNDS = ["kurtosis_low", "kurtosis_high", "gain_student_low", "gain_student_high", "gain_mixture_low"]
+
+
+@pytest.mark.parametrize("scenes", [8, 3])
+def test_the_kind_that_is_asked_for_changes_bounds_alone_and_is_named(see_errors, found, scenes: int) -> None:
+    usual = found(STUDENT_5, scenes).gaussianity
+    asked = shaped(see_errors(errors(STUDENT_5, scenes=scenes, seed=1)), kind="percentile").gaussianity
+    assert usual["kind"].unique().to_list() == ["bca"]  # in place of Student's, which these statistics rule out
+    assert asked["kind"].unique().to_list() == ["percentile"]
+    values = ["skewness", "kurtosis", "gain_student_nats", "gain_mixture_nats", "tail_99", "student_nu"]
+    assert usual.select(values).equals(asked.select(values))
+    for bound in BOUNDS:
+        assert (usual[bound] != asked[bound]).all()
+
+
+def test_bca_and_student_are_the_same_here(see_errors, found) -> None:
+    asked = shaped(see_errors(errors(STUDENT_5, scenes=8, seed=1)), kind="bca")
+    assert asked.gaussianity.equals(found(STUDENT_5).gaussianity)

@@ -3,8 +3,8 @@ import polars as pl
 import pytest
 
 from tracknoise.findings.anchored import anchored
-from tracknoise.findings.shape.mardia import mardia
-from tracknoise.findings.shape.standard import POWER_SUMS, standard_sums, standardised, standards
+from tracknoise.findings.shape.mardia import POWER_SUMS, mardia
+from tracknoise.findings.shape.standard import standard_sums, standardised, standards
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.samples import samples, with_bands
 

@@ -1,14 +1,15 @@
-"""What findings are made from: of the tables of single sequences, the part that is needed, all sequences together."""
+"""Inputs of the findings: the part of the tables of all sequences that they need."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import polars as pl
 
-from tracknoise.findings.sampling.resampling import MIN_SCENES
+from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.statistics.conditions import TablesByCondition, by_condition
 from tracknoise.statistics.effects import ReferenceCondition
 from tracknoise.statistics.grouping import POOLED
+from tracknoise.tables.enumerations import Population
 from tracknoise.tables.schema import ORIGIN, VIEW
 from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
 
@@ -17,15 +18,15 @@ from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
 class FindingInputs:
     """Tables of all sequences of a run.
 
-    Those that several findings are made from are held in memory together and grow with the count of sequences, so that
-    each is cut down as it is read, and held by condition, so that no finding needs a copy of all of it.
+    Tables that several findings need are in memory together and grow with the number of sequences. Each is therefore
+    reduced as it is read, and kept by condition, so that no finding needs a copy of all of it.
 
     Attributes
     ----------
     moments
         Of the visible observations, and of those that the experiment is about.
     aspects, changes
-        Of the reference view at the lowest speed, which figures show; aspects are read as they are asked for, once.
+        Of the reference view at the lowest speed, which figures show; aspects are read on demand, once.
     aspect_blocks
         Of these, where scenes are too few to be resampled.
     blocks
@@ -55,7 +56,7 @@ class FindingInputs:
         population
             Which observations the experiment is about.
         view
-            Which view figures are about.
+            The view that figures show.
 
         Raises
         ------
@@ -71,7 +72,7 @@ class FindingInputs:
             tables = (run.sequence_table(name, key) for key in keys)
             return by_condition(tables, SEQUENCE_TABLES[name], name, reduce)
 
-        seen = (pl.col("n") > 0) & pl.col("population").is_in(sorted({"visible", population}))
+        seen = (pl.col("n") > 0) & pl.col("population").is_in(sorted({Population.visible, population}))
         frames = read("frames", every, lambda table: table)
         of_few = [key for key, table in frames.items() if table["scene"].n_unique() < MIN_SCENES]
         few = pl.DataFrame(of_few, schema={name: ORIGIN[name] for name in POOLED}, orient="row")

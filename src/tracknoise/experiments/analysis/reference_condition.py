@@ -1,4 +1,4 @@
-"""Where factors are held while another one varies."""
+"""The condition at which factors are held while another one varies."""
 
 from collections.abc import Collection
 
@@ -11,7 +11,7 @@ from tracknoise.tables.store import Manifest
 
 
 def first_lighting(lightings: Collection[str], experiment: Experiment) -> str:
-    """The lighting that stands for all: the first in the order of `lightings_in_order`.
+    """The reference lighting: the first in the order of `lightings_in_order`.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""From the statistics of a run to what can be believed of them: intervals, tests, verdicts, and sentences."""
+"""From the statistics of a run to its findings: intervals, tests, verdicts, and sentences."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TypedDict
@@ -9,12 +9,11 @@ from tracknoise.experiments.analysis.finding_inputs import FindingInputs
 from tracknoise.experiments.analysis.reference_condition import reference_condition
 from tracknoise.experiments.settings import Experiment
 from tracknoise.findings.factors.dependence import dependence
-from tracknoise.findings.growth.grown import ONE_STEP
-from tracknoise.findings.growth.time_structure import time_structure
+from tracknoise.findings.growth.time_structure import ONE_STEP, time_structure
 from tracknoise.findings.headlines.document import findings_json
-from tracknoise.findings.headlines.headlines import headlines
-from tracknoise.findings.headlines.scope import Scope
-from tracknoise.findings.intervals.intervals import intervals
+from tracknoise.findings.headlines.reported_conditions import ReportedConditions
+from tracknoise.findings.headlines.table import headline_table
+from tracknoise.findings.intervals.table import interval_table
 from tracknoise.findings.shape.gaussianity import gaussianity
 from tracknoise.findings.zero_mean import zero_mean
 from tracknoise.sequences.sequence import TruthKind
@@ -44,7 +43,7 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
     """
     view = reference_condition(run.manifest(), experiment, statistics["outliers"])
     tables = _tables(run, experiment, statistics, view)
-    tables["findings"] = headlines({**statistics, **tables}, _scope(run, experiment, statistics["trims"], view))
+    tables["findings"] = headline_table({**statistics, **tables}, _reported(run, experiment, statistics["trims"], view))
     run.write_statistics(tables)
     run.write_findings(findings_json({**statistics, **tables}))
 
@@ -52,6 +51,7 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
 class _Options(TypedDict):
     key_frames: Mapping[str, int]
     min_features: int
+    kind: str
     level: float
 
 
@@ -60,8 +60,8 @@ def _tables(
 ) -> dict[str, pl.DataFrame]:
     population, least = experiment.truth.population, experiment.statistics.min_features
     neighbours: list[pl.DataFrame] = []
-    moved = _keeping(run.sequence_tables("increments"), neighbours, ONE_STEP)  # all are read only once
-    pooled = {  # first, since nothing else is to be held for them
+    moved = _keeping(run.sequence_tables("increments"), neighbours, ONE_STEP)  # each is read only once
+    pooled = {  # first, while no other tables are in memory
         "aspect_curves": aspect_curves(run.sequence_tables("aspects"), min_features=least),
         "changes": change_curves(moved),
     }
@@ -69,11 +69,11 @@ def _tables(
     moments, ends, frames = finding_inputs.moments, finding_inputs.ends, finding_inputs.frames
     blocks, curves, zeros = finding_inputs.blocks, statistics["curves"], view.key_frames
     asked = experiment.findings
-    options: _Options = {"key_frames": zeros, "min_features": least, "level": asked.level}
+    options: _Options = {"key_frames": zeros, "min_features": least, "kind": asked.intervals, "level": asked.level}
     shapes = gaussianity(moments, run.sequence_tables("samples"), **options)
     return {
         **pooled,
-        "intervals": intervals(
+        "intervals": interval_table(
             moments,
             ends,
             frames,
@@ -109,9 +109,11 @@ def _keeping(tables: Iterable[pl.DataFrame], kept: list[pl.DataFrame], rows: pl.
         yield table
 
 
-def _scope(run: RunFolder, experiment: Experiment, trims: pl.DataFrame, view: ReferenceCondition) -> Scope:
+def _reported(
+    run: RunFolder, experiment: Experiment, trims: pl.DataFrame, view: ReferenceCondition
+) -> ReportedConditions:
     truths = {entry.truth for entry in run.manifest().sequences.values()}
-    return Scope(
+    return ReportedConditions(
         view,
         [tracker.label for tracker in experiment.trackers],
         population=experiment.truth.population,

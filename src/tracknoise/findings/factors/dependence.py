@@ -22,17 +22,19 @@ from tracknoise.findings.factors.paired import Levels, Paired, pair_curves, pair
 from tracknoise.findings.factors.paired_sums import CURVE_SUMS, curve_sums, lifetime_sums, outlier_sums
 from tracknoise.findings.factors.rotation import rotations
 from tracknoise.findings.sampling.multiplicity import benjamini_hochberg
-from tracknoise.findings.sampling.resampling import LEVEL, MIN_SCENES
+from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.wording import scenes_counted
 from tracknoise.statistics.conditions import Tables, by_condition
 from tracknoise.statistics.curves import NAMES
 from tracknoise.statistics.effects import SCALARS
 from tracknoise.statistics.grouping import POOLED, group_rows
+from tracknoise.tables.defaults import LEVEL, POPULATION
+from tracknoise.tables.enumerations import EffectIntervalKind, Verdict
 from tracknoise.tables.findings_schema import DEPENDENCE
 from tracknoise.tables.schema import EFFECTS, ENDS, FRAME_COUNTS, MOMENTS, VERDICT, Schema, check
 
 N_DRAWS = 499
-"""Rotations, as many as are needed to tell p-values of a few percent from each other."""
+"""Rotations: enough to distinguish p-values of a few percent."""
 _FOUND: Schema = {
     "order": pl.UInt32,
     **{column: DEPENDENCE[column] for column in ("low", "high", "p_yes", "p_no")},
@@ -57,7 +59,7 @@ def dependence(
     effects: pl.DataFrame,
     *,
     key_frames: Mapping[str, int] | None = None,
-    population: str = "visible",
+    population: str = POPULATION,
     level: float = LEVEL,
     n_draws: int = N_DRAWS,
     seed: int = 0,
@@ -75,7 +77,7 @@ def dependence(
     population
         That of `effects`.
     level
-        Probability that an interval holds the effect; one less it is what q-values may be.
+        Probability that an interval contains the effect; q-values may be at most 1 - level.
     n_draws, seed
         Number of rotations, and their seed.
 
@@ -84,8 +86,8 @@ def dependence(
     polars.DataFrame
         Schema `DEPENDENCE`: the rows of `effects`, in their order. `n_scenes` is the fewest that two levels share.
         `at_low` to `at_high` are the ages (or frames from the key frame on) that the interval holds for, `n_places`
-        of them: where fewer than `MIN_SCENES` scenes have something at both levels of a pair, nothing is known of
-        their scatter. The interval is widened to hold the effect where that rests on other scenes or places, too.
+        of them: where fewer than `MIN_SCENES` scenes have data at both levels of a pair, their scatter is
+        unknown. The interval is widened to hold the effect where that rests on other scenes or places, too.
         Bounds and p-values are null where no two levels share enough scenes; `high` is infinite where what the effect
         is relative to may be zero.
 
@@ -175,6 +177,7 @@ def _judged(table: pl.DataFrame, level: float) -> pl.DataFrame:
     bounded = pl.col("low").is_not_null()
     table = table.with_columns(
         pl.lit(level).alias("level"),
+        kind=pl.lit(EffectIntervalKind.fieller),
         low=pl.when(bounded).then(pl.min_horizontal("low", "effect")),
         high=pl.when(bounded).then(pl.max_horizontal("high", "effect")),
         **{f"q_{name}": _q(table, f"p_{name}") for name in ("yes", "no")},
@@ -200,17 +203,17 @@ def _verdict(level: float) -> pl.Expr:
     matters = (pl.col("low") > pl.col("margin")) & (pl.col("q_yes") <= largest_q)
     complete = pl.col("why").is_null() & (pl.col("n_bounded") == pl.col("n_pairs"))
     not_so = complete & (pl.col("high") < pl.col("margin")) & (pl.col("q_no") <= largest_q)
-    word = pl.when(matters).then(pl.lit("yes")).when(not_so).then(pl.lit("no")).otherwise(pl.lit("undecided"))
-    return word.cast(VERDICT)
+    answer = pl.when(matters).then(pl.lit(Verdict.yes)).when(not_so).then(pl.lit(Verdict.no))
+    return answer.otherwise(pl.lit(Verdict.undecided)).cast(VERDICT)
 
 
 def _why() -> pl.Expr:
-    """What an undecided verdict wants; null for the others."""
-    few = pl.format(f"two levels share {{}}, at least {MIN_SCENES} are needed", scenes_counted("n_scenes"))
-    nowhere = pl.lit(f"nowhere do {MIN_SCENES} scenes have something at two levels")
+    """Why a verdict is undecided; null for the others."""
+    few = pl.format(f"two levels share only {{}}; at least {MIN_SCENES} are needed", scenes_counted("n_scenes"))
+    nowhere = pl.lit(f"no age or frame has {MIN_SCENES} scenes with data at two levels")
     holds = (pl.col("low") <= pl.col("margin")) & (pl.col("high") >= pl.col("margin"))
     return (
-        pl.when(pl.col("verdict") != "undecided")
+        pl.when(pl.col("verdict") != Verdict.undecided)
         .then(None)
         .when(pl.col("why").is_not_null())
         .then("why")
@@ -219,8 +222,8 @@ def _why() -> pl.Expr:
         .when(pl.col("n_bounded") == 0)
         .then(nowhere)
         .when(holds)
-        .then(pl.lit("the interval holds the margin"))
+        .then(pl.lit("the interval contains the margin"))
         .when(pl.col("n_bounded") < pl.col("n_pairs"))
-        .then(pl.lit("too few scenes have something at both levels of some pairs"))
-        .otherwise(pl.lit("not clear enough for one of so many questions"))
+        .then(pl.lit("some pairs of levels have too few scenes with data at both levels"))
+        .otherwise(pl.lit("not significant after the correction for multiple tests"))
     )

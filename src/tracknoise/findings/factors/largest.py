@@ -11,7 +11,7 @@ standard error (Fieller 1954). From that:
 
 - E is more than e if a single point's ratio is. The best point's p-value counts only as far as the best of as many
   points is seldom so small by chance (Westfall and Young's min-p): of errors of d, or of d - margin c, rotated.
-  Where rotations are too few to tell how seldom, it counts as often as there are points (Bonferroni).
+  Where there are too few rotations to estimate this, it counts as often as there are points (Bonferroni).
 - E is less than e if that holds at all points, so that each is tested on its own, and the worst p-value counts
   (intersection and union). There, c(k) must differ from 0, too. Where c(k) is the range of a curve, whose ends were
   chosen from the data and are therefore too far apart, p-values count only as far as ends chosen from errors alone
@@ -29,34 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from tracknoise.findings.factors.ratios import Ratios
 from tracknoise.findings.factors.rotation import best_by_chance, least_share, range_by_chance, share_at_most, within
-
-
-@dataclass(frozen=True, slots=True)
-class Ratios:
-    """Differences and what is common to them, at any number of points, estimated from scenes.
-
-    Attributes
-    ----------
-    difference, common : (points,) float64
-        Signed differences, and what they are relative to, never negative.
-    difference_parts, common_parts : (scenes, points) float64
-        What each scene adds to the error of these: sums of squares and products over scenes are their (co)variances.
-    degrees : (points,) float64
-        Degrees of freedom of their variance: one less than the scenes, if these weigh the same.
-    curve : (points,) intp
-        Of which curve's range `common` is.
-    curve_parts : (scenes, curves, places) float64
-        What each scene adds to the error of these curves; no places if common is not a range.
-    """
-
-    difference: NDArray[np.float64]
-    common: NDArray[np.float64]
-    difference_parts: NDArray[np.float64]
-    common_parts: NDArray[np.float64]
-    degrees: NDArray[np.float64]
-    curve: NDArray[np.intp]
-    curve_parts: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +40,7 @@ class Largest:
     Attributes
     ----------
     effect
-        Its estimate, infinite where nothing is common to things that differ.
+        Its estimate, infinite where levels differ and have nothing in common.
     low, high
         Its interval; `high` is infinite where what is common may be zero.
     p_yes, p_no
@@ -132,8 +106,8 @@ def _from_below(
     best = float(2 * special.stdtr(points.degrees, -np.maximum(excess, 0.0)).min())
     t = _quantile(points, least_share(by_chance, share) / 2)
     p_yes = share_at_most(by_chance, best)
-    too_few_to_tell = best < by_chance[0]
-    return float(_lower(points, t).max()), min(p_yes, len(excess) * best) if too_few_to_tell else p_yes
+    too_few_rotations = best < by_chance[0]
+    return float(_lower(points, t).max()), min(p_yes, len(excess) * best) if too_few_rotations else p_yes
 
 
 def _from_above(

@@ -15,9 +15,10 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.findings.factors.largest import Ratios
+from tracknoise.findings.factors.ratios import Ratios
 from tracknoise.findings.sampling.jackknife import degrees, parts
-from tracknoise.findings.sampling.resampling import MIN_SCENES, leave_one_out
+from tracknoise.findings.sampling.resampling import leave_one_out
+from tracknoise.findings.sampling.units import MIN_SCENES
 
 Values = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 """Statistics from counts (...,) and sums (..., columns): (..., values)."""
@@ -130,7 +131,7 @@ def _pair(
     coordinates: int,
     common: Callable[[NDArray[np.bool_], _Jackknife, _Jackknife], _Common],
 ) -> Paired:
-    """Compare all pairs; the values of a statistic stand next to each other, one a coordinate."""
+    """Compare all pairs; the values of a statistic for each coordinate are adjacent."""
     pairs = list(combinations(range(levels.measured.shape[1]), 2))
     shared = [np.all(levels.measured[:, pair], axis=1) for pair in pairs]
     places = [_places(levels, pair, scenes) for pair, scenes in zip(pairs, shared, strict=True)]
@@ -158,7 +159,7 @@ def _places(levels: Levels, pair: tuple[int, int], scenes: NDArray[np.bool_]) ->
 def _ratios(n: NDArray[np.float64], a: _Jackknife, b: _Jackknife, common: _Common, scenes: NDArray[np.bool_]) -> Ratios:
     """Ratios of a pair of levels, (places, values), from their counts (scenes that have both, 2, places).
 
-    Curves are one a value; their parts are (scenes, places, values).
+    There is one curve per value; the parts of curves are (scenes, places, values).
     """
     difference = a[0] - b[0]
     freedom = degrees(n).min(axis=0)[:, None]  # of the level that is the worse off
@@ -175,7 +176,7 @@ def _ratios(n: NDArray[np.float64], a: _Jackknife, b: _Jackknife, common: _Commo
 
 
 def _among(scenes: NDArray[np.bool_], some: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Parts of some of the scenes as parts of all: the others add nothing."""
+    """Parts of some of the scenes as parts of all scenes: those of the others are 0."""
     every = np.zeros((len(scenes), *some.shape[1:]))
     every[scenes] = some
     return every

@@ -1,4 +1,4 @@
-"""Sums of every scene and condition that effects are worked out from: tables with a row a scene, condition and place.
+"""Sums from which effects are computed: tables with one row per scene, condition and place.
 
 All have columns scene, POOLED, at, n and sums. A row whose `at` is null says only that the scene was measured.
 """
@@ -12,6 +12,7 @@ from tracknoise.statistics.conditions import TablesByCondition
 from tracknoise.statistics.differences import comparable
 from tracknoise.statistics.grouping import POOLED, reduce_each
 from tracknoise.statistics.upright import upright
+from tracknoise.tables.enumerations import Trimming, Weighting
 from tracknoise.tables.schema import CURVES, ENDS, FRAME_COUNTS, MOMENTS, Schema, check, empty
 
 CURVE_SUMS = ["u", "v", "abs_u", "abs_v", "uu", "vv"]
@@ -43,8 +44,13 @@ def curve_sums(
     SchemaError
         If a table has other columns.
     """
-    chosen = {"population": population, "trimming": "trimmed"}
-    known = check(curves, CURVES, "curves").filter(**chosen, weighting="features").select(*_CURVE, "at", "cut").unique()
+    chosen = {"population": population, "trimming": Trimming.trimmed}
+    known = (
+        check(curves, CURVES, "curves")
+        .filter(**chosen, weighting=Weighting.features)
+        .select(*_CURVE, "at", "cut")
+        .unique()
+    )
     cuts = known.partition_by(POOLED, as_dict=True, include_key=False)
     columns = [*_CURVE, "scene", "at", "n", *CURVE_SUMS]
     parts = []

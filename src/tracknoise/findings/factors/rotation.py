@@ -55,7 +55,7 @@ def best_by_chance(parts: NDArray[np.float64], directions: NDArray[np.float64]) 
 def range_by_chance(parts: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
     """One-sided p-values of ranges whose ends are where chance put them.
 
-    Of curves that are nothing but error, the highest and the lowest place are chosen in every rotation, and their
+    Of curves that consist of error only, the highest and the lowest place are chosen in every rotation, and their
     difference is tested as if they had been chosen beforehand.
 
     Parameters

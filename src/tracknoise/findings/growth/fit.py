@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 TERMS = ("white", "walk", "drift")
+TERM_UNITS = ("px", "px per sqrt(frame)", "px per frame")
+"""Units of the roots of their coefficients."""
 _POWERS = np.arange(len(TERMS))
 _SUBSETS = [list(subset) for size in (1, 2, 3) for subset in combinations(range(len(TERMS)), size)]
 

@@ -1,4 +1,4 @@
-"""What is fitted to the errors of one condition as they grow, with intervals: (growth) and (autocorrelation)."""
+"""What is fitted to the errors of one condition as they grow, with intervals: (growth)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -7,23 +7,18 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.growth.fit import TERMS, contributions, fit_freely, fit_growth, misfit
-from tracknoise.findings.intervals.change_bounds import SUMS as CHANGES
-from tracknoise.findings.intervals.change_bounds import correlated
-from tracknoise.findings.sampling.bounds import Bounds, Method, pooled
+from tracknoise.findings.estimate import Estimate, EstimateArray
+from tracknoise.findings.growth.fit import TERM_UNITS, TERMS, contributions, fit_freely, fit_growth, misfit
+from tracknoise.findings.sampling.bounds import Method, pooled
 from tracknoise.findings.sampling.resampling import leave_one_out
-from tracknoise.findings.sampling.units import Draws, Units, units_of
-from tracknoise.findings.shape.verdict import Interval
-from tracknoise.tables.schema import ORIGIN
+from tracknoise.findings.sampling.units import Units
 
 Array = NDArray[np.float64]
 
 MIN_AGES = 4
 """Fewest ages of a fit."""
-SUMS = ("n", "uu", "vv")
+GROWTH_SUMS = ("n", "uu", "vv")
 """What a fit needs of each age: the count, and the sums of squared errors."""
-ONE_STEP = pl.col("lag") == 1
-"""Rows of `INCREMENTS` of which (autocorrelation) at one step is made: all that time structure needs."""
 _MIN_UNITS = 4
 _OWN = 0.05
 """How far off (growth) may be, relative to the second moment: that much is added to each age's standard error."""
@@ -43,8 +38,8 @@ class Fit:
         Root mean square of what is missed, relative to the second moment.
     """
 
-    sizes: Mapping[str, Interval]
-    shares: Mapping[str, Interval]
+    sizes: Mapping[str, Estimate]
+    shares: Mapping[str, Estimate]
     misfit: float
 
 
@@ -54,7 +49,7 @@ def fit_ages(units: Units, *, min_features: int) -> NDArray[np.bool_]:
     Parameters
     ----------
     units
-        Points by `since`; columns `SUMS`.
+        Points by `since`; columns `GROWTH_SUMS`.
     min_features
         Fewest errors of all units together.
     """
@@ -69,7 +64,7 @@ def fitted(units: Units, weights: Array, ages: NDArray[np.bool_], method: Method
     Parameters
     ----------
     units
-        Points by `since`; columns `SUMS`.
+        Points by `since`; columns `GROWTH_SUMS`.
     weights : (draws, units)
         How often each unit was drawn.
     ages : (points,)
@@ -88,28 +83,6 @@ def fitted(units: Units, weights: Array, ages: NDArray[np.bool_], method: Method
     bounds = pooled(part, weights, statistics, method, sizes=part.sums[..., 0].sum(axis=1)[None])
     u, v = (_named(bounds, 9 * axis, second[axis], since, weight[axis]) for axis in (0, 1))
     return u, v
-
-
-def neighbours(increments: pl.DataFrame) -> pl.DataFrame:
-    """Rows of lag 1 of `INCREMENTS`, of which only what (autocorrelation) is made of is kept."""
-    return increments.filter(ONE_STEP).select(*ORIGIN, "block", "trimming", *CHANGES)
-
-
-def related(changes: pl.DataFrame, draws: Draws, method: Method, *, resampled: bool) -> tuple[Interval, Interval]:
-    """(autocorrelation) at one step of u and of v.
-
-    Parameters
-    ----------
-    changes
-        What `neighbours` kept of one condition and trimming.
-    draws, method
-        How to make intervals.
-    resampled
-        Whether blocks may be resampled where scenes are few.
-    """
-    units = units_of(changes, changes if resampled else None, points=[], columns=CHANGES)
-    bounds = correlated(units, draws.weights(units), method)
-    return _interval(bounds, 0), _interval(bounds, 1)
 
 
 def mean_drift(moments: pl.DataFrame) -> tuple[float, float]:
@@ -136,13 +109,13 @@ def _observed(units: Units) -> tuple[Array, Array]:
 
 
 def _second(sums: Array) -> Array:
-    """(Phi) of u and of v from `SUMS`, (2, ages, ...), NaN where undefined."""
+    """(Phi) of u and of v from `GROWTH_SUMS`, (2, ages, ...), NaN where undefined."""
     n, uu, vv = sums
     return np.stack([uu, vv]) / np.where(n > 1, n - 1, np.nan)
 
 
 def _fit(sums: Array, axis: int, second: Array, since: Array, weight: Array) -> Array:
-    """What `fitted` needs of one coordinate, (9, 1, ...); ages that a draw has nothing of are taken as observed."""
+    """What `fitted` needs of one coordinate, (9, 1, ...); ages without data in a draw are taken as observed."""
     drawn = _second(sums)[axis]
     whole = second.reshape(-1, *[1] * (drawn.ndim - 1))
     known = np.where(np.isnan(drawn), whole, drawn)
@@ -150,24 +123,24 @@ def _fit(sums: Array, axis: int, second: Array, since: Array, weight: Array) -> 
     return np.concatenate([free, bounded, contributions(bounded, since)])[:, None]
 
 
-def _named(bounds: Bounds, first: int, second: Array, since: Array, weight: Array) -> Fit:
+def _named(bounds: EstimateArray, first: int, second: Array, since: Array, weight: Array) -> Fit:
     """The fit of one coordinate, whose rows of `bounds` begin at `first`."""
     free, bounded, shares = (
-        {term: _interval(bounds, first + step + row) for row, term in enumerate(TERMS)} for step in (0, 3, 6)
+        {term: bounds.at(first + step + row) for row, term in enumerate(TERMS)} for step in (0, 3, 6)
     )
-    sizes = {term: _root(bounded[term], free[term]) for term in TERMS}
+    sizes = {term: _root(bounded[term], free[term], unit=unit) for term, unit in zip(TERMS, TERM_UNITS, strict=True)}
     return Fit(sizes, shares, misfit(second, since, fit_growth(second, since, weight)))
 
 
-def _root(bounded: Interval, free: Interval) -> Interval:
-    """Root of a coefficient of the bounded fit, with bounds that hold those of either fit.
+def _root(bounded: Estimate, free: Estimate, *, unit: str) -> Estimate:
+    """Root of a coefficient of the bounded fit, with bounds that contain those of either fit.
 
-    Where the truth is at a bound, the bounded fit pulls the other terms away from theirs, and its draws do not tell.
+    Where the true coefficient is 0, the bounded fit shifts the other terms, and its draws do not show that.
     """
-    low, high = (function(getattr(bounded, end), getattr(free, end)) for function, end in ((min, "low"), (max, "high")))
-    return Interval(*(max(value, 0.0) ** 0.5 for value in (bounded.value, low, high)))
+    low = None if bounded.low is None or free.low is None else min(bounded.low, free.low)
+    high = None if bounded.high is None or free.high is None else max(bounded.high, free.high)
+    return replace(bounded, value=_length(bounded.value), low=_length(low), high=_length(high), unit=unit)
 
 
-def _interval(bounds: Bounds, row: int) -> Interval:
-    value, low, high = (float(values[row, 0]) for values in (bounds.value, bounds.low, bounds.high))
-    return Interval(value, low, high)
+def _length(square: float | None) -> float | None:
+    return None if square is None else float(max(square, 0.0) ** 0.5)

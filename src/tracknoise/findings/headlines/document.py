@@ -6,12 +6,12 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.findings.headlines.headline import Tables
+from tracknoise.findings.headlines.headline import RunTables
 
 FORMAT = 1
 
 
-def findings_json(tables: Tables) -> str:
+def findings_json(tables: RunTables) -> str:
     """The sentences, and the verdicts with the numbers behind them.
 
     Parameters

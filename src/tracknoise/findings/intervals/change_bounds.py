@@ -1,4 +1,4 @@
-"""Changes of errors from one frame that the tracker saw to the next: what their intervals are made of.
+"""Intervals of the changes of errors from one frame that the tracker saw to the next.
 
 Their moments by age are those of errors, with an aspect of their own; (autocorrelation) by lag is that of
 `tracknoise.statistics.increments`. Its intervals are made on Fisher's scale, on which a correlation has no limits.
@@ -10,15 +10,17 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.intervals.scalar_bounds import Found
-from tracknoise.findings.sampling.bounds import Bounds, Method, pooled
-from tracknoise.findings.sampling.units import Draws, Units, units_of
+from tracknoise.findings.estimate import EstimateArray
+from tracknoise.findings.sampling.bounds import LabelledEstimates, Method, pooled
+from tracknoise.findings.sampling.draws import Draws
+from tracknoise.findings.sampling.units import Units, units_of
 from tracknoise.statistics.conditions import TablesByCondition
 from tracknoise.statistics.increments import CHANGE
+from tracknoise.tables.enumerations import Axis, Population
 from tracknoise.tables.schema import AXIS, ORIGIN, POPULATION
 
 AUTOCORRELATION = "autocorrelation"
-SUMS = ("n", "lagged_uu", "squares_uu", "lagged_vv", "squares_vv")
+CHANGE_SUMS = ("n", "lagged_uu", "squares_uu", "lagged_vv", "squares_vv")
 """What (autocorrelation) is made of: the count of pairs of changes, and the sums of their products and squares."""
 _MOMENTS = ("mean_u", "mean_v", "m_uu", "m_uv", "m_vv")
 _POINT = ["trimming", "lag"]
@@ -33,9 +35,9 @@ def _as_moments(increments: pl.DataFrame) -> pl.DataFrame:
     return increments.filter(pl.col("lag") == 0).select(
         pl.lit(CHANGE).alias("aspect"),
         *ORIGIN,
-        pl.lit("visible", dtype=POPULATION).alias("population"),
+        pl.lit(Population.visible, dtype=POPULATION).alias("population"),
         "trimming",
-        pl.lit("age", dtype=AXIS).alias("axis"),
+        pl.lit(Axis.age, dtype=AXIS).alias("axis"),
         pl.col("age").alias("at"),
         "n",
         *_MOMENTS,
@@ -50,7 +52,7 @@ def correlated_changes(increments: TablesByCondition) -> TablesByCondition:
     return {key: part for key, part in pairs.items() if not part.is_empty()}
 
 
-def correlation_bounds(increments: pl.DataFrame, draws: Draws, method: Method) -> Iterator[Found]:
+def correlation_bounds(increments: pl.DataFrame, draws: Draws, method: Method) -> Iterator[LabelledEstimates]:
     """(autocorrelation) at every lag, of u and of v.
 
     Parameters
@@ -62,27 +64,30 @@ def correlation_bounds(increments: pl.DataFrame, draws: Draws, method: Method) -
     method
         How to make intervals.
     """
-    units = units_of(increments, increments, points=_POINT, columns=SUMS)
+    units = units_of(increments, increments, points=_POINT, columns=CHANGE_SUMS)
     coordinates = pl.DataFrame({"coordinate": ["u", "v"]})
     labels = coordinates.join(units.points.rename({"lag": "at"}), how="cross").with_columns(
-        statistic=pl.lit(AUTOCORRELATION), axis=pl.lit("lag"), aspect=pl.lit(CHANGE), population=pl.lit("visible")
+        statistic=pl.lit(AUTOCORRELATION),
+        axis=pl.lit("lag"),
+        aspect=pl.lit(CHANGE),
+        population=pl.lit(Population.visible),
     )
-    yield labels, correlated(units, draws.weights(units), method), units
+    yield LabelledEstimates(labels, correlated(units, draws.weights(units), method), units)
 
 
-def correlated(units: Units, weights: NDArray[np.float64], method: Method) -> Bounds:
+def correlated(units: Units, weights: NDArray[np.float64], method: Method) -> EstimateArray:
     """(autocorrelation) of u and of v, with intervals; what a unit weighs in it are the squares of its changes.
 
     Parameters
     ----------
     units
-        Columns `SUMS`.
+        Columns `CHANGE_SUMS`.
     weights : (draws, units)
         How often each unit was drawn.
     method
         How to make intervals.
     """
-    squares = np.stack([units.sums[..., SUMS.index(name)].T for name in ("squares_uu", "squares_vv")])
+    squares = np.stack([units.sums[..., CHANGE_SUMS.index(name)].T for name in ("squares_uu", "squares_vv")])
     return pooled(units, weights, _autocorrelation, method, scales=["fisher"] * 2, sizes=squares)
 
 

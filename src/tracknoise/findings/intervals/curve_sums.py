@@ -1,4 +1,4 @@
-"""What intervals of curves are made of: sums by scene, and by block, of every condition and aspect, one at a time."""
+"""Sums by scene and by block, of every condition and aspect, from which intervals of curves are computed."""
 
 from collections.abc import Iterator
 from typing import Any

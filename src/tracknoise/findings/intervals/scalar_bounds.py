@@ -2,20 +2,23 @@
 
 The lifetime that a share of the tracks exceeds is where the survival curve comes down to that share; its bounds are
 where the bounds of the survival curve do (Brookmeyer and Crowley 1982), so that they are lifetimes, too. Lifetimes are
-whole frames, and whole frames are too coarse for an interval that holds the true value as often as its level says: of
-a value, or of bounds, between two of them nothing is left but the next one. The same lifetimes interpolated, where
+whole frames, and whole frames are too coarse for an interval that contains the true value as often as its level says:
+a value, or a bound, between two of them is rounded up to the next one. The same lifetimes interpolated, where
 the line from each whole frame's survival to the next one's comes down to the share (the median of a life table), stand
 beside them.
 """
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.sampling.bounds import Bounds, Method, pooled
-from tracknoise.findings.sampling.units import Draws, Units, units_of
+from tracknoise.findings.estimate import EstimateArray
+from tracknoise.findings.sampling.bounds import LabelledEstimates, Method, pooled
+from tracknoise.findings.sampling.draws import Draws
+from tracknoise.findings.sampling.units import Units, units_of
 from tracknoise.statistics.blocks import block_of
 
 QUANTILES: Mapping[str, float] = {
@@ -34,13 +37,10 @@ SCALAR_UNITS: Mapping[str, str] = {
 }
 """Statistics of this file and their units."""
 
-Found = tuple[pl.DataFrame, Bounds, Units]
-"""Columns statistic, axis and at, a row a value; the values; what was resampled."""
-
 _ROUNDED = 1e-12  # the product that is exactly a half on paper may be rounded up
 
 
-def lifetime_bounds(ends: pl.DataFrame, draws: Draws, method: Method) -> Iterator[Found]:
+def lifetime_bounds(ends: pl.DataFrame, draws: Draws, method: Method) -> Iterator[LabelledEstimates]:
     """Mean lifetime, survival beyond each lifetime, and the lifetimes that certain shares of the tracks exceed.
 
     Parameters
@@ -57,16 +57,16 @@ def lifetime_bounds(ends: pl.DataFrame, draws: Draws, method: Method) -> Iterato
     weights, lifetimes = draws.weights(units), units.points["lifetime"].to_numpy().astype(np.float64)
     tracks = units.sums.sum(axis=(1, 2))
     mean = pooled(units, weights, lambda sums: _mean(sums, lifetimes), method, scales=["log"], sizes=tracks[None])
-    yield _labels("mean_lifetime"), mean, units
+    yield LabelledEstimates(_labels("mean_lifetime"), mean, units)
     sizes = np.broadcast_to(tracks, (len(lifetimes), len(tracks)))
     curve = pooled(units, weights, survival, method, scales=["logit"], sizes=sizes)
-    yield _labels("survival", lifetimes), _where_at_risk(curve, units), units
+    yield LabelledEstimates(_labels("survival", lifetimes), _where_at_risk(curve, units), units)
     for name, share in QUANTILES.items():
-        yield _labels(name), _quantile(curve, lifetimes, share, first_reached), units
-        yield _labels(INTERPOLATED + name), _quantile(curve, lifetimes, share, interpolated), units
+        for prefix, reached in (("", first_reached), (INTERPOLATED, interpolated)):
+            yield LabelledEstimates(_labels(prefix + name), _quantile(curve, lifetimes, share, reached), units)
 
 
-def outlier_bounds(frames: pl.DataFrame, draws: Draws, method: Method) -> Iterator[Found]:
+def outlier_bounds(frames: pl.DataFrame, draws: Draws, method: Method) -> Iterator[LabelledEstimates]:
     """Pooled outlier ratio: outliers over the features that were offered.
 
     Parameters
@@ -80,11 +80,11 @@ def outlier_bounds(frames: pl.DataFrame, draws: Draws, method: Method) -> Iterat
     blocks = frames.sort("scene", "frame").with_columns(block=block_of(order, size))
     units = units_of(blocks, blocks, points=[], columns=["offered", "outliers"])
     ratio = pooled(units, draws.weights(units), _ratio, method, scales=["logit"])
-    yield _labels("outlier_ratio"), ratio, units
+    yield LabelledEstimates(_labels("outlier_ratio"), ratio, units)
 
 
 def survival(sums: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Kaplan-Meier survival, as `tracknoise.statistics.lifetimes` has it; it stays where it was with nobody at risk.
+    """Kaplan-Meier survival, as `tracknoise.statistics.lifetimes` has it; constant where no track is at risk.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def interpolated(curve: NDArray[np.float64], lifetimes: NDArray[np.float64], sha
 
 
 def _labels(statistic: str, at: NDArray[np.float64] | None = None) -> pl.DataFrame:
-    """One row, or, along the axis lifetime, one a lifetime."""
+    """One row, or one row per lifetime along the axis lifetime."""
     if at is None:
         return pl.DataFrame({"statistic": statistic, "axis": None, "at": None})
     return pl.DataFrame({"statistic": statistic, "axis": "lifetime", "at": at})
@@ -144,12 +144,12 @@ def _mean(sums: NDArray[np.float64], lifetimes: NDArray[np.float64]) -> NDArray[
     return np.asarray(frames / np.where(count > 0, count, np.nan))[None, None]
 
 
-def _where_at_risk(curve: Bounds, units: Units) -> Bounds:
-    """The same survival without the longest lifetime, if nobody was at risk there: no track ended."""
+def _where_at_risk(curve: EstimateArray, units: Units) -> EstimateArray:
+    """The same survival without the longest lifetime, if no track was at risk there: none ended."""
     unknown = np.zeros(curve.value.shape, dtype=np.bool_)
     unknown[:, -1] = units.sums[:, -1, 0].sum() == 0
     value, low, high = (np.where(unknown, np.nan, values) for values in (curve.value, curve.low, curve.high))
-    return Bounds(value, low, high, curve.n_units, curve.n_scenes)
+    return replace(curve, value=value, low=low, high=high)
 
 
 def _ratio(sums: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -158,13 +158,14 @@ def _ratio(sums: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _quantile(
-    curve: Bounds,
+    curve: EstimateArray,
     lifetimes: NDArray[np.float64],
     share: float,
     reached: Callable[[NDArray[np.float64], NDArray[np.float64], float], float],
-) -> Bounds:
+) -> EstimateArray:
     """Where a survival curve and its bounds come down to a share."""
     value, low, high = (
         np.array([[reached(values[0], lifetimes, share)]]) for values in (curve.value, curve.low, curve.high)
     )
-    return Bounds(value, low, high, curve.n_units[:, :1], curve.n_scenes[:, :1])
+    n_units, n_scenes = curve.n_units[:, :1], curve.n_scenes[:, :1]
+    return replace(curve, value=value, low=low, high=high, n_units=n_units, n_scenes=n_scenes)

@@ -4,19 +4,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import SettingsError
-from tracknoise.findings.sampling.jackknife import student_interval
-from tracknoise.findings.sampling.resampling import LEVEL, MIN_SCENES, interval, leave_one_out, resample
-from tracknoise.findings.sampling.units import Units
+from tracknoise.findings.estimate import EstimateArray
+from tracknoise.findings.sampling.jackknife import acceleration, student_interval
+from tracknoise.findings.sampling.resampling import interval, leave_one_out, resample
+from tracknoise.findings.sampling.units import MIN_SCENES, Units
+from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL
+from tracknoise.tables.enumerations import IntervalKind, Resampled
 
 Statistics = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Of sums, (columns, points, ...), the statistics, (statistics, points, ...), each NaN where undefined."""
-
-
-KINDS = ("student", "percentile", "bca")
-"""By `tracknoise.findings.sampling.jackknife`, or by the bootstrap of `tracknoise.findings.sampling.resampling`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,8 @@ class Method:
     Parameters
     ----------
     kind
-        One of `KINDS`.
+        `student` by `tracknoise.findings.sampling.jackknife`, `percentile` and `bca` by the bootstrap of
+        `tracknoise.findings.sampling.resampling`.
     level
         Between 0 and 1.
 
@@ -36,28 +37,41 @@ class Method:
         If there is no such kind, or the level is not between 0 and 1.
     """
 
-    kind: str = "bca"
+    kind: str = KIND_OF_INTERVAL
     level: float = LEVEL
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise SettingsError(f"kind of interval is {self.kind!r}, expected one of {', '.join(KINDS)}")
+        if self.kind not in list(IntervalKind):
+            raise SettingsError(f"kind of interval is {self.kind!r}, expected one of {', '.join(IntervalKind)}")
         if not 0 < self.level < 1:
             raise SettingsError(f"level is {self.level}, expected more than 0 and less than 1")
 
+    def by_bootstrap(self) -> "Method":
+        """The same, with `bca` in place of `student`: for statistics on which the jackknife fails.
+
+        Student's intervals need a statistic that changes smoothly when a unit is left out, and a scale on which it has
+        no limits. Fits with coefficients that may not be negative, and skewness near 0, have neither.
+        """
+        return Method(IntervalKind.bca, self.level) if self.kind == IntervalKind.student else self
+
 
 @dataclass(frozen=True, slots=True)
-class Bounds:
-    """Statistics of a condition with their bounds, (statistics, points), NaN where there are none.
+class LabelledEstimates:
+    """Estimates and what they are of.
 
-    `n_units` and `n_scenes` count the units, and the scenes, that each rests on.
+    Attributes
+    ----------
+    labels
+        Columns statistic, axis and at, besides any others: a row for each value, in their order.
+    estimates
+        The values.
+    units
+        What was resampled.
     """
 
-    value: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-    n_units: NDArray[np.intp]
-    n_scenes: NDArray[np.intp]
+    labels: pl.DataFrame
+    estimates: EstimateArray
+    units: Units
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +105,7 @@ def pooled(
     *,
     scales: Sequence[str] | None = None,
     sizes: NDArray[np.float64] | None = None,
-) -> Bounds:
+) -> EstimateArray:
     """Statistics of the sums over all units.
 
     Parameters
@@ -121,7 +135,7 @@ def averaged(
     method: Method,
     *,
     scales: Sequence[str] | None = None,
-) -> Bounds:
+) -> EstimateArray:
     """Mean over scenes of each scene's own statistics; scenes in which one is undefined take no part in it.
 
     Parameters
@@ -129,7 +143,7 @@ def averaged(
     units, weights, statistics, method, scales
         As in `pooled`.
     """
-    if units.resampled == "blocks":
+    if units.resampled == Resampled.blocks:
         return _bounded(_mean_of_scenes(units, weights, statistics), units, units.sums[..., 0].T, method, scales)
     sums = _own(units, statistics)
     sizes = sums[len(sums) // 2 :]
@@ -168,21 +182,29 @@ def _mean_of(values: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
 
 def _bounded(
     sample: Sample, units: Units, sizes: NDArray[np.float64], method: Method, scales: Sequence[str] | None
-) -> Bounds:
+) -> EstimateArray:
     """Intervals where enough is resampled; `sizes` is (points, units) or (statistics, points, units)."""
     n_units, n_scenes = (np.broadcast_to(n, sample.whole.shape) for n in units.contributing(sizes > 0))
-    by_block = units.resampled == "blocks"
+    by_block = units.resampled == Resampled.blocks
     in_stratum = n_units // np.maximum(n_scenes, 1) if by_block else np.where(n_scenes >= MIN_SCENES, n_units, 0)
     strata = units.scene if by_block else None
-    if method.kind == "student":
+    if method.kind == IntervalKind.student:
         held = np.moveaxis(sizes.reshape(-1, *sizes.shape[-2:]), -1, 0)
         named = scales or ["linear"] * len(sample.whole)
         low, high = _by_jackknife(sample, named, in_stratum, held, strata, method.level)
     else:
-        drawn, without = np.moveaxis(sample.drawn, -1, 0), np.moveaxis(sample.without, -1, 0)
-        kind, level = method.kind, method.level
-        low, high = interval(sample.whole, drawn, without, kind=kind, level=level, n_units=in_stratum, strata=strata)
-    return Bounds(sample.whole, low, high, n_units, n_scenes)
+        low, high = _by_bootstrap(sample, in_stratum, strata, method)
+    return EstimateArray(sample.whole, low, high, n_units, n_scenes, method.kind, method.level)
+
+
+def _by_bootstrap(
+    sample: Sample, n_units: NDArray[np.intp], strata: NDArray[np.intp] | None, method: Method
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Bounds of statistics from their draws."""
+    drawn, without = np.moveaxis(sample.drawn, -1, 0), np.moveaxis(sample.without, -1, 0)
+    grows = acceleration(without, strata) if method.kind == IntervalKind.bca else 0.0
+    kind, level = method.kind, method.level
+    return interval(sample.whole, drawn, n_units=n_units, acceleration=grows, kind=kind, level=level)
 
 
 def _by_jackknife(

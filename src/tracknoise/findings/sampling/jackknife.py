@@ -30,9 +30,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from tracknoise.findings.sampling.resampling import LEVEL, centred
+from tracknoise.tables.defaults import LEVEL
 
 Function = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+_SAME = 1e-12
+"""Influences that are smaller than this, relative to the largest value, are rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +91,7 @@ def student_interval(
     -------
     low, high : (...) float64
         NaN where the estimate is NaN or rests on fewer than two units, and of a share of 0 or 1: that it was never seen
-        says nothing of how rare it is among other units. A size of 0, and a correlation of -1 or 1, which chance alone
+        does not show how rare it is among other units. A size of 0, and a correlation of -1 or 1, which chance alone
         does not give, have both bounds there.
     """
     value, to = np.asarray(estimate, dtype=np.float64), SCALES[scale]
@@ -109,6 +111,48 @@ def student_interval(
     usable = (n > 1) & ~np.isnan(value) & (inside | (scale != "logit"))
     low, high = (np.where(inside, to.back(middle + shift), value) for shift in (-width, width))
     return np.where(usable, low, np.nan), np.where(usable, high, np.nan)
+
+
+def centred(jackknife: NDArray[np.float64], strata: NDArray[np.intp] | None = None) -> NDArray[np.float64]:
+    """What leaving out each unit changes, beside what leaving out another of its stratum does, 0 where undefined.
+
+    Parameters
+    ----------
+    jackknife : (units, ...)
+        Statistics of all units but one; NaN where there is none.
+    strata : (units,) intp
+        The stratum of each unit; by default all are of one.
+    """
+    groups = np.zeros(len(jackknife), dtype=np.intp) if strata is None else strata
+    changes = np.empty_like(jackknife)
+    for group in np.unique(groups):
+        values = jackknife[groups == group]
+        there = ~np.isnan(values)
+        mean = np.where(there, values, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
+        changes[groups == group] = np.where(there, values - mean, 0.0)
+    return changes
+
+
+def acceleration(jackknife: NDArray[np.float64], strata: NDArray[np.intp] | None = None) -> NDArray[np.float64]:
+    """Acceleration a of BCa intervals (Efron 1987): a sixth of the skewness of the influences of the units.
+
+    Parameters
+    ----------
+    jackknife, strata
+        As in `centred`; influences are centred within strata.
+
+    Returns
+    -------
+    (...) float64
+        0 where no unit has any influence.
+    """
+    influence = -centred(jackknife, strata)
+    size = np.abs(influence).max(axis=0)
+    scaled = influence / np.where(size > 0, size, 1.0)
+    squares = (scaled**2).sum(axis=0)
+    skewed: NDArray[np.float64] = (scaled**3).sum(axis=0) / (6 * np.where(squares > 0, squares, 1.0) ** 1.5)
+    rounding = _SAME * np.abs(np.where(np.isnan(jackknife), 0.0, jackknife)).max(axis=0)
+    return np.where(size > rounding, skewed, 0.0)
 
 
 def parts(moved: NDArray[np.float64], sizes: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -153,7 +197,7 @@ def _apart(w: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _of_sizes(moved: NDArray[np.float64], sizes: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-    """Variance, and its degrees of freedom, of units of one kind; a unit that changes nothing adds nothing."""
+    """Variance, and its degrees of freedom, of units of one kind; a unit without influence adds 0."""
     added = parts(np.where(np.isnan(moved), 0.0, moved), sizes)
     return np.square(added).sum(axis=0), degrees(sizes)
 

@@ -15,63 +15,17 @@ draws below the estimate, a from the skewness of the jackknife. Where scenes dif
 ratios, intervals of either kind miss more often than they say; see `tracknoise.findings.sampling.jackknife`.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
 from tracknoise.exceptions import SettingsError
+from tracknoise.tables.defaults import LEVEL
+from tracknoise.tables.enumerations import IntervalKind
 
-LEVEL = 0.95
-"""Share of intervals that hold the true value."""
-N_DRAWS = 2000
-MIN_SCENES = 6
-"""Fewest scenes that are resampled as such, and that a test at 5 % can do with."""
-KINDS = ("percentile", "bca")
-
+_KINDS = (IntervalKind.percentile, IntervalKind.bca)
 _SAME = 1e-12
 """Values that differ by less than this, relative to the largest, differ by rounding."""
-
-
-def draws(n_units: int, *, n_draws: int = N_DRAWS, seed: int = 0) -> NDArray[np.float64]:
-    """How often each unit was drawn, with replacement, in each of many draws of as many units as there are.
-
-    Parameters
-    ----------
-    n_units
-        At least one.
-    n_draws
-        Number of draws.
-    seed
-        The same seed gives the same draws.
-
-    Returns
-    -------
-    (n_draws, n_units) float64
-        Counts; every row sums to `n_units`.
-    """
-    return draws_within([n_units], n_draws=n_draws, seed=seed)
-
-
-def draws_within(sizes: Sequence[int], *, n_draws: int = N_DRAWS, seed: int = 0) -> NDArray[np.float64]:
-    """Draws of units that stay within their stratum: as many from each as it has.
-
-    Parameters
-    ----------
-    sizes
-        Units in each stratum; the units of a stratum follow one another.
-    n_draws, seed
-        As in `draws`.
-
-    Returns
-    -------
-    (n_draws, sum(sizes)) float64
-        Counts; in every row those of a stratum sum to its size.
-    """
-    rng = np.random.default_rng(seed)
-    strata = [rng.multinomial(size, np.full(size, 1 / size), size=n_draws) for size in sizes]
-    return np.concatenate(strata, axis=1).astype(np.float64)
 
 
 def resample(sums: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -82,7 +36,7 @@ def resample(sums: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray
     sums : (units, points, columns)
         Additive sums of each unit.
     weights : (draws, units)
-        What `draws` returned.
+        What `tracknoise.findings.sampling.draws.draws` returned.
 
     Returns
     -------
@@ -100,35 +54,14 @@ def leave_one_out(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     return total - sums
 
 
-def centred(jackknife: NDArray[np.float64], strata: NDArray[np.intp] | None = None) -> NDArray[np.float64]:
-    """What leaving out each unit changes, beside what leaving out another of its stratum does, 0 where undefined.
-
-    Parameters
-    ----------
-    jackknife : (units, ...)
-        Statistics of all units but one; NaN where there is none.
-    strata : (units,) intp
-        The stratum of each unit; by default all are of one.
-    """
-    groups = np.zeros(len(jackknife), dtype=np.intp) if strata is None else strata
-    changes = np.empty_like(jackknife)
-    for group in np.unique(groups):
-        values = jackknife[groups == group]
-        there = ~np.isnan(values)
-        mean = np.where(there, values, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
-        changes[groups == group] = np.where(there, values - mean, 0.0)
-    return changes
-
-
 def interval(
     estimate: ArrayLike,
     replicates: NDArray[np.float64],
-    jackknife: NDArray[np.float64],
     *,
-    kind: str = "bca",
+    n_units: ArrayLike,
+    acceleration: ArrayLike = 0.0,
+    kind: str = IntervalKind.bca,
     level: float = LEVEL,
-    n_units: ArrayLike | None = None,
-    strata: NDArray[np.intp] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Two-sided bootstrap intervals of any number of statistics, expanded for few units.
 
@@ -138,16 +71,14 @@ def interval(
         The statistics of all units, each once.
     replicates : (draws, ...)
         Those of each draw; NaN where a draw has none.
-    jackknife : (units, ...)
-        Those of all units but one; NaN where there is none.
+    n_units : (...)
+        How many units the statistics rest on; with units drawn within strata, in each of these. At least 2 are needed.
+    acceleration : (...)
+        For `bca`: what `tracknoise.findings.sampling.jackknife.acceleration` returned; 0 corrects median bias alone.
     kind
         `percentile` or `bca`.
     level
         Between 0 and 1.
-    n_units : (...)
-        How many units the statistics rest on, by default all; with strata, in each of these. At least 2 are needed.
-    strata : (units,) intp
-        The stratum of each unit, if units were drawn within strata (`draws_within`).
 
     Returns
     -------
@@ -159,20 +90,20 @@ def interval(
     SettingsError
         If there is no such kind, or the level is not between 0 and 1.
     """
-    if kind not in KINDS:
-        raise SettingsError(f"kind of interval is {kind!r}, expected {' or '.join(KINDS)}")
+    if kind not in _KINDS:
+        raise SettingsError(f"kind of interval is {kind!r}, expected {' or '.join(_KINDS)}")
     if not 0 < level < 1:
         raise SettingsError(f"level is {level}, expected more than 0 and less than 1")
     value = np.asarray(estimate, dtype=np.float64)
     ordered = np.sort(np.moveaxis(replicates, 0, -1), axis=-1)  # NaN last
     known = np.count_nonzero(~np.isnan(ordered), axis=-1)
-    n = np.broadcast_to(len(jackknife) if n_units is None else np.asarray(n_units), value.shape)
+    n = np.broadcast_to(np.asarray(n_units), value.shape)
     usable = (known > 0) & (n > 1) & ~np.isnan(value)
     tail = _expanded(np.where(usable, n, 2), level)
-    bias, acceleration = np.zeros_like(value), np.zeros_like(value)
-    if kind == "bca":
-        bias, acceleration = _median_bias(value, ordered, known), _acceleration(jackknife, strata)
-    low, high = (_quantile(ordered, known, _share(z, bias, acceleration)) for z in (-tail, tail))
+    corrected = kind == IntervalKind.bca
+    bias = _median_bias(value, ordered, known) if corrected else np.zeros_like(value)
+    growth = np.broadcast_to(np.asarray(acceleration if corrected else 0.0, dtype=np.float64), value.shape)
+    low, high = (_quantile(ordered, known, _share(z, bias, growth)) for z in (-tail, tail))
     return np.where(usable, low, np.nan), np.where(usable, high, np.nan)
 
 
@@ -202,17 +133,6 @@ def _median_bias(
     share = (below + 0.5 * (known - below - above)) / counted
     bias: NDArray[np.float64] = special.ndtri(np.clip(share, 0.5 / counted, 1 - 0.5 / counted))
     return np.where(known > 0, bias, 0.0)
-
-
-def _acceleration(jackknife: NDArray[np.float64], strata: NDArray[np.intp] | None) -> NDArray[np.float64]:
-    """a: a sixth of the skewness of the jackknife influences, centred within strata; 0 where nothing has influence."""
-    influence = -centred(jackknife, strata)
-    size = np.abs(influence).max(axis=0)
-    scaled = influence / np.where(size > 0, size, 1.0)
-    squares = (scaled**2).sum(axis=0)
-    skewed: NDArray[np.float64] = (scaled**3).sum(axis=0) / (6 * np.where(squares > 0, squares, 1.0) ** 1.5)
-    rounding = _SAME * np.abs(np.where(np.isnan(jackknife), 0.0, jackknife)).max(axis=0)
-    return np.where(size > rounding, skewed, 0.0)
 
 
 def _quantile(ordered: NDArray[np.float64], known: NDArray[np.intp], share: NDArray[np.float64]) -> NDArray[np.float64]:

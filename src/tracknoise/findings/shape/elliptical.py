@@ -1,8 +1,8 @@
 """What densities of pairs that depend on a squared distance alone have in common: many samples at once, arrays only.
 
 A sample is given by the terms of its power sums to order 2: 1, u, v, u^2, uv, v^2 of each point. Squared distances and
-weighted moments are then one matrix product each. Samples shorter than others are padded with zeros, which count for
-nothing.
+weighted moments are then one matrix product each. Shorter samples are padded with zeros, which have no
+effect.
 """
 
 from collections.abc import Sequence
@@ -10,11 +10,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.findings.shape.mardia import ORDERS
-
 Array = NDArray[np.float64]
 
-_SECOND = ORDERS[:6]
+_SECOND = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+"""Powers (p, q) of u^p v^q."""
 _LOG_2PI = float(np.log(2 * np.pi))
 
 

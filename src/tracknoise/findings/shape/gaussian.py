@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Gaussian:
-    """One a sample.
+    """One fit per sample.
 
     Attributes
     ----------

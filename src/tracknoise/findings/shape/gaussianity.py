@@ -5,7 +5,7 @@ Skewness and kurtosis come from the moments of all errors, tails, quantiles and 
 that the ages of a band can be put together. Scenes are put together, too: that errors are larger in one scene than in
 another makes those of all scenes heavy-tailed, and is part of what is found.
 
-At a million errors every test rejects; what is told is how far from Gaussian they are
+At a million errors every test rejects; what is reported is how far from Gaussian they are
 (`tracknoise.findings.shape.verdict`).
 """
 
@@ -17,13 +17,15 @@ from typing import Any
 import polars as pl
 
 from tracknoise.findings.anchored import NO_KEY_FRAMES, anchored
+from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.sampling.bounds import Method
-from tracknoise.findings.sampling.resampling import LEVEL
-from tracknoise.findings.sampling.units import Draws, draws_by_dataset
-from tracknoise.findings.shape.shape_bounds import BAND, gain_bounds, mardia_bounds
+from tracknoise.findings.sampling.draws import Draws, draws_by_dataset
+from tracknoise.findings.sampling.units import Units
+from tracknoise.findings.shape.held_out import gains
+from tracknoise.findings.shape.shape_bounds import BAND, folds_of, gain_bounds, mardia_bounds
 from tracknoise.findings.shape.standard import standard_sums, standardised, standards
 from tracknoise.findings.shape.tails import radii, tail_ratios
-from tracknoise.findings.shape.verdict import MARGIN_NATS, Evidence, Interval, judge
+from tracknoise.findings.shape.verdict import MARGIN_NATS, ShapeEvidence, judge
 from tracknoise.statistics.conditions import (
     Condition,
     Tables,
@@ -32,8 +34,10 @@ from tracknoise.statistics.conditions import (
     names,
     scenes_by_dataset,
 )
-from tracknoise.statistics.grouping import POOLED
+from tracknoise.statistics.grouping import POOLED, group_rows
 from tracknoise.statistics.samples import first_tracks, with_bands
+from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL, MIN_FEATURES
+from tracknoise.tables.enumerations import Shape
 from tracknoise.tables.findings_schema import GAUSSIANITY, RADII
 from tracknoise.tables.schema import MOMENTS, SAMPLES, Schema, check, empty
 
@@ -71,8 +75,9 @@ def gaussianity(
     samples: Tables,
     *,
     key_frames: Mapping[str, int] = NO_KEY_FRAMES,
-    min_features: int = 100,
+    min_features: int = MIN_FEATURES,
     margin: float = MARGIN_NATS,
+    kind: str = KIND_OF_INTERVAL,
     level: float = LEVEL,
     n_draws: int = 1000,
     seed: int = 0,
@@ -84,15 +89,15 @@ def gaussianity(
     moments, samples
         Of all scenes, `MOMENTS` and `SAMPLES`.
     key_frames
-        Where a scan makes errors zero in one frame: which, by direction. Bands are then of distances from it.
+        Where a scan makes errors zero in one frame: that frame, by direction. Bands are then of distances from it.
     min_features
         Fewest errors, of all scenes together, of an age that is looked at.
     margin
-        Largest distance from the Gaussian that is nothing, nats per error.
-    level
-        Of the intervals.
+        Largest distance from the Gaussian that does not matter, nats per error.
+    kind, level
+        Of the intervals. `bca` takes the place of `student` (`Method.by_bootstrap`); column `kind` says which was made.
     n_draws, seed
-        As in `tracknoise.findings.sampling.resampling.draws`; the seed decides, too, which scenes are fitted together.
+        As in `tracknoise.findings.sampling.draws.draws`; the seed decides, too, which scenes are fitted together.
 
     Raises
     ------
@@ -104,7 +109,7 @@ def gaussianity(
     count = math.ceil(MAX_SAMPLED / min(map(len, scenes.values()), default=1))
     singles = by_condition(samples, SAMPLES, "samples", lambda table: first_tracks(table, count))
     drawn = draws_by_dataset(scenes, n_draws=n_draws, seed=seed)
-    options = _Options(Method(level=level), min_features, margin, seed)
+    options = _Options(Method(kind, level).by_bootstrap(), min_features, margin, seed)
     rows, quantiles = [empty(GAUSSIANITY)], [empty(RADII)]
     for key, part in _banded(errors, key_frames):
         labels = names(key, GAUSSIANITY)
@@ -136,16 +141,18 @@ def _condition(
     bands = moments.group_by(_EDGES).agg(all=pl.col("n").sum(), n_scenes=pl.col("scene").n_unique()).sort(_EDGES)
     sums, singles = standard_sums(moments, standard), standardised(samples, standard)
     if sums.is_empty() or singles.is_empty():
-        rows = bands.with_columns(n="all", n_sampled=0, verdict=pl.lit("undecided"), why=pl.lit(_few(options)))
+        rows = bands.with_columns(n="all", n_sampled=0, verdict=pl.lit(Shape.undecided), why=pl.lit(_few(options)))
         return rows, empty(RADII)
-    gained, units = gain_bounds(singles, draws, options.method, seed=options.seed)
+    gained, units = _gains(singles, draws, options)
     tails, quantiles = _tails(singles)
     table = bands.join(mardia_bounds(sums, singles, draws, options.method), on=BAND, how="left")
     table = table.join(gained, on=BAND, how="left").join(tails, on=BAND, how="left").sort(_EDGES)
-    judged = [_judged(row, options) for row in table.iter_rows(named=True)]
+    known = table.with_columns(pl.selectors.float().fill_nan(None))
+    judged = [_judged(row, options) for row in known.iter_rows(named=True)]
     named = table.hstack(pl.DataFrame(judged, schema=["verdict", "why"], orient="row")).with_columns(
         pl.coalesce("n", "all").alias("n"),
         pl.col("n_sampled").fill_null(0),
+        kind=pl.lit(options.method.kind),
         level=options.method.level,
         resampled=pl.lit(units.resampled),
     )
@@ -160,6 +167,14 @@ _NAMES = {
     "share": "mixture_share",
     "ratio": "mixture_ratio",
 }
+
+
+def _gains(singles: pl.DataFrame, draws: Draws, options: _Options) -> tuple[pl.DataFrame, Units]:
+    """Gains by band with their intervals, and what was resampled."""
+    bands = group_rows(singles, BAND)
+    pairs = singles.select("z_u", "z_v").to_numpy()
+    gained = gains(pairs, bands.index, folds_of(singles, options.seed), bands.count)
+    return gain_bounds(singles, bands, gained, draws, options.method)
 
 
 def _tails(singles: pl.DataFrame) -> tuple[pl.DataFrame, pl.DataFrame]:
@@ -178,29 +193,28 @@ def _tails(singles: pl.DataFrame) -> tuple[pl.DataFrame, pl.DataFrame]:
     )
 
 
-def _judged(row: Mapping[str, Any], options: _Options) -> tuple[str, str]:
-    """Verdict on one band, and why."""
+def _judged(row: Mapping[str, Any], options: _Options) -> tuple[Shape, str]:
+    """Verdict on one band, and the reason."""
     if row["n"] is None:
-        return "undecided", _few(options)
-    known = {name: math.nan if value is None else value for name, value in row.items()}
+        return Shape.undecided, _few(options)
 
-    def interval(name: str) -> Interval:
-        return Interval(known[name], known[f"{name}_low"], known[f"{name}_high"])
+    def estimate(name: str) -> Estimate:
+        return Estimate.of_row(row, name, f"{name}_low", f"{name}_high")
 
-    evidence = Evidence(
+    evidence = ShapeEvidence(
         n_sampled=row["n_sampled"] or 0,
-        student=interval("gain_student"),
-        mixture=interval("gain_mixture"),
-        difference=interval("gain_difference"),
-        skewness=interval("skewness"),
-        kurtosis=interval("kurtosis"),
-        **{name: known[name] for name in ("tail_99", "nu", "share", "ratio")},
+        student=estimate("gain_student"),
+        mixture=estimate("gain_mixture"),
+        difference=estimate("gain_difference"),
+        skewness=estimate("skewness"),
+        kurtosis=estimate("kurtosis"),
+        **{name: row[name] for name in ("tail_99", "nu", "share", "ratio")},
     )
     return judge(evidence, margin=options.margin)
 
 
 def _few(options: _Options) -> str:
-    return f"there are fewer than {options.min_features} errors at every age, or they do not vary"
+    return f"every age has fewer than {options.min_features} errors, or errors that do not vary"
 
 
 def _typed(rows: pl.DataFrame, schema: Schema) -> pl.DataFrame:

@@ -1,20 +1,19 @@
-"""How much better Student's t, or a mixture, says what errors come next than a Gaussian does.
+"""How much better Student's t, or a mixture, predicts errors than a Gaussian does.
 
-What is independent (scenes, or blocks of tracks) is put into a few folds. Each fold is told by what was fitted to all
+Independent units (scenes, or blocks of tracks) are put into a few folds. Each fold is scored by what was fitted to all
 others. What counts is the log-likelihood that a density gives to what it was not fitted to, less that of the Gaussian
-fitted to the same, in nats per error (gain). A density with more parameters gains nothing by having them.
+fitted to the same, in nats per error (gain). More parameters alone give no gain.
 
 Student's t is fitted to all errors first; from there its fits to all folds but one have not far to go, and reach their
-own optimum to 1e-5 nats. Those of the mixture may not, where its components can hardly be told apart, and would keep
-something of what they knew of the fold that is left out: each of these starts where it always does.
+own optimum to 1e-5 nats. Those of the mixture may not, where its components are hardly distinguishable, and would keep
+information on the fold that is left out: each of these starts from its usual start.
 """
-
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.findings.shape.elliptical import determinant, gathered, terms
+from tracknoise.findings.shape.gains import Gains
 from tracknoise.findings.shape.gaussian import fit_gaussian
 from tracknoise.findings.shape.mardia import whitening
 from tracknoise.findings.shape.mixture import Mixture, fit_mixture
@@ -26,32 +25,9 @@ Rows = NDArray[np.intp]
 MIN_FITTED = 50
 """Fewest errors outside of each fold."""
 MAX_FITTED = 768
-"""So many errors are fitted at most; all of a fold are told."""
+"""Most errors that are fitted; all errors of a fold are scored."""
 ROUNDS = 15
 """Of the fits of Student's t that start from that of all errors."""
-
-
-@dataclass(frozen=True, slots=True)
-class Gains:
-    """What was gained on each error, and the fits' parameters; NaN for samples that are too small.
-
-    Attributes
-    ----------
-    student, mixture : (rows,)
-        Log-likelihood less that of the Gaussian, nats.
-    nu, spread : (samples,)
-        Student's degrees of freedom, and the fourth root of the determinant of its scatter: geometric means of the fits
-        of all folds.
-    share, ratio : (samples,)
-        The mixture's: how many errors are of the wider component, and how many times larger its covariance is.
-    """
-
-    student: Array
-    mixture: Array
-    nu: Array
-    spread: Array
-    share: Array
-    ratio: Array
 
 
 def gains(pairs: Array, sample: Rows, fold: Rows, count: int) -> Gains:
@@ -79,20 +55,20 @@ def gains(pairs: Array, sample: Rows, fold: Rows, count: int) -> Gains:
         of = np.repeat(np.arange(len(usable)), [len(split[place]) for place in usable])
         whole = fit_student(gathered(every, [_thinned(samples[place]) for place in usable]))
         start = Student(whole.mean[of], whole.scatter[of], whole.nu[of])
-        heavy, mixed, gained = _told(every, parts, start)
+        heavy, mixed, gained = _scored(every, parts, start)
         for (rows, _), one, other in zip(parts, *gained, strict=True):
             student[rows], mixture[rows] = one[: len(rows)], other[: len(rows)]
         parameters[:, usable] = _parameters(heavy, mixed, of)
     return Gains(student, mixture, *parameters)
 
 
-def _told(every: Array, parts: list[tuple[Rows, Rows]], start: Student) -> tuple[Student, Mixture, Array]:
+def _scored(every: Array, parts: list[tuple[Rows, Rows]], start: Student) -> tuple[Student, Mixture, Array]:
     """Fits to all but each fold, of which the t begins at `start`, and their (gain) on it, (2, folds, most errors)."""
     fitted = gathered(every, [_thinned(rest) for _, rest in parts])
     heavy, mixed = fit_student(fitted, rounds=ROUNDS, start=start), fit_mixture(fitted)
-    told = gathered(every, [rows for rows, _ in parts])
-    base = fit_gaussian(fitted).log_density(told)
-    return heavy, mixed, np.stack([heavy.log_density(told), mixed.log_density(told)]) - base
+    scored = gathered(every, [rows for rows, _ in parts])
+    base = fit_gaussian(fitted).log_density(scored)
+    return heavy, mixed, np.stack([heavy.log_density(scored), mixed.log_density(scored)]) - base
 
 
 def _parameters(heavy: Student, mixed: Mixture, of: Rows) -> Array:
@@ -103,7 +79,7 @@ def _parameters(heavy: Student, mixed: Mixture, of: Rows) -> Array:
 
 
 def _split(rows: Rows, fold: Rows) -> list[tuple[Rows, Rows]]:
-    """Rows of each fold of a sample, and all others; nothing if there is but one fold."""
+    """Rows of each fold of a sample, and all others; empty if there is only one fold."""
     names = np.unique(fold[rows])
     return [(rows[fold[rows] == name], rows[fold[rows] != name]) for name in names] if len(names) > 1 else []
 

@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 
 ORDERS = ((0, 0), (1, 0), (0, 1), *FOURTH)
 """Order (p, q) of each power sum: sum(u^p v^q)."""
+POWER_SUMS = ["n", *("z_" + "u" * p + "v" * q for p, q in ORDERS[1:])]
+"""Names of the sums of z_u^p z_v^q."""
 _PLACE = {order: place for place, order in enumerate(ORDERS)}
 _ON_A_LINE = 1e-12
 

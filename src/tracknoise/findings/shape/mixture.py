@@ -2,7 +2,7 @@
 
 p(x) = (1 - share) N(x; m, S) + share N(x; m, ratio S),  ratio >= 1 (mixture)
 
-Where the components are hardly apart, such steps are tiny. So after every two of them the fit goes on in their
+Where the components are similar, such steps are tiny. So after every two of them the fit is extrapolated in their
 direction, by (squarem)
 
     x - 2 a r + a^2 v,  r = x1 - x, v = x2 - 2 x1 + x, a = -|r| / |v|
@@ -32,7 +32,7 @@ _MAX_RATIO = 1e8
 
 @dataclass(frozen=True, slots=True)
 class Mixture:
-    """One a sample.
+    """One fit per sample.
 
     Attributes
     ----------

@@ -6,24 +6,24 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.sampling.bounds import Bounds, Method, pooled
-from tracknoise.findings.sampling.resampling import MIN_SCENES
-from tracknoise.findings.sampling.units import Draws, Units, units_of
-from tracknoise.findings.shape.held_out import gains
-from tracknoise.findings.shape.mardia import ORDERS, mardia
-from tracknoise.findings.shape.standard import POWER_SUMS
+from tracknoise.findings.estimate import EstimateArray
+from tracknoise.findings.sampling.bounds import Method, pooled
+from tracknoise.findings.sampling.draws import Draws
+from tracknoise.findings.sampling.units import MIN_SCENES, Units, units_of
+from tracknoise.findings.shape.gains import Gains
+from tracknoise.findings.shape.mardia import ORDERS, POWER_SUMS, mardia
 from tracknoise.statistics.blocks import BLOCKS
-from tracknoise.statistics.grouping import group_rows
+from tracknoise.statistics.grouping import Groups, group_rows
 
 Array = NDArray[np.float64]
 
 BAND = ["trimming", "age_low"]
-"""What tells the bands of a condition apart."""
+"""Columns that identify the bands of a condition."""
 FOLDS, MANY_FOLDS, MANY = 8, 3, 17
 """Folds of scenes, or of the blocks of each, and of as many scenes as `MANY` or more, among which chance does less."""
 _MARDIA = ("skewness", "kurtosis")
 _GAINS = ("gain_student", "gain_mixture", "gain_difference")
-_TOLD = ("told", "student", "mixture")
+_SCORED = ("scored", "student", "mixture")
 
 
 def mardia_bounds(sums: pl.DataFrame, singles: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
@@ -61,17 +61,21 @@ def mardia_bounds(sums: pl.DataFrame, singles: pl.DataFrame, draws: Draws, metho
     return joined.with_columns(scaled).select(pl.exclude("^.* resampled$"))
 
 
-def gain_bounds(singles: pl.DataFrame, draws: Draws, method: Method, *, seed: int) -> tuple[pl.DataFrame, Units]:
+def gain_bounds(
+    singles: pl.DataFrame, bands: Groups, gained: Gains, draws: Draws, method: Method
+) -> tuple[pl.DataFrame, Units]:
     """Gains of Student's t and of the mixture in each band, and the parameters of their fits.
 
     Parameters
     ----------
     singles
         What `tracknoise.findings.shape.standard.standardised` made of the samples of one condition.
+    bands
+        Their rows by `BAND`.
+    gained
+        What `tracknoise.findings.shape.held_out.gains` returned for them, with the bands as samples.
     draws, method
         How to resample.
-    seed
-        Decides which scenes, if they are more than `FOLDS`, or which blocks are put into one fold.
 
     Returns
     -------
@@ -81,17 +85,15 @@ def gain_bounds(singles: pl.DataFrame, draws: Draws, method: Method, *, seed: in
     units : Units
         What was resampled.
     """
-    groups = group_rows(singles, BAND)
-    pairs = singles.select("z_u", "z_v").to_numpy()
-    found = gains(pairs, groups.index, _folds(singles, seed), groups.count)
-    told = ~np.isnan(found.student)
-    columns = zip(_TOLD, (told * 1.0, np.nan_to_num(found.student), np.nan_to_num(found.mixture)), strict=True)
+    scored = ~np.isnan(gained.student)
+    sums = (scored * 1.0, np.nan_to_num(gained.student), np.nan_to_num(gained.mixture))
+    columns = zip(_SCORED, sums, strict=True)
     rows = singles.select("scene", "block", *BAND).with_columns(**dict(columns))
-    units = units_of(rows, rows, points=BAND, columns=_TOLD)
+    units = units_of(rows, rows, points=BAND, columns=_SCORED)
     bounds = _table(units, pooled(units, draws.weights(units), _per_error, method), _GAINS)
-    size = np.bincount(groups.index, singles["log_spread"].to_numpy(), groups.count) / np.bincount(groups.index)
-    parameters = groups.keys.with_columns(
-        nu=found.nu, spread_px=found.spread * np.exp(size), share=found.share, ratio=found.ratio
+    size = np.bincount(bands.index, singles["log_spread"].to_numpy(), bands.count) / np.bincount(bands.index)
+    parameters = bands.keys.with_columns(
+        nu=gained.nu, spread_px=gained.spread * np.exp(size), share=gained.share, ratio=gained.ratio
     )
     return bounds.join(parameters, on=BAND, maintain_order="left"), units
 
@@ -105,13 +107,21 @@ def _block_sums(singles: pl.DataFrame) -> Units:
 
 
 def _per_error(sums: Array) -> Array:
-    """Gains of `_GAINS` from sums of `_TOLD`."""
-    told, student, mixture = sums
-    return np.stack([student, mixture, mixture - student]) / np.where(told > 0, told, np.nan)
+    """Gains of `_GAINS` from sums of `_SCORED`."""
+    scored, student, mixture = sums
+    return np.stack([student, mixture, mixture - student]) / np.where(scored > 0, scored, np.nan)
 
 
-def _folds(singles: pl.DataFrame, seed: int) -> NDArray[np.intp]:
-    """Of which fold each row is: that of its scene or, where scenes are few, that of its block, drawn in each scene."""
+def folds_of(singles: pl.DataFrame, seed: int) -> NDArray[np.intp]:
+    """Fold of each row: that of its scene or, where scenes are few, that of its block, drawn in each scene.
+
+    Parameters
+    ----------
+    singles
+        As in `gain_bounds`.
+    seed
+        Decides which scenes, if they are more than `FOLDS`, or which blocks are put into one fold.
+    """
     rng = np.random.default_rng(seed)
     scenes = group_rows(singles, ["scene"])
     if scenes.count >= MIN_SCENES:
@@ -121,8 +131,8 @@ def _folds(singles: pl.DataFrame, seed: int) -> NDArray[np.intp]:
     return np.asarray(blocks[scenes.index, singles["block"].to_numpy()])
 
 
-def _table(units: Units, bounds: Bounds, names: Sequence[str]) -> pl.DataFrame:
-    """A row a point, a column a statistic and either of its bounds."""
+def _table(units: Units, bounds: EstimateArray, names: Sequence[str]) -> pl.DataFrame:
+    """One row per point; columns for each statistic and its bounds."""
     ends = {"": bounds.value, "_low": bounds.low, "_high": bounds.high}
     columns = {f"{name}{end}": values[row] for row, name in enumerate(names) for end, values in ends.items()}
     return units.points.hstack(pl.DataFrame(columns))

@@ -10,12 +10,11 @@ import numpy as np
 import polars as pl
 
 from tracknoise.findings.sampling.units import additive
-from tracknoise.findings.shape.mardia import ORDERS, transformed, whitening
+from tracknoise.findings.shape.mardia import POWER_SUMS, transformed, whitening
 from tracknoise.statistics.grouping import group_rows
 from tracknoise.statistics.joint import FOURTH
+from tracknoise.tables.enumerations import Trimming
 
-POWER_SUMS = ["n", *("z_" + "u" * p + "v" * q for p, q in ORDERS[1:])]
-"""Names of the sums of z_u^p z_v^q."""
 _PLACE = ["trimming", "at"]
 _SUMS = ["n", "u", "v", "uu", "uv", "vv"]
 _STANDARD = ["centre_u", "centre_v", "root_a", "root_b", "root_c"]
@@ -85,7 +84,7 @@ def standardised(samples: pl.DataFrame, standard: pl.DataFrame) -> pl.DataFrame:
         of a coordinate at that age, log px: a quarter of that of the determinant of C.
     """
     every = pl.lit(value=True)
-    selections = {"untrimmed": every, "trimmed": pl.col("kept")}
+    selections = {Trimming.untrimmed: every, Trimming.trimmed: pl.col("kept")}
     kind = standard.schema["trimming"]
     both = [
         samples.filter(chosen).with_columns(trimming=pl.lit(name, dtype=kind)) for name, chosen in selections.items()

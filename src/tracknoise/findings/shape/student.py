@@ -21,13 +21,13 @@ Array = NDArray[np.float64]
 ROUNDS = 40
 """Enough for nu to three digits, unless tails are so heavy that scenes differ by more than their errors do."""
 NU_RANGE = (0.5, 200.0)
-"""Beyond the upper end it cannot be told from a Gaussian: the two differ by 5e-5 nats there."""
+"""Beyond the upper end it cannot be distinguished from a Gaussian: the two differ by 5e-5 nats there."""
 _START = 8.0
 
 
 @dataclass(frozen=True, slots=True)
 class Student:
-    """One a sample.
+    """One fit per sample.
 
     Attributes
     ----------

@@ -13,7 +13,7 @@ TAILS = ((9.21, 0.01), (13.82, 0.001))
 """Squared distances, and how many errors of a Gaussian are beyond, rounded."""
 PROBABILITIES = (0.05, *(step / 10 for step in range(1, 10)), 0.95, 0.98, 0.99, 0.995, 0.999)
 _BEYOND = 5
-"""Fewest errors beyond a quantile that is told."""
+"""Fewest errors beyond a quantile that is reported."""
 
 
 def tail_ratios(squared: Array) -> tuple[float, ...]:

@@ -6,9 +6,9 @@ from typing import Any
 import altair as alt
 import polars as pl
 
-from tracknoise.findings.headlines.errors import SHAPES
-from tracknoise.findings.headlines.headline import told
-from tracknoise.findings.headlines.scope import Estimate
+from tracknoise.findings.estimate import Estimate
+from tracknoise.findings.estimate_text import format_estimate
+from tracknoise.findings.wording import SHAPES
 from tracknoise.report import style
 from tracknoise.report.axis import AGE
 from tracknoise.report.evidence import Evidence
@@ -77,7 +77,7 @@ def _row(row: Mapping[str, Any]) -> list[str]:
 def _told(row: Mapping[str, Any], name: str, bounds: str) -> str:
     if row[name] is None:
         return DASH
-    return told(Estimate(row[name], row[f"{bounds}_low"], row[f"{bounds}_high"], "")).strip()
+    return format_estimate(Estimate.of_row(row, name, f"{bounds}_low", f"{bounds}_high"))
 
 
 def _ordered(evidence: Evidence) -> pl.DataFrame:

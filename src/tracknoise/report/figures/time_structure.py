@@ -7,8 +7,8 @@ import altair as alt
 import numpy as np
 import polars as pl
 
-from tracknoise.findings.headlines.headline import told
-from tracknoise.findings.headlines.scope import Estimate
+from tracknoise.findings.estimate import Estimate
+from tracknoise.findings.estimate_text import format_estimate
 from tracknoise.report import bands, style
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import marks
@@ -190,16 +190,18 @@ def _look_for(evidence: Evidence, nominal: pl.DataFrame) -> str:
 
 
 def _sentence(row: Mapping[str, Any]) -> str:
-    sizes = [f"{name} {told(_estimate(row, part, unit))}" for part, (name, unit) in _PARTS.items() if row[part]]
+    sizes = [
+        f"{name} {format_estimate(_estimate(row, part, unit))}" for part, (name, unit) in _PARTS.items() if row[part]
+    ]
     return f"in {row['coordinate']} {_BEHAVES[row['verdict']]}" + (f" ({', '.join(sizes)})" if sizes else "")
 
 
 def _size(row: Mapping[str, Any], name: str, unit: str) -> str:
-    return DASH if row[name] is None else told(_estimate(row, name, unit)).strip()
+    return DASH if row[name] is None else format_estimate(_estimate(row, name, unit)).strip()
 
 
 def _estimate(row: Mapping[str, Any], name: str, unit: str) -> Estimate:
-    return Estimate(row[name], row[f"{name}_low"], row[f"{name}_high"], unit)
+    return Estimate.of_row(row, name, f"{name}_low", f"{name}_high", unit)
 
 
 FAMILY = Family(

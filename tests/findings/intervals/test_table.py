@@ -5,8 +5,8 @@ import polars as pl
 import pytest
 
 from tracknoise.exceptions import SettingsError
-from tracknoise.findings.intervals.intervals import intervals
 from tracknoise.findings.intervals.scalar_bounds import interpolated
+from tracknoise.findings.intervals.table import interval_table
 from tracknoise.statistics.block_moments import block_moments
 from tracknoise.statistics.curves import curves
 from tracknoise.statistics.lifetimes import count_ends, lifetimes_of_ends, mean_lifetime, median_survival
@@ -67,7 +67,7 @@ def _tables(n_scenes: int) -> Tables:
 
 def found_in(tables: Tables, **options: object) -> pl.DataFrame:
     chosen = {"blocks": tables["blocks"], "n_draws": 200} | options
-    return intervals(tables["moments"], tables["ends"], tables["frames"], **chosen)
+    return interval_table(tables["moments"], tables["ends"], tables["frames"], **chosen)
 
 
 def of_curves(found: pl.DataFrame) -> pl.DataFrame:
@@ -209,7 +209,7 @@ def test_conditions_share_their_draws():
         pl.concat([tables[name].filter(tracker=tracker).with_columns(tracker=pl.lit(called)) for called in ("x", "y")])
         for name, tracker in (("moments", "a"), ("ends", "a"), ("frames", "a"))
     ]
-    found = intervals(*twins, n_draws=200, kind="bca")
+    found = interval_table(*twins, n_draws=200, kind="bca")
     one, other = (found.filter(tracker=called).drop("tracker") for called in ("x", "y"))
     assert one.equals(other)
 

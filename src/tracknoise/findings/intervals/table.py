@@ -22,15 +22,17 @@ from tracknoise.findings.intervals.change_bounds import (
     moments_of_changes,
 )
 from tracknoise.findings.intervals.curve_sums import ALL, CurveSums, aspect_sums, error_sums, moments_to_order_2
-from tracknoise.findings.intervals.scalar_bounds import SCALAR_UNITS, Found, lifetime_bounds, outlier_bounds
-from tracknoise.findings.sampling.bounds import Bounds, Method, averaged, pooled
-from tracknoise.findings.sampling.resampling import LEVEL, N_DRAWS
-from tracknoise.findings.sampling.units import SUMS, Draws, Units, draws_by_dataset, units_of
+from tracknoise.findings.intervals.scalar_bounds import SCALAR_UNITS, lifetime_bounds, outlier_bounds
+from tracknoise.findings.sampling.bounds import LabelledEstimates, Method, averaged, pooled
+from tracknoise.findings.sampling.draws import N_DRAWS, Draws, draws_by_dataset
+from tracknoise.findings.sampling.units import SUMS, units_of
 from tracknoise.statistics.aspects import GRADIENT
 from tracknoise.statistics.conditions import Tables, TablesByCondition, by_condition, scenes_by_dataset
 from tracknoise.statistics.curves import NAMES, UNITS
 from tracknoise.statistics.grouping import POOLED
 from tracknoise.statistics.increments import CHANGE
+from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL, POPULATION
+from tracknoise.tables.enumerations import IntervalKind, Weighting
 from tracknoise.tables.findings_schema import INTERVALS
 from tracknoise.tables.schema import (
     ASPECT_BLOCKS,
@@ -57,7 +59,7 @@ _SCALARS: Mapping[str, str] = {**SCALAR_UNITS, AUTOCORRELATION: "1"}
 _SORTED = ["aspect", "population", "trimming", "weighting", "statistic", "axis", "at", "coordinate"]
 
 
-def intervals(
+def interval_table(
     moments: Tables,
     ends: Tables,
     frames: Tables,
@@ -66,13 +68,13 @@ def intervals(
     aspects: Tables = (),
     changes: Tables = (),
     aspect_blocks: Tables = (),
-    population: str = "visible",
-    kind: str = "student",
+    population: str = POPULATION,
+    kind: str = KIND_OF_INTERVAL,
     level: float = LEVEL,
     n_draws: int = N_DRAWS,
     seed: int = 0,
 ) -> pl.DataFrame:
-    """Intervals of all curves and of all numbers that are one a condition, at each of their points by itself.
+    """Intervals of every point of all curves, and of all numbers of which each condition has one.
 
     Parameters
     ----------
@@ -94,7 +96,7 @@ def intervals(
     kind
         `student`, `percentile` or `bca`.
     level
-        Share of such intervals that hold the true value.
+        Probability that an interval contains the true value.
     n_draws, seed
         Of the bootstrap, which `student` does not need. All conditions of a dataset share their draws, so that a scene
         is drawn with all that belongs to it.
@@ -117,7 +119,7 @@ def intervals(
     errors = by_condition(moments, MOMENTS, "moments")
     lived, seen = by_condition(ends, ENDS, "ends"), by_condition(frames, FRAME_COUNTS, "frames")
     scenes = scenes_by_dataset(chain(errors.items(), lived.items(), seen.items()))
-    drawn = draws_by_dataset(scenes, n_draws=0 if kind == "student" else n_draws, seed=seed)
+    drawn = draws_by_dataset(scenes, n_draws=0 if kind == IntervalKind.student else n_draws, seed=seed)
     method = Method(kind, level)
     moved = by_condition(changes, INCREMENTS, "increments")
     within = by_condition(aspect_blocks, ASPECT_BLOCKS, "blocks of aspects")
@@ -129,7 +131,7 @@ def intervals(
         *_scalar_rows(seen, outlier_bounds, drawn, method),
         *_scalar_rows(correlated_changes(moved), correlation_bounds, drawn, method),
     ]
-    typed = [part.select(pl.col(name).cast(kind) for name, kind in INTERVALS.items()) for part in parts]
+    typed = [part.select(pl.col(name).cast(dtype) for name, dtype in INTERVALS.items()) for part in parts]
     table = pl.concat([empty(INTERVALS), *typed]).with_columns(pl.col("value", "low", "high").fill_nan(None))
     return check(table.sort(*POOLED, *_SORTED), INTERVALS, "intervals")
 
@@ -159,12 +161,15 @@ def _curve_rows(sums: Iterable[CurveSums], drawn: Mapping[str, Draws], method: M
     """Rows of every aspect of every condition."""
     keys = [*POOLED, "aspect", "population"]
     roles = pl.DataFrame(_CURVES, schema=["role", "coordinate"], orient="row")
-    labels = pl.DataFrame({"weighting": ["features", "scenes"]}).join(roles, how="cross")
     for key, scenes, blocks in sums:
         units = units_of(scenes, blocks, points=_POINT, columns=SUMS)
         weights = drawn[key[0]].weights(units)
-        found = [f(units, weights, curve_statistics, method, scales=_SCALES) for f in (pooled, averaged)]
-        rows = _rows(labels.join(units.points, how="cross"), found, units, method)
+        labels = roles.join(units.points, how="cross")
+        parts = []
+        for weighting, estimated in ((Weighting.features, pooled), (Weighting.scenes, averaged)):
+            found = estimated(units, weights, curve_statistics, method, scales=_SCALES)
+            parts.append(_rows(LabelledEstimates(labels, found, units)).with_columns(weighting=pl.lit(weighting)))
+        rows = pl.concat(parts)
         meant = _MEANT.get(key[keys.index("aspect")])
         chosen = rows if meant is None else rows.filter(pl.col("role").is_in(meant))
         yield _named(chosen.with_columns(_literals(dict(zip(keys, key, strict=True)))))
@@ -179,26 +184,26 @@ def _named(rows: pl.DataFrame) -> pl.DataFrame:
 
 def _scalar_rows(
     tables: TablesByCondition,
-    bounded: Callable[[pl.DataFrame, Draws, Method], Iterator[Found]],
+    bounded: Callable[[pl.DataFrame, Draws, Method], Iterator[LabelledEstimates]],
     drawn: Mapping[str, Draws],
     method: Method,
 ) -> Iterator[pl.DataFrame]:
     """Rows of the lifetimes, of the outlier ratio, or of the autocorrelation, of every condition."""
     usual = {"aspect": ALL, **dict.fromkeys(("population", "trimming", "weighting", "coordinate"))}
     for key, part in tables.items():
-        for labels, bounds, units in bounded(part, drawn[key[0]], method):
-            rows = _rows(labels, [bounds], units, method)
-            untold = {name: value for name, value in usual.items() if name not in labels.columns}
-            named = _literals({**dict(zip(POOLED, key, strict=True)), **untold})
-            yield rows.with_columns(named, unit=pl.col("statistic").replace_strict(_SCALARS))
+        for found in bounded(part, drawn[key[0]], method):
+            missing = {name: value for name, value in usual.items() if name not in found.labels.columns}
+            named = _literals({**dict(zip(POOLED, key, strict=True)), **missing})
+            yield _rows(found).with_columns(named, unit=pl.col("statistic").replace_strict(_SCALARS))
 
 
-def _rows(labels: pl.DataFrame, found: list[Bounds], units: Units, method: Method) -> pl.DataFrame:
-    """A row a statistic and point, in the order of `found`."""
+def _rows(found: LabelledEstimates) -> pl.DataFrame:
+    """One row per statistic and point."""
+    estimates = found.estimates
     names = ("value", "low", "high", "n_units", "n_scenes")
-    columns = {name: np.concatenate([getattr(bounds, name).ravel() for bounds in found]) for name in names}
-    said = {"kind": method.kind, "level": method.level, "resampled": units.resampled}
-    return labels.hstack(pl.DataFrame(columns)).with_columns(_literals(said))
+    columns = pl.DataFrame({name: getattr(estimates, name).ravel() for name in names})
+    made = {"kind": estimates.kind, "level": estimates.level, "resampled": found.units.resampled}
+    return found.labels.hstack(columns).with_columns(_literals(made))
 
 
 def _literals(values: Mapping[str, Any]) -> list[pl.Expr]:

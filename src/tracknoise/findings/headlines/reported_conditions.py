@@ -1,22 +1,21 @@
-"""Which of a run's many numbers its headlines are about, and these numbers with their intervals."""
+"""Which conditions of a run headlines are about, and their numbers with intervals."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import polars as pl
 
+from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.wording import place, view_text
 from tracknoise.statistics.curves import NAMES
 from tracknoise.statistics.effects import ReferenceCondition
+from tracknoise.tables.defaults import POPULATION
+from tracknoise.tables.enumerations import Axis, Trimming, Weighting
 from tracknoise.tables.schema import VIEW
-
-Found: TypeAlias = tuple[float, float | None, float | None]
-"""A number, and the bounds of its interval."""
 
 
 @dataclass(frozen=True, slots=True)
-class Scope:
+class ReportedConditions:
     """The conditions that headlines are about: every tracker in the reference view at the lowest speed.
 
     Parameters
@@ -24,30 +23,30 @@ class Scope:
     reference
         The view and the speed; the key frames, where curves run along frames.
     trackers
-        Names, in the order in which they are told.
+        Names, in the order in which they are reported.
     population
         Which observations errors are of: `visible` or `projected`.
     percentile
-        Percentile of the tracks' largest error above which they were dropped; None where none was.
+        Percentile of the largest errors of tracks above which tracks were dropped; None where none was.
     recorded
-        Whether true positions come from recorded poses and depth, whose own errors are inside every number.
+        Whether true positions come from recorded poses and depth, whose own errors are part of every number.
     """
 
     reference: ReferenceCondition
     trackers: Sequence[str]
-    population: str = "visible"
+    population: str = POPULATION
     percentile: float | None = None
     recorded: bool = False
 
     @property
-    def axis(self) -> str:
+    def axis(self) -> Axis:
         """What curves run along: frame where there are key frames, otherwise age."""
-        return "frame" if self.reference.key_frames else "age"
+        return Axis.frame if self.reference.key_frames else Axis.age
 
     @property
-    def trimmings(self) -> tuple[str, ...]:
-        """What is told apart by trimming, the tracks that an experiment is about first."""
-        return ("untrimmed",) if self.percentile is None else ("trimmed", "untrimmed")
+    def trimmings(self) -> tuple[Trimming, ...]:
+        """Trimmings that are reported, that of the experiment first."""
+        return (Trimming.untrimmed,) if self.percentile is None else (Trimming.trimmed, Trimming.untrimmed)
 
     def of(self, table: pl.DataFrame, tracker: str) -> pl.DataFrame:
         """Rows of a tracker's condition."""
@@ -69,38 +68,25 @@ class Scope:
         return f"at speed {self.reference.speed}{view_text(view, several)}"
 
 
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """A number with the bounds of its interval; None where it has none, or none on that side."""
-
-    value: float
-    low: float | None = None
-    high: float | None = None
-    unit: str = "px"
-
-    @classmethod
-    def of(cls, value: float, found: "Found | None", unit: str = "px") -> "Estimate":
-        """A number with the bounds that were found for it, if any."""
-        return cls(value, *((None, None) if found is None else found[1:]), unit)
-
-
 def curve_bounds(
     intervals: pl.DataFrame,
-    scope: Scope,
+    conditions: ReportedConditions,
     role: str,
     at: int,
     coordinate: str,
     *,
-    trimming: str = "trimmed",
-    weighting: str = "features",
+    trimming: str = Trimming.trimmed,
+    weighting: str = Weighting.features,
     aspect: str = "all",
-) -> Found | None:
-    """Value and bounds of a point of a curve; None where there is no interval, roots where it is a second moment.
+) -> Estimate | None:
+    """Estimate at a point of a curve, px; None where there is no interval. Second moments are given as roots.
 
     Parameters
     ----------
     intervals
         Rows of one condition.
+    conditions
+        Say which population and axis.
     role
         Of the statistic, as in `tracknoise.statistics.curves.NAMES`.
     at, coordinate, trimming, weighting, aspect
@@ -108,21 +94,21 @@ def curve_bounds(
     """
     found = intervals.filter(
         aspect=aspect,
-        population=scope.population,
+        population=conditions.population,
         trimming=trimming,
         weighting=weighting,
-        statistic=NAMES[scope.axis][role],
-        axis=scope.axis,
+        statistic=NAMES[conditions.axis][role],
+        axis=conditions.axis,
         at=at,
         coordinate=coordinate,
     )
     if role in ("second", "central"):
         found = found.with_columns(pl.col("value", "low", "high").clip(lower_bound=0.0).sqrt())
-    return _bounds(found)
+    return _estimate(found.with_columns(unit=pl.lit("px")))
 
 
-def scalar_bounds(intervals: pl.DataFrame, statistic: str) -> Found | None:
-    """Value and bounds of a statistic that is one number a condition; None where there is no interval.
+def scalar_bounds(intervals: pl.DataFrame, statistic: str) -> Estimate | None:
+    """Estimate of a statistic of which each condition has one number; None where there is no interval.
 
     Parameters
     ----------
@@ -131,9 +117,12 @@ def scalar_bounds(intervals: pl.DataFrame, statistic: str) -> Found | None:
     statistic
         As in the table.
     """
-    return _bounds(intervals.filter(statistic=statistic))
+    return _estimate(intervals.filter(statistic=statistic))
 
 
-def _bounds(found: pl.DataFrame) -> Found | None:
+def _estimate(found: pl.DataFrame) -> Estimate | None:
     known = found.drop_nulls("value").filter(pl.col("low").is_not_null() | pl.col("high").is_not_null())
-    return known.select("value", "low", "high").row(0) if known.height else None
+    if known.is_empty():
+        return None
+    row = known.row(0, named=True)
+    return Estimate.of_row(row, "value", "low", "high", row["unit"])

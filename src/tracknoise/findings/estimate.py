@@ -1,0 +1,88 @@
+"""Estimates: values with their intervals, one at a time or as arrays."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A value and its interval.
+
+    Attributes
+    ----------
+    value
+        None where it is unknown.
+    low, high
+        Bounds of the interval; None where there is none, or none on that side.
+    unit
+        Of the value and its bounds, such as ``px``; empty where there is none.
+    kind
+        How the interval was made: a value of `tracknoise.tables.enumerations.IntervalKind` or `EffectIntervalKind`.
+    level
+        Probability that the interval contains the true value, between 0 and 1.
+    """
+
+    value: float | None
+    low: float | None = None
+    high: float | None = None
+    unit: str = ""
+    kind: str | None = None
+    level: float | None = None
+
+    @classmethod
+    def of(cls, value: float | None, found: "Estimate | None", unit: str) -> "Estimate":
+        """A value with the interval that was found for it, if any."""
+        if found is None:
+            return cls(value, unit=unit)
+        return cls(value, found.low, found.high, unit, found.kind, found.level)
+
+    @classmethod
+    def of_row(cls, row: Mapping[str, Any], value: str, low: str, high: str, unit: str = "") -> "Estimate":
+        """Estimate in a row of a table, from the columns of these names and, if there are any, `kind` and `level`."""
+        return cls(row[value], row[low], row[high], unit, row.get("kind"), row.get("level"))
+
+    def above(self, bound: float) -> bool:
+        """Whether the whole interval is above a bound."""
+        return self.low is not None and self.low > bound
+
+    def below(self, bound: float) -> bool:
+        """Whether the whole interval is below a bound."""
+        return self.high is not None and self.high < bound
+
+
+@dataclass(frozen=True, slots=True)
+class EstimateArray:
+    """Statistics of one condition with their intervals, (statistics, points), NaN where there are none.
+
+    Attributes
+    ----------
+    value, low, high : (statistics, points) float64
+        Values and the bounds of their intervals.
+    n_units, n_scenes : (statistics, points) intp
+        How many units, and how many scenes, each value rests on.
+    kind
+        How the intervals were made.
+    level
+        Probability that an interval contains the true value.
+    """
+
+    value: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    n_units: NDArray[np.intp]
+    n_scenes: NDArray[np.intp]
+    kind: str
+    level: float
+
+    def at(self, statistic: int, point: int = 0, *, unit: str = "") -> Estimate:
+        """One of the estimates; what is NaN here is None there."""
+        value, low, high = (_known(array[statistic, point]) for array in (self.value, self.low, self.high))
+        return Estimate(value, low, high, unit, self.kind, self.level)
+
+
+def _known(value: np.float64) -> float | None:
+    return None if np.isnan(value) else float(value)

@@ -1,0 +1,264 @@
+"""Headlines about errors: their size, bias, shape and growth, and survivorship bias."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import polars as pl
+
+from tracknoise.findings.estimate import Estimate
+from tracknoise.findings.estimate_text import format_estimate
+from tracknoise.findings.headlines.headline import Headline, Part, RunTables, by_tracker
+from tracknoise.findings.headlines.reported_conditions import ReportedConditions, curve_bounds
+from tracknoise.findings.wording import SHAPES, SPACE, chance, interval_text, listing, number, percent
+from tracknoise.statistics.curves import NAMES
+from tracknoise.statistics.grouping import POOLED
+from tracknoise.tables.enumerations import Axis, Behaviour, Population, Verdict, Weighting
+
+_GROWTH: Mapping[str, tuple[str, str, str]] = {
+    Behaviour.white: ("constant", "white_px", "px"),
+    Behaviour.random_walk: ("random walk", "walk_px_per_sqrt_frame", "px per sqrt(frame)"),
+    Behaviour.drift: ("drift", "drift_px_per_frame", "px per frame"),
+}
+"""Name of a behaviour, and the column and the unit of its size."""
+_RISING = ("walk_px_per_sqrt_frame", "drift_px_per_frame")
+
+
+def noise(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """Root mean square errors at the reference age: the noise that an estimator should assume."""
+    opening = f"Noise to assume {conditions.where(tables['summary'])}, as root mean square error."
+    closing = f"{_population(conditions)} {_brackets(tables, conditions, 'second')}".strip()
+
+    def describe(tracker: str) -> Part | None:
+        row = _first(conditions.of(tables["summary"], tracker))
+        if row is None or row["at"] is None:
+            return None
+        intervals, sentences, estimates = conditions.of(tables["intervals"], tracker), [], []
+        for trimming in conditions.trimmings:
+            pair = [_rms(intervals, conditions, row, coordinate, trimming) for coordinate in "uv"]
+            estimates += pair
+            which = f", {trimming}" if len(conditions.trimmings) > 1 else ""
+            sentences.append(f"{tracker} {conditions.place(row['at'])}{which}: {_in_u_and_v(pair)}.")
+        return " ".join(sentences), estimates
+
+    return by_tracker(
+        conditions.trackers,
+        describe,
+        opening=opening,
+        closing=closing,
+        topic="noise",
+        figure="curves",
+        table="intervals",
+    )
+
+
+def _population(conditions: ReportedConditions) -> str:
+    """Which errors the noise is of."""
+    text = ""
+    if conditions.percentile is not None:
+        text += (
+            "Trimmed errors leave out the tracks whose largest error is above the "
+            f"{conditions.percentile:g}th percentile. An estimator that keeps these tracks must assume the untrimmed "
+            "errors."
+        )
+    if conditions.population == Population.projected:
+        text += " Occluded features are included."
+    return text.strip()
+
+
+def _brackets(tables: RunTables, conditions: ReportedConditions, role: str) -> str:
+    """How intervals of a statistic at the reference were made; empty where there are none."""
+    axis = conditions.axis
+    known = tables["intervals"].filter(
+        aspect="all", axis=axis, statistic=NAMES[axis][role], weighting=Weighting.features
+    )
+    reference = tables["summary"].select(*POOLED, pl.col("at").cast(pl.Int64))
+    known = known.join(reference, on=[*POOLED, "at"], how="semi").drop_nulls(["low", "high"])
+    known = pl.concat([known.clear(), *(conditions.of(known, tracker) for tracker in conditions.trackers)])
+    if known.is_empty():
+        return ""
+    kinds = known.group_by("level", "resampled").agg(pl.col("n_scenes").unique()).sort("level", "resampled")
+    return f"Brackets: {listing(interval_text(*row) for row in kinds.iter_rows())}."
+
+
+def _rms(
+    intervals: pl.DataFrame, conditions: ReportedConditions, row: Mapping[str, Any], coordinate: str, trimming: str
+) -> Estimate:
+    bounds = curve_bounds(intervals, conditions, "second", row["at"], coordinate, trimming=trimming)
+    return Estimate.of(row[f"{trimming}_rms_{coordinate}_px"], bounds, "px")
+
+
+def _in_u_and_v(pair: list[Estimate]) -> str:
+    return f"{format_estimate(pair[0])} in u and {format_estimate(pair[1])} in v"
+
+
+def bias(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """Is the mean error zero."""
+    opening = (
+        f"Is the mean {_trimmed(conditions)}error zero {conditions.where(tables['summary'])}? The test takes all "
+        f"{conditions.axis}s together and weights scenes equally."
+    )
+    return by_tracker(
+        conditions.trackers,
+        lambda tracker: _bias_of(tables, conditions, tracker),
+        opening=opening,
+        topic="bias",
+        figure="curves",
+        table="zero_mean",
+    )
+
+
+def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
+    rows = conditions.of(tables["zero_mean"], tracker).filter(trimming=conditions.trimmings[0], axis=conditions.axis)
+    overall, summary = _first(rows.filter(pl.col("at").is_null())), _first(conditions.of(tables["summary"], tracker))
+    if overall is None:
+        return None
+    at = None if summary is None else summary["at"]
+    there = None if at is None else _first(rows.filter(at=at))
+    estimates = [] if there is None else _means(conditions.of(tables["intervals"], tracker), conditions, there)
+    text = f"{tracker}: {_zero_or_not(overall)}."
+    if there is not None and len(estimates) == 2:
+        text += f" Its mean error {conditions.place(there['at'])} is {_in_u_and_v(estimates)}."
+        if there["share_of_second"] is not None:
+            text += f" The square of the mean is {percent(there['share_of_second'])} of the second moment."
+    return text, estimates
+
+
+def _zero_or_not(overall: Mapping[str, Any]) -> str:
+    p = overall["sign_flip_p"] if overall["sign_flip_p_adjusted"] is None else overall["sign_flip_p_adjusted"]
+    test = "" if p is None else f" ({chance(p)}, {overall['n_scenes']} scenes)"
+    if overall["verdict"] == Verdict.yes:
+        return f"no{test}"
+    why = f" ({overall['why']})" if overall["why"] and p is None else ""
+    return f"undecided{test}{why}"
+
+
+def _means(intervals: pl.DataFrame, conditions: ReportedConditions, row: Mapping[str, Any]) -> list[Estimate]:
+    found = []
+    chosen = {"trimming": conditions.trimmings[0], "weighting": Weighting.scenes}
+    for coordinate in "uv":
+        value = row[f"mean_{coordinate}_px"]
+        bounds = curve_bounds(intervals, conditions, "mean", row["at"], coordinate, **chosen)
+        found += [] if value is None else [Estimate.of(value, bounds, "px")]
+    return found
+
+
+def shape(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """Are errors Gaussian, in the band of ages that holds the reference age."""
+    return by_tracker(
+        conditions.trackers,
+        lambda tracker: _shape_of(tables, conditions, tracker),
+        opening=f"Are errors Gaussian {conditions.where(tables['summary'])}?",
+        topic="shape",
+        figure="gaussianity",
+        table="gaussianity",
+    )
+
+
+def _shape_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
+    rows = conditions.of(tables["gaussianity"], tracker)
+    bands = rows.select("age_low", "age_high").unique().sort("age_low").rows()
+    if not bands:
+        return None
+    summary = _first(conditions.of(tables["summary"], tracker))
+    since = abs(conditions.since(summary["at"])) if summary and summary["at"] is not None else bands[0][0]
+    low, high = next((band for band in bands if band[0] <= since <= (band[1] or since)), bands[0])
+    sentences, estimates = [], []
+    for trimming in reversed(conditions.trimmings):
+        row = _first(rows.filter(trimming=trimming, age_low=low))
+        if row is not None:
+            gain = [] if row["gain_student_nats"] is None else [_gain(row)]
+            estimates += gain
+            which = f"{trimming} errors" if len(conditions.trimmings) > 1 else "errors"
+            whose = f"{which[:1].upper()}{which[1:]} of {tracker} at {_band(conditions, low, high)}"
+            sentences += [f"{whose} are {SHAPES[row['verdict']]}.", *_tails(row, gain)]
+    return " ".join(sentences), estimates
+
+
+def _gain(row: Mapping[str, Any]) -> Estimate:
+    return Estimate.of_row(row, "gain_student_nats", "gain_student_low", "gain_student_high", "nat")
+
+
+def _tails(row: Mapping[str, Any], gain: list[Estimate]) -> list[str]:
+    tail = row["tail_99"]
+    share = f"The share of errors beyond the 99{SPACE}% ellipse is {number(tail)} times that of a Gaussian."
+    gains = [f"Student's t gains {format_estimate(one)} per observation over a Gaussian." for one in gain]
+    return [*([] if tail is None else [share]), *gains]
+
+
+def _band(conditions: ReportedConditions, low: int, high: int | None) -> str:
+    ages = f"{low} or more" if high is None else f"{low} to {high}"
+    return f"ages {ages}" if conditions.axis == Axis.age else f"{ages} frames from the key frame"
+
+
+def growth(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """How errors grow with age."""
+    return by_tracker(
+        conditions.trackers,
+        lambda tracker: _growth_of(tables, conditions, tracker),
+        opening=f"How do {_trimmed(conditions)}errors grow {conditions.where(tables['summary'])}?",
+        topic="growth",
+        figure="time-structure",
+        table="time_structure",
+    )
+
+
+def _growth_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
+    rows = conditions.of(tables["time_structure"], tracker).filter(trimming=conditions.trimmings[0])
+    texts: dict[str, list[str]] = {}
+    estimates = []
+    for row in rows.sort("coordinate").to_dicts():
+        name, size = _behaviour(row)
+        estimates += size
+        texts.setdefault(", ".join([name, *map(format_estimate, size)]), []).append(row["coordinate"])
+    sentences = [f"{tracker} in {listing(coordinates)}: {text}." for text, coordinates in texts.items()]
+    return (" ".join(sentences), estimates) if sentences else None
+
+
+def _behaviour(row: Mapping[str, Any]) -> tuple[str, list[Estimate]]:
+    """Name of the behaviour of one coordinate, and its size if it has one."""
+    if row["verdict"] not in _GROWTH:
+        undecided = f"undecided; {row['why']}" if row["why"] else "undecided"
+        return (
+            "neither constant, nor a random walk, nor a drift" if row["verdict"] == Behaviour.none else undecided
+        ), []
+    name, column, unit = _GROWTH[row["verdict"]]
+    rises = row["verdict"] == Behaviour.white and any((row[f"{part}_low"] or 0.0) > 0 for part in _RISING)
+    size = Estimate.of_row(row, column, f"{column}_low", f"{column}_high", unit)
+    return f"mostly {name}" if rises else name, [] if size.value is None else [size]
+
+
+def survivorship(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """Whether tracks that live long are the ones with small errors."""
+    return by_tracker(
+        conditions.trackers,
+        lambda tracker: _survivorship_of(tables, conditions, tracker),
+        opening=f"Survivorship bias: {_trimmed(conditions)}root mean square errors in u.",
+        topic="survivorship",
+        figure="survivorship",
+        table="intervals",
+    )
+
+
+def _survivorship_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
+    row, intervals = _first(conditions.of(tables["summary"], tracker)), conditions.of(tables["intervals"], tracker)
+    if row is None or row["at"] is None:
+        return None
+    since, trimming = abs(conditions.since(row["at"])), conditions.trimmings[0]
+    lives = intervals.filter(pl.col("aspect").str.starts_with("lives "))["aspect"].unique().to_list()
+    for age in sorted(int(name.removeprefix("lives ")) for name in lives):
+        long = curve_bounds(intervals, conditions, "second", row["at"], "u", trimming=trimming, aspect=f"lives {age}")
+        if age > since and long:
+            every = _rms(intervals, conditions, row, "u", trimming)
+            sizes = (
+                f"{format_estimate(long)} for tracks that live to age {age}, {format_estimate(every)} for all tracks"
+            )
+            return f"{tracker} {conditions.place(row['at'])}: {sizes}.", [long, every]
+    return None
+
+
+def _trimmed(conditions: ReportedConditions) -> str:
+    return "" if conditions.percentile is None else "trimmed "
+
+
+def _first(rows: pl.DataFrame) -> dict[str, Any] | None:
+    return rows.row(0, named=True) if rows.height else None

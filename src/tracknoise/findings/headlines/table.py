@@ -1,0 +1,55 @@
+"""The findings of a run in a few sentences: caveats first, then what an estimator needs to know."""
+
+from collections.abc import Callable
+
+import polars as pl
+
+from tracknoise.findings.headlines import caveats, error_topics, tracking_topics
+from tracknoise.findings.headlines.factor_topic import factors
+from tracknoise.findings.headlines.headline import Headline, RunTables
+from tracknoise.findings.headlines.reported_conditions import ReportedConditions
+from tracknoise.tables.findings_schema import FINDINGS
+from tracknoise.tables.schema import check
+
+_TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] = (
+    caveats.few_scenes,
+    caveats.recorded_truth,
+    error_topics.noise,
+    error_topics.bias,
+    error_topics.shape,
+    error_topics.growth,
+    factors,
+    error_topics.survivorship,
+    tracking_topics.outliers,
+    tracking_topics.lifetimes,
+)
+"""Each makes a headline, or none where the tables have no rows about it; the most important first."""
+
+
+def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.DataFrame:
+    """Sentences about what was found, the most important first.
+
+    Parameters
+    ----------
+    tables
+        By their names: summary, effects, intervals, zero_mean, gaussianity, time_structure and dependence. One without
+        rows has no headline.
+    conditions
+        Which conditions the sentences are about.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `FINDINGS`. value, low and high are those of the first number in the text that has an interval.
+        `figure` names a section of the report; `table` the table that holds the numbers.
+    """
+    found = [headline for make in _TOPICS if (headline := make(tables, conditions))]
+    rows = [
+        {
+            "rank": rank,
+            **{name: getattr(one, name) for name in ("topic", "text", "figure", "table")},
+            **{name: getattr(one.estimate, name, None) for name in ("value", "low", "high", "unit")},
+        }
+        for rank, one in enumerate(found, start=1)
+    ]
+    return check(pl.DataFrame(rows, schema=dict(FINDINGS)), FINDINGS, "findings")

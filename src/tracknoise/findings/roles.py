@@ -1,0 +1,13 @@
+"""Roles of the statistics on which the effects of factors are tested."""
+
+from collections.abc import Mapping
+
+from tracknoise.findings.wording import STATISTICS
+from tracknoise.statistics.curves import NAMES
+
+ROLES: Mapping[str, str] = {
+    **{name: role for names in NAMES.values() for role, name in names.items() if role in STATISTICS},
+    "lifetime": "lifetime",
+    "outlier_ratio": "outlier_ratio",
+}
+"""Role of each statistic, by its name in the tables."""

@@ -1,0 +1,31 @@
+"""How much better other densities predict errors than a Gaussian: the numbers alone."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Gains:
+    """What was gained on each error, and the fits' parameters; NaN for samples that are too small.
+
+    Attributes
+    ----------
+    student, mixture : (rows,)
+        Log-likelihood less that of the Gaussian, nats.
+    nu, spread : (samples,)
+        Student's degrees of freedom, and the fourth root of the determinant of its scatter: geometric means of the fits
+        of all folds.
+    share, ratio : (samples,)
+        The mixture's: how many errors are of the wider component, and how many times larger its covariance is.
+    """
+
+    student: Array
+    mixture: Array
+    nu: Array
+    spread: Array
+    share: Array
+    ratio: Array

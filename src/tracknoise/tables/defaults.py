@@ -1,0 +1,18 @@
+"""Defaults of what an experiment may set, each written once: settings, functions and the report all use these."""
+
+from tracknoise.tables.enumerations import IntervalKind, Population, TrimAmong
+
+POPULATION = Population.visible
+TRIM_PERCENTILE = 90.0
+"""Percentile of the largest errors of tracks above which tracks are dropped."""
+TRIM_AMONG = TrimAmong.all
+MIN_FEATURES = 100
+"""Curves are cut where fewer features than this remain."""
+SCAN_RADIUS_PX = 0.25
+"""How near the projection of a scan point must lie to a feature."""
+MARGIN = 0.10
+"""Largest relative effect of a factor that does not matter: the paper's own yardstick for lighting."""
+LEVEL = 0.95
+"""Share of intervals that hold the true value."""
+KIND_OF_INTERVAL = IntervalKind.student
+"""How intervals are made."""

@@ -1,4 +1,4 @@
-"""The summary of a run as a plain text table."""
+"""The summary of a run as plain text."""
 
 from tracknoise.cli.text_table import aligned
 from tracknoise.report.evidence import Evidence
@@ -7,7 +7,7 @@ from tracknoise.tables.store import RunFolder
 
 _NUMBERS = (
     ("tracks", "n_tracks", "{:,}"),
-    ("lifetime\nmean", "mean_lifetime", "{:.1f}"),
+    ("mean\nlifetime", "mean_lifetime", "{:.1f}"),
     ("outlier\nratio", "outlier_ratio", "{:.3f}"),
     ("at\n{axis}", "at", "{}"),
     ("mean u\npx", "trimmed_nu_u_px", "{:+.3f}"),
@@ -22,9 +22,9 @@ _NUMBERS = (
 
 
 def summary_text(run: RunFolder) -> str:
-    """One line a condition: lifetimes, outlier ratio, and the trimmed errors (observed minus true) at one place.
+    """Summary table with one row per condition: lifetime, outlier ratio, and errors (observed minus true) at one age.
 
-    Where there are too many conditions, only those that the report's figures are about have a line.
+    If there are too many conditions, only those that the report's figures show have a row.
 
     Raises
     ------

@@ -26,8 +26,8 @@ def demo(
 
     Example: `tracknoise demo`
     """
-    from tracknoise.cli.results import print_outcome
     from tracknoise.cli.running import measure
+    from tracknoise.cli.summary import print_outcome
     from tracknoise.experiments.load import load_experiment
 
     outcome = measure(context.obj, load_experiment("demo"), out, workers, fresh=True)

@@ -59,4 +59,4 @@ def _print(terminal: "Terminal", evidence: "Evidence") -> None:
     intervals = matters.intervals(evidence)
     for cells in [found.verdicts(evidence), matters.verdicts(evidence), *([intervals] if intervals else [])]:
         terminal.result("")
-        show(terminal, cells)
+        show(terminal.result, cells)

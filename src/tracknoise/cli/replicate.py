@@ -16,7 +16,6 @@ from tracknoise.cli.options import (
     ScenesOption,
     WorkersOption,
 )
-from tracknoise.cli.results import print_outcome
 from tracknoise.cli.running import measure, processes
 from tracknoise.exceptions import TracknoiseError
 
@@ -79,6 +78,7 @@ class _Runs:
 
     def run(self, name: str, load: Callable[[], "Experiment"]) -> "RunFolder | None":
         """Run an experiment. Returns its folder, or None if nothing was measured."""
+        from tracknoise.cli.summary import print_outcome
         from tracknoise.tables.store import RunFolder
 
         folder = self._out / name

@@ -23,7 +23,7 @@ def report(
 
     Example: `tracknoise report runs/7scenes`
     """
-    from tracknoise.cli.results import print_results
+    from tracknoise.cli.summary import print_results
     from tracknoise.tables.store import RunFolder
 
     print_results(context.obj, RunFolder(run), report=True)

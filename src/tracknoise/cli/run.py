@@ -60,8 +60,8 @@ def run(
 
     Example: `tracknoise run examples/sevenscenes.toml --data /data/7scenes --out runs/7scenes`
     """
-    from tracknoise.cli.results import print_outcome
     from tracknoise.cli.running import measure
+    from tracknoise.cli.summary import print_outcome
     from tracknoise.experiments.load import load_experiment
 
     options = {} if models is None else {"models": str(models.resolve())}

@@ -1,22 +1,18 @@
 """Tables of the report as text: with lines in a terminal, plain elsewhere."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import accumulate
-from typing import TYPE_CHECKING
 
 from tracknoise.report.tables import Cells
 
-if TYPE_CHECKING:
-    from tracknoise.cli.terminal import Terminal
 
-
-def show(terminal: "Terminal", cells: Cells) -> None:
-    """Print a table."""
+def show(write: Callable[[str], None], cells: Cells) -> None:
+    """Print a table: as lines and colours in a terminal, otherwise as plain text passed to `write`."""
     if sys.stdout.isatty():
         _show_rich(cells)
     else:
-        terminal.result(plain(cells))
+        write(plain(cells))
 
 
 def plain(cells: Cells) -> str:

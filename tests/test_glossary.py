@@ -22,7 +22,6 @@ ROOMS_PENDING: frozenset[str] = frozenset(
     {
         "docs/differences-from-the-paper.md",
         "docs/paper.md",
-        "experiments",
         "findings",
         "geometry",
         "measurement",

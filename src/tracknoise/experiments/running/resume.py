@@ -28,7 +28,7 @@ def begin(experiment: Experiment, run: RunFolder, *, fresh: bool) -> tuple[Manif
         If the folder holds other files, or the run of another experiment; the message names the first setting that
         differs. More scenes and other settings of findings are allowed: such a run is resumed.
     """
-    if run.exists and not fresh and not run.is_stillborn:
+    if run.exists and not fresh and not run.is_unstarted:
         return _resume(experiment, run)
     if run.exists:
         run.clear()

@@ -81,8 +81,8 @@ def verdict_text(verdict: "Verdict") -> str:
     return "\n".join(
         [
             f"{verdict.n_off} of {verdict.n_numbers} numbers are off ({limit}).{missing}",
-            f"{verdict.n_within} of {verdict.n_intervals} intervals ({100 * LEVEL:.0f} %) contain the expected value (about "
-            f"{LEVEL * verdict.n_intervals:.0f} should, at least {verdict.n_least} must).",
+            f"{verdict.n_within} of {verdict.n_intervals} intervals ({100 * LEVEL:.0f} %) contain the expected value "
+            f"(about {LEVEL * verdict.n_intervals:.0f} should, at least {verdict.n_least} must).",
             "Self-test passed." if verdict.passes else "Self-test FAILED.",
         ]
     )

@@ -1,9 +1,9 @@
-"""How often ``tracknoise selfcheck`` cries wolf, and how often intervals of whole runs hold what went in.
+"""How often ``tracknoise selfcheck`` fails by chance, and how often intervals of whole runs contain the expected value.
 
     python -m benchmarks.validity.selfcheck [--seeds N] [--scenes N]
 
-One run a seed, with worlds, paths and errors of its own. Numbers of a run that is right are off in one run of 1000, and
-intervals hold what went in in 95 of 100 cases.
+One run per seed, with its own worlds, paths and errors. A correct program has numbers off in one run of 1000, and
+95 of 100 intervals contain the expected value.
 """
 
 import argparse
@@ -18,7 +18,7 @@ from tracknoise.tables.store import RunFolder
 
 
 class Silence:
-    """Listens to a run and says nothing."""
+    """Ignores the progress of a run."""
 
     def planned(self, *what): ...
     def frame(self, *what): ...
@@ -28,7 +28,7 @@ class Silence:
 
 
 def comparison(seed: int, scenes: int) -> pl.DataFrame:
-    """What one run says of itself."""
+    """Comparison of one run."""
     with tempfile.TemporaryDirectory() as folder:
         run = RunFolder(Path(folder) / "run")
         execute(selfcheck_experiment(scenes=scenes, seed=seed), run, listener=Silence())
@@ -36,7 +36,7 @@ def comparison(seed: int, scenes: int) -> pl.DataFrame:
 
 
 def main() -> None:
-    """Print a line a seed, then shares by statistic."""
+    """Print one line per seed, then shares by statistic."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=40)
     parser.add_argument("--scenes", type=int, default=12)
@@ -45,13 +45,13 @@ def main() -> None:
     for seed in range(arguments.seeds):
         tables.append(comparison(seed, arguments.scenes))
         verdict = judge(tables[-1].drop("seed"))
-        right = "right" if verdict.is_right else "NOT right"
+        result = "passed" if verdict.passes else "FAILED"
         print(
             f"seed {seed}: {verdict.n_off} of {verdict.n_numbers} off; {verdict.n_within} of {verdict.n_intervals} "
-            f"within, at least {verdict.n_least} are wanted: {right}",
+            f"within, at least {verdict.n_least} required: {result}",
             flush=True,
         )
-    every = pl.concat(tables).with_columns(z=(pl.col("came_back") - pl.col("went_in")) / pl.col("standard_error"))
+    every = pl.concat(tables).with_columns(z=(pl.col("measured") - pl.col("expected")) / pl.col("standard_error"))
     print(f"{'statistic':<14}{'numbers':>9}{'rms z':>8}{'max |z|':>9}{'coverage':>10}")
     for (name,), rows in every.group_by("statistic", maintain_order=True):
         covered = rows["within"].mean()

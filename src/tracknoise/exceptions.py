@@ -1,4 +1,4 @@
-"""Everything tracknoise raises or warns about on purpose: one root each, so that a caller can catch it all."""
+"""Exceptions and warnings of tracknoise. All exceptions have one base class."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
@@ -6,20 +6,20 @@ from pathlib import Path
 
 
 class TracknoiseError(Exception):
-    """Root of every error that is about the user's input rather than a defect of the program."""
+    """Base class of all errors in the user's input. Other exceptions are defects of the program."""
 
 
 class DataError(TracknoiseError):
-    """Input data is missing, damaged or contradicts itself.
+    """Input data are missing, damaged or inconsistent.
 
     Parameters
     ----------
     place
-        Where: a file, or ``file:line``.
+        A file, or ``file:line``.
     found
-        What was there.
+        What was found there.
     expected
-        What should have been there.
+        What was expected.
     """
 
     def __init__(self, place: str | Path, found: str, expected: str) -> None:
@@ -31,11 +31,11 @@ class DataError(TracknoiseError):
 
 
 class SettingsError(TracknoiseError):
-    """A setting that the user wrote has an unknown name, a wrong type or an impossible value."""
+    """A setting has an unknown name, a wrong type or an invalid value."""
 
 
 class UnknownNameError(TracknoiseError):
-    """A name (tracker, reader, scene, preset, ...) that is not among the known ones."""
+    """A name (tracker, reader, scene, preset, ...) is unknown."""
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
         self.kind, self.name, self.known = kind, name, sorted(known)
@@ -48,15 +48,15 @@ class UnknownNameError(TracknoiseError):
 
 
 class TrackerError(TracknoiseError):
-    """A tracker broke its protocol, so that what it reported cannot be used."""
+    """A tracker violated its protocol, and its result cannot be used."""
 
 
 class SchemaError(TracknoiseError):
-    """A table does not have the columns or types that its schema states."""
+    """A table does not have the columns or types of its schema."""
 
 
 class StoreError(TracknoiseError):
-    """A run folder cannot be used: it is missing, damaged, or belongs to another experiment."""
+    """A run folder cannot be used: it is missing or damaged, or belongs to another experiment."""
 
 
 class FigureError(TracknoiseError):
@@ -64,4 +64,4 @@ class FigureError(TracknoiseError):
 
 
 class DataWarning(UserWarning):
-    """The input was usable only after a correction, which the message names with its size."""
+    """Input data had to be corrected. The message states the correction and its size."""

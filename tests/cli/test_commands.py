@@ -97,3 +97,13 @@ def test_a_run_that_does_not_exist_cannot_be_reported(tracknoise, tmp_path):
 def test_debug_shows_the_traceback(tmp_path):
     with pytest.raises(Exception, match="nowhere"):
         main(["report", str(tmp_path / "nowhere"), "--debug"])
+
+
+def test_an_interrupted_run_says_how_to_resume(tracknoise, tmp_path, monkeypatch):
+    def interrupt(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("tracknoise.experiments.running.execute.execute", interrupt)
+    code, out, err = tracknoise("run", "demo", "--out", str(tmp_path / "run"))
+    assert (code, out) == (130, "")
+    assert err == "tracknoise: error: interrupted; run the same command again to resume\n"

@@ -49,7 +49,7 @@ def test_one_experiment_that_fails_does_not_stop_the_others(tracknoise, small, t
     (out / "gazebo-linear" / "holiday.jpg").write_bytes(b"")
     code, printed, err = tracknoise("replicate", "--out", str(out), *ONCE)
     assert code == 2
-    assert "dtu: No folder of data was given (--data)." in err
+    assert "dtu: No data folder was given (--data)." in err
     assert f"gazebo-linear: {out / 'gazebo-linear'}: holds files that are no run" in err
     assert f"replication: {(out / 'index.html').resolve()}" in printed
     runs = {path.parent.name for path in out.glob("*/manifest.json")}
@@ -66,7 +66,7 @@ def test_what_was_measured_is_not_measured_again(tracknoise, small, tmp_path, mo
     assert err.count("measured arvr-00") == 2
     code, _, err = tracknoise(*arguments)
     assert code == 0
-    assert err.count("measured already: 1; to go: 0") == 2
+    assert err.count("resuming: 1 of 1 sequences already measured") == 2
     assert "measured arvr-00" not in err
 
 

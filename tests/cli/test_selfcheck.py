@@ -28,22 +28,23 @@ def test_help_has_an_example(tracknoise):
     assert "Example: tracknoise selfcheck" in " ".join(out.replace("│", " ").split())
 
 
-def test_a_right_instrument_is_said_to_be_right(tracknoise, tmp_path):
+def test_a_correct_program_passes(tracknoise, tmp_path):
     code, out, err = tracknoise(*SMALL, "--seed", "3", "--out", str(tmp_path / "kept"))
     assert (code, err) == (0, "")
     lines = out.splitlines()
-    assert lines[0].split()[:3] == ["setting", "speed", "number"]
-    assert lines[-1] == "The instrument gives back what went in."
+    assert lines[0].split()[:3] == ["setting", "speed", "statistic"]
+    assert lines[0].split()[4:6] == ["expected", "measured"]
+    assert lines[-1] == "Self-test passed."
     numbers = [line for line in lines if line.endswith("ok")]
     assert f"0 of {len(numbers)} numbers are off" in out
     kept = RunFolder(tmp_path / "kept")
     assert parse_experiment(kept.experiment_toml(), place="kept") == resolve(selfcheck_experiment(scenes=1, seed=3))
 
 
-def test_a_wrong_one_is_not_and_says_where(tracknoise, half_a_pixel_off, tmp_path):
+def test_a_defect_fails_the_self_test_and_the_table_shows_where(tracknoise, half_a_pixel_off, tmp_path):
     code, out, _ = tracknoise(*SMALL)
     assert code == 2
-    assert out.splitlines()[-1] == "The instrument is NOT right."
+    assert out.splitlines()[-1] == "Self-test FAILED."
     assert any(line.startswith("bias") and "nu u" in line and line.endswith("off") for line in out.splitlines())
 
 

@@ -45,7 +45,7 @@ def test_a_drive_is_what_the_kitti_reader_reads(simulate):
         (["--layout", "dtu", "--world-file", "x"], "layout dtu has no --world-file; it has"),
         (["--image-format", "bmp"], "layout folder has no --image-format; it has"),
         (["--layout", "dtu", "--image-format", "jpg"], "--image-format: found 'jpg', expected one of png, bmp"),
-        (["--layout", "dtu", "--width", "65"], "--width, --height: found an odd number, expected even ones"),
+        (["--layout", "dtu", "--width", "65"], "--width, --height: found an odd number, expected even numbers"),
         (["--motion", "flying"], "unknown motion 'flying'"),
     ],
 )

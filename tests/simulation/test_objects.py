@@ -87,14 +87,14 @@ def test_the_notes_name_the_models_and_those_left_out(shelf: Callable) -> None:
     (folder / "sun" / "sun.sdf").write_text("<sdf version='1.6'><light name='sun' type='directional'/></sdf>")
     notes = built(folder).notes
     assert notes[0] == f"its objects are the Gazebo models bus of {folder}"
-    assert sorted(notes[1:])[0] == "model carpet is left out: 90 x 90 x 0.01 m is no object"
-    assert sorted(notes[1:])[1] == "model city is left out: 100 x 80 x 9 m is no object"
+    assert sorted(notes[1:])[0] == "model carpet is left out: 90 x 90 x 0.01 m is not the size of an object"
+    assert sorted(notes[1:])[1] == "model city is left out: 100 x 80 x 9 m is not the size of an object"
     assert sorted(notes[1:])[2].startswith("model sun is left out: ")
     assert len(notes) == 4
 
 
 def test_a_folder_without_a_usable_model_is_one_line(shelf: Callable) -> None:
     folder = shelf(carpet=(90, 90, 0.01))
-    with pytest.raises(DataError, match=r"no model that can be used; .*model carpet is left out") as caught:
+    with pytest.raises(DataError, match=r"no usable model; .*model carpet is left out") as caught:
         built(folder)
     assert "\n" not in str(caught.value)

@@ -186,7 +186,7 @@ def test_a_sequence_may_be_kept_without_single_observations_but_not_without_anyt
 def test_a_damaged_bit_is_noticed_when_a_table_is_read(measured):
     assert measured.sequence_table("tracks", ENTRY.key).is_empty()
     flip(measured.path / "tracks" / f"{ENTRY.key}.parquet")
-    with pytest.raises(StoreError, match=r"tracks.*damaged \(not what was written\).*`tracknoise run` makes it again"):
+    with pytest.raises(StoreError, match=r"tracks.*damaged \(checksum mismatch\).*`tracknoise run` makes it again"):
         measured.sequence_table("tracks", ENTRY.key)
     measured.write_statistics({"summary": schema.empty(schema.SUMMARY)})
     assert measured.statistics("summary").is_empty()
@@ -233,11 +233,11 @@ def test_a_folder_in_which_a_start_died_at_once_is_empty(tmp_path):
     run.lock_path.touch()
     run.require_empty()
     run.create('name = "x"\n', Manifest("hash", {}, {}, 0))
-    assert not run.is_stillborn
+    assert not run.is_unstarted
     (tmp_path / "experiment.toml").unlink()
-    assert run.is_stillborn
+    assert run.is_unstarted
 
 
 def test_a_run_that_measured_something_is_not_stillborn(measured):
     (measured.path / "experiment.toml").unlink()
-    assert not measured.is_stillborn
+    assert not measured.is_unstarted

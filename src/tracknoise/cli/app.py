@@ -1,19 +1,21 @@
-"""The ``tracknoise`` command: its subcommands, and how errors leave it.
+"""The ``tracknoise`` command: its subcommands, and how errors are printed.
 
-Exit status: 0 done, 1 the user's error, 2 some scenes failed. Results go to stdout, everything else to stderr.
+Exit status: 0 success, 1 user error, 2 some scenes failed. Results go to stdout, everything else to stderr.
 """
 
 import io
 import sys
+from importlib import import_module
 from typing import Annotated
 
 import typer
 
 from tracknoise import __version__
-from tracknoise.cli import datasets, demo, findings, replicate, report, run, selfcheck, simulate, trackers
 from tracknoise.cli.terminal import Terminal
 from tracknoise.exceptions import TracknoiseError
 
+_COMMANDS = ("demo", "run", "replicate", "report", "findings", "simulate", "datasets", "trackers", "selfcheck")
+"""Modules of this package, in the order of the help. Each has a function `register`."""
 _INTERRUPTED = 130
 
 app = typer.Typer(
@@ -24,8 +26,8 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
 )
-for command in (demo, run, replicate, report, findings, simulate, datasets, trackers, selfcheck):
-    command.register(app)
+for command in _COMMANDS:
+    import_module(f"tracknoise.cli.{command}").register(app)
 
 
 def _print_version(asked: bool) -> None:
@@ -49,18 +51,18 @@ def main(arguments: list[str] | None = None) -> None:
     Parameters
     ----------
     arguments
-        Without the program's name; by default those of the process.
+        Without the program's name. Default: the arguments of the process.
     """
     terminal = Terminal()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal that lacks a sign shall not lose the rest
+            stream.reconfigure(errors="replace")  # one character that a terminal cannot show must not hide the rest
     try:
         status = typer.main.get_command(app).main(
             args=arguments, prog_name="tracknoise", standalone_mode=False, obj=terminal
         )
     except typer.TyperException as error:
-        if message := error.format_message():  # none where the help was printed in place of it
+        if message := error.format_message():  # empty if the help was printed instead
             terminal.error(message)
         status = 1
     except (typer.Abort, KeyboardInterrupt):
@@ -73,8 +75,8 @@ def main(arguments: list[str] | None = None) -> None:
     except Exception as error:
         if terminal.debug:
             raise
-        terminal.error(f"internal error ({type(error).__name__}: {error}); --debug shows where")
+        terminal.error(f"internal error ({type(error).__name__}: {error}); use --debug for a traceback")
         status = 1
     if status == _INTERRUPTED:
-        terminal.error("interrupted; a run goes on where it stopped when it is started again")
+        terminal.error("interrupted; run the same command again to resume")
     sys.exit(status)

@@ -1,4 +1,4 @@
-"""``tracknoise datasets``: which formats can be read, and what lies in a folder."""
+"""``tracknoise datasets``: the dataset formats, and the sequences of a dataset."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from tracknoise.cli.listing import listing
-from tracknoise.cli.terminal import DebugOption
+from tracknoise.cli.options import DebugOption
 
 
 def register(app: typer.Typer) -> None:
@@ -16,11 +16,11 @@ def register(app: typer.Typer) -> None:
 
 def datasets(
     context: typer.Context,
-    reader: Annotated[str | None, typer.Argument(help="List the sequences that this reader finds.")] = None,
+    reader: Annotated[str | None, typer.Argument(help="Reader whose sequences to list.")] = None,
     data: Annotated[Path | None, typer.Option("--data", "-d", help="Folder of the data.")] = None,
     debug: DebugOption = False,
 ) -> int:
-    """List the formats that can be read, or the sequences of a data set by scene and lighting.
+    """List the dataset formats that can be read, or the scene and lighting of each sequence of a dataset.
 
     Example: `tracknoise datasets sevenscenes --data /data/7scenes`
     """

@@ -1,12 +1,11 @@
-"""``tracknoise demo``: the whole measurement on the built-in simulation."""
+"""``tracknoise demo``: a complete measurement on simulated scenes."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from tracknoise.cli.run import WorkersOption, run_experiment
-from tracknoise.cli.terminal import DebugOption, QuietOption
+from tracknoise.cli.options import DebugOption, QuietOption, WorkersOption
 
 
 def register(app: typer.Typer) -> None:
@@ -16,15 +15,20 @@ def register(app: typer.Typer) -> None:
 
 def demo(
     context: typer.Context,
-    out: Annotated[Path, typer.Option("--out", "-o", help="Run folder, replaced.")] = Path("runs/demo"),
+    out: Annotated[Path, typer.Option("--out", "-o", help="Run folder; an earlier run is replaced.")] = Path(
+        "runs/demo"
+    ),
     workers: WorkersOption = None,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Measure two trackers at three speeds in eight simulated scenes, from nothing, and write the report.
+    """Measure two trackers at three speeds in eight simulated scenes, and write the report. No data are needed.
 
     Example: `tracknoise demo`
     """
+    from tracknoise.cli.running import measure
+    from tracknoise.cli.summary import print_outcome
     from tracknoise.experiments.load import load_experiment
 
-    return run_experiment(context.obj, load_experiment("demo"), out, workers, fresh=True, report=True)
+    outcome = measure(context.obj, load_experiment("demo"), out, workers, fresh=True)
+    return print_outcome(context.obj, out, outcome, report=True)

@@ -1,4 +1,4 @@
-"""``tracknoise findings``: what a run found, in sentences and verdicts, or as JSON."""
+"""``tracknoise findings``: the findings of a run as sentences and verdicts, or as JSON."""
 
 import textwrap
 from pathlib import Path
@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.terminal import DebugOption, QuietOption, Terminal
+from tracknoise.cli.options import DebugOption, QuietOption
 
 if TYPE_CHECKING:
+    from tracknoise.cli.terminal import Terminal
     from tracknoise.report.evidence import Evidence
 
 _WIDTH = 110
@@ -21,12 +22,12 @@ def register(app: typer.Typer) -> None:
 
 def findings(
     context: typer.Context,
-    run: Annotated[Path, typer.Argument(help="Folder of a run.")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead.")] = False,
+    run: Annotated[Path, typer.Argument(help="Run folder.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print the findings as one JSON document.")] = False,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Print what a run found: sentences with their numbers, then the verdicts, each with its interval.
+    """Print the findings of a run: sentences with numbers, then verdicts with intervals.
 
     Example: `tracknoise findings runs/7scenes --json`
     """
@@ -37,9 +38,9 @@ def findings(
 
     evidence = Evidence.of(RunFolder(run))
     if evidence.findings.is_empty():
-        raise StoreError(f"{run}: holds no findings, expected those of a finished run: `tracknoise run` makes them")
+        raise StoreError(f"{run}: holds no findings, expected those of a finished run; `tracknoise run` computes them")
     if failed := evidence.manifest.failures:
-        context.obj.warn(f"{run}: {len(failed)} sequences could not be measured and are not in these findings")
+        context.obj.warn(f"{run}: {len(failed)} sequences failed and are not in these findings")
     if as_json:
         tables = {name: getattr(evidence, name) for name in FINDINGS_TABLES}
         context.obj.result(findings_json(tables).rstrip())
@@ -48,7 +49,7 @@ def findings(
     return 0
 
 
-def _print(terminal: Terminal, evidence: "Evidence") -> None:
+def _print(terminal: "Terminal", evidence: "Evidence") -> None:
     from tracknoise.cli.text_table import show
     from tracknoise.report import found, matters
 
@@ -58,4 +59,4 @@ def _print(terminal: Terminal, evidence: "Evidence") -> None:
     intervals = matters.intervals(evidence)
     for cells in [found.verdicts(evidence), matters.verdicts(evidence), *([intervals] if intervals else [])]:
         terminal.result("")
-        show(terminal, cells)
+        show(terminal.result, cells)

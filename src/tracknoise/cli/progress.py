@@ -1,11 +1,11 @@
-"""How a run goes on: bars in a terminal, plain lines elsewhere, nothing when quiet."""
+"""Progress of a run: bars in a terminal, plain lines elsewhere, nothing when quiet."""
 
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Protocol, Self
 
 from rich.console import Console
 from rich.progress import (
@@ -18,23 +18,44 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from tracknoise.cli.terminal import Terminal
 from tracknoise.report.names import together
-from tracknoise.tables.store import SequenceEntry
+
+if TYPE_CHECKING:
+    from tracknoise.tables.store import SequenceEntry
 
 SILENCE_S = 10.0
-"""Where there are no bars, a line comes no sooner than this after the last one of its kind."""
+"""Shortest time between two status lines, seconds. They are printed only where there are no bars."""
+
+
+class Output(Protocol):
+    """Where progress is printed.
+
+    Attributes
+    ----------
+    quiet
+        Whether bars are not shown.
+    """
+
+    quiet: bool
+
+    def say(self, text: str) -> None:
+        """Print a message."""
+        ...
+
+    def error(self, text: str) -> None:
+        """Print an error."""
+        ...
 
 
 class Pace:
-    """How fast a run goes, and how long it will still take, by what was done since it was started.
+    """Rate of a run since its start, and the time left at that rate.
 
     Parameters
     ----------
     to_do
-        Count of sequences still to be measured.
+        Number of sequences still to be measured.
     clock
-        Gives the time, seconds.
+        Returns the time, seconds.
     """
 
     def __init__(self, to_do: int, clock: Callable[[], float] = time.monotonic) -> None:
@@ -42,7 +63,7 @@ class Pace:
         self._clock, self._started = clock, clock()
 
     def advance(self) -> None:
-        """Note that one more is done."""
+        """Count one more sequence as done."""
         self._done += 1
 
     def __str__(self) -> str:
@@ -54,20 +75,20 @@ class Pace:
 
 
 class Heartbeat:
-    """Says now and then that a run goes on, from a thread of its own, since nothing may happen for long.
+    """Prints a status line from time to time, from its own thread: a sequence can take long.
 
-    Lines come farther apart the longer it takes: a twentieth of the time until then, and no less than `SILENCE_S`.
+    The pause between two lines is a twentieth of the time since the start, and at least `SILENCE_S`.
 
     Parameters
     ----------
     say
         Prints a line.
     status
-        Gives the line, by the seconds since the start; an empty one is not printed.
+        Returns the line, given the seconds since the start. An empty line is not printed.
     clock
-        Gives the time, seconds.
+        Returns the time, seconds.
     pause_s
-        How long the thread sleeps between two looks at the clock.
+        Time between two checks of the clock, seconds.
     """
 
     def __init__(
@@ -84,17 +105,17 @@ class Heartbeat:
         self._thread = threading.Thread(target=self._go, daemon=True)
 
     def start(self) -> None:
-        """Begin to say so."""
+        """Start the thread."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Be silent from now on."""
+        """Stop the thread. Nothing is printed afterwards."""
         self._ended.set()
         if self._thread.is_alive():
             self._thread.join()
 
     def beat(self) -> None:
-        """Print the line, if it is time."""
+        """Print the line if it is due."""
         now = self._clock()
         if now - self._last >= max(SILENCE_S, (now - self._started) / 20):
             self._last = now
@@ -112,17 +133,17 @@ class RunProgress:
     Parameters
     ----------
     terminal
-        Where to.
+        Where to print.
     clock
-        Gives the time, seconds.
+        Returns the time, seconds.
 
     Attributes
     ----------
     heartbeat
-        Says where the run stands, where there are no bars.
+        Prints status lines where there are no bars.
     """
 
-    def __init__(self, terminal: Terminal, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, terminal: Output, clock: Callable[[], float] = time.monotonic) -> None:
         self._terminal, self._clock = terminal, clock
         self._bars = _bars(terminal, TextColumn("{task.fields[pace]}"))
         self.heartbeat = Heartbeat(terminal.say, self._status, clock=clock)
@@ -145,35 +166,35 @@ class RunProgress:
         self._bars.stop()
 
     def planned(self, keys: list[str], done: int) -> None:
-        """Begin, with some sequences perhaps measured earlier."""
+        """Show how many sequences are to be measured, and how many were measured by an earlier start."""
         if done:
-            self._terminal.say(f"measured already: {done}; to go: {len(keys)}")
+            self._terminal.say(f"resuming: {done} of {len(keys) + done} sequences already measured")
         self._pace = Pace(len(keys), self._clock)
         self._total, self._done = len(keys) + done, done
         self._all = self._bars.add_task("sequences", total=self._total, completed=done, pace="")
 
     def frame(self, key: str, done: int, total: int) -> None:
-        """Show the frames of the sequence at hand."""
+        """Show the progress within the current sequence."""
         self._at = f"{key} at frame {done} of {total}"
         if self._frames is None:
             self._frames = self._bars.add_task(key, total=total, pace="")
         self._bars.update(self._frames, description=key, completed=done, total=total)
 
-    def measured(self, key: str, entry: SequenceEntry) -> None:
-        """Say that a sequence is done, and what its reader had to correct."""
+    def measured(self, key: str, entry: "SequenceEntry") -> None:
+        """Print that a sequence is done, and the notes of its reader."""
         self._advance()
         self._terminal.say(f"measured {key}: {entry.n_frames} frames in {entry.seconds:.1f} s ({self._position()})")
         for note in entry.notes:
             self._terminal.say(f"note: {key}: {note}")
 
     def failed(self, keys: list[str], cause: str) -> None:
-        """Say that sequences failed, and why, once for those that were read together."""
+        """Print that sequences failed, and why. Sequences that were read together share one line."""
         for _ in keys:
             self._advance()
         self._terminal.error(f"{together(keys)}: {cause}")
 
     def remark(self, text: str) -> None:
-        """Say what else is worth a line."""
+        """Print any other message."""
         self._terminal.say(text)
 
     def _advance(self) -> None:
@@ -187,7 +208,7 @@ class RunProgress:
         return f"{of_all}; {self._pace}" if self._done < self._total else of_all
 
     def _status(self, elapsed_s: float) -> str:
-        """What there is to say while a sequence is measured; nothing before and after."""
+        """Status line while sequences are measured; empty before and after."""
         if self._done == self._total:
             return ""
         of_all = f"{self._done} of {self._total} sequences done after {_duration(elapsed_s)}"
@@ -195,15 +216,15 @@ class RunProgress:
 
 
 @contextmanager
-def frame_progress(terminal: Terminal, label: str) -> Iterator[Callable[[int, int], None]]:
-    """Show a bar over frames; yields what is to be called with the count of frames done and of all."""
+def frame_progress(terminal: Output, label: str) -> Iterator[Callable[[int, int], None]]:
+    """Show a bar over frames. Yields a function that takes the number of frames done and the total."""
     with _bars(terminal, TimeRemainingColumn()) as bars:
         bar = bars.add_task(label, total=None)
         yield lambda done, total: bars.update(bar, completed=done, total=total)
 
 
 def _rate(per_second: float) -> str:
-    """Sequences in the shortest unit of time in which at least one is done, or else in an hour."""
+    """Rate per second, minute or hour: the shortest of these in which at least one sequence is done, else per hour."""
     units = {"s": 1, "min": 60, "h": 3600}
     unit = next((name for name, seconds in units.items() if per_second * seconds >= 1), "h")
     return f"{per_second * units[unit]:.1f}/{unit}"
@@ -216,7 +237,7 @@ def _duration(seconds: float) -> str:
     return f"{minutes} min" if minutes < 100 else f"{minutes // 60} h {minutes % 60:02d} min"
 
 
-def _bars(terminal: Terminal, last: ProgressColumn) -> Progress:
+def _bars(terminal: Output, last: ProgressColumn) -> Progress:
     console = Console(stderr=True)
     return Progress(
         TextColumn("{task.description}"),

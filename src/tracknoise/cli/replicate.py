@@ -1,4 +1,4 @@
-"""``tracknoise replicate``: the paper's experiments, as far as the data at hand allow, and the pages that join them."""
+"""``tracknoise replicate``: the paper's experiments for which there are data, and pages that compare them."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -7,19 +7,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.run import (
+from tracknoise.cli.options import (
+    DebugOption,
     FramesOption,
     FreshOption,
     ModelsOption,
+    QuietOption,
     ScenesOption,
     WorkersOption,
-    processes,
-    run_experiment,
 )
-from tracknoise.cli.terminal import DebugOption, QuietOption, Terminal
+from tracknoise.cli.running import measure, processes
 from tracknoise.exceptions import TracknoiseError
 
 if TYPE_CHECKING:
+    from tracknoise.cli.terminal import Terminal
     from tracknoise.experiments.replicate import Candidate, Limits
     from tracknoise.experiments.settings import Experiment
     from tracknoise.report.replication import Replicated
@@ -35,9 +36,9 @@ def replicate(
     context: typer.Context,
     data: Annotated[
         list[Path] | None,
-        typer.Option("--data", "-d", help="Folder that is, or holds, DTU Point Features or KITTI; repeatable."),
+        typer.Option("--data", "-d", help="Folder that is, or contains, DTU Point Features or KITTI; repeatable."),
     ] = None,
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the runs.")] = Path("runs/replication"),
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the runs.")] = Path("runs/replication"),
     scenes: ScenesOption = None,
     frames: FramesOption = None,
     models: ModelsOption = None,
@@ -46,10 +47,10 @@ def replicate(
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Repeat the paper's experiments, and set its tables beside what was measured.
+    """Repeat the paper's experiments and compare the results with the paper's tables.
 
-    DTU Point Features and KITTI where they are found; Gazebo's two experiments are simulated. Beside each experiment
-    its first scene is run with other ways to reject outliers. What was interrupted goes on where it stopped.
+    The two Gazebo experiments are simulated. DTU Point Features and KITTI are measured if `--data` has them. For each
+    experiment, the first scene is also run with other outlier rejections. An interrupted replication resumes.
 
     Example: `tracknoise replicate --data /data --scenes 2 --frames 60`
     """
@@ -69,27 +70,29 @@ def replicate(
 
 
 class _Runs:
-    """Runs experiments into folders side by side; one that fails does not stop the others."""
+    """Runs experiments into folders of one parent folder. A failure does not stop the others."""
 
-    def __init__(self, terminal: Terminal, out: Path, workers: int, *, fresh: bool) -> None:
+    def __init__(self, terminal: "Terminal", out: Path, workers: int, *, fresh: bool) -> None:
         self._terminal, self._out, self._workers, self._fresh = terminal, out, workers, fresh
         self.failed = False
 
     def run(self, name: str, load: Callable[[], "Experiment"]) -> "RunFolder | None":
-        """Run an experiment; returns its folder, or None if nothing was measured."""
+        """Run an experiment. Returns its folder, or None if nothing was measured."""
+        from tracknoise.cli.summary import print_outcome
         from tracknoise.tables.store import RunFolder
 
         folder = self._out / name
         self._terminal.say(f"{name}:")
 
         def execute() -> int:
-            return run_experiment(self._terminal, load(), folder, self._workers, fresh=self._fresh, report=False)
+            outcome = measure(self._terminal, load(), folder, self._workers, fresh=self._fresh)
+            return print_outcome(self._terminal, folder, outcome, report=False)
 
         return None if self._survive(name, execute) == 1 else RunFolder(folder)
 
     @contextmanager
     def report_beside(self, name: str, run: "RunFolder | None") -> Iterator[None]:
-        """Write the report of a run while something else goes on; with one worker, after it."""
+        """Write the report of a run while the body of the `with` runs; with one worker, after it."""
         from concurrent.futures import ProcessPoolExecutor
         from multiprocessing import get_context
 
@@ -109,7 +112,7 @@ class _Runs:
             self._survive(name, finish)
 
     def _survive(self, name: str, act: Callable[[], int]) -> int:
-        """Do something and return its exit status, 1 where it fails."""
+        """Call a function and return its exit status, or 1 if it raises."""
         try:
             status = act()
         except Exception as error:
@@ -122,7 +125,7 @@ class _Runs:
 
 
 def _repeat(candidate: "Candidate", runs: _Runs, limits: "Limits") -> "Replicated":
-    """Run an experiment of the paper, and variants of its trackers on its first scene."""
+    """Run an experiment of the paper, and variants of its trackers on the first scene."""
     from tracknoise.experiments.replicate import load_candidate, variants
     from tracknoise.report.replication import Replicated
 

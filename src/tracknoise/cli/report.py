@@ -1,14 +1,11 @@
 """``tracknoise report``: write the report of a run."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from tracknoise.cli.terminal import DebugOption, QuietOption, Terminal
-
-if TYPE_CHECKING:
-    from tracknoise.tables.store import RunFolder
+from tracknoise.cli.options import DebugOption, QuietOption
 
 
 def register(app: typer.Typer) -> None:
@@ -18,26 +15,16 @@ def register(app: typer.Typer) -> None:
 
 def report(
     context: typer.Context,
-    run: Annotated[Path, typer.Argument(help="Folder of a run.")],
+    run: Annotated[Path, typer.Argument(help="Run folder.")],
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Write the report of a run: one HTML page, its figures as SVG, PNG and PDF, its tables as CSV and LaTeX.
+    """Write the report of a run: an HTML page, figures as SVG, PNG and PDF, tables as CSV and LaTeX.
 
     Example: `tracknoise report runs/7scenes`
     """
-    from tracknoise.cli.summary import summary_text
+    from tracknoise.cli.summary import print_results
     from tracknoise.tables.store import RunFolder
 
-    folder = RunFolder(run)
-    context.obj.result(summary_text(folder))
-    context.obj.result(f"report: {write(context.obj, folder)}")
+    print_results(context.obj, RunFolder(run), report=True)
     return 0
-
-
-def write(terminal: Terminal, run: "RunFolder") -> Path:
-    """Write the report and return the path of its page."""
-    from tracknoise.report.page import write_report
-
-    terminal.say("writing the report")
-    return write_report(run).resolve()

@@ -1,4 +1,4 @@
-"""``tracknoise simulate``: render simulated sequences to files, in the layout of a data set."""
+"""``tracknoise simulate``: render simulated sequences to files, in the layout of a dataset."""
 
 from enum import StrEnum
 from functools import partial
@@ -7,19 +7,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tracknoise.cli.terminal import DebugOption, QuietOption, Terminal
+from tracknoise.cli.options import DebugOption, QuietOption
 from tracknoise.exceptions import SettingsError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from tracknoise.cli.terminal import Terminal
     from tracknoise.sequences.sequence import Reader, SequenceId
 
     Progress = Callable[[int, int], None]
 
 
 class Layout(StrEnum):
-    """On-disk layouts that can be written; each is a reader's name."""
+    """File layouts that can be written. Each has the name of the reader that reads it."""
 
     folder = "folder"
     dtu = "dtu"
@@ -41,7 +42,7 @@ _DEFAULTS: dict[Layout, dict[str, Any]] = {
     Layout.kitti: {**_MOVING, "motion": "forward", "width": 1242, "height": 375, "hfov": 81.5},
     Layout.dtu: {**_ANY, "width": 1600, "height": 1200, "supersampling": 1, "image_format": "png"},
 }
-"""The options that a layout has, with their defaults."""
+"""Options of each layout, with their defaults."""
 
 
 def register(app: typer.Typer) -> None:
@@ -51,27 +52,29 @@ def register(app: typer.Typer) -> None:
 
 def simulate(
     context: typer.Context,
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder to write; must be new or empty.")],
-    layout: Annotated[Layout, typer.Option(help="Which data set's: see docs/.")] = Layout.folder,
-    scenes: Annotated[int, typer.Option(min=1, help="Count of scenes, each with a world of its own.")] = 1,
-    motion: Annotated[str | None, typer.Option(help="sideways, forward, ...; not of dtu, where it is an arc.")] = None,
-    frames: Annotated[int | None, typer.Option(min=1, help="Count of frames; 60. Not of dtu, where it is 49.")] = None,
-    width: Annotated[int | None, typer.Option(min=16, help="Of the images, px; as the data set has it.")] = None,
-    height: Annotated[int | None, typer.Option(min=16, help="Of the images, px; as the data set has it.")] = None,
-    hfov: Annotated[float | None, typer.Option(help="Horizontal field of view, degrees; not of dtu.")] = None,
-    supersampling: Annotated[int | None, typer.Option(min=1, help="Samples a pixel, along each side.")] = None,
-    noise: Annotated[float | None, typer.Option(min=0, help="Sigma of the sensor noise, grey levels; 2.")] = None,
-    shadows: Annotated[bool | None, typer.Option("--shadows", help="Let surfaces block the light; slower.")] = None,
-    lighting: Annotated[str | None, typer.Option(help="Name of a lighting; not of dtu, which has its own.")] = None,
-    world: Annotated[str | None, typer.Option(help="Kind of world: see docs/worlds.md; not of dtu.")] = None,
-    models: Annotated[Path | None, typer.Option(help="Folder of Gazebo models to use; not of dtu.")] = None,
-    world_file: Annotated[Path | None, typer.Option(help="Gazebo world to move through; not of dtu.")] = None,
-    image_format: Annotated[str | None, typer.Option(help="png, or bmp, which is larger and faster; of dtu.")] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Of the worlds, the paths and the noise.")] = None,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Output folder; must be new or empty.")],
+    layout: Annotated[Layout, typer.Option(help="Layout of the files; see docs/.")] = Layout.folder,
+    scenes: Annotated[int, typer.Option(min=1, help="Number of scenes; each has its own world.")] = 1,
+    motion: Annotated[str | None, typer.Option(help="Camera motion: sideways, forward, ... Not for dtu.")] = None,
+    frames: Annotated[int | None, typer.Option(min=1, help="Number of frames (default: 60). Not for dtu (49).")] = None,
+    width: Annotated[int | None, typer.Option(min=16, help="Image width, px (default: as in the dataset).")] = None,
+    height: Annotated[int | None, typer.Option(min=16, help="Image height, px (default: as in the dataset).")] = None,
+    hfov: Annotated[float | None, typer.Option(help="Horizontal field of view, degrees. Not for dtu.")] = None,
+    supersampling: Annotated[int | None, typer.Option(min=1, help="Samples per pixel along each axis.")] = None,
+    noise: Annotated[
+        float | None, typer.Option(min=0, help="Sigma of the sensor noise, grey levels (default: 2).")
+    ] = None,
+    shadows: Annotated[bool | None, typer.Option("--shadows", help="Render shadows (slower).")] = None,
+    lighting: Annotated[str | None, typer.Option(help="Name of a lighting. Not for dtu, which has its own.")] = None,
+    world: Annotated[str | None, typer.Option(help="Kind of world, see docs/worlds.md. Not for dtu.")] = None,
+    models: Annotated[Path | None, typer.Option(help="Folder of Gazebo models to use. Not for dtu.")] = None,
+    world_file: Annotated[Path | None, typer.Option(help="Gazebo world file to use. Not for dtu.")] = None,
+    image_format: Annotated[str | None, typer.Option(help="png or bmp (larger files, faster). Only for dtu.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Random seed of worlds, paths and noise.")] = None,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Render simulated sequences in the layout of a data set, which the reader of the same name reads.
+    """Render simulated sequences in the layout of a dataset. The reader of the same name reads them.
 
     `folder`: images, exact depth, poses and camera. `dtu`: a light stage with 19 LEDs and a scan. `kitti`: a drive with
     a lidar. See docs/folder-layout.md, docs/dtu.md and docs/kitti.md.
@@ -89,7 +92,7 @@ def simulate(
 
 
 def _options(layout: Layout, given: dict[str, Any]) -> dict[str, Any]:
-    """The layout's options, with those that were given in place of their defaults."""
+    """Options of a layout: as given by the user, otherwise the default."""
     options = dict(_DEFAULTS[layout])
     of_any = set().union(*_DEFAULTS.values())
     for name, value in given.items():
@@ -104,8 +107,8 @@ def _flag(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def _write_stages(terminal: Terminal, out: Path, scenes: int, options: dict[str, Any]) -> str:
-    """Write scenes on the light stage, and say how many."""
+def _write_stages(terminal: "Terminal", out: Path, scenes: int, options: dict[str, Any]) -> str:
+    """Write scenes on the light stage. Returns their number as text."""
     from tracknoise.cli.progress import frame_progress
     from tracknoise.sequences.dtu.writer import IMAGE_FORMATS, write_dtu
     from tracknoise.simulation.light_stage.stage import LightStage
@@ -115,16 +118,16 @@ def _write_stages(terminal: Terminal, out: Path, scenes: int, options: dict[str,
         raise SettingsError(f"--image-format: found {image_format!r}, expected one of {', '.join(IMAGE_FORMATS)}")
     if options["width"] % 2 or options["height"] % 2:
         raise SettingsError(
-            "--width, --height: found an odd number, expected even ones, since readers halve the images"
+            "--width, --height: found an odd number, expected even numbers, because readers halve the image size"
         )
     stage = partial(LightStage, noise_sigma=options.pop("noise"), **options)
-    with frame_progress(terminal, "photographing the stage") as progress:
+    with frame_progress(terminal, "rendering the light stage") as progress:
         write_dtu(out, scenes=scenes, stage=stage, image_format=image_format, progress=progress)
     return _count(scenes, "scene")
 
 
-def _write_sequences(terminal: Terminal, layout: Layout, out: Path, scenes: int, options: dict[str, Any]) -> str:
-    """Write sequences of a moving camera, and say of how many frames."""
+def _write_sequences(terminal: "Terminal", layout: Layout, out: Path, scenes: int, options: dict[str, Any]) -> str:
+    """Write sequences of a moving camera. Returns the number of frames as text."""
     from tracknoise.cli.progress import frame_progress
     from tracknoise.sequences.registry import make_reader
 
@@ -146,7 +149,7 @@ def _write_sequences(terminal: Terminal, layout: Layout, out: Path, scenes: int,
 
 
 def _write_folders(reader: "Reader", names: "list[SequenceId]", out: Path, progress: "Progress") -> None:
-    """One sequence into the folder itself, several into folders within."""
+    """Write a single sequence into the folder itself, several sequences into subfolders."""
     from tracknoise.sequences.folder import write_folder
     from tracknoise.sequences.new_folder import new_folder
 

@@ -1,13 +1,23 @@
-"""The summary of a run as a plain text table."""
+"""What a run produced, as text: its summary, the path of its report, and the sequences that failed."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tracknoise.cli.text_table import aligned
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.measured import condition_columns, in_order
+from tracknoise.report.names import by_statement, together
 from tracknoise.tables.store import RunFolder
 
+if TYPE_CHECKING:
+    from tracknoise.cli.terminal import Terminal
+    from tracknoise.experiments.running.execute import Outcome
+
+_NAMED = 10
+"""Maximum number of causes of failure for which the final message names the sequences."""
 _NUMBERS = (
     ("tracks", "n_tracks", "{:,}"),
-    ("lifetime\nmean", "mean_lifetime", "{:.1f}"),
+    ("mean\nlifetime", "mean_lifetime", "{:.1f}"),
     ("outlier\nratio", "outlier_ratio", "{:.3f}"),
     ("at\n{axis}", "at", "{}"),
     ("mean u\npx", "trimmed_nu_u_px", "{:+.3f}"),
@@ -21,10 +31,37 @@ _NUMBERS = (
 )
 
 
-def summary_text(run: RunFolder) -> str:
-    """One line a condition: lifetimes, outlier ratio, and the trimmed errors (observed minus true) at one place.
+def print_outcome(terminal: "Terminal", out: Path, outcome: "Outcome", *, report: bool) -> int:
+    """Print the summary of a run that has ended, its report and its failures.
 
-    Where there are too many conditions, only those that the report's figures are about have a line.
+    Returns
+    -------
+    int
+        Exit status: 0 if every sequence was measured, 2 if some were, 1 if none was.
+    """
+    if not outcome.measured:
+        return 1 if outcome.failures else 0
+    print_results(terminal, RunFolder(out), report=report)
+    if not outcome.failures:
+        return 0
+    _print_failures(terminal, outcome)
+    return 2
+
+
+def print_results(terminal: "Terminal", run: RunFolder, *, report: bool) -> None:
+    """Print the summary of a run. With `report`, also write its report and print the path."""
+    terminal.result(summary_text(run))
+    if report:
+        from tracknoise.report.page import write_report
+
+        terminal.say("writing the report")
+        terminal.result(f"report: {write_report(run).resolve()}")
+
+
+def summary_text(run: RunFolder) -> str:
+    """Summary table with one row per condition: lifetime, outlier ratio, and errors (observed minus true) at one age.
+
+    If there are too many conditions, only those that the report's figures show have a row.
 
     Raises
     ------
@@ -50,3 +87,13 @@ def _others(evidence: Evidence) -> list[str]:
 
 def _cell(value: object, form: str) -> str:
     return "-" if value is None else form.format(value)
+
+
+def _print_failures(terminal: "Terminal", outcome: "Outcome") -> None:
+    """Name the sequences that failed, grouped by cause: the errors themselves may have scrolled away."""
+    failures = outcome.failures
+    named = list(by_statement(sorted(failures.items())).values())[:_NAMED]
+    rest = len(failures) - sum(map(len, named))
+    names = "; ".join([*map(together, named), *([f"{rest} more"] if rest else [])])
+    of_all = f"{len(failures)} of {len(failures) + len(outcome.measured)} sequences failed"
+    terminal.say(f"{of_all}: {names}; see failures.jsonl. Run the same command again to retry them.")

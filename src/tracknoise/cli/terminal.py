@@ -1,20 +1,17 @@
-"""What the user sees: results on stdout; messages and progress on stderr."""
+"""Output of the command line: results on stdout; messages and progress on stderr."""
 
 import sys
-from typing import Annotated
-
-import typer
 
 
 class Terminal:
-    """The user's side of one invocation.
+    """The output of one invocation.
 
     Attributes
     ----------
     debug
         Show tracebacks.
     quiet
-        Say nothing on stderr but errors and warnings.
+        Print nothing on stderr but errors and warnings.
     """
 
     def __init__(self) -> None:
@@ -26,7 +23,7 @@ class Terminal:
         sys.stdout.write(f"{text}\n")
 
     def say(self, text: str) -> None:
-        """Print a remark, unless quiet."""
+        """Print a message, unless quiet."""
         if not self.quiet:
             self._line(text)
 
@@ -41,21 +38,3 @@ class Terminal:
     def _line(self, text: str) -> None:
         sys.stderr.write(f"{text}\n")
         sys.stderr.flush()
-
-
-def _remember_debug(context: typer.Context, value: bool) -> bool:
-    context.obj.debug = value
-    return value
-
-
-def _remember_quiet(context: typer.Context, value: bool) -> bool:
-    context.obj.quiet = value
-    return value
-
-
-DebugOption = Annotated[
-    bool, typer.Option("--debug", help="Show a traceback on errors.", callback=_remember_debug, is_eager=True)
-]
-QuietOption = Annotated[
-    bool, typer.Option("--quiet", "-q", help="Print results and errors only.", callback=_remember_quiet, is_eager=True)
-]

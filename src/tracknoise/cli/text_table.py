@@ -1,30 +1,29 @@
-"""Tables of the report in the terminal: with lines and colours in one, plain text elsewhere."""
+"""Tables of the report as text: with lines in a terminal, plain elsewhere."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import accumulate
 
-from tracknoise.cli.terminal import Terminal
 from tracknoise.report.tables import Cells
 
 
-def show(terminal: Terminal, cells: Cells) -> None:
-    """Print a table."""
+def show(write: Callable[[str], None], cells: Cells) -> None:
+    """Print a table: as lines and colours in a terminal, otherwise as plain text passed to `write`."""
     if sys.stdout.isatty():
         _show_rich(cells)
     else:
-        terminal.result(plain(cells))
+        write(plain(cells))
 
 
 def plain(cells: Cells) -> str:
-    """A table as text: its caption, its headings, and aligned columns."""
+    """A table as text: caption, headings and aligned columns."""
     rows = [[_one_line(text) for text in row] for row in (_headings(cells), *cells.rows)]
     lines = aligned(rows, numeric=cells.numeric)
     return "\n".join([cells.caption, *lines[:1], "-" * len(lines[0]), *lines[1:]])
 
 
 def aligned(rows: Sequence[Sequence[str]], *, numeric: Sequence[bool]) -> list[str]:
-    """Rows of text in columns of the same width, two spaces apart; numbers are set flush right."""
+    """Format rows of text as aligned columns, two spaces apart. Numeric columns are right-aligned."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return [
         "  ".join(
@@ -36,7 +35,7 @@ def aligned(rows: Sequence[Sequence[str]], *, numeric: Sequence[bool]) -> list[s
 
 
 def _headings(cells: Cells) -> list[str]:
-    """Headings, each after the heading of its group."""
+    """Headings, each preceded by the heading of its group."""
     if not cells.groups:
         return list(cells.headings)
     ends = list(accumulate(span for _, span in cells.groups))

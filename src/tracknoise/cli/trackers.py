@@ -1,11 +1,11 @@
-"""``tracknoise trackers``: which trackers there are, and their settings."""
+"""``tracknoise trackers``: the trackers and their settings."""
 
 from typing import Annotated
 
 import typer
 
 from tracknoise.cli.listing import listing
-from tracknoise.cli.terminal import DebugOption
+from tracknoise.cli.options import DebugOption
 
 
 def register(app: typer.Typer) -> None:
@@ -15,10 +15,10 @@ def register(app: typer.Typer) -> None:
 
 def trackers(
     context: typer.Context,
-    kind: Annotated[str | None, typer.Argument(help="Show the settings of this one.")] = None,
+    kind: Annotated[str | None, typer.Argument(help="Tracker whose settings to show.")] = None,
     debug: DebugOption = False,
 ) -> int:
-    """List the trackers, or the settings of one with their defaults, as an experiment file has them.
+    """List the trackers, or the settings of one tracker with their defaults, in the syntax of an experiment file.
 
     Example: `tracknoise trackers lucas-kanade`
     """

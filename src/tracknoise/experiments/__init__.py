@@ -1,1 +1,1 @@
-"""What to run: settings, plan, execution and presets."""
+"""Experiments: settings, presets, running, analysis and self-test."""

@@ -49,7 +49,7 @@ class Measurement:
     frames: pl.DataFrame
     moments: pl.DataFrame
     trims: pl.DataFrame
-    population: Population
+    population: str
     truth: TruthKind
     key_frame: int | None
     n_frames: int

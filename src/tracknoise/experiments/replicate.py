@@ -1,4 +1,4 @@
-"""Which of the paper's experiments can be repeated with the data at hand, and what is measured besides."""
+"""The paper's experiments: which of them can be repeated with the available data, and variants of their trackers."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ _VARIED: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "lucas-kanade": {"consensus": tuple(Consensus)},
 }
-"""What is tried of the outlier rejection of each kind of tracker."""
+"""Outlier rejections that are compared, for each kind of tracker."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +36,9 @@ class Candidate:
     Attributes
     ----------
     preset
-        Its name.
+        Name of the preset.
     root
-        Folder of its data; None where there are none, or none are needed.
+        Folder of its data; None if there are none, or none are needed.
     possible
         Whether it can be repeated.
     found
@@ -53,14 +53,14 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """How much of each experiment is run, and with which models.
+    """Limits of each experiment, and the folder of models.
 
     Attributes
     ----------
     scenes, frames
-        Only so many scenes, and frames of each; None for all.
+        Maximum number of scenes, and of frames per scene; None for all.
     models
-        Folder of Gazebo models, for those simulated worlds that can hold them.
+        Folder of Gazebo models, for simulated worlds that can contain them.
     """
 
     scenes: int | None = None
@@ -69,22 +69,22 @@ class Limits:
 
 
 def candidates(folders: Iterable[Path]) -> list[Candidate]:
-    """Look for the data of the paper's experiments in some folders and in the folders right within these.
+    """Search for the data of the paper's experiments in some folders and their direct subfolders.
 
-    The first folder in which a preset's reader finds a sequence is taken.
+    Each preset uses the first folder in which its reader finds a sequence.
 
     Raises
     ------
     DataError
-        If one of the folders is not there.
+        If one of the folders does not exist.
     """
     places = [require_directory(folder) for folder in folders]
-    simulated = [Candidate(preset, None, True, "Simulated, which needs no data.") for preset in SIMULATED]
+    simulated = [Candidate(preset, None, True, "Simulated; no data are needed.") for preset in SIMULATED]
     return [*(_look(preset, places) for preset in RECORDED), *simulated]
 
 
 def load_candidate(candidate: Candidate, limits: Limits) -> Experiment:
-    """The experiment of a candidate that is possible.
+    """Load the experiment of a possible candidate.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def load_candidate(candidate: Candidate, limits: Limits) -> Experiment:
 
 
 def variants(experiment: Experiment) -> Experiment:
-    """Trackers with every way to reject outliers on the first scene, seen plainly at the lowest speed.
+    """Experiment that runs each tracker with every outlier rejection, on the first scene at the lowest speed.
 
     Raises
     ------
@@ -140,7 +140,7 @@ def _takes_models(experiment: Experiment) -> bool:
 
 def _look(preset: str, folders: list[Path]) -> Candidate:
     if not folders:
-        return Candidate(preset, None, False, "No folder of data was given (--data).")
+        return Candidate(preset, None, False, "No data folder was given (--data).")
     causes = []
     for folder in folders:
         for place in (folder, *sorted(path for path in folder.iterdir() if path.is_dir())):

@@ -1,1 +1,1 @@
-"""Synthetic worlds, motions, light and the renderer; stands in for a simulator, exactly synchronised."""
+"""Synthetic worlds, camera motions, light and the renderer. Images, depth and poses are exactly synchronised."""

@@ -1,4 +1,4 @@
-"""What procedural worlds are made of: textured boxes, ground and sky."""
+"""Parts of procedural worlds: textured boxes, ground and sky."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -19,19 +19,19 @@ _FAR_M = 300.0
 
 
 def paint_textures(rng: np.random.Generator) -> tuple[NDArray[np.float32], ...]:
-    """The textures that the other functions dress their surfaces in, by index."""
+    """Textures that the other functions use, by index."""
     return tuple(paint(recipe, _TEXTURE_SIDE, rng) for recipe in _RECIPES)
 
 
 def sky() -> Iterator[Quad]:
-    """Clouds on the inside of a large box, in pieces: a few huge triangles would spoil the search tree of the rays."""
+    """Clouds on the inside of a large box, in pieces: a few huge triangles would slow down ray casting."""
     for face in box(np.zeros(3), np.full(3, _FAR_M), Rotation.identity()):
         clouds = replace(face.reversed(), texture=_CLOUDS_TEXTURE, repeat_m=_FAR_M, blocks_light=False)
         yield from clouds.pieces(4)
 
 
 def ground(rng: np.random.Generator, x_m: tuple[float, float], y_m: tuple[float, float]) -> Iterator[Quad]:
-    """Slabs in a square grid over at least the given ranges, each turned at random."""
+    """Slabs in a square grid over at least the given ranges, each rotated at random."""
     for x in np.arange(*x_m, _TILE_M):
         for y in np.arange(*y_m, _TILE_M):
             slab = Quad(np.array([x, y + _TILE_M, 0.0]), np.array([_TILE_M, 0.0, 0.0]), np.array([0.0, -_TILE_M, 0.0]))
@@ -49,7 +49,7 @@ def block(
     turn_deg: float = 0.0,
     tilt_deg: float = 0.0,
 ) -> Iterator[Quad]:
-    """A box of given centre and size, turned by up to so much about the vertical and tilted about level axes."""
+    """A box of given centre and size, rotated about the vertical and tilted about the horizontal axes within limits."""
     limits = np.array([turn_deg, tilt_deg, tilt_deg])
     rotation = Rotation.from_euler("ZYX", rng.uniform(-limits, limits), degrees=True)
     for face in box(np.array(centre), np.asarray(size) / 2, rotation):
@@ -57,5 +57,5 @@ def block(
 
 
 def dressed(quad: Quad, rng: np.random.Generator, textures: range, *, repeat_m: float) -> Quad:
-    """The quad with one of the textures, shifted at random."""
+    """The quad with one of the textures, at a random offset."""
     return quad.dressed(int(rng.choice(textures)), repeat_m=repeat_m, start=(rng.uniform(), rng.uniform()))

@@ -1,4 +1,4 @@
-"""Light: ambient, from far away and from near, on matt (Lambertian) surfaces."""
+"""Light on matt (Lambertian) surfaces: ambient, directional and point lights."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True)
 class Lamp:
-    """A light infinitely far away.
+    """A directional light, at infinity.
 
     Parameters
     ----------
     azimuth_deg
-        Where it stands, clockwise from north seen from above.
+        Azimuth of the light, clockwise from north seen from above.
     elevation_deg
-        How high it stands above the horizon.
+        Elevation above the horizon.
     strength
         Irradiance of a surface that faces it, as a share of the full range of the sensor.
     """
@@ -39,7 +39,7 @@ class Lamp:
         Parameters
         ----------
         normals
-            (n, 3) float64, unit, towards the side that is seen.
+            (n, 3) float64, unit, towards the visible side.
 
         Returns
         -------
@@ -51,12 +51,12 @@ class Lamp:
 
 @dataclass(frozen=True, slots=True)
 class PointLamp:
-    """A light so small and near that its direction and strength differ between the points of a surface.
+    """A point light: its direction and strength differ between the points of a surface.
 
     Parameters
     ----------
     position_m
-        Where it stands, metres, world frame.
+        Position, metres, world frame.
     strength
         Irradiance of a surface that faces it at a distance of 1 m, as a share of the full range of the sensor.
     """
@@ -72,7 +72,7 @@ class PointLamp:
         points
             (n, 3) float64, metres, world frame.
         height_m
-            (n,) float64, how high the lamp stands above the plane of each point's surface, on the side that is seen.
+            (n,) float64, height of the lamp above the plane of each point's surface, on the visible side.
 
         Returns
         -------
@@ -91,11 +91,11 @@ class Lighting:
     Parameters
     ----------
     ambient
-        Irradiance that reaches every surface alike, as a share of the full range of the sensor.
+        Irradiance of every surface, as a share of the full range of the sensor.
     lamps
         Directional lights.
     point_lamps
-        Lights in the world.
+        Point lights.
     """
 
     ambient: float

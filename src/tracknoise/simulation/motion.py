@@ -1,9 +1,9 @@
-"""Camera paths through procedural worlds, one pose a frame.
+"""Camera paths through procedural worlds, one pose per frame.
 
-World frame: x east, y north, z up, metres. All paths but the quadrotor's and AR/VR's are free of roll. They stay in the
-clear lanes that `tracknoise.simulation.procedural` and `tracknoise.simulation.objects` leave:
-`tracknoise.simulation.places.PLACES` says which suits which. Image motion is typically 1 to 5 px a frame at 640x480 and
-60 degrees.
+World frame: x east, y north, z up, metres. All paths except those of the quadrotor and of AR/VR have no roll. They
+stay in the free space that `tracknoise.simulation.procedural` and `tracknoise.simulation.objects` leave.
+`tracknoise.simulation.places.PLACES` states which motion suits which world. Image motion is typically 1 to 5 px per
+frame at 640x480 and 60 degrees.
 """
 
 from collections.abc import Callable, Mapping
@@ -15,9 +15,9 @@ from scipy.spatial.transform import Rotation, Slerp
 
 EYE_HEIGHT_M = 1.6
 ORBIT_M = 6.0
-"""Distance of the fixating camera from its target, which stands above the origin."""
+"""Distance of the fixating camera from its target, which is above the origin."""
 LANE_X_M, LANE_SOUTH_M, LANE_NORTH_M = 10.0, -14.0, 160.0
-"""Where the forward camera drives."""
+"""Lane of the forward camera."""
 TRACK_HALF_M = 3.5
 """The sideways camera keeps within this distance of the plane x = 0."""
 
@@ -28,14 +28,14 @@ _SIDEWAYS_STEP_M = 0.03
 _LINEAR_STEP_M = 0.04
 _HOVER_HEIGHT_M = 2.5
 _HOVER_SWAY_M, _HOVER_SWAY_DEG = 0.05, 0.8
-_HOVER_PERIODS = np.array([67.0, 109.0, 181.0])  # frames; no two in a simple ratio, so that no swing repeats
+_HOVER_PERIODS = np.array([67.0, 109.0, 181.0])  # frames; no simple ratios, so that the motion does not repeat
 _ORBIT_STEP_DEG = 0.4
 _FORWARD_STEP_M = 0.1
 _HOME = np.array([0.0, -ORBIT_M, EYE_HEIGHT_M])
 _FRAMES_A_LEG = 70
 
 Motion = Callable[[int, np.random.Generator], NDArray[np.float64]]
-"""Takes a count of frames and a generator; gives (n, 4, 4) float64, world_from_camera."""
+"""Takes a number of frames and a random generator; returns (n, 4, 4) float64, world_from_camera."""
 
 
 def sideways(frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
@@ -44,9 +44,9 @@ def sideways(frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
     Parameters
     ----------
     frames
-        Count of frames.
+        Number of frames.
     rng
-        Decides by how little the path is shifted and its speed differs from that of other seeds.
+        Random generator of the small differences in position and speed.
 
     Returns
     -------
@@ -70,8 +70,8 @@ def sideways_left(frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
 def linear(frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """Fly a quadrotor to the right at constant speed past large objects, looking north; turn back at the end.
 
-    As a hovering quadrotor does, it sways: across its path by up to 5 cm, and about each axis by up to 0.8 degrees, as
-    the sum of three slow oscillations.
+    Like a hovering quadrotor, it sways: across its path by up to 5 cm, and about each axis by up to 0.8 degrees. The
+    sway is the sum of three slow oscillations.
     """
     step = _LINEAR_STEP_M * rng.uniform(0.9, 1.1)
     x = _back_and_forth(step, frames, 2.0 * LINEAR_HALF_M) - LINEAR_HALF_M
@@ -100,7 +100,7 @@ def forward(frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
 
 
 def arvr(frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Look around a scene from nearly one place, as with glasses on, coming to rest at each of many waypoints.
+    """Look around a scene from nearly one place, as a headset does, and stop at each of many waypoints.
 
     Between waypoints the position is eased by the haversine function, hav(a) = sin^2(a / 2), and the rotation follows
     by spherical linear interpolation at the same pace.
@@ -128,7 +128,7 @@ def _glances(chance: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def looking(centres: NDArray[np.float64], forwards: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Poses of upright cameras at given places that look in given directions.
+    """Poses of upright cameras at given positions, with given viewing directions.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def _sway(frames: int, count: int, rng: np.random.Generator) -> NDArray[np.float
 
 
 def _back_and_forth(step: float, frames: int, span: float) -> NDArray[np.float64]:
-    """Distance of each frame from the start of a track of given length, turning at its ends."""
+    """Position of each frame along a path of given length, with reversal at both ends."""
     travelled = step * np.arange(frames, dtype=np.float64)
     return span - np.abs(travelled % (2.0 * span) - span)
 

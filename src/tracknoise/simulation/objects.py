@@ -1,7 +1,7 @@
-"""A world of large objects in two rows: vehicles and the like, and buildings behind them.
+"""A world of large objects in two rows: vehicles in front, buildings behind.
 
 The camera stays south of the rows and looks north, on the paths ``linear``, ``arvr`` and ``sideways`` of
-`tracknoise.simulation.motion`. The objects are put together from boxes, or models in Gazebo's format.
+`tracknoise.simulation.motion`. The objects are built from boxes, or are models in Gazebo's format.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -20,8 +20,8 @@ from tracknoise.simulation.sdf.library import model_names
 from tracknoise.simulation.sdf.load import load_model
 from tracknoise.simulation.world import World
 
-_TALL_M = 4.5  # what is taller stands in the back row
-_LOWEST_M, _WIDEST_M = 0.3, 40.0  # of what counts as an object, and not as a carpet or a city
+_TALL_M = 4.5  # taller objects are placed in the back row
+_LOWEST_M, _WIDEST_M = 0.3, 40.0  # limits of an object: no ground planes and no cities
 _HORIZON_HALF_M, _HORIZON_Y_M = 80.0, (56.0, 68.0)
 _GROUND_X_M, _GROUND_Y_M = (-84.0, 84.0), (-20.0, 78.0)
 
@@ -30,7 +30,7 @@ _Textures = tuple[NDArray[np.float32], ...]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Object:
-    """Something about the origin that stands on the ground."""
+    """An object on the ground at the origin."""
 
     name: str
     world: World
@@ -38,7 +38,7 @@ class _Object:
 
 @dataclass(slots=True)
 class _Row:
-    """Objects side by side, from -half to half along x, the near sides of all between two y (metres)."""
+    """Objects in a row along x from -half to half; their near sides lie between two values of y (metres)."""
 
     half_m: float
     near_m: tuple[float, float]
@@ -51,7 +51,7 @@ class _Row:
         return self.filled_m < 2.0 * self.half_m
 
     def put(self, thing: _Object, rng: np.random.Generator) -> None:
-        """Stand an object beside the last one, turned by about a quarter, a half or three, or not at all."""
+        """Place an object next to the last one, rotated by about 0, 90, 180 or 270 degrees."""
         turn = np.eye(4)
         angle_deg = 90.0 * rng.integers(4) + rng.uniform(-8.0, 8.0)
         turn[:3, :3] = Rotation.from_euler("z", angle_deg, degrees=True).as_matrix()
@@ -70,14 +70,14 @@ def objects_world(rng: np.random.Generator, models: Path | None = None) -> Scene
     Parameters
     ----------
     rng
-        Decides all that differs between worlds.
+        Random generator of everything that differs between worlds.
     models
         Folder of Gazebo models to choose the objects from; objects made of boxes if None.
 
     Returns
     -------
     Scenery
-        Its notes name the models that are in it, and what of them is not shown as Gazebo would show it.
+        The notes name the models in it, and the differences from Gazebo's rendering.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def objects_world(rng: np.random.Generator, models: Path | None = None) -> Scene
     shelf = None if models is None else _Shelf(models, rng)
     objects = _rows((lambda: _boxes(textures, rng)) if shelf is None else shelf.one_of_each, rng)
     if shelf is not None and not objects:
-        raise DataError(shelf.folder, "; ".join(("no model that can be used", *shelf.remarks)), "models of objects")
+        raise DataError(shelf.folder, "; ".join(("no usable model", *shelf.remarks)), "models of objects")
     notes = () if shelf is None else (_used(objects, shelf.folder), *shelf.remarks)
     return Scenery(joined([stage, *(thing.world for thing in objects)]), notes)
 
@@ -100,7 +100,7 @@ def _used(objects: Sequence[_Object], folder: Path) -> str:
 
 
 def _rows(supply: Callable[[], Iterable[_Object]], rng: np.random.Generator) -> list[_Object]:
-    """Objects in their places, in two rows that are filled as far as the supply goes."""
+    """Objects at their positions, in two rows that are filled as far as there are objects."""
     front = _Row(half_m=24.0, near_m=(2.0, 4.5), gap_m=(1.5, 5.0))
     back = _Row(half_m=36.0, near_m=(13.0, 18.0), gap_m=(0.5, 3.0))
     placed = -1
@@ -116,14 +116,14 @@ def _rows(supply: Callable[[], Iterable[_Object]], rng: np.random.Generator) -> 
 
 
 class _Shelf:
-    """Models of a folder, each read when it is first taken down.
+    """Models of a folder, each read on first use.
 
     Parameters
     ----------
     folder
-        Gazebo models, each in a folder of its own.
+        Gazebo models, each in its own folder.
     rng
-        Decides the order in which they are taken down.
+        Random generator of the order.
     """
 
     def __init__(self, folder: Path, rng: np.random.Generator) -> None:
@@ -133,11 +133,11 @@ class _Shelf:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Which models are left out, and what of the others is not shown as Gazebo would show it."""
+        """The models that are left out, and the differences of the others from Gazebo's rendering."""
         return tuple(self._remarks)
 
     def one_of_each(self) -> Iterator[_Object]:
-        """Every model that can be used, once, in a new order."""
+        """Every usable model once, in a new random order."""
         for name in self._rng.permutation(self._names).tolist():
             if name not in self._read:
                 self._read[name] = self._take_down(name)
@@ -154,7 +154,9 @@ class _Shelf:
         self._remarks |= dict.fromkeys(scenery.notes)
         width, depth, height = np.ptp(scenery.world.vertices, axis=0)
         if height < _LOWEST_M or max(width, depth) > _WIDEST_M:
-            self._remarks[f"model {name} is left out: {width:.3g} x {depth:.3g} x {height:.3g} m is no object"] = None
+            self._remarks[
+                f"model {name} is left out: {width:.3g} x {depth:.3g} x {height:.3g} m is not the size of an object"
+            ] = None
             return None
         return scenery.world
 
@@ -175,7 +177,7 @@ def _vehicle(rng: np.random.Generator) -> Iterator[Quad]:
 
 
 def _building(rng: np.random.Generator) -> Iterator[Quad]:
-    """A main house, a lower wing beside it, and something on the roof."""
+    """A main house, a lower wing next to it, and a structure on the roof."""
     size, wing = rng.uniform((7.0, 6.0, 5.0), (14.0, 11.0, 14.0)), rng.uniform((2.0, 4.0, 2.5), (6.0, 8.0, 4.5))
     roof = rng.uniform((0.2, 0.2, 0.8), (0.6, 0.6, 2.5)) * (size[0], size[1], 1.0)
     yield from block(rng, (0.0, 0.0, size[2] / 2), size, repeat_m=8.0)
@@ -184,7 +186,7 @@ def _building(rng: np.random.Generator) -> Iterator[Quad]:
 
 
 def _horizon(rng: np.random.Generator) -> Iterator[Quad]:
-    """Tall houses far behind the rows, wall to wall."""
+    """Tall houses far behind the rows, without gaps."""
     x = -_HORIZON_HALF_M
     while x < _HORIZON_HALF_M:
         width, height, y = rng.uniform((9.0, 8.0, _HORIZON_Y_M[0]), (15.0, 24.0, _HORIZON_Y_M[1]))

@@ -12,16 +12,16 @@ _SUBTEXEL_BITS = 4
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """What a texture is made of.
+    """Recipe of a texture.
 
     Parameters
     ----------
     exponent
-        The amplitude spectrum falls as frequency to the power of minus this; 1 is typical of natural images.
+        The amplitude spectrum is frequency to the power of minus this value; 1 is typical of natural images.
     mean, contrast
         Mean and standard deviation of the natural part, reflectance.
     shapes
-        Count of crisp shapes.
+        Number of crisp shapes.
     """
 
     exponent: float
@@ -36,16 +36,16 @@ CLOUDS = Recipe(exponent=1.4, mean=0.75, contrast=0.1, shapes=0)
 
 
 def paint(recipe: Recipe, side: int, rng: np.random.Generator) -> NDArray[np.float32]:
-    """Make a texture that shows no seam where it repeats.
+    """Make a texture that repeats without visible seams.
 
     Parameters
     ----------
     recipe
-        What it is made of.
+        The recipe.
     side
         Texels, a power of two, at least 64.
     rng
-        Decides everything else.
+        Random generator of everything else.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def _glyph(size: int, rng: np.random.Generator) -> NDArray[np.float32]:
 
 
 def _checkers(size: int, rng: np.random.Generator) -> NDArray[np.float32]:
-    """Every other square of a board of two to six squares a side."""
+    """A checkerboard with two to six squares per side."""
     index = np.arange(size) * int(rng.integers(2, 7)) // size
     return ((index[:, None] + index) % 2).astype(np.float32)
 

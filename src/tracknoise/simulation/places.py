@@ -1,4 +1,4 @@
-"""Worlds by name, and the motions that keep clear of what stands in them."""
+"""Worlds by name, and the motions that do not collide with their objects."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -19,11 +19,11 @@ class Place:
     Parameters
     ----------
     build
-        Makes one from a generator and, where it takes models, their folder or None.
+        Builds a world from a random generator and, if `takes_models`, a folder of models or None.
     motions
-        Names in `tracknoise.simulation.motion.MOTIONS` of the paths that are clear of surfaces.
+        Names in `tracknoise.simulation.motion.MOTIONS` of paths without collisions.
     takes_models
-        Whether Gazebo models can stand in it.
+        Whether it can contain Gazebo models.
     """
 
     build: Callable[[np.random.Generator, Path | None], Scenery]

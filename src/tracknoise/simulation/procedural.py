@@ -1,7 +1,7 @@
-"""A world from a seed, with surfaces at all depths from 2 m to 300 m.
+"""A world from a random seed, with surfaces at all depths from 2 m to 300 m.
 
-A plaza with boxes lies around the origin, a street of buildings leads north from its eastern half, panels fence both
-in, and a box of clouds stands far behind all. Every path of `tracknoise.simulation.motion` is clear of surfaces.
+A plaza with boxes is around the origin. A street of buildings leads north from its eastern half. Panels surround both,
+and a box of clouds is far behind them. No path of `tracknoise.simulation.motion` touches a surface.
 """
 
 from collections.abc import Iterator
@@ -24,7 +24,7 @@ def procedural_world(rng: np.random.Generator) -> World:
     Parameters
     ----------
     rng
-        Decides all that differs between worlds.
+        Random generator of everything that differs between worlds.
     """
     textures = paint_textures(rng)
     slabs = ground(rng, (_WEST - 14.0, _EAST + 14.0), (_SOUTH - 14.0, _NORTH + 14.0))
@@ -33,7 +33,7 @@ def procedural_world(rng: np.random.Generator) -> World:
 
 
 def _fence(rng: np.random.Generator) -> Iterator[Quad]:
-    """Tall panels around everything, some farther out than others."""
+    """Tall panels around everything, at different distances."""
     corners = np.array([[_WEST, _SOUTH], [_WEST, _NORTH], [_EAST, _NORTH], [_EAST, _SOUTH]])
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         length = float(np.linalg.norm(end - start))
@@ -61,7 +61,7 @@ def _street(rng: np.random.Generator) -> Iterator[Quad]:
 
 
 def _centre(rng: np.random.Generator) -> Iterator[Quad]:
-    """A heap of boxes on the plaza, and tilted ones that hang above it."""
+    """A heap of boxes on the plaza, and tilted boxes above it."""
     reach = ORBIT_M - _ORBIT_CLEARANCE_M
     for _ in range(9):
         size = rng.uniform((0.5, 0.5, 0.5), (1.4, 1.4, 2.2))
@@ -74,7 +74,7 @@ def _centre(rng: np.random.Generator) -> Iterator[Quad]:
 
 
 def _surroundings(rng: np.random.Generator) -> Iterator[Quad]:
-    """Boxes around the plaza, clear of the lane."""
+    """Boxes around the plaza, outside the lane."""
     placed = 0
     while placed < 36:
         x, y = _polar(rng.uniform(ORBIT_M + _ORBIT_CLEARANCE_M + 1.2, 20.0), rng)

@@ -1,4 +1,4 @@
-"""Flat rectangles with textures, from which worlds are put together."""
+"""Flat rectangles with textures, from which worlds are built."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -12,16 +12,16 @@ from tracknoise.simulation.world import World
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Quad:
-    """A rectangle or parallelogram as one who faces its front sees it.
+    """A rectangle or parallelogram, described as seen from its front.
 
     Parameters
     ----------
     corner
         (3,) float64, upper left corner, metres, world frame.
     right, down
-        (3,) float64, the upper and the left edge from there, metres.
+        (3,) float64, upper and left edge from that corner, metres.
     texture
-        Which texture it wears.
+        Index of the texture.
     repeat_m
         Size of one repeat of the texture, metres.
     start
@@ -39,7 +39,7 @@ class Quad:
     blocks_light: bool = True
 
     def dressed(self, texture: int, *, repeat_m: float, start: tuple[float, float]) -> "Quad":
-        """The same rectangle in another texture."""
+        """The same rectangle with another texture."""
         return replace(self, texture=texture, repeat_m=repeat_m, start=start)
 
     def reversed(self) -> "Quad":
@@ -47,11 +47,11 @@ class Quad:
         return replace(self, corner=self.corner + self.right, right=-self.right)
 
     def turned(self) -> "Quad":
-        """The same rectangle with its texture turned by a quarter, clockwise."""
+        """The same rectangle with its texture rotated by 90 degrees clockwise."""
         return replace(self, corner=self.corner + self.right, right=self.down, down=-self.right)
 
     def pieces(self, count: int) -> "Iterator[Quad]":
-        """The same rectangle, texture and all, cut into `count` pieces along each side."""
+        """The same rectangle with its texture, cut into `count` pieces along each side."""
         right, down = self.right / count, self.down / count
         columns, rows = (np.linalg.norm([right, down], axis=1) / self.repeat_m).tolist()
         for row in range(count):
@@ -75,7 +75,7 @@ class Quad:
 
 
 def box(centre: NDArray[np.float64], half_m: NDArray[np.float64], rotation: Rotation) -> Iterator[Quad]:
-    """The six faces of a box, facing out; the upright ones have their textures upright.
+    """The six faces of a box, facing out. Textures of vertical faces are upright.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def box(centre: NDArray[np.float64], half_m: NDArray[np.float64], rotation: Rota
     half_m
         (3,) float64, half of its size along its own axes.
     rotation
-        From its own axes to the world's.
+        From the axes of the box to those of the world.
     """
     x, y, z = np.diag(half_m)
     for outward, right, down in ((-y, x, -z), (y, -x, -z), (x, y, -z), (-x, -y, -z), (z, x, -y), (-z, x, y)):
@@ -93,14 +93,14 @@ def box(centre: NDArray[np.float64], half_m: NDArray[np.float64], rotation: Rota
 
 
 def assemble(quads: Sequence[Quad], textures: tuple[NDArray[np.float32], ...]) -> World:
-    """Put quads together: each becomes two triangles.
+    """Build a world from quads: each becomes two triangles.
 
     Parameters
     ----------
     quads
         In any order.
     textures
-        As `tracknoise.simulation.world.World` takes them.
+        As in `tracknoise.simulation.world.World`.
     """
     halves = np.array([[0, 1, 2], [0, 2, 3]])
     faces = (4 * np.arange(len(quads))[:, None, None] + halves).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""Rays and the first surface they meet: which triangle from Embree, where exactly from its plane in float64."""
+"""Ray casting: Embree finds the first triangle, and its plane in float64 gives the exact point."""
 
 from functools import cached_property
 
@@ -17,13 +17,13 @@ MISS = -1
 class Raycaster:
     """Casts rays into a world.
 
-    Embree works in float32, which is good enough to tell which triangle a ray meets first, but not where: a hit
-    point on a large triangle is off by up to a millimetre. Points therefore come from the triangle's plane.
+    Embree works in float32. That is precise enough to find the first triangle, but not the point: on a large triangle
+    it is off by up to 1 mm. Points are therefore computed from the plane of the triangle.
 
     Parameters
     ----------
     world
-        What the rays meet.
+        The world to cast into.
     """
 
     def __init__(self, world: World) -> None:
@@ -34,7 +34,7 @@ class Raycaster:
         self._scene = _embree(self._corners)
 
     def first_triangle(self, origin: NDArray[np.float64], directions: NDArray[np.float32]) -> NDArray[np.int32]:
-        """Which triangle each ray meets first.
+        """First triangle that each ray hits.
 
         Parameters
         ----------
@@ -46,7 +46,7 @@ class Raycaster:
         Returns
         -------
         (n,) int32
-            `MISS` where a ray meets none.
+            Index of the triangle; `MISS` if a ray hits nothing.
         """
         start = np.broadcast_to(origin.astype(np.float32), directions.shape)
         triangles: NDArray[np.int32] = self._scene.run(start, directions, query="INTERSECT")
@@ -55,7 +55,7 @@ class Raycaster:
     def distances(
         self, origin: NDArray[np.float64], directions: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """How far along its direction each ray first meets a surface.
+        """Distance along each ray to the first surface.
 
         Parameters
         ----------
@@ -67,8 +67,8 @@ class Raycaster:
         Returns
         -------
         distance : (n,) float64
-            In lengths of the direction, exact but for the last bits: directions of depth 1 give depths in metres.
-            0 where nothing is met.
+            In lengths of the direction, exact except for rounding. Directions of depth 1 give depths in metres. 0 if
+            nothing is hit.
         hit : (n,) bool
         """
         triangle = self.first_triangle(origin, directions.astype(np.float32))
@@ -81,7 +81,7 @@ class Raycaster:
     def lit(
         self, points: NDArray[np.float64], towards_light: NDArray[np.float64], *, lift_m: float = 1e-3
     ) -> NDArray[np.bool_]:
-        """Whether nothing stands between points and a light infinitely far away.
+        """Whether points are lit by a light at infinity.
 
         Parameters
         ----------
@@ -90,7 +90,7 @@ class Raycaster:
         towards_light
             (3,) float64, unit direction to the light.
         lift_m
-            By how far rays start off the surface, so that it does not shade itself.
+            Distance of the ray origins from the surface, so that it does not shade itself.
 
         Returns
         -------
@@ -114,9 +114,9 @@ def surface_points(
     Parameters
     ----------
     raycaster
-        Of the world that is seen.
+        Ray caster of the world.
     camera
-        Through which the pixels are seen.
+        Camera of the pixels.
     world_from_camera
         (4, 4) float64.
     uv
@@ -125,7 +125,7 @@ def surface_points(
     Returns
     -------
     points_world : (n, 3) float64
-        Metres; the camera's own position where nothing is hit.
+        Metres; the position of the camera where nothing is hit.
     hit : (n,) bool
     """
     directions, depth_m, hit = _cast(raycaster, camera, world_from_camera, uv)
@@ -138,9 +138,9 @@ def depth_map(raycaster: Raycaster, camera: Camera, world_from_camera: NDArray[n
     Parameters
     ----------
     raycaster
-        Of the world that is seen.
+        Ray caster of the world.
     camera
-        That sees it.
+        The camera.
     world_from_camera
         (4, 4) float64.
     """
@@ -152,7 +152,7 @@ def depth_map(raycaster: Raycaster, camera: Camera, world_from_camera: NDArray[n
 
 
 def _embree(corners: NDArray[np.float32]) -> EmbreeScene:
-    """A scene whose triangles let no ray slip through between them."""
+    """An Embree scene in which no ray passes between adjacent triangles."""
     scene = EmbreeScene(robust=True)
     TriangleMesh(scene, corners)
     return scene

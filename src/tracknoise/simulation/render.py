@@ -12,30 +12,30 @@ from tracknoise.simulation.raycast import MISS, Raycaster
 from tracknoise.simulation.texture import Atlas
 from tracknoise.simulation.world import World, texture_gradients
 
-_RAYS_AT_ONCE = 16384  # so that what is worked on stays in the processor's cache
+_RAYS_AT_ONCE = 16384  # so that the working set stays in the processor's cache
 _SKY = np.float32(0.8)
 _TINY = 1e-300
 _SHADOW_TOLERANCE = 1e-3
-"""How much shorter than to the point the way from a lamp may be to count as reaching it, no unit."""
+"""Relative tolerance of the distance from a lamp to a point that counts as lit, no unit."""
 
 _Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Quality:
-    """How carefully an image is rendered.
+    """Rendering quality.
 
     Parameters
     ----------
     supersampling
-        Rays along each side of a pixel; the pixel is their mean.
+        Rays along each side of a pixel. The pixel is their mean.
     shadows
         Whether surfaces block the lamps.
 
     Raises
     ------
     ValueError
-        If there is not at least one ray.
+        If `supersampling` is less than 1.
     """
 
     supersampling: int = 2
@@ -48,33 +48,31 @@ class Quality:
 
 @dataclass(frozen=True, slots=True)
 class _View:
-    """A world as one pose sees it: what shading needs to know of each triangle.
+    """A world seen from one pose: the values that shading needs for each triangle.
 
     A point on a triangle's plane is seen at bearing p = (x, y, 1) where its texture coordinates are the ratios
     (rows[0] . p) / (rows[2] . p) and (rows[1] . p) / (rows[2] . p).
     """
 
     world_from_camera: NDArray[np.float64]  # (4, 4)
-    rows: NDArray[
-        np.float64
-    ]  # (t + 1, 9), the 3x3 matrix of each triangle; last, for rays that meet none, a harmless one
+    rows: NDArray[np.float64]  # (t + 1, 9), the 3x3 matrix of each triangle; the last is for rays that hit nothing
     ahead: NDArray[np.float64]  # (t,) rows[2] . p times depth
-    light: NDArray[np.float32]  # (lamps, t) irradiance of the side that is seen
-    height_m: NDArray[np.float64]  # (point lamps, t) how high each stands above the triangle's plane, on that side
+    light: NDArray[np.float32]  # (lamps, t) irradiance of the visible side
+    height_m: NDArray[np.float64]  # (point lamps, t) height of each above the triangle's plane, on that side
 
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
     """What rays see."""
 
-    triangle: NDArray[np.intp]  # (n,) of a ray that meets none, whatever is last
+    triangle: NDArray[np.intp]  # (n,) for a ray that hits nothing, the last index
     points: NDArray[np.float64]  # (n, 3)
     reflectance: NDArray[np.float32]  # (n,)
     missed: NDArray[np.bool_]  # (n,)
 
 
 _Lights = Callable[[_View, _Seen], Iterable[NDArray[np.float32]]]
-"""Gives the irradiance of what is seen in each of several lights, (n,) float32 each."""
+"""Returns the irradiance of the visible points for each of several lights, (n,) float32 each."""
 
 
 class Renderer:
@@ -83,15 +81,15 @@ class Renderer:
     Parameters
     ----------
     world
-        What is seen.
+        The world to render.
     raycaster
-        Of the same world.
+        Ray caster of the same world.
     camera
-        Through what; without distortion.
+        The camera; it must have no distortion.
     lighting
-        In which light.
+        The light.
     quality
-        How carefully.
+        The rendering quality.
 
     Raises
     ------
@@ -103,7 +101,7 @@ class Renderer:
         self, world: World, raycaster: Raycaster, *, camera: Camera, lighting: Lighting, quality: Quality
     ) -> None:
         if camera.distortion:
-            raise ValueError("the renderer knows no lens distortion")
+            raise ValueError("the renderer does not support lens distortion")
         self._raycaster, self._camera, self._lighting, self._quality = raycaster, camera, lighting, quality
         self._atlas = Atlas(world.textures)
         self._texture = world.texture
@@ -115,7 +113,7 @@ class Renderer:
         self._side = self._atlas.side(world.texture)
 
     def image(self, world_from_camera: NDArray[np.float64]) -> NDArray[np.float32]:
-        """What the sensor would measure without noise.
+        """Irradiance at the sensor, without noise.
 
         Parameters
         ----------
@@ -131,7 +129,7 @@ class Renderer:
         return image
 
     def images_by_lamp(self, world_from_camera: NDArray[np.float64]) -> list[NDArray[np.float32]]:
-        """What the sensor would measure if each point lamp shone alone, in the ambient light; the rays are cast once.
+        """Irradiance at the sensor for each point lamp alone, plus ambient light. Rays are cast once.
 
         Parameters
         ----------
@@ -141,7 +139,7 @@ class Renderer:
         Returns
         -------
         list of (height, width) float32
-            One a point lamp, as of `image`.
+            One per point lamp, in the units of `image`.
         """
         ambient = np.float32(self._lighting.ambient)
         lamps = range(len(self._lighting.point_lamps))
@@ -150,7 +148,7 @@ class Renderer:
         )
 
     def _render(self, world_from_camera: NDArray[np.float64], lights: _Lights) -> list[NDArray[np.float32]]:
-        """(height, width) float32 each: what is seen in each of several lights."""
+        """(height, width) float32 each: one image per light."""
         view = self._view(world_from_camera)
         step = max(_RAYS_AT_ONCE // self._x.size, 1)
         bands = []
@@ -179,14 +177,14 @@ class Renderer:
         )
 
     def _heights(self, seen_side: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(point lamps, t) float64: how high each lamp stands above each triangle's plane, metres."""
+        """(point lamps, t) float64: height of each lamp above each triangle's plane, metres."""
         positions = np.array([lamp.position_m for lamp in self._lighting.point_lamps]).reshape(-1, 3)
         above = np.einsum("li,ti->lt", positions, self._raycaster.normals) - self._raycaster.plane_offsets
         heights: NDArray[np.float64] = above * seen_side
         return heights
 
     def _look(self, view: _View, x: NDArray[np.float64], y: NDArray[np.float64]) -> _Seen:
-        """What is seen along the bearings (x, y, 1)."""
+        """Visible points along the bearings (x, y, 1)."""
         directions = _rotate(view.world_from_camera, x, y)
         centre = view.world_from_camera[:3, 3]
         found = self._raycaster.first_triangle(centre, directions.astype(np.float32))
@@ -198,7 +196,7 @@ class Renderer:
     def _locate(
         self, view: _View, triangle: NDArray[np.intp], x: NDArray[np.float64], y: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float32]]:
-        """Texture coordinates, depth and footprint (texels) of what is seen along the bearings (x, y, 1)."""
+        """Texture coordinates, depth and footprint (texels) of the visible points along the bearings (x, y, 1)."""
         a, b, c, d, e, f, g, h, i = view.rows.take(triangle, axis=0).T
         shrink = 1.0 / (g * x + h * y + i)
         s, t = (a * x + b * y + c) * shrink, (d * x + e * y + f) * shrink
@@ -210,10 +208,10 @@ class Renderer:
     def _footprint(
         self, right: tuple[_Floats, _Floats], down: tuple[_Floats, _Floats], side: NDArray[np.int64]
     ) -> NDArray[np.float32]:
-        """How many texels one ray stands for, given the steps in the texture that a pixel to the right, or down, makes.
+        """Number of texels per ray, from the steps in the texture that one pixel to the right, or down, makes.
 
-        A pixel's n^2 rays lie 1/n px apart; but along one direction, such as that in which a slanted surface is
-        foreshortened, their projections lie only 1/n^2 px apart, and so the texture need not be blurred as much.
+        The n^2 rays of a pixel are 1/n px apart. Along a single direction, such as that of foreshortening on a slanted
+        surface, their projections are only 1/n^2 px apart. The texture therefore needs less blur.
         """
         n = self._quality.supersampling
         longer = np.sqrt(np.maximum(right[0] ** 2 + right[1] ** 2, down[0] ** 2 + down[1] ** 2))
@@ -221,7 +219,7 @@ class Renderer:
         return (np.maximum(longer / n**2, shorter / n) * side).astype(np.float32)
 
     def _light(self, view: _View, seen: _Seen) -> NDArray[np.float32]:
-        """Irradiance of what is seen, from all lamps."""
+        """Irradiance of the visible points from all lamps."""
         lighting = self._lighting
         if self._quality.shadows:
             total = np.full(len(seen.triangle), lighting.ambient, np.float32)
@@ -234,7 +232,7 @@ class Renderer:
         return total
 
     def _from_lamp(self, view: _View, seen: _Seen, index: int) -> NDArray[np.float32]:
-        """Irradiance of what is seen, from one point lamp."""
+        """Irradiance of the visible points from one point lamp."""
         lamp = self._lighting.point_lamps[index]
         light = lamp.irradiance(seen.points, view.height_m[index, seen.triangle]).astype(np.float32)
         if self._quality.shadows:
@@ -242,17 +240,17 @@ class Renderer:
         return light
 
     def _reached(self, lamp: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether the first surface on the way from a lamp to each point is the one that the point lies on."""
+        """Whether the first surface on the line from a lamp to each point is the surface of the point."""
         share, _ = self._raycaster.distances(lamp, points - lamp)
         reached: NDArray[np.bool_] = share > 1.0 - _SHADOW_TOLERANCE
         return reached
 
 
 def sample_offsets(supersampling: int) -> NDArray[np.float64]:
-    """Where in a pixel its rays go through.
+    """Positions of the rays within a pixel.
 
-    One in each cell of an n x n grid, shifted within it so that no two rays share a row or column: an edge along the
-    image's axes then has n^2 shades instead of n. The pattern is point-symmetric about the pixel's centre.
+    One ray per cell of an n x n grid, shifted so that no two rays share a row or column. An edge along the image axes
+    then has n^2 shades instead of n. The pattern is point-symmetric about the centre of the pixel.
 
     Parameters
     ----------
@@ -262,7 +260,7 @@ def sample_offsets(supersampling: int) -> NDArray[np.float64]:
     Returns
     -------
     (n * n, 2) float64
-        Right and down from the pixel's centre, px.
+        Right and down from the centre of the pixel, px.
     """
     n = supersampling
     column, row = np.indices((n, n)).reshape(2, -1)

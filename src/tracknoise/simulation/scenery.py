@@ -1,4 +1,4 @@
-"""Worlds with what there is to say of them, moved and put together."""
+"""Worlds with notes: move and merge them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,14 +12,14 @@ from tracknoise.simulation.world import World
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scenery:
-    """A world and what there is to say of it.
+    """A world with notes.
 
     Parameters
     ----------
     world
-        What is seen.
+        The world.
     notes
-        What was left out, replaced or used, one sentence each.
+        Things that were left out, replaced or used, one sentence each.
     """
 
     world: World
@@ -27,20 +27,20 @@ class Scenery:
 
 
 def moved(world: World, pose: NDArray[np.float64]) -> World:
-    """The same world elsewhere.
+    """Move a world.
 
     Parameters
     ----------
     world
-        Any.
+        The world to move.
     pose
-        (4, 4) float64, rigid, from where it is to where it shall be.
+        (4, 4) float64, rigid, from the old to the new position.
     """
     return replace(world, vertices=transform(pose, world.vertices))
 
 
 def joined(worlds: Sequence[World]) -> World:
-    """Several worlds as one; textures that they share are kept once.
+    """Merge worlds. Textures that they share are kept once.
 
     Parameters
     ----------

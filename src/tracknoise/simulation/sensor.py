@@ -5,16 +5,16 @@ from numpy.typing import NDArray
 
 
 def expose(irradiance: NDArray[np.float32], noise_sigma: float, rng: np.random.Generator) -> NDArray[np.uint8]:
-    """What the sensor delivers.
+    """Image that the sensor delivers.
 
     Parameters
     ----------
     irradiance
         (height, width) float32, 1 is the sensor's full range.
     noise_sigma
-        Standard deviation of its Gaussian noise, grey levels.
+        Standard deviation of the Gaussian sensor noise, grey levels.
     rng
-        Draws the noise.
+        Random generator of the noise.
 
     Returns
     -------

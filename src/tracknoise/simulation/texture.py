@@ -1,6 +1,6 @@
-"""Filtered look-up of textures: mip pyramids, read trilinearly.
+"""Filtered texture lookup: mip pyramids with trilinear interpolation.
 
-OpenCV's remap rounds positions to 1/32 px, which would show as tracker error; this reads exact positions.
+OpenCV's remap rounds positions to 1/32 px, which would appear as tracker error. This lookup uses exact positions.
 """
 
 from collections.abc import Iterator
@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 
 class Atlas:
-    """The mip pyramids of several textures in one flat array, so that any mix of them is read in one go.
+    """The mip pyramids of several textures in one flat array, so that one lookup can read several textures.
 
     Parameters
     ----------
     textures
-        (side, side) float32 each, side a power of two. They repeat without end.
+        (side, side) float32 each, side a power of two. They repeat infinitely.
     """
 
     def __init__(self, textures: tuple[NDArray[np.float32], ...]) -> None:
@@ -29,28 +29,28 @@ class Atlas:
         self._texels = np.concatenate([level.ravel() for levels in pyramids for level in levels])
 
     def side(self, texture: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Sides of textures, in texels."""
+        """Side of each texture, texels."""
         sides: NDArray[np.int64] = 1 << self._depth[texture]
         return sides
 
     def read(
         self, texture: NDArray[np.int64], s: NDArray[np.float64], t: NDArray[np.float64], footprint: NDArray[np.float32]
     ) -> NDArray[np.float32]:
-        """Texture values at positions, each averaged over about its footprint.
+        """Texture values at positions, each averaged approximately over its footprint.
 
         Parameters
         ----------
         texture
-            (n,) int64, which texture.
+            (n,) int64, index of the texture.
         s, t
             (n,) float64, column and row in repeats of the texture.
         footprint
-            (n,) float32, width of the area that is seen, texels of the finest level.
+            (n,) float32, width of the visible area, texels of the finest level.
 
         Returns
         -------
         (n,) float32
-            In the textures' own unit.
+            In the unit of the textures.
         """
         coarsest = self._depth[texture]
         level = np.minimum(np.log2(np.maximum(footprint, np.float32(1.0))), coarsest.astype(np.float32))
@@ -80,12 +80,12 @@ class Atlas:
 
 
 def _within_repeat(coordinate: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Coordinate within one repeat; whole repeats are taken off before float32 would lose digits to them."""
+    """Coordinate within one repeat. Whole repeats are subtracted in float64, so that float32 keeps its precision."""
     return (coordinate - np.floor(coordinate)).astype(np.float32)
 
 
 def _split(coordinate: NDArray[np.float32], scale: NDArray[np.float32]) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
-    """Index of the texel centre at or before a coordinate (-1 before the first), and the way on to the next."""
+    """Index of the texel centre at or before a coordinate (-1 before the first), and the fraction to the next."""
     texel = coordinate * scale
     texel -= np.float32(0.5)
     index = np.floor(texel)

@@ -1,4 +1,4 @@
-"""What is rendered: triangles with textures.
+"""The world that is rendered: triangles with textures.
 
 World frame: x east, y north, z up, metres. Textures hold reflectance, 0 (black) to 1 (white).
 """
@@ -23,11 +23,11 @@ class World:
         (t, 3, 2) float64, texture coordinates of each triangle's corners, in repeats of the texture:
         column / side and row / side, where whole numbers are borders between texels, row 0 first.
     texture
-        (t,) int64, which texture each triangle wears.
+        (t,) int64, index of each triangle's texture.
     textures
-        (side, side) float32 each, reflectance, side a power of two. They repeat without end.
+        (side, side) float32 each, reflectance, side a power of two. They repeat infinitely.
     blocks_light
-        (t,) bool, which triangles cast shadows; a sky that encloses the world must not.
+        (t,) bool, whether a triangle casts shadows; a sky that encloses the world must not.
 
     Raises
     ------
@@ -72,7 +72,7 @@ class World:
 
 
 def texture_gradients(world: World) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """How texture coordinates follow from points: ``uv = gradient @ p_world + offset`` on each triangle.
+    """Affine map from points to texture coordinates: ``uv = gradient @ p_world + offset`` on each triangle.
 
     Returns
     -------

@@ -74,7 +74,7 @@ def read_parquet(path: Path, columns: schema.Schema, sha256: str | None) -> pl.D
     try:
         content = path.read_bytes()
         if sha256 not in (None, hashlib.sha256(content).hexdigest()):
-            raise StoreError(f"{path}: damaged (not what was written), expected a table of the run; {_REMEDY}")
+            raise StoreError(f"{path}: damaged (checksum mismatch), expected a table of the run; {_REMEDY}")
         table = pl.read_parquet(io.BytesIO(content))
     except FileNotFoundError as error:
         raise StoreError(f"{path}: missing, expected a table of the run; {_REMEDY}") from error

@@ -63,7 +63,7 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "dependence": findings_schema.DEPENDENCE,
     "findings": findings_schema.FINDINGS,
 }
-"""Tables of the whole run that rest on the others; they are empty in a run in which nobody computed them."""
+"""Tables of the whole run that rest on the others; they are empty if they were not computed."""
 _RUN_TABLES: Mapping[str, schema.Schema] = {**STATISTICS_TABLES, **FINDINGS_TABLES}
 
 
@@ -91,7 +91,7 @@ class RunFolder:
         return (self.path / _MANIFEST).is_file()
 
     @property
-    def is_stillborn(self) -> bool:
+    def is_unstarted(self) -> bool:
         """Whether the run here was killed before its settings were written, or after they were removed."""
         return self.exists and not (self.path / _SETTINGS).exists() and not self.manifest().sequences
 
@@ -275,7 +275,7 @@ class RunFolder:
             If the run is not finished, or the file is missing or damaged, or has other columns.
         """
         if not (self.path / "statistics").is_dir():
-            raise StoreError(f"{self.path}: holds no finished run, expected one: `tracknoise run` goes on with it")
+            raise StoreError(f"{self.path}: holds no finished run, expected one; `tracknoise run` resumes it")
         hashes = self.manifest().statistics
         if name in FINDINGS_TABLES and name not in hashes:
             return schema.empty(FINDINGS_TABLES[name])
@@ -292,7 +292,7 @@ class RunFolder:
         write_atomically(self.path / "statistics" / "findings.json", document.encode())
 
     def write_failures(self, failures: Mapping[str, FailureEntry]) -> None:
-        """Write ``failures.jsonl``, a line a sequence that could not be measured; remove it when there is none.
+        """Write ``failures.jsonl``, one line per failed sequence; remove the file if there is none.
 
         Raises
         ------

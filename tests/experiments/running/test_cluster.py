@@ -89,7 +89,7 @@ def test_a_local_worker_that_is_killed(long_scenes, tmp_path, told, files):
     assert outcome.failures == {}
     assert files(run) == files(whole)
     (retried,) = [text for text in listener.told.remarks if not text.startswith("dashboard")]
-    assert "the worker died while measuring it (killed, or out of memory); it is tried again" in retried
+    assert "the worker died while measuring it (killed, or out of memory); retrying" in retried
     assert spawned() == []
 
 

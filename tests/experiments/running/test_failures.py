@@ -51,7 +51,7 @@ def out_of_memory_in_opencv() -> BaseException:
         (out_of_memory_in_opencv(), FailureKind.transient),
     ],
 )
-def test_what_may_pass_is_told_from_what_lasts(error, kind):
+def test_transient_and_permanent_failures_are_distinguished(error, kind):
     assert diagnose(error).kind is kind
 
 
@@ -127,12 +127,12 @@ def test_a_corrupt_image_in_one_scene_of_five(experiment_file, tmp_path, capsys)
     image.write_bytes(whole)
     code, stderr = run()
     assert code == 0
-    assert "measured already: 4; to go: 1" in stderr
+    assert "resuming: 4 of 5 sequences already measured" in stderr
     assert [row.split(":")[0] for row in stderr.splitlines() if row.startswith("measured seq")] == [f"measured {THREE}"]
     assert not (tmp_path / "run" / "failures.jsonl").exists()
 
 
-def test_a_batch_that_fails_is_told_once_and_recorded_for_each_sequence(experiment_file, tmp_path, capsys, monkeypatch):
+def test_a_failed_batch_is_reported_once_and_recorded_for_each_sequence(experiment_file, tmp_path, capsys, monkeypatch):
     path = experiment_file(6)
     image = tmp_path / "data" / "seq-02" / "frame-000002.color.png"
     image.write_bytes(image.read_bytes()[:-20])

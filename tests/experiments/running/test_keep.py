@@ -121,7 +121,9 @@ def test_what_was_found_before_is_gone_when_other_questions_are_interrupted(scen
     experiment, run = scenes(2), RunFolder(tmp_path / "run")
     execute(experiment, run, listener=told())
     (run.path / "report").mkdir()
-    monkeypatch.setattr("tracknoise.experiments.running.execute.compute_findings", lambda *_: pytest.fail("interrupted"))
+    monkeypatch.setattr(
+        "tracknoise.experiments.running.execute.compute_findings", lambda *_: pytest.fail("interrupted")
+    )
     with pytest.raises(pytest.fail.Exception):
         execute(experiment.with_findings(FindingsSettings(margin=0.5)), run, listener=told())
     assert run.statistics("findings").is_empty()

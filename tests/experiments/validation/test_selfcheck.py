@@ -1,4 +1,4 @@
-"""The check of the instrument: silent while the instrument is right, and not fooled when it is wrong."""
+"""The self-test passes for a correct program, and fails for each defect that is put in."""
 
 import shutil
 
@@ -49,10 +49,10 @@ def off(comparison: pl.DataFrame) -> set[tuple[str, str]]:
     return set(comparison.filter("off").select("setting", "statistic").iter_rows())
 
 
-def test_a_right_instrument_passes(clean):
+def test_a_correct_program_passes(clean):
     verdict = judge(clean)
     assert off(clean) == set()
-    assert verdict.is_right
+    assert verdict.passes
     assert verdict.n_numbers == clean.height
     assert verdict.n_within >= verdict.n_least > 0.75 * verdict.n_intervals
 
@@ -61,22 +61,22 @@ def test_every_setting_and_speed_is_compared_in_every_way(clean):
     assert clean["setting"].unique(maintain_order=True).to_list() == SETTINGS
     numbers = clean.select("setting", "speed", "statistic", "coordinate", "at")
     assert numbers.n_unique() == numbers.height == N_NUMBERS == len(SETTINGS) * 2 * (2 * (2 + 2 + 3) + 2 + 1 + 2)
-    assert clean["came_back"].is_finite().all()
+    assert clean["measured"].is_finite().all()
     assert clean.filter(pl.col("within").is_null())["statistic"].unique().to_list() == ["loss_ratio"]
 
 
-def test_what_went_in_is_what_the_settings_say(clean):
-    def went_in(setting, statistic, coordinate, at, speed=2):
+def test_expected_values_are_those_of_the_settings(clean):
+    def expected(setting, statistic, coordinate, at, speed=2):
         keys = {"setting": setting, "statistic": statistic, "speed": speed, "at": at, "coordinate": coordinate}
         same = [pl.col(name).eq_missing(value) for name, value in keys.items()]
-        return clean.filter(same)["went_in"].item()
+        return clean.filter(same)["expected"].item()
 
-    assert went_in("drift", "nu", "u", 12) == pytest.approx(0.6)
-    assert went_in("drift", "nu", "v", 12) == pytest.approx(-0.36)
-    assert went_in("bias", "Phi", "uv", 4) == pytest.approx(-0.08, rel=0.01)
-    assert went_in("anisotropic", "Phi", "uv", 4) == pytest.approx(-0.18, rel=0.01)
-    assert went_in("losses", "survival", None, 6) == pytest.approx(0.83**6)
-    assert went_in("white noise", "eta", "u", 4) == pytest.approx(0.5 * np.sqrt(2 / np.pi))
+    assert expected("drift", "nu", "u", 12) == pytest.approx(0.6)
+    assert expected("drift", "nu", "v", 12) == pytest.approx(-0.36)
+    assert expected("bias", "Phi", "uv", 4) == pytest.approx(-0.08, rel=0.01)
+    assert expected("anisotropic", "Phi", "uv", 4) == pytest.approx(-0.18, rel=0.01)
+    assert expected("losses", "survival", None, 6) == pytest.approx(0.83**6)
+    assert expected("white noise", "eta", "u", 4) == pytest.approx(0.5 * np.sqrt(2 / np.pi))
 
 
 def test_half_a_pixel_in_the_truth_is_noticed(check, monkeypatch):
@@ -90,7 +90,7 @@ def test_half_a_pixel_in_the_truth_is_noticed(check, monkeypatch):
     found = check(1)
     assert {(setting, "nu") for setting in SETTINGS} <= off(found)
     assert not {"survival", "mean_lifetime", "outlier_ratio", "loss_ratio"} & {name for _, name in off(found)}
-    assert not judge(found).is_right
+    assert not judge(found).passes
 
 
 def test_a_drift_of_the_wrong_sign_is_noticed(check, monkeypatch):
@@ -98,7 +98,7 @@ def test_a_drift_of_the_wrong_sign_is_noticed(check, monkeypatch):
     monkeypatch.setattr(OracleTracker, "_errors", lambda self, age: right(self, -age))
     found = check(1)
     assert {setting for setting, _ in off(found)} == {"drift"}
-    assert not judge(found).is_right
+    assert not judge(found).passes
 
 
 def test_second_moments_with_u_and_v_exchanged_are_noticed(run, tmp_path, monkeypatch):
@@ -113,28 +113,28 @@ def test_second_moments_with_u_and_v_exchanged_are_noticed(run, tmp_path, monkey
     found = compare(again)
     assert ("anisotropic", "Phi") in off(found)
     assert "white noise" not in {setting for setting, _ in off(found)}
-    assert not judge(found).is_right
+    assert not judge(found).passes
 
 
 @pytest.mark.parametrize("factor", [0.5, 0.0])
 def test_intervals_that_are_too_narrow_are_noticed(clean, factor):
     narrow = [
-        (pl.col("came_back") + factor * (pl.col(side) - pl.col("came_back"))).alias(side) for side in ("low", "high")
+        (pl.col("measured") + factor * (pl.col(side) - pl.col("measured"))).alias(side) for side in ("low", "high")
     ]
-    verdict = judge(clean.with_columns(narrow).with_columns(within=pl.col("went_in").is_between("low", "high")))
+    verdict = judge(clean.with_columns(narrow).with_columns(within=pl.col("expected").is_between("low", "high")))
     assert verdict.n_off == 0
-    assert not verdict.is_right
+    assert not verdict.passes
 
 
 def test_one_missed_interval_of_many_is_no_fault(clean):
     within = pl.Series([False] + [True] * (clean.height - 1))
-    assert judge(clean.with_columns(within=within, off=pl.lit(value=False))).is_right
+    assert judge(clean.with_columns(within=within, off=pl.lit(value=False))).passes
 
 
 def test_a_number_that_is_missing_is_a_fault(clean):
     verdict = judge(clean.filter(~((pl.col("setting") == "drift") & (pl.col("statistic") == "nu"))))
     assert (verdict.n_off, verdict.n_missing) == (0, 8)
-    assert not verdict.is_right
+    assert not verdict.passes
 
 
 def test_a_number_that_is_null_is_off(run, tmp_path, monkeypatch):
@@ -148,13 +148,13 @@ def test_a_number_that_is_null_is_off(run, tmp_path, monkeypatch):
     assert off(compare(again)) == {(setting, "nu") for setting in SETTINGS}
 
 
-def test_a_check_without_intervals_asks_one_question_less(clean):
+def test_a_comparison_without_intervals_is_judged_by_its_numbers_alone(clean):
     verdict = judge(clean.with_columns(within=pl.lit(None, dtype=pl.Boolean)))
     assert (verdict.n_intervals, verdict.n_within, verdict.n_least) == (0, 0, 0)
-    assert verdict.is_right
+    assert verdict.passes
 
 
-def test_no_single_number_of_a_right_check_strays_beyond_the_limit_but_in_one_of_1000():
+def test_a_correct_program_has_a_number_beyond_the_limit_in_one_of_1000_self_tests():
     rng = np.random.default_rng(0)
     furthest_of_each = np.abs(rng.standard_normal((20000, 300))).max(axis=1)
     assert np.mean(furthest_of_each > furthest(300)) == pytest.approx(0.001, abs=0.001)

@@ -134,7 +134,7 @@ def test_the_latest_version_of_a_model_counts(world: Callable, model: Callable) 
         ("<model name='m'><pose>1 2 3 0 0 nan</pose></model>", "expected 6 finite numbers"),
         (
             "<model name='m'><pose rotation_format='quat_xyzw'>1 2 3 0 0 0 0</pose></model>",
-            "expected a quaternion that is not zero",
+            "expected a non-zero quaternion",
         ),
         (
             "<model name='m'><link name='l'><visual name='v'/></link></model>",

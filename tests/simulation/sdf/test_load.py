@@ -145,7 +145,7 @@ def test_textures_become_squares_of_a_power_of_two(world: Callable, tmp_path: Pa
         (
             "<geometry><mesh><uri>bare.obj</uri></mesh></geometry>"
             "<material><pbr><metal><albedo_map>broken.png</albedo_map></metal></pbr></material>",
-            "broken.png: worn by a mesh without texture coordinates",
+            "broken.png: used by a mesh without texture coordinates",
         ),
         (
             BOX + "<material><script><uri>odd.material</uri><name>Odd</name></script></material>",
@@ -179,11 +179,11 @@ def test_what_is_not_shown_is_one_warning_and_one_note(
 @pytest.mark.parametrize(
     ("contents", "found"),
     [
-        ("", "nothing that can be seen"),
-        (in_world("<geometry><empty/></geometry>"), "nothing that can be seen"),
+        ("", "nothing visible"),
+        (in_world("<geometry><empty/></geometry>"), "nothing visible"),
         (
             in_world("<geometry><torus/></geometry>"),
-            "nothing that can be seen; {path}: <torus> of visual 'v' of model 'm' is not supported; it is left out",
+            "nothing visible; {path}: <torus> of visual 'v' of model 'm' is not supported; it is left out",
         ),
     ],
 )
@@ -191,7 +191,7 @@ def test_a_world_in_which_nothing_can_be_seen_is_one_line(world: Callable, conte
     path = world(contents)
     with pytest.raises(DataError) as caught:
         load_world(path)
-    expected = "a mesh, box, sphere, cylinder or plane that can be shown"
+    expected = "a mesh, box, sphere, cylinder or plane that can be rendered"
     assert str(caught.value) == f"{path}: {found.format(path=path)}, expected {expected}"
 
 

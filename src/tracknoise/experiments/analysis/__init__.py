@@ -1,1 +1,1 @@
-"""From the tables of single sequences to the statistics and findings of the whole run."""
+"""Statistics and findings of a whole run, from the tables of its sequences."""

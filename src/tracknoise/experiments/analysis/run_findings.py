@@ -1,4 +1,4 @@
-"""From the statistics of a run to its findings: intervals, tests, verdicts, and sentences."""
+"""Findings of a run from its statistics: intervals, tests, verdicts and sentences."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TypedDict

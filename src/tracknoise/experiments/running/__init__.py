@@ -1,1 +1,1 @@
-"""Planning, measuring and resuming a run: the only place that knows Dask."""
+"""Plan, measure and resume runs. Only this package uses Dask."""

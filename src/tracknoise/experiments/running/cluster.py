@@ -1,4 +1,4 @@
-"""Measure in several processes: Dask's, on this machine or wherever a scheduler has its workers."""
+"""Measure in Dask workers, on this machine or at a scheduler's address."""
 
 import logging
 import signal
@@ -24,18 +24,18 @@ if TYPE_CHECKING:
 
 _PINNED = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS")
 _LOCAL: dict[str, Any] = {
-    # Whoever set these for this process meant it alone; a worker is one of several.
+    # Thread limits set for this process do not apply to workers: there are several of them.
     **{f"distributed.nanny.pre-spawn-environ.{name}": 1 for name in _PINNED},
-    # Images and descriptors come and go with every frame. Dask has their memory given back each time, which is a sixth
-    # of a worker's time spent in page faults.
+    # Images and descriptors are allocated and freed in every frame. By default Dask returns their memory to the system
+    # each time, and a worker spends a sixth of its time in page faults.
     "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 512 * 2**20,
     "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 32 * 2**20,
-    # Batches are small to send, and a killed worker's are tried again by `with_retries`, which counts them.
+    # Batches are small to send. `with_retries` retries those of a killed worker, and counts the attempts.
     "distributed.scheduler.allowed-failures": 0,
     "distributed.scheduler.work-stealing": False,
-    # A worker that dies while it starts is not started again. When none is left, batches fail, and new ones start.
+    # A worker that dies during its start is not restarted. When none is left, batches fail, and new workers start.
     "distributed.scheduler.no-workers-timeout": "60s",
-    # A worker that holds much memory between batches shall go on. One that needs more than its share is ended.
+    # A worker that uses much memory between batches must continue. One that exceeds its share is ended.
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.pause": False,
@@ -44,18 +44,18 @@ _LOCAL: dict[str, Any] = {
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """What every worker needs to know besides its batch.
+    """What every worker needs besides its batch.
 
     Attributes
     ----------
     run
-        Where to write.
+        The run folder.
     claim
-        The hold on it that the work is for.
+        Proof that the run still holds the lock of the folder.
     versions
-        Of the libraries that decide the numbers, as the run was begun with.
+        Versions at the start of the run of the libraries that affect results.
     debug
-        Raise what goes wrong instead of recording it.
+        Raise failures instead of recording them.
     """
 
     run: RunFolder
@@ -72,26 +72,26 @@ class Job:
 
 
 def measure_locally(job: Job, together: list[Batch], *, workers: int, remark: Callable[[str], None]) -> Results:
-    """Measure in processes of one thread each on this machine: more threads would not make the whole faster.
+    """Measure in worker processes on this machine, with one thread each: more threads would not be faster.
 
-    They share its memory: a process that needs more than its part is ended, and its batch fails. New processes are
-    started each time, so that batches that are tried again do not depend on what became of the old ones.
+    Each process gets an equal share of the memory. A process that exceeds it is ended, and its batch fails. Each call
+    starts new processes, so that retries do not depend on the state of old ones.
 
     Parameters
     ----------
     job
-        What they do.
+        What the workers do.
     together
         What to measure.
     workers
-        How many there are at most.
+        Maximum number of worker processes.
     remark
-        Told where the dashboard is.
+        Receives the address of the dashboard.
 
     Yields
     ------
     Batch, Result
-        In the order in which they are done.
+        In the order of completion.
     """
     count = min(workers, len(together))
     with ExitStack() as stack:
@@ -118,22 +118,22 @@ def _local_cluster(workers: int, remark: Callable[[str], None]) -> Iterator["Cli
                 n_workers=workers,
                 threads_per_worker=1,
                 dashboard_address="127.0.0.1:0",
-                silence_logs=logging.CRITICAL,  # of the workers; `_silenced` is about this process
+                silence_logs=logging.CRITICAL,  # of the workers; `_silenced` is for this process
             )
         ) as cluster,
         Client(cluster, set_as_default=False) as client,
     ):
         restore()
-        if find_spec("bokeh"):  # without it, what Dask calls its dashboard is an empty page
+        if find_spec("bokeh"):  # without bokeh, Dask's dashboard is an empty page
             remark(f"dashboard: {cluster.dashboard_link}")
         yield client
 
 
 @contextmanager
 def _ended(cluster: "LocalCluster") -> Iterator["LocalCluster"]:
-    """End a cluster, whose results are all there, even where Dask fails to.
+    """Close a cluster after all results have arrived, even if Dask fails to close it.
 
-    It cannot end a worker that it is about to start in the place of one that died; that one ends with this process.
+    Dask cannot end a worker that it is about to start as a replacement. That worker ends with this process.
     """
     cluster.__enter__()
     try:
@@ -145,21 +145,21 @@ def _ended(cluster: "LocalCluster") -> Iterator["LocalCluster"]:
 
 @contextmanager
 def remote_workers(job: Job, *, address: str, remark: Callable[[str], None]) -> Iterator[Measure]:
-    """The workers of a scheduler, those that join later included.
+    """Measure with the workers of a scheduler, including workers that join later.
 
     Parameters
     ----------
     job
-        What they do.
+        What the workers do.
     address
-        Of the scheduler, such as ``tcp://host:8786``. How to speak to it (TLS and such) is Dask's own configuration.
+        Address of the scheduler, such as ``tcp://host:8786``. Dask's own configuration covers TLS and similar options.
     remark
-        Told how many workers there are, and where the dashboard is.
+        Receives the number of workers and the address of the dashboard.
 
     Raises
     ------
     SettingsError
-        If nothing answers there.
+        If the scheduler cannot be reached.
     """
     place = f"scheduler {address}"
     with _silenced(), _connect(address, place) as client:
@@ -174,11 +174,11 @@ def _connect(address: str, place: str) -> "Client":
     from distributed.comm.addressing import get_address_host_port, normalize_address
 
     try:
-        get_address_host_port(normalize_address(address), strict=True)  # a client would go on trying to reach it
+        get_address_host_port(normalize_address(address), strict=True)  # a client would retry an invalid address
         return Client(address, set_as_default=False)
-    except Exception as error:  # what is wrong with an address or a certificate has no common type
+    except Exception as error:  # errors of addresses and certificates have no common type
         raise SettingsError(
-            f"{place}: cannot be reached ({error}), expected tcp://HOST:PORT of one that runs"
+            f"{place}: cannot be reached ({error}), expected tcp://HOST:PORT of a running scheduler"
         ) from error
 
 
@@ -186,14 +186,14 @@ def _crew(client: "Client") -> str:
     threads = client.nthreads().values()
     shared = sum(count > 1 for count in threads)
     said = f"{len(threads)} worker{'s' if len(threads) != 1 else ''}"
-    return f"{said}, {shared} of them with several threads: one each (--nthreads 1) is faster" if shared else said
+    return f"{said}, {shared} of them with several threads; --nthreads 1 is faster" if shared else said
 
 
 def _measure(client: "Client", job: Job, together: list[Batch], *, at_once: int, place: str) -> Results:
-    """Have batches measured, so many at the same time.
+    """Submit batches, at most `at_once` at the same time.
 
-    A worker that dies takes all batches down that it was given, so that a local one is given one at a time. For a
-    scheduler elsewhere to call more workers, it must know how much there is to do.
+    All batches of a worker that dies fail, so that a local worker gets one batch at a time. A remote scheduler gets all
+    batches at once, so that it can request more workers.
     """
     from distributed import as_completed
 
@@ -214,7 +214,7 @@ def _measure(client: "Client", job: Job, together: list[Batch], *, at_once: int,
 
 
 def _result(future: "Future[Result]", place: str) -> Result:
-    """What became of a batch that a worker was given."""
+    """Result of a batch that a worker measured."""
     from distributed import CancelledError, KilledWorker
     from distributed.scheduler import NoWorkerError
 
@@ -228,16 +228,18 @@ def _result(future: "Future[Result]", place: str) -> Result:
         return Failure("all workers died", None, FailureKind.transient)
     except ImportError as error:
         raise SettingsError(
-            f"{place}: its workers cannot load what is to be run ({error}), expected the same packages there as here"
+            f"{place}: its workers cannot import the program ({error}), expected the same packages as on this machine"
         ) from error
     except CancelledError as error:
-        raise SettingsError(f"{place}: lost, expected it to go on; start the run again to resume it") from error
+        raise SettingsError(
+            f"{place}: connection lost, expected a running scheduler; run the same command again to resume"
+        ) from error
     return result
 
 
 @contextmanager
 def _silenced() -> Iterator[None]:
-    """Keep Dask from telling what becomes known as a result anyway."""
+    """Silence Dask's log messages about failures that are reported as results."""
     import distributed.config  # noqa: F401 (when first imported, it sets their levels)
 
     loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
@@ -253,12 +255,12 @@ def _silenced() -> Iterator[None]:
 
 @contextmanager
 def _interrupts_ignored() -> Iterator[Callable[[], None]]:
-    """Let processes started now ignore Ctrl-C, which a terminal sends to all: this one alone shall act on it.
+    """Start processes that ignore Ctrl-C, which a terminal sends to all processes. Only this one must handle it.
 
-    Yields what ends that; so does leaving the context.
+    Yields a function that ends this; leaving the context ends it too.
     """
     if threading.current_thread() is not threading.main_thread():
-        yield lambda: None  # only the main thread may say what signals do, and only it is interrupted
+        yield lambda: None  # only the main thread can set signal handlers, and only it is interrupted
         return
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
 

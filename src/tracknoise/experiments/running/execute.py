@@ -1,4 +1,4 @@
-"""Run an experiment: every sequence measured, in this process or in several, then the statistics of all."""
+"""Run an experiment: measure its sequences, in this process or in several, then compute the statistics."""
 
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass
@@ -24,44 +24,44 @@ from tracknoise.experiments.running.inputs import with_inputs
 from tracknoise.experiments.running.lock import hold
 from tracknoise.experiments.running.manifest_writer import ManifestWriter
 from tracknoise.experiments.running.plan import batches, left_out, plan
-from tracknoise.experiments.running.resume import begin, due, set_out
+from tracknoise.experiments.running.resume import begin, due, prepare
 from tracknoise.experiments.running.task import attempt
 from tracknoise.experiments.settings import Experiment
 from tracknoise.tables.store import RunFolder, SequenceEntry
 
 
 class Listener(Protocol):
-    """Who is told how a run goes on."""
+    """Receives the progress of a run."""
 
     def planned(self, keys: list[str], done: int) -> None:
-        """Before the first sequence: the keys still to be measured, and the count of those that already are."""
+        """Before the first sequence: the keys to be measured, and the number of sequences already measured."""
         ...
 
     def frame(self, key: str, done: int, total: int) -> None:
-        """After a frame, where the sequence is measured in this process."""
+        """After each frame of a sequence that is measured in this process."""
         ...
 
     def measured(self, key: str, entry: SequenceEntry) -> None:
-        """After a sequence."""
+        """After each measured sequence."""
         ...
 
     def failed(self, keys: list[str], cause: str) -> None:
-        """After sequences that share what they read, or a single one, that could not be measured."""
+        """After each batch that could not be measured: the keys of its sequences and the cause."""
         ...
 
     def remark(self, text: str) -> None:
-        """Whatever else is worth a line: which workers there are, where their dashboard is, what is tried again."""
+        """Any other message: the workers, the address of their dashboard, a retry."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a run ended.
+    """Result of a run.
 
     Attributes
     ----------
     measured
-        Keys of the sequences whose tables are whole, those of an earlier start included.
+        Keys of the measured sequences, those of earlier starts included.
     failures
         Cause of each failure, by key.
     """
@@ -81,35 +81,35 @@ def execute(
     fresh: bool = False,
     debug: bool = False,
 ) -> Outcome:
-    """Measure every sequence of an experiment that is not yet measured, and compute the statistics of all.
+    """Measure the sequences of an experiment that are not measured yet, then compute the statistics of all.
 
-    A sequence that fails is recorded with its cause, and the others go on. Where trying again can help, that is done
-    first. Results do not depend on who measures.
+    A sequence that fails is recorded with its cause, and the run continues. Transient failures are retried first.
+    Results do not depend on the number of workers.
 
     Parameters
     ----------
     experiment
         What to run.
     run
-        Where to; if it holds a run of the same experiment, that is resumed.
+        The run folder. A run of the same experiment is resumed.
     listener
-        Told how it goes on.
+        Receives the progress.
     workers
-        Count of processes on this machine.
+        Number of worker processes on this machine.
     scheduler
-        Address of a Dask scheduler whose workers measure instead of those.
+        Address of a Dask scheduler whose workers are used instead.
     retries
-        How often at most a batch is tried again.
+        Maximum number of retries per batch.
     fresh
-        Remove the run that the folder holds, once the new one is known to be possible.
+        Delete the run that the folder holds, once the new experiment has been checked.
     debug
         Raise the first failure instead of recording it.
 
     Raises
     ------
     TracknoiseError
-        If the experiment cannot be planned, the folder belongs to another one, is in use or cannot be written, or the
-        scheduler cannot be reached. What was measured until then is kept.
+        If the experiment is invalid, the folder belongs to another experiment, is in use or cannot be written, or the
+        scheduler cannot be reached. Sequences measured before that are kept.
     """
     experiment = resolve(experiment)
     tasks = with_inputs(plan(experiment))
@@ -117,13 +117,13 @@ def execute(
         manifest, changed = begin(experiment, run, fresh=fresh)
         manifest.left_out = left_out(experiment)
         todo = due(tasks, run, manifest)
-        set_out(todo, run, manifest, experiment, changed=changed)
+        prepare(todo, run, manifest, experiment, changed=changed)
         listener.planned([task.key for task in todo], len(tasks) - len(todo))
         job = Job(RunFolder(run.path.absolute()), claim, manifest.versions, debug)
         together = batches(todo)
 
         def retrying(batch: Batch, cause: str) -> None:
-            listener.remark(f"{batch[0].key}: {cause}; it is tried again")
+            listener.remark(f"{batch[0].key}: {cause}; retrying")
 
         with _crew(job, together, listener, workers=workers, scheduler=scheduler) as measure:
             if todo or changed:
@@ -143,7 +143,7 @@ def execute(
 def _crew(
     job: Job, together: list[Batch], listener: Listener, *, workers: int, scheduler: str | None
 ) -> AbstractContextManager[Measure]:
-    """Who measures: a scheduler's workers, several processes, or this one, to which nothing needs to be sent."""
+    """Select what measures: the workers of a scheduler, several local processes, or this process."""
     if scheduler is not None and together:
         return remote_workers(job, address=scheduler, remark=listener.remark)
     if min(workers, len(together)) > 1:
@@ -158,7 +158,7 @@ def _here(job: Job, listener: Listener, together: list[Batch]) -> Results:
 
 
 def _settle(batch: Batch, result: Result, manifest_writer: ManifestWriter, listener: Listener) -> None:
-    """Record what became of a batch, or end the run where no other would fare better."""
+    """Record the result of a batch. A fatal failure ends the run."""
     if not isinstance(result, Failure):
         for task, entry in zip(batch, result, strict=True):
             manifest_writer.measured(entry)

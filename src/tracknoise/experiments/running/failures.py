@@ -1,4 +1,4 @@
-"""What went wrong in measuring a batch of sequences, and whether trying again can help."""
+"""Failures of batches: their cause, their kind, and retries."""
 
 import errno
 import traceback
@@ -13,7 +13,7 @@ from tracknoise.experiments.running.plan import Task
 from tracknoise.tables.store import FailureEntry, SequenceEntry
 
 RETRIES = 2
-"""How often a batch is tried again where that can help."""
+"""Maximum number of retries of a batch after transient failures."""
 _PACKAGE = Path(__file__).parents[2]
 _TRANSIENT = {
     getattr(errno, name)
@@ -27,14 +27,14 @@ _OPENCV_NO_MEMORY = -4
 
 
 class FailureKind(Enum):
-    """What a failure means for the run."""
+    """Whether a retry can help, and whether the run can continue."""
 
     permanent = auto()
-    """It is in the data: they must be repaired first."""
+    """A retry fails again, as with damaged data. The run continues with other sequences."""
     transient = auto()
-    """It may not come again: memory, a killed worker, a network file system."""
+    """A retry may succeed, as after a lack of memory, a killed worker or an error of a network file system."""
     fatal = auto()
-    """No other sequence would fare better: the run folder cannot be written."""
+    """Every other sequence would fail too, as when the run folder cannot be written. The run ends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,11 +46,11 @@ class Failure:
     cause
         One line.
     place
-        The file, the line of the program, or the worker that it happened at; None if unknown.
+        The file, the line of the program, or the worker where it failed; None if unknown.
     kind
-        What follows.
+        What the failure means for the run.
     attempts
-        How often the batch was tried.
+        Number of attempts so far.
     """
 
     cause: str
@@ -60,21 +60,21 @@ class Failure:
 
     @property
     def entry(self) -> FailureEntry:
-        """What is recorded of it."""
+        """Entry of the failure in the run folder."""
         return FailureEntry(self.cause, self.place, self.attempts)
 
 
 Batch = list[Task]
 Result = list[SequenceEntry] | Failure
-"""What measuring a batch came to."""
+"""Result of measuring a batch: one entry per sequence, or a failure."""
 Results = Generator[tuple[Batch, Result], None, None]
-"""Results in the order in which they come; closing it ends the work."""
+"""Results in the order of completion. Closing the generator stops the work."""
 Measure = Callable[[list[Batch]], Results]
 """Measures batches."""
 
 
 def diagnose(error: BaseException) -> Failure:
-    """Put in words what went wrong, where, and what follows."""
+    """Describe an exception: cause, place and kind of failure."""
     cause = str(error) if isinstance(error, TracknoiseError) else f"{type(error).__name__}: {error}"
     return Failure(" ".join(cause.split()), _place(error), _kind(error))
 
@@ -82,7 +82,7 @@ def diagnose(error: BaseException) -> Failure:
 def with_retries(
     measure: Measure, together: list[Batch], *, retries: int, retrying: Callable[[Batch, str], None]
 ) -> Results:
-    """Measure batches; those that fail of what may pass are tried again when all others are done.
+    """Measure batches. Batches with transient failures are retried after all others.
 
     Parameters
     ----------
@@ -91,14 +91,14 @@ def with_retries(
     together
         What to measure.
     retries
-        How often at most a batch is tried again.
+        Maximum number of retries per batch.
     retrying
-        Told batch and cause before it is tried again.
+        Called with batch and cause before each retry.
 
     Yields
     ------
     Batch, Result
-        In the order in which they are done.
+        In the order of completion.
     """
     attempts: dict[str, int] = {}
     while together:
@@ -124,7 +124,7 @@ def _kind(error: BaseException) -> FailureKind:
 
 
 def _chain(error: BaseException) -> Iterator[BaseException]:
-    """An error, what it was raised from, and so on."""
+    """An error and the errors that caused it."""
     link: BaseException | None = error
     while link is not None:
         yield link
@@ -139,7 +139,7 @@ def _is_transient(error: BaseException) -> bool:
 
 
 def _place(error: BaseException) -> str | None:
-    """The file that an error is about, or else the innermost line of this package that it came through."""
+    """The file that an error names, otherwise the innermost line of this package in the traceback."""
     if isinstance(error, DataError):
         return error.place
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if _PACKAGE in Path(frame.filename).parents]

@@ -1,4 +1,4 @@
-"""One start at a time in a run folder: who holds it, and whether a worker still works for whoever does."""
+"""The lock of a run folder: only one start at a time may write into it."""
 
 import errno
 import fcntl
@@ -17,12 +17,12 @@ from tracknoise.tables.store import RunFolder
 
 _UNSUPPORTED = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP}
 _PATIENCE_S = 10.0
-"""How long a network file system may go on showing what a file was before."""
+"""Longest time for which a network file system may show old file contents, seconds."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Holder:
-    """What the lock's file says."""
+    """Contents of the lock file."""
 
     pid: int
     host: str
@@ -31,16 +31,16 @@ class _Holder:
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """One start's hold on a run folder, as sent to its workers.
+    """Proof that a start holds the lock of a run folder, as sent to its workers.
 
     Attributes
     ----------
     path
-        Of the lock's file.
+        Path of the lock file.
     token
-        What it says while that start goes on.
+        Token in the lock file while that start runs.
     patience_s
-        How long to look before it is taken to be another's, seconds.
+        How long to wait for the token before the lock counts as lost, seconds.
     """
 
     path: Path
@@ -48,22 +48,21 @@ class Claim:
     patience_s: float = _PATIENCE_S
 
     def check(self) -> None:
-        """Refuse to go on where the folder is not seen, or is no longer held by the start that this is work for.
+        """Check that the start which sent this claim still holds the lock.
 
-        A worker can outlive whoever sent it its work. What it writes then would come between the files of the next
-        start.
+        A worker can outlive the program that sent it its work. It must not write into the run of the next start.
 
         Raises
         ------
         StoreError
-            If the lock is another one or none.
+            If the folder is not visible, or its lock is missing or belongs to another start.
         """
         deadline = time.monotonic() + self.patience_s
         while not self._stands():
             if time.monotonic() > deadline:
                 raise StoreError(
                     f"{self.path.parent}: not held by this run as seen from {socket.gethostname()}, "
-                    "expected the same folder on every machine, and its run to go on"
+                    "expected the same folder on every machine, and a run that still holds its lock"
                 )
             time.sleep(min(0.5, self.patience_s))
 
@@ -77,15 +76,15 @@ class Claim:
 
 @contextmanager
 def hold(run: RunFolder) -> Iterator[Claim]:
-    """Lock a run folder, which is made if need be.
+    """Lock a run folder. The folder is created if it does not exist.
 
-    The system releases the lock of a process that dies, so that one that was killed stands in nobody's way; its name
-    is written into the file for people, and for hosts that see the file but not the lock.
+    The operating system releases the lock of a process that dies, so a killed run leaves no lock on its host. Process
+    and host are also written into the file, for users and for hosts that see the file but not the lock.
 
     Raises
     ------
     StoreError
-        If another process holds it, named by its id and host, or it cannot be written.
+        If another process holds the lock (the message names process and host), or the folder cannot be written.
     """
     path = run.lock_path.absolute()
     try:
@@ -102,7 +101,7 @@ def hold(run: RunFolder) -> Iterator[Claim]:
 
 
 def _open(path: Path) -> int:
-    """Descriptor of the lock's file, locked; tried anew when the file was removed by its holder in between."""
+    """Descriptor of the locked lock file. Retries if the holder removed the file in the meantime."""
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         try:
@@ -116,23 +115,23 @@ def _open(path: Path) -> int:
 
 
 def _require_free(path: Path, descriptor: int) -> None:
-    """Lock the file, or refuse, naming who holds it."""
+    """Lock the file. If another process holds it, raise an error that names the process."""
     locked = _lock(descriptor)
     holder = _parse(os.pread(descriptor, 1000, 0))
     if locked is False:
         who = f"process {holder.pid} on {holder.host}" if holder else "another process"
-        raise StoreError(f"{path.parent}: in use by {who}, expected a folder that no other run is writing into")
+        raise StoreError(f"{path.parent}: in use by {who}, expected a folder that is not in use")
     if holder is None:
         return
     if holder.host != socket.gethostname() or (locked is None and _is_running(holder.pid)):
         raise StoreError(
-            f"{path.parent}: in use by process {holder.pid} on {holder.host}, expected a folder that no other run is "
-            f"writing into; if that process is gone, delete {path}"
+            f"{path.parent}: in use by process {holder.pid} on {holder.host}, expected a folder that is not in use; "
+            f"if that process no longer runs, delete {path}"
         )
 
 
 def _lock(descriptor: int) -> bool | None:
-    """Whether the file was locked; None where the file system knows no locks."""
+    """Whether the file was locked; None if the file system does not support locks."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -145,7 +144,7 @@ def _lock(descriptor: int) -> bool | None:
 
 
 def _sign(path: Path, descriptor: int) -> Claim:
-    """Write into the lock's file whose it is now."""
+    """Write this process into the lock file."""
     holder = _Holder(os.getpid(), socket.gethostname(), secrets.token_hex(16))
     try:
         os.ftruncate(descriptor, 0)
@@ -156,7 +155,7 @@ def _sign(path: Path, descriptor: int) -> Claim:
 
 
 def _parse(content: bytes) -> _Holder | None:
-    """Whom the lock's file names; None if its writer died before it did."""
+    """The holder named in a lock file; None if the file is incomplete."""
     try:
         return _Holder(**json.loads(content))
     except (ValueError, TypeError):

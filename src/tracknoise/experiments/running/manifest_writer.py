@@ -1,4 +1,4 @@
-"""Keeps the manifest of a run up to date while it goes on."""
+"""Keeps the manifest of a run up to date while it is measured."""
 
 import time
 from types import TracebackType
@@ -9,20 +9,21 @@ from tracknoise.experiments.running.failures import Failure
 from tracknoise.tables.store import Manifest, RunFolder, SequenceEntry
 
 _SHARE = 0.05
+"""Maximum share of the time that is spent writing the manifest."""
 
 
 class ManifestWriter:
-    """What is measured and what failed, written to the run folder as it comes, and in the end.
+    """Records measured and failed sequences, and writes them to the run folder during the run and at its end.
 
-    Writing takes longer the more sequences there are. It waits while it would take more than a twentieth of the time:
-    a run that is killed then measures again what came in that time.
+    Writing takes longer with more sequences. It is delayed so that it takes at most a twentieth of the time. Sequences
+    measured since the last write are measured again if the run is killed.
 
     Parameters
     ----------
     run
-        Where to write.
+        The run folder.
     manifest
-        What is known so far; changed in place.
+        The manifest so far; changed in place.
     """
 
     def __init__(self, run: RunFolder, manifest: Manifest) -> None:
@@ -40,20 +41,20 @@ class ManifestWriter:
         try:
             self.write()
         except StoreError:
-            if error is None:  # otherwise what ended the run is what is to be told
+            if error is None:  # otherwise report the error that ended the run
                 raise
 
     def measured(self, entry: SequenceEntry) -> None:
-        """Note that the tables of a sequence are whole."""
+        """Record that a sequence was measured and its tables are complete."""
         self.manifest.sequences[entry.key] = entry
 
     def failed(self, key: str, failure: Failure) -> None:
-        """Note that a sequence could not be measured."""
+        """Record that a sequence failed."""
         self.manifest.failures[key] = failure.cause
         self._failures[key] = failure
 
     def write_if_due(self) -> None:
-        """Write, unless that was done too shortly before."""
+        """Write, unless the last write was too recent."""
         if time.monotonic() >= self._next:
             self.write()
 

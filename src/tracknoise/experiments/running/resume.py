@@ -1,4 +1,4 @@
-"""Begin a run, or go on with one: which sequences are still to be measured, and whether the folder is the right one."""
+"""Start or resume a run: check the run folder, and find the sequences that are still to be measured."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -11,25 +11,25 @@ from tracknoise.tables.store import Manifest, RunFolder
 
 
 def begin(experiment: Experiment, run: RunFolder, *, fresh: bool) -> tuple[Manifest, bool]:
-    """The manifest of the run to go on with, or of a new one; and whether its settings are to be written anew.
+    """Manifest of the run to resume, or of a new run, and whether the settings file must be rewritten.
 
     Parameters
     ----------
     experiment
-        What is to be run, every option written out.
+        The experiment, with all options resolved.
     run
-        Where.
+        The run folder.
     fresh
-        Remove the run that is there.
+        Delete the run that the folder holds.
 
     Raises
     ------
     StoreError
-        If the folder holds another experiment's run, naming the first setting that differs, or no run at all. A run of
-        fewer scenes of the same experiment is one to go on with, and so is one of which other findings are asked.
+        If the folder holds other files, or the run of another experiment; the message names the first setting that
+        differs. More scenes and other settings of findings are allowed: such a run is resumed.
     """
-    if run.exists and not fresh and not run.is_stillborn:
-        return _go_on(experiment, run)
+    if run.exists and not fresh and not run.is_unstarted:
+        return _resume(experiment, run)
     if run.exists:
         run.clear()
     else:
@@ -40,7 +40,7 @@ def begin(experiment: Experiment, run: RunFolder, *, fresh: bool) -> tuple[Manif
 
 
 def due(tasks: list[Task], run: RunFolder, manifest: Manifest) -> list[Task]:
-    """The tasks not measured yet, or whose tables are gone or damaged, or whose input files have changed since."""
+    """Tasks that are not measured, whose tables are missing or damaged, or whose input files have changed."""
 
     def is_measured(task: Task) -> bool:
         entry = manifest.sequences.get(task.key)
@@ -49,18 +49,18 @@ def due(tasks: list[Task], run: RunFolder, manifest: Manifest) -> list[Task]:
     return [task for task in tasks if not is_measured(task)]
 
 
-def set_out(todo: list[Task], run: RunFolder, manifest: Manifest, experiment: Experiment, *, changed: bool) -> None:
-    """Strike from the manifest what is to be measured, and what failed or was derived before.
+def prepare(todo: list[Task], run: RunFolder, manifest: Manifest, experiment: Experiment, *, changed: bool) -> None:
+    """Remove from the manifest the sequences to be measured, earlier failures, and statistics that become outdated.
 
-    Nothing is written: a start that is refused leaves the run as it was.
+    Nothing is written: a start that is refused leaves the run unchanged.
 
     Raises
     ------
     SettingsError
-        If something that is kept was measured with other libraries than those installed.
+        If sequences that are kept were measured with other versions of the libraries.
     """
     manifest.failures.clear()
-    for task in todo:  # an earlier measurement that is stale must not stand in for one that fails
+    for task in todo:  # an outdated measurement must not remain if the new one fails
         manifest.sequences.pop(task.key, None)
     if todo or changed:
         manifest.statistics.clear()
@@ -71,9 +71,9 @@ def set_out(todo: list[Task], run: RunFolder, manifest: Manifest, experiment: Ex
         require_versions(manifest.versions, place=str(run.path))
 
 
-def _go_on(experiment: Experiment, run: RunFolder) -> tuple[Manifest, bool]:
+def _resume(experiment: Experiment, run: RunFolder) -> tuple[Manifest, bool]:
     there = parse_experiment(run.experiment_toml(), place=str(run.path / "experiment.toml"))
-    adapted = there.with_findings(experiment.findings)  # which are made of what is kept
+    adapted = there.with_findings(experiment.findings)  # computed from tables that are kept
     if _has_grown(there, experiment):
         adapted = adapted.with_scenes(experiment.dataset.max_scenes)
     _check_same(experiment, adapted, run)
@@ -84,7 +84,7 @@ def _go_on(experiment: Experiment, run: RunFolder) -> tuple[Manifest, bool]:
 
 
 def _has_grown(there: Experiment, wanted: Experiment) -> bool:
-    """Whether more scenes are wanted: all that were measured are among them, for they are the first by name."""
+    """Whether more scenes are requested. They include all measured ones, because scenes are taken by name."""
     before, now = there.dataset.max_scenes, wanted.dataset.max_scenes
     return before is not None and (now is None or now > before)
 
@@ -97,17 +97,17 @@ def _check_same(experiment: Experiment, there: Experiment, run: RunFolder) -> No
         if written.get(key) != wanted.get(key):
             raise StoreError(
                 f"{run.path}: holds a run with {key} = {written.get(key)!r}, expected {wanted.get(key)!r}; "
-                "choose another folder, or --fresh to replace that run"
+                "choose another folder, or use --fresh to replace that run"
             )
 
 
 def _has_moved(there: Experiment, wanted: Experiment) -> bool:
-    """Whether the data of an earlier start are no longer where they were, so that they may be those found now."""
+    """Whether the data folder of an earlier start no longer exists: the data may have been moved."""
     return there.dataset.root is not None and wanted.dataset.root is not None and not there.dataset.root.exists()
 
 
 def _flat(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
-    """Every single setting with its dotted name."""
+    """Every setting with its dotted name."""
     if isinstance(value, dict):
         for name, inner in value.items():
             yield from _flat(inner, f"{key}.{name}".lstrip("."))

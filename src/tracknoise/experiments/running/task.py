@@ -38,7 +38,7 @@ def attempt(
     progress: Progress | None = None,
     debug: bool = False,
 ) -> Result:
-    """Do what `run_batch` does; whatever goes wrong is a result, so that the others go on, or raised to debug it."""
+    """As `run_batch`, but return a failure instead of raising it, unless `debug` is set."""
     try:
         return run_batch(batch, run, claim=claim, progress=progress)
     except (Exception, pl.exceptions.PanicException) as error:
@@ -55,18 +55,18 @@ def run_batch(
     Parameters
     ----------
     batch
-        Sequences of one experiment that share what they read.
+        Sequences of one experiment that read the same files.
     run
         Where to write.
     claim
-        The hold on the folder that the work is for, checked before anything is written; by default none is needed.
+        Proof that the run holds the lock of the folder, checked before anything is written. Not needed by default.
     progress
-        Told after each frame.
+        Called after each frame.
 
     Returns
     -------
     list of SequenceEntry
-        For the manifest, one a task: a sequence counts as measured only once that holds it.
+        Entries for the manifest, one per task. A sequence counts as measured once the manifest contains its entry.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def run_batch(
     """
     started, entries = time.monotonic(), []
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DataWarning)  # the sequence's notes say the same, and are kept
+        warnings.simplefilter("ignore", DataWarning)  # the notes of the sequence contain the same text
         sequences = open_batch(batch)
         measured = _measure(batch[0], sequences, progress)
         for task, sequence, measurement in zip(batch, sequences, measured, strict=True):

@@ -1,1 +1,1 @@
-"""Whether the instrument itself is right: known errors through the whole measurement."""
+"""Self-test: measurement of errors of known size."""

@@ -1,8 +1,8 @@
-"""What statistics must come to where the oracle's errors went in, and how far chance alone takes them from that.
+"""Expected values of statistics of an oracle's errors, and their standard errors.
 
-At age k > 0 an oracle's error is Gaussian of mean m = bias + k drift and covariance S, independent of every other one;
-its tracks end at each step with probability h. So every statistic has a known value, and for the counts that were
-measured a known standard error.
+At age k > 0 an oracle's error is Gaussian with mean m = bias + k drift and covariance S. Errors are independent. Tracks
+end at each step with probability h. So every statistic has a known expected value. For the measured counts it also has
+a known standard error.
 """
 
 import math
@@ -16,14 +16,14 @@ _AXES = {"u": (0, 0), "v": (1, 1), "uv": (0, 1)}
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """A statistic that is known before it is measured.
+    """Expected value of a statistic.
 
     Attributes
     ----------
     value
-        What it must come to.
+        The expected value.
     standard_error
-        Of what is measured, as an estimate of that.
+        Standard error of the measured statistic.
     """
 
     value: float
@@ -33,21 +33,21 @@ class Known:
 def curve_point(oracle: Oracle, *, statistic: str, coordinate: str, age: int, n: int) -> Known:
     """A point of a curve, with the definitions of `tracknoise.statistics.curves`.
 
-    With a, b the means of the two coordinates and A, B, C their variances and covariance, Phi has the variance of a
-    product of two Gaussians, n / (n - 1)^2 (A B + C^2 + a^2 B + b^2 A + 2 a b C), and eta is the mean of a folded one.
+    Let a, b be the means of the two coordinates and A, B, C their variances and covariance. Phi has the variance of a
+    product of two Gaussians, n / (n - 1)^2 (A B + C^2 + a^2 B + b^2 A + 2 a b C). eta is the mean of a folded Gaussian.
 
     Parameters
     ----------
     oracle
-        Its errors' size; variances must be positive.
+        Defines the errors; variances must be positive.
     statistic
         nu (px), eta (px), Phi (px^2) or central (px^2).
     coordinate
-        u or v, of second moments also uv.
+        u or v; for second moments also uv.
     age
         At least 1, in frames of the nominal sequence.
     n
-        How many features were measured, at least 2.
+        Number of features that were measured, at least 2.
     """
     first, second = _AXES[coordinate]
     a, b = (oracle.bias_px[axis] + age * oracle.drift_px_per_frame[axis] for axis in (first, second))
@@ -65,21 +65,21 @@ def curve_point(oracle: Oracle, *, statistic: str, coordinate: str, age: int, n:
 
 
 def share(probability: float, n: int) -> Known:
-    """The share of `n` features that an event of this probability befalls."""
+    """Share of `n` features to which an event of this probability happens."""
     return Known(probability, math.sqrt(probability * (1 - probability) / n))
 
 
 def survival(oracle: Oracle, at_risk: Iterable[int]) -> Known:
-    """Kaplan-Meier survival beyond L frames of the tracker, where no track ends in another way than the oracle's own.
+    """Kaplan-Meier survival beyond L frames that the tracker saw, if only the oracle ends tracks.
 
-    Its standard error is Greenwood's.
+    The standard error is Greenwood's.
 
     Parameters
     ----------
     oracle
-        Its rates.
+        Defines the rates.
     at_risk
-        Count of tracks at risk at lifetimes 1, 2, ..., L.
+        Number of tracks at risk at lifetimes 1, 2, ..., L.
     """
     hazard, counts = hazard_rate(oracle), list(at_risk)
     value = (1 - hazard) ** len(counts)
@@ -87,10 +87,10 @@ def survival(oracle: Oracle, at_risk: Iterable[int]) -> Known:
 
 
 def mean_lifetime(oracle: Oracle, *, frames: int, n_scenes: int) -> Known:
-    """Mean lifetime, in frames that the tracker saw, where no track ends in another way and all that end are replaced.
+    """Mean lifetime, in frames that the tracker saw, if only the oracle ends tracks and each ended track is replaced.
 
-    With N features alive in each of F frames, F N observations belong to N tracks and as many more as end in the F - 1
-    steps, a binomial number.
+    With N features alive in each of F frames, there are F N observations. They belong to N tracks plus the tracks that
+    replaced those that ended in the F - 1 steps. That number is binomial.
     """
     hazard = hazard_rate(oracle)
     value = frames / (1 + (frames - 1) * hazard)

@@ -1,9 +1,11 @@
-"""Errors of known size through the whole measurement: what came back against what went in.
+"""Self-test: measure errors of known size, and compare the measured values with the expected ones.
 
-Oracles track simulated scenes as any tracker would be made to, and what the run's tables say of them is compared with
-what they must say. Two questions are asked. Is a number *off*: further from what went in, in known standard errors,
-than any of all numbers would be in 999 of 1000 checks of a right instrument, Gaussian as they nearly are? And do the
-run's own intervals hold what went in as often as they claim?
+Oracles track simulated scenes like any other tracker. The statistics of the run are then compared with their expected
+values. The self-test has two criteria.
+
+- Is a number *off*? It is off if it lies too many known standard errors from its expected value. The limit is such that
+  a correct program has any number off in one of 1000 self-tests, if numbers are Gaussian, as they nearly are.
+- Do the intervals of the run contain the expected values as often as they claim?
 """
 
 import math
@@ -34,13 +36,13 @@ from tracknoise.trackers.registry import make_tracker
 
 SPEEDS = (1, 2)
 AGES = (4, 12)
-"""Where curves are looked at: frames of the nominal sequence, seen at every speed."""
+"""Ages at which curves are compared: frames of the nominal sequence, seen at every speed."""
 CURVES = ("nu", "eta", "Phi")
-"""Which curves are looked at."""
+"""Curves that are compared."""
 LIFETIMES = (2, 6)
-"""Where survival is looked at: frames that the tracker saw."""
+"""Lifetimes at which survival is compared: frames that the tracker saw."""
 ALARM = 0.001
-"""Probability that an instrument which is right is said to be wrong, for each of the two questions."""
+"""Probability that the self-test fails although the program is correct, for each of the two criteria."""
 _USUAL: Mapping[str, Any] = {"n_features": 300, "loss_rate": 0.02, "outlier_rate": 0.02}
 _SETTINGS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
@@ -52,7 +54,7 @@ _SETTINGS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
         "losses": {"loss_rate": 0.15},
     }
 )
-"""What oracles do beside the usual: tracks end in every one, so that they begin in every frame."""
+"""Options of each oracle beyond the common ones. Tracks end in all of them, so that new tracks begin in every frame."""
 _COORDINATES = {"nu": ("u", "v"), "eta": ("u", "v"), "Phi": ("u", "v", "uv"), "central": ("u", "v", "uv")}
 _RATES = ("outlier_ratio", "loss_ratio", "mean_lifetime")
 N_NUMBERS = (
@@ -60,7 +62,7 @@ N_NUMBERS = (
     * len(SPEEDS)
     * (len(AGES) * sum(len(_COORDINATES[name]) for name in CURVES) + len(_RATES) + len(LIFETIMES))
 )
-"""How many numbers a check compares."""
+"""Number of values that a self-test compares."""
 COMPARISON: Schema = {
     "setting": pl.String,
     "speed": pl.Int32,
@@ -68,30 +70,30 @@ COMPARISON: Schema = {
     "coordinate": pl.String,
     "at": pl.Int64,
     "unit": pl.String,
-    "went_in": pl.Float64,
-    "came_back": pl.Float64,
+    "expected": pl.Float64,
+    "measured": pl.Float64,
     "standard_error": pl.Float64,
     "low": pl.Float64,
     "high": pl.Float64,
     "within": pl.Boolean,
     "off": pl.Boolean,
 }
-"""A row a number: what it must be, what it was, its known standard error, and its interval, if the run has one."""
+"""One row per number: expected and measured value, known standard error, and the interval if the run has one."""
 _KEY = ["setting", "speed", "statistic", "coordinate", "at"]
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What a comparison says of the instrument.
+    """Result of a self-test.
 
     Attributes
     ----------
     n_numbers, n_off, n_missing
-        How many numbers were compared, how many of these are off, and how many should have been there and were not.
+        Count of numbers that were compared, that are off, and that are missing.
     n_intervals, n_within
-        How many of them have an interval, and how many of these hold what went in.
+        Count of numbers that have an interval, and of intervals that contain the expected value.
     n_least
-        Of an instrument that is right, at least so many hold it.
+        Smallest `n_within` that passes.
     """
 
     n_numbers: int
@@ -102,22 +104,22 @@ class Verdict:
     n_least: int
 
     @property
-    def is_right(self) -> bool:
-        """Whether nothing speaks against the instrument."""
+    def passes(self) -> bool:
+        """Whether no number is off or missing, and enough intervals contain the expected value."""
         return not self.n_off and not self.n_missing and self.n_within >= self.n_least
 
 
 def selfcheck_experiment(*, scenes: int, seed: int = 0) -> Experiment:
-    """Oracles with known errors of several kinds, at two speeds, on small simulated scenes.
+    """Experiment of the self-test: oracles with several kinds of known errors, two speeds, small simulated scenes.
 
-    The camera drives backward, so that no feature leaves the image: tracks end as the oracle has them end.
+    The camera moves backward, so that no feature leaves the image. Tracks end only where the oracle ends them.
 
     Parameters
     ----------
     scenes
-        Count of scenes.
+        Number of scenes.
     seed
-        Of worlds, paths and errors. Settings and speeds are independent of each other.
+        Random seed of worlds, paths and errors. Settings and speeds are independent of each other.
     """
     options = {"motions": ["forward"], "worlds": scenes, "frames": 25, "width": 96, "height": 72, "supersampling": 1}
     return Experiment(
@@ -135,22 +137,22 @@ def selfcheck_experiment(*, scenes: int, seed: int = 0) -> Experiment:
 
 
 def compare(run: RunFolder, *, curves: Collection[str] = CURVES, ages: Collection[int] = AGES) -> pl.DataFrame:
-    """Set what a finished run says of its oracles beside what it must say.
+    """Compare the statistics of a finished run of oracles with their expected values.
 
     Parameters
     ----------
     run
-        Of one view, in which no feature of an oracle leaves the image, or else lifetimes are shorter than is known.
+        A run of one view. No feature of an oracle may leave the image: the expected lifetimes assume that.
     curves
-        Of nu, eta, Phi and central those to compare: of untrimmed errors, each feature counting once.
+        Curves to compare: some of nu, eta, Phi and central. Errors are untrimmed, and each feature counts once.
     ages
-        Where, in frames of the nominal sequence, at least 1; those that a speed passes over are left out.
+        Ages to compare, in frames of the nominal sequence, at least 1. Ages that a speed skips are left out.
 
     Returns
     -------
     polars.DataFrame
-        Schema `COMPARISON`, settings in the order of the experiment. `low`, `high` and `within` are null where the run
-        has no interval.
+        Schema `COMPARISON`, settings in the order of the experiment. `low`, `high` and `within` are null for numbers
+        without an interval.
 
     Raises
     ------
@@ -171,28 +173,28 @@ def compare(run: RunFolder, *, curves: Collection[str] = CURVES, ages: Collectio
     sorting = [pl.col(name).replace_strict(order, default=len(order)) for name in ("setting", "statistic")]
     table = table.sort(sorting[0], "speed", sorting[1], maintain_order=True)
     table = table.join(_intervals(run), on=_KEY, how="left", nulls_equal=True, maintain_order="left")
-    near = (pl.col("came_back") - pl.col("went_in")).abs() <= furthest(table.height) * pl.col("standard_error")
+    near = (pl.col("measured") - pl.col("expected")).abs() <= furthest(table.height) * pl.col("standard_error")
     table = table.with_columns(
-        within=pl.col("went_in").is_between("low", "high"), off=near.fill_null(value=False).not_()
+        within=pl.col("expected").is_between("low", "high"), off=near.fill_null(value=False).not_()
     )
     return check(table.select(*COMPARISON), COMPARISON, "comparison")
 
 
 def furthest(n_numbers: int) -> float:
-    """How many standard errors the furthest of so many numbers may stray before it is off (Bonferroni)."""
+    """Number of standard errors above which one of `n_numbers` numbers is off (Bonferroni)."""
     return float(norm.isf(ALARM / n_numbers / 2))
 
 
 def judge(comparison: pl.DataFrame) -> Verdict:
-    """Say whether anything speaks against the instrument, for the experiment of `selfcheck_experiment`.
+    """Decide whether the self-test passes, for the experiment of `selfcheck_experiment`.
 
-    Numbers of one setting, speed and age rest on the same features: how many intervals miss what went in is allowed to
-    vary as if those missed it together.
+    Numbers of one setting, speed and age are computed from the same features. The allowed number of intervals that miss
+    the expected value is therefore computed as if those intervals missed it together.
 
     Parameters
     ----------
     comparison
-        What `compare` returned by default.
+        Result of `compare` with its default arguments.
     """
     judged = check(comparison, COMPARISON, "comparison").drop_nulls("within")
     together = judged.group_by("setting", "speed", "at").len()["len"].to_list()
@@ -221,7 +223,7 @@ def _curve_rows(curves: pl.DataFrame, oracles: Mapping[str, Oracle]) -> Iterator
 
 
 def _rate_rows(run: RunFolder, oracles: Mapping[str, Oracle]) -> Iterator[dict[str, Any]]:
-    """Outliers, and losses, over the features offered to all steps."""
+    """Outlier ratio and loss ratio: counts divided by the features offered to all steps."""
     lost = run.statistics("counts").filter(kind="end", name="lost").select("tracker", "speed", lost="n")
     offered = run.statistics("outliers").filter(pl.col("tracker").is_in(list(oracles)))
     for condition in offered.join(lost, on=["tracker", "speed"]).iter_rows(named=True):
@@ -245,7 +247,7 @@ def _lifetime_rows(run: RunFolder, oracles: Mapping[str, Oracle]) -> Iterator[di
 
 
 def _intervals(run: RunFolder) -> pl.DataFrame:
-    """The run's intervals: the columns of `_KEY`, `low` and `high`."""
+    """Intervals of the run: columns of `_KEY`, `low` and `high`."""
     chosen = run.statistics("intervals").filter(
         pl.col("aspect") == ALL,
         pl.col("trimming").fill_null("untrimmed") == "untrimmed",
@@ -254,7 +256,7 @@ def _intervals(run: RunFolder) -> pl.DataFrame:
     return chosen.select(pl.col("tracker").alias("setting"), *_KEY[1:], "low", "high")
 
 
-def _row(condition: Mapping[str, Any], known: Known, came_back: float | None, **where: Any) -> dict[str, Any]:
+def _row(condition: Mapping[str, Any], known: Known, measured: float | None, **where: Any) -> dict[str, Any]:
     place = {"coordinate": None, "at": None, "unit": None, **where}
-    measured = {"went_in": known.value, "came_back": came_back, "standard_error": known.standard_error}
-    return {"setting": condition["tracker"], "speed": condition["speed"], **place, **measured}
+    values = {"expected": known.value, "measured": measured, "standard_error": known.standard_error}
+    return {"setting": condition["tracker"], "speed": condition["speed"], **place, **values}

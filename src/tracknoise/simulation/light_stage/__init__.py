@@ -1,1 +1,1 @@
-"""A stage on which objects are photographed from an arc of positions, in the light of one LED after the other."""
+"""A light stage: objects are photographed from an arc of positions, with one LED at a time."""

@@ -16,7 +16,7 @@ def revolved(
     textures: tuple[NDArray[np.float32], ...],
     repeat_m: float,
 ) -> World:
-    """Turn a profile about the vertical through a point.
+    """Revolve a profile about the vertical through a point.
 
     Parameters
     ----------
@@ -25,12 +25,12 @@ def revolved(
     foot
         (3,) float64, metres, world frame.
     texture
-        Which of the textures it wears, upright.
+        Index of its texture, which is upright.
     textures
-        As `tracknoise.simulation.world.World` takes them.
+        As in `tracknoise.simulation.world.World`.
     repeat_m
-        Size of one repeat of the texture, metres; around the widest place, the nearest size of which a whole number
-        fits in.
+        Size of one repeat of the texture, metres. Around the surface it is adjusted, so that a whole number of repeats
+        fits around the widest place.
     """
     turn = np.linspace(0.0, 1.0, _SEGMENTS + 1)
     radius, height = profile_m.T[:, :, None]

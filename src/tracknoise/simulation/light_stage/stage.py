@@ -1,4 +1,4 @@
-"""The stage: where its cameras and LEDs are, what they see, and the scan of what stands on it."""
+"""The light stage: cameras, LEDs, images and the scan."""
 
 from collections.abc import Iterator
 
@@ -15,9 +15,9 @@ from tracknoise.simulation.render import Quality, Renderer
 from tracknoise.simulation.sensor import expose
 
 POSITIONS = 49
-"""Count of camera positions on the arc."""
+"""Number of camera positions on the arc."""
 KEY_FRAME = 24
-"""The one in the middle, from which the scan is made."""
+"""The middle position, from which the scan is made."""
 SCAN_STEP_PX = 0.75
 """Distance of neighbouring scan points in the key frame, px of the full image: about 0.15 mm on the objects."""
 
@@ -29,24 +29,24 @@ _WIDTH = 1600
 _FOCAL = (2900.0, 2904.0)
 _OFF_CENTRE = (12.3, -8.7)
 _STRENGTH, _AMBIENT = 0.85, 0.15
-_WORLD, _NOISE, _SCAN = range(3)  # streams of random numbers that know nothing of each other
+_WORLD, _NOISE, _SCAN = range(3)  # independent streams of random numbers
 
 
 class LightStage:
     """A scene on the stage.
 
-    The camera stands on an arc of 80 degrees around the scene, 0.6 m from its middle and 30 degrees above it, at 49
-    positions from left to right, and always looks at the middle. At each of them the scene is photographed once for
-    each LED, in its light and what little the walls of the stage throw back.
+    The camera moves on an arc of 80 degrees around the scene, 0.6 m from its centre and 30 degrees above it. It has 49
+    positions from left to right, and always looks at the centre. At each position the scene is photographed once per
+    LED, in the light of that LED and a little ambient light.
 
     Parameters
     ----------
     scene
-        Number of the scene, which decides with the seed what stands on the stage.
+        Number of the scene. Scene and seed determine the objects on the stage.
     seed
-        Of the scenes and of the noise.
+        Random seed of the scenes and the noise.
     width, height
-        Size of the images, px; the focal length goes with the width, 2900 px at 1600.
+        Size of the images, px; the focal length is proportional to the width, 2900 px at 1600.
     supersampling
         Rays along each side of a pixel.
     shadows
@@ -82,7 +82,7 @@ class LightStage:
         )
 
     def images(self, index: int) -> Iterator[NDArray[np.uint8]]:
-        """The photographs from one position, one for each LED in order.
+        """The images from one position, one per LED in order.
 
         Yields
         ------
@@ -96,13 +96,13 @@ class LightStage:
         return surface_points(self._raycaster, self.camera, self.world_from_camera[index], uv)
 
     def scan(self, *, step_px: float = SCAN_STEP_PX) -> NDArray[np.float64]:
-        """Points of the surface within 0.25 m of the scene's middle that the camera sees in the key frame.
+        """Points of the surface within 0.25 m of the centre of the scene that are visible in the key frame.
 
         Parameters
         ----------
         step_px
-            Distance of neighbouring points in the key frame, px. Where its grid begins is left to chance, so that it
-            has nothing to do with the pixels'.
+            Distance of neighbouring points in the key frame, px. The offset of their grid is random, so that it is not
+            aligned with the pixels.
 
         Returns
         -------
@@ -124,7 +124,7 @@ class LightStage:
 
 
 def stage_camera(width: int, height: int) -> Camera:
-    """The camera on the stage: its principal point is off the centre, and its pixels are not quite square."""
+    """The camera on the stage: its principal point is not in the centre, and its pixels are not exactly square."""
     scale = width / _WIDTH
     fx, fy = (focal * scale for focal in _FOCAL)
     right, down = (shift * scale for shift in _OFF_CENTRE)

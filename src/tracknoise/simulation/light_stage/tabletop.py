@@ -1,4 +1,4 @@
-"""Objects on a table, from a seed.
+"""Objects on a table, from a random seed.
 
 World frame: x to the right and y away, as the cameras see it, z up, metres; the origin is the middle of the table.
 """
@@ -17,13 +17,13 @@ from tracknoise.simulation.world import World
 _TEXTURE_SIDE = 1024
 _CLOTH = Recipe(exponent=1.6, mean=0.45, contrast=0.1, shapes=40)
 _PRINT = Recipe(exponent=1.5, mean=0.5, contrast=0.1, shapes=90)
-_RECIPES = (_CLOTH, *(_PRINT,) * 6)  # smooth between its shapes, as things made in factories are
+_RECIPES = (_CLOTH, *(_PRINT,) * 6)  # smooth between its shapes, like manufactured objects
 _TABLE, _COVERS = 0, range(1, 7)
 _TABLE_M, _TABLE_REPEAT_M = 2.4, 0.24
 _COVER_REPEAT_M = 0.15
 _BOARDS, _BOTTLES, _THINGS = 2, 4, 7  # of seven things two are boxes, two are boards, and three are bottles
 _RING_M = 0.095
-"""Distance of the outer objects from the one in the middle."""
+"""Distance of the outer objects from the middle one."""
 
 
 def tabletop(rng: np.random.Generator) -> World:
@@ -32,7 +32,7 @@ def tabletop(rng: np.random.Generator) -> World:
     Parameters
     ----------
     rng
-        Decides all that differs between scenes.
+        Random generator of everything that differs between scenes.
     """
     textures = tuple(paint(recipe, _TEXTURE_SIDE, rng) for recipe in _RECIPES)
     quads: list[Quad] = list(_table(rng))
@@ -48,7 +48,7 @@ def tabletop(rng: np.random.Generator) -> World:
 
 
 def joined(worlds: list[World]) -> World:
-    """Put worlds that have the same textures together."""
+    """Merge worlds that have the same textures."""
     ends = np.cumsum([len(world.vertices) for world in worlds])
     return World(
         vertices=np.concatenate([world.vertices for world in worlds]),
@@ -103,7 +103,7 @@ def _dressed(
 
 
 def _bottle(rng: np.random.Generator, x: float, y: float, textures: tuple[NDArray[np.float32], ...]) -> World:
-    """A body with a shoulder and a neck; some are short and wide, and look like cups turned over."""
+    """A body with a shoulder and a neck; short and wide ones look like inverted cups."""
     radius, height, neck = rng.uniform((0.018, 0.06, 0.35), (0.035, 0.12, 0.9))
     shoulder = np.linspace(0.0, np.pi / 2, 6)
     curve = np.stack([radius * (neck + (1.0 - neck) * np.sin(shoulder)), height * (0.65 + 0.2 * np.cos(shoulder))], -1)

@@ -1,1 +1,1 @@
-"""Worlds and models in Gazebo's format (SDF), as far as a camera sees them."""
+"""Worlds and models in Gazebo's format (SDF): the visible parts."""

@@ -1,7 +1,7 @@
 """Faces that are modelled twice, once for each side, as some programs write them.
 
-Gazebo shows of each pair the one that faces the camera. Rays meet both at once, and would take one or the other by
-the last bits of a float32: so each is moved to its own side by a hair.
+Gazebo shows the face of each pair that faces the camera. A ray hits both at the same distance, and float32 rounding
+would select one of them. Each face is therefore moved slightly to its own side.
 """
 
 import numpy as np
@@ -22,7 +22,7 @@ def set_apart(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     Returns
     -------
     (t, 3, 3) float64
-        The others are where they were.
+        All other triangles are unchanged.
     """
     places = np.rint(corners.reshape(-1, 3) / _SAME_M).astype(np.int64)
     _, vertex = np.unique(places, axis=0, return_inverse=True)

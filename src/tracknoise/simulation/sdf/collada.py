@@ -21,7 +21,7 @@ _AS_GAZEBO = "Z_UP"
 
 
 def read_collada(path: Path, library: Library, remarks: Remarks) -> list[Part]:
-    """Triangles of a COLLADA file's scene, in metres.
+    """Triangles of the scene in a COLLADA file, in metres.
 
     As in Gazebo, ``<unit>`` is applied, and ``<up_axis>`` is not.
 
@@ -30,9 +30,9 @@ def read_collada(path: Path, library: Library, remarks: Remarks) -> list[Part]:
     path
         The file.
     library
-        Where its textures are looked for.
+        Where to search for its textures.
     remarks
-        Takes what is not supported.
+        Collects what is not supported.
     """
     try:
         document = Collada(str(path), ignore=[DaeError])
@@ -54,7 +54,7 @@ def _parts(document: Any, path: Path, library: Library, remarks: Remarks) -> Ite
         remarks.add(path, "animated or skinned geometry is not supported; it is left out")
     for bound in document.scene.objects("geometry"):
         for primitive in bound.original.primitives:
-            if isinstance(primitive, LineSet):  # has no surface, and Gazebo shows none
+            if isinstance(primitive, LineSet):  # it has no surface, and Gazebo does not show it
                 continue
             triangles = primitive.triangleset() if hasattr(primitive, "triangleset") else primitive
             material = bound.materialnodebysymbol.get(triangles.material)
@@ -64,7 +64,7 @@ def _parts(document: Any, path: Path, library: Library, remarks: Remarks) -> Ite
 
 
 def _transformed(triangles: Any, matrix: NDArray[np.float32]) -> NDArray[np.float64]:
-    """(t, 3, 3) float64: corners, moved by the matrix of their node."""
+    """(t, 3, 3) float64: corners, transformed by the matrix of their node."""
     corners = triangles.vertex[triangles.vertex_index].astype(np.float64)
     moved: NDArray[np.float64] = corners @ matrix[:3, :3].T.astype(np.float64) + matrix[:3, 3]
     return moved

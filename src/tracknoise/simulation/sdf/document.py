@@ -1,4 +1,4 @@
-"""What an SDF file holds that a camera would see, with the poses of its models and links worked out."""
+"""The visible parts of an SDF file, with the resolved poses of its models and links."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -17,18 +17,18 @@ _NOT_SHOWN = ("actor", "light", "road", "population", "particle_emitter", "proje
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Visual:
-    """A visible thing.
+    """A visible part.
 
     Parameters
     ----------
     name
-        Its own and that of its model, for messages.
+        Name of the visual and of its model, for messages.
     file
-        The SDF file that it stands in.
+        The SDF file that contains it.
     world_from_visual
         (4, 4) float64.
     geometry
-        The one child of its ``<geometry>``.
+        The only child of its ``<geometry>``.
     material
         Its ``<material>``.
     """
@@ -48,9 +48,9 @@ def read_visuals(path: Path, library: Library, remarks: Remarks) -> list[Visual]
     path
         File of a world or a model.
     library
-        Where included models are looked for.
+        Where to search for included models.
     remarks
-        Takes what is not supported.
+        Collects what is not supported.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def read_visuals(path: Path, library: Library, remarks: Remarks) -> list[Visual]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Scope:
-    """Where in the tree the walk is: the files that include each other, innermost last, and the parent's pose."""
+    """Current position in the tree: the files that include each other, innermost last, and the pose of the parent."""
 
     files: tuple[Path, ...]
     world_from_parent: NDArray[np.float64]
@@ -79,7 +79,7 @@ class _Walk:
     remarks: Remarks
 
     def file(self, scope: _Scope, placed: Element | None) -> list[Visual]:
-        """The first world and all models of a file, with the pose that whoever includes it gives them."""
+        """The first world and all models of a file, with the pose given by the including file."""
         root = read_xml(scope.file)
         worlds, models = root.findall("world"), root.findall("model")
         if not worlds and not models:
@@ -92,7 +92,7 @@ class _Walk:
         return found
 
     def _world(self, world: Element, scope: _Scope) -> list[Visual]:
-        """A world's models; where its saved state has their poses, these count, as in Gazebo."""
+        """Models of a world. Poses in its saved state take precedence, as in Gazebo."""
         state = world.find("state")
         saved: dict[str | None, Element | None] = {}
         for model in () if state is None else state.iter("model"):
@@ -107,7 +107,7 @@ class _Walk:
         return self._models(world, scope, saved)
 
     def _models(self, parent: Element, scope: _Scope, saved: Mapping[str | None, Element | None]) -> list[Visual]:
-        """The models that stand directly in a world or a model."""
+        """The direct child models of a world or a model."""
         found: list[Visual] = []
         for child in parent:
             if child.tag == "model":
@@ -135,7 +135,7 @@ class _Walk:
         return self.file(replace(scope, files=(*scope.files, file)), placed)
 
     def _model(self, model: Element, scope: _Scope, placed: Element | None) -> list[Visual]:
-        """A model, at its own pose unless it is placed elsewhere."""
+        """A model, at its own pose unless another pose is given."""
         inner = self._inner(model, scope, model.find("pose") if placed is None else placed)
         self._name_what_is_not_shown(model, inner)
         found = self._models(model, inner, {})
@@ -156,7 +156,7 @@ class _Walk:
         return Visual(name, scope.file, inner.world_from_parent, shapes[0], visual.find("material"))
 
     def _inner(self, element: Element, scope: _Scope, pose: Element | None) -> _Scope:
-        """The scope of what lies within an element at a given pose."""
+        """The scope of the children of an element at a given pose."""
         frame = "" if pose is None else pose.get("relative_to", "")
         if frame not in ("", "__model__", scope.name):
             what = f"<pose relative_to={frame!r}> of {element.tag} {element.get('name')!r}"

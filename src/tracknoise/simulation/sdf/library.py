@@ -1,4 +1,4 @@
-"""Where models, meshes and textures lie: ``model://`` URIs and Gazebo's folders."""
+"""Paths of models, meshes and textures: ``model://`` URIs and Gazebo's folders."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +13,7 @@ _CONFIG = "model.config"
 
 @dataclass(frozen=True, slots=True)
 class Library:
-    """Folders that hold models, each in a folder of its own.
+    """Folders that contain models, each in its own folder.
 
     Parameters
     ----------
@@ -24,19 +24,19 @@ class Library:
     roots: tuple[Path, ...]
 
     def find(self, uri: str, beside: Path) -> Path | None:
-        """File or folder that a URI means.
+        """File or folder of a URI.
 
         Parameters
         ----------
         uri
-            ``model://name/path``, ``file://path`` or a path; relative ones start beside the file that has them.
+            ``model://name/path``, ``file://path`` or a path. Relative paths start in `beside`.
         beside
-            Folder of that file.
+            Folder of the file that contains the URI.
 
         Returns
         -------
         Path or None
-            None if there is nothing there. Where only the case of the last name differs, that is passed over.
+            None if there is nothing there. Upper and lower case in the last name are not distinguished.
         """
         if uri.startswith(_MODEL):
             found = (_existing(root / uri.removeprefix(_MODEL)) for root in self.roots)
@@ -49,9 +49,9 @@ class Library:
         Parameters
         ----------
         name
-            Path or URI as written there, with slashes of either kind.
+            Path or URI as in the file, with slashes or backslashes.
         beside
-            Folder of the mesh or the script. What is not where the name says is looked for by its last part: there,
+            Folder of the mesh or the script. If the path does not exist, its last part is searched for in this folder
             and in ``../materials/textures``, ``../textures`` and ``textures``.
         """
         name = unquote(name).replace("\\", "/")
@@ -62,7 +62,7 @@ class Library:
 
 
 def model_file(folder: Path) -> Path:
-    """The SDF file of a model: of those that its ``model.config`` names, the one of the latest version.
+    """The SDF file of a model: the latest version that its ``model.config`` names.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def model_names(folder: Path) -> list[str]:
     Raises
     ------
     DataError
-        If it is no folder, or has no model.
+        If it is not a folder, or contains no model.
     """
     if not folder.is_dir():
         raise DataError(folder, "no such folder", "a folder of Gazebo models")
@@ -99,12 +99,12 @@ def model_names(folder: Path) -> list[str]:
 
 
 def _existing(path: Path) -> Path | None:
-    """The path, or one that differs from it in the case of its last name only."""
+    """The path, or an existing one that differs only in the case of its last name."""
     try:
         if path.exists():
             return path
         name, others = path.name.casefold(), sorted(path.parent.iterdir())
-    except (OSError, ValueError):  # there is no such folder, or the name is one that no file can have
+    except (OSError, ValueError):  # the folder does not exist, or the name is not a valid file name
         return None
     return next((other for other in others if other.name.casefold() == name), None)
 

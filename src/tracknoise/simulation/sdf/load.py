@@ -1,4 +1,4 @@
-"""Worlds and models of Gazebo's as `tracknoise.simulation.world.World`."""
+"""Load Gazebo worlds and models as `tracknoise.simulation.world.World`."""
 
 import warnings
 from pathlib import Path
@@ -21,8 +21,8 @@ from tracknoise.simulation.sdf.xml import child_numbers, text_of
 from tracknoise.simulation.world import World
 
 _LARGEST_SIDE = 1024
-_THINNEST = 1e-7  # sine of the smallest angle of a triangle that counts as one
-_SUPPORTED = "a mesh, box, sphere, cylinder or plane that can be shown"
+_THINNEST = 1e-7  # sine of the smallest angle of a valid triangle
+_SUPPORTED = "a mesh, box, sphere, cylinder or plane that can be rendered"
 
 
 def load_world(path: Path, *, models: Path | None = None) -> Scenery:
@@ -33,19 +33,19 @@ def load_world(path: Path, *, models: Path | None = None) -> Scenery:
     path
         A ``.world`` or ``.sdf`` file.
     models
-        Folder in which ``model://`` URIs are looked for first; then come the file's own folder, ``models`` in it, and
-        the folder above.
+        Folder in which ``model://`` URIs are searched for first. The folder of the file follows, then its subfolder
+        ``models`` and its parent folder.
 
     Returns
     -------
     Scenery
-        In the file's own frame, which has z up. Its notes name all that is not shown as Gazebo would show it; there
-        is a `DataWarning` of each as well.
+        In the frame of the file, which has z up. The notes name all differences from Gazebo's rendering; each is also a
+        `DataWarning`.
 
     Raises
     ------
     DataError
-        If a file is missing or malformed, or nothing can be seen.
+        If a file is missing or malformed, or nothing is visible.
     """
     own = path.parent
     library = Library((*(() if models is None else (models,)), own, own / "models", own.parent))
@@ -53,7 +53,7 @@ def load_world(path: Path, *, models: Path | None = None) -> Scenery:
     parts = [part for visual in read_visuals(path, library, remarks) for part in _parts(visual, library, remarks)]
     world = _assemble(parts, remarks)
     if world is None:
-        found = "; ".join(("nothing that can be seen", *remarks.lines))
+        found = "; ".join(("nothing visible", *remarks.lines))
         raise DataError(path, found, _SUPPORTED)
     for line in remarks.lines:
         warnings.warn(line, DataWarning, stacklevel=2)
@@ -66,7 +66,7 @@ def load_model(folder: Path) -> Scenery:
 
 
 def _parts(visual: Visual, library: Library, remarks: Remarks) -> list[Part]:
-    """Triangles of a visual, in the world frame, with what they wear."""
+    """Triangles of a visual, in the world frame, with their materials."""
     parts = _shaped(visual, library, remarks)
     look = own_look(visual.material, visual.file, library, remarks) if parts else None
     rotation, centre = visual.world_from_visual[:3, :3], visual.world_from_visual[:3, 3]
@@ -74,7 +74,7 @@ def _parts(visual: Visual, library: Library, remarks: Remarks) -> list[Part]:
 
 
 def _shaped(visual: Visual, library: Library, remarks: Remarks) -> list[Part]:
-    """Triangles of a visual's geometry, in its own frame."""
+    """Triangles of the geometry of a visual, in its own frame."""
     geometry = visual.geometry
     if geometry.tag == "mesh":
         return _mesh(visual, library, remarks)
@@ -119,11 +119,11 @@ def _assemble(parts: list[Part], remarks: Remarks) -> World | None:
 
 
 def _worn(part: Part, remarks: Remarks) -> Look:
-    """What a part wears, where a texture needs coordinates."""
+    """Material of a part. A texture requires texture coordinates."""
     look = part.look or PLAIN
     if look.texture is None or part.corner_uv is not None:
         return look
-    remarks.add(look.texture, "worn by a mesh without texture coordinates; plain grey is shown instead")
+    remarks.add(look.texture, "used by a mesh without texture coordinates; plain grey is shown instead")
     return PLAIN
 
 
@@ -151,6 +151,6 @@ def _texture(look: Look, remarks: Remarks) -> NDArray[np.float32]:
 
 
 def _resized(image: NDArray[np.float32], width: int) -> NDArray[np.float32]:
-    """The image with another width: means where it shrinks, linear interpolation where it grows."""
+    """Resize an image along its width: area means to shrink, linear interpolation to enlarge."""
     how = cv2.INTER_AREA if width < image.shape[1] else cv2.INTER_LINEAR
     return np.asarray(cv2.resize(image, (width, image.shape[0]), interpolation=how), np.float32)

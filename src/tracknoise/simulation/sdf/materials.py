@@ -1,4 +1,4 @@
-"""What a visual's own ``<material>`` says it wears, Ogre's material scripts included."""
+"""Materials of visuals: ``<material>`` elements and Ogre's material scripts."""
 
 import re
 from pathlib import Path
@@ -10,23 +10,23 @@ from tracknoise.simulation.sdf.xml import Element, numbers, text_of
 
 
 def own_look(material: Element | None, file: Path, library: Library, remarks: Remarks) -> Look | None:
-    """What a material says the whole visual wears.
+    """Material of a whole visual.
 
     Parameters
     ----------
     material
         The ``<material>`` of a visual.
     file
-        The SDF file it stands in.
+        The SDF file that contains it.
     library
-        Where scripts and textures are looked for.
+        Where to search for scripts and textures.
     remarks
-        Takes what is not supported or not found.
+        Collects what is not supported or not found.
 
     Returns
     -------
     Look or None
-        None where it says nothing, so that the mesh's own materials stay.
+        None if it defines nothing, so that the materials of the mesh are used.
     """
     if material is None:
         return None
@@ -51,7 +51,7 @@ def _scripted(script: Element, file: Path, library: Library, remarks: Remarks) -
             body = _body(path.read_text(errors="replace"), name)
             if body is not None:
                 return _look(body, name, path, library, remarks)
-    remarks.add(file, f"material {name!r} is not found; it is passed over")
+    remarks.add(file, f"material {name!r} is not found; it is ignored")
     return None
 
 
@@ -62,20 +62,20 @@ def _look(body: str, name: str, path: Path, library: Library, remarks: Remarks) 
     diffuse = re.search(rf"^\s*diffuse((?:\s+{NUMBER}){{3}})", body, re.MULTILINE)
     if diffuse is not None:
         return even(*(float(word) for word in diffuse[1].split()))
-    remarks.add(path, f"material {name!r} has neither texture nor diffuse colour; it is passed over")
+    remarks.add(path, f"material {name!r} has neither texture nor diffuse colour; it is ignored")
     return None
 
 
 def _textured(name: str, beside: Path, place: Path, library: Library, remarks: Remarks) -> Look | None:
     texture = library.find_texture(name, beside)
     if texture is None:
-        remarks.add(place, f"texture {name!r} is not found; it is passed over")
+        remarks.add(place, f"texture {name!r} is not found; it is ignored")
         return None
     return Look(texture)
 
 
 def _body(script: str, name: str) -> str | None:
-    """What stands between the braces of a material in a script."""
+    """Text between the braces of a material in a script."""
     start = re.search(rf"^\s*material\s+{re.escape(name)}\s*(?::[^{{]*)?{{", script, re.MULTILINE)
     if start is None:
         return None

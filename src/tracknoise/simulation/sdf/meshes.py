@@ -24,14 +24,14 @@ def read_mesh(path: Path, library: Library, remarks: Remarks) -> list[Part]:
     path
         A .dae, .obj or .stl file.
     library
-        Where its textures are looked for.
+        Where to search for its textures.
     remarks
-        Takes what is not supported.
+        Collects what is not supported.
 
     Returns
     -------
     list of Part
-        In the file's unit; of COLLADA, which states its unit, in metres.
+        In the unit of the file; for COLLADA, which states its unit, in metres.
     """
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
@@ -41,7 +41,7 @@ def read_mesh(path: Path, library: Library, remarks: Remarks) -> list[Part]:
 
 
 def _read_stl(path: Path, library: Library, remarks: Remarks) -> list[Part]:
-    """Triangles of an STL file, which knows no textures."""
+    """Triangles of an STL file, which has no textures."""
     try:
         mesh = trimesh.load_mesh(path, process=False)
     except (ValueError, OSError, LookupError, TypeError) as error:

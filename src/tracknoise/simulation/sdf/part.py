@@ -1,4 +1,4 @@
-"""Triangles that wear one thing."""
+"""Triangles with one material."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,20 +7,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-"""Pattern of a number that is not negative, such as a channel of a colour."""
-_LUMA = np.array([0.299, 0.587, 0.114])  # of red, green and blue, as in the grey images of colour files
+"""Pattern of a non-negative number, such as a colour channel."""
+_LUMA = np.array([0.299, 0.587, 0.114])  # weights of red, green and blue, as in grey images of colour files
 
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """What a surface wears.
+    """Material of a surface.
 
     Parameters
     ----------
     texture
-        Image file; None for an even colour.
+        Image file; None for a uniform colour.
     reflectance
-        Of the even colour, 0 to 1.
+        Reflectance of the uniform colour, 0 to 1.
     """
 
     texture: Path | None = None
@@ -28,21 +28,21 @@ class Look:
 
 
 PLAIN = Look()
-"""Of what has neither colour nor texture: light grey."""
+"""Material of surfaces without colour and texture: light grey."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """Triangles that wear one thing.
+    """Triangles with one material.
 
     Parameters
     ----------
     corners
         (t, 3, 3) float64, metres.
     corner_uv
-        (t, 3, 2) float64, repeats of the texture, row 0 first; None where there are no texture coordinates.
+        (t, 3, 2) float64, repeats of the texture, row 0 first; None if there are no texture coordinates.
     look
-        What they wear; None if nothing was said.
+        Their material; None if none is defined.
     """
 
     corners: NDArray[np.float64]
@@ -51,5 +51,5 @@ class Part:
 
 
 def even(red: float, green: float, blue: float) -> Look:
-    """Look of an even colour, whose channels go from 0 to 1."""
+    """Material of a uniform colour, with channels from 0 to 1."""
     return Look(reflectance=float(np.clip(_LUMA @ (red, green, blue), 0.0, 1.0)))

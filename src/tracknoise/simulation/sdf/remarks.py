@@ -1,23 +1,23 @@
-"""What of a world is not shown as Gazebo would show it."""
+"""Differences between the rendered world and Gazebo's."""
 
 from pathlib import Path
 
 
 class Remarks:
-    """Collects one sentence for each thing that is left out or replaced, in order, once each."""
+    """Collects one sentence for each thing that is left out or replaced, in order, without repetitions."""
 
     def __init__(self) -> None:
         self._lines: dict[str, None] = {}
 
     def add(self, place: str | Path, what: str) -> None:
-        """Remark upon something.
+        """Add a remark.
 
         Parameters
         ----------
         place
-            The file that it stands in.
+            The file that contains it.
         what
-            What was found, and what happens instead.
+            What was found, and what is done instead.
         """
         self._lines[f"{place}: {what}"] = None
 

@@ -1,4 +1,4 @@
-"""Boxes, spheres, cylinders and planes as triangles. Each stands about its own origin, as in SDF."""
+"""Boxes, spheres, cylinders and planes as triangles. Each is centred on its origin, as in SDF."""
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -12,13 +12,13 @@ from tracknoise.simulation.quad import box
 from tracknoise.simulation.sdf.part import Part
 from tracknoise.simulation.sdf.xml import Element, child_numbers
 
-_AROUND = 32  # Gazebo's own count of segments
+_AROUND = 32  # number of segments, as in Gazebo
 _UPWARDS = 16
-_PIECES = 16  # along each side of a plane: a few huge triangles would spoil the search tree of the rays
+_PIECES = 16  # along each side of a plane: a few huge triangles would slow down ray casting
 
 
 def _box(element: Element, place: str) -> Part:
-    """Each face wears the whole texture once, upright on the upright ones."""
+    """Each face has the whole texture once, upright on vertical faces."""
     half_m = _lengths(element, "size", 3, place) / 2.0
     once = np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]])
     halves = np.array([[0, 1, 2], [0, 2, 3]])
@@ -27,7 +27,7 @@ def _box(element: Element, place: str) -> Part:
 
 
 def _plane(element: Element, place: str) -> Part:
-    """A rectangle that wears the whole texture once; turned from z to its normal by the shortest way."""
+    """A rectangle with the whole texture once; rotated from z to its normal by the smallest angle."""
     width, depth = _lengths(element, "size", 2, place)
     normal = child_numbers(element, "normal", (0.0, 0.0, 1.0), place)
     if not np.any(normal):
@@ -48,7 +48,7 @@ def _sphere(element: Element, place: str) -> Part:
 
 
 def _cylinder(element: Element, place: str) -> Part:
-    """The texture goes once around the side; the ends wear its borders."""
+    """The texture goes once around the side; the ends have the colours of its borders."""
     (radius,), (length,) = _lengths(element, "radius", 1, place), _lengths(element, "length", 1, place)
     z = length / 2.0
     return _revolved(np.array([0.0, radius, radius, 0.0]), np.array([z, z, -z, -z]), np.array([0.0, 0.0, 1.0, 1.0]))
@@ -57,11 +57,11 @@ def _cylinder(element: Element, place: str) -> Part:
 SHAPES: Mapping[str, Callable[[Element, str], Part]] = MappingProxyType(
     {"box": _box, "sphere": _sphere, "cylinder": _cylinder, "plane": _plane}
 )
-"""Make the triangles of a shape, given its element and, for messages, its place, by the element's name."""
+"""Functions that make the triangles of a shape from its element and its place (for messages), by element name."""
 
 
 def _lengths(element: Element, tag: str, count: int, place: str) -> NDArray[np.float64]:
-    """Sizes, metres; 1 where they are not given."""
+    """Sizes, metres; 1 if they are not given."""
     lengths = child_numbers(element, tag, (1.0,) * count, place)
     if np.any(lengths <= 0.0):
         raise DataError(place, f"<{tag}> {' '.join(f'{length:g}' for length in lengths)}", "lengths above 0")

@@ -18,11 +18,11 @@ _Corner = tuple[int, int]  # indices of position and texture coordinates; -1 for
 
 @dataclass(slots=True)
 class _Mesh:
-    """What has been read of a file so far."""
+    """Contents of a file read so far."""
 
     positions: list[list[float]] = field(default_factory=list)
     uv: list[list[float]] = field(default_factory=list)
-    faces: dict[str, list[_Corner]] = field(default_factory=dict)  # three corners a triangle, by material
+    faces: dict[str, list[_Corner]] = field(default_factory=dict)  # three corners per triangle, by material
     libraries: list[str] = field(default_factory=list)
     material: str = ""
 
@@ -53,16 +53,16 @@ class _Mesh:
 
 
 def read_wavefront(path: Path, library: Library, remarks: Remarks) -> list[Part]:
-    """Triangles of an OBJ file, a part for each material.
+    """Triangles of an OBJ file, one part per material.
 
     Parameters
     ----------
     path
         The file.
     library
-        Where its textures are looked for.
+        Where to search for its textures.
     remarks
-        Takes what is not supported.
+        Collects what is not supported.
     """
     mesh = _Mesh()
     looks: dict[str, Look] = {}
@@ -89,7 +89,7 @@ def _part(mesh: _Mesh, corners: list[_Corner], look: Look | None) -> Part:
 
 
 def _read_materials(mesh: Path, name: str, library: Library, remarks: Remarks) -> dict[str, Look]:
-    """Looks by name. A texture takes the place of the colour."""
+    """Materials by name. A texture replaces the colour."""
     path = library.find(name, mesh.parent)
     if path is None or not path.is_file():
         remarks.add(mesh, f"material file {name!r} is not found; plain grey is shown instead")
@@ -108,7 +108,7 @@ def _read_materials(mesh: Path, name: str, library: Library, remarks: Remarks) -
         elif key == "map_Kd" and (texture := library.find_texture(rest, path.parent)):
             textured[material] = Look(texture)
         elif key == "map_Kd":
-            remarks.add(path, f"texture {rest!r} is not found; an even colour is shown instead")
+            remarks.add(path, f"texture {rest!r} is not found; a uniform colour is shown instead")
     return colours | textured
 
 

@@ -19,21 +19,21 @@ def read_xml(path: Path) -> Element:
     Raises
     ------
     DataError
-        If the file is missing, or malformed, naming the line, or in an encoding that cannot be read.
+        If the file is missing, malformed (the message names the line) or in an encoding that cannot be read.
     """
     try:
         return ET.fromstring(path.read_bytes())
     except ET.ParseError as error:
         what = ErrorString(error.code)
         raise DataError(f"{path}:{error.position[0]}", f"malformed XML ({what})", "well-formed XML") from error
-    except (LookupError, ValueError) as error:  # expat knows few encodings itself, and Python's with one byte only
+    except (LookupError, ValueError) as error:  # expat supports few encodings, and only single-byte ones of Python
         raise DataError(path, f"an encoding that cannot be read ({error})", "well-formed XML in UTF-8") from error
     except OSError as error:
         raise DataError(path, "no such file" if not path.exists() else "cannot be read", "an XML file") from error
 
 
 def text_of(element: Element | None, tag: str) -> str | None:
-    """Text of a child, without spaces around it; None where there is no child or no text."""
+    """Text of a child without surrounding spaces; None if there is no child or no text."""
     text = None if element is None else element.findtext(tag)
     return (text or "").strip() or None
 
@@ -44,7 +44,7 @@ def numbers(element: Element, count: int, place: str | Path) -> NDArray[np.float
     Raises
     ------
     DataError
-        If there are more or fewer, or one is not finite.
+        If the number of values is wrong, or one is not finite.
     """
     text = (element.text or "").strip()
     try:
@@ -57,13 +57,13 @@ def numbers(element: Element, count: int, place: str | Path) -> NDArray[np.float
 
 
 def child_numbers(element: Element, tag: str, default: tuple[float, ...], place: str | Path) -> NDArray[np.float64]:
-    """Numbers in a child, as many as in the default, which stands where there is no such child."""
+    """Numbers in a child, as many as in the default. The default is used if there is no such child."""
     child = element.find(tag)
     return np.array(default) if child is None else numbers(child, len(default), place)
 
 
 def pose_of(element: Element | None, place: str | Path) -> NDArray[np.float64]:
-    """(4, 4) float64: parent_from_child of a ``<pose>``; the identity where there is none.
+    """(4, 4) float64: parent_from_child of a ``<pose>``; the identity if there is none.
 
     The six numbers are x, y, z (metres) and roll, pitch, yaw (radians; degrees if ``degrees="true"``) about the
     parent's fixed axes in this order: R = Rz(yaw) Ry(pitch) Rx(roll). With ``rotation_format="quat_xyzw"`` the last
@@ -72,7 +72,7 @@ def pose_of(element: Element | None, place: str | Path) -> NDArray[np.float64]:
     Raises
     ------
     DataError
-        If the numbers are too few, too many or not finite, or make no rotation.
+        If the number of values is wrong, one is not finite, or they are not a rotation.
     """
     pose = np.eye(4)
     if element is None or not (element.text or "").strip():
@@ -80,7 +80,7 @@ def pose_of(element: Element | None, place: str | Path) -> NDArray[np.float64]:
     if element.get("rotation_format") == "quat_xyzw":
         values = numbers(element, 7, place)
         if not np.any(values[3:]):
-            raise DataError(place, f"<pose> {(element.text or '').strip()!r}", "a quaternion that is not zero")
+            raise DataError(place, f"<pose> {(element.text or '').strip()!r}", "a non-zero quaternion")
         rotation = Rotation.from_quat(values[3:])
     else:
         values = numbers(element, 6, place)

@@ -1,4 +1,4 @@
-"""The instrument measures itself: errors of known size go in, and come back within their sampling error."""
+"""Errors of known size are measured within their sampling error."""
 
 import numpy as np
 import polars as pl
@@ -53,19 +53,19 @@ def run(request, tmp_path_factory) -> RunFolder:
 
 
 def z_scores(run: RunFolder, *curves: str) -> pl.DataFrame:
-    """What came back minus what went in, in known standard errors, at every age of curves and of rates."""
+    """Measured minus expected, in known standard errors: rates, and curves at every age."""
     compared = compare(run, curves=curves, ages=range(1, N_FRAMES))
-    return compared.with_columns(z=(pl.col("came_back") - pl.col("went_in")) / pl.col("standard_error"))
+    return compared.with_columns(z=(pl.col("measured") - pl.col("expected")) / pl.col("standard_error"))
 
 
 def test_bias_and_drift(run):
     nu = compare(run, curves=["nu"], ages=range(1, N_FRAMES))
     for axis, column in enumerate("uv"):
         points = nu.filter(statistic="nu", coordinate=column)
-        age, came_back, error = (points[name].to_numpy() for name in ("at", "came_back", "standard_error"))
+        age, measured, error = (points[name].to_numpy() for name in ("at", "measured", "standard_error"))
         design = np.column_stack([np.ones(len(age)), age])
         covariance = np.linalg.inv(design.T @ (design / error[:, None] ** 2))
-        fitted = covariance @ design.T @ (came_back / error**2)
+        fitted = covariance @ design.T @ (measured / error**2)
         assert np.all(abs(fitted - [BIAS_PX[axis], DRIFT_PX[axis]]) < 4 * np.sqrt(np.diag(covariance)))
 
 
@@ -83,6 +83,6 @@ def test_every_curve_at_every_age(run, statistic):
 
 def test_outlier_and_loss_rates(run):
     rates = z_scores(run).filter(pl.col("statistic").is_in(["outlier_ratio", "loss_ratio"]))
-    assert rates["went_in"].to_list() == [OUTLIER_RATE, LOSS_RATE]
+    assert rates["expected"].to_list() == [OUTLIER_RATE, LOSS_RATE]
     assert run.statistics("outliers")["offered"].item() > 5000
     assert (rates["z"].abs() < 4).all()

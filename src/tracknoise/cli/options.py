@@ -1,0 +1,37 @@
+"""Options that several commands share, so that they have the same name and help everywhere."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def _remember_debug(context: typer.Context, value: bool) -> bool:
+    context.obj.debug = value
+    return value
+
+
+def _remember_quiet(context: typer.Context, value: bool) -> bool:
+    context.obj.quiet = value
+    return value
+
+
+DebugOption = Annotated[
+    bool, typer.Option("--debug", help="Show a traceback on errors.", callback=_remember_debug, is_eager=True)
+]
+QuietOption = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Print results and errors only.", callback=_remember_quiet, is_eager=True)
+]
+WorkersOption = Annotated[
+    int | None, typer.Option("--workers", "-w", min=1, help="Worker processes (default: one per core).")
+]
+ScenesOption = Annotated[int | None, typer.Option("--scenes", min=1, help="Maximum number of scenes, by name.")]
+FramesOption = Annotated[int | None, typer.Option("--frames", min=2, help="Maximum number of frames per scene.")]
+ModelsOption = Annotated[
+    Path | None, typer.Option("--models", help="Folder of Gazebo models, for simulated worlds that use them.")
+]
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option("--scheduler", help="Use the workers of the Dask scheduler at this address: tcp://HOST:8786."),
+]
+FreshOption = Annotated[bool, typer.Option("--fresh", help="Delete the run in this folder and start a new one.")]

@@ -12,8 +12,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.findings.sampling.resampling import LEVEL
-from tracknoise.sequences.sequence import Direction, TruthKind
+from tracknoise.sequences.sequence import TruthKind
 from tracknoise.statistics.effects import MARGIN
+from tracknoise.tables.identity import Direction
 from tracknoise.truth.scan import ScanAnchoring
 
 Population = Literal["visible", "projected"]

@@ -12,10 +12,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.findings.sampling.resampling import LEVEL
-from tracknoise.sequences.sequence import TruthKind
 from tracknoise.statistics.effects import MARGIN
 from tracknoise.tables.identity import Direction
-from tracknoise.truth.scan import ScanAnchoring
+from tracknoise.truth.scan_rule import ScanAnchoring
 
 Population = Literal["visible", "projected"]
 TrimAmong = Literal["all", "followed"]
@@ -89,8 +88,8 @@ class TrackerChoice(_Section):
 class TruthSettings(_Section):
     """Where each feature really was."""
 
-    kind: Annotated[TruthKind | None, Field(strict=False)] = None
-    """How a feature is fixed in the world; by default the best that the data offer."""
+    kind: str | None = None
+    """Kind of truth: `birth`, `raycast`, `scan`, or one of another package; by default the best that the data offer."""
     population: Population = "visible"
     """Which observations trimming looks at: `visible`, or all that can be `projected`, the occluded too."""
     scan_radius_px: Annotated[float, Field(gt=0)] = 0.25

@@ -15,7 +15,7 @@ from tracknoise.tables.identity import SequenceId
 
 
 class TruthKind(StrEnum):
-    """How a feature's true place in the world can be fixed."""
+    """Kinds of truth that rest on data which a sequence must have: depth maps, an exact surface or a scan."""
 
     birth = "birth"
     raycast = "raycast"
@@ -85,8 +85,8 @@ class Sequence(Protocol):
         ...
 
     @property
-    def truths(self) -> tuple[TruthKind, ...]:
-        """The kinds of truth this sequence offers, best first."""
+    def truths(self) -> tuple[str, ...]:
+        """The kinds of truth whose data this sequence has, best first: those of `TruthKind`, or a plug-in's."""
         ...
 
     @property

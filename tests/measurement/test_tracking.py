@@ -1,6 +1,8 @@
 import numpy as np
+import polars as pl
 import pytest
 
+import tracknoise
 from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
@@ -8,7 +10,9 @@ from tracknoise.measurement.sequence_tables import measure_sequence
 from tracknoise.measurement.tracking import TrackerSetup
 from tracknoise.sequences.sequence import Scan, TruthKind
 from tracknoise.sequences.views import view
+from tracknoise.tables.files import read_parquet, write_parquet
 from tracknoise.tables.identity import Direction, SequenceId
+from tracknoise.tables.schema import OBSERVATIONS
 from tracknoise.trackers.imported import Imported
 
 
@@ -103,3 +107,28 @@ def test_tracks_know_the_gradient_of_the_image_in_their_first_frame(tmp_path):
     across, down = 0.0, float(np.float32(np.pi / 2))
     for speed in (1, 2):
         assert tracks.filter(speed=speed)["gradient_rad"].to_list() == [across, down, None, down]
+
+
+def test_observations_have_the_union_of_what_their_trackers_report_and_null_elsewhere(tmp_path):
+    rows = "0,0,9.0,9.0,0.5\n0,1,9.0,9.0,\n"
+    for name in ("sure", "apt"):
+        (tmp_path / f"{name}.csv").write_text(f"track,frame,u_px,v_px,quality_{name}\n" + rows)
+    (tmp_path / "plain.csv").write_text("track,frame,u_px,v_px\n0,0,9.0,9.0\n0,1,9.0,9.0\n")
+    setups = [TrackerSetup(name, Imported(str(tmp_path / f"{name}.csv")), 1) for name in ("sure", "plain", "apt")]
+    found = measure_sequence(Wall(), setups).observations
+    assert found.columns[-3:] == ["kept", "quality_apt", "quality_sure"]
+    assert found["tracker"].to_list() == ["sure"] * 2 + ["plain"] * 2 + ["apt"] * 2
+    assert found["quality_sure"].to_list() == [0.5, None, None, None, None, None]
+    assert found["quality_apt"].to_list() == [None, None, None, None, 0.5, None]
+    assert found["quality_apt"].dtype == pl.Float32
+    alone = measure_sequence(Wall(), setups[1:2]).observations
+    assert alone.equals(found.filter(tracker="plain").select(alone.columns))
+
+
+def test_the_store_keeps_quality_and_trimming_does_too(tmp_path):
+    path = tmp_path / "tracks.csv"
+    path.write_text("track,frame,u_px,v_px,quality_sure\n" + "".join(f"0,{k},9.0,9.0,{k}\n" for k in range(5)))
+    measured = tracknoise.measure(Wall(), Imported(str(path)))
+    assert measured.observations["quality_sure"].to_list() == [0, 1, 2, 3, 4]
+    sha256 = write_parquet(tmp_path / "observations.parquet", measured.observations)
+    assert read_parquet(tmp_path / "observations.parquet", OBSERVATIONS, sha256).equals(measured.observations)

@@ -93,7 +93,7 @@ def _optional(path: Path, column: pl.Series) -> NDArray[np.float32]:
 
 
 def _read(path: Path) -> pl.DataFrame:
-    """The table as it is, but for spaces around names; of CSV all columns as text, to show what is wrong."""
+    """The table without spaces around names; CSV columns are read as text, so that errors can show the cell."""
     if not path.is_file():
         raise DataError(path, "no such file", "a file of tracks")
     try:
@@ -105,7 +105,7 @@ def _read(path: Path) -> pl.DataFrame:
 
 
 def _numbers(path: Path, column: pl.Series, kind: type[pl.DataType], *, optional: bool = False) -> NDArray[Any]:
-    """The finite numbers of a column, NaN where it may be empty, or an error that shows the first cell that is none."""
+    """The finite numbers of a column, NaN where they may be missing; an error shows the first cell that is none."""
     expected = f"a {'whole ' if kind is pl.Int64 else 'finite '}number"
     if not (column.dtype.is_integer() or column.dtype.is_float() or column.dtype == pl.String):
         raise DataError(path, f"column {column.name} of type {column.dtype}", f"{expected} in each row")

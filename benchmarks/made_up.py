@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.measurement.scene import SceneTables
+from tracknoise.measurement.sequence_tables import SequenceTables
 from tracknoise.sequences.sequence import TruthKind
 from tracknoise.tables import schema
 
@@ -24,7 +24,7 @@ reader = "simulated"
 """That might have measured them; more settings of the dataset may follow."""
 
 
-def made_up(scene: str, *, seed: int, frames: int, observations: int) -> SceneTables:
+def made_up(scene: str, *, seed: int, frames: int, observations: int) -> SequenceTables:
     """What might have been measured in a scene: errors that grow with age, lifetimes that are geometric.
 
     Parameters
@@ -43,7 +43,7 @@ def made_up(scene: str, *, seed: int, frames: int, observations: int) -> SceneTa
     n_tracks = observations // (len(conditions) * min(MEAN_LIFETIME, frames))
     parts = [_condition(rng, scene, frames, n_tracks, tracker, speed) for tracker, speed in conditions]
     tables = [pl.concat(each) for each in zip(*parts, strict=True)]
-    return SceneTables(*tables, TruthKind.birth, None, frames, 0, np.zeros((1, 1), np.uint8))
+    return SequenceTables(*tables, TruthKind.birth, None, frames, 0, np.zeros((1, 1), np.uint8))
 
 
 def _condition(

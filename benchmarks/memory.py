@@ -78,13 +78,14 @@ def _stage(size: tuple[int, int]) -> list[Row]:
 def _measure_sweep(length: int) -> dict[str, float]:
     from tracknoise import LucasKanade, open_sequence
     from tracknoise.measurement.tracking import TrackerSetup, run_trackers
-    from tracknoise.truth.truth import make_truth
+    from tracknoise.truth.registry import make_truth
 
     sequence = open_sequence("simulated", motions=["arvr"], frames=length, width=320, height=240, supersampling=1)
     conditions = [TrackerSetup("lucas-kanade", LucasKanade(), 1)]
     swept = run_trackers([sequence], conditions, [make_truth(sequence, None)], n_frames=length, seed=0)
     recording = swept[0].recordings[0]
-    size = sum(getattr(recording, name).nbytes for name in recording.__slots__)
+    arrays = [getattr(recording, name) for name in recording.__slots__ if name != "quality"]
+    size = sum(array.nbytes for array in [*arrays, *recording.quality.values()])
     return {"peak": peak_mib(), "recorded observations": size / 2**20}
 
 

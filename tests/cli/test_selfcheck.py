@@ -1,25 +1,27 @@
 """``tracknoise selfcheck``, as a user types it."""
 
+from dataclasses import replace
+
 import pytest
 
 from tracknoise.experiments.resolve import resolve
 from tracknoise.experiments.settings import parse_experiment
 from tracknoise.experiments.validation.selfcheck import selfcheck_experiment
-from tracknoise.measurement import scene
 from tracknoise.tables.store import Manifest, RunFolder
+from tracknoise.truth.anchored import BirthSession
 
 SMALL = ("selfcheck", "--scenes", "1", "-w", "1", "--quiet")
 
 
 @pytest.fixture
 def half_a_pixel_off(monkeypatch):
-    right = scene.true_paths
+    right = BirthSession.resolve
 
-    def shifted(*arguments):
-        paths = right(*arguments)
-        return type(paths)(paths.uv + 0.5, paths.depth_m)
+    def shifted(session):
+        positions = right(session)
+        return replace(positions, uv=positions.uv + 0.5)
 
-    monkeypatch.setattr(scene, "true_paths", shifted)
+    monkeypatch.setattr(BirthSession, "resolve", shifted)
 
 
 def test_help_has_an_example(tracknoise):

@@ -1,6 +1,7 @@
 """What every registered tracker must do."""
 
 import pickle
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,7 +10,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.tables.schema import TrackEnd, TruthStatus
+from tracknoise.tables.identity import SequenceId
+from tracknoise.tables.schema import QUALITY_NAME, TrackEnd, TruthStatus
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.registry import TRACKERS
 from tracknoise.trackers.tracker import SequenceContext, Step, TrackerSettings
@@ -44,12 +46,14 @@ def _track_file(path: Path) -> str:
     rng = np.random.default_rng(0)
     track, frame = np.nonzero(rng.random((40, FRAMES)) < 0.8)
     u_px, v_px = rng.uniform(10, 150, (2, len(track)))
-    pl.DataFrame({"track": track, "frame": frame, "u_px": u_px, "v_px": v_px}).write_csv(path)
+    sure = np.where(rng.random(len(track)) < 0.9, rng.random(len(track)), np.nan)
+    table = pl.DataFrame({"track": track, "frame": frame, "u_px": u_px, "v_px": v_px, "quality_sure": sure})
+    table.fill_nan(None).write_csv(path)
     return str(path)
 
 
 def start(settings: TrackerSettings, size: tuple[int, int] = SIZE, speed: int = 1) -> Callable[[Frame], Step]:
-    return settings.start(SequenceContext("scene", "default", 0, "forward", size, FRAMES, speed, 0, Still())).step
+    return settings.start(SequenceContext(SequenceId("data", "scene"), size, FRAMES, speed, 0, Still())).step
 
 
 def images() -> list[np.ndarray]:
@@ -70,7 +74,10 @@ def run(settings: TrackerSettings, speed: int = 1) -> list[Step]:
 
 
 def as_bytes(steps: list[Step]) -> list[bytes]:
-    return [pickle.dumps((s.ids, s.uv, s.born, s.response, s.ended_ids, s.ended, s.matched, s.alive)) for s in steps]
+    return [
+        pickle.dumps((s.ids, s.uv, s.born, s.response, s.ended_ids, s.ended, s.matched, s.alive, s.quality))
+        for s in steps
+    ]
 
 
 def test_settings_pickle_and_hash(settings):
@@ -90,6 +97,23 @@ def test_the_report_has_the_types_and_shapes_it_promises(settings, speed):
         assert (step.ended_ids.dtype, step.ended_ids.shape) == (np.int64, (m,))
         assert (step.ended.dtype, step.ended.shape) == (np.int8, (m,))
         assert np.isfinite(step.uv).all()
+
+
+def test_quality_is_one_number_per_observation_and_finite_where_known(settings):
+    expected = {
+        "lucas-kanade": {"lk_residual", "lk_min_eigenvalue"},
+        "correspondence": {"descriptor_distance", "descriptor_ratio"},
+        "imported": {"sure"},
+    }
+    steps = run(settings)
+    for step in steps:
+        assert set(step.quality) == expected.get(settings.kind, set(step.quality))
+        for name, values in step.quality.items():
+            assert re.fullmatch(QUALITY_NAME, name)
+            assert (values.dtype, values.shape) == (np.float32, (len(step.ids),))
+            assert not np.isinf(values).any()
+    for name in expected.get(settings.kind, ()):
+        assert any(np.isfinite(step.quality[name]).any() for step in steps)
 
 
 @pytest.mark.parametrize("speed", [1, 3])

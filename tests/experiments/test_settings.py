@@ -7,6 +7,7 @@ import pytest
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.experiments.load import load_experiment, preset_names
+from tracknoise.experiments.resolve import resolve
 from tracknoise.experiments.running.plan import plan
 from tracknoise.experiments.settings import experiment_schema, parse_experiment
 
@@ -52,10 +53,7 @@ def test_digest_ignores_where_the_data_lie_and_nothing_else():
         ("speeds = [2, 2]\n" + MINIMAL, "x.toml: speeds must differ, found [2, 2]"),
         (MINIMAL + '[[trackers]]\nkind = "lucas-kanade"\n', "x.toml: trackers need different names"),
         (MINIMAL.replace('name = "x"', ""), "x.toml: name: missing"),
-        (
-            MINIMAL + '[truth]\nkind = "laser"\n',
-            "x.toml: truth.kind: found 'laser', expected 'birth', 'raycast' or 'scan'",
-        ),
+        (MINIMAL + "[truth]\nkind = 3\n", "x.toml: truth.kind: found 3, expected a valid string"),
         (MINIMAL + "[truth]\nkind = \n", "x.toml: Invalid value"),
         (MINIMAL.replace('"x"', '"../x"'), "x.toml: name: found '../x', expected"),
     ],
@@ -64,6 +62,13 @@ def test_mistakes_name_file_key_found_and_expected(text, message):
     with pytest.raises(SettingsError, match=re.escape(message)) as caught:
         parse_experiment(text, place="x.toml")
     assert "\n" not in str(caught.value)
+
+
+def test_an_unknown_kind_of_truth_lists_the_known_ones():
+    experiment = parse_experiment(MINIMAL + '[truth]\nkind = "raycats"\n', place="x.toml")
+    expected = r"^truth\.kind: unknown kind of truth 'raycats' \(did you mean 'raycast'\?\); known: birth"
+    with pytest.raises(SettingsError, match=expected):
+        resolve(experiment)
 
 
 def test_neither_file_nor_preset_lists_the_presets():

@@ -1,13 +1,18 @@
 import numpy as np
+import polars as pl
 import pytest
 
+import tracknoise
 from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.measurement.scene import measure_scene
+from tracknoise.measurement.sequence_tables import measure_sequence
 from tracknoise.measurement.tracking import TrackerSetup
-from tracknoise.sequences.sequence import Direction, Scan, SequenceId, TruthKind
+from tracknoise.sequences.sequence import Scan, TruthKind
 from tracknoise.sequences.views import view
+from tracknoise.tables.files import read_parquet, write_parquet
+from tracknoise.tables.identity import Direction, SequenceId
+from tracknoise.tables.schema import OBSERVATIONS
 from tracknoise.trackers.imported import Imported
 
 
@@ -35,7 +40,7 @@ class Wall:
 def measured(tmp_path, last_frame: int):
     path = tmp_path / "tracks.csv"
     path.write_text("track,frame,u_px,v_px\n" + "".join(f"0,{k},9.0,9.0\n" for k in range(last_frame + 1)))
-    return measure_scene(Wall(), [TrackerSetup("imported", Imported(str(path)), 1)], max_frames=2)
+    return measure_sequence(Wall(), [TrackerSetup("imported", Imported(str(path)), 1)], max_frames=2)
 
 
 def test_a_tracker_is_told_the_length_of_the_sequence_not_of_the_part_that_is_read(tmp_path):
@@ -55,8 +60,8 @@ def test_the_frame_kept_for_drawing_is_not_the_key_frame_but_half_way_from_it_to
     path = tmp_path / "tracks.csv"
     path.write_text("track,frame,u_px,v_px\n" + "".join(f"0,{k},9.0,9.0\n" for k in range(5)))
     conditions = [TrackerSetup("imported", Imported(str(path)), 1)]
-    assert measure_scene(Scanned(), conditions).snapshot_frame == 3
-    assert measure_scene(Wall(), conditions).snapshot_frame == 2
+    assert measure_sequence(Scanned(), conditions).snapshot_frame == 3
+    assert measure_sequence(Wall(), conditions).snapshot_frame == 2
 
 
 def test_a_speed_that_passes_over_the_key_frame_and_a_run_that_ends_before_it_are_refused(tmp_path):
@@ -64,16 +69,16 @@ def test_a_speed_that_passes_over_the_key_frame_and_a_run_that_ends_before_it_ar
     path.write_text("track,frame,u_px,v_px\n0,0,9.0,9.0\n")
     imported = Imported(str(path))
     with pytest.raises(
-        SettingsError, match="the wall: found speed 2, which passes over the key frame 1, expected a speed"
+        SettingsError, match="the wall: found speed 2, which skips the key frame 1, expected a speed that divides 1"
     ):
-        measure_scene(Scanned(), [TrackerSetup("imported", imported, 2)])
+        measure_sequence(Scanned(), [TrackerSetup("imported", imported, 2)])
     late = Scanned()
     late.scan = Scan(Scanned.scan.points_world, 3)
     with pytest.raises(DataError, match="the wall: 3 frames, expected at least 4, to reach the key frame"):
-        measure_scene(late, [TrackerSetup("imported", imported, 1)], max_frames=3)
+        measure_sequence(late, [TrackerSetup("imported", imported, 1)], max_frames=3)
     backward = view(late, n_frames=3, direction=Direction.backward, rotation=0)
     with pytest.raises(DataError, match="the wall: 3 frames, expected at least 4, to reach the key frame"):
-        measure_scene(backward, [TrackerSetup("imported", imported, 1)])
+        measure_sequence(backward, [TrackerSetup("imported", imported, 1)])
 
 
 def test_a_scan_that_no_feature_lies_on_is_said_to_be_the_reason(tmp_path):
@@ -82,7 +87,7 @@ def test_a_scan_that_no_feature_lies_on_is_said_to_be_the_reason(tmp_path):
     elsewhere = Scanned()
     elsewhere.scan = Scan(-Scanned.scan.points_world, 1)
     with pytest.raises(DataError, match=r"the wall: no feature of the key frame 1 on the scan, expected .* in metres"):
-        measure_scene(elsewhere, [TrackerSetup("imported", Imported(str(path)), 1)])
+        measure_sequence(elsewhere, [TrackerSetup("imported", Imported(str(path)), 1)])
 
 
 class Striped(Wall):
@@ -98,7 +103,32 @@ def test_tracks_know_the_gradient_of_the_image_in_their_first_frame(tmp_path):
     rows = [(0, 0, 9, 9), (0, 1, 9, 9), (0, 2, 9, 9), (1, 2, 20, 15), (1, 3, 20, 15), (2, 2, 3, 15), (3, 4, 20, 9)]
     path.write_text("track,frame,u_px,v_px\n" + "".join(f"{t},{k},{u},{v}\n" for t, k, u, v in rows))
     conditions = [TrackerSetup("imported", Imported(str(path)), speed) for speed in (1, 2)]
-    tracks = measure_scene(Striped(), conditions).tracks
+    tracks = measure_sequence(Striped(), conditions).tracks
     across, down = 0.0, float(np.float32(np.pi / 2))
     for speed in (1, 2):
         assert tracks.filter(speed=speed)["gradient_rad"].to_list() == [across, down, None, down]
+
+
+def test_observations_have_the_union_of_what_their_trackers_report_and_null_elsewhere(tmp_path):
+    rows = "0,0,9.0,9.0,0.5\n0,1,9.0,9.0,\n"
+    for name in ("sure", "apt"):
+        (tmp_path / f"{name}.csv").write_text(f"track,frame,u_px,v_px,quality_{name}\n" + rows)
+    (tmp_path / "plain.csv").write_text("track,frame,u_px,v_px\n0,0,9.0,9.0\n0,1,9.0,9.0\n")
+    setups = [TrackerSetup(name, Imported(str(tmp_path / f"{name}.csv")), 1) for name in ("sure", "plain", "apt")]
+    found = measure_sequence(Wall(), setups).observations
+    assert found.columns[-3:] == ["kept", "quality_apt", "quality_sure"]
+    assert found["tracker"].to_list() == ["sure"] * 2 + ["plain"] * 2 + ["apt"] * 2
+    assert found["quality_sure"].to_list() == [0.5, None, None, None, None, None]
+    assert found["quality_apt"].to_list() == [None, None, None, None, 0.5, None]
+    assert found["quality_apt"].dtype == pl.Float32
+    alone = measure_sequence(Wall(), setups[1:2]).observations
+    assert alone.equals(found.filter(tracker="plain").select(alone.columns))
+
+
+def test_the_store_keeps_quality_and_trimming_does_too(tmp_path):
+    path = tmp_path / "tracks.csv"
+    path.write_text("track,frame,u_px,v_px,quality_sure\n" + "".join(f"0,{k},9.0,9.0,{k}\n" for k in range(5)))
+    measured = tracknoise.measure(Wall(), Imported(str(path)))
+    assert measured.observations["quality_sure"].to_list() == [0, 1, 2, 3, 4]
+    sha256 = write_parquet(tmp_path / "observations.parquet", measured.observations)
+    assert read_parquet(tmp_path / "observations.parquet", OBSERVATIONS, sha256).equals(measured.observations)

@@ -13,7 +13,8 @@ from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.folder import Folder, write_folder
 from tracknoise.sequences.recorded import RecordedSequence
-from tracknoise.sequences.sequence import SequenceId, TruthKind
+from tracknoise.sequences.sequence import TruthKind
+from tracknoise.tables.identity import SequenceId
 
 FRAMES, WIDTH, HEIGHT = 3, 20, 16
 CAMERA = Camera(WIDTH, HEIGHT, 18.5, 18.25, 9.3, 7.9, (0.1, -0.02, 0.001, 0.002, 0.003))

@@ -2,8 +2,8 @@ import pytest
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.sequences.registry import READERS, make_reader, open_sequence, select
-from tracknoise.sequences.sequence import SequenceId
 from tracknoise.sequences.sevenscenes import SevenScenes
+from tracknoise.tables.identity import SequenceId
 
 
 def test_names():

@@ -11,8 +11,9 @@ from tracknoise.exceptions import DataError, DataWarning, SettingsError, Unknown
 from tracknoise.geometry.depth import interpolate
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.registry import make_reader, open_sequence
-from tracknoise.sequences.sequence import Sequence, SequenceId, TruthKind
+from tracknoise.sequences.sequence import Sequence, TruthKind
 from tracknoise.sequences.simulated import Simulated, SimulatedSequence
+from tracknoise.tables.identity import SequenceId
 
 MOTIONS = ("sideways", "fixating", "forward", "arvr")
 FRAMES, WIDTH, HEIGHT = 11, 160, 120

@@ -1,3 +1,5 @@
+from collections.abc import Mapping
+
 import polars as pl
 import pytest
 
@@ -5,7 +7,7 @@ from tracknoise.exceptions import SchemaError
 from tracknoise.tables import schema
 from tracknoise.tables.schema import TrackEnd, TruthStatus, check, empty
 
-SCHEMAS = {name: value for name, value in vars(schema).items() if name.isupper() and isinstance(value, dict)}
+SCHEMAS = {name: value for name, value in vars(schema).items() if name.isupper() and isinstance(value, Mapping)}
 PAIR = {"name": pl.String, "n": pl.Int64}
 
 
@@ -45,6 +47,56 @@ def test_check_names_the_first_column_that_differs(table: pl.DataFrame, message:
     with pytest.raises(SchemaError) as error:
         check(table, PAIR, "pairs")
     assert str(error.value) == message
+
+
+def observed(*more: tuple[str, type[pl.DataType]]) -> pl.DataFrame:
+    return pl.DataFrame(schema={**schema.OBSERVATIONS, **dict(more)})
+
+
+COVARIANCE = [(name, pl.Float64) for name in ("cov_true_uu", "cov_true_uv", "cov_true_vv")]
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        [("quality_sure", pl.Float32)],
+        [("quality_a", pl.Float32), ("quality_b2", pl.Float32)],
+        COVARIANCE,
+        [*COVARIANCE, ("quality_sure", pl.Float32)],
+    ],
+)
+def test_observations_may_have_quality_and_true_covariances_at_their_end(more) -> None:
+    table = observed(*more)
+    assert check(table, schema.OBSERVATIONS, "observations") is table
+    assert list(schema.OBSERVATIONS) == table.columns[: len(schema.OBSERVATIONS)]
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ([("quality_sure", pl.Float64)], "column 18 is quality_sure: Float64, expected quality_sure: Float32"),
+        (
+            [("quality_b", pl.Float32), ("quality_a", pl.Float32)],
+            "column 18 is quality_b: Float32, expected quality_a: Float32",
+        ),
+        ([("quality_Sure", pl.Float32)], "unexpected column 'quality_Sure'"),
+        ([("sure", pl.Float32)], "unexpected column 'sure'"),
+        (COVARIANCE[:2], "column 20 is nothing, expected cov_true_vv: Float64"),
+        (
+            [("quality_a", pl.Float32), *COVARIANCE],
+            "column 18 is quality_a: Float32, expected cov_true_uu: Float64",
+        ),
+    ],
+)
+def test_other_columns_of_observations_are_refused(more, message) -> None:
+    with pytest.raises(SchemaError) as error:
+        check(observed(*more), schema.OBSERVATIONS, "observations")
+    assert str(error.value) == f"observations: {message}"
+
+
+def test_quality_is_allowed_in_observations_only() -> None:
+    with pytest.raises(SchemaError, match="unexpected column 'quality_sure'"):
+        check(empty(schema.TRACKS).with_columns(quality_sure=pl.lit(1.0, pl.Float32)), schema.TRACKS, "tracks")
 
 
 def test_moments_hold_every_joint_central_sum_of_orders_two_to_four() -> None:

@@ -101,3 +101,18 @@ def test_what_moves_by_itself_is_an_outlier(sideways, setting):
 def test_impossible_settings_are_refused_by_name(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         Correspondence(**wrong)
+
+
+def test_quality_is_the_distance_to_the_first_descriptor_and_its_ratio_to_the_second_best(sideways, setting):
+    tracker = Correspondence(rejection=NO_REJECTION, max_features=150).start(setting())
+    first, second = (tracker.step(frame) for frame in sideways[:2])
+    before, after = (describe(frame, Detection()) for frame in sideways[:2])
+    assert np.isnan(first.quality["descriptor_distance"]).all()
+    found = np.flatnonzero(~second.born)
+    assert len(found) > 50
+    for row in found.tolist():
+        own = before.descriptors[np.flatnonzero((before.uv == first.uv[first.ids == second.ids[row]]).all(axis=1))[:1]]
+        distances = np.sort(np.linalg.norm(after.descriptors - own, axis=1))
+        assert second.quality["descriptor_distance"][row] == pytest.approx(distances[0], rel=1e-5)
+        assert second.quality["descriptor_ratio"][row] == pytest.approx(distances[0] / distances[1], rel=1e-5)
+    assert np.isnan(second.quality["descriptor_ratio"][second.born]).all()

@@ -68,6 +68,24 @@ def test_a_response_is_kept_where_known_and_other_columns_are_ignored(suffix, tm
     assert np.isnan(steps[2].response).all()
 
 
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_quality_columns_belong_to_their_observations_and_may_be_empty(suffix, tmp_path, setting):
+    sure = [0.5, 0.25, None, 0.75, 1.0, 2.0, 3.0]
+    steps = run(written(tmp_path / f"tracks.{suffix}", quality_sure=sure, certain=sure), setting(), range(3))
+    assert [list(step.quality) for step in steps] == [["sure"]] * 3
+    assert [step.quality["sure"].tolist() for step in steps[:2]] == [[0.5, 0.75], [0.25]]
+    np.testing.assert_array_equal(steps[2].quality["sure"], np.float32([np.nan, 3.0, 1.0]))
+
+
+def test_quality_with_a_bad_name_or_a_cell_that_is_no_number_is_refused(tmp_path, setting):
+    named = written(tmp_path / "named.csv", quality_Sure=[1.0] * 7)
+    with pytest.raises(DataError, match=r"named.csv: column quality_Sure, expected a name of the form quality_\[a-z\]"):
+        named.start(setting())
+    worded = written(tmp_path / "worded.csv", quality_sure=["high"] * 7)
+    with pytest.raises(DataError, match=r"worded.csv:2: quality_sure 'high', expected a finite number$"):
+        worded.start(setting())
+
+
 def test_placeholders_name_the_condition(tmp_path, setting):
     written(tmp_path / "scene_default_0_2.csv")
     settings = Imported(str(tmp_path / "{scene}_{lighting}_{rotation}_{speed}.csv"))

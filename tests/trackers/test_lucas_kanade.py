@@ -164,3 +164,34 @@ def square(u: float, v: float) -> tuple[tuple[int, int], tuple[int, int]]:
 def test_impossible_settings_are_refused_by_name(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         LucasKanade(**wrong)
+
+
+def structure_tensor(image: np.ndarray, u: int, v: int, side: int) -> np.ndarray:
+    """Mean of g g^T over a window around a pixel, with Scharr derivatives in gray values per pixel."""
+    half = side // 2
+    window = slice(v - half, v + half + 1), slice(u - half, u + half + 1)
+    du, dv = (cv2.Scharr(image, cv2.CV_64F, *axis)[window].ravel() / 32 for axis in ((1, 0), (0, 1)))
+    return np.array([[du @ du, du @ dv], [du @ dv, dv @ dv]]) / du.size
+
+
+def test_the_eigenvalue_is_that_of_the_patch_in_the_previous_image(sideways, setting):
+    tracker = LucasKanade(**FEW).start(setting())
+    first, second = (tracker.step(frame) for frame in sideways[:2])
+    assert np.isnan(first.quality["lk_min_eigenvalue"]).all()
+    found = ~second.born
+    start = dict(zip(first.ids.tolist(), first.uv.astype(int).tolist(), strict=True))
+    image = sideways[0].image
+    expected = [np.linalg.eigvalsh(structure_tensor(image, *start[i], 15))[0] for i in second.ids[found].tolist()]
+    np.testing.assert_allclose(second.quality["lk_min_eigenvalue"][found], expected, rtol=1e-3)
+    assert np.isnan(second.quality["lk_min_eigenvalue"][second.born]).all()
+
+
+def test_the_residual_is_the_mean_difference_of_gray_values(sideways, setting):
+    """An image that gets brighter by 3 and does not move has a residual of 3, less what a small shift takes off."""
+    image = np.clip(sideways[0].image, 0, 250)
+    tracker = LucasKanade(rejection=Rejection(model=Model.none), **FEW).start(setting())
+    tracker.step(Frame(0, image))
+    same, brighter = tracker.step(Frame(1, image)), tracker.step(Frame(2, image + 3))
+    assert np.nanmax(same.quality["lk_residual"]) == 0
+    assert 2.7 < np.nanmedian(brighter.quality["lk_residual"]) <= 3.0
+    assert np.isnan(brighter.quality["lk_residual"][brighter.born]).all()

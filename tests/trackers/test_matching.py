@@ -15,7 +15,8 @@ def by_opencv(query: np.ndarray, train: np.ndarray) -> list[tuple[int, int]]:
 
 
 def ours(query: np.ndarray, train: np.ndarray) -> list[tuple[int, int]]:
-    return list(zip(*(rows.tolist() for rows in mutual_nearest(query, train)), strict=True))
+    matches = mutual_nearest(query, train)
+    return list(zip(matches.query_rows.tolist(), matches.train_rows.tolist(), strict=True))
 
 
 @given(st.integers(0, 2**32), st.integers(1, 60), st.integers(1, 60), st.integers(1, 4))
@@ -42,5 +43,27 @@ def test_products_of_sift_descriptors_are_exact(sideways):
 
 @pytest.mark.parametrize(("n_query", "n_train"), [(0, 5), (5, 0), (0, 0)])
 def test_nothing_matches_nothing(n_query, n_train):
-    rows = mutual_nearest(np.ones((n_query, 128), np.float32), np.ones((n_train, 128), np.float32))
-    assert [len(row) for row in rows] == [0, 0]
+    matches = mutual_nearest(np.ones((n_query, 128), np.float32), np.ones((n_train, 128), np.float32))
+    assert {len(getattr(matches, name)) for name in matches.__slots__} == {0}
+
+
+def test_distances_are_euclidean_and_ratios_are_relative_to_the_second_nearest():
+    query = np.array([[3, 4], [100, 0]], np.float32)
+    matches = mutual_nearest(query, np.array([[0, 0], [100, 0], [3, 14]], np.float32))
+    assert matches.train_rows.tolist() == [0, 1]
+    assert matches.distance.tolist() == [5.0, 0.0]
+    assert matches.ratio.tolist() == [0.5, 0.0]
+    alone = mutual_nearest(query[:1], query[:1])
+    assert alone.distance.tolist() == [0.0]
+    assert np.isnan(alone.ratio).all()
+    twins = mutual_nearest(query[:1], query[[0, 0]])
+    assert twins.ratio.tolist() == [1.0]
+
+
+def test_distances_of_sift_descriptors_are_those_of_opencvs_two_nearest(sideways):
+    query, train = (describe(frame, Detection()).descriptors for frame in sideways[:2])
+    matches = mutual_nearest(query, train)
+    nearest = cv2.BFMatcher(cv2.NORM_L2).knnMatch(query, train, k=2)
+    first, second = (np.array([nearest[row][k].distance for row in matches.query_rows]) for k in (0, 1))
+    np.testing.assert_allclose(matches.distance, first, rtol=1e-5)
+    np.testing.assert_allclose(matches.ratio, first / second, rtol=1e-5)

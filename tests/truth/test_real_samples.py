@@ -8,7 +8,8 @@ from tracknoise.geometry.depth import interpolate
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.registry import open_sequence
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.truth.truth import Truth, make_truth
+from tracknoise.truth.anchored import AnchoredTruth
+from tracknoise.truth.registry import make_truth
 
 SAMPLES = pytest.mark.parametrize(
     ("reader", "name"), [("sevenscenes", "sevenscenes"), ("tartanair", "tartanair_v1"), ("tartanair", "tartanair_v2")]
@@ -27,11 +28,11 @@ def flow_of(path, uv: np.ndarray) -> np.ndarray:
     return (raw[rows, columns, :2].astype(np.float64) - 32768.0) / 64.0
 
 
-def flow_error(truth: Truth, index: int, uv: np.ndarray, flow: np.ndarray) -> np.ndarray:
+def flow_error(truth: AnchoredTruth, index: int, uv: np.ndarray, flow: np.ndarray) -> np.ndarray:
     """How far truth and flow are apart, px, where a pixel has depth and is seen in the next frame."""
     points, status = truth.anchor(index, uv)
     usable = status == TruthStatus.valid
-    usable[usable] = truth.visibility(index + 1, points[usable]) == TruthStatus.valid
+    usable[usable] = truth.locate(index + 1, points[usable])[1] == TruthStatus.valid
     return np.linalg.norm(truth.project(index + 1, points[usable]) - uv[usable] - flow[usable], axis=1)
 
 
@@ -75,8 +76,8 @@ def test_most_of_what_is_seen_is_seen_in_the_next_frame(sample, reader, name):
     truth, camera = make_truth(sequence), sequence.camera
     points, status = truth.anchor(0, every_pixel(camera.width, camera.height, 11))
     points = points[status == TruthStatus.valid]
-    assert np.mean(truth.visibility(0, points) == TruthStatus.valid) == 1.0
-    later = truth.visibility(1, points)
+    assert np.mean(truth.locate(0, points)[1] == TruthStatus.valid) == 1.0
+    later = truth.locate(1, points)[1]
     assert np.mean(later == TruthStatus.valid) > 0.9
     assert np.mean(later == TruthStatus.occluded) < 0.03
 
@@ -95,7 +96,7 @@ def test_depth_agrees_between_frames(sample, reader, name, gap, median, high):
     for index in range(0, min(len(sequence), 30) - gap, 2):
         points, status = truth.anchor(index, uv)
         points = points[status == TruthStatus.valid]
-        points = points[truth.visibility(index + gap, points) == TruthStatus.valid]
+        points = points[truth.locate(index + gap, points)[1] == TruthStatus.valid]
         measured = interpolate(sequence.depth(index + gap), truth.project(index + gap, points))
         moved = transform(invert(sequence.world_from_camera[index + gap]), points)[:, 2]
         relative.append(np.abs(moved / measured.depth_m - 1.0)[measured.valid])

@@ -5,7 +5,7 @@ from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.sequences.registry import make_reader
 from tracknoise.sequences.sequence import TruthKind
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.truth.truth import make_truth
+from tracknoise.truth.registry import make_truth
 
 
 def test_the_best_kind_is_taken_by_default(make_room, at):
@@ -41,7 +41,7 @@ def test_the_depth_of_a_frame_is_read_once(make_room, at):
     uv = np.array([[31.5, 23.5]])
     for index in range(3):
         points, _ = truth.anchor(index, uv)
-        truth.visibility(index, points)
+        truth.locate(index, points)[1]
         truth.anchor(index, uv)
         truth.project(0, points)
     assert room.reads == [0, 1, 2]
@@ -70,7 +70,7 @@ def test_dense_depth_and_ray_casts_agree_on_simulated_worlds(pixel_grid):
         assert valid.mean() > 0.4
         for truth, points in ((birth, dense), (raycast, exact)):
             assert np.abs(truth.project(0, points) - uv)[valid].max() < 1e-9
-        seen = birth.visibility(10, dense[valid]) == TruthStatus.valid
+        seen = birth.locate(10, dense[valid])[1] == TruthStatus.valid
         apart = np.linalg.norm(birth.project(10, dense[valid]) - raycast.project(10, exact[valid]), axis=1)
         moved = np.linalg.norm(birth.project(10, dense[valid]) - uv[valid], axis=1)
         assert seen.mean() > 0.5

@@ -4,7 +4,7 @@ import pytest
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.sequence import TruthKind
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.truth.truth import make_truth
+from tracknoise.truth.registry import make_truth
 
 BOTH = pytest.mark.parametrize("kind", [TruthKind.birth, TruthKind.raycast])
 
@@ -24,7 +24,7 @@ def test_every_status_by_hand(make_room, at, kind):
         ]
     )
     expected = ["valid", "valid", "occluded", "valid", "out_of_image", "behind_camera", "behind_camera"]
-    status = truth.visibility(0, points)
+    status = truth.locate(0, points)[1]
     assert [TruthStatus(value).name for value in status] == expected
     assert status.dtype == np.int8
 
@@ -35,7 +35,7 @@ def test_a_point_that_the_board_hides_later(make_room, at, kind):
     truth = make_truth(make_room(at(), at(x=-0.8), at(x=0.8)), kind)
     points, _ = truth.anchor(0, np.array([[39.5, 20.0]]))
     np.testing.assert_allclose(points[0, 0], 0.8)
-    statuses = [TruthStatus(truth.visibility(index, points)[0]).name for index in range(3)]
+    statuses = [TruthStatus(truth.locate(index, points)[1][0]).name for index in range(3)]
     assert statuses == ["valid", "occluded", "valid"]
 
 
@@ -43,9 +43,9 @@ def test_beside_an_edge_a_point_counts_as_seen(make_room, at):
     """The wall just right of the board's edge, u = 37.5: one neighbour is the wall itself, and the farthest counts."""
     room = make_room(at())
     behind = np.array([[(u - 31.5) / 10.0, 0.0, 4.0] for u in (36.9, 37.1)])
-    status = make_truth(room, TruthKind.birth).visibility(0, behind)
+    status = make_truth(room, TruthKind.birth).locate(0, behind)[1]
     assert status.tolist() == [TruthStatus.occluded, TruthStatus.valid]
-    status = make_truth(room, TruthKind.raycast).visibility(0, behind)
+    status = make_truth(room, TruthKind.raycast).locate(0, behind)[1]
     assert status.tolist() == [TruthStatus.occluded, TruthStatus.occluded]
 
 
@@ -55,12 +55,12 @@ def test_the_tolerance_is_two_percent_and_at_least_5_mm(make_room, at, kind, sur
     truth = make_truth(make_room(at(z=2.0 - surface_m)), kind)
     along = np.array([surface_m + 0.99 * tolerance_m, surface_m + 1.01 * tolerance_m])
     points = np.stack([np.zeros(2), np.zeros(2), 2.0 - surface_m + along], axis=-1)
-    assert truth.visibility(0, points).tolist() == [TruthStatus.valid, TruthStatus.occluded]
+    assert truth.locate(0, points)[1].tolist() == [TruthStatus.valid, TruthStatus.occluded]
 
 
 def test_where_nothing_is_measured_nothing_is_hidden(make_room, at):
     truth = make_truth(make_room(at(), with_depth=False), TruthKind.birth)
-    assert truth.visibility(0, np.array([[0.2, 0.0, 4.0]])).tolist() == [TruthStatus.valid]
+    assert truth.locate(0, np.array([[0.2, 0.0, 4.0]]))[1].tolist() == [TruthStatus.valid]
 
 
 def test_invalid_depth_hides_nothing(make_room, at):
@@ -69,13 +69,13 @@ def test_invalid_depth_hides_nothing(make_room, at):
             return DepthMap(np.full((48, 64), 0.5), np.zeros((48, 64), bool))
 
     truth = make_truth(Holed(np.stack([at()])), TruthKind.birth)
-    assert truth.visibility(0, np.array([[0.2, 0.0, 4.0]])).tolist() == [TruthStatus.valid]
+    assert truth.locate(0, np.array([[0.2, 0.0, 4.0]]))[1].tolist() == [TruthStatus.valid]
 
 
 def test_the_outermost_half_pixels_belong_to_the_image(make_room, at):
     truth = make_truth(make_room(at()), TruthKind.birth)
     points = np.array([[(u - 31.5) / 10.0, 0.0, 4.0] for u in (-0.4, -0.6, 63.4, 63.6)])
-    assert truth.visibility(0, points).tolist() == [
+    assert truth.locate(0, points)[1].tolist() == [
         TruthStatus.valid,
         TruthStatus.out_of_image,
         TruthStatus.valid,
@@ -85,6 +85,6 @@ def test_the_outermost_half_pixels_belong_to_the_image(make_room, at):
 
 @BOTH
 def test_no_points(make_room, at, kind):
-    status = make_truth(make_room(at()), kind).visibility(0, np.empty((0, 3)))
+    status = make_truth(make_room(at()), kind).locate(0, np.empty((0, 3)))[1]
     assert status.shape == (0,)
     assert status.dtype == np.int8

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tracknoise.cli.terminal import Terminal
-    from tracknoise.sequences.sequence import Reader, SequenceId
+    from tracknoise.sequences.sequence import Reader
+    from tracknoise.tables.identity import SequenceId
 
     Progress = Callable[[int, int], None]
 

@@ -9,15 +9,14 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import SettingsError
-from tracknoise.measurement.scene import SceneTables, measure_scenes
+from tracknoise.measurement.sequence_tables import SequenceTables, measure_sequences
 from tracknoise.measurement.tracking import Progress, TrackerSetup
-from tracknoise.sequences.sequence import Sequence, TruthKind
+from tracknoise.sequences.sequence import Sequence
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.trimming import trim
 from tracknoise.tables.defaults import POPULATION, TRIM_AMONG, TRIM_PERCENTILE
 from tracknoise.trackers.tracker import TrackerSettings
-from tracknoise.truth.scan import ScanRule
-from tracknoise.truth.truth import SCAN_RULE
+from tracknoise.truth.scan_rule import SCAN_RULE, ScanRule
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,11 +35,11 @@ class Measurement:
     truth
         The kind of truth used.
     key_frame
-        Where that is a scan, the frame in which features were associated with it.
+        The frame in which features were associated with a scan; None for other kinds of truth.
     n_frames
-        Count of frames read.
+        Number of frames read.
     snapshot_frame, snapshot
-        One frame, (height, width) uint8, to draw the tracks on.
+        One frame, (height, width) uint8, for figures that show the tracks.
     """
 
     sequence: Sequence = field(repr=False)
@@ -50,7 +49,7 @@ class Measurement:
     moments: pl.DataFrame
     trims: pl.DataFrame
     population: str
-    truth: TruthKind
+    truth: str
     key_frame: int | None
     n_frames: int
     snapshot_frame: int
@@ -62,7 +61,7 @@ def measure(
     trackers: TrackerSettings | Items[TrackerSettings] | Mapping[str, TrackerSettings],
     *,
     speeds: Items[int] = (1,),
-    truth: TruthKind | None = None,
+    truth: str | None = None,
     scan_rule: ScanRule = SCAN_RULE,
     population: str = POPULATION,
     trim_percentile: float = TRIM_PERCENTILE,
@@ -71,7 +70,7 @@ def measure(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Measurement:
-    """Run trackers over a sequence of known geometry and work out the error of every observation.
+    """Run trackers on a sequence of known geometry and compute the error of every observation.
 
     See `measure_together` for the parameters.
     """
@@ -96,7 +95,7 @@ def measure_together(
     trackers: TrackerSettings | Items[TrackerSettings] | Mapping[str, TrackerSettings],
     *,
     speeds: Items[int] = (1,),
-    truth: TruthKind | None = None,
+    truth: str | None = None,
     scan_rule: ScanRule = SCAN_RULE,
     population: str = POPULATION,
     trim_percentile: float = TRIM_PERCENTILE,
@@ -105,86 +104,86 @@ def measure_together(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Iterator[Measurement]:
-    """Run trackers over sequences that go in step, because they share what they read.
+    """Run trackers on sequences that advance together, because they share what they read.
 
     Parameters
     ----------
     sequences
-        From `tracknoise.open_sequence`, or anything of the same protocol; all of as many frames.
+        From `tracknoise.open_sequence`, or other implementations of `tracknoise.sequences.sequence.Sequence`; all with
+        the same number of frames.
     trackers
-        Settings of one tracker or several; a mapping gives them names, otherwise they go by their kind.
+        Settings of one tracker or several. A mapping names them; otherwise each is named by its kind.
     speeds
         At speed s a tracker sees frames 0, s, 2s, ...
     truth
-        How features are fixed in the world; by default the best that a sequence offers.
+        Kind of truth: ``birth``, ``raycast``, ``scan`` or one of another package; by default the best that a sequence
+        offers.
     scan_rule
-        How features are associated with a scan, where that fixes them.
+        How features are associated with a scan, for the kind ``scan``.
     population
         Which observations trimming looks at: ``visible`` ones, or all that can be ``projected``.
     trim_percentile
         Tracks whose largest error is above this percentile are marked ``kept = false``; 100 keeps all.
     trim_among
-        Of which tracks it is the percentile: of ``all`` that have an error, or of those that were ``followed``, which
-        have one away from the frame that fixes their true position.
+        The tracks whose percentile it is: ``all`` that have an error, or those that were ``followed``, which have an
+        error in a frame other than the one in which it is zero by construction.
     max_frames
         Read no more frames than this; by default all.
     seed
-        For trackers that need randomness.
+        Random seed, for trackers that need one.
     progress
-        Called after each frame with the count of frames done and of all.
+        Called after each frame with the number of frames done, and of all frames.
 
     Yields
     ------
     Measurement
-        One a sequence, in order.
+        One per sequence, in order.
 
     Raises
     ------
     TracknoiseError
         If two trackers share a name, the sequence is too short for a speed or cannot be read, it does not offer
-        the truth asked for, or no tracker finds a feature.
+        the kind of truth, or no tracker finds a feature.
     """
-    conditions = [
-        TrackerSetup(name, settings, speed) for name, settings in _named(trackers).items() for speed in speeds
-    ]
-    scenes = measure_scenes(
-        sequences, conditions, truth=truth, scan_rule=scan_rule, max_frames=max_frames, seed=seed, progress=progress
+    setups = [TrackerSetup(name, settings, speed) for name, settings in _named(trackers).items() for speed in speeds]
+    measured = measure_sequences(
+        sequences, setups, truth=truth, scan_rule=scan_rule, max_frames=max_frames, seed=seed, progress=progress
     )
-    for sequence, scene in zip(sequences, scenes, strict=True):
-        yield complete(sequence, scene, trim_percentile=trim_percentile, trim_among=trim_among, population=population)
+    for sequence, tables in zip(sequences, measured, strict=True):
+        yield complete(sequence, tables, trim_percentile=trim_percentile, trim_among=trim_among, population=population)
 
 
 def complete(
     sequence: Sequence,
-    scene: SceneTables,
+    measured: SequenceTables,
     *,
     trim_percentile: float = TRIM_PERCENTILE,
     trim_among: str = TRIM_AMONG,
     population: str = POPULATION,
 ) -> Measurement:
-    """Trim what was measured in a sequence, and work out its moments; see `measure_together` for the parameters."""
+    """Trim what was measured in a sequence, and compute its moments; see `measure_together` for the parameters."""
     trimmed = trim(
-        scene.observations,
-        scene.tracks,
+        measured.observations,
+        measured.tracks,
         percentile=trim_percentile,
         population=population,
         among=trim_among,
-        key_frame=scene.key_frame,
+        key_frame=measured.key_frame,
     )
-    axis = "age" if scene.key_frame is None else "frame"
+    axis = "age" if measured.key_frame is None else "frame"
     return Measurement(
         sequence=sequence,
         observations=trimmed.observations,
         tracks=trimmed.tracks,
-        frames=scene.frames,
+        frames=measured.frames,
         moments=scene_moments(trimmed.observations, axis=axis),
         trims=trimmed.trims,
         population=population,
-        truth=scene.truth,
-        key_frame=scene.key_frame,
-        n_frames=scene.n_frames,
-        snapshot_frame=scene.snapshot_frame,
-        snapshot=scene.snapshot,
+        truth=measured.truth,
+        key_frame=measured.key_frame,
+        n_frames=measured.n_frames,
+        snapshot_frame=measured.snapshot_frame,
+        snapshot=measured.snapshot,
     )
 
 
@@ -196,5 +195,5 @@ def _named(
     listed = list(trackers) if isinstance(trackers, Items) else [trackers]
     named = {settings.kind: settings for settings in listed}
     if len(named) < len(listed):
-        raise SettingsError("two trackers of one kind, expected a mapping that gives them names")
+        raise SettingsError("two trackers of one kind, expected a mapping that names them")
     return named

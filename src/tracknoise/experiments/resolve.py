@@ -10,6 +10,7 @@ from tracknoise.exceptions import SettingsError, TracknoiseError
 from tracknoise.experiments.settings import Experiment, TrackerChoice
 from tracknoise.sequences.registry import make_reader
 from tracknoise.trackers.registry import make_tracker
+from tracknoise.truth.registry import TRUTHS
 
 
 def resolve(experiment: Experiment) -> Experiment:
@@ -18,12 +19,16 @@ def resolve(experiment: Experiment) -> Experiment:
     Raises
     ------
     SettingsError
-        If a tracker, the reader or an option is unknown, or a value is wrong; the message names the section.
+        If a tracker, the reader, the kind of truth or an option is unknown, or a value is wrong; the message names the
+        section.
     """
     dataset = experiment.dataset
     with _errors_of("dataset"):
         reader = _plain(asdict(make_reader(dataset.reader, dataset.root, dataset.options)))  # type: ignore[call-overload]
     reader.pop("root", None)
+    if experiment.truth.kind is not None:
+        with _errors_of("truth.kind"):
+            TRUTHS.load(experiment.truth.kind)
     return experiment.model_copy(
         update={
             "dataset": dataset.model_copy(update={"options": reader}),

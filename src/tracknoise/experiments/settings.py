@@ -11,10 +11,10 @@ import tomlkit
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
-from tracknoise.sequences.sequence import Direction, TruthKind
 from tracknoise.tables import defaults
 from tracknoise.tables.enumerations import IntervalKind, Population, TrimAmong
-from tracknoise.truth.scan import ScanAnchoring
+from tracknoise.tables.identity import Direction
+from tracknoise.truth.scan_rule import ScanAnchoring
 
 Keep = Literal["observations", "statistics"]
 
@@ -86,8 +86,8 @@ class TrackerChoice(_Section):
 class TruthSettings(_Section):
     """How true positions of features are computed."""
 
-    kind: Annotated[TruthKind | None, Field(strict=False)] = None
-    """How a feature is anchored in the world; by default the best that the data allow."""
+    kind: str | None = None
+    """Kind of truth: `birth`, `raycast`, `scan`, or one of another package; by default the best that the data offer."""
     population: Annotated[Population, Field(strict=False)] = defaults.POPULATION
     """Which observations errors are of: `visible` ones, or all that can be `projected`, occluded ones included."""
     scan_radius_px: Annotated[float, Field(gt=0)] = defaults.SCAN_RADIUS_PX

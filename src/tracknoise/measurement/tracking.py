@@ -1,4 +1,4 @@
-"""One pass over the images of sequences that drives every tracker at every speed."""
+"""One pass over the images of sequences that runs every tracker at every speed."""
 
 from collections.abc import Callable
 from collections.abc import Sequence as Items
@@ -11,11 +11,11 @@ from tracknoise.measurement.recording import Recorder, Recording
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.gradient import dominant_gradient
-from tracknoise.trackers.tracker import SequenceContext, Tracker, TrackerSettings
-from tracknoise.truth.truth import Truth
+from tracknoise.trackers.tracker import OracleTruth, SequenceContext, Tracker, TrackerSettings
+from tracknoise.truth.truth import TruePositions, Truth, TruthSession
 
 Progress = Callable[[int, int], None]
-"""Called with the count of frames done and of all."""
+"""Called with the number of frames done, and of all frames."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,7 @@ class TrackerSetup:
     tracker
         Its name in the tables.
     settings
-        What starts it.
+        Its settings.
     speed
         It sees frames 0, speed, 2 speed, ... of the nominal sequence.
     """
@@ -39,19 +39,22 @@ class TrackerSetup:
 
 @dataclass(frozen=True, slots=True)
 class TrackingResult:
-    """What a pass over a sequence yields.
+    """What one pass over a sequence yields.
 
     Attributes
     ----------
     recordings
-        One a condition, in the order given.
+        What each tracker setup reported, in the order given.
+    positions
+        The true positions of each recording's observations.
     snapshot_frame
-        The frame kept to be drawn.
+        The frame that is kept for figures.
     snapshot : (height, width) uint8
         Its image.
     """
 
     recordings: list[Recording]
+    positions: list[TruePositions]
     snapshot_frame: int
     snapshot: NDArray[np.uint8]
 
@@ -65,9 +68,10 @@ def run_trackers(
     seed: int,
     progress: Progress | None = None,
 ) -> list[TrackingResult]:
-    """Read each image once, in order, and step every condition that is due.
+    """Read each image once, in order, and run each tracker on the frames that it sees.
 
-    Sequences go in step: each frame is read of all of them before the next, so that they can share what they read.
+    All sequences advance together: a frame of each is read before the next frame of any, so that they can share what
+    they read.
 
     Parameters
     ----------
@@ -78,23 +82,25 @@ def run_trackers(
     truths
         Of each sequence.
     n_frames
-        How many of their frames to read, from the first.
+        Number of frames to read, from the first.
     seed
-        For trackers that need randomness.
+        Random seed, for trackers that need one.
     progress
-        Told after each frame of all sequences.
+        Called after each frame of all sequences.
 
     Returns
     -------
     list of TrackingResult
-        One a sequence.
+        One per sequence.
 
     Raises
     ------
     DataError
         If an image or depth map cannot be used.
     TrackerError
-        If a tracker reports what it cannot have seen.
+        If a tracker contradicts itself.
+    SettingsError
+        If a tracker needs a truth that can place points, and this one cannot.
     """
     snapshot_frame = _snapshot_frame(n_frames, conditions, truths[0].key_frame)
     passes = [
@@ -109,54 +115,70 @@ def run_trackers(
     return [one.finish() for one in passes]
 
 
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """One tracker setup on one sequence: what it reports is recorded, and shown to its truth session."""
+
+    speed: int
+    tracker: Tracker
+    recorder: Recorder
+    truth: TruthSession
+
+    def step(self, frame: Frame) -> None:
+        """Show a frame to the tracker, if it sees this frame."""
+        if frame.index % self.speed:
+            return
+        step = self.tracker.step(frame)
+        tracks = self.recorder.add(frame.index, step, gradient_rad=dominant_gradient(frame, step.uv[step.born]))
+        self.truth.observe(frame.index, tracks, step.uv, step.born)
+
+
 class _Pass:
-    """The trackers at work on one sequence."""
+    """All tracker setups on one sequence."""
 
     def __init__(
         self, sequence: Sequence, conditions: Items[TrackerSetup], truth: Truth, *, snapshot_frame: int, seed: int
     ) -> None:
-        self._sequence, self._conditions = sequence, conditions
-        self._trackers = [_start(condition, sequence, truth, seed) for condition in conditions]
-        self._recorders = [Recorder(truth) for _ in conditions]
+        self._sequence = sequence
+        self._runs = [
+            _Run(condition.speed, _start(condition, sequence, truth, seed), Recorder(), truth.start())
+            for condition in conditions
+        ]
         self._snapshot_frame = snapshot_frame
         self._snapshot: NDArray[np.uint8] = np.empty((0, 0), np.uint8)
 
     def step(self, index: int) -> None:
-        """Read a frame and show it to every tracker that is due."""
+        """Read a frame and show it to every tracker that sees it."""
         frame = Frame(index, self._sequence.image(index))
-        for condition, tracker, recorder in zip(self._conditions, self._trackers, self._recorders, strict=True):
-            if index % condition.speed == 0:
-                step = tracker.step(frame)
-                recorder.add(index, step, gradient_rad=dominant_gradient(frame, step.uv[step.born]))
+        for run in self._runs:
+            run.step(frame)
         if index == self._snapshot_frame:
             self._snapshot = frame.image
 
     def finish(self) -> TrackingResult:
-        """What was recorded."""
-        return TrackingResult([recorder.finish() for recorder in self._recorders], self._snapshot_frame, self._snapshot)
+        """What was recorded, and the true positions."""
+        recordings = [run.recorder.finish() for run in self._runs]
+        positions = [run.truth.resolve() for run in self._runs]
+        return TrackingResult(recordings, positions, self._snapshot_frame, self._snapshot)
 
 
 def _start(condition: TrackerSetup, sequence: Sequence, truth: Truth, seed: int) -> Tracker:
-    name = sequence.id
     return condition.settings.start(
         SequenceContext(
-            scene=name.scene,
-            lighting=name.lighting,
-            rotation=name.rotation,
-            direction=name.direction,
+            sequence=sequence.id,
             size=(sequence.camera.width, sequence.camera.height),
             n_frames=len(sequence),
             speed=condition.speed,
             seed=seed,
-            truth=truth,
+            truth=truth if isinstance(truth, OracleTruth) else None,
         )
     )
 
 
 def _snapshot_frame(n_frames: int, conditions: Items[TrackerSetup], key_frame: int | None) -> int:
-    """The middle frame, or the one before it that the slowest condition sees.
+    """The middle frame, or the latest before it that the slowest tracker setup sees.
 
-    In a key frame errors are zero: with one, it is the frame in the middle of those that follow it.
+    With a key frame, where errors are zero, it is the middle of the frames after that one.
     """
     slowest = min((condition.speed for condition in conditions), default=1)
     return (n_frames + (key_frame or 0)) // 2 // slowest * slowest

@@ -24,7 +24,8 @@ from tracknoise.sequences.new_folder import new_folder
 from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses
 from tracknoise.sequences.recorded import DepthReader, RecordedSequence, depth_notes
 from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken, scene_folder
-from tracknoise.sequences.sequence import Sequence, SequenceId
+from tracknoise.sequences.sequence import Sequence
+from tracknoise.tables.identity import SequenceId
 
 _IMAGES, _DEPTH, _POSES, _CAMERA = "images", "depth", "poses.txt", "camera.json"
 _PARTS = frozenset((_IMAGES, _DEPTH, _POSES, _CAMERA))

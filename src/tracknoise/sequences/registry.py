@@ -6,7 +6,8 @@ from pathlib import Path
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.plugins import Plugins
-from tracknoise.sequences.sequence import Reader, Sequence, SequenceId, SharingReader
+from tracknoise.sequences.sequence import Reader, Sequence, SharingReader
+from tracknoise.tables.identity import SequenceId
 
 READERS: Plugins[Reader] = Plugins(
     what="dataset reader",

@@ -11,44 +11,15 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
-
-DEFAULT_LIGHTING = "default"
+from tracknoise.tables.identity import SequenceId
 
 
 class TruthKind(StrEnum):
-    """How a feature's true place in the world can be fixed."""
+    """Kinds of truth that rest on data which a sequence must have: depth maps, an exact surface or a scan."""
 
     birth = "birth"
     raycast = "raycast"
     scan = "scan"
-
-
-class Direction(StrEnum):
-    """Which way the frames of a scene are played."""
-
-    forward = "forward"
-    backward = "backward"
-
-
-@dataclass(frozen=True, slots=True, order=True)
-class SequenceId:
-    """Name of a sequence: a scene under one lighting, one image rotation and one direction of play.
-
-    Parameters
-    ----------
-    dataset, scene, lighting
-        Names as the user or the data set writes them.
-    rotation
-        Degrees by which the images are turned counter-clockwise.
-    direction
-        Whether its frames come in the order of their recording, or the last first.
-    """
-
-    dataset: str
-    scene: str
-    lighting: str = DEFAULT_LIGHTING
-    rotation: int = 0
-    direction: Direction = Direction.forward
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,8 +85,8 @@ class Sequence(Protocol):
         ...
 
     @property
-    def truths(self) -> tuple[TruthKind, ...]:
-        """The kinds of truth this sequence offers, best first."""
+    def truths(self) -> tuple[str, ...]:
+        """The kinds of truth whose data this sequence has, best first: those of `TruthKind`, or a plug-in's."""
         ...
 
     @property

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.sequences.sequence import DEFAULT_LIGHTING, SequenceId, TruthKind
+from tracknoise.sequences.sequence import TruthKind
 from tracknoise.simulation.light import LIGHTINGS
 from tracknoise.simulation.motion import MOTIONS
 from tracknoise.simulation.places import PLACES
@@ -24,6 +24,7 @@ from tracknoise.simulation.scenery import Scenery
 from tracknoise.simulation.sdf.library import model_names
 from tracknoise.simulation.sdf.load import load_world
 from tracknoise.simulation.sensor import expose
+from tracknoise.tables.identity import DEFAULT_LIGHTING, SequenceId
 
 _WORLD, _PATH, _NOISE = range(3)  # streams of random numbers that know nothing of each other
 _DEFAULT_WORLD = "plaza"

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.sequences.sequence import Direction, Scan, Sequence, SequenceId, Surface, TruthKind
+from tracknoise.sequences.sequence import Scan, Sequence, Surface
+from tracknoise.tables.identity import Direction, SequenceId
 
 QUARTER_DEG = 90
 
@@ -85,7 +86,7 @@ class View:
         return self.sequence.world_from_camera
 
     @property
-    def truths(self) -> tuple[TruthKind, ...]:
+    def truths(self) -> tuple[str, ...]:
         """Those of the sequence shown."""
         return self.sequence.truths
 

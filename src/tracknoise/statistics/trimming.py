@@ -124,7 +124,7 @@ def _with_kept(observations: pl.DataFrame, tracks: pl.DataFrame) -> pl.DataFrame
     joined = bare.join(tracks.select(*_TRACK, "kept"), on=_TRACK, how="left", maintain_order="left")
     if joined.height != observations.height or joined["kept"].null_count():
         raise SchemaError("observations: a track number stands for no track or several in the tracks table, expected 1")
-    return check(joined.select(*OBSERVATIONS), OBSERVATIONS, "observations")
+    return check(joined.select(observations.columns), OBSERVATIONS, "observations")
 
 
 def _account(tracks: pl.DataFrame, thresholds: pl.DataFrame, percentile: float | None, among: str) -> pl.DataFrame:

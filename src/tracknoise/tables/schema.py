@@ -3,7 +3,9 @@
 A missing number is null, never 0, -1 or NaN. Columns that identify a row's origin hold the names that the user wrote.
 """
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from enum import IntEnum
 
 import polars as pl
@@ -58,7 +60,46 @@ SEQUENCE: Schema = {"dataset": pl.String, "scene": pl.String, **VIEW}
 CONDITION: Schema = {**VIEW, "tracker": pl.String, "speed": pl.Int32}
 ORIGIN: Schema = {**SEQUENCE, "tracker": pl.String, "speed": pl.Int32}
 
-OBSERVATIONS: Schema = {
+QUALITY_PREFIX = "quality_"
+"""How the names of columns begin that hold what trackers report about single observations."""
+QUALITY_NAME = "[a-z][a-z0-9_]*"
+"""Regular expression of what follows `QUALITY_PREFIX`."""
+
+
+@dataclass(frozen=True, slots=True)
+class OpenSchema(Mapping[str, pl.DataType | type[pl.DataType]]):
+    """Columns that every table of a kind has, and rules for those that only some have, at its end.
+
+    The mapping is that of the columns that every table has. A table may have more after them: all of `group`, in its
+    order, or none; then any number of columns whose names match `pattern`, in alphabetical order.
+
+    Parameters
+    ----------
+    columns
+        What every table has.
+    group
+        What a table has completely or not at all.
+    pattern, dtype
+        Regular expression of the names of further columns, and their type.
+    """
+
+    columns: Schema
+    group: Schema
+    pattern: str
+    dtype: type[pl.DataType]
+
+    def __getitem__(self, name: str) -> pl.DataType | type[pl.DataType]:
+        return self.columns[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.columns)
+
+    def __len__(self) -> int:
+        return len(self.columns)
+
+
+TRUE_COVARIANCE: Schema = {"cov_true_uu": pl.Float64, "cov_true_uv": pl.Float64, "cov_true_vv": pl.Float64}
+_OBSERVED: Schema = {
     **ORIGIN,
     "track": pl.UInt32,
     "frame": pl.UInt32,
@@ -72,7 +113,13 @@ OBSERVATIONS: Schema = {
     "dv_px": pl.Float64,
     "kept": pl.Boolean,
 }
-"""One row a feature and frame in which its tracker found it; age counts frames of the nominal sequence."""
+OBSERVATIONS = OpenSchema(_OBSERVED, TRUE_COVARIANCE, QUALITY_PREFIX + QUALITY_NAME, pl.Float32)
+"""One row per feature and frame in which its tracker found it; age counts frames of the nominal sequence.
+
+Where a truth states the covariance of true positions, the table also has `TRUE_COVARIANCE` (px^2). Where a tracker
+reports the quality of its observations, it has one column ``quality_<name>`` for each of them. All of these are null
+where they are unknown.
+"""
 
 TRACKS: Schema = {
     **ORIGIN,
@@ -344,8 +391,20 @@ since the key frame.
 """
 
 
+def layout_of(schema: Schema, names: Iterable[str]) -> Schema:
+    """All columns that a table with the given column names should have, in order: `schema` unless it is open."""
+    if not isinstance(schema, OpenSchema):
+        return schema
+    found = set(names)
+    group = schema.group if found & schema.group.keys() else {}
+    more = sorted(name for name in found if re.fullmatch(schema.pattern, name))
+    return {**schema.columns, **group, **dict.fromkeys(more, schema.dtype)}
+
+
 def check(table: pl.DataFrame, schema: Schema, name: str) -> pl.DataFrame:
     """Return `table` unchanged if it has exactly the columns of `schema`, in order and type.
+
+    An `OpenSchema` allows more columns, by its rules.
 
     Parameters
     ----------
@@ -362,6 +421,7 @@ def check(table: pl.DataFrame, schema: Schema, name: str) -> pl.DataFrame:
         Naming the first column that differs.
     """
     found = list(table.schema.items())
+    schema = layout_of(schema, table.columns)
     expected = [(column, kind() if isinstance(kind, type) else kind) for column, kind in schema.items()]
     for position, pair in enumerate(expected):
         actual = found[position] if position < len(found) else None

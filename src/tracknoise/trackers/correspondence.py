@@ -1,4 +1,4 @@
-"""Correspondence: features are recognised from frame to frame by their descriptors."""
+"""Correspondence: features are matched from frame to frame by their descriptors."""
 
 from dataclasses import dataclass, field
 from typing import ClassVar
@@ -27,18 +27,18 @@ class Correspondence:
     Parameters
     ----------
     detection, rejection
-        Which keypoints there are (its margin and squares are not for this tracker, see `CorrespondenceTracker`);
-        which matches are outliers.
+        How keypoints are detected (margin and squares do not apply, see `CorrespondenceTracker`); which matches
+        are outliers.
     max_displacement_px
-        A feature that moved this far or farther since it was last seen is dropped.
+        A feature that moved this far or farther since it was last found is dropped.
     max_features
-        Keypoints without a feature begin new ones up to this count.
+        Unmatched keypoints become new features up to this number.
     max_missed_frames
-        In how many frames in a row a feature may go unseen and still be sought; 0 drops it at once.
+        For how many frames in a row a feature is kept without a match; 0 drops it at once.
     """
 
     kind: ClassVar[str] = "correspondence"
-    description: ClassVar[str] = "AGAST corners recognised by SIFT descriptors, with outlier rejection"
+    description: ClassVar[str] = "AGAST corners matched by SIFT descriptors, with outlier rejection"
 
     detection: Detection = field(default_factory=Detection)
     rejection: Rejection = field(default_factory=Rejection)
@@ -52,24 +52,27 @@ class Correspondence:
         require_at_least("max_missed_frames", self.max_missed_frames, 0)
 
     def start(self, context: SequenceContext) -> "CorrespondenceTracker":
-        """Make a tracker at work on one sequence at one speed."""
+        """Start the tracker on one sequence at one speed."""
         return CorrespondenceTracker(self, self.rejection.inliers)
 
 
 class CorrespondenceTracker:
-    """Correspondence at work.
+    """The correspondence tracker on one sequence.
 
-    A step takes the live features through these gates, in the order of XIVO's matching tracker:
+    A step applies these tests to the live features, in the order of XIVO's matching tracker:
 
-    1. Feature and keypoint are mutual nearest neighbours by descriptor. A feature without a match goes on unseen
-       for up to `max_missed_frames` frames in a row (else ``lost``). `Step.matched` counts the matches.
-    2. The keypoint lies nearer than the largest displacement to where the feature was last seen (else
-       ``displaced``).
+    1. Feature and keypoint are mutual nearest neighbours by descriptor. A feature without a match is kept for up to
+       `max_missed_frames` frames in a row (else ``lost``). `Step.matched` counts the matches.
+    2. The keypoint is closer to the feature's last position than the largest displacement (else ``displaced``).
     3. The outlier rejection keeps the match (else ``outlier``).
-    4. The strongest keypoints that continue no feature begin new ones, up to `max_features` alive.
+    4. The strongest keypoints that match no feature begin new ones, up to `max_features` alive.
 
     As in XIVO, keypoints may lie anywhere: neither margin nor squares apply. The descriptor of a feature is that of
     its first frame.
+
+    The quality of an observation is the distance between the descriptors of feature and keypoint
+    (``descriptor_distance``), and that distance over the distance of the second best keypoint in the frame
+    (``descriptor_ratio``): see `tracknoise.trackers.matching.Matches`.
 
     Parameters
     ----------
@@ -90,7 +93,8 @@ class CorrespondenceTracker:
     def step(self, frame: Frame) -> Step:
         """Track into the next frame."""
         points, before = describe(frame, self._settings.detection), self._features
-        rows, columns = mutual_nearest(self._descriptors, points.descriptors)
+        matches = mutual_nearest(self._descriptors, points.descriptors)
+        rows, columns = matches.query_rows, matches.train_rows
         end, seen = self._judge(rows, points.uv[columns], frame.index)
         alive = end == ALIVE
         uv = before.uv.copy()
@@ -111,12 +115,13 @@ class CorrespondenceTracker:
             new=new,
             response=points.response[fresh],
             missed=int(np.count_nonzero(alive)) - int(np.count_nonzero(seen)),
+            quality={"descriptor_distance": matches.distance[seen], "descriptor_ratio": matches.ratio[seen]},
         )
 
     def _judge(
         self, rows: NDArray[np.intp], uv: NDArray[np.float64], frame: int
     ) -> tuple[NDArray[np.int8], NDArray[np.bool_]]:
-        """Gates 1 to 3: the fate of every live feature, and which matches passed them all."""
+        """Tests 1 to 3: the outcome for every live feature, and which matches passed them all."""
         settings, features = self._settings, self._features
         end = np.where(self._missed < settings.max_missed_frames, ALIVE, TrackEnd.lost).astype(np.int8)
         seen = displacement_px(features.uv[rows], uv) < settings.max_displacement_px
@@ -129,7 +134,7 @@ class CorrespondenceTracker:
         return end, seen
 
     def _unused(self, points: Described, used: NDArray[np.intp], alive: int) -> NDArray[np.intp]:
-        """Gate 4: the strongest keypoints that continue no feature."""
+        """Test 4: the strongest keypoints that match no feature."""
         free = np.ones(len(points.uv), dtype=np.bool_)
         free[used] = False
         return np.flatnonzero(free)[: max(self._settings.max_features - alive, 0)]

@@ -32,9 +32,9 @@ class Described:
 
 
 def describe(frame: Frame, detection: Detection) -> Described:
-    """SIFT descriptors of all AGAST keypoints of the whole image, computed once a frame.
+    """SIFT descriptors of all AGAST keypoints of the whole image, computed once per frame.
 
-    SIFT may leave keypoints out; those it returns are the ones that count.
+    SIFT may drop keypoints; only those that it returns are used.
     """
 
     def compute(image: NDArray[np.uint8]) -> Described:

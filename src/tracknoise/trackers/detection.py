@@ -22,11 +22,11 @@ class Detection:
     threshold
         Least difference of gray values between a corner and the circle of pixels around it, 1 to 255.
     min_response
-        Keypoints whose response is lower are refused.
+        Keypoints with a lower response are discarded.
     square_px
-        Side of the square around a feature in which no other may begin or stay; odd.
+        Side of the square around a feature in which no other feature may begin or stay, px; odd.
     margin_px
-        Width of the border of the image without features.
+        Width of the image border without features, px.
     """
 
     threshold: int = 10
@@ -43,7 +43,7 @@ class Detection:
 
 @dataclass(frozen=True, slots=True)
 class Keypoints:
-    """Keypoints of an image, strongest first; equally strong ones in the order of detection.
+    """Keypoints of an image, strongest first; ties in the order of detection.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Keypoints:
 
 
 def keypoints(frame: Frame, detection: Detection) -> Keypoints:
-    """AGAST keypoints (OAST_9_16, non-maximum suppression) of the whole image, computed once a frame.
+    """AGAST keypoints (OAST_9_16, non-maximum suppression) of the whole image, computed once per frame.
 
     Neither margin nor squares are applied here.
     """

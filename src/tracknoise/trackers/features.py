@@ -1,5 +1,6 @@
 """What trackers of image features keep: the live features, and the report of a step."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.tracker import Step
 
 ALIVE = -1
-"""Stands where a feature that goes on has no `TrackEnd`."""
+"""In place of a `TrackEnd`: the feature is still alive."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,9 +22,9 @@ class Features:
     ids : (n,) int64
         Ascending.
     uv : (n, 2) float64
-        Where each was last seen, px.
+        Latest position of each, px.
     first_uv : (n, 2) float64
-        Where each was first seen, px.
+        First position of each, px.
     """
 
     ids: NDArray[np.int64]
@@ -65,23 +66,26 @@ def report(
     new: Features,
     response: NDArray[np.float32],
     missed: int = 0,
+    quality: Mapping[str, NDArray[np.float32]] | None = None,
 ) -> Step:
-    """The report of a step.
+    """The report of a step: features found, then new ones.
 
     Parameters
     ----------
     offered
-        (n,) ids of the features that the tracker set out with.
+        (n,) ids of the features that were alive before the step.
     end
-        (n,) what became of each: a `TrackEnd`, or `ALIVE`.
+        (n,) the outcome of each: a `TrackEnd`, or `ALIVE`.
     matched
         How many of them were found again.
     found, new
-        The features found and begun in this frame.
+        The features found in this frame, and those that begin in it.
     response
         (len(new),) of the detector.
     missed
-        How many go on without having been found.
+        How many stay alive without having been found.
+    quality
+        By name, see `Step.quality`: float32 of the features found, or of these and the new ones.
     """
     over = end != ALIVE
     shown = found.joined(new)
@@ -98,4 +102,10 @@ def report(
         matched=matched,
         outliers=int(np.count_nonzero(end == TrackEnd.outlier)),
         alive=len(shown) + missed,
+        quality={name: _padded(values, len(shown)) for name, values in (quality or {}).items()},
     )
+
+
+def _padded(values: NDArray[np.float32], count: int) -> NDArray[np.float32]:
+    """The values, followed by NaN up to a count."""
+    return np.concatenate([values, np.full(count - len(values), np.nan, dtype=np.float32)])

@@ -1,4 +1,4 @@
-"""One image, and what several trackers share about it."""
+"""One image, and the computations on it that several trackers share."""
 
 from collections.abc import Callable, Hashable
 from typing import TypeVar, cast
@@ -17,7 +17,7 @@ class Frame:
     index
         Frame of the nominal sequence.
     image
-        (height, width) uint8; held, never changed.
+        (height, width) uint8; never modified.
 
     Raises
     ------
@@ -43,7 +43,7 @@ class Frame:
     def memo(self, key: Hashable, compute: Callable[[NDArray[np.uint8]], T]) -> T:
         """The result of `compute` on the image, computed at most once for each key.
 
-        Trackers at all speeds share a frame, and so share work that depends on the image and settings alone.
+        Trackers at all speeds share a frame, and so share work that depends only on the image and the settings.
         """
         if key not in self._memo:
             self._memo[key] = compute(self.image)

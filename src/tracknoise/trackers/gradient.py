@@ -1,4 +1,4 @@
-"""The dominant gradient of the image around a feature: across which axis a tracker has most to hold on to."""
+"""The dominant gradient of the image around a feature: the axis along which a tracker is best constrained."""
 
 import cv2
 import numpy as np
@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 from tracknoise.trackers.frame import Frame
 
 WINDOW_PX = 15
-"""Side of the window around a feature whose gradients count."""
+"""Side of the window around a feature in which gradients are used, px."""
 LEAST_COHERENCE = 0.1
-"""Below this, gradients in all directions are about as strong, and none dominates."""
+"""Below this coherence, gradients are about equally strong in all directions, and none dominates."""
 _HALF_PX = WINDOW_PX // 2
 _MARGIN_PX = _HALF_PX + 1  # a derivative needs its neighbours too
 
@@ -21,8 +21,8 @@ def dominant_gradient(frame: Frame, uv: NDArray[np.float64]) -> NDArray[np.float
 
     It is that of the eigenvector of the larger eigenvalue l1 of the structure tensor, the sum of g g^T over the window
     around the nearest pixel, where g are the image's derivatives (Sobel). One dominates where the coherence
-    (l1 - l2) / (l1 + l2) is at least `LEAST_COHERENCE`: 1 on an edge, 0 where all directions are alike. A gradient has
-    no sign here: what it is an axis of looks the same from both ends.
+    (l1 - l2) / (l1 + l2) is at least `LEAST_COHERENCE`: 1 on an edge, 0 where all directions are equal. The
+    gradient is an axis and has no sign.
 
     Parameters
     ----------

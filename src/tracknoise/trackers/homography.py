@@ -131,7 +131,7 @@ def _through_four(target: Floats, from_areas: Floats, to_areas: Floats, from_lin
 
 
 def _map(models: Floats, points: Floats) -> tuple[Floats, Floats, Floats]:
-    """Homogeneous coordinates (b, n) of points under each model; sums spelt out, as BLAS may round them variously."""
+    """Homogeneous coordinates (b, n) of points under each model; explicit sums, as BLAS may round differently."""
     u, v = points[:, 0], points[:, 1]
     x, y, w = (row[:, 0:1] * u + row[:, 1:2] * v + row[:, 2:3] for row in np.moveaxis(models, 1, 0))
     return x, y, w
@@ -150,7 +150,7 @@ def _linearise(model: Floats, source: Floats, target: Floats) -> tuple[Floats, F
 
 
 def _step(residual: Floats, jacobian: Floats, damping: float) -> Floats:
-    """Change (3, 3) of H, its last entry held."""
+    """Change (3, 3) of H; its last entry is fixed."""
     normal = np.einsum("ni,nj->ij", jacobian, jacobian)
     gradient = np.einsum("ni,n->i", jacobian, residual)
     normal[np.diag_indices(8)] *= 1.0 + damping

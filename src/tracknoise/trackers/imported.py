@@ -1,4 +1,4 @@
-"""Imported tracks: what any other front end wrote down."""
+"""Imported tracks: what any other front end wrote to a file."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,9 +24,12 @@ class Imported:
     ----------
     path
         A ``.csv`` file with a header, or a ``.parquet`` file, with columns ``track`` (a whole number), ``frame``
-        (index in the nominal sequence, counted from 0), ``u_px`` and ``v_px`` (integer = pixel centre) and, if known,
-        ``response``; others are ignored, and the order of rows does not matter. ``{scene}``, ``{lighting}``,
-        ``{rotation}``, ``{direction}`` and ``{speed}`` in it are replaced by those of the condition.
+        (index in the nominal sequence, counted from 0), ``u_px`` and ``v_px`` (integer = pixel centre). Optional are
+        ``response``, the detector response, and columns whose names start with ``quality_``, such as
+        ``quality_confidence``: numbers that the front end states about each observation, which become columns of the
+        same names in the table `observations`. Their cells may be empty. Other columns are ignored. The order of rows
+        does not matter. ``{scene}``, ``{lighting}``, ``{rotation}``, ``{direction}`` and ``{speed}`` in the path are
+        replaced by those of the condition.
     """
 
     kind: ClassVar[str] = "imported"
@@ -51,17 +54,24 @@ class Imported:
         ------
         DataError
             If it is missing, lacks a column, holds no track, something that is not a number, a frame that the
-            sequence does not have, or two rows for one track and frame; with the line.
+            sequence does not have, or two rows for one track and frame. The error names the line.
         """
-        path = self.path.format(**{name: getattr(context, name) for name in _PLACEHOLDERS})
+        sequence = context.sequence
+        path = self.path.format(
+            scene=sequence.scene,
+            lighting=sequence.lighting,
+            rotation=sequence.rotation,
+            direction=sequence.direction,
+            speed=context.speed,
+        )
         return ImportedTracker(read_tracks(Path(path), n_frames=context.n_frames))
 
 
 class ImportedTracker:
-    """Imported tracks, handed out frame by frame.
+    """Imported tracks, reported frame by frame.
 
-    A track begins with its first row among the frames that the tracker sees. One without a row in a frame ends
-    there as ``lost``; rows of it that follow are a new track, since a lifetime counts frames without a gap.
+    A track begins with its first row among the frames that the tracker sees. It ends as ``lost`` in the first frame
+    without a row; later rows are a new track, since a lifetime counts consecutive frames.
 
     Parameters
     ----------
@@ -76,7 +86,7 @@ class ImportedTracker:
         self._next_id = 0
 
     def step(self, frame: Frame) -> Step:
-        """Hand out the rows of a frame."""
+        """Report the rows of a frame."""
         start, stop = np.searchsorted(self._tracks.frame, [frame.index, frame.index + 1])
         names, uv = self._tracks.track[start:stop], self._tracks.uv[start:stop]
         before = self._features
@@ -89,5 +99,13 @@ class ImportedTracker:
         self._features = found.joined(new)
         self._names = names[np.concatenate([row, first])]
         self._next_id += len(new)
-        response = self._tracks.response[start:stop][first]
-        return report(offered=before.ids, end=end, matched=len(row), found=found, new=new, response=response)
+        shown = start + np.concatenate([row, first])
+        return report(
+            offered=before.ids,
+            end=end,
+            matched=len(row),
+            found=found,
+            new=new,
+            response=self._tracks.response[start:stop][first],
+            quality={name: values[shown] for name, values in self._tracks.quality.items()},
+        )

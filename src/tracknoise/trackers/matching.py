@@ -1,16 +1,39 @@
 """Mutual nearest neighbours among descriptors, by one matrix product."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 
-def mutual_nearest(query: NDArray[np.float32], train: NDArray[np.float32]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Pairs of descriptors each of which is the other's nearest, in Euclidean distance.
+@dataclass(frozen=True, slots=True, eq=False)
+class Matches:
+    """Pairs of descriptors, by ascending query row.
 
-    The matches are those of ``cv2.BFMatcher(cv2.NORM_L2, crossCheck=True)``: of several nearest ones the first
+    Attributes
+    ----------
+    query_rows, train_rows : (k,) intp
+        The pairs.
+    distance : (k,) float32
+        Euclidean distance of each pair.
+    ratio : (k,) float32
+        That distance over the distance of the query to its second nearest in train: from 0, unambiguous, to 1,
+        ambiguous. NaN if there is no second one.
+    """
+
+    query_rows: NDArray[np.intp]
+    train_rows: NDArray[np.intp]
+    distance: NDArray[np.float32]
+    ratio: NDArray[np.float32]
+
+
+def mutual_nearest(query: NDArray[np.float32], train: NDArray[np.float32]) -> Matches:
+    """Pairs of descriptors that are each other's nearest neighbour in Euclidean distance.
+
+    The matches are those of ``cv2.BFMatcher(cv2.NORM_L2, crossCheck=True)``: among equally near ones the first
     counts. The squared distance |q|^2 + |t|^2 - 2 q.t is one product of the descriptors with their squared lengths
-    appended. All terms are whole numbers below 2^24, which float32 holds exactly, so that neither the order of
-    summation nor the count of threads can change a match.
+    appended. All terms are whole numbers below 2^24, which float32 represents exactly, so that neither the order of
+    summation nor the number of threads can change a match.
 
     Parameters
     ----------
@@ -18,22 +41,31 @@ def mutual_nearest(query: NDArray[np.float32], train: NDArray[np.float32]) -> tu
         (m, d) float32, whole numbers, of squared length below 2^22. (SIFT's is about 2^18.)
     train
         (n, d) float32, likewise.
-
-    Returns
-    -------
-    query_rows, train_rows : (k,) intp
-        The pairs, by ascending query row.
     """
     if not (len(query) and len(train)):
-        nothing = np.empty(0, dtype=np.intp)
-        return nothing, nothing
+        no_rows, no_values = np.empty(0, dtype=np.intp), np.empty(0, dtype=np.float32)
+        return Matches(no_rows, no_rows, no_values, no_values)
     left = np.column_stack([query, _squared_length(query), np.ones_like(query[:, 0])])
     right = np.column_stack([-2.0 * train, np.ones_like(train[:, 0]), _squared_length(train)])
-    nearest_train = (left @ right.T).argmin(axis=1)
-    # Rows are searched much faster than columns, and only those that are some query's nearest need to be.
+    squared = left @ right.T
+    nearest_train = squared.argmin(axis=1)
+    # Searching rows is much faster than searching columns, and only the rows of some query's nearest are needed.
     nearest_query = (right[nearest_train] @ left.T).argmin(axis=1)
     mutual = np.flatnonzero(nearest_query == np.arange(len(query)))
-    return mutual, nearest_train[mutual]
+    return Matches(mutual, nearest_train[mutual], *_distances(squared, mutual, nearest_train[mutual]))
+
+
+def _distances(
+    squared: NDArray[np.float32], rows: NDArray[np.intp], columns: NDArray[np.intp]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """`Matches.distance` and `Matches.ratio` of the least elements of some rows, which are overwritten."""
+    first = squared[rows, columns]
+    squared[rows, columns] = np.inf
+    second = squared.min(axis=1)[rows]
+    ratio = np.full(len(rows), np.nan, dtype=np.float32)
+    ratio[np.isfinite(second)] = 1.0  # equally near, also where both distances are 0
+    np.divide(first, second, out=ratio, where=np.isfinite(second) & (second > 0))
+    return np.sqrt(first), np.sqrt(ratio)
 
 
 def _squared_length(descriptors: NDArray[np.float32]) -> NDArray[np.float32]:

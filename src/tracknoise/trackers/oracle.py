@@ -1,4 +1,4 @@
-"""The oracle: true positions plus errors of known size. It tests the instrument, not a front end."""
+"""The oracle: true positions plus errors of known size. It tests the measurement, not a front end."""
 
 import math
 import zlib
@@ -8,11 +8,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.exceptions import SettingsError
 from tracknoise.tables.schema import TrackEnd, TruthStatus
 from tracknoise.trackers.checks import require, require_at_least, require_share
 from tracknoise.trackers.features import ALIVE, Features, report
 from tracknoise.trackers.frame import Frame
-from tracknoise.trackers.tracker import SequenceContext, Step
+from tracknoise.trackers.tracker import OracleTruth, SequenceContext, Step
 
 _BEGINNING_ROUNDS = 8
 
@@ -23,26 +24,25 @@ Pair = tuple[float, float]
 class Oracle:
     """Settings of the oracle.
 
-    A feature is observed exactly in its first frame. In the frame k frames of the nominal sequence later it is
+    A feature is observed without error in its first frame. At age k, in frames of the nominal sequence, it is
     observed at its true position + `bias_px` + k `drift_px_per_frame` + noise.
 
     Parameters
     ----------
     n_features
-        New features begin in every frame that fewer are alive in.
+        Number of features that are kept alive: new ones replace those that end.
     bias_px
         Mean error in u and v.
     covariance_px2
-        Of the Gaussian noise, independent from frame to frame: ((uu, uv), (uv, vv)).
+        Covariance of the Gaussian noise, independent from frame to frame: ((uu, uv), (uv, vv)).
     drift_px_per_frame
         Growth of the mean error per frame of the nominal sequence, in u and v.
     outlier_rate, loss_rate
-        Probability that a feature offered to a step is rejected as an outlier, or lost; one or the other.
+        Probability that a live feature is rejected as an outlier, or is lost, in each step; never both.
     margin_px
         Features begin at least this far inside the image.
     seed
-        Of the generator, with the names of scene, lighting, rotation and direction, the speed, and the experiment's
-        seed.
+        Random seed, combined with the sequence's identity, the speed and the experiment's seed.
     """
 
     kind: ClassVar[str] = "oracle"
@@ -72,27 +72,39 @@ class Oracle:
         require_at_least("seed", self.seed, 0)
 
     def start(self, context: SequenceContext) -> "OracleTracker":
-        """Make an oracle at work on one sequence at one speed."""
-        return OracleTracker(self, context)
+        """Start the oracle on one sequence at one speed.
+
+        Raises
+        ------
+        SettingsError
+            If the kind of truth cannot place points.
+        """
+        if context.truth is None:
+            found = "a kind of truth that cannot place points"
+            raise SettingsError(f"tracker 'oracle': {found}, expected one that can, such as 'birth' or 'raycast'")
+        return OracleTracker(self, context, context.truth)
 
 
 class OracleTracker:
-    """The oracle at work.
+    """The oracle on one sequence.
 
-    In each step one draw a feature decides whether it is lost, an outlier, or neither, so that both rates hold for
-    the features offered. A feature whose true position has left the image ends as ``masked`` if it was neither.
+    In each step one random draw per feature decides whether it is lost, an outlier, or neither, so that both rates are
+    relative to the features offered. A feature that is neither ends as ``masked`` if its true position has left the
+    image.
 
     Parameters
     ----------
     settings
         The settings.
     context
-        The sequence, with its true positions.
+        The sequence and condition.
+    truth
+        True positions.
     """
 
-    def __init__(self, settings: Oracle, context: SequenceContext) -> None:
+    def __init__(self, settings: Oracle, context: SequenceContext, truth: OracleTruth) -> None:
         self._settings = settings
-        self._truth = context.truth
+        self._truth = truth
         self._size = context.size
         self._rng = _generator(settings.seed, context)
         self._root = _root(settings.covariance_px2)
@@ -102,7 +114,7 @@ class OracleTracker:
         self._next_id = 0
 
     def step(self, frame: Frame) -> Step:
-        """Look up where the features are in the next frame, and add the errors."""
+        """Project the features into the next frame, and add the errors."""
         before = self._features
         true_uv = self._truth.project(frame.index, self._points)
         end = self._fates(true_uv)
@@ -141,7 +153,7 @@ class OracleTracker:
         return errors
 
     def _begin(self, index: int, alive: int) -> tuple[Features, NDArray[np.float64]]:
-        """New features at random places with known truth, and their world points; fewer where these are rare."""
+        """New features at random positions whose world point is known, and these points; fewer if they are rare."""
         uv, points = np.empty((0, 2)), np.empty((0, 3))
         low, high = self._settings.margin_px, np.array(self._size) - 1.0 - self._settings.margin_px
         wanted = self._settings.n_features - alive
@@ -157,9 +169,10 @@ class OracleTracker:
 
 
 def _generator(seed: int, context: SequenceContext) -> np.random.Generator:
-    """Independent for every sequence and speed, and the same in every process (`hash` is not)."""
-    names = (zlib.crc32(name.encode()) for name in (context.scene, context.lighting, context.direction))
-    return np.random.default_rng([seed, context.seed, *names, context.rotation % 360, context.speed])
+    """Independent for every sequence and speed, and the same in every process, unlike `hash`."""
+    sequence = context.sequence
+    names = (zlib.crc32(name.encode()) for name in (sequence.scene, sequence.lighting, sequence.direction))
+    return np.random.default_rng([seed, context.seed, *names, sequence.rotation % 360, context.speed])
 
 
 def _root(covariance: tuple[Pair, Pair]) -> tuple[Pair, Pair]:

@@ -1,4 +1,4 @@
-"""Random sample consensus: the hypothesis through few matches that most of the others agree with."""
+"""Random sample consensus: the hypothesis from a minimal sample that most matches agree with."""
 
 import math
 from collections.abc import Iterator
@@ -19,7 +19,7 @@ class Geometry(Protocol):
 
     @property
     def sample_size(self) -> int:
-        """How many matches determine it."""
+        """Number of matches that determine it."""
         ...
 
     def hypotheses(self, source: Floats, target: Floats) -> tuple[Floats, NDArray[np.bool_]]:
@@ -31,7 +31,7 @@ class Geometry(Protocol):
         ...
 
     def refine(self, model: Floats, source: Floats, target: Floats) -> Floats:
-        """The model (3, 3) that explains all these matches (n, 2) best, starting from one that does so roughly."""
+        """The model (3, 3) that fits all these matches (n, 2) best, starting from an approximate model."""
         ...
 
 
@@ -53,26 +53,26 @@ def best_hypothesis(
     max_hypotheses: int,
     rng: np.random.Generator,
 ) -> Hypothesis | None:
-    """The first hypothesis with the most inliers, among as many as `confidence` asks for.
+    """The first hypothesis with the most inliers, among as many as `confidence` requires.
 
-    Hypotheses are judged one after the other. Each that has more inliers than all before lowers the number needed
-    (`hypotheses_needed`). They are computed in batches, which changes nothing but the time: the matches drawn
-    depend on the generator alone, and what a batch holds beyond the number needed is not looked at.
+    Hypotheses are evaluated one after the other. Each that has more inliers than all before reduces the number needed
+    (`hypotheses_needed`). They are computed in batches, which only affects the time: the samples depend on the
+    generator only, and surplus hypotheses of a batch are ignored.
 
     Parameters
     ----------
     geometry
-        What is sought.
+        The kind of model.
     source, target
         (n, 2) float64: matched points, n > geometry.sample_size.
     threshold
         Largest error of an inlier, in the unit of the points.
     confidence
-        Probability of having drawn one sample of inliers alone.
+        Probability of having drawn at least one sample without outliers.
     max_hypotheses
-        How many are judged at most.
+        Largest number of hypotheses that are evaluated.
     rng
-        Draws the samples, with degenerate ones drawn again.
+        Draws the samples; degenerate ones are replaced.
 
     Returns
     -------
@@ -94,7 +94,7 @@ def best_hypothesis(
 
 
 def hypotheses_needed(inlier_share: float, sample_size: int, confidence: float, most: int) -> int:
-    """How many samples hold one without outliers with that confidence: log(1 - p) / log(1 - share^size).
+    """Number of samples of which one has no outliers, with this confidence: log(1 - p) / log(1 - share^size).
 
     Rounded to the nearest whole number, and never more than `most`.
     """
@@ -106,9 +106,9 @@ def hypotheses_needed(inlier_share: float, sample_size: int, confidence: float, 
 
 
 def _drawn(geometry: Geometry, source: Floats, target: Floats, rng: np.random.Generator) -> Iterator[Floats]:
-    """Models through random samples of distinct matches, degenerate ones left out, in batches that grow.
+    """Models through random samples of distinct matches, without degenerate ones, in growing batches.
 
-    Ends when no usable sample turns up any more.
+    Ends when no usable sample is found any more.
     """
     size, barren = _FIRST_DRAW, 0
     while barren < _MAX_BARREN_DRAWS:

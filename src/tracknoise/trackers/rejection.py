@@ -1,4 +1,4 @@
-"""Outlier rejection: the matches of a step that no common motion of the image explains."""
+"""Outlier rejection: the matches of a step that do not agree with a common motion of the image."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ class Consensus(StrEnum):
 
 
 class ReferencePosition(StrEnum):
-    """Where a match starts: at the track's previous position, or at its first."""
+    """Start of a match: the track's previous position, or its first."""
 
     previous = "previous"
     first = "first"
@@ -45,13 +45,12 @@ _GEOMETRIES: dict[Model, Geometry] = {Model.homography: Homography(), Model.fund
 
 @dataclass(frozen=True, slots=True)
 class Rejection:
-    """How outliers are told from inliers, by random sample consensus of our own.
+    """How outliers are distinguished from inliers, by our own random sample consensus.
 
-    The share of outliers and the lifetimes of tracks are results, so that their definition must not move with a
-    library: from version 4.12 on the mask of OpenCV's ``findHomography`` has been that of the refined model, and
-    up to 4.11 that of the best minimal hypothesis. `consensus` chooses between the two; the paper's software had
-    the old meaning. A step with fewer matches than determine a model, or whose samples are all degenerate, has no
-    outliers.
+    Outlier ratio and lifetimes are results, so their definition must not change with a library. Up to OpenCV 4.11 the
+    mask of ``findHomography`` was that of the best minimal hypothesis; since 4.12 it is that of the refined model.
+    `consensus` selects one of the two; the paper's software used the former. A step has no outliers if it has fewer
+    matches than determine a model, or if all samples are degenerate.
 
     Parameters
     ----------
@@ -67,9 +66,9 @@ class Rejection:
     confidence
         Probability of drawing at least one sample without outliers.
     max_hypotheses
-        How many samples are drawn at most, degenerate ones not counted.
+        Largest number of samples, not counting degenerate ones.
     seed
-        Of the samples, with the index of the frame.
+        Random seed of the samples, combined with the index of the frame.
     """
 
     model: Model = Model.homography
@@ -131,7 +130,7 @@ class Rejection:
 
 
 def _conditioned(source: Floats, target: Floats) -> tuple[Floats, Floats, float]:
-    """Both point sets about their centroids, and divided by one length: that keeps the algebra well conditioned."""
+    """Both point sets relative to their centroids, in units of one length, so that the algebra is well conditioned."""
     source, target = source - source.mean(axis=0), target - target.mean(axis=0)
     spread = max(float(np.abs(source).mean()), float(np.abs(target).mean()))
     scale = 1.0 / spread if spread > 0 else 1.0

@@ -1,4 +1,4 @@
-"""Where features may be: outside the margin, and outside the squares of those that came before."""
+"""Where features may be: outside the margin, and outside the squares of earlier features."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,14 +7,14 @@ from tracknoise.trackers.detection import Detection
 
 
 class Mask:
-    """The places of one image that are still free for features.
+    """The positions in one image that are still free for features.
 
-    A feature at (u, v) stands on pixel (floor u, floor v). That pixel must lie outside the border margin and
-    outside the squares of all features that claimed a place before. The feature's own square is centred on the
+    A feature at (u, v) lies on pixel (floor u, floor v). That pixel must be outside the border margin and
+    outside the squares of all features that were accepted before. The feature's own square is centred on the
     pixel nearest to it (halves round up). For keypoints, which lie on pixel centres, the two are the same.
 
-    This is XIVO's convention, and it matters: were features to stand on the pixel nearest to them, the mean
-    lifetime on the 7-Scenes sample would be 9.5 frames in place of 8.8 (Lucas-Kanade, OpenCV 4.11's rejection).
+    This is XIVO's convention, and it affects results: with the nearest pixel instead, the mean lifetime on the
+    7-Scenes sample would be 9.5 frames instead of 8.8 (Lucas-Kanade, OpenCV 4.11's rejection).
 
     Parameters
     ----------
@@ -36,19 +36,19 @@ class Mask:
         self._squares = np.frombuffer(self._blocked, dtype=np.uint8).reshape(height + padding, width + padding)
 
     def claim(self, uv: NDArray[np.float64], *, limit: int | None = None) -> NDArray[np.intp]:
-        """Let features claim their places in the given order: each that is free takes its square from the others.
+        """Accept features in the given order if their pixel is free; each accepted feature blocks its square.
 
         Parameters
         ----------
         uv
             (n, 2) float64, px; NaN and positions outside the image are never free.
         limit
-            How many may claim a place at most.
+            Accept at most this many.
 
         Returns
         -------
         (m,) intp
-            Indices of those that did, ascending.
+            Indices of the accepted features, ascending.
         """
         inside = (uv >= self._margin_px) & (uv < np.array(self._size) - self._margin_px)
         rows = np.flatnonzero(inside[:, 0] & inside[:, 1])
@@ -60,7 +60,7 @@ class Mask:
         return rows[self._first_come(place.tolist(), left, top, len(rows) if limit is None else limit)]
 
     def _first_come(self, places: list[int], left: list[int], top: list[int], limit: int) -> list[int]:
-        """The sequential loop; a byte string is much faster to look into than an array, and shares its memory."""
+        """The sequential loop. Reading a byte string is much faster than reading an array, and both share memory."""
         blocked, squares, side = self._blocked, self._squares, 2 * self._reach + 1
         kept: list[int] = []
         for index, place in enumerate(places):

@@ -1,8 +1,8 @@
-"""How many threads OpenCV uses."""
+"""Number of threads that OpenCV uses."""
 
 import cv2
 
 
 def use_one_thread() -> None:
-    """Let OpenCV use one thread in this process from now on; no result depends on it."""
+    """Make OpenCV use one thread in this process; no result depends on it."""
     cv2.setNumThreads(1)

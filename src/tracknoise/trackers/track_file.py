@@ -1,5 +1,6 @@
-"""Files of tracks: what other front ends write, read and checked."""
+"""Files of tracks that other front ends write: reading and checks."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,8 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.tables.schema import QUALITY_NAME, QUALITY_PREFIX
+from tracknoise.trackers.quality import is_quality_name
 
 _COLUMNS: dict[str, type[pl.DataType]] = {"track": pl.Int64, "frame": pl.Int64, "u_px": pl.Float64, "v_px": pl.Float64}
 
@@ -24,12 +27,15 @@ class Tracks:
         px.
     response : (n,) float32
         NaN where unknown.
+    quality : (n,) float32 each
+        Columns ``quality_<name>`` by name; NaN where unknown.
     """
 
     track: NDArray[np.int64]
     frame: NDArray[np.int64]
     uv: NDArray[np.float64]
     response: NDArray[np.float32]
+    quality: Mapping[str, NDArray[np.float32]]
 
 
 def read_tracks(path: Path, *, n_frames: int) -> Tracks:
@@ -40,8 +46,8 @@ def read_tracks(path: Path, *, n_frames: int) -> Tracks:
     path
         Of the file.
     n_frames
-        Count of the frames of the whole sequence. A frame beyond it is refused: it is the sign of frames counted
-        from 1, or of tracks of another sequence.
+        Number of frames of the whole sequence. A frame beyond it is refused: it means that frames are counted
+        from 1, or that the tracks belong to another sequence.
 
     Raises
     ------
@@ -64,14 +70,30 @@ def read_tracks(path: Path, *, n_frames: int) -> Tracks:
     twice[order[1:][again]] = True
     _refuse(path, twice, table["track"], "one row for each track and frame")
     uv = np.column_stack([columns["u_px"], columns["v_px"]])
-    response = np.full(len(table), np.nan)
+    response = np.full(len(table), np.nan, dtype=np.float32)
     if "response" in table.columns:
-        response = _numbers(path, table["response"], pl.Float64, optional=True)
-    return Tracks(track[order], frame[order], uv[order], response[order].astype(np.float32))
+        response = _optional(path, table["response"])
+    quality = {name: values[order] for name, values in _quality(path, table).items()}
+    return Tracks(track[order], frame[order], uv[order], response[order], quality)
+
+
+def _quality(path: Path, table: pl.DataFrame) -> dict[str, NDArray[np.float32]]:
+    """The columns ``quality_<name>``, by name."""
+    columns = [column for column in table.columns if column.startswith(QUALITY_PREFIX)]
+    for column in columns:
+        if not is_quality_name(column.removeprefix(QUALITY_PREFIX)):
+            raise DataError(path, f"column {column}", f"a name of the form {QUALITY_PREFIX}{QUALITY_NAME}")
+    return {column.removeprefix(QUALITY_PREFIX): _optional(path, table[column]) for column in columns}
+
+
+def _optional(path: Path, column: pl.Series) -> NDArray[np.float32]:
+    """The numbers of a column that may have empty cells, NaN there."""
+    values: NDArray[np.float32] = _numbers(path, column, pl.Float64, optional=True).astype(np.float32)
+    return values
 
 
 def _read(path: Path) -> pl.DataFrame:
-    """The table as it is, but for spaces around names; of CSV all columns as text, to show what is wrong."""
+    """The table without spaces around names; CSV columns are read as text, so that errors can show the cell."""
     if not path.is_file():
         raise DataError(path, "no such file", "a file of tracks")
     try:
@@ -83,7 +105,7 @@ def _read(path: Path) -> pl.DataFrame:
 
 
 def _numbers(path: Path, column: pl.Series, kind: type[pl.DataType], *, optional: bool = False) -> NDArray[Any]:
-    """The finite numbers of a column, NaN where it may be empty, or an error that shows the first cell that is none."""
+    """The finite numbers of a column, NaN where they may be missing; an error shows the first cell that is none."""
     expected = f"a {'whole ' if kind is pl.Int64 else 'finite '}number"
     if not (column.dtype.is_integer() or column.dtype.is_float() or column.dtype == pl.String):
         raise DataError(path, f"column {column.name} of type {column.dtype}", f"{expected} in each row")

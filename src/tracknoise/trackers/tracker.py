@@ -1,11 +1,13 @@
-"""What a tracker is: settings that start it, and a step a frame."""
+"""What a tracker is: settings that start it, and one step per frame."""
 
-from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.tables.identity import SequenceId
 from tracknoise.trackers.frame import Frame
 
 
@@ -16,20 +18,23 @@ class Step:
     Attributes
     ----------
     ids : (n,) int64
-        The features found or begun in this frame, in no particular order. An id is never used again.
+        The features found or begun in this frame, in any order. An id is never reused.
     uv : (n, 2) float64
-        Where they are, px.
+        Their positions, px.
     born : (n,) bool
-        Which of them were begun in this frame.
+        Which of them begin in this frame.
     response : (n,) float32
-        Detector response at the feature's birth; NaN where unknown. Read where `born` only.
+        Detector response at the feature's birth; NaN where unknown. Only read where `born`.
     ended_ids : (m,) int64
         The features that ended in this frame.
     ended : (m,) int8
         Why: `tracknoise.tables.schema.TrackEnd` values.
     offered, matched, outliers, alive
-        F(t-1) features the tracker set out with; how many it found again; how many of these it rejected as
-        outliers, f1(t); F(t) features it goes on with, new ones included.
+        Number of features before the step, F(t-1); how many of them were found again; how many of those were
+        rejected as outliers, f1(t); number of features after the step, F(t), including new ones.
+    quality : (n,) float32 each
+        What the tracker reports about each observation, by name; NaN where unknown. Names match
+        ``[a-z][a-z0-9_]*``. Each becomes the column ``quality_<name>`` of the table `observations`.
     """
 
     ids: NDArray[np.int64]
@@ -42,23 +47,25 @@ class Step:
     matched: int
     outliers: int
     alive: int
+    quality: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
 
     @property
     def new(self) -> int:
-        """Count of features begun in this frame, f2(t)."""
+        """Number of features that begin in this frame, f2(t)."""
         return int(np.count_nonzero(self.born))
 
 
 class Tracker(Protocol):
-    """A tracker at work on one sequence at one speed."""
+    """A tracker that runs on one sequence at one speed."""
 
     def step(self, frame: Frame) -> Step:
         """Track into the next frame that this tracker sees."""
         ...
 
 
-class TruePositions(Protocol):
-    """Where features really are; what the oracle needs, and `tracknoise.truth` provides."""
+@runtime_checkable
+class OracleTruth(Protocol):
+    """A truth that can place world points and project them: what the oracle tracker needs."""
 
     def anchor(self, index: int, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
         """World points of features first seen in a frame.
@@ -99,47 +106,44 @@ class TruePositions(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class SequenceContext:
-    """Where a tracker is started: the sequence and condition, and what only some trackers need.
+    """The sequence and condition for which a tracker is started, and what only some trackers need.
 
     Parameters
     ----------
-    scene, lighting, rotation, direction
-        Names of the sequence.
+    sequence
+        Identity of the sequence.
     size
         (width, height) of its images, px.
     n_frames
-        Count of the frames of the whole sequence; a run may read fewer.
+        Number of frames of the whole sequence; a run may read fewer.
     speed
-        Every how many frames of the nominal sequence the tracker sees.
+        The tracker sees frames 0, speed, 2 speed, ... of the nominal sequence.
     seed
-        From which a tracker that needs randomness derives its own generator.
+        Random seed, for trackers that need one.
     truth
-        True positions, for the oracle alone.
+        True positions, for the oracle only; None if this kind of truth cannot place points.
     """
 
-    scene: str
-    lighting: str
-    rotation: int
-    direction: str
+    sequence: SequenceId
     size: tuple[int, int]
     n_frames: int
     speed: int
     seed: int
-    truth: TruePositions
+    truth: OracleTruth | None
 
 
 class TrackerSettings(Protocol):
-    """A frozen dataclass whose fields are a tracker's settings, all with defaults, and which starts it."""
+    """A frozen dataclass whose fields are a tracker's settings, and which starts the tracker."""
 
     kind: ClassVar[str]
     description: ClassVar[str]
 
     def start(self, context: SequenceContext) -> Tracker:
-        """Make a tracker at work on one sequence at one speed.
+        """Start the tracker on one sequence at one speed.
 
         Raises
         ------
         TracknoiseError
-            If something the settings name (a file, say) cannot be used.
+            If something that the settings name, such as a file, cannot be used.
         """
         ...

@@ -1,1 +1,1 @@
-"""Where each feature really was: anchored in the world at its first frame, projected into all others."""
+"""True positions of observed features, their visibility and, where a kind of truth knows it, their uncertainty."""

@@ -1,109 +1,115 @@
-"""Anchors from a single scan: the points of a surface that was measured once, seen from the key frame."""
+"""Truth from a single scan: features found in the key frame are associated with the scan points seen there."""
 
 from dataclasses import dataclass
-from enum import StrEnum
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
-from tracknoise.sequences.sequence import Scan
-from tracknoise.tables.defaults import SCAN_RADIUS_PX
+from tracknoise.exceptions import DataError
+from tracknoise.sequences.sequence import Sequence, TruthKind
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.truth.anchor import Anchored, fix
-from tracknoise.truth.frames import Frames
-
-
-class ScanAnchoring(StrEnum):
-    """What a feature takes of the scan point it is associated with."""
-
-    ray = "ray"
-    """The point's depth, along the feature's own ray, so that the error is zero in the key frame."""
-    point = "point"
-    """The point itself."""
+from tracknoise.truth.anchored import Anchor, AnchoredTruth
+from tracknoise.truth.geometry import SequenceGeometry
+from tracknoise.truth.scan_points import ScanPoints
+from tracknoise.truth.scan_rule import SCAN_RULE, ScanRule
+from tracknoise.truth.truth import TruePositions
+from tracknoise.truth.visibility import DepthMapSurface
 
 
 @dataclass(frozen=True, slots=True)
-class ScanRule:
-    """How features are associated with a scan.
+class KeyFrameScan:
+    """The scan point next to each feature in the key frame: (truth.scan).
 
     Parameters
     ----------
-    radius_px
-        How far the projection of the nearest scan point may lie from the feature, px.
-    anchoring
-        What the feature takes of it.
-    """
-
-    radius_px: float = SCAN_RADIUS_PX
-    anchoring: ScanAnchoring = ScanAnchoring.ray
-
-
-class ScanPoints:
-    """The scan point nearest to a feature in the image: (truth.scan).
-
-    Parameters
-    ----------
-    frames
-        The sequence.
-    scan
-        Of its scene.
     rule
-        Which point is near enough, and what is taken of it.
+        How features are associated with the scan.
     """
 
-    __slots__ = ("_frames", "_index", "_projected", "_rule", "_scan")
+    kind: ClassVar[str] = TruthKind.scan
 
-    def __init__(self, frames: Frames, scan: Scan, rule: ScanRule) -> None:
-        self._frames, self._scan, self._rule = frames, scan, rule
-        self._index: int | None = None
-        self._projected: tuple[NDArray[np.float64], NDArray[np.intp]] = np.empty((0, 2)), np.empty(0, np.intp)
+    rule: ScanRule = SCAN_RULE
 
-    def points(self, index: int, uv: NDArray[np.float64]) -> Anchored:
-        """World points of features that are visible in a frame: see `tracknoise.truth.truth.Truth.anchor`."""
-        if self._rule.anchoring is ScanAnchoring.ray:
-            return fix(self._frames, self, index, uv)
-        nearest, status = self._nearest(index, uv)
-        points_world = self._scan.points_world[nearest]
-        points_world[status != TruthStatus.valid] = np.nan
-        return points_world, status
+    def open(self, sequence: Sequence) -> "ScanTruth":
+        """Make the truth of one sequence.
 
-    def depths(self, index: int, uv: NDArray[np.float64]) -> Anchored:
-        """Depth of the associated scan points: see `tracknoise.truth.anchor.Anchor.depths`."""
-        nearest, status = self._nearest(index, uv)
-        depth_m = self._frames.to_camera(index, self._scan.points_world[nearest])[:, 2]
-        return np.where(status == TruthStatus.valid, depth_m, 1.0), status
+        Raises
+        ------
+        DataError
+            If the sequence has no scan, or its file is missing or damaged.
+        """
+        scan = sequence.scan
+        if scan is None:
+            raise DataError(sequence.source, "no scan", "one, as the sequence offers the truth 'scan'")
+        geometry = SequenceGeometry(sequence)
+        points = ScanPoints(geometry, scan.points_world, self.rule)
+        return ScanTruth(geometry, points.anchor, scan.key_frame)
 
-    def _nearest(self, index: int, uv: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.int8]]:
-        """Row of the scan point nearest to each feature, 0 where none is near enough, and the status."""
-        seen, rows = self._near(*self._seen(index), uv)
-        if not len(seen) or not len(uv):
-            return np.zeros(len(uv), np.intp), np.full(len(uv), TruthStatus.no_depth, np.int8)
-        distance, found = KDTree(seen).query(uv)
-        near = distance <= self._rule.radius_px
-        status = np.where(near, TruthStatus.valid, TruthStatus.no_depth).astype(np.int8)
-        return np.where(near, rows[found], 0), status
 
-    def _seen(self, index: int) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-        """Projections of the scan points that lie in the image, and their rows; kept for the latest frame alone."""
-        if index != self._index:
-            uv = self._frames.camera.project(self._frames.to_camera(index, self._scan.points_world))
-            rows = np.flatnonzero(self._frames.camera.contains(uv))
-            self._projected, self._index = (uv[rows], rows), index
-        return self._projected
+class ScanTruth(AnchoredTruth):
+    """A truth that gives a world point to each track that is found in the key frame.
 
-    def _near(
-        self, seen: NDArray[np.float64], rows: NDArray[np.intp], uv: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-        """The few scan points in pixels around the features, so that not all need to be searched."""
-        camera, reach = self._frames.camera, int(np.ceil(self._rule.radius_px))
-        wanted = np.zeros((camera.height, camera.width), np.bool_)
-        centre = np.rint(uv).astype(np.intp)
-        for down in range(-reach, reach + 1):
-            for right in range(-reach, reach + 1):
-                column = np.clip(centre[:, 0] + right, 0, camera.width - 1)
-                wanted[np.clip(centre[:, 1] + down, 0, camera.height - 1), column] = True
-        pixel = np.rint(seen).astype(np.intp)
-        pixel = np.clip(pixel, 0, (camera.width - 1, camera.height - 1))
-        near = wanted[pixel[:, 1], pixel[:, 0]]
-        return seen[near], rows[near]
+    Parameters
+    ----------
+    geometry
+        Of the sequence.
+    anchor
+        Finds the world points of features.
+    key_frame
+        The frame in which features are anchored.
+    """
+
+    __slots__ = ("_key_frame",)
+
+    def __init__(self, geometry: SequenceGeometry, anchor: Anchor, key_frame: int) -> None:
+        super().__init__(TruthKind.scan, geometry, anchor, DepthMapSurface(geometry))
+        self._key_frame = key_frame
+
+    @property
+    def key_frame(self) -> int:
+        """The frame in which features are anchored."""
+        return self._key_frame
+
+    def start(self) -> "KeyFrameSession":
+        """Start a session for one tracker setup."""
+        return KeyFrameSession(self)
+
+
+class KeyFrameSession:
+    """The tracks of one tracker setup, anchored in the key frame where they are found there.
+
+    Earlier observations wait for the key frame: only then are their true positions known.
+
+    Parameters
+    ----------
+    truth
+        Finds and projects the anchors.
+    """
+
+    __slots__ = ("_tracks", "_truth", "_waiting")
+
+    def __init__(self, truth: ScanTruth) -> None:
+        self._truth = truth
+        self._tracks = truth.tracks()
+        self._waiting: list[tuple[int, NDArray[np.uint32]]] = []
+
+    def observe(self, index: int, tracks: NDArray[np.uint32], uv: NDArray[np.float64], born: NDArray[np.bool_]) -> None:
+        """Anchor tracks in the key frame, and locate them: see `tracknoise.truth.truth.TruthSession.observe`."""
+        new = int(np.count_nonzero(born))
+        self._tracks.begin(index, np.full((new, 3), np.nan), np.full(new, TruthStatus.no_depth, np.int8))
+        self._waiting.append((index, tracks))
+        if index == self._truth.key_frame:
+            self._tracks.anchor(tracks, *self._truth.anchor(index, uv))
+        if index >= self._truth.key_frame:
+            self._locate_waiting()
+
+    def resolve(self) -> TruePositions:
+        """True positions of all observations: see `tracknoise.truth.truth.TruthSession.resolve`."""
+        self._locate_waiting()
+        return self._tracks.positions()
+
+    def _locate_waiting(self) -> None:
+        for index, tracks in self._waiting:
+            self._tracks.locate(index, tracks)
+        self._waiting = []

@@ -1,176 +1,109 @@
-"""Where features really are in every frame of a sequence."""
+"""What a truth is: a session per tracker setup that is shown observations and resolves their true positions."""
 
-from collections.abc import Callable
-from collections.abc import Sequence as Items
-from functools import partial
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.exceptions import DataError, SettingsError
-from tracknoise.sequences.sequence import Sequence, TruthKind
-from tracknoise.truth.anchor import Anchored, BirthDepth, RayCast, fix
-from tracknoise.truth.frames import Frames
-from tracknoise.truth.scan import ScanPoints, ScanRule
-from tracknoise.truth.visibility import Measured, MeasuredDepth, MeasuredSurface, visibility
-
-SCAN_RULE = ScanRule()
-"""How features are associated with a scan unless said otherwise."""
-
-Fix = Callable[[int, NDArray[np.float64]], Anchored]
-"""Takes a frame and pixels (n, 2) of it; gives world points (n, 3) and their status (n,)."""
+from tracknoise.sequences.sequence import Sequence
 
 
-class Truth:
-    """True positions of features: a `tracknoise.trackers.tracker.TruePositions`.
+@dataclass(frozen=True, slots=True, eq=False)
+class TruePositions:
+    """True positions of all observations of one tracker setup.
 
-    All methods accept any count of features, 0 included, and treat each for itself. Nothing grows with the count of
-    frames; calls about one frame are best made together, as the depth of the latest frame alone is kept.
+    Observations are in the order in which the session was shown them: n in all. Tracks are in the order of their
+    numbers: m in all.
 
-    Parameters
+    Attributes
     ----------
-    kind
-        Which kind of truth this is.
-    frames
-        The sequence.
-    fix
-        How features are fixed in the world.
-    measured
-        What hides points behind it.
-    key_frame
-        The one frame in which features are fixed; None where each is in its first.
+    uv : (n, 2) float64
+        True position of each observation, px; NaN where it is unknown.
+    status : (n,) int8
+        `tracknoise.tables.schema.TruthStatus` of each observation.
+    depth_m : (m,) float64
+        Depth of each track's point in the track's first frame, metres; NaN where it is unknown.
+    covariance : (n, 2, 2) float64, or None
+        Covariance of each true position, px^2; NaN where it is unknown. None if this kind of truth states none.
     """
 
-    __slots__ = ("_fix", "_frames", "_measured", "key_frame", "kind")
+    uv: NDArray[np.float64]
+    status: NDArray[np.int8]
+    depth_m: NDArray[np.float64]
+    covariance: NDArray[np.float64] | None = None
 
-    def __init__(
-        self, kind: TruthKind, frames: Frames, fix: Fix, measured: Measured, *, key_frame: int | None = None
-    ) -> None:
-        self.kind = kind
-        self.key_frame = key_frame
-        self._frames = frames
-        self._fix = fix
-        self._measured = measured
 
-    def anchor(self, index: int, uv: NDArray[np.float64]) -> Anchored:
-        """World points of features by where they are in a frame: X_w = world_from_camera pi^-1(x, Z).
+class TruthSession(Protocol):
+    """The true positions of one tracker setup while its observations stream."""
+
+    def observe(self, index: int, tracks: NDArray[np.uint32], uv: NDArray[np.float64], born: NDArray[np.bool_]) -> None:
+        """Take note of all observations in one frame.
+
+        It is called once per frame that the tracker sees, in order. Tracks are numbered from 0 in the order of their
+        birth, so that ``tracks[born]`` continues the numbers seen so far.
 
         Parameters
         ----------
         index
-            Frame.
+            Frame of the nominal sequence.
+        tracks
+            (n,) uint32: number of each observed track.
         uv
-            (n, 2) float64, px.
-
-        Returns
-        -------
-        points_world : (n, 3) float64
-            Metres; NaN where the status is not valid.
-        status : (n,) int8
-            `tracknoise.tables.schema.TruthStatus`: valid, no_depth or edge.
+            (n, 2) float64: observed positions, px.
+        born
+            (n,) bool: whether the track begins in this frame.
 
         Raises
         ------
         DataError
-            If the frame's depth cannot be read.
+            If the depth of a frame cannot be read.
         """
-        return self._fix(index, uv)
+        ...
 
-    def project(self, index: int, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
-        """True positions of world points in a frame: x_true = pi(camera_from_world X_w).
-
-        Parameters
-        ----------
-        index
-            Frame.
-        points_world
-            (n, 3) float64, metres.
-
-        Returns
-        -------
-        (n, 2) float64
-            px; NaN behind the camera, and where its distortion has no image. Points outside the image are projected
-            all the same.
-        """
-        return self._frames.camera.project(self._frames.to_camera(index, points_world))
-
-    def visibility(self, index: int, points_world: NDArray[np.float64]) -> NDArray[np.int8]:
-        """Whether anchored points can be seen in a frame.
-
-        Parameters
-        ----------
-        index
-            Frame.
-        points_world
-            (n, 3) float64, metres, finite: of features whose anchor is valid.
-
-        Returns
-        -------
-        (n,) int8
-            `tracknoise.tables.schema.TruthStatus`: behind_camera, out_of_image, occluded or valid.
+    def resolve(self) -> TruePositions:
+        """True positions of all observations so far; called once, after the last frame.
 
         Raises
         ------
         DataError
-            If the frame's depth cannot be read.
+            If the depth of a frame cannot be read.
         """
-        return visibility(self._frames, self._measured, index, points_world)
+        ...
 
 
-def make_truth(sequence: Sequence, kind: TruthKind | None = None, *, scan_rule: ScanRule = SCAN_RULE) -> Truth:
-    """The truth of a sequence.
+class Truth(Protocol):
+    """One kind of truth for one sequence. Several tracker setups share it; each has its own session.
 
-    Parameters
-    ----------
-    sequence
-        The sequence.
-    kind
-        How features are fixed in the world; by default the best that the sequence offers.
-    scan_rule
-        How features are associated with a scan, where that fixes them.
-
-    Raises
-    ------
-    DataError
-        If the sequence offers no truth at all.
-    SettingsError
-        If it does not offer this kind.
+    A truth that can also place points is a `tracknoise.trackers.tracker.OracleTruth`; the oracle tracker needs one.
     """
-    place, offered = sequence.source, sequence.truths
-    if not offered:
-        raise DataError(place, "no depth, scan or exact surface", "one of them, to know where features really are")
-    kind = offered[0] if kind is None else kind
-    if kind not in offered:
-        raise SettingsError(f"{place}: found truth = {kind.value!r}, expected one of: {', '.join(offered)}")
-    frames = Frames(sequence)
-    if kind is TruthKind.raycast and (surface := sequence.surface) is not None:
-        return Truth(kind, frames, partial(fix, frames, RayCast(frames, surface)), MeasuredSurface(frames, surface))
-    if kind is TruthKind.scan and (scan := sequence.scan) is not None:
-        points = ScanPoints(frames, scan, scan_rule)
-        return Truth(kind, frames, points.points, MeasuredDepth(frames), key_frame=scan.key_frame)
-    return Truth(kind, frames, partial(fix, frames, BirthDepth(frames)), MeasuredDepth(frames))
+
+    @property
+    def kind(self) -> str:
+        """Name of the kind of truth."""
+        ...
+
+    @property
+    def key_frame(self) -> int | None:
+        """The one frame in which features get their world points; None if there is no such frame."""
+        ...
+
+    def start(self) -> TruthSession:
+        """Start a session for one tracker setup."""
+        ...
 
 
-def make_truths(sequences: Items[Sequence], kind: TruthKind | None = None, *, scan_rule: ScanRule) -> list[Truth]:
-    """The truth of each sequence; one for all that share a scan and are seen from the same places.
+class TruthSource(Protocol):
+    """A kind of truth: a frozen dataclass whose fields are its settings, all with defaults."""
 
-    Raises
-    ------
-    DataError, SettingsError
-        As `make_truth`.
-    """
-    truths: list[Truth] = []
-    for place, sequence in enumerate(sequences):
-        twins = (truths[before] for before in range(place) if _is_same_scan(sequences[before], sequence))
-        truths.append(next(twins, None) or make_truth(sequence, kind, scan_rule=scan_rule))
-    return truths
+    kind: ClassVar[str]
 
+    def open(self, sequence: Sequence) -> Truth:
+        """Make the truth of one sequence.
 
-def _is_same_scan(one: Sequence, other: Sequence) -> bool:
-    """Whether all that truth knows of two sequences is the same scan from the same places."""
-    if one.truths != (TruthKind.scan,) or other.truths != one.truths or one.camera != other.camera:
-        return False
-    scan, scanned = one.scan, other.scan
-    if scan is None or scanned is None or scan.points_world is not scanned.points_world:
-        return False
-    return scan.key_frame == scanned.key_frame and np.array_equal(one.world_from_camera, other.world_from_camera)
+        Raises
+        ------
+        DataError
+            If the sequence lacks what this kind of truth needs.
+        """
+        ...

@@ -1,4 +1,4 @@
-"""Visibility: whether a world point can be seen in a frame."""
+"""True positions of world points in a frame, and whether the points can be seen there."""
 
 from typing import Protocol
 
@@ -6,22 +6,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.geometry.depth import farthest_neighbour
-from tracknoise.sequences.sequence import Surface
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.truth.anchor import cast_depth
-from tracknoise.truth.frames import Frames
+from tracknoise.truth.geometry import SequenceGeometry
 
 OCCLUSION_RELATIVE = 0.02
-"""A point farther behind the measured surface than this share of its depth is occluded."""
+"""A point that lies farther behind the visible surface than this share of the surface's depth is occluded."""
 
 OCCLUSION_LEAST_M = 0.005
-"""A point less far behind the measured surface than this is never occluded, metres."""
+"""A point that lies less than this behind the visible surface is never occluded, metres."""
 
 Depths = tuple[NDArray[np.float64], NDArray[np.bool_]]
+Located = tuple[NDArray[np.float64], NDArray[np.int8]]
 
 
-class Measured(Protocol):
-    """The first surface that a frame shows."""
+class VisibleSurface(Protocol):
+    """The first surface along the rays of a frame."""
 
     def depths(self, index: int, uv: NDArray[np.float64]) -> Depths:
         """Depth of the surface under pixels.
@@ -42,65 +41,61 @@ class Measured(Protocol):
         ...
 
 
-class MeasuredDepth:
-    """The frame's depth map: the farthest of the four pixels around, so that a point beside an edge counts as seen."""
+class DepthMapSurface:
+    """The frame's depth map: the farthest of the four neighbouring pixels, so that a point beside an edge is visible.
 
-    __slots__ = ("_frames",)
+    Parameters
+    ----------
+    geometry
+        Of the sequence.
+    """
 
-    def __init__(self, frames: Frames) -> None:
-        self._frames = frames
+    __slots__ = ("_geometry",)
+
+    def __init__(self, geometry: SequenceGeometry) -> None:
+        self._geometry = geometry
 
     def depths(self, index: int, uv: NDArray[np.float64]) -> Depths:
-        """Farthest neighbouring depth: see `Measured.depths`. Unknown in a frame without depth."""
-        depth = self._frames.depth(index)
+        """Farthest neighbouring depth: see `VisibleSurface.depths`. Unknown in a frame without depth."""
+        depth = self._geometry.depth(index)
         if depth is None:
             return np.zeros(len(uv)), np.zeros(len(uv), np.bool_)
         return farthest_neighbour(depth, uv)
 
 
-class MeasuredSurface:
-    """The exact surface of a simulated world."""
+def locate(
+    geometry: SequenceGeometry, surface: VisibleSurface, index: int, points_world: NDArray[np.float64]
+) -> Located:
+    """Project world points into a frame: x_true = pi(camera_from_world X_w), and decide whether they can be seen.
 
-    __slots__ = ("_frames", "_surface")
-
-    def __init__(self, frames: Frames, surface: Surface) -> None:
-        self._frames = frames
-        self._surface = surface
-
-    def depths(self, index: int, uv: NDArray[np.float64]) -> Depths:
-        """Exact depth: see `Measured.depths`. Unknown where the ray hits nothing."""
-        return cast_depth(self._frames, self._surface, index, uv)
-
-
-def visibility(frames: Frames, measured: Measured, index: int, points_world: NDArray[np.float64]) -> NDArray[np.int8]:
-    """Whether world points can be seen in a frame.
-
-    A point is occluded if it lies more than max(2 % of the measured depth, 5 mm) behind the measured surface; where
-    nothing is measured, it is not.
+    A point is occluded if it lies more than max(2 % of the surface's depth, 5 mm) behind the visible surface. Where
+    the surface is unknown, no point is occluded.
 
     Parameters
     ----------
-    frames
-        The sequence.
-    measured
-        The surface that hides what is behind it.
+    geometry
+        Of the sequence.
+    surface
+        The surface that occludes what lies behind it.
     index
         Frame.
     points_world
-        (n, 3) float64, metres, finite.
+        (n, 3) float64, metres; NaN where unknown.
 
     Returns
     -------
-    (n,) int8
-        `TruthStatus`: behind_camera, out_of_image, occluded or valid.
+    uv : (n, 2) float64
+        px; NaN behind the camera and where its distortion has no image. Points outside the image have positions too.
+    status : (n,) int8
+        `TruthStatus`: behind_camera, out_of_image, occluded or valid; arbitrary where the point is unknown.
     """
-    points = frames.to_camera(index, points_world)
-    uv = frames.camera.project(points)
+    points = geometry.to_camera(index, points_world)
+    uv = geometry.camera.project(points)
     ahead = points[:, 2] > 0
-    inside = np.flatnonzero(ahead & frames.camera.contains(uv))
-    surface_m, known = measured.depths(index, uv[inside])
+    inside = np.flatnonzero(ahead & geometry.camera.contains(uv))
+    surface_m, known = surface.depths(index, uv[inside])
     behind_m = points[inside, 2] - surface_m
     occluded = known & (behind_m > np.maximum(OCCLUSION_RELATIVE * surface_m, OCCLUSION_LEAST_M))
     status = np.where(ahead, TruthStatus.out_of_image, TruthStatus.behind_camera).astype(np.int8)
     status[inside] = np.where(occluded, TruthStatus.occluded, TruthStatus.valid)
-    return status
+    return uv, status

@@ -1,6 +1,7 @@
 """The self-test passes for a correct program, and fails for each defect that is put in."""
 
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
@@ -10,10 +11,10 @@ from tracknoise.cli.app import main
 from tracknoise.experiments.analysis import run_statistics
 from tracknoise.experiments.running.execute import execute
 from tracknoise.experiments.validation.selfcheck import N_NUMBERS, compare, furthest, judge, selfcheck_experiment
-from tracknoise.measurement import scene
 from tracknoise.statistics.curves import curves
 from tracknoise.tables.store import RunFolder
 from tracknoise.trackers.oracle import OracleTracker
+from tracknoise.truth.anchored import BirthSession
 
 SETTINGS = ["white noise", "bias", "drift", "anisotropic", "outliers", "losses"]
 
@@ -80,13 +81,13 @@ def test_expected_values_are_those_of_the_settings(clean):
 
 
 def test_half_a_pixel_in_the_truth_is_noticed(check, monkeypatch):
-    right = scene.true_paths
+    right = BirthSession.resolve
 
-    def shifted(*arguments):
-        paths = right(*arguments)
-        return type(paths)(paths.uv + 0.5, paths.depth_m)
+    def shifted(session):
+        positions = right(session)
+        return replace(positions, uv=positions.uv + 0.5)
 
-    monkeypatch.setattr(scene, "true_paths", shifted)
+    monkeypatch.setattr(BirthSession, "resolve", shifted)
     found = check(1)
     assert {(setting, "nu") for setting in SETTINGS} <= off(found)
     assert not {"survival", "mean_lifetime", "outlier_ratio", "loss_ratio"} & {name for _, name in off(found)}

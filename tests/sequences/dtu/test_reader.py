@@ -9,8 +9,9 @@ from tracknoise.sequences.dtu.matlab import write_mat
 from tracknoise.sequences.dtu.reader import Dtu
 from tracknoise.sequences.dtu.relighting import LIGHTINGS, weights
 from tracknoise.sequences.registry import make_reader, open_sequence, open_together, path_options
-from tracknoise.sequences.sequence import Sequence, SequenceId, SharingReader, TruthKind
+from tracknoise.sequences.sequence import Sequence, SharingReader, TruthKind
 from tracknoise.simulation.light_stage.leds import led_positions
+from tracknoise.tables.identity import SequenceId
 
 NOMINAL = "relit with nominal positions of the LEDs, since no file gives the true ones"
 CONDENSED = {"name": "{:03d}_{:02d}.png", "numbers": 36}

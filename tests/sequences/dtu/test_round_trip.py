@@ -8,7 +8,7 @@ from tracknoise.sequences.sequence import Sequence, TruthKind
 from tracknoise.sequences.views import turned
 from tracknoise.simulation.light_stage.stage import LightStage
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.truth.truth import make_truth
+from tracknoise.truth.registry import make_truth
 
 KEY = 24
 ROTATIONS = pytest.mark.parametrize("degrees", [0, 90, 270])

@@ -13,7 +13,7 @@ from tracknoise.sequences.kitti.reader import Kitti
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.sequences.views import turned
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.truth.truth import make_truth
+from tracknoise.truth.registry import make_truth
 
 MAPPED, SCANNED = 6, 1
 """Frames with a depth-completion map, and with a Velodyne scan only."""
@@ -82,8 +82,8 @@ def test_what_is_hidden_is_found_by_sparse_depth_where_there_is_some(recorded, s
     points, status = exact.anchor(0, between_pixels(recorded[drive]))
     points = points[status == TruthStatus.valid]
     to_recorded = recorded[drive].world_from_camera[0] @ invert(simulated[drive].world_from_camera[0])
-    sparse = read.visibility(MAPPED + 4, points @ to_recorded[:3, :3].T + to_recorded[:3, 3])
-    ray_cast = exact.visibility(MAPPED + 4, points)
+    sparse = read.locate(MAPPED + 4, points @ to_recorded[:3, :3].T + to_recorded[:3, 3])[1]
+    ray_cast = exact.locate(MAPPED + 4, points)[1]
     visible, hidden = ray_cast == TruthStatus.valid, ray_cast == TruthStatus.occluded
     assert np.mean(sparse[visible] == TruthStatus.occluded) < 0.01
     assert np.mean(sparse[hidden] == TruthStatus.occluded) > 0.2

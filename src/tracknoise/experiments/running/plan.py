@@ -6,8 +6,9 @@ from pathlib import Path
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.experiments.settings import DatasetSettings, Experiment
 from tracknoise.sequences.registry import make_reader, open_together
-from tracknoise.sequences.sequence import Direction, FilteringReader, Sequence, SequenceId, SharingReader
+from tracknoise.sequences.sequence import FilteringReader, Sequence, SharingReader
 from tracknoise.sequences.views import view
+from tracknoise.tables.identity import Direction, SequenceId
 from tracknoise.tables.store import sequence_key
 from tracknoise.trackers.registry import make_tracker
 from tracknoise.trackers.tracker import TrackerSettings

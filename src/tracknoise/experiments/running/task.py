@@ -27,7 +27,7 @@ from tracknoise.statistics.lifetimes import count_ends
 from tracknoise.statistics.samples import samples
 from tracknoise.tables.schema import POSES, SEQUENCE
 from tracknoise.tables.store import RunFolder, SequenceEntry
-from tracknoise.truth.scan import ScanRule
+from tracknoise.truth.scan_rule import ScanRule
 
 
 def attempt(

@@ -31,8 +31,9 @@ from tracknoise.sequences.dtu.scan import read_scan
 from tracknoise.sequences.dtu.sequence import LitSequence
 from tracknoise.sequences.dtu.shots import Relit, Shots, Taken
 from tracknoise.sequences.images import image_size
-from tracknoise.sequences.sequence import Sequence, SequenceId
+from tracknoise.sequences.sequence import Sequence
 from tracknoise.simulation.light_stage.leds import led_positions
+from tracknoise.tables.identity import SequenceId
 
 _NOMINAL_NOTE = "relit with nominal positions of the LEDs, since no file gives the true ones"
 

@@ -19,7 +19,7 @@ from tracknoise.sequences.kitti.trajectory import read_trajectory
 from tracknoise.sequences.kitti.velodyne import SCAN_SUFFIX
 from tracknoise.sequences.recorded import RecordedSequence, depth_notes
 from tracknoise.sequences.scenes import scene_folder
-from tracknoise.sequences.sequence import SequenceId
+from tracknoise.tables.identity import SequenceId
 
 _OVERRIDE = "a drive in motion throughout, or keep_still = true"
 

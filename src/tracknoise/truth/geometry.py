@@ -1,4 +1,4 @@
-"""What truth needs of a sequence's frames: poses both ways, and depth of the frame at hand."""
+"""What truth needs of a sequence's geometry: poses in both directions, and the depth of the current frame."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,8 +9,8 @@ from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.sequence import Sequence
 
 
-class Frames:
-    """A sequence seen frame by frame: the depth of the latest frame asked for is kept, that of no other.
+class SequenceGeometry:
+    """Camera, poses and depth of a sequence, frame by frame. Only the depth map that was read last is kept.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class Frames:
         return self.sequence.camera
 
     def depth(self, index: int) -> DepthMap | None:
-        """Depth of one frame, or None where it has none; read once however often it is asked for in a row.
+        """Depth of one frame, or None where it has none. Repeated calls for one frame read it once.
 
         Raises
         ------
@@ -49,3 +49,7 @@ class Frames:
     def to_camera(self, index: int, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n, 3) float64, metres: from the world to the camera frame of one frame."""
         return transform(invert(self.sequence.world_from_camera[index]), points_world)
+
+    def project(self, index: int, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n, 2) float64, px: world points in one frame; NaN behind the camera and where distortion has no image."""
+        return self.camera.project(self.to_camera(index, points_world))

@@ -1,0 +1,111 @@
+"""Columns of the tables of one sequence, from what one tracker setup reported and the true positions."""
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.measurement.recording import Recording
+from tracknoise.measurement.tracking import TrackerSetup
+from tracknoise.tables import schema
+from tracknoise.tables.identity import SequenceId
+from tracknoise.tables.schema import TrackEnd, TruthStatus
+from tracknoise.truth.truth import TruePositions
+
+Tables = tuple[pl.DataFrame, pl.DataFrame, pl.DataFrame]
+"""`OBSERVATIONS`, `TRACKS` and `FRAME_COUNTS` of `tracknoise.tables.schema`."""
+
+
+def setup_tables(sequence: SequenceId, setup: TrackerSetup, recording: Recording, positions: TruePositions) -> Tables:
+    """Tables of one tracker setup on one sequence.
+
+    Raises
+    ------
+    SchemaError
+        If a column has a wrong type.
+    """
+    return (
+        _table(_observations(recording, positions), schema.OBSERVATIONS, sequence, setup),
+        _table(_tracks(recording, positions), schema.TRACKS, sequence, setup),
+        _table(_frames(recording), schema.FRAME_COUNTS, sequence, setup),
+    )
+
+
+def joined(tables: list[pl.DataFrame], layout: schema.Schema) -> pl.DataFrame:
+    """One table of several; a column that only some have is null in the others."""
+    together = pl.concat(tables, how="diagonal", rechunk=True)
+    return together.select(list(schema.layout_of(layout, together.columns)))
+
+
+def _observations(recording: Recording, positions: TruePositions) -> dict[str, pl.Series]:
+    error = recording.uv - positions.uv
+    return {
+        "track": pl.Series(recording.track),
+        "frame": pl.Series(recording.frame),
+        "age": pl.Series(recording.frame - recording.first_frame[recording.track]),
+        "u_px": pl.Series(recording.uv[:, 0]),
+        "v_px": pl.Series(recording.uv[:, 1]),
+        "u_true_px": _nullable(positions.uv[:, 0]),
+        "v_true_px": _nullable(positions.uv[:, 1]),
+        "truth": _names(positions.status, TruthStatus),
+        "du_px": _nullable(error[:, 0]),
+        "dv_px": _nullable(error[:, 1]),
+        "kept": pl.repeat(True, len(error), eager=True),
+        **_covariance(positions.covariance),
+        **{schema.QUALITY_PREFIX + name: _nullable(values) for name, values in recording.quality.items()},
+    }
+
+
+def _covariance(covariance: NDArray[np.float64] | None) -> dict[str, pl.Series]:
+    if covariance is None:
+        return {}
+    values = covariance[:, [0, 0, 1], [0, 1, 1]].T
+    return {name: _nullable(column) for name, column in zip(schema.TRUE_COVARIANCE, values, strict=True)}
+
+
+def _tracks(recording: Recording, positions: TruePositions) -> dict[str, pl.Series]:
+    count = len(recording.first_frame)
+    return {
+        "track": pl.Series(np.arange(count, dtype=np.uint32)),
+        "first_frame": pl.Series(recording.first_frame),
+        "lifetime": pl.Series(recording.found),
+        "end": _names(recording.end, TrackEnd),
+        "response": _nullable(recording.response),
+        "depth_m": _nullable(positions.depth_m),
+        "gradient_rad": _nullable(recording.gradient_rad),
+        "max_error_px": pl.repeat(None, count, dtype=pl.Float64, eager=True),
+        "kept": pl.repeat(True, count, eager=True),
+    }
+
+
+def _frames(recording: Recording) -> dict[str, pl.Series]:
+    names = ("frame", "offered", "matched", "outliers", "new", "alive")
+    return {name: pl.Series(recording.frames[:, column]) for column, name in enumerate(names)}
+
+
+def _table(
+    columns: dict[str, pl.Series], layout: schema.Schema, sequence: SequenceId, setup: TrackerSetup
+) -> pl.DataFrame:
+    origin = {
+        "dataset": sequence.dataset,
+        "scene": sequence.scene,
+        "lighting": sequence.lighting,
+        "rotation": sequence.rotation,
+        "direction": str(sequence.direction),
+        "tracker": setup.tracker,
+        "speed": setup.speed,
+    }
+    literals = [
+        pl.lit(value, dtype=pl.Int16 if name == "rotation" else None).alias(name) for name, value in origin.items()
+    ]
+    table = pl.DataFrame(columns).with_columns(literals)
+    return schema.check(table.select(list(schema.layout_of(layout, table.columns))), layout, setup.tracker)
+
+
+def _nullable(values: NDArray[np.floating]) -> pl.Series:
+    return pl.Series(values, nan_to_null=True)
+
+
+def _names(values: NDArray[np.int8], kind: type[TruthStatus] | type[TrackEnd]) -> pl.Series:
+    """Enumeration values as the enumeration's column type."""
+    names = [member.name for member in kind]
+    return pl.Series(names, dtype=pl.Enum(names)).gather(values)

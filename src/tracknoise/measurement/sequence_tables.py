@@ -1,0 +1,180 @@
+"""Measure sequences: tables of what trackers reported, and of its errors."""
+
+from collections.abc import Iterator
+from collections.abc import Sequence as Items
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import DataError, SettingsError
+from tracknoise.measurement.columns import joined, setup_tables
+from tracknoise.measurement.tracking import Progress, TrackerSetup, TrackingResult, run_trackers
+from tracknoise.sequences.sequence import Sequence
+from tracknoise.tables import schema
+from tracknoise.truth.registry import make_truths
+from tracknoise.truth.scan_rule import SCAN_RULE, ScanRule
+from tracknoise.truth.truth import Truth
+
+
+@dataclass(frozen=True, slots=True)
+class SequenceTables:
+    """What was measured in one sequence, before trimming.
+
+    Attributes
+    ----------
+    observations, tracks, frames
+        Tables of `tracknoise.tables.schema`; `max_error_px` is null and `kept` true.
+    truth
+        The kind of truth used.
+    key_frame
+        The frame in which features were associated with a scan; None for other kinds of truth.
+    n_frames
+        Number of frames read.
+    snapshot_frame, snapshot
+        One frame, (height, width) uint8, for figures that show the tracks.
+    """
+
+    observations: pl.DataFrame
+    tracks: pl.DataFrame
+    frames: pl.DataFrame
+    truth: str
+    key_frame: int | None
+    n_frames: int
+    snapshot_frame: int
+    snapshot: NDArray[np.uint8]
+
+
+def measure_sequence(
+    sequence: Sequence,
+    setups: Items[TrackerSetup],
+    *,
+    truth: str | None = None,
+    scan_rule: ScanRule = SCAN_RULE,
+    max_frames: int | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> SequenceTables:
+    """Run trackers on one sequence and compute the error of each observation: see `measure_sequences`."""
+    measured = measure_sequences(
+        [sequence], setups, truth=truth, scan_rule=scan_rule, max_frames=max_frames, seed=seed, progress=progress
+    )
+    return next(measured)
+
+
+def measure_sequences(
+    sequences: Items[Sequence],
+    setups: Items[TrackerSetup],
+    *,
+    truth: str | None = None,
+    scan_rule: ScanRule = SCAN_RULE,
+    max_frames: int | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Iterator[SequenceTables]:
+    """Run trackers on sequences that advance together, and compute the error of each observation.
+
+    Parameters
+    ----------
+    sequences
+        Images of known geometry, all with the same number of frames.
+    setups
+        Trackers and speeds.
+    truth
+        Kind of truth, a name of `tracknoise.truth.registry.TRUTHS`; by default the best that a sequence offers.
+    scan_rule
+        How features are associated with a scan, for the kind ``scan``.
+    max_frames
+        Read no more frames than this; by default all.
+    seed
+        Random seed, for trackers that need one.
+    progress
+        Called after each frame of all sequences.
+
+    Yields
+    ------
+    SequenceTables
+        One per sequence, in order. Each is made on demand, as the tables of all together may be large.
+
+    Raises
+    ------
+    DataError
+        If a sequence is too short for a speed, an image, depth map or pose cannot be used, no tracker finds a
+        feature, or no feature has a true position.
+    SettingsError
+        If a speed skips the key frame of a scan.
+    UnknownNameError
+        If there is no such kind of truth.
+    """
+    n_frames = min(len(sequences[0]), max_frames or len(sequences[0]))
+    truths = make_truths(sequences, truth, scan_rule=scan_rule)
+    for sequence, known in zip(sequences, truths, strict=True):
+        _check_length(sequence, n_frames, setups)
+        _check_key_frame(sequence, n_frames, setups, known.key_frame)
+    results = run_trackers(sequences, setups, truths, n_frames=n_frames, seed=seed, progress=progress)
+    for sequence, known, result in zip(sequences, truths, results, strict=True):
+        _check_features(sequence, result, known.key_frame)
+        yield _sequence_tables(sequence, setups, known, result, n_frames)
+
+
+def _sequence_tables(
+    sequence: Sequence, setups: Items[TrackerSetup], known: Truth, result: TrackingResult, n_frames: int
+) -> SequenceTables:
+    parts = [
+        setup_tables(sequence.id, setup, recording, positions)
+        for setup, recording, positions in zip(setups, result.recordings, result.positions, strict=True)
+    ]
+    return SequenceTables(
+        observations=joined([part[0] for part in parts], schema.OBSERVATIONS),
+        tracks=joined([part[1] for part in parts], schema.TRACKS),
+        frames=joined([part[2] for part in parts], schema.FRAME_COUNTS),
+        truth=known.kind,
+        key_frame=known.key_frame,
+        n_frames=n_frames,
+        snapshot_frame=result.snapshot_frame,
+        snapshot=result.snapshot,
+    )
+
+
+def _check_length(sequence: Sequence, n_frames: int, setups: Items[TrackerSetup]) -> None:
+    if n_frames < 2:
+        raise DataError(
+            sequence.source, f"a sequence of {n_frames} frame", "at least 2, so that features can be tracked"
+        )
+    for setup in setups:
+        if setup.speed >= n_frames:
+            raise DataError(
+                sequence.source,
+                f"speed {setup.speed} for a sequence of {n_frames} frames",
+                f"a speed of at most {n_frames - 1}",
+            )
+
+
+def _check_key_frame(sequence: Sequence, n_frames: int, setups: Items[TrackerSetup], key_frame: int | None) -> None:
+    if key_frame is None:
+        return
+    if not 0 <= key_frame < n_frames:
+        least = key_frame + 1 if key_frame >= 0 else n_frames - key_frame  # negative if played backward
+        raise DataError(sequence.source, f"{n_frames} frames", f"at least {least}, to reach the key frame")
+    for setup in setups:
+        if key_frame % setup.speed:
+            found = f"speed {setup.speed}, which skips the key frame {key_frame}"
+            raise SettingsError(f"{sequence.source}: found {found}, expected a speed that divides {key_frame}")
+
+
+def _check_features(sequence: Sequence, result: TrackingResult, key_frame: int | None) -> None:
+    if not any(len(recording.first_frame) for recording in result.recordings):
+        raise DataError(
+            sequence.source,
+            "no tracker found a feature in any image",
+            "images with texture, or tracks in the frames read",
+        )
+    if any(np.isfinite(positions.uv).any() for positions in result.positions):
+        return
+    if key_frame is None:
+        raise DataError(
+            sequence.source, "no depth for any feature", "depth for some, so that their true positions are known"
+        )
+    found = f"no feature of the key frame {key_frame} on the scan"
+    raise DataError(sequence.source, found, "features where it has points; it must be in metres, as the poses are")

@@ -1,0 +1,141 @@
+"""Truth by anchors: each track gets one world point, which is projected into all frames in which it was observed."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.tables.schema import TruthStatus
+from tracknoise.truth.anchored_tracks import AnchoredTracks
+from tracknoise.truth.geometry import SequenceGeometry
+from tracknoise.truth.truth import TruePositions, TruthSession
+from tracknoise.truth.visibility import Located, VisibleSurface, locate
+
+Anchors = tuple[NDArray[np.float64], NDArray[np.int8]]
+"""World points (n, 3) float64, metres, NaN where the status is not valid; and their `TruthStatus`, (n,) int8."""
+
+Anchor = Callable[[int, NDArray[np.float64]], Anchors]
+"""Takes a frame and pixels (n, 2) of it; returns their anchors."""
+
+
+def anchor_points(
+    geometry: SequenceGeometry,
+    index: int,
+    uv: NDArray[np.float64],
+    depth_m: NDArray[np.float64],
+    status: NDArray[np.int8],
+) -> Anchors:
+    """World points of features by their depth: X_w = world_from_camera pi^-1(x, Z).
+
+    Parameters
+    ----------
+    geometry
+        Of the sequence.
+    index
+        Frame.
+    uv
+        (n, 2) float64, px.
+    depth_m
+        (n,) float64, metres along z; arbitrary but finite where the status is not valid.
+    status
+        (n,) int8, `TruthStatus`: valid, no_depth or edge.
+
+    Returns
+    -------
+    points_world : (n, 3) float64
+        Metres; NaN where the status is not valid.
+    status : (n,) int8
+        As given.
+    """
+    points_world = geometry.to_world(index, geometry.camera.unproject(uv, depth_m))
+    points_world[status != TruthStatus.valid] = np.nan
+    return points_world, status
+
+
+class AnchoredTruth:
+    """A truth that gives each track one world point, taken from the track's first frame.
+
+    All methods accept any number of features, including 0, and treat each feature independently. Calls for one frame
+    should come together, as only the depth of the latest frame is kept.
+
+    Parameters
+    ----------
+    kind
+        Name of the kind of truth.
+    geometry
+        Of the sequence.
+    anchor
+        Finds the world points of features.
+    surface
+        What occludes points behind it.
+    """
+
+    __slots__ = ("_anchor", "_geometry", "_surface", "kind")
+
+    def __init__(self, kind: str, geometry: SequenceGeometry, anchor: Anchor, surface: VisibleSurface) -> None:
+        self.kind = kind
+        self._geometry = geometry
+        self._anchor = anchor
+        self._surface = surface
+
+    @property
+    def key_frame(self) -> int | None:
+        """None: each track is anchored in its own first frame."""
+        return None
+
+    def start(self) -> TruthSession:
+        """Start a session for one tracker setup."""
+        return BirthSession(self)
+
+    def anchor(self, index: int, uv: NDArray[np.float64]) -> Anchors:
+        """World points of features by their positions in a frame: see `anchor_points`.
+
+        Raises
+        ------
+        DataError
+            If the frame's depth cannot be read.
+        """
+        return self._anchor(index, uv)
+
+    def project(self, index: int, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Positions of (n, 3) world points in a frame, (n, 2) px: see `SequenceGeometry.project`."""
+        return self._geometry.project(index, points_world)
+
+    def locate(self, index: int, points_world: NDArray[np.float64]) -> Located:
+        """Positions of (n, 3) world points in a frame, and whether the points can be seen: see `locate`.
+
+        Raises
+        ------
+        DataError
+            If the frame's depth cannot be read.
+        """
+        return locate(self._geometry, self._surface, index, points_world)
+
+    def tracks(self) -> AnchoredTracks:
+        """No tracks yet; their positions will be those of this truth."""
+        return AnchoredTracks(self._geometry, self.locate)
+
+
+class BirthSession:
+    """The tracks of one tracker setup, each anchored in its first frame.
+
+    Parameters
+    ----------
+    truth
+        Finds and projects the anchors.
+    """
+
+    __slots__ = ("_tracks", "_truth")
+
+    def __init__(self, truth: AnchoredTruth) -> None:
+        self._truth = truth
+        self._tracks = truth.tracks()
+
+    def observe(self, index: int, tracks: NDArray[np.uint32], uv: NDArray[np.float64], born: NDArray[np.bool_]) -> None:
+        """Anchor new tracks and locate all: see `tracknoise.truth.truth.TruthSession.observe`."""
+        self._tracks.begin(index, *self._truth.anchor(index, uv[born]))
+        self._tracks.locate(index, tracks)
+
+    def resolve(self) -> TruePositions:
+        """True positions of all observations: see `tracknoise.truth.truth.TruthSession.resolve`."""
+        return self._tracks.positions()

@@ -1,0 +1,44 @@
+"""Truth from depth streams: the depth of each feature's first frame."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.geometry.depth import sample
+from tracknoise.sequences.sequence import Sequence, TruthKind
+from tracknoise.tables.schema import TruthStatus
+from tracknoise.truth.anchored import AnchoredTruth, Anchors, anchor_points
+from tracknoise.truth.geometry import SequenceGeometry
+from tracknoise.truth.visibility import DepthMapSurface
+
+
+@dataclass(frozen=True, slots=True)
+class BirthDepth:
+    """Depth at birth, read at the sub-pixel position in the first frame: (truth.birth)."""
+
+    kind: ClassVar[str] = TruthKind.birth
+
+    def open(self, sequence: Sequence) -> AnchoredTruth:
+        """Make the truth of one sequence. Features whose first frame has no depth there get no true position."""
+        geometry = SequenceGeometry(sequence)
+
+        def anchor(index: int, uv: NDArray[np.float64]) -> Anchors:
+            return anchor_points(geometry, index, uv, *_birth_depth(geometry, index, uv))
+
+        return AnchoredTruth(self.kind, geometry, anchor, DepthMapSurface(geometry))
+
+
+def _birth_depth(
+    geometry: SequenceGeometry, index: int, uv: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
+    """Depth of features in a frame, and their status: edge next to a depth discontinuity."""
+    depth = geometry.depth(index)
+    if depth is None:
+        return np.ones(len(uv)), np.full(len(uv), TruthStatus.no_depth, np.int8)
+    read = sample(depth, uv)
+    status = np.full(len(uv), TruthStatus.no_depth, np.int8)
+    status[read.edge] = TruthStatus.edge
+    status[read.valid] = TruthStatus.valid
+    return read.depth_m, status

@@ -4,8 +4,9 @@ import numpy as np
 import polars as pl
 
 from benchmarks.harness import Row, median_ms
+from tracknoise.statistics.cells import KEYS, merge
 from tracknoise.statistics.curves import curves
-from tracknoise.statistics.moments import KEYS, merge, scene_moments
+from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.trimming import trim
 from tracknoise.tables.schema import OBSERVATIONS, TRACKS, Schema
 

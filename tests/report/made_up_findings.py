@@ -7,7 +7,7 @@ import polars as pl
 
 from tracknoise.findings.headlines.headlines import headlines
 from tracknoise.findings.headlines.scope import Scope
-from tracknoise.statistics.grouping import POOLED
+from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
 from tracknoise.tables.findings_schema import DEPENDENCE, GAUSSIANITY, INTERVALS, RADII, TIME_STRUCTURE, ZERO_MEAN
 from tracknoise.tables.schema import Schema

@@ -1,4 +1,4 @@
-"""Measure sequences completely: tables, trimming and moments."""
+"""Measure sequences: tables of observations and tracks, trimmed, and their moments."""
 
 from collections.abc import Iterator, Mapping
 from collections.abc import Sequence as Items
@@ -13,8 +13,7 @@ from tracknoise.experiments.settings import Population, TrimAmong
 from tracknoise.measurement.scene import SceneTables, measure_scenes
 from tracknoise.measurement.tracking import Progress, TrackerSetup
 from tracknoise.sequences.sequence import Sequence, TruthKind
-from tracknoise.statistics.moments import scene_moments
-from tracknoise.statistics.trimming import trim
+from tracknoise.statistics.summarise import summarise_sequence
 from tracknoise.trackers.tracker import TrackerSettings
 from tracknoise.truth.scan import ScanRule
 from tracknoise.truth.truth import SCAN_RULE
@@ -138,11 +137,9 @@ def measure_together(
         If two trackers share a name, the sequence is too short for a speed or cannot be read, it does not offer
         the truth asked for, or no tracker finds a feature.
     """
-    conditions = [
-        TrackerSetup(name, settings, speed) for name, settings in _named(trackers).items() for speed in speeds
-    ]
+    setups = tracker_setups(trackers, speeds)
     scenes = measure_scenes(
-        sequences, conditions, truth=truth, scan_rule=scan_rule, max_frames=max_frames, seed=seed, progress=progress
+        sequences, setups, truth=truth, scan_rule=scan_rule, max_frames=max_frames, seed=seed, progress=progress
     )
     for scene in scenes:
         yield complete(scene, trim_percentile=trim_percentile, trim_among=trim_among, population=population)
@@ -156,27 +153,37 @@ def complete(
     population: Population = "visible",
 ) -> Measurement:
     """Trim what was measured in a sequence, and work out its moments; see `measure_together` for the parameters."""
-    trimmed = trim(
+    tables = summarise_sequence(
         scene.observations,
         scene.tracks,
-        percentile=trim_percentile,
-        population=population,
-        among=trim_among,
+        scene.frames,
         key_frame=scene.key_frame,
+        population=population,
+        trim_percentile=trim_percentile,
+        trim_among=trim_among,
+        statistics=["moments"],
     )
-    axis = "age" if scene.key_frame is None else "frame"
     return Measurement(
-        observations=trimmed.observations,
-        tracks=trimmed.tracks,
-        frames=scene.frames,
-        moments=scene_moments(trimmed.observations, axis=axis),
-        trims=trimmed.trims,
+        **{name: tables[name] for name in ("observations", "tracks", "frames", "moments", "trims")},
         truth=scene.truth,
         key_frame=scene.key_frame,
         n_frames=scene.n_frames,
         snapshot_frame=scene.snapshot_frame,
         snapshot=scene.snapshot,
     )
+
+
+def tracker_setups(
+    trackers: TrackerSettings | Items[TrackerSettings] | Mapping[str, TrackerSettings], speeds: Items[int]
+) -> list[TrackerSetup]:
+    """Every tracker at every speed; see `measure_together` for the parameters.
+
+    Raises
+    ------
+    SettingsError
+        If two trackers share a name.
+    """
+    return [TrackerSetup(name, settings, speed) for name, settings in _named(trackers).items() for speed in speeds]
 
 
 def _named(

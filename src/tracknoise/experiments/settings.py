@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.findings.sampling.resampling import LEVEL
 from tracknoise.sequences.sequence import Direction, TruthKind
-from tracknoise.statistics.effects import MARGIN
+from tracknoise.statistics.factors import MARGIN
 from tracknoise.truth.scan import ScanAnchoring
 
 Population = Literal["visible", "projected"]

@@ -14,7 +14,7 @@ from tracknoise.findings.wording import view_text
 from tracknoise.report import style
 from tracknoise.report.axis import AGE, FRAME, Axis
 from tracknoise.report.bands import BOUNDS, with_bounds
-from tracknoise.statistics.effects import MARGIN
+from tracknoise.statistics.factors import MARGIN
 from tracknoise.statistics.lightings import lightings_in_order
 from tracknoise.statistics.trimming import dropped_above
 from tracknoise.tables.schema import VIEW

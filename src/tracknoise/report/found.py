@@ -12,7 +12,7 @@ from tracknoise.findings.wording import chance
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.sentences import DASH, SPACE
 from tracknoise.report.tables import Cells
-from tracknoise.statistics.effects import ReferenceCondition
+from tracknoise.statistics.factors import ReferenceCondition
 
 _GROWTH = {"white": "constant", "none": "none of these"}
 """Behaviours whose names need more words."""

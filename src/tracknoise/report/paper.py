@@ -12,7 +12,7 @@ from tracknoise.findings import wording
 from tracknoise.findings.headlines.factors import ROLES
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.sentences import SPACE, effect_text
-from tracknoise.statistics.effects import FACTORS
+from tracknoise.statistics.factors import FACTORS
 from tracknoise.tables.schema import CONDITION, EFFECTS, VERDICT, Schema
 
 STATISTICS: Mapping[str, str] = wording.STATISTICS

@@ -7,8 +7,9 @@ from collections.abc import Iterable
 
 import polars as pl
 
-from tracknoise.statistics.grouping import POOLED, group_rows, in_chunks
-from tracknoise.statistics.moments import ABOUT_ZERO
+from tracknoise.statistics.cells import ABOUT_ZERO
+from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.grouping import group_rows, in_chunks
 from tracknoise.tables.schema import CHANGES, INCREMENTS, check
 
 _KEYS = [*POOLED, "trimming", "lag", "age"]

@@ -9,7 +9,8 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.statistics.grouping import POOLED, in_chunks
+from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.grouping import in_chunks
 from tracknoise.tables.schema import Schema, check, empty
 
 Condition = tuple[Any, ...]

@@ -7,56 +7,14 @@ construction. A number such as the lifetime has no curve: its effect is the rang
 their mean (effect.scalar).
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from types import MappingProxyType
-
 import polars as pl
 
-from tracknoise.statistics.curves import NAMES, UNITS
+from tracknoise.statistics.definitions import NAMES, POOLED, UNITS
 from tracknoise.statistics.differences import comparable, largest_differences, relative
-from tracknoise.statistics.grouping import POOLED
+from tracknoise.statistics.factors import FACTORS, MARGIN, SCALARS, ReferenceCondition
 from tracknoise.statistics.lifetimes import mean_lifetime
 from tracknoise.statistics.upright import upright
 from tracknoise.tables.schema import AXIS, CONDITION, CURVES, EFFECTS, LIFETIMES, OUTLIERS, VERDICT, Schema, check
-
-MARGIN = 0.10
-"""Largest effect that does not matter: the paper's own yardstick for lighting."""
-FACTORS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "tracker": (),
-        "speed": ("tracker",),
-        "lighting": ("tracker", "speed"),
-        "rotation": ("tracker",),
-        "direction": ("tracker",),
-    }
-)
-"""For each factor the columns each value of which is looked at alone; the others are held at their reference."""
-SCALARS: Mapping[str, str] = MappingProxyType({"lifetime": "frames", "outlier_ratio": "share"})
-"""Statistics that are one number a condition, and their units."""
-
-
-@dataclass(frozen=True, slots=True)
-class ReferenceCondition:
-    """Where factors are held while another one varies.
-
-    Parameters
-    ----------
-    lighting, direction
-        Names as in the tables.
-    rotation
-        Degrees.
-    speed
-        The nominal one.
-    key_frames
-        Where curves run along frames: the one in which errors are zero, by direction.
-    """
-
-    lighting: str
-    rotation: int = 0
-    direction: str = "forward"
-    speed: int = 1
-    key_frames: Mapping[str, int] = field(default_factory=dict)
 
 
 def effects(

@@ -2,17 +2,21 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from math import prod
+from typing import Any
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.tables.schema import CONDITION, Schema, check, empty
+from tracknoise.tables.schema import Schema, check, empty
 
-POOLED = ["dataset", *CONDITION]
-"""What identifies a condition of a dataset once its scenes are pooled."""
 _ROWS_AT_ONCE = 2**17
-"""So many rows of small tables are put together before anything is done with them: it costs no more than one."""
+"""Rows of small tables that are stacked before they are processed: it costs no more than processing one of them."""
+_LARGEST_LOOKUP = 2**22
+"""Combinations of keys up to which a lookup table is quicker than sorting."""
+IntegerArray = NDArray[np.integer[Any]] | NDArray[np.bool_]
+"""Keys to group by; false and true count as 0 and 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +53,66 @@ def group_rows(table: pl.DataFrame, by: Sequence[str]) -> Groups:
     sizes = found[row].list.len().to_numpy()
     index[found[row].explode().to_numpy()] = np.repeat(np.arange(found.height), sizes)
     return Groups(found.select(by), index)
+
+
+def group_runs(tables: Sequence[pl.DataFrame], by: Sequence[str]) -> list[Groups]:
+    """Group the rows of several tables that agree in all columns of `by`, with the same groups for every table.
+
+    Only the first row of each run of equal rows is looked at. This is quick where rows that agree follow one another.
+
+    Parameters
+    ----------
+    tables
+        With the columns `by`, of the same types.
+    by
+        Key columns, at least one.
+
+    Returns
+    -------
+    list of Groups
+        One per table. All have the same `keys`.
+    """
+    starts = [_run_starts(table.select(by)) for table in tables]
+    heads = pl.concat([table.select(by)[rows] for table, rows in zip(tables, starts, strict=True)])
+    groups = group_rows(heads, by)
+    parts = np.split(groups.index, np.cumsum([len(rows) for rows in starts])[:-1])
+    lengths = [np.diff(rows, append=table.height) for table, rows in zip(tables, starts, strict=True)]
+    return [Groups(groups.keys, np.repeat(part, length)) for part, length in zip(parts, lengths, strict=True)]
+
+
+def number_combinations(keys: Sequence[IntegerArray]) -> tuple[tuple[NDArray[np.intp], ...], NDArray[np.intp]]:
+    """Number the rows by the combination of their keys.
+
+    Parameters
+    ----------
+    keys
+        Arrays of (rows,) integers from 0 on, at least one.
+
+    Returns
+    -------
+    keys : tuple of (groups,) intp
+        Those of every combination that occurs, sorted by the first key, then the second, and so on.
+    index : (rows,) intp
+        The combination of each row.
+    """
+    shape = tuple(int(key.max(initial=0)) + 1 for key in keys)
+    codes = np.ravel_multi_index(tuple(key.astype(np.intp, copy=False) for key in keys), shape)
+    if prod(shape) > _LARGEST_LOOKUP:
+        present, index = np.unique(codes, return_inverse=True)
+    else:
+        present = np.flatnonzero(np.bincount(codes, minlength=1))
+        lookup = np.zeros(prod(shape), dtype=np.intp)
+        lookup[present] = np.arange(len(present))
+        index = lookup[codes]
+    return np.unravel_index(present, shape), index
+
+
+def _run_starts(table: pl.DataFrame) -> NDArray[np.intp]:
+    """Rows that differ from the row before them; the first row is one of them."""
+    differs = [pl.col(name).ne_missing(pl.col(name).shift()) for name in table.columns]
+    starts: NDArray[np.bool_] = table.select(starts=pl.any_horizontal(differs))["starts"].to_numpy().copy()
+    starts[:1] = True
+    return np.flatnonzero(starts)
 
 
 def reduce_each(

@@ -5,7 +5,8 @@ from collections.abc import Iterable
 import numpy as np
 import polars as pl
 
-from tracknoise.statistics.grouping import POOLED, add_up
+from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.grouping import add_up, group_runs
 from tracknoise.tables.schema import ERRORS, TRACKS, check
 
 BINS_PER_DECADE = 10
@@ -67,10 +68,9 @@ def merge_errors(errors: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
 
 
 def _count_bins(tracks: pl.DataFrame) -> pl.DataFrame:
-    """Tracks of each condition in each bin, a row for every bin, whatever it holds."""
-    measured = tracks.drop_nulls("max_error_px")
-    place = np.searchsorted(_BOUNDS_PX, measured["max_error_px"].to_numpy(), side="right")
-    found = measured.select(POOLED).with_columns(bin=pl.Series(place, dtype=pl.Int64))
-    counts = found.group_by(*POOLED, "bin").agg(n=pl.len().cast(pl.Int64))
-    grid = tracks.select(POOLED).unique().join(BINS, how="cross")
-    return grid.join(counts, on=[*POOLED, "bin"], how="left").with_columns(pl.col("n").fill_null(0)).select(*ERRORS)
+    """Tracks of each condition in each bin, with one row for every bin."""
+    (groups,) = group_runs([tracks], POOLED)
+    measured = tracks["max_error_px"].is_not_null().to_numpy()
+    place = np.searchsorted(_BOUNDS_PX, tracks["max_error_px"].to_numpy()[measured], side="right")
+    n = np.bincount(groups.index[measured] * BINS.height + place, minlength=groups.count * BINS.height)
+    return groups.keys.join(BINS, how="cross").with_columns(n=pl.Series(n, dtype=pl.Int64)).select(*ERRORS)

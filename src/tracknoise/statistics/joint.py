@@ -6,6 +6,7 @@ Arrays only. A central power sum of order (p, q) is sum((x - mean_x)^p (y - mean
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,10 @@ class JointMoments:
     mean: NDArray[np.float64]
     central: NDArray[np.float64]
 
+    def of(self, chosen: NDArray[np.bool_]) -> "JointMoments":
+        """Moments of the chosen samples, (g,) bool."""
+        return JointMoments(self.orders, self.n[chosen], self.mean[chosen], self.central[chosen])
+
 
 def measure_moments(
     pairs: NDArray[np.float64], group: NDArray[np.intp], count: int, *, orders: Sequence[Order] = FOURTH
@@ -58,10 +63,10 @@ def measure_moments(
     """
     n = np.bincount(group, minlength=count)
     mean, deviation = _centre(pairs, np.ones(len(group)), group, n)
-    highest = max(max(order) for order in orders)
+    highest = max((max(order) for order in orders), default=0)
     x, y = _powers(deviation[:, 0], highest), _powers(deviation[:, 1], highest)
     central = [np.bincount(group, x[p] * y[q], count) for p, q in orders]
-    return JointMoments(tuple(orders), n, mean, np.stack(central, axis=1))
+    return JointMoments(tuple(orders), n, mean, _columns(central, count))
 
 
 def pool_moments(parts: JointMoments, group: NDArray[np.intp], count: int) -> JointMoments:
@@ -82,7 +87,7 @@ def pool_moments(parts: JointMoments, group: NDArray[np.intp], count: int) -> Jo
     n = np.bincount(group, parts.n, count).astype(np.int64)
     mean, shift = _centre(parts.mean, parts.n.astype(np.float64), group, n)
     central = [np.bincount(group, _about(parts, shift, order), count) for order in parts.orders]
-    return JointMoments(parts.orders, n, mean, np.stack(central, axis=1))
+    return JointMoments(parts.orders, n, mean, _columns(central, count))
 
 
 def _centre(
@@ -95,6 +100,11 @@ def _centre(
         step = np.stack(sums, axis=1) / np.maximum(n, 1)[:, None]
         mean, deviation = mean + step, deviation - step[group]
     return mean, deviation
+
+
+def _columns(values: Sequence[NDArray[Any]], count: int) -> NDArray[np.float64]:
+    """Arrays of (count,) side by side, of which there may be none."""
+    return np.array(values, dtype=np.float64).reshape(len(values), count).T
 
 
 def _about(parts: JointMoments, shift: NDArray[np.float64], order: Order) -> NDArray[np.float64]:

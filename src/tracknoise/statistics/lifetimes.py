@@ -9,9 +9,10 @@ from collections.abc import Iterable
 import numpy as np
 import polars as pl
 
-from tracknoise.statistics.blocks import with_blocks
-from tracknoise.statistics.grouping import POOLED, group_rows, in_chunks
-from tracknoise.tables.schema import ENDS, LIFETIMES, TRACKS, Schema, check, empty
+from tracknoise.statistics.blocks import blocks_of
+from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.grouping import group_rows, group_runs, in_chunks, number_combinations
+from tracknoise.tables.schema import ENDS, LIFETIMES, ORIGIN, TRACKS, Schema, check, empty
 
 MEAN_LIFETIMES: Schema = {
     **{column: LIFETIMES[column] for column in POOLED},
@@ -29,7 +30,6 @@ SURVIVING: Schema = {
     "age": pl.UInt32,
     "n": pl.Int64,
 }
-_END = [column for column in ENDS if column not in ("n_ended", "n_censored")]
 _POOLED_END = [*POOLED, "lifetime", "n_ended", "n_censored"]
 
 
@@ -51,12 +51,17 @@ def count_ends(tracks: pl.DataFrame) -> pl.DataFrame:
     SchemaError
         If the table has other columns.
     """
-    table = with_blocks(check(tracks, TRACKS, "tracks"), tracks)
-    censored = pl.col("end") == "sequence_end"
-    found = table.group_by(_END).agg(
-        n_ended=censored.not_().sum().cast(pl.Int64), n_censored=censored.sum().cast(pl.Int64)
-    )
-    return check(found.sort(_END), ENDS, "ends")
+    (groups,) = group_runs([check(tracks, TRACKS, "tracks")], list(ORIGIN))
+    block = blocks_of(tracks, pl.Series(groups.index)).to_numpy()
+    (condition, *keys), index = number_combinations([groups.index, block, tracks["lifetime"].to_numpy()])
+    censored = (tracks["end"] == "sequence_end").to_numpy()
+    columns = dict(zip(("block", "lifetime"), keys, strict=True))
+    columns |= {
+        name: np.bincount(index[chosen], minlength=len(condition))
+        for name, chosen in (("n_ended", ~censored), ("n_censored", censored))
+    }
+    counts = pl.DataFrame(columns).select(pl.col(name).cast(ENDS[name]) for name in columns)
+    return check(groups.keys[condition].hstack(counts), ENDS, "ends")
 
 
 def lifetimes(tracks: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:

@@ -6,7 +6,8 @@ from dataclasses import asdict
 import polars as pl
 
 from tracknoise.statistics.box import box_of_counts
-from tracknoise.statistics.grouping import POOLED, in_chunks
+from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.grouping import in_chunks
 from tracknoise.tables.schema import FRAME_COUNTS, OUTLIERS, check, empty
 
 _RATIO = pl.when(pl.col("offered") > 0).then(pl.col("outliers") / pl.col("offered"))

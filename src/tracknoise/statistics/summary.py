@@ -3,13 +3,10 @@
 import polars as pl
 
 from tracknoise.exceptions import UnknownNameError
-from tracknoise.statistics.curves import NAMES
-from tracknoise.statistics.grouping import POOLED
+from tracknoise.statistics.definitions import NAMES, POOLED, REFERENCE_AGE
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
 from tracknoise.statistics.populations import POPULATIONS
 from tracknoise.tables.schema import CURVES, OUTLIERS, SUMMARY, TRIMMING, check
-
-REFERENCE_AGE = 10
 
 
 def summary(

@@ -6,7 +6,7 @@ them, so that it is conditional on those scenes.
 
 import polars as pl
 
-from tracknoise.tables.schema import CONDITION, POPULATION, TRIMMING, VERDICT, WEIGHTING, Schema
+from tracknoise.tables.schema import ASPECT, CONDITION, POPULATION, TRIMMING, VERDICT, WEIGHTING, Schema
 
 RESAMPLED = pl.Enum(["scenes", "blocks"])
 INTERVAL_KIND = pl.Enum(["student", "percentile", "bca"])
@@ -17,7 +17,8 @@ _POOLED: Schema = {"dataset": pl.String, **CONDITION}
 
 INTERVALS: Schema = {
     **_POOLED,
-    "aspect": pl.String,
+    "aspect": ASPECT,
+    "at_least": pl.UInt32,
     "population": POPULATION,
     "trimming": TRIMMING,
     "weighting": WEIGHTING,
@@ -38,9 +39,9 @@ INTERVALS: Schema = {
 """A row a number that has an interval: every point of every curve, and every scalar of every condition.
 
 aspect `all` is every track in image axes; `change` the changes of their errors from frame to frame, whose
-`autocorrelation` runs along the axis `lag`; others are those of `ASPECTS`. Outlier ratios and lifetimes have no
-population, trimming, weighting or coordinate; `survival` runs along the axis `lifetime`. Bounds are null where nothing
-can be resampled.
+`autocorrelation` runs along the axis `lag`; the others, and `at_least`, are as in `ASPECTS`. Outlier ratios and
+lifetimes have no population, trimming, weighting or coordinate; `survival` runs along the axis `lifetime`. Bounds are
+null where nothing can be resampled.
 """
 
 ZERO_MEAN: Schema = {

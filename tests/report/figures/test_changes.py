@@ -11,7 +11,7 @@ import pytest
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import Absence, Figure, changes
 from tracknoise.report.sentences import SPACE, number, px
-from tracknoise.statistics.increments import LAGS
+from tracknoise.statistics.definitions import LAGS
 from tracknoise.tables.findings_schema import INTERVALS
 from tracknoise.tables.store import RunFolder
 

@@ -9,24 +9,18 @@ import polars as pl
 from scipy.spatial.transform import Rotation
 
 from tracknoise.exceptions import DataWarning
-from tracknoise.experiments.measure import Measurement, measure_together
+from tracknoise.experiments.measure import tracker_setups
 from tracknoise.experiments.running.failures import Result, diagnose
 from tracknoise.experiments.running.lock import Claim
 from tracknoise.experiments.running.plan import Task, make_trackers, open_batch
 from tracknoise.experiments.settings import Experiment
+from tracknoise.measurement.scene import SceneTables, measure_scenes
 from tracknoise.measurement.tracking import Progress
 from tracknoise.sequences.images import encode_png
 from tracknoise.sequences.sequence import Sequence
-from tracknoise.statistics.aspect_blocks import aspect_blocks
-from tracknoise.statistics.aspects import scene_aspects
-from tracknoise.statistics.block_moments import block_moments
-from tracknoise.statistics.counts import counts
-from tracknoise.statistics.histogram import error_histogram
-from tracknoise.statistics.increments import increments
-from tracknoise.statistics.lifetimes import count_ends
-from tracknoise.statistics.samples import samples
+from tracknoise.statistics.summarise import summarise_sequence
 from tracknoise.tables.schema import POSES, SEQUENCE
-from tracknoise.tables.store import RunFolder, SequenceEntry
+from tracknoise.tables.store import OBSERVED, RunFolder, SequenceEntry
 from tracknoise.truth.scan import ScanRule
 
 
@@ -91,7 +85,7 @@ def run_batch(
 def _entry(
     task: Task,
     sequence: Sequence,
-    measurement: Measurement,
+    measurement: SceneTables,
     *,
     seconds: float,
     sha256: dict[str, str],
@@ -116,44 +110,34 @@ def _entry(
     )
 
 
-def _measure(task: Task, sequences: list[Sequence], progress: Progress | None) -> Iterator[Measurement]:
+def _measure(task: Task, sequences: list[Sequence], progress: Progress | None) -> Iterator[SceneTables]:
     experiment = task.experiment
     truth = experiment.truth
-    return measure_together(
+    return measure_scenes(
         sequences,
-        make_trackers(experiment),
-        speeds=task.speeds,
+        tracker_setups(make_trackers(experiment), task.speeds),
         truth=truth.kind,
         scan_rule=ScanRule(truth.scan_radius_px, truth.scan_anchoring),
-        population=truth.population,
-        trim_percentile=experiment.statistics.trim_percentile,
-        trim_among=experiment.statistics.trim_among,
         seed=experiment.seed,
         progress=progress,
     )
 
 
-def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Measurement) -> dict[str, pl.DataFrame]:
-    """The tables of a sequence by name, those of single observations and tracks only where they are wanted."""
-    observed = {"observations": measurement.observations, "tracks": measurement.tracks}
-    axis = "age" if measurement.key_frame is None else "frame"
-    populations = list(dict.fromkeys(["visible", experiment.truth.population]))
-    slowest = measurement.observations.filter(pl.col("speed") == min(experiment.speeds))  # which figures show
-    return {
-        **(observed if experiment.keep == "observations" else {}),
-        "frames": measurement.frames,
-        "poses": _poses(sequence, measurement.n_frames),
-        "moments": measurement.moments,
-        "trims": measurement.trims,
-        "counts": counts(measurement.observations, measurement.tracks),
-        "ends": count_ends(measurement.tracks),
-        "errors": error_histogram(measurement.tracks),
-        "blocks": block_moments(measurement.observations, measurement.tracks, axis=axis, populations=populations),
-        "aspects": scene_aspects(measurement.observations, measurement.tracks, axis=axis),
-        "aspect_blocks": aspect_blocks(slowest, measurement.tracks, axis=axis),
-        "increments": increments(measurement.observations, measurement.tracks),
-        "samples": samples(measurement.observations, measurement.tracks, key_frame=measurement.key_frame),
-    }
+def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: SceneTables) -> dict[str, pl.DataFrame]:
+    """The tables of a sequence by name, those of single observations and tracks only if the experiment keeps them."""
+    tables = summarise_sequence(
+        measurement.observations,
+        measurement.tracks,
+        measurement.frames,
+        key_frame=measurement.key_frame,
+        population=experiment.truth.population,
+        trim_percentile=experiment.statistics.trim_percentile,
+        trim_among=experiment.statistics.trim_among,
+        slowest=min(experiment.speeds),  # which figures show
+    )
+    dropped = () if experiment.keep == "observations" else OBSERVED
+    kept = {name: table for name, table in tables.items() if name not in dropped}
+    return {**kept, "poses": _poses(sequence, measurement.n_frames)}
 
 
 def _poses(sequence: Sequence, n_frames: int) -> pl.DataFrame:

@@ -29,7 +29,8 @@ from tracknoise.findings.sampling.units import Draws, additive, draws_by_dataset
 from tracknoise.findings.shape.verdict import Interval
 from tracknoise.findings.wording import count
 from tracknoise.statistics.conditions import Tables, TablesByCondition, by_condition, scenes_by_dataset
-from tracknoise.statistics.grouping import POOLED, reduce_each
+from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.grouping import reduce_each
 from tracknoise.tables.findings_schema import TIME_STRUCTURE
 from tracknoise.tables.schema import BLOCKS, INCREMENTS, MOMENTS, check, empty
 

@@ -8,6 +8,7 @@ import polars as pl
 from tracknoise.findings.headlines.headline import Headline, Said, Tables, by_tracker, capitalised, resampled, told
 from tracknoise.findings.headlines.scope import Estimate, Scope, curve_bounds
 from tracknoise.findings.wording import SPACE, chance, listing, number, percent
+from tracknoise.tables.enumerations import Aspect
 
 SHAPES: Mapping[str, str] = {
     "Gaussian": "as good as Gaussian",
@@ -207,9 +208,11 @@ def _survivors_of(tables: Tables, scope: Scope, tracker: str) -> Said | None:
     if row is None or row["at"] is None:
         return None
     since, trimming = abs(scope.since(row["at"])), scope.trimmings[0]
-    lives = intervals.filter(pl.col("aspect").str.starts_with("lives "))["aspect"].unique().to_list()
-    for age in sorted(int(name.removeprefix("lives ")) for name in lives):
-        bounds = curve_bounds(intervals, scope, "second", row["at"], "u", trimming=trimming, aspect=f"lives {age}")
+    aspect = Aspect.long_lived
+    for age in sorted(intervals.filter(aspect=aspect)["at_least"].unique()):
+        bounds = curve_bounds(
+            intervals, scope, "second", row["at"], "u", trimming=trimming, aspect=aspect, at_least=age
+        )
         if age > since and bounds:
             those, all_ = Estimate(*bounds), _rms(intervals, scope, row, "u", trimming)
             sizes = f"{told(those)} where a track lives to age {age}, {told(all_)} of all"

@@ -8,8 +8,8 @@ import polars as pl
 from tracknoise.findings.headlines.headline import Headline, Tables, leading
 from tracknoise.findings.headlines.scope import Estimate, Scope
 from tracknoise.findings.wording import SPACE, STATISTICS, count, effect_text, listing
-from tracknoise.statistics.curves import NAMES
-from tracknoise.statistics.effects import FACTORS
+from tracknoise.statistics.definitions import NAMES
+from tracknoise.statistics.factors import FACTORS
 from tracknoise.tables.schema import CONDITION
 
 ROLES: Mapping[str, str] = {

@@ -8,8 +8,7 @@ import polars as pl
 
 from tracknoise.findings.headlines.scope import Estimate, Scope
 from tracknoise.findings.wording import SPACE, count, interval_text, listing, number, percent, pixels
-from tracknoise.statistics.curves import NAMES
-from tracknoise.statistics.grouping import POOLED
+from tracknoise.statistics.definitions import NAMES, POOLED
 
 Tables: TypeAlias = Mapping[str, pl.DataFrame]
 """Tables of a run, by their names."""

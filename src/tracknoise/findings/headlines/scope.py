@@ -7,8 +7,9 @@ from typing import TypeAlias
 import polars as pl
 
 from tracknoise.findings.wording import place, view_text
-from tracknoise.statistics.curves import NAMES
-from tracknoise.statistics.effects import ReferenceCondition
+from tracknoise.statistics.definitions import NAMES
+from tracknoise.statistics.factors import ReferenceCondition
+from tracknoise.tables.enumerations import Aspect
 from tracknoise.tables.schema import VIEW
 
 Found: TypeAlias = tuple[float, float | None, float | None]
@@ -93,7 +94,8 @@ def curve_bounds(
     *,
     trimming: str = "trimmed",
     weighting: str = "features",
-    aspect: str = "all",
+    aspect: Aspect = Aspect.all,
+    at_least: int | None = None,
 ) -> Found | None:
     """Value and bounds of a point of a curve; None where there is no interval, roots where it is a second moment.
 
@@ -103,10 +105,11 @@ def curve_bounds(
         Rows of one condition.
     role
         Of the statistic, as in `tracknoise.statistics.curves.NAMES`.
-    at, coordinate, trimming, weighting, aspect
+    at, coordinate, trimming, weighting, aspect, at_least
         As in the table.
     """
     found = intervals.filter(
+        pl.col("at_least").eq_missing(at_least),
         aspect=aspect,
         population=scope.population,
         trimming=trimming,

@@ -14,8 +14,8 @@ from tracknoise.findings.intervals.scalar_bounds import Found
 from tracknoise.findings.sampling.bounds import Bounds, Method, pooled
 from tracknoise.findings.sampling.units import Draws, Units, units_of
 from tracknoise.statistics.conditions import TablesByCondition
-from tracknoise.statistics.increments import CHANGE
-from tracknoise.tables.schema import AXIS, ORIGIN, POPULATION
+from tracknoise.tables.enumerations import Aspect
+from tracknoise.tables.schema import ASPECT, AXIS, ORIGIN, POPULATION
 
 AUTOCORRELATION = "autocorrelation"
 SUMS = ("n", "lagged_uu", "squares_uu", "lagged_vv", "squares_vv")
@@ -31,7 +31,8 @@ def moments_of_changes(increments: TablesByCondition) -> TablesByCondition:
 
 def _as_moments(increments: pl.DataFrame) -> pl.DataFrame:
     return increments.filter(pl.col("lag") == 0).select(
-        pl.lit(CHANGE).alias("aspect"),
+        pl.lit(Aspect.change, dtype=ASPECT).alias("aspect"),
+        pl.lit(None, dtype=pl.UInt32).alias("at_least"),
         *ORIGIN,
         pl.lit("visible", dtype=POPULATION).alias("population"),
         "trimming",
@@ -65,7 +66,10 @@ def correlation_bounds(increments: pl.DataFrame, draws: Draws, method: Method) -
     units = units_of(increments, increments, points=_POINT, columns=SUMS)
     coordinates = pl.DataFrame({"coordinate": ["u", "v"]})
     labels = coordinates.join(units.points.rename({"lag": "at"}), how="cross").with_columns(
-        statistic=pl.lit(AUTOCORRELATION), axis=pl.lit("lag"), aspect=pl.lit(CHANGE), population=pl.lit("visible")
+        statistic=pl.lit(AUTOCORRELATION),
+        axis=pl.lit("lag"),
+        aspect=pl.lit(Aspect.change, dtype=ASPECT),
+        population=pl.lit("visible"),
     )
     yield labels, correlated(units, draws.weights(units), method), units
 

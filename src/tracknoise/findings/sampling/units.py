@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from tracknoise.findings.sampling.resampling import MIN_SCENES, N_DRAWS, draws, draws_within
 from tracknoise.statistics.blocks import BLOCKS
+from tracknoise.statistics.cells import ABOUT_ZERO
 from tracknoise.statistics.grouping import group_rows
-from tracknoise.statistics.moments import ABOUT_ZERO
 
 SUMS = ("n", "u", "v", "uu", "uv", "vv", "abs_u", "abs_v")
 """What `additive` makes of moments: the count, and sums of du, dv, their products about zero, and |du|, |dv|."""

@@ -32,7 +32,7 @@ from tracknoise.statistics.conditions import (
     names,
     scenes_by_dataset,
 )
-from tracknoise.statistics.grouping import POOLED
+from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.samples import first_tracks, with_bands
 from tracknoise.tables.findings_schema import GAUSSIANITY, RADII
 from tracknoise.tables.schema import MOMENTS, SAMPLES, Schema, check, empty

@@ -14,7 +14,7 @@ from tracknoise.report.figures.box_plot import box_plot
 from tracknoise.report.figures.layout import Chart, Panel, Spec, arranged
 from tracknoise.report.sentences import listing, number, px
 from tracknoise.statistics.box import box_summary
-from tracknoise.statistics.summary import REFERENCE_AGE
+from tracknoise.statistics.definitions import REFERENCE_AGE
 
 _ROWS = {
     "mean": "mean error {} (px)",

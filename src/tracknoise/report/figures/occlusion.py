@@ -11,7 +11,7 @@ from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Family, Figure
 from tracknoise.report.figures.layout import Panel, arranged
 from tracknoise.report.sentences import count, percent, px
-from tracknoise.statistics.summary import REFERENCE_AGE
+from tracknoise.statistics.definitions import REFERENCE_AGE
 
 _TITLE = "Visible against all projected"
 _PANELS = [(role, coordinate) for role in ("absolute", "second") for coordinate in "uv"]

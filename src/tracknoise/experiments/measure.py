@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from collections.abc import Sequence as Items
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import polars as pl
@@ -13,7 +13,9 @@ from tracknoise.experiments.settings import Population, TrimAmong
 from tracknoise.measurement.scene import SceneTables, measure_scenes
 from tracknoise.measurement.tracking import Progress, TrackerSetup
 from tracknoise.sequences.sequence import Sequence, TruthKind
-from tracknoise.statistics.summarise import summarise_sequence
+from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.prepared import PreparedSequence, prepare_sequence
+from tracknoise.statistics.trimming import trim_sequence
 from tracknoise.trackers.tracker import TrackerSettings
 from tracknoise.truth.scan import ScanRule
 from tracknoise.truth.truth import SCAN_RULE
@@ -36,6 +38,8 @@ class Measurement:
         Count of frames read.
     snapshot_frame, snapshot
         One frame, (height, width) uint8, to draw the tracks on.
+    prepared
+        Observations and tracks, checked and grouped: what further statistics are computed from.
     """
 
     observations: pl.DataFrame
@@ -48,6 +52,7 @@ class Measurement:
     n_frames: int
     snapshot_frame: int
     snapshot: NDArray[np.uint8]
+    prepared: PreparedSequence = field(repr=False)
 
 
 def measure(
@@ -137,9 +142,11 @@ def measure_together(
         If two trackers share a name, the sequence is too short for a speed or cannot be read, it does not offer
         the truth asked for, or no tracker finds a feature.
     """
-    setups = tracker_setups(trackers, speeds)
+    conditions = [
+        TrackerSetup(name, settings, speed) for name, settings in _named(trackers).items() for speed in speeds
+    ]
     scenes = measure_scenes(
-        sequences, setups, truth=truth, scan_rule=scan_rule, max_frames=max_frames, seed=seed, progress=progress
+        sequences, conditions, truth=truth, scan_rule=scan_rule, max_frames=max_frames, seed=seed, progress=progress
     )
     for scene in scenes:
         yield complete(scene, trim_percentile=trim_percentile, trim_among=trim_among, population=population)
@@ -153,37 +160,21 @@ def complete(
     population: Population = "visible",
 ) -> Measurement:
     """Trim what was measured in a sequence, and work out its moments; see `measure_together` for the parameters."""
-    tables = summarise_sequence(
-        scene.observations,
-        scene.tracks,
-        scene.frames,
-        key_frame=scene.key_frame,
-        population=population,
-        trim_percentile=trim_percentile,
-        trim_among=trim_among,
-        statistics=["moments"],
-    )
+    prepared = prepare_sequence(scene.observations, scene.tracks, key_frame=scene.key_frame)
+    trimmed = trim_sequence(prepared, percentile=trim_percentile, population=population, among=trim_among)
     return Measurement(
-        **{name: tables[name] for name in ("observations", "tracks", "frames", "moments", "trims")},
+        observations=trimmed.observations,
+        tracks=trimmed.tracks,
+        frames=scene.frames,
+        moments=scene_moments(trimmed.sequence.seen),
+        trims=trimmed.trims,
         truth=scene.truth,
         key_frame=scene.key_frame,
         n_frames=scene.n_frames,
         snapshot_frame=scene.snapshot_frame,
         snapshot=scene.snapshot,
+        prepared=trimmed.sequence,
     )
-
-
-def tracker_setups(
-    trackers: TrackerSettings | Items[TrackerSettings] | Mapping[str, TrackerSettings], speeds: Items[int]
-) -> list[TrackerSetup]:
-    """Every tracker at every speed; see `measure_together` for the parameters.
-
-    Raises
-    ------
-    SettingsError
-        If two trackers share a name.
-    """
-    return [TrackerSetup(name, settings, speed) for name, settings in _named(trackers).items() for speed in speeds]
 
 
 def _named(

@@ -9,7 +9,15 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.statistics.grouping import IntegerArray, group_rows, number_combinations
-from tracknoise.statistics.joint import FOURTH, VARIANCES, JointMoments, Order, measure_moments, pool_moments
+from tracknoise.statistics.joint import (
+    FOURTH,
+    VARIANCES,
+    JointMoments,
+    Order,
+    measure_moments,
+    pool_moments,
+    stack_moments,
+)
 from tracknoise.tables.schema import AXIS, BLOCKS, MOMENTS, ORIGIN, POPULATION, TRIMMING, Schema, check
 
 SECOND: tuple[Order, ...] = ((2, 0), (1, 1), (0, 2))
@@ -28,7 +36,7 @@ ABOUT_ZERO: Mapping[str, pl.Expr] = MappingProxyType(
 """Sums about zero, which add up, from n, means and central sums."""
 _MEANS, _ABSOLUTE_MEANS = ["mean_u", "mean_v"], ["mean_abs_u", "mean_abs_v"]
 _VALUES = {column: kind for column, kind in MOMENTS.items() if column not in KEYS}
-_LABELS: Schema = {"population": POPULATION, "trimming": TRIMMING, "axis": AXIS}
+_LABELS: Schema = {"population": POPULATION, "trimming": TRIMMING}
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,11 +121,12 @@ def tabulate(
     Parameters
     ----------
     selections
-        Moments of each population and trimming. The first key is the row of `conditions`.
+        Moments of each population and trimming, in the order of these enumerations. The first key is the row of
+        `conditions`.
     conditions
         Columns of `ORIGIN`.
     names
-        Of the keys after the first.
+        Of the keys after the first; the last is ``at``.
     axis
         What ``at`` is: ``age`` or ``frame``.
 
@@ -127,16 +136,15 @@ def tabulate(
         Columns of `ORIGIN`, `names`, population, trimming, axis and moments. Sorted by the columns of `ORIGIN`, block
         if there is one, population, trimming and at.
     """
-    parts = [
-        _table(cells, names).with_columns(
-            pl.lit(value, dtype=kind).alias(name)
-            for (name, kind), value in zip(_LABELS.items(), (*labels, axis), strict=True)
-        )
-        for labels, cells in selections.items()
-    ]
-    before = [name for name in names if name != "at"]
-    table = pl.concat(parts).sort("condition", *before, "population", "trimming", "at")
-    return conditions[table["condition"]].hstack(table.drop("condition"))
+    cells = _stacked(list(selections.values()))
+    condition, *keys = cells.keys
+    which = np.repeat(np.arange(len(selections)), [len(part.keys[0]) for part in selections.values()])
+    order = np.lexsort((keys[-1], which, *reversed(keys[:-1]), condition))
+    labels = pl.DataFrame(list(selections), schema=dict(_LABELS), orient="row")[which[order]]
+    columns = {name: pl.Series(key[order], dtype=BLOCKS[name]) for name, key in zip(names, keys, strict=True)}
+    values = _values(cells.signed.of(order), cells.absolute.of(order))
+    table = conditions[condition[order]].hstack([*labels.get_columns(), *values.get_columns()])
+    return table.with_columns(pl.lit(axis, dtype=AXIS).alias("axis"), **columns)
 
 
 def merge(moments: pl.DataFrame, *, by: Sequence[str]) -> pl.DataFrame:
@@ -166,7 +174,8 @@ def merge(moments: pl.DataFrame, *, by: Sequence[str]) -> pl.DataFrame:
         pool_moments(_joint(ordered, orders, means, prefix), groups.index, groups.count)
         for orders, means, prefix in ((FOURTH, _MEANS, "m_"), (VARIANCES, _ABSOLUTE_MEANS, "m_abs_"))
     )
-    return groups.keys.hstack(_values(signed, absolute))
+    known = pl.when(pl.col("n") > 0).then(pl.col(*_MEANS, *_ABSOLUTE_MEANS))
+    return groups.keys.hstack(_values(signed, absolute).with_columns(known))
 
 
 def _joint(table: pl.DataFrame, orders: Sequence[Order], means: list[str], prefix: str) -> JointMoments:
@@ -178,11 +187,9 @@ def _joint(table: pl.DataFrame, orders: Sequence[Order], means: list[str], prefi
     )
 
 
-def _table(cells: Cells, names: Sequence[str]) -> pl.DataFrame:
-    """Keys as columns `condition` and `names`, and moments."""
-    keys = pl.DataFrame(dict(zip(["condition", *names], cells.keys, strict=True)))
-    typed = keys.with_columns(pl.col(name).cast(BLOCKS[name]) for name in names)
-    return typed.hstack(_values(cells.signed, cells.absolute))
+def _stacked(parts: Sequence[Cells]) -> Cells:
+    keys = tuple(np.concatenate(key) for key in zip(*(part.keys for part in parts), strict=True))
+    return Cells(keys, *(stack_moments([getattr(part, name) for part in parts]) for name in ("signed", "absolute")))
 
 
 def _values(signed: JointMoments, absolute: JointMoments) -> pl.DataFrame:
@@ -190,8 +197,7 @@ def _values(signed: JointMoments, absolute: JointMoments) -> pl.DataFrame:
     for moments, means, prefix in ((signed, _MEANS, "m_"), (absolute, _ABSOLUTE_MEANS, "m_abs_")):
         columns |= dict(zip(means, moments.mean.T, strict=True))
         columns |= dict(zip(_sums(moments.orders, prefix), moments.central.T, strict=True))
-    values = pl.DataFrame(columns, schema={name: _VALUES[name] for name in columns})
-    return values.with_columns(pl.when(pl.col("n") > 0).then(pl.col(*_MEANS, *_ABSOLUTE_MEANS)))
+    return pl.DataFrame(columns, schema={name: _VALUES[name] for name in columns})
 
 
 def _sums(orders: Sequence[Order], prefix: str) -> list[str]:

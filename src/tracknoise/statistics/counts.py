@@ -11,6 +11,8 @@ from tracknoise.statistics.grouping import add_up, group_rows
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.schema import COUNTS, TrackEnd, TruthStatus
 
+_SORTED = [column for column in COUNTS if column != "n"]
+
 
 def counts(sequence: PreparedSequence) -> pl.DataFrame:
     """Count truth statuses and track ends of every condition, trimmed tracks included.
@@ -24,7 +26,7 @@ def counts(sequence: PreparedSequence) -> pl.DataFrame:
     seen, tracks = sequence.seen, sequence.tracks
     statuses = _count(seen.conditions, seen.condition, sequence.observations["truth"], TruthStatus, "truth")
     ends = _count(seen.conditions, sequence.track_condition, tracks["end"], TrackEnd, "end")
-    return merge_counts([statuses, ends])
+    return pl.concat([statuses, ends]).select(*COUNTS).sort(_SORTED)
 
 
 def merge_counts(tables: Iterable[pl.DataFrame]) -> pl.DataFrame:
@@ -45,7 +47,7 @@ def merge_counts(tables: Iterable[pl.DataFrame]) -> pl.DataFrame:
     SchemaError
         If a table has other columns.
     """
-    return add_up(tables, COUNTS, "counts").sort([column for column in COUNTS if column != "n"])
+    return add_up(tables, COUNTS, "counts").sort(_SORTED)
 
 
 def _count(
@@ -59,6 +61,7 @@ def _count(
     pooled = group_rows(conditions, POOLED)
     codes = pooled.index[condition] * len(names) + column.to_physical().to_numpy()
     n = np.bincount(codes, minlength=pooled.count * len(names))
-    grid = pooled.keys.join(pl.DataFrame({"kind": kind, "name": [name.name for name in names]}), how="cross")
+    every = pl.DataFrame({"kind": kind, "name": [name.name for name in names]})
+    grid = pooled.keys.join(every, how="cross", maintain_order="left_right")
     present = np.isin(np.arange(pooled.count), pooled.index[condition])
     return grid.with_columns(n=pl.Series(n, dtype=pl.Int64)).filter(pl.Series(present.repeat(len(names))))

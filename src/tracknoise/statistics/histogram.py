@@ -1,4 +1,4 @@
-"""Histogram of the tracks' largest errors in bins that never change, so that histograms add up."""
+"""Histogram of the tracks' largest errors in bins that never change, so that histograms can be added."""
 
 from collections.abc import Iterable
 
@@ -21,14 +21,14 @@ BINS = pl.DataFrame(
 """[0, 0.001) px, ten bins a decade up to 1000 px, then all from 1000 px on (no upper bound: null)."""
 
 
-def error_histogram(tracks: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
+def error_histogram(tracks: pl.DataFrame) -> pl.DataFrame:
     """Histogram of the largest L2 error of every track, before trimming, of every condition.
 
     Parameters
     ----------
     tracks
-        One tracks table with `max_error_px` filled in (`tracknoise.statistics.trimming.trim`), or any number of them,
-        read one at a time. Tracks without a measured error are not counted.
+        A tracks table with `max_error_px` filled in (`tracknoise.statistics.trimming`). Tracks without a measured error
+        are not counted.
 
     Returns
     -------
@@ -39,10 +39,15 @@ def error_histogram(tracks: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFra
     Raises
     ------
     SchemaError
-        If a table has other columns.
+        If the table has other columns.
     """
-    tables = [tracks] if isinstance(tracks, pl.DataFrame) else tracks
-    return merge_errors(_count_bins(check(table, TRACKS, "tracks")) for table in tables)
+    (groups,) = group_runs([check(tracks, TRACKS, "tracks")], POOLED)
+    measured = tracks["max_error_px"].is_not_null().to_numpy()
+    place = np.searchsorted(_BOUNDS_PX, tracks["max_error_px"].to_numpy()[measured], side="right")
+    n = np.bincount(groups.index[measured] * BINS.height + place, minlength=groups.count * BINS.height)
+    grid = groups.keys.join(BINS, how="cross", maintain_order="left_right")
+    table = grid.with_columns(n=pl.Series(n, dtype=pl.Int64))
+    return check(table.select(*ERRORS), ERRORS, "errors")
 
 
 def merge_errors(errors: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
@@ -65,12 +70,3 @@ def merge_errors(errors: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
     """
     total = add_up(errors, ERRORS, "errors")
     return check(total.sort(*POOLED, "bin_low_px"), ERRORS, "errors")
-
-
-def _count_bins(tracks: pl.DataFrame) -> pl.DataFrame:
-    """Tracks of each condition in each bin, with one row for every bin."""
-    (groups,) = group_runs([tracks], POOLED)
-    measured = tracks["max_error_px"].is_not_null().to_numpy()
-    place = np.searchsorted(_BOUNDS_PX, tracks["max_error_px"].to_numpy()[measured], side="right")
-    n = np.bincount(groups.index[measured] * BINS.height + place, minlength=groups.count * BINS.height)
-    return groups.keys.join(BINS, how="cross").with_columns(n=pl.Series(n, dtype=pl.Int64)).select(*ERRORS)

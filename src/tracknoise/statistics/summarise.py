@@ -33,6 +33,19 @@ STATISTICS: Mapping[str, Callable[[PreparedSequence], pl.DataFrame]] = MappingPr
 """Tables of a sequence that are computed from its trimmed observations and tracks, by name."""
 
 
+def statistics_of(sequence: PreparedSequence, names: Collection[str] = tuple(STATISTICS)) -> dict[str, pl.DataFrame]:
+    """Tables of statistics by name.
+
+    Parameters
+    ----------
+    sequence
+        Trimmed.
+    names
+        Of `STATISTICS`; by default all.
+    """
+    return {name: STATISTICS[name](sequence) for name in names}
+
+
 def summarise_sequence(
     observations: pl.DataFrame,
     tracks: pl.DataFrame,
@@ -87,5 +100,5 @@ def summarise_sequence(
         "tracks": trimmed.tracks,
         "frames": check(frames, FRAME_COUNTS, "frames"),
         "trims": trimmed.trims,
-        **{name: STATISTICS[name](trimmed.sequence) for name in statistics},
+        **statistics_of(trimmed.sequence, statistics),
     }

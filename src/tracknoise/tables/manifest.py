@@ -7,7 +7,7 @@ from urllib.parse import quote
 
 from tracknoise.exceptions import StoreError
 
-FORMAT = 4
+FORMAT = 5
 
 
 @dataclass(frozen=True, slots=True)

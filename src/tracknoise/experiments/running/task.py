@@ -3,24 +3,24 @@
 import time
 import warnings
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
 from scipy.spatial.transform import Rotation
 
 from tracknoise.exceptions import DataWarning
-from tracknoise.experiments.measure import tracker_setups
+from tracknoise.experiments.measure import Measurement, measure_together
 from tracknoise.experiments.running.failures import Result, diagnose
 from tracknoise.experiments.running.lock import Claim
 from tracknoise.experiments.running.plan import Task, make_trackers, open_batch
 from tracknoise.experiments.settings import Experiment
-from tracknoise.measurement.scene import SceneTables, measure_scenes
 from tracknoise.measurement.tracking import Progress
 from tracknoise.sequences.images import encode_png
 from tracknoise.sequences.sequence import Sequence
-from tracknoise.statistics.summarise import summarise_sequence
+from tracknoise.statistics.summarise import STATISTICS, statistics_of
 from tracknoise.tables.schema import POSES, SEQUENCE
-from tracknoise.tables.store import OBSERVED, RunFolder, SequenceEntry
+from tracknoise.tables.store import RunFolder, SequenceEntry
 from tracknoise.truth.scan import ScanRule
 
 
@@ -85,7 +85,7 @@ def run_batch(
 def _entry(
     task: Task,
     sequence: Sequence,
-    measurement: SceneTables,
+    measurement: Measurement,
     *,
     seconds: float,
     sha256: dict[str, str],
@@ -110,34 +110,39 @@ def _entry(
     )
 
 
-def _measure(task: Task, sequences: list[Sequence], progress: Progress | None) -> Iterator[SceneTables]:
+def _measure(task: Task, sequences: list[Sequence], progress: Progress | None) -> Iterator[Measurement]:
     experiment = task.experiment
     truth = experiment.truth
-    return measure_scenes(
+    return measure_together(
         sequences,
-        tracker_setups(make_trackers(experiment), task.speeds),
+        make_trackers(experiment),
+        speeds=task.speeds,
         truth=truth.kind,
         scan_rule=ScanRule(truth.scan_radius_px, truth.scan_anchoring),
+        population=truth.population,
+        trim_percentile=experiment.statistics.trim_percentile,
+        trim_among=experiment.statistics.trim_among,
         seed=experiment.seed,
         progress=progress,
     )
 
 
-def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: SceneTables) -> dict[str, pl.DataFrame]:
+def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Measurement) -> dict[str, pl.DataFrame]:
     """The tables of a sequence by name, those of single observations and tracks only if the experiment keeps them."""
-    tables = summarise_sequence(
-        measurement.observations,
-        measurement.tracks,
-        measurement.frames,
-        key_frame=measurement.key_frame,
-        population=experiment.truth.population,
-        trim_percentile=experiment.statistics.trim_percentile,
-        trim_among=experiment.statistics.trim_among,
+    observed = {"observations": measurement.observations, "tracks": measurement.tracks}
+    asked = replace(
+        measurement.prepared,
+        populations=tuple(dict.fromkeys(["visible", experiment.truth.population])),
         slowest=min(experiment.speeds),  # which figures show
     )
-    dropped = () if experiment.keep == "observations" else OBSERVED
-    kept = {name: table for name, table in tables.items() if name not in dropped}
-    return {**kept, "poses": _poses(sequence, measurement.n_frames)}
+    return {
+        **(observed if experiment.keep == "observations" else {}),
+        "frames": measurement.frames,
+        "poses": _poses(sequence, measurement.n_frames),
+        "moments": measurement.moments,
+        "trims": measurement.trims,
+        **statistics_of(asked, [name for name in STATISTICS if name != "moments"]),
+    }
 
 
 def _poses(sequence: Sequence, n_frames: int) -> pl.DataFrame:

@@ -16,7 +16,7 @@ from tracknoise.report.axis import AGE, FRAME, Axis
 from tracknoise.report.bands import BOUNDS, with_bounds
 from tracknoise.statistics.factors import MARGIN
 from tracknoise.statistics.lightings import lightings_in_order
-from tracknoise.statistics.trimming import dropped_above
+from tracknoise.statistics.trims import dropped_above
 from tracknoise.tables.schema import VIEW
 from tracknoise.tables.store import FINDINGS_TABLES, STATISTICS_TABLES, Manifest, RunFolder, SequenceEntry
 

@@ -153,7 +153,7 @@ def merge(moments: pl.DataFrame, *, by: Sequence[str]) -> pl.DataFrame:
     Parameters
     ----------
     moments
-        A moments table, or what `merge` made of one. A row may stand in it several times, as bootstrap needs.
+        A moments table, or what `merge` made of one. A row may occur several times, as in a bootstrap.
     by
         Key columns to keep, at least one.
 

@@ -25,7 +25,7 @@ def change_curves(increments: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataF
     ----------
     increments
         What `tracknoise.statistics.increments.increments` made of any number of scenes; or any number of such tables,
-        read as they are asked for, a scene and condition in one of them.
+        read one at a time. Each scene and condition is in one of them only.
 
     Returns
     -------

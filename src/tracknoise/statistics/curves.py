@@ -46,10 +46,9 @@ def curves(moments: pl.DataFrame | Iterable[pl.DataFrame], *, min_features: int 
     Parameters
     ----------
     moments
-        A moments table with one row a scene, condition, population, trimming and age or frame; or any number of them,
-        read as they are asked for, of which no more is held than a few at a time. A scene that was drawn twice, as
-        bootstrap does, stands in it twice and counts twice. The order of rows does not matter; that of tables does as
-        far as sums are rounded.
+        A moments table with one row per scene, condition, population, trimming and age or frame; or any number of such
+        tables, of which a few at a time are read. A scene that a bootstrap drew twice occurs twice and counts twice.
+        The order of rows does not matter. The order of tables affects the rounding of sums only.
     min_features
         `cut` is set from the first age on, of those that a condition has, at which its scenes together have fewer
         features than this; with frames, from the frame of most features outwards, on either side.
@@ -76,7 +75,7 @@ def aspect_curves(aspects: pl.DataFrame | Iterable[pl.DataFrame], *, min_feature
     Parameters
     ----------
     aspects
-        Schema `ASPECTS`, of any number of scenes; or any number of such tables, read as they are asked for.
+        Schema `ASPECTS`, of any number of scenes; or any number of such tables, read a few at a time.
     min_features
         As in `curves`.
 
@@ -130,7 +129,7 @@ def _with_sums(scenes: pl.DataFrame, point: list[str]) -> pl.DataFrame:
 
 
 def _added(points: pl.DataFrame, point: list[str]) -> pl.DataFrame:
-    """Rows of the same point made one, added up in the order in which they stand; sorted by point."""
+    """The rows of each point, added up in their order; sorted by point."""
     groups = group_rows(points, point)
     totals = [name for statistic in _COLUMNS for name in (*_SUMS[statistic], _SCENES[statistic])]
     added = groups.sums(points, totals).select(pl.col(name).cast(points.schema[name]) for name in totals)

@@ -1,4 +1,4 @@
-"""Rows of a table put into numbered groups, so that NumPy can sum them in a fixed order."""
+"""Rows of a table in numbered groups, so that NumPy can sum them in a fixed order."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class Groups:
     Attributes
     ----------
     keys
-        One row a group, sorted: names by code point, enumerations in the order of their definition.
+        One row per group, sorted: names by code point, enumerations in the order of their definition.
     index : (rows,) intp
         Row of `keys` for each row of the table.
     """
@@ -40,7 +40,7 @@ class Groups:
         return self.keys.height
 
     def sums(self, table: pl.DataFrame, columns: Sequence[str]) -> pl.DataFrame:
-        """Totals of columns of the grouped table, Float64, added up in the order of its rows: a row a group."""
+        """Totals of columns of the grouped table, Float64, one row per group, added up in the order of its rows."""
         totals = {name: np.bincount(self.index, table[name].to_numpy(), self.count) for name in columns}
         return pl.DataFrame(totals, schema=dict.fromkeys(columns, pl.Float64))
 
@@ -58,7 +58,7 @@ def group_rows(table: pl.DataFrame, by: Sequence[str]) -> Groups:
 def group_runs(tables: Sequence[pl.DataFrame], by: Sequence[str]) -> list[Groups]:
     """Group the rows of several tables that agree in all columns of `by`, with the same groups for every table.
 
-    Only the first row of each run of equal rows is looked at. This is quick where rows that agree follow one another.
+    Only the first row of each run of equal rows is grouped. This is fast where equal rows are adjacent.
 
     Parameters
     ----------
@@ -121,16 +121,16 @@ def reduce_each(
     name: str,
     reduce: Callable[[pl.DataFrame], pl.DataFrame],
 ) -> pl.DataFrame:
-    """Stack what `reduce` makes of each table, holding one table at a time.
+    """Reduce each table and stack the results, with one table in memory at a time.
 
     Parameters
     ----------
     tables
-        One table, or any number of them, which may be read as they are asked for.
+        One table, or any number of tables, read one at a time.
     schema, name
-        What each must be, and what to call it where it is not.
+        Expected columns, and the name of the table for the error message.
     reduce
-        Makes a small table of a large one; of an empty one it must make an empty one.
+        Makes a small table of a large one, and an empty table of an empty one.
 
     Raises
     ------
@@ -144,18 +144,18 @@ def reduce_each(
 def in_chunks(
     tables: pl.DataFrame | Iterable[pl.DataFrame], schema: Schema, name: str, *, rows: int = _ROWS_AT_ONCE
 ) -> Iterator[pl.DataFrame]:
-    """Tables stacked to few larger ones, so that what is made of each can be added up as they come.
+    """Stack tables into fewer, larger ones, each of which can be reduced before the next is read.
 
-    How they are stacked depends on their sizes and order alone.
+    How they are stacked depends only on their sizes and order.
 
     Parameters
     ----------
     tables
-        One table, which is passed on as it is, or any number of them, which may be read as they are asked for.
+        One table, which is returned unchanged, or any number of tables, read one at a time.
     schema, name
-        What each must be, and what to call it where it is not.
+        Expected columns, and the name of the table for the error message.
     rows
-        Stop stacking from so many rows on.
+        Number of rows from which on a stack is complete.
 
     Yields
     ------
@@ -186,7 +186,7 @@ def add_up(tables: pl.DataFrame | Iterable[pl.DataFrame], schema: Schema, name: 
     tables
         One table of counts, or any number of them, read one at a time.
     schema, name
-        What each must be, and what to call it where it is not.
+        Expected columns, and the name of the table for the error message.
 
     Raises
     ------

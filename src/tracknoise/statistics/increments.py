@@ -1,12 +1,12 @@
-"""How an error changes from one frame that the tracker saw to the next, and whether changes depend on those before.
+"""Changes of errors from one frame of the tracker to the next, and their autocorrelation.
 
-With d_k = e_k - e_(k - s) the change of a track's error that ends at age k, at speed s, over the pairs of changes of
-one track that lie l steps apart:
+At speed s, d_k = e_k - e_(k - s) is the change of a track's error that ends at age k. Over the pairs of changes of one
+track that are l steps apart:
 
 - autocorrelation(l) = sum(d_k d_(k - l s)) / sum((d_k^2 + d_(k - l s)^2) / 2) (autocorrelation)
 
-about zero, not about the mean, so that a steady drift shows as positive correlation; between -1 and 1 whatever the
-data. Errors that are independent from frame to frame give about -1/2 at lag 1 and 0 beyond (a little less than -1/2
+It is about zero, not about the mean, so that a steady drift shows as positive correlation. It is between -1 and 1 for
+any data. Errors that are independent from frame to frame give about -1/2 at lag 1 and 0 beyond (a little less than -1/2
 where the first position is exact and tracks are short), those of a random walk 0 at every lag, of a steady drift 1.
 """
 
@@ -55,7 +55,7 @@ def increments(sequence: PreparedSequence) -> pl.DataFrame:
     Returns
     -------
     polars.DataFrame
-        Schema `INCREMENTS`, sorted by its columns before `n`: lags 0 to `LAGS`, as far as there are such pairs.
+        Schema `INCREMENTS`, sorted by its columns before `n`: lags 0 to `LAGS`, where there are such pairs.
     """
     seen = sequence.seen
     rows = sequence.ordered_where(seen.visible)

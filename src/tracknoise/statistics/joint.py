@@ -1,4 +1,4 @@
-"""Central moments of grouped pairs of numbers, joint to any order, and how groups of them are pooled.
+"""Joint central moments of grouped pairs of numbers, of any order, and the pooling of groups.
 
 Arrays only. A central power sum of order (p, q) is sum((x - mean_x)^p (y - mean_y)^q), not divided by the count.
 """

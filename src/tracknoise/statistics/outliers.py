@@ -1,4 +1,4 @@
-"""What share of its features a tracker rejects as outliers, frame by frame."""
+"""Share of its features that a tracker rejects as outliers, by frame."""
 
 from collections.abc import Iterable
 from dataclasses import asdict
@@ -19,7 +19,7 @@ def outlier_ratios(frames: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFram
     Parameters
     ----------
     frames
-        One frames table, or any number of them, read one at a time.
+        One frames table, or any number of tables, read one at a time.
 
     Returns
     -------

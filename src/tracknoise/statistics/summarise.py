@@ -68,7 +68,7 @@ def summarise_sequence(
     key_frame
         Frame in which a scan makes errors zero. Moments are then by frame. By default they are by age.
     population
-        Which observations trimming looks at: `visible` or `projected`. Blocks have these, and the visible ones.
+        Observations that trimming uses: `visible` or `projected`. Blocks hold these and the visible ones.
     trim_percentile, trim_among
         See `tracknoise.statistics.trimming.trim_sequence`; by default every track is kept.
     slowest

@@ -1,4 +1,4 @@
-"""The handful of numbers that one looks at first: a row a condition."""
+"""The most important numbers, one row per condition."""
 
 import polars as pl
 
@@ -27,7 +27,7 @@ def summary(
     age
         The reference age of a condition is the largest one from 1 to this, in frames of the nominal sequence, at which
         neither its trimmed nor its untrimmed curves are cut. It differs between speeds whose frames do not coincide.
-        At age 0 there is no error to speak of.
+        At age 0 errors are zero by construction.
     key_frame
         Where curves run along frames: the one in which errors are zero. The reference frame is then the last one up to
         `age` frames after it.

@@ -123,18 +123,6 @@ def trim_sequence(
     return Trimmed(_marked(sequence, largest, kept), _account(sequence, largest, kept, threshold_px, percentile, among))
 
 
-def dropped_above(trims: pl.DataFrame) -> float | None:
-    """Percentile of the tracks' largest errors above which a run's tracks were dropped; None where none was.
-
-    Parameters
-    ----------
-    trims
-        Schema `TRIMS`, of one run.
-    """
-    found: list[float] = trims["percentile"].drop_nulls().unique().to_list()
-    return found[0] if found and found[0] < 100 else None
-
-
 def _largest(sequence: PreparedSequence, population: str) -> _Largest:
     seen = sequence.seen
     chosen = seen.members(population)

@@ -21,7 +21,7 @@ from tracknoise.sequences.sequence import TruthKind
 from tracknoise.statistics.change_curves import change_curves
 from tracknoise.statistics.curves import aspect_curves
 from tracknoise.statistics.factors import ReferenceCondition
-from tracknoise.statistics.trimming import dropped_above
+from tracknoise.statistics.trims import dropped_above
 from tracknoise.tables.store import RunFolder
 
 

@@ -41,7 +41,7 @@ def largest_differences(points: pl.DataFrame, *, by: list[str], level: str) -> p
     Parameters
     ----------
     points
-        Columns of `by`, `level` (sortable), `at`, `u` and `v`, one row per point of a curve, without the points at which
+        Columns of `by`, `level` (sortable), `at`, `u` and `v`, one row per point of a curve, without points at which
         errors are zero by construction.
     by
         Columns whose values are not compared with one another.

@@ -147,7 +147,9 @@ def test_too_few_ages_or_no_errors_leave_it_undecided(see_errors, frames: int, s
 def test_ages_end_where_features_are_few(see_errors) -> None:
     seen = of_scenes(see_errors, walk)
     few = seen.observations.filter((pl.col("track") < 10) | (pl.col("age") < 8))
-    found = structured(Trimmed(few, seen.tracks, seen.trims), min_features=100).filter(trimming="untrimmed")
+    found = structured(Trimmed(prepare_sequence(few, seen.tracks), seen.trims), min_features=100).filter(
+        trimming="untrimmed"
+    )
     assert found["n_ages"].to_list() == [7, 7]
 
 

@@ -127,7 +127,9 @@ def test_conditions_are_looked_at_by_themselves(see_errors) -> None:
         for table in (seen.observations, seen.tracks)
     ]
     observations, tracks = pl.concat(tables[::2]), pl.concat(tables[1::2])
-    rows = shaped(Trimmed(observations, tracks, one.trims)).gaussianity.filter(trimming="untrimmed", age_low=1)
+    rows = shaped(Trimmed(prepare_sequence(observations, tracks), one.trims)).gaussianity.filter(
+        trimming="untrimmed", age_low=1
+    )
     assert rows.select("tracker", "verdict").rows() == [("a", "Gaussian"), ("b", "heavy-tailed")]
 
 

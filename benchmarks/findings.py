@@ -24,7 +24,8 @@ from tracknoise.experiments.running.provenance import new_manifest
 from tracknoise.experiments.running.task import tables_to_keep
 from tracknoise.experiments.settings import parse_experiment
 from tracknoise.tables.identity import SequenceId
-from tracknoise.tables.store import RunFolder, SequenceEntry
+from tracknoise.tables.manifest import SequenceEntry
+from tracknoise.tables.store import RunFolder
 
 FRAMES, OBSERVATIONS, DIFFERENT = 49, 40_000, 6
 

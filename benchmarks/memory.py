@@ -76,8 +76,9 @@ def _stage(size: tuple[int, int]) -> list[Row]:
 
 
 def _measure_sweep(length: int) -> dict[str, float]:
-    from tracknoise import LucasKanade, open_sequence
     from tracknoise.measurement.tracking import TrackerSetup, run_trackers
+    from tracknoise.sequences.registry import open_sequence
+    from tracknoise.trackers.lucas_kanade import LucasKanade
     from tracknoise.truth.registry import make_truth
 
     sequence = open_sequence("simulated", motions=["arvr"], frames=length, width=320, height=240, supersampling=1)

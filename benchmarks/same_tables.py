@@ -5,8 +5,8 @@
     python -m benchmarks.same_tables compare BEFORE AFTER
 
 The runs are the demo, 7-Scenes, KITTI and a small simulated light stage. `compare` reads every Parquet table of every
-run. Columns of one name must hold the same bytes, row by row. A table, or a column, that only one side has is listed;
-so is one that `RENAMED` says was replaced, after its content was compared. Exit status 1 if a number differs.
+run. Columns of one name must hold the same bytes, row by row. A table, or a column, that only one side has is listed.
+Aspects that were text are typed before they are compared. Exit status 1 if a number differs.
 """
 
 import argparse
@@ -17,6 +17,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import polars as pl
+
+from tracknoise.tables.schema import ASPECT
 
 DATA = Path(os.environ.get("TRACKNOISE_DATA", "../shared/data"))
 STAGE = ["simulate", "--layout", "dtu", "--scenes", "2", "--width", "400", "--height", "300", "--image-format", "bmp"]
@@ -64,7 +66,7 @@ def _differences(before: Path, after: Path) -> Iterator[str]:
     if not before.exists() or not after.exists():
         yield "only before" if before.exists() else "only after"
         return
-    old, new = pl.read_parquet(before), pl.read_parquet(after)
+    old, new = with_typed_aspects(pl.read_parquet(before)), pl.read_parquet(after)
     if old.height != new.height:
         yield f"differs: {old.height} rows, then {new.height}"
         return
@@ -73,6 +75,18 @@ def _differences(before: Path, after: Path) -> Iterator[str]:
             yield f"column {name} only {'before' if name in old.columns else 'after'}"
         elif not _same_bytes(old[name], new[name]):
             yield f"column {name} differs"
+
+
+def with_typed_aspects(table: pl.DataFrame) -> pl.DataFrame:
+    """A table with aspects as text, `lives K` among them, as one with the columns `aspect` and `at_least`."""
+    if table.schema.get("aspect") != pl.String:
+        return table
+    name, place = pl.col("aspect"), table.columns.index("aspect")
+    lives = name.str.starts_with("lives ")
+    age = pl.when(lives).then(name.str.strip_prefix("lives ")).cast(pl.UInt32)
+    aspect = pl.when(lives).then(pl.lit("long_lived")).otherwise(name).cast(ASPECT)
+    typed = table.with_columns(aspect=aspect).insert_column(place + 1, table.select(at_least=age)["at_least"])
+    return typed.sort(typed.columns[: place + 2], maintain_order=True)
 
 
 def _same_bytes(old: pl.Series, new: pl.Series) -> bool:

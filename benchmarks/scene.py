@@ -9,12 +9,15 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from benchmarks.harness import Row, elapsed_ms, median_ms, write_scene
-from tracknoise import Correspondence, LucasKanade, measure, open_sequence
+from tracknoise import measure
 from tracknoise.experiments.measure import Measurement
+from tracknoise.sequences.registry import open_sequence
 from tracknoise.sequences.sequence import Sequence
+from tracknoise.trackers.correspondence import Correspondence
 from tracknoise.trackers.description import describe
 from tracknoise.trackers.detection import Detection, keypoints
 from tracknoise.trackers.frame import Frame
+from tracknoise.trackers.lucas_kanade import LucasKanade
 from tracknoise.trackers.tracker import TrackerSettings
 
 REPEATS = 9

@@ -11,9 +11,12 @@ from pathlib import Path
 import polars as pl
 
 from benchmarks.harness import Row, elapsed_ms, write_scene
-from tracknoise import Correspondence, LucasKanade, measure, open_sequence
+from tracknoise import measure
 from tracknoise.experiments.measure import Measurement
+from tracknoise.sequences.registry import open_sequence
 from tracknoise.tables.schema import ORIGIN
+from tracknoise.trackers.correspondence import Correspondence
+from tracknoise.trackers.lucas_kanade import LucasKanade
 
 SPEEDS = (1, 2, 4, 8, 12)
 TABLES = ("observations", "tracks", "frames", "moments", "trims")

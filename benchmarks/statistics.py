@@ -1,60 +1,86 @@
-"""How fast observations become moments, and moments of scenes become curves."""
+"""Time from the measured observations and tracks of a sequence to all of its tables.
 
-import numpy as np
+    python -m benchmarks statistics                # of a made-up sequence
+    python -m benchmarks.statistics RUN [NUMBER]   # of the first sequence of a run folder that keeps its observations
+
+Both print CPU seconds per million observations, which other programs on the machine hardly change, and wall time. The
+second form uses as many threads as the environment allows.
+"""
+
+import json
+import sys
+import time
+import tomllib
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from statistics import median
+
 import polars as pl
 
 from benchmarks.harness import Row, median_ms
+from benchmarks.made_up import made_up
+from tracknoise.statistics.cells import KEYS, merge
 from tracknoise.statistics.curves import curves
-from tracknoise.statistics.moments import KEYS, merge, scene_moments
-from tracknoise.statistics.trimming import trim
-from tracknoise.tables.schema import OBSERVATIONS, TRACKS, Schema
+from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.prepared import prepare_observations
+from tracknoise.statistics.summarise import summarise_sequence
 
-TRACKS_PER_CONDITION = 12_000
-TRACKERS = ("lucas-kanade", "correspondence")
-SPEEDS = (1, 2, 4)
+OBSERVATIONS, FRAMES = 1_000_000, 600
 SCENES = 100
+REPEATS = 5
 
 
 def rows() -> list[Row]:
-    """Time trimming, moments, pooling and curves on synthetic tables of about two million observations."""
-    observations, tracks = _tables(np.random.default_rng(0))
-    moments = scene_moments(observations)
+    """Time the statistics of a made-up sequence, and the pooling of its moments over scenes."""
+    scene = made_up("scene", seed=0, frames=FRAMES, observations=OBSERVATIONS)
+    work = partial(summarise_sequence, scene.observations, scene.tracks, scene.frames, trim_percentile=90.0, slowest=1)
+    moments = scene_moments(prepare_observations(scene.observations))
     scenes = pl.concat([moments.with_columns(scene=pl.lit(f"scene {index}")) for index in range(SCENES)])
     by = [column for column in KEYS if column != "scene"]
-    trim_ms = median_ms(lambda: trim(observations, tracks, percentile=90.0), repeats=5)
-    moments_ms = median_ms(lambda: scene_moments(observations), repeats=5)
-    merge_ms = median_ms(lambda: merge(scenes, by=by), repeats=5)
-    curves_ms = median_ms(lambda: curves(scenes), repeats=5)
-    size, pooled = f"{observations.height} observations", f"{scenes.height} rows of {SCENES} scenes"
+    merge_ms = median_ms(lambda: merge(scenes, by=by), repeats=REPEATS)
+    pooled = f"{scenes.height} rows of {SCENES} scenes"
     return [
-        Row("trim", observations.height / trim_ms / 1e3, "million observations/s", size),
-        Row("scene_moments", observations.height / moments_ms / 1e3, "million observations/s", size),
+        *_timed(work, scene.observations.height),
         Row("merge", scenes.height / merge_ms / 1e3, "million moments rows/s", pooled),
-        Row("curves", curves_ms, "ms", pooled),
+        Row("curves", median_ms(lambda: curves(scenes), repeats=REPEATS), "ms", pooled),
     ]
 
 
-def _tables(rng: np.random.Generator) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """Observations and tracks of one scene under every tracker and speed, lifetimes geometric with mean 28."""
-    pairs = [_condition(rng, tracker, speed) for tracker in TRACKERS for speed in SPEEDS]
-    return pl.concat([pair[0] for pair in pairs]), pl.concat([pair[1] for pair in pairs])
+def _of_run(path: Path, number: int) -> list[Row]:
+    """Time the statistics of one sequence of a run folder."""
+    settings = tomllib.loads((path / "experiment.toml").read_text())
+    key, entry = list(json.loads((path / "manifest.json").read_text())["sequences"].items())[number]
+    tables = [pl.read_parquet(path / name / f"{key}.parquet") for name in ("observations", "tracks", "frames")]
+    work = partial(
+        summarise_sequence,
+        *tables,
+        key_frame=entry["key_frame"],
+        population=settings["truth"]["population"],
+        trim_percentile=settings["statistics"]["trim_percentile"],
+        trim_among=settings["statistics"]["trim_among"],
+        slowest=min(settings["speeds"]),
+    )
+    return _timed(work, tables[0].height)
 
 
-def _condition(rng: np.random.Generator, tracker: str, speed: int) -> tuple[pl.DataFrame, pl.DataFrame]:
-    lifetime = rng.geometric(1 / 28, TRACKS_PER_CONDITION)
-    track = np.repeat(np.arange(len(lifetime)), lifetime)
-    step = np.arange(len(track)) - np.repeat(np.cumsum(lifetime) - lifetime, lifetime)
-    errors = {name: rng.normal(size=len(track)) for name in ("du_px", "dv_px")}
-    origin = {"dataset": "synthetic", "scene": "scene", "lighting": "nominal", "rotation": 0}
-    condition = {**origin, "tracker": tracker, "speed": speed, "kept": True}
-    truth = np.where(rng.random(len(track)) < 0.9, "valid", "occluded")
-    seen = {"track": track, "frame": step * speed, "age": step * speed, "truth": truth, **errors}
-    seen |= dict.fromkeys(("u_px", "v_px", "u_true_px", "v_true_px"), np.zeros(len(track)))
-    lived = {"track": np.arange(len(lifetime)), "first_frame": 0, "lifetime": lifetime, "end": "lost"}
-    return _typed(seen | condition, OBSERVATIONS), _typed(lived | condition, TRACKS)
+def _timed(work: Callable[[], object], observations: int) -> list[Row]:
+    """CPU and wall time of a call, median after one warm-up call."""
+    work()
+    times = [_seconds(work) for _ in range(REPEATS)]
+    size, columns = f"{observations} observations", zip(("CPU", "wall"), zip(*times, strict=True), strict=True)
+    return [
+        Row(f"summarise_sequence: {name} time", median(each) / observations * 1e6, "s/million", size)
+        for name, each in columns
+    ]
 
 
-def _typed(columns: dict[str, object], schema: Schema) -> pl.DataFrame:
-    table = pl.DataFrame(columns)
-    missing = [pl.lit(None).alias(name) for name in schema if name not in columns]
-    return table.with_columns(missing).select(pl.col(name).cast(kind) for name, kind in schema.items())
+def _seconds(work: Callable[[], object]) -> tuple[float, float]:
+    cpu, wall = time.process_time(), time.perf_counter()
+    work()
+    return time.process_time() - cpu, time.perf_counter() - wall
+
+
+if __name__ == "__main__":
+    for row in _of_run(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 0):
+        print(f"{row.value:8.2f} {row.unit} {row.name} ({row.note})")

@@ -16,6 +16,7 @@ import numpy as np
 from benchmarks.validity.simulated import tables
 from tracknoise.findings.shape.gaussianity import gaussianity
 from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.prepared import prepare_observations, prepare_sequence
 from tracknoise.statistics.samples import samples
 from tracknoise.tables.findings_schema import SHAPE
 
@@ -92,7 +93,9 @@ def _grown(errors: np.ndarray) -> np.ndarray:
 
 def _verdicts(errors: list[np.ndarray], seed: int) -> Counter[tuple[str, str]]:
     observations, tracks = tables(errors)
-    found = gaussianity(scene_moments(observations), samples(observations, tracks), seed=seed).gaussianity
+    found = gaussianity(
+        scene_moments(prepare_observations(observations)), samples(prepare_sequence(observations, tracks)), seed=seed
+    ).gaussianity
     return Counter(found.select("trimming", "verdict").iter_rows())
 
 

@@ -20,6 +20,7 @@ from benchmarks.validity.simulated import tables
 from tracknoise.findings.growth.time_structure import time_structure
 from tracknoise.statistics.increments import increments
 from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.prepared import prepare_observations, prepare_sequence
 from tracknoise.tables.findings_schema import BEHAVIOUR
 
 SCENE_SPREAD = 0.2
@@ -114,7 +115,11 @@ def _runs(kind: Kind, rng: np.random.Generator, arguments: argparse.Namespace, s
         ]
         observations, tracks = tables(errors)
         observations = observations.filter(pl.col("age") < _ends(rng, observations, arguments, short=run % 2 == 1))
-        found = time_structure(scene_moments(observations), increments(observations, tracks), min_features=50)
+        found = time_structure(
+            scene_moments(prepare_observations(observations)),
+            increments(prepare_sequence(observations, tracks)),
+            min_features=50,
+        )
         yield found.filter(trimming="untrimmed")
 
 

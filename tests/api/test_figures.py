@@ -7,7 +7,8 @@ import pytest
 from tracknoise.exceptions import FigureError, UnknownNameError
 from tracknoise.report import export
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures import FAMILIES, Figure
+from tracknoise.report.figures import FAMILIES
+from tracknoise.report.figures.figure import Figure
 from tracknoise.tables.store import RunFolder
 
 

@@ -7,8 +7,9 @@ import pytest
 import tracknoise as tn
 from tracknoise.exceptions import DataError, SettingsError, StoreError, UnknownNameError
 from tracknoise.tables.findings_schema import INTERVALS
+from tracknoise.tables.manifest import FailureEntry, Manifest
 from tracknoise.tables.schema import OBSERVATIONS, POSES, TRACKS
-from tracknoise.tables.store import FailureEntry, Manifest, RunFolder
+from tracknoise.tables.store import RunFolder
 
 ONE = {"scene": "forward-00", "tracker": "lucas-kanade", "speed": 1}
 

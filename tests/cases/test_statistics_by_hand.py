@@ -17,12 +17,14 @@ import math
 import polars as pl
 import pytest
 
+from tracknoise.statistics.cells import merge
 from tracknoise.statistics.counts import counts
 from tracknoise.statistics.curves import curves
 from tracknoise.statistics.histogram import error_histogram
 from tracknoise.statistics.lifetimes import lifetimes, mean_lifetime, median_survival, surviving
-from tracknoise.statistics.moments import merge, scene_moments
+from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.outliers import outlier_ratios
+from tracknoise.statistics.prepared import prepare_observations
 from tracknoise.statistics.summary import summary
 from tracknoise.statistics.trimming import Trimmed, trim
 from tracknoise.tables.schema import FRAME_COUNTS, OBSERVATIONS, ORIGIN, TRACKS, Schema
@@ -75,7 +77,7 @@ def test_trimming(trimmed: Trimmed) -> None:
 
 def test_moments_at_age_two(trimmed: Trimmed) -> None:
     # Mean (2, 2); deviations (-1, -2) and (1, 2): even sums double, odd ones cancel.
-    row = scene_moments(trimmed.observations).filter(at=2, population="visible", trimming="untrimmed")
+    row = scene_moments(trimmed.sequence.seen).filter(at=2, population="visible", trimming="untrimmed")
     expected = {
         "n": 2, "mean_u": 2, "mean_v": 2,
         "m_uu": 2, "m_uv": 4, "m_vv": 8,
@@ -87,7 +89,7 @@ def test_moments_at_age_two(trimmed: Trimmed) -> None:
 
 
 def test_curves(trimmed: Trimmed) -> None:
-    table = curves(scene_moments(trimmed.observations))
+    table = curves(scene_moments(trimmed.sequence.seen))
     assert at(table, "nu") == {0: (0, 0, None), 2: (2, 2, None), 4: (2, -2, None)}
     assert at(table, "eta") == {0: (0, 0, None), 2: (2, 2, None), 4: (2, 2, None)}
     # (1 + 9) / 1, (0 + 16) / 1, (0 + 12) / 1; one feature has no second moment
@@ -99,13 +101,15 @@ def test_curves(trimmed: Trimmed) -> None:
 
 def test_the_cut(trimmed: Trimmed) -> None:
     chosen = {"statistic": "nu", "trimming": "untrimmed", "population": "visible", "weighting": "features"}
-    table = curves(scene_moments(trimmed.observations), min_features=2).filter(**chosen)
+    table = curves(scene_moments(trimmed.sequence.seen), min_features=2).filter(**chosen)
     assert table.select("at", "n", "cut").rows() == [(0, 3, False), (2, 2, False), (4, 1, True)]
 
 
 def test_occluded_features_count_as_projected_only() -> None:
     rows = [(0, 2, 2, "valid", 1.0, 0.0), (1, 2, 2, "occluded", 3.0, 4.0), (2, 2, 2, "no_depth", None, None)]
-    table = curves(scene_moments(observed(rows))).filter(statistic="nu", trimming="untrimmed", weighting="features")
+    table = curves(scene_moments(prepare_observations(observed(rows)))).filter(
+        statistic="nu", trimming="untrimmed", weighting="features"
+    )
     assert table.select("population", "n", "u", "v").rows() == [("visible", 1, 1.0, 0.0), ("projected", 2, 2.0, 2.0)]
 
 
@@ -113,7 +117,7 @@ def test_two_scenes() -> None:
     # Scene a: du 1 and 3; scene b: du -4. Features: (1 + 3 - 4) / 3 = 0. Scenes: (2 - 4) / 2 = -1.
     one = observed([(0, 2, 2, "valid", 1.0, 0.0), (1, 2, 2, "valid", 3.0, 0.0)])
     two = observed([(0, 2, 2, "valid", -4.0, 0.0)], scene="b")
-    moments = pl.concat([scene_moments(one), scene_moments(two)])
+    moments = pl.concat([scene_moments(prepare_observations(one)), scene_moments(prepare_observations(two))])
     table = curves(moments).filter(population="visible", trimming="untrimmed")
     assert table.filter(statistic="nu").select("weighting", "u", "n", "n_scenes").rows() == [
         ("features", 0.0, 3, 2),
@@ -154,13 +158,13 @@ def test_histogram_of_largest_errors(trimmed: Trimmed) -> None:
 
 
 def test_counts(trimmed: Trimmed) -> None:
-    found = counts(trimmed.observations, trimmed.tracks).filter(pl.col("n") > 0)
+    found = counts(trimmed.sequence).filter(pl.col("n") > 0)
     expected = [("end", "lost", 1), ("end", "outlier", 1), ("end", "sequence_end", 1), ("truth", "valid", 6)]
     assert found.select("kind", "name", "n").rows() == expected
 
 
 def test_summary(trimmed: Trimmed) -> None:
-    table = curves(scene_moments(trimmed.observations), min_features=1)
+    table = curves(scene_moments(trimmed.sequence.seen), min_features=1)
     row = summary(table, lifetimes(trimmed.tracks), outlier_ratios(table_of_frames()), age=3).row(0, named=True)
     assert (row["n_tracks"], row["mean_lifetime"], row["median_lifetime"], row["outlier_ratio"]) == (3, 2.0, 2, 0.2)
     assert (row["at"], row["untrimmed_n"], row["trimmed_n"]) == (2, 2, 1)

@@ -7,7 +7,8 @@ import pytest
 from tracknoise.experiments.resolve import resolve
 from tracknoise.experiments.settings import parse_experiment
 from tracknoise.experiments.validation.selfcheck import selfcheck_experiment
-from tracknoise.tables.store import Manifest, RunFolder
+from tracknoise.tables.manifest import Manifest
+from tracknoise.tables.store import RunFolder
 from tracknoise.truth.anchored import BirthSession
 
 SMALL = ("selfcheck", "--scenes", "1", "-w", "1", "--quiet")

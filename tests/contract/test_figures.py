@@ -13,7 +13,8 @@ import vl_convert as vlc
 
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.export import specification
-from tracknoise.report.figures import FAMILIES, Absence, Family, Figure
+from tracknoise.report.figures import FAMILIES
+from tracknoise.report.figures.figure import Absence, Family, Figure
 
 
 def _synthetic() -> Any:

@@ -7,7 +7,7 @@ import polars as pl
 
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.table import headline_table
-from tracknoise.statistics.grouping import POOLED
+from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
 from tracknoise.tables.findings_schema import DEPENDENCE, GAUSSIANITY, INTERVALS, RADII, TIME_STRUCTURE, ZERO_MEAN
 from tracknoise.tables.schema import Schema

@@ -15,20 +15,19 @@ import numpy as np
 import polars as pl
 
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
-from tracknoise.statistics.aspects import aspect_curves, scene_aspects
 from tracknoise.statistics.change_curves import change_curves
-from tracknoise.statistics.counts import counts, merge_counts
-from tracknoise.statistics.curves import curves
-from tracknoise.statistics.effects import ReferenceCondition, effects
-from tracknoise.statistics.histogram import error_histogram, merge_errors
-from tracknoise.statistics.increments import increments
-from tracknoise.statistics.lifetimes import count_ends, lifetimes_of_ends
-from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.counts import merge_counts
+from tracknoise.statistics.curves import aspect_curves, curves
+from tracknoise.statistics.effects import effects
+from tracknoise.statistics.factors import ReferenceCondition
+from tracknoise.statistics.histogram import merge_errors
+from tracknoise.statistics.lifetimes import lifetimes_of_ends
 from tracknoise.statistics.outliers import outlier_ratios
+from tracknoise.statistics.summarise import STATISTICS, summarise_sequence
 from tracknoise.statistics.summary import summary
-from tracknoise.statistics.trimming import trim
+from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.schema import FRAME_COUNTS, OBSERVATIONS, ORIGIN, POSES, SEQUENCE, TRACKS, TrackEnd, empty
-from tracknoise.tables.store import OBSERVED, SEQUENCE_TABLES, Manifest, RunFolder, SequenceEntry
+from tracknoise.tables.store import OBSERVED, SEQUENCE_TABLES, RunFolder
 
 WIDTH, HEIGHT = 160, 120
 _UNREAD = ("blocks", "aspect_blocks", "samples")
@@ -155,29 +154,17 @@ def _entry(origin: Sequence[Any], world: World) -> SequenceEntry:
 def _sequence(rng: np.random.Generator, origin: Sequence[Any], world: World) -> dict[str, pl.DataFrame]:
     parts = [_condition(rng, [*origin, tracker, speed], world) for tracker in world.trackers for speed in world.speeds]
     observations, tracks, frames = (pl.concat(tables) for tables in zip(*parts, strict=True))
-    trimmed = trim(
+    tables = summarise_sequence(
         observations,
         tracks,
-        percentile=world.percentile,
-        population=world.population,
-        among=world.trim_among,
+        frames,
         key_frame=world.key_frame,
+        population=world.population,
+        trim_percentile=world.percentile,
+        trim_among=world.trim_among,
+        statistics=[name for name in STATISTICS if name not in _UNREAD],
     )
-    axis = "age" if world.key_frame is None else "frame"
-    return {
-        "observations": trimmed.observations,
-        "tracks": trimmed.tracks,
-        "frames": frames,
-        "poses": _poses(origin, world),
-        "moments": scene_moments(trimmed.observations, axis=axis),
-        "aspects": scene_aspects(trimmed.observations, trimmed.tracks, axis=axis),
-        "trims": trimmed.trims,
-        "counts": counts(trimmed.observations, trimmed.tracks),
-        "ends": count_ends(trimmed.tracks),
-        "errors": error_histogram(trimmed.tracks),
-        "increments": increments(trimmed.observations, trimmed.tracks),
-        **{name: empty(SEQUENCE_TABLES[name]) for name in _UNREAD},
-    }
+    return {**tables, "poses": _poses(origin, world), **{name: empty(SEQUENCE_TABLES[name]) for name in _UNREAD}}
 
 
 def _poses(origin: Sequence[Any], world: World) -> pl.DataFrame:

@@ -1,7 +1,7 @@
 import pytest
 
 from tracknoise.report.axis import AGE, FRAME
-from tracknoise.statistics.curves import NAMES
+from tracknoise.statistics.definitions import NAMES
 
 
 @pytest.mark.parametrize(

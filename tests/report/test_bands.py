@@ -10,7 +10,8 @@ import pytest
 
 from tracknoise.report import bands
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures import Figure, curves, lifetimes, lightings, outlier_ratio, views
+from tracknoise.report.figures import curves, lifetimes, lightings, outlier_ratio, views
+from tracknoise.report.figures.figure import Figure
 from tracknoise.statistics.upright import upright
 from tracknoise.tables.store import RunFolder
 

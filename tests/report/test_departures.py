@@ -7,9 +7,9 @@ from pathlib import Path
 import polars as pl
 import pytest
 
+from tracknoise.findings.wording import number, pixels
 from tracknoise.report.departures import Departure, Part, departures, texts
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.sentences import number, pixels
 from tracknoise.statistics.lifetimes import mean_lifetime
 from tracknoise.tables.store import RunFolder
 

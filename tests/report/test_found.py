@@ -7,10 +7,10 @@ from collections.abc import Callable
 import polars as pl
 import pytest
 
+from tracknoise.findings.wording import percent, pixels
 from tracknoise.report import found
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.page import write_report
-from tracknoise.report.sentences import percent, pixels
 from tracknoise.tables.store import RunFolder
 
 MANY = tuple(f"scene-{place}" for place in range(8))

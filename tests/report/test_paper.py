@@ -7,9 +7,9 @@ import polars as pl
 import pytest
 
 from tracknoise.experiments.load import load_experiment, preset_names
+from tracknoise.findings.wording import effect_text
 from tracknoise.report import matters, paper
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.sentences import effect_text
 from tracknoise.tables.store import RunFolder
 
 LK, SIFT = "lucas-kanade", "correspondence"

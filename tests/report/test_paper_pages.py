@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures import FAMILIES, Figure
+from tracknoise.report.figures import FAMILIES
+from tracknoise.report.figures.figure import Figure
 from tracknoise.tables.store import RunFolder
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "paper.md"

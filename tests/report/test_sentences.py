@@ -1,6 +1,7 @@
 import pytest
 
-from tracknoise.report.sentences import count, listing, number, percent, pixels, px
+from tracknoise.findings.wording import count, number, percent, pixels, px
+from tracknoise.report.sentences import listing
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,9 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.findings.wording import percent
 from tracknoise.report import trimmed
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.sentences import percent
 from tracknoise.tables.store import RunFolder
 
 MOSTLY_SEEN_ONCE: dict[str, Any] = {"loss": 0.97, "hidden": 0.0, "trackers": ("one",), "speeds": (1,)}

@@ -6,9 +6,12 @@ import pytest
 from polars.testing import assert_frame_equal
 
 from tracknoise.exceptions import SchemaError
-from tracknoise.statistics.aspects import GRADIENT, LEAST_MOTION_PX, LIVES, MOTION, aspect_curves, lives, scene_aspects
-from tracknoise.statistics.curves import curves
+from tracknoise.statistics.aspects import aspects
+from tracknoise.statistics.curves import aspect_curves, curves
+from tracknoise.statistics.definitions import LEAST_MOTION_PX, LONG_LIVED_AGES
 from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.prepared import prepare_observations, prepare_sequence
+from tracknoise.tables.enumerations import Aspect
 from tracknoise.tables.schema import ASPECT_CURVES, ASPECTS, OBSERVATIONS, TRACKS, empty
 
 TURN_FRAMES = 36
@@ -42,9 +45,9 @@ def turning(observations, tracks) -> tuple[pl.DataFrame, pl.DataFrame]:
 
 def test_a_drift_along_a_turning_motion_averages_out_in_u_and_v_and_not_along_the_motion(turning) -> None:
     seen, lived = turning
-    image = scene_moments(seen).filter(population="visible", trimming="untrimmed").sort("at")
+    image = scene_moments(prepare_observations(seen)).filter(population="visible", trimming="untrimmed").sort("at")
     assert image.select("mean_u", "mean_v").to_numpy() == pytest.approx(0, abs=1e-12)
-    along = aspect(scene_aspects(seen, lived), MOTION)
+    along = aspect(aspects(prepare_sequence(seen, lived)), Aspect.motion)
     assert along["at"].to_list() == list(range(1, 13))  # at age 0 there is no motion yet
     assert along["mean_u"].to_numpy() == pytest.approx(DRIFT_PX * along["at"].to_numpy(), abs=1e-12)
     assert along["mean_v"].to_numpy() == pytest.approx(0, abs=1e-12)
@@ -58,7 +61,7 @@ def test_across_is_positive_to_the_right_of_the_motion(observations, tracks) -> 
         u_true_px=[0] * 4 + [u for u, _ in steps], v_true_px=[0] * 4 + [v for _, v in steps],
         du_px=[0] * 4 + [u for u, _ in errors], dv_px=[0] * 4 + [v for _, v in errors],
     )  # fmt: skip
-    row = aspect(scene_aspects(seen, tracks(track=[0, 1, 2, 3])), MOTION).row(0, named=True)
+    row = aspect(aspects(prepare_sequence(seen, tracks(track=[0, 1, 2, 3]))), Aspect.motion).row(0, named=True)
     assert (row["n"], row["mean_u"], row["mean_v"]) == (4, 2.0, 1.0)
     assert (row["m_uu"], row["m_vv"]) == (0.0, 0.0)
 
@@ -78,7 +81,7 @@ def test_only_what_has_moved_since_the_frame_before_has_a_direction(observations
         track=track, frame=frame, age=age, u_true_px=u_true, v_true_px=[0.0 if k else None for k in known],
         truth=truth, du_px=[1.0 if k else None for k in known], dv_px=[0.0 if k else None for k in known], speed=4,
     )  # fmt: skip
-    found = aspect(scene_aspects(seen, tracks(track=list(range(5)), speed=4)), MOTION)
+    found = aspect(aspects(prepare_sequence(seen, tracks(track=list(range(5)), speed=4))), Aspect.motion)
     assert found.select("at", "n").rows() == [(4, 2), (8, 1)]
 
 
@@ -93,8 +96,8 @@ def test_tracks_of_the_same_number_in_other_conditions_are_other_tracks(observat
     ]  # fmt: skip
     mixed = pl.concat(parts).sample(fraction=1.0, shuffle=True, seed=1)
     lived = pl.concat([tracks(track=[0], scene=a, tracker=b, speed=c, gradient_rad=0.0) for a, b, c in conditions])
-    apart = [scene_aspects(part, one) for part, one in zip(parts, lived.iter_slices(1), strict=True)]
-    together = scene_aspects(mixed, lived)
+    apart = [aspects(prepare_sequence(part, one)) for part, one in zip(parts, lived.iter_slices(1), strict=True)]
+    together = aspects(prepare_sequence(mixed, lived))
     assert_frame_equal(together, pl.concat(apart).sort(together.columns[: together.columns.index("n")]))
 
 
@@ -106,7 +109,7 @@ def test_errors_turn_into_the_axes_of_the_gradient_of_their_track(observations, 
         track=[0, 1, 2, 3, 4], du_px=[*(-size * np.sin(angle)), 50.0], dv_px=[*(size * np.cos(angle)), 50.0]
     )
     lived = tracks(track=[0, 1, 2, 3, 4], gradient_rad=[*angle.tolist(), None])
-    row = aspect(scene_aspects(seen, lived), GRADIENT).row(0, named=True)
+    row = aspect(aspects(prepare_sequence(seen, lived)), Aspect.gradient).row(0, named=True)
     assert row["n"] == 4  # one track began where no gradient dominates
     second = {name: row[f"m_{name}{name}"] + row["n"] * row[f"mean_{name}"] ** 2 for name in "uv"}
     assert second == pytest.approx({"u": 0.0, "v": np.sum(size**2)}, abs=1e-5)  # angles are float32
@@ -134,18 +137,25 @@ def many(observations, tracks) -> tuple[pl.DataFrame, pl.DataFrame]:
 
 def test_survivors_are_the_tracks_that_were_seen_at_an_age_or_later(many) -> None:
     seen, lived = many
-    found = scene_aspects(seen, lived)
+    found = aspects(prepare_sequence(seen, lived))
     oldest = seen.group_by("track").agg(pl.col("age").max())
-    for age in LIVES:
+    for age in LONG_LIVED_AGES:
         chosen = oldest.filter(pl.col("age") >= age)["track"]
-        direct = scene_moments(seen.filter(pl.col("track").is_in(chosen.implode()))).filter(population="visible")
+        direct = scene_moments(prepare_observations(seen.filter(pl.col("track").is_in(chosen.implode())))).filter(
+            population="visible"
+        )
         assert direct.height > 0
-        assert_frame_equal(found.filter(aspect=lives(age)).drop("aspect"), direct, rel_tol=1e-9, abs_tol=1e-9)
+        assert_frame_equal(
+            found.filter(aspect=Aspect.long_lived, at_least=age).drop("aspect", "at_least"),
+            direct,
+            rel_tol=1e-9,
+            abs_tol=1e-9,
+        )
 
 
 def test_a_turn_of_the_axes_keeps_the_length_of_errors_and_counts_visible_and_kept_ones_alone(many) -> None:
     seen, lived = many
-    found = scene_aspects(seen, lived).filter(aspect=GRADIENT)
+    found = aspects(prepare_sequence(seen, lived)).filter(aspect=Aspect.gradient)
     with_gradient = lived.filter(pl.col("gradient_rad").is_not_null())["track"]
     direct = seen.filter(pl.col("truth") == "valid", pl.col("track").is_in(with_gradient.implode()))
     for trimming, chosen in (("untrimmed", direct), ("trimmed", direct.filter("kept"))):
@@ -161,7 +171,7 @@ def test_a_turn_of_the_axes_keeps_the_length_of_errors_and_counts_visible_and_ke
 
 def test_time_counts_where_a_key_frame_fixes_the_tracks(turning) -> None:
     seen, lived = turning
-    along = aspect(scene_aspects(seen, lived, axis="frame"), MOTION)
+    along = aspect(aspects(prepare_sequence(seen, lived, axis="frame")), Aspect.motion)
     assert along["axis"].unique().to_list() == ["frame"]
     assert along["at"].to_list() == list(range(1, TURN_FRAMES + 12))
 
@@ -169,24 +179,24 @@ def test_time_counts_where_a_key_frame_fixes_the_tracks(turning) -> None:
 def test_results_do_not_depend_on_the_order_of_rows_and_the_input_stays_as_it_was(many) -> None:
     seen, lived = many
     before = seen.clone()
-    found = scene_aspects(seen, lived)
-    shuffled = scene_aspects(seen.sample(fraction=1.0, shuffle=True, seed=2), lived.reverse())
+    found = aspects(prepare_sequence(seen, lived))
+    shuffled = aspects(prepare_sequence(seen.sample(fraction=1.0, shuffle=True, seed=2), lived.reverse()))
     assert_frame_equal(shuffled, found, rel_tol=1e-9, abs_tol=1e-9)
-    assert scene_aspects(seen, lived).equals(found)
+    assert aspects(prepare_sequence(seen, lived)).equals(found)
     assert seen.equals(before)
 
 
 def test_nothing_seen_has_no_aspects_and_wrong_tables_are_refused(many) -> None:
     seen, lived = many
-    nothing = scene_aspects(empty(OBSERVATIONS), empty(TRACKS))
+    nothing = aspects(prepare_sequence(empty(OBSERVATIONS), empty(TRACKS)))
     assert nothing.equals(empty(ASPECTS))
     assert aspect_curves(nothing).equals(empty(ASPECT_CURVES))
     with pytest.raises(SchemaError, match="observations: column 8"):
-        scene_aspects(lived, seen)
+        aspects(prepare_sequence(lived, seen))
     with pytest.raises(SchemaError, match="tracks: column 13"):
-        scene_aspects(seen, lived.drop("gradient_rad"))
+        aspects(prepare_sequence(seen, lived.drop("gradient_rad")))
     with pytest.raises(SchemaError, match="aspects: column 0"):
-        aspect_curves(scene_moments(seen))
+        aspect_curves(scene_moments(prepare_observations(seen)))
 
 
 @pytest.fixture(scope="module")
@@ -195,19 +205,21 @@ def scenes(many) -> list[pl.DataFrame]:
     seen, lived = many
     names = [("d", "a"), ("d", "b"), ("d/e", "a")]
     labelled = [[t.with_columns(dataset=pl.lit(d), scene=pl.lit(s)) for t in (seen, lived)] for d, s in names]
-    return [scene_aspects(*pair) for pair in labelled]
+    return [aspects(prepare_sequence(*pair)) for pair in labelled]
 
 
 def test_curves_of_an_aspect_are_the_curves_of_its_moments(scenes) -> None:
     stacked = pl.concat(scenes)
     found = aspect_curves(stacked, min_features=30)
-    for name in stacked["aspect"].unique().to_list():
-        direct = curves(stacked.filter(aspect=name).drop("aspect"), min_features=30)
-        if name == GRADIENT:
+    order = ["aspect", "at_least", "dataset"]
+    labels = order[:2]
+    for name, at_least in stacked.select(labels).unique().rows():
+        chosen = (pl.col("aspect") == name) & pl.col("at_least").eq_missing(at_least)
+        direct = curves(stacked.filter(chosen).drop(labels), min_features=30)
+        if name == Aspect.gradient:
             direct = direct.filter(pl.col("statistic").is_in(["eta", "Phi"]))  # its axis has no sign, so no mean
-        assert_frame_equal(found.filter(aspect=name).drop("aspect"), direct)
+        assert_frame_equal(found.filter(chosen).drop(labels), direct)
     assert found["cut"].any()
-    order = ["aspect", "dataset"]
     assert found.select(order).equals(found.select(order).sort(order, maintain_order=True))
     assert found["dataset"].unique().sort().to_list() == ["d", "d/e"]
 

@@ -5,6 +5,7 @@ import pytest
 from tracknoise.exceptions import SchemaError
 from tracknoise.statistics.change_curves import change_curves
 from tracknoise.statistics.increments import increments
+from tracknoise.statistics.prepared import prepare_sequence
 from tracknoise.tables.schema import CHANGES, INCREMENTS, OBSERVATIONS, empty
 
 FRAMES, TRACKS = 6, 40
@@ -33,7 +34,7 @@ def measured(errors, observations, tracks) -> list[pl.DataFrame]:
             du_px=values[:, 0].tolist(),
             dv_px=values[:, 1].tolist(),
         )
-        found.append(increments(rows, tracks(scene=name, track=list(range(TRACKS)))))
+        found.append(increments(prepare_sequence(rows, tracks(scene=name, track=list(range(TRACKS))))))
     return found
 
 
@@ -64,7 +65,7 @@ def test_tables_one_by_one_give_what_they_give_together(measured) -> None:
 
 def test_one_change_has_a_mean_and_no_covariance(observations, tracks) -> None:
     rows = observations(frame=[0, 1], age=[0, 1], du_px=[0.0, 1.0], dv_px=[0.0, 2.0])
-    row = change_curves(increments(rows, tracks(track=[0]))).row(0, named=True)
+    row = change_curves(increments(prepare_sequence(rows, tracks(track=[0])))).row(0, named=True)
     assert (row["mean_u_px"], row["mean_v_px"], row["covariance_uu"]) == (1.0, 2.0, None)
 
 

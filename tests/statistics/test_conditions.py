@@ -3,7 +3,7 @@ import pytest
 
 from tracknoise.exceptions import SchemaError
 from tracknoise.statistics.conditions import by_condition, scenes_by_dataset
-from tracknoise.statistics.grouping import POOLED
+from tracknoise.statistics.definitions import POOLED
 from tracknoise.tables.schema import ORIGIN, empty
 
 COUNTED = {**ORIGIN, "n": pl.Int64}

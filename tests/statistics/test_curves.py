@@ -6,9 +6,11 @@ import pytest
 
 from tracknoise.exceptions import SchemaError
 from tracknoise.statistics import curves as module
-from tracknoise.statistics.curves import NAMES, UNITS, curves
+from tracknoise.statistics.curves import curves
+from tracknoise.statistics.definitions import NAMES, UNITS
 from tracknoise.statistics.grouping import in_chunks
 from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.prepared import prepare_observations
 from tracknoise.tables.schema import CURVES, MOMENTS, empty
 
 
@@ -21,14 +23,16 @@ def select(table: pl.DataFrame, **values: object) -> pl.DataFrame:
 def two_scenes(observations) -> pl.DataFrame:
     """Scene a: 3 features, scene b: 1 feature, at age 0."""
     return scene_moments(
-        observations(scene=["a", "a", "a", "b"], du_px=[1.0, 2.0, -3.0, 4.0], dv_px=[0.0, 1.0, -1.0, 2.0])
+        prepare_observations(
+            observations(scene=["a", "a", "a", "b"], du_px=[1.0, 2.0, -3.0, 4.0], dv_px=[0.0, 1.0, -1.0, 2.0])
+        )
     )
 
 
 def test_pooled_features_agree_with_numpy(observations) -> None:
     rng = np.random.default_rng(6)
     u, v = rng.normal(0.3, size=500), rng.normal(-0.2, size=500)
-    table = select(curves(scene_moments(observations(du_px=u.tolist(), dv_px=v.tolist()))))
+    table = select(curves(scene_moments(prepare_observations(observations(du_px=u.tolist(), dv_px=v.tolist())))))
     row = {statistic: table.filter(statistic=statistic).row(0, named=True) for statistic in NAMES["age"].values()}
     assert [row["nu"][axis] for axis in "uv"] == pytest.approx([u.mean(), v.mean()])
     assert [row["eta"][axis] for axis in "uv"] == pytest.approx([np.abs(u).mean(), np.abs(v).mean()])
@@ -58,7 +62,7 @@ def test_a_scene_with_one_feature_has_no_second_moment_to_average(two_scenes) ->
 
 @pytest.mark.parametrize("weighting", ["features", "scenes"])
 def test_one_feature_has_no_second_moment(observations, weighting: str) -> None:
-    table = select(curves(scene_moments(observations(du_px=[2.0]))), weighting=weighting)
+    table = select(curves(scene_moments(prepare_observations(observations(du_px=[2.0])))), weighting=weighting)
     assert select(table, weighting=weighting, statistic="nu")["u"].to_list() == [2.0]
     for statistic in ("Phi", "central"):
         assert table.filter(statistic=statistic).select("u", "v", "uv").row(0) == (None, None, None)
@@ -67,13 +71,15 @@ def test_one_feature_has_no_second_moment(observations, weighting: str) -> None:
 
 def test_curves_are_cut_from_the_first_thin_age_on(observations) -> None:
     ages = [0] * 5 + [4] * 3 + [8] * 2 + [12] * 4  # 12 has enough again, but stays cut
-    table = select(curves(scene_moments(observations(age=ages)), min_features=3), statistic="nu")
+    table = select(curves(scene_moments(prepare_observations(observations(age=ages))), min_features=3), statistic="nu")
     assert table["at"].to_list() == [0, 4, 8, 12]
     assert table["cut"].to_list() == [False, False, True, True]
 
 
 def test_the_cut_counts_all_scenes_together_and_each_condition_alone(observations) -> None:
-    moments = scene_moments(observations(scene=["a", "b", "a", "a"], speed=[1, 1, 2, 2], age=[0, 0, 0, 2]))
+    moments = scene_moments(
+        prepare_observations(observations(scene=["a", "b", "a", "a"], speed=[1, 1, 2, 2], age=[0, 0, 0, 2]))
+    )
     table = curves(moments, min_features=2).filter(statistic="eta", population="visible", trimming="trimmed")
     found = {(row["weighting"], row["speed"], row["at"]): row["cut"] for row in table.iter_rows(named=True)}
     expected = {(1, 0): False, (2, 0): True, (2, 2): True}
@@ -88,7 +94,9 @@ def test_a_scene_drawn_twice_counts_twice(two_scenes) -> None:
 
 
 def test_lightings_and_rotations_are_never_pooled(observations) -> None:
-    moments = scene_moments(observations(lighting=["x", "y", "x"], rotation=[0, 0, 90], du_px=[1.0, 2.0, 3.0]))
+    moments = scene_moments(
+        prepare_observations(observations(lighting=["x", "y", "x"], rotation=[0, 0, 90], du_px=[1.0, 2.0, 3.0]))
+    )
     table = select(curves(moments), statistic="nu")
     assert table.select("lighting", "rotation", "u").rows() == [("x", 0, 1.0), ("x", 90, 3.0), ("y", 0, 2.0)]
 
@@ -101,10 +109,12 @@ def test_rows_without_observations_are_left_out(two_scenes) -> None:
 def test_rows_are_sorted_and_do_not_depend_on_the_order_of_the_input(observations) -> None:
     rng = np.random.default_rng(7)
     moments = scene_moments(
-        observations(
-            scene=rng.choice(["a", "b", "c"], 300).tolist(),
-            age=rng.integers(0, 4, 300).tolist(),
-            du_px=rng.normal(size=300).tolist(),
+        prepare_observations(
+            observations(
+                scene=rng.choice(["a", "b", "c"], 300).tolist(),
+                age=rng.integers(0, 4, 300).tolist(),
+                du_px=rng.normal(size=300).tolist(),
+            )
         )
     )
     table = curves(moments)
@@ -118,11 +128,13 @@ def test_scenes_that_come_one_by_one_are_pooled_as_all_at_once(observations, mon
     rng = np.random.default_rng(17)
     scene = rng.choice(["a", "b", "c", "d", "e"], 400, p=[0.4, 0.3, 0.2, 0.09, 0.01])
     moments = scene_moments(
-        observations(
-            scene=scene.tolist(),
-            age=rng.geometric(0.3, 400).tolist(),
-            du_px=rng.normal(3.0, size=400).tolist(),
-            dv_px=rng.standard_cauchy(size=400).tolist(),
+        prepare_observations(
+            observations(
+                scene=scene.tolist(),
+                age=rng.geometric(0.3, 400).tolist(),
+                du_px=rng.normal(3.0, size=400).tolist(),
+                dv_px=rng.standard_cauchy(size=400).tolist(),
+            )
         )
     )
     together = curves(moments, min_features=3)
@@ -149,7 +161,7 @@ def test_another_table_is_refused() -> None:
 
 def test_along_frames_curves_have_the_names_of_time(observations) -> None:
     seen = observations(frame=[3, 3], age=[1, 2], du_px=[1.0, 3.0])
-    table = select(curves(scene_moments(seen, axis="frame"), min_features=1))
+    table = select(curves(scene_moments(prepare_observations(seen, axis="frame")), min_features=1))
     assert set(table["axis"]) == {"frame"}
     assert table.sort("statistic").select("statistic", "at", "u").rows() == [
         ("Sigma", 3, 10.0), ("central", 3, 2.0), ("kappa", 3, 2.0), ("mu", 3, 2.0),
@@ -158,5 +170,8 @@ def test_along_frames_curves_have_the_names_of_time(observations) -> None:
 
 def test_along_frames_curves_are_cut_on_both_sides_of_the_fullest(observations) -> None:
     frames = [0] * 3 + [1] * 2 + [2] * 4 + [3] * 6 + [4] * 3 + [5] * 1 + [6] * 5
-    table = select(curves(scene_moments(observations(frame=frames), axis="frame"), min_features=3), statistic="mu")
+    table = select(
+        curves(scene_moments(prepare_observations(observations(frame=frames), axis="frame")), min_features=3),
+        statistic="mu",
+    )
     assert table["cut"].to_list() == [True, True, False, False, False, True, True]

@@ -6,7 +6,8 @@ import polars as pl
 import pytest
 
 from tracknoise.exceptions import SchemaError
-from tracknoise.statistics.effects import FACTORS, ReferenceCondition, effects
+from tracknoise.statistics.effects import effects
+from tracknoise.statistics.factors import FACTORS, ReferenceCondition
 from tracknoise.tables.schema import CURVES, EFFECTS, LIFETIMES, OUTLIERS, empty
 
 CONDITION = {"dataset": "d", "lighting": "day", "rotation": 0, "direction": "forward", "tracker": "lk", "speed": 1}

@@ -5,7 +5,8 @@ import polars as pl
 import pytest
 
 from tracknoise.exceptions import SchemaError
-from tracknoise.statistics.grouping import group_rows, in_chunks, reduce_each
+from tracknoise.statistics import grouping
+from tracknoise.statistics.grouping import group_rows, group_runs, in_chunks, number_combinations, reduce_each
 
 NUMBERS = {"n": pl.Int64}
 
@@ -29,6 +30,31 @@ def test_no_rows_make_no_groups() -> None:
     groups = group_rows(pl.DataFrame(schema={"name": pl.String}), ["name"])
     assert groups.count == 0
     assert groups.index.shape == (0,)
+
+
+def test_several_tables_share_their_groups_whether_or_not_equal_rows_are_adjacent() -> None:
+    first = pl.DataFrame({"name": ["b", "b", None, "a", "b"], "k": [1, 1, 1, 1, 2]})
+    second = pl.DataFrame({"name": ["c", "b"], "k": [0, 1]})
+    one, two = group_runs([first, second], ["name", "k"])
+    assert one.keys.rows() == two.keys.rows() == [(None, 1), ("a", 1), ("b", 1), ("b", 2), ("c", 0)]
+    assert one.keys[one.index].equals(first)
+    assert two.keys[two.index].equals(second)
+
+
+def test_runs_of_no_rows_make_no_groups() -> None:
+    nothing = pl.DataFrame(schema={"name": pl.String})
+    assert [groups.index.shape for groups in group_runs([nothing, nothing], ["name"])] == [(0,), (0,)]
+
+
+@pytest.mark.parametrize("largest", [0, 2**20])
+def test_combinations_are_numbered_in_order_with_a_lookup_table_or_without(monkeypatch, largest: int) -> None:
+    monkeypatch.setattr(grouping, "_LARGEST_LOOKUP", largest)
+    keys = (np.array([2, 0, 2, 2, 0]), np.array([False, True, True, False, True]))
+    (first, second), index = number_combinations(keys)
+    assert list(zip(first.tolist(), second.tolist(), strict=True)) == [(0, 1), (2, 0), (2, 1)]
+    assert index.tolist() == [1, 0, 2, 1, 0]
+    none, index = number_combinations([np.empty(0, dtype=np.intp)])
+    assert (none[0].shape, index.shape) == ((0,), (0,))
 
 
 def test_a_large_table_gives_each_row_the_group_with_its_key() -> None:

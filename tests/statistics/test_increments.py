@@ -3,7 +3,9 @@ import polars as pl
 import pytest
 
 from tracknoise.exceptions import SchemaError
-from tracknoise.statistics.increments import LAGS, increments
+from tracknoise.statistics.definitions import LAGS
+from tracknoise.statistics.increments import increments
+from tracknoise.statistics.prepared import prepare_sequence
 from tracknoise.tables.schema import INCREMENTS, OBSERVATIONS, TRACKS, empty
 
 
@@ -12,7 +14,7 @@ def one_track(observations, tracks, errors: list[float], *, frames: list[int] | 
     seen = list(range(len(errors))) if frames is None else frames
     negative = [-error for error in errors]
     table = observations(frame=seen, age=seen, du_px=errors, dv_px=negative, **columns)
-    return increments(table, tracks(track=[0])).filter(trimming="untrimmed")
+    return increments(prepare_sequence(table, tracks(track=[0]))).filter(trimming="untrimmed")
 
 
 def test_changes_by_age_and_products_by_lag_of_a_track_by_hand(observations, tracks) -> None:
@@ -40,7 +42,7 @@ def test_an_unseen_truth_is_a_gap(observations, tracks) -> None:
 
 def test_a_step_is_a_frame_that_the_tracker_saw(observations, tracks) -> None:
     table = observations(speed=4, frame=[0, 4, 8], age=[0, 4, 8], du_px=[0.0, 1.0, 1.5], dv_px=[0.0] * 3)
-    found = increments(table, tracks(track=[0], speed=4)).filter(trimming="untrimmed")
+    found = increments(prepare_sequence(table, tracks(track=[0], speed=4))).filter(trimming="untrimmed")
     assert found.select("lag", "age", "n", "mean_u").rows() == [(0, 4, 1, 1.0), (0, 8, 1, 0.5), (1, None, 1, None)]
 
 
@@ -53,7 +55,7 @@ def test_products_are_pooled_by_block_changes_over_all_and_trimmed_tracks_left_o
         du_px=[value for track in range(n) for value in (0.0, float(track), 2.0 * track)],
         kept=[track % 2 == 0 for track in range(n) for _ in range(3)],
     )
-    found = increments(table, tracks(track=list(range(n))))
+    found = increments(prepare_sequence(table, tracks(track=list(range(n)))))
     pairs = found.filter(lag=1)
     for trimming, count, mean in (("untrimmed", 32, 15.5), ("trimmed", 16, 15.0)):
         by_age = found.filter(lag=0, trimming=trimming).select("block", "age", "n", "mean_u")
@@ -71,7 +73,7 @@ def test_autocorrelation_tells_kinds_of_error_apart(observations, tracks, kind: 
     errors = {"white": noise - noise[:, :1], "walk": noise.cumsum(axis=1), "drift": drifts}[kind]
     age = np.tile(range(ages), n).tolist()
     table = observations(track=np.repeat(range(n), ages).tolist(), age=age, frame=age, du_px=errors.ravel().tolist())
-    found = increments(table, tracks(track=list(range(n)))).filter(lag=1, trimming="untrimmed")
+    found = increments(prepare_sequence(table, tracks(track=list(range(n))))).filter(lag=1, trimming="untrimmed")
     assert found["lagged_uu"].sum() / found["squares_uu"].sum() == pytest.approx(expected, abs=0.05)
 
 
@@ -86,15 +88,15 @@ def test_there_are_lags_up_to_the_largest_and_rows_may_come_in_any_order(observa
         du_px=rng.normal(size=n * ages).tolist(),
     )
     lives = tracks(scene=["a"] * (n // 2) + ["b"] * (n // 2), track=[*range(n // 2), *range(n // 2)])
-    found = increments(table, lives)
+    found = increments(prepare_sequence(table, lives))
     assert found["lag"].unique().sort().to_list() == list(range(LAGS + 1))
-    assert found.equals(increments(table.sample(fraction=1.0, shuffle=True, seed=1), lives))
+    assert found.equals(increments(prepare_sequence(table.sample(fraction=1.0, shuffle=True, seed=1), lives)))
     assert not found.select(list(INCREMENTS)[:11]).is_duplicated().any()
 
 
 def test_no_observations_give_no_rows_and_wrong_tables_are_refused(observations, tracks) -> None:
-    assert increments(empty(OBSERVATIONS), empty(TRACKS)).equals(empty(INCREMENTS))
+    assert increments(prepare_sequence(empty(OBSERVATIONS), empty(TRACKS))).equals(empty(INCREMENTS))
     with pytest.raises(SchemaError, match="observations: column 7"):
-        increments(empty(OBSERVATIONS).drop("track"), empty(TRACKS))
+        increments(prepare_sequence(empty(OBSERVATIONS).drop("track"), empty(TRACKS)))
     with pytest.raises(SchemaError, match="not in the tracks table"):
-        increments(observations(track=[3]), tracks(track=[0]))
+        increments(prepare_sequence(observations(track=[3]), tracks(track=[0])))

@@ -4,7 +4,9 @@ import pytest
 from polars.testing import assert_frame_equal
 
 from tracknoise.exceptions import SchemaError
-from tracknoise.statistics.moments import KEYS, merge, scene_moments
+from tracknoise.statistics.cells import KEYS, merge
+from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.prepared import prepare_observations
 from tracknoise.tables.schema import MOMENTS, OBSERVATIONS, ORIGIN, empty
 
 STATUSES = ["valid", "occluded", "out_of_image", "no_depth", "edge", "behind_camera"]
@@ -43,7 +45,7 @@ def selected(table: pl.DataFrame, population: str, trimming: str) -> pl.DataFram
 
 
 def test_every_group_has_the_moments_of_its_observations(many) -> None:
-    moments = scene_moments(many)
+    moments = scene_moments(prepare_observations(many))
     assert moments.height == 2 * 2 * 3 * 4
     for row in moments.iter_rows(named=True):
         key = {name: row[name] for name in ORIGIN} | {"age": row["at"]}
@@ -55,19 +57,19 @@ def test_every_group_has_the_moments_of_its_observations(many) -> None:
 
 
 def test_rows_are_sorted_and_unique(many) -> None:
-    moments = scene_moments(many)
+    moments = scene_moments(prepare_observations(many))
     assert_frame_equal(moments, moments.sort(KEYS))
     assert not moments.select(KEYS).is_duplicated().any()
 
 
 def test_pooling_scenes_equals_measuring_them_as_one(many) -> None:
-    pooled = merge(scene_moments(many), by=POOL)
-    as_one = scene_moments(many.with_columns(scene=pl.lit("all"))).drop("scene")
+    pooled = merge(scene_moments(prepare_observations(many)), by=POOL)
+    as_one = scene_moments(prepare_observations(many.with_columns(scene=pl.lit("all")))).drop("scene")
     assert_frame_equal(pooled.select(as_one.columns), as_one, rel_tol=1e-9, abs_tol=1e-6)
 
 
 def test_pooling_in_two_steps_equals_one(many) -> None:
-    moments = scene_moments(many)
+    moments = scene_moments(prepare_observations(many))
     by_age = merge(moments, by=["tracker", "population", "trimming", "at"])
     twice = merge(by_age, by=["tracker", "population", "trimming"])
     once = merge(moments, by=["tracker", "population", "trimming"])
@@ -75,20 +77,20 @@ def test_pooling_in_two_steps_equals_one(many) -> None:
 
 
 def test_results_are_byte_identical_and_rows_may_come_in_any_order(many) -> None:
-    moments = scene_moments(many)
-    assert moments.equals(scene_moments(many))
+    moments = scene_moments(prepare_observations(many))
+    assert moments.equals(scene_moments(prepare_observations(many)))
     shuffled = moments.sample(fraction=1.0, shuffle=True, seed=1)
     assert merge(shuffled, by=POOL).equals(merge(moments, by=POOL))
 
 
 def test_a_scene_drawn_twice_counts_twice(observations) -> None:
-    moments = scene_moments(observations(du_px=[1.0, 3.0]))
+    moments = scene_moments(prepare_observations(observations(du_px=[1.0, 3.0])))
     doubled = merge(pl.concat([moments, moments]), by=POOL).row(0, named=True)
     assert (doubled["n"], doubled["mean_u"], doubled["m_uu"]) == (4, 2.0, 4.0)
 
 
 def test_a_row_without_observations_changes_nothing_and_alone_has_no_mean(observations) -> None:
-    moments = scene_moments(observations(du_px=[1.0, 3.0]))
+    moments = scene_moments(prepare_observations(observations(du_px=[1.0, 3.0])))
     sums = [name for name in MOMENTS if name.startswith("m_")]
     nothing = moments.with_columns(n=pl.lit(0, dtype=pl.Int64), mean_u=None, mean_v=None, mean_abs_u=None)
     nothing = nothing.with_columns(mean_abs_v=None).with_columns(pl.lit(0.0).alias(name) for name in sums)
@@ -103,7 +105,7 @@ def test_a_known_gaussian_comes_back_within_four_standard_errors(observations, s
     mean, covariance, n = np.array([0.3, -0.1]), np.array([[1.0, 0.6], [0.6, 2.0]]), 20_000
     errors = np.random.default_rng(seed).multivariate_normal(mean, covariance, n)
     row = merge(
-        scene_moments(observations(du_px=errors[:, 0].tolist(), dv_px=errors[:, 1].tolist())),
+        scene_moments(prepare_observations(observations(du_px=errors[:, 0].tolist(), dv_px=errors[:, 1].tolist()))),
         by=["population", "trimming"],
     ).row(0, named=True)
     variances = covariance.diagonal()
@@ -117,28 +119,28 @@ def test_a_known_gaussian_comes_back_within_four_standard_errors(observations, s
 
 
 def test_no_observations_give_no_moments() -> None:
-    moments = scene_moments(empty(OBSERVATIONS))
+    moments = scene_moments(prepare_observations(empty(OBSERVATIONS)))
     assert moments.equals(empty(MOMENTS))
     assert merge(moments, by=["at"]).height == 0
 
 
 def test_observations_without_known_truth_give_no_moments(observations) -> None:
-    assert scene_moments(observations(truth=["no_depth"], du_px=[None], dv_px=[None])).height == 0
+    assert scene_moments(prepare_observations(observations(truth=["no_depth"], du_px=[None], dv_px=[None]))).height == 0
 
 
 def test_occluded_observations_alone_make_no_visible_rows(observations) -> None:
-    moments = scene_moments(observations(truth=["occluded"]))
+    moments = scene_moments(prepare_observations(observations(truth=["occluded"])))
     assert moments["population"].unique().to_list() == ["projected"]
 
 
 def test_the_wrong_tables_are_refused(many) -> None:
     with pytest.raises(SchemaError, match="observations: column 7"):
-        scene_moments(many.drop("track"))
+        scene_moments(prepare_observations(many.drop("track")))
     with pytest.raises(SchemaError, match="moments: column 0 is mean_u"):
-        merge(scene_moments(many).drop("n"), by=["at"])
+        merge(scene_moments(prepare_observations(many)).drop("n"), by=["at"])
 
 
 def test_the_input_stays_as_it_was(many) -> None:
     before = many.clone()
-    scene_moments(many)
+    scene_moments(prepare_observations(many))
     assert many.equals(before)

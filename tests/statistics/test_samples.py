@@ -5,6 +5,7 @@ import polars as pl
 import pytest
 
 from tracknoise.exceptions import SchemaError
+from tracknoise.statistics.prepared import prepare_sequence
 from tracknoise.statistics.samples import BANDS, first_tracks, samples
 from tracknoise.tables.schema import OBSERVATIONS, SAMPLES, TRACKS, empty
 
@@ -34,7 +35,7 @@ def test_bands_follow_one_another() -> None:
 
 
 def test_a_track_is_at_most_once_in_a_band_and_never_at_birth(many) -> None:
-    found = samples(*many)
+    found = samples(prepare_sequence(*many))
     assert found.height == 300 * 4
     assert found["age_low"].unique().sort().to_list() == [1, 5, 10, 20]
     assert not found.select("age_low", "track").is_duplicated().any()
@@ -44,13 +45,13 @@ def test_a_track_is_at_most_once_in_a_band_and_never_at_birth(many) -> None:
 
 
 def test_every_age_of_a_band_is_chosen_about_as_often(many) -> None:
-    counts = samples(*many).filter(age_low=10).group_by("at").agg(pl.len()).sort("at")
+    counts = samples(prepare_sequence(*many)).filter(age_low=10).group_by("at").agg(pl.len()).sort("at")
     assert counts["at"].to_list() == list(range(10, 20))
     assert counts["len"].is_between(10, 50).all()  # 30 expected; beyond four standard errors (5.2) either way
 
 
 def test_the_cap_takes_tracks_from_everywhere_and_a_smaller_cap_takes_some_of_them(many) -> None:
-    hundred, fifty = (samples(*many, max_tracks=cap) for cap in (100, 50))
+    hundred, fifty = (samples(prepare_sequence(*many), max_tracks=cap) for cap in (100, 50))
     assert hundred.group_by("age_low").agg(pl.len())["len"].to_list() == [100] * 4
     assert hundred.filter(age_low=1)["block"].n_unique() == 16
     assert fifty.equals(first_tracks(hundred, 50))
@@ -58,33 +59,33 @@ def test_the_cap_takes_tracks_from_everywhere_and_a_smaller_cap_takes_some_of_th
 
 def test_the_choice_does_not_depend_on_trimming_nor_on_the_order_of_rows(many) -> None:
     table, tracks = many
-    found = samples(table, tracks, max_tracks=100)
+    found = samples(prepare_sequence(table, tracks), max_tracks=100)
     assert found["kept"].to_list() == (found["track"] % 3 != 0).to_list()
-    all_kept = samples(table.with_columns(kept=pl.lit(value=True)), tracks, max_tracks=100)
+    all_kept = samples(prepare_sequence(table.with_columns(kept=pl.lit(value=True)), tracks), max_tracks=100)
     assert found.drop("kept").equals(all_kept.drop("kept"))
     shuffled = table.sample(fraction=1.0, shuffle=True, seed=1)
-    assert found.equals(samples(shuffled, tracks, max_tracks=100))
+    assert found.equals(samples(prepare_sequence(shuffled, tracks), max_tracks=100))
 
 
 def test_with_a_key_frame_bands_are_of_the_distance_from_it_before_and_after(observations, tracks) -> None:
     table = observations(frame=[4, 9, 10, 11, 15], age=[0, 5, 6, 7, 11], track=[0, 1, 2, 3, 4])
-    found = samples(table, tracks(track=list(range(5))), key_frame=10)
+    found = samples(prepare_sequence(table, tracks(track=list(range(5))), key_frame=10))
     assert found.select("age_low", "track", "at").rows() == [(1, 1, 9), (1, 3, 11), (5, 0, 4), (5, 4, 15)]
 
 
 def test_only_visible_errors_count(observations, tracks) -> None:
     table = observations(track=[0, 1], age=1, truth=["occluded", "valid"])
-    assert samples(table, tracks(track=[0, 1]))["track"].to_list() == [1]
+    assert samples(prepare_sequence(table, tracks(track=[0, 1])))["track"].to_list() == [1]
 
 
 def test_scenes_and_conditions_have_caps_of_their_own(observations, tracks) -> None:
     table = observations(scene=["a"] * 20 + ["b"] * 5, track=[*range(20), *range(5)], age=1)
     lives = tracks(scene=["a"] * 20 + ["b"] * 5, track=[*range(20), *range(5)])
-    found = samples(table, lives, max_tracks=10)
+    found = samples(prepare_sequence(table, lives), max_tracks=10)
     assert found.group_by("scene").agg(pl.len()).sort("scene").rows() == [("a", 10), ("b", 5)]
 
 
 def test_no_observations_give_no_samples_and_wrong_tables_are_refused() -> None:
-    assert samples(empty(OBSERVATIONS), empty(TRACKS)).equals(empty(SAMPLES))
+    assert samples(prepare_sequence(empty(OBSERVATIONS), empty(TRACKS))).equals(empty(SAMPLES))
     with pytest.raises(SchemaError, match="observations: column 7"):
-        samples(empty(OBSERVATIONS).drop("track"), empty(TRACKS))
+        prepare_sequence(empty(OBSERVATIONS).drop("track"), empty(TRACKS))

@@ -8,6 +8,7 @@ from tracknoise.statistics.curves import curves
 from tracknoise.statistics.lifetimes import lifetimes
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.outliers import outlier_ratios
+from tracknoise.statistics.prepared import prepare_observations
 from tracknoise.statistics.summary import summary
 from tracknoise.tables.schema import CURVES, LIFETIMES, OUTLIERS, SUMMARY, empty
 
@@ -15,7 +16,7 @@ from tracknoise.tables.schema import CURVES, LIFETIMES, OUTLIERS, SUMMARY, empty
 @pytest.fixture(scope="module")
 def by_age(observations):
     def build(ages: list[int], *, min_features: int = 1, **columns: object) -> pl.DataFrame:
-        return curves(scene_moments(observations(age=ages, **columns)), min_features=min_features)
+        return curves(scene_moments(prepare_observations(observations(age=ages, **columns))), min_features=min_features)
 
     return build
 
@@ -28,7 +29,7 @@ def test_one_row_says_it_all(observations, tracks, frames) -> None:
     seen = observations(age=[8, 8, 8], kept=[True, True, False], du_px=[1.0, 3.0, -10.0], dv_px=[0.0, 0.0, 2.0])
     lived = tracks(lifetime=[1, 2, 9], end=["lost", "outlier", "lost"])
     row = summary(
-        curves(scene_moments(seen), min_features=2),
+        curves(scene_moments(prepare_observations(seen)), min_features=2),
         lifetimes(lived),
         outlier_ratios(frames(offered=[10, 30], outliers=[1, 3])),
     ).row(0, named=True)
@@ -68,7 +69,7 @@ def test_too_few_features_everywhere_leave_the_errors_null(by_age) -> None:
 
 def test_the_reference_frame_is_the_last_one_up_to_ten_after_the_key_frame(observations) -> None:
     seen = observations(frame=[0, 24, 30, 34, 35], du_px=[9.0, 0.0, 1.0, 2.0, 9.0])
-    table = curves(scene_moments(seen, axis="frame"), min_features=1)
+    table = curves(scene_moments(prepare_observations(seen, axis="frame")), min_features=1)
     row = summarise(table, key_frame=24)
     assert (row["axis"], row["at"], row["untrimmed_nu_u_px"], row["untrimmed_eta_u_px"]) == ("frame", 34, 2.0, 2.0)
     assert summarise(table.filter(pl.col("at") <= 24), key_frame=24)["at"] is None

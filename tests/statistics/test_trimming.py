@@ -161,7 +161,7 @@ def test_an_unknown_population_is_refused() -> None:
 
 @pytest.mark.parametrize("numbers", [[1], [0, 0]])
 def test_an_observation_must_belong_to_exactly_one_track(observations, tracks, numbers: list[int]) -> None:
-    with pytest.raises(SchemaError, match="no track or several"):
+    with pytest.raises(SchemaError, match="not in the tracks table, or several times"):
         trim(observations(track=[0]), tracks(track=numbers), percentile=90)
 
 

@@ -5,6 +5,7 @@ from polars.testing import assert_frame_equal
 
 from tracknoise.statistics.curves import curves
 from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.prepared import prepare_observations
 from tracknoise.statistics.upright import upright
 
 WIDTH = HEIGHT = 100
@@ -26,7 +27,7 @@ def test_turned_curves_are_those_of_the_upright_image(observations, rotation: in
     def measured(rotation: int) -> pl.DataFrame:
         error = turned(seen, rotation) - turned(true, rotation)
         table = observations(age=[1] * 9, du_px=error[:, 0].tolist(), dv_px=error[:, 1].tolist(), rotation=rotation)
-        return curves(scene_moments(table), min_features=1)
+        return curves(scene_moments(prepare_observations(table)), min_features=1)
 
     found = upright(measured(rotation), signed=pl.col("statistic") == "nu")
     assert_frame_equal(found.select("statistic", "u", "v"), measured(0).select("statistic", "u", "v"))

@@ -10,15 +10,8 @@ import pytest
 
 from tracknoise.exceptions import SchemaError, StoreError
 from tracknoise.tables import schema
-from tracknoise.tables.store import (
-    OBSERVED,
-    SEQUENCE_TABLES,
-    FailureEntry,
-    Manifest,
-    RunFolder,
-    SequenceEntry,
-    sequence_key,
-)
+from tracknoise.tables.manifest import FailureEntry, Manifest, SequenceEntry, sequence_key
+from tracknoise.tables.store import OBSERVED, SEQUENCE_TABLES, RunFolder
 
 ENTRY = SequenceEntry("d", "a/b", "default", 0, "forward", 10, 64, 48, "birth", 5, 1.5, ("a note",))
 

@@ -21,7 +21,8 @@ from tracknoise.experiments.running.provenance import new_manifest
 from tracknoise.experiments.running.task import sequence_entry, tables_to_keep
 from tracknoise.experiments.settings import Experiment, parse_experiment
 from tracknoise.sequences.images import encode_png
-from tracknoise.tables.store import RunFolder, SequenceEntry
+from tracknoise.tables.manifest import SequenceEntry
+from tracknoise.tables.store import RunFolder
 
 
 def analyse(

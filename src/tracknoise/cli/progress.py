@@ -21,7 +21,7 @@ from rich.progress import (
 from tracknoise.report.names import together
 
 if TYPE_CHECKING:
-    from tracknoise.tables.store import SequenceEntry
+    from tracknoise.tables.manifest import SequenceEntry
 
 SILENCE_S = 10.0
 """Shortest time between two status lines, seconds. They are printed only where there are no bars."""

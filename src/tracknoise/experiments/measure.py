@@ -1,4 +1,4 @@
-"""Measure sequences completely: tables, trimming and moments."""
+"""Measure sequences: tables of observations and tracks, trimmed, and their moments."""
 
 from collections.abc import Iterator, Mapping
 from collections.abc import Sequence as Items
@@ -13,7 +13,8 @@ from tracknoise.measurement.sequence_tables import SequenceTables, measure_seque
 from tracknoise.measurement.tracking import Progress, TrackerSetup
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.statistics.moments import scene_moments
-from tracknoise.statistics.trimming import trim
+from tracknoise.statistics.prepared import PreparedSequence, prepare_sequence
+from tracknoise.statistics.trimming import trim_sequence
 from tracknoise.tables.defaults import POPULATION, TRIM_AMONG, TRIM_PERCENTILE
 from tracknoise.trackers.tracker import TrackerSettings
 from tracknoise.truth.scan_rule import SCAN_RULE, ScanRule
@@ -40,6 +41,8 @@ class Measurement:
         Number of frames read.
     snapshot_frame, snapshot
         One frame, (height, width) uint8, for figures that show the tracks.
+    prepared
+        Observations and tracks, checked and grouped: what further statistics are computed from.
     """
 
     sequence: Sequence = field(repr=False)
@@ -54,6 +57,7 @@ class Measurement:
     n_frames: int
     snapshot_frame: int
     snapshot: NDArray[np.uint8]
+    prepared: PreparedSequence = field(repr=False)
 
 
 def measure(
@@ -162,21 +166,14 @@ def complete(
     population: str = POPULATION,
 ) -> Measurement:
     """Trim what was measured in a sequence, and compute its moments; see `measure_together` for the parameters."""
-    trimmed = trim(
-        measured.observations,
-        measured.tracks,
-        percentile=trim_percentile,
-        population=population,
-        among=trim_among,
-        key_frame=measured.key_frame,
-    )
-    axis = "age" if measured.key_frame is None else "frame"
+    prepared = prepare_sequence(measured.observations, measured.tracks, key_frame=measured.key_frame)
+    trimmed = trim_sequence(prepared, percentile=trim_percentile, population=population, among=trim_among)
     return Measurement(
         sequence=sequence,
         observations=trimmed.observations,
         tracks=trimmed.tracks,
         frames=measured.frames,
-        moments=scene_moments(trimmed.observations, axis=axis),
+        moments=scene_moments(trimmed.sequence.seen),
         trims=trimmed.trims,
         population=population,
         truth=measured.truth,
@@ -184,6 +181,7 @@ def complete(
         n_frames=measured.n_frames,
         snapshot_frame=measured.snapshot_frame,
         snapshot=measured.snapshot,
+        prepared=trimmed.sequence,
     )
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from tracknoise.findings.wording import STATISTICS
-from tracknoise.statistics.curves import NAMES
+from tracknoise.statistics.definitions import NAMES
 
 ROLES: Mapping[str, str] = {
     **{name: role for names in NAMES.values() for role, name in names.items() if role in STATISTICS},

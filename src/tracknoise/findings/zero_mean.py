@@ -17,8 +17,8 @@ from tracknoise.findings.sampling.multiplicity import holm
 from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.wording import scenes_counted
 from tracknoise.statistics.conditions import Tables, TablesByCondition, by_condition
-from tracknoise.statistics.curves import NAMES
-from tracknoise.statistics.grouping import POOLED, group_rows
+from tracknoise.statistics.definitions import NAMES, POOLED
+from tracknoise.statistics.grouping import group_rows
 from tracknoise.tables.defaults import POPULATION
 from tracknoise.tables.enumerations import Axis, Verdict, Weighting
 from tracknoise.tables.findings_schema import ZERO_MEAN

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from tracknoise.findings import wording
 from tracknoise.report.sentences import KAPPA, MU, NU
-from tracknoise.statistics.curves import NAMES
+from tracknoise.statistics.definitions import NAMES
 
 
 @dataclass(frozen=True, slots=True)

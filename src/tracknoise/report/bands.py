@@ -6,7 +6,7 @@ import polars as pl
 
 from tracknoise.findings.wording import interval_text
 from tracknoise.report.sentences import listing
-from tracknoise.statistics.grouping import POOLED
+from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.upright import upright
 from tracknoise.tables.findings_schema import RESAMPLED
 from tracknoise.tables.schema import Schema
@@ -32,14 +32,16 @@ def with_bounds(curves: pl.DataFrame, intervals: pl.DataFrame) -> pl.DataFrame:
     polars.DataFrame
         The same rows with columns `BOUNDS`, in the unit of the curve, and `KIND`; null where there is no interval.
     """
-    aspect = ["aspect"] if "aspect" in curves.columns else []
+    aspect = ["aspect", "at_least"] if "aspect" in curves.columns else []
     keys = [*aspect, *POOLED, *_CURVE]
     chosen = intervals if aspect else intervals.filter(aspect="all")
     chosen = chosen.filter(pl.col("axis").is_in(["age", "frame"])).with_columns(pl.col("axis", "at").cast(pl.String))
     table = curves.with_columns(axis_=pl.col("axis").cast(pl.String), at_=pl.col("at").cast(pl.String))
     left = [*aspect, *POOLED, *_CURVE[:-2], "axis_", "at_"]
     bounds = side_by_side(chosen, keys)
-    return table.join(bounds, left_on=left, right_on=keys, how="left", maintain_order="left").drop("axis_", "at_")
+    return table.join(bounds, left_on=left, right_on=keys, how="left", maintain_order="left", nulls_equal=True).drop(
+        "axis_", "at_"
+    )
 
 
 def side_by_side(intervals: pl.DataFrame, keys: Sequence[str]) -> pl.DataFrame:
@@ -50,14 +52,14 @@ def side_by_side(intervals: pl.DataFrame, keys: Sequence[str]) -> pl.DataFrame:
     intervals
         The keys, and coordinate, low, high, level, resampled and n_scenes: a row a coordinate.
     keys
-        Columns that tell values apart; never null.
+        Columns that identify a value; nulls are equal to one another.
     """
     u, v = (
         intervals.filter(coordinate=axis).select(*keys, pl.col("low", "high").name.prefix(f"{axis}_")) for axis in "uv"
     )
     kinds = intervals.filter(coordinate="u").drop_nulls(["low", "high"])
     kinds = kinds.select(*keys, "level", "resampled", n_resampled="n_scenes")
-    return u.join(v, on=keys, how="left").join(kinds, on=keys, how="left")
+    return u.join(v, on=keys, how="left", nulls_equal=True).join(kinds, on=keys, how="left", nulls_equal=True)
 
 
 def of_scalar(table: pl.DataFrame, intervals: pl.DataFrame, statistic: str) -> pl.DataFrame:

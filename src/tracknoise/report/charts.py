@@ -9,7 +9,8 @@ from altair.utils.schemapi import debug_mode
 from tracknoise.exceptions import FigureError, UnknownNameError
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.export import specification
-from tracknoise.report.figures import FAMILIES, Absence, Family, Figure
+from tracknoise.report.figures import FAMILIES
+from tracknoise.report.figures.figure import Absence, Family, Figure
 
 Chart = alt.ConcatChart
 """A chart that displays itself in a notebook, and that can be changed and saved."""

@@ -8,13 +8,13 @@ from importlib import resources
 
 import polars as pl
 
+from tracknoise.findings.wording import DASH, SPACE, effect_text, number, percent, pixels
 from tracknoise.report import measured, paper
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.sentences import DASH, SPACE, effect_text, number, percent, pixels
 from tracknoise.report.tables import Cells
+from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.statistics.differences import comparable, largest_differences
 from tracknoise.statistics.lifetimes import mean_lifetime
-from tracknoise.statistics.summary import REFERENCE_AGE
 
 
 @dataclass(frozen=True, slots=True)

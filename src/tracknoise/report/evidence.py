@@ -15,10 +15,11 @@ from tracknoise.report import style
 from tracknoise.report.axis import AGE, FRAME, Axis
 from tracknoise.report.bands import BOUNDS, with_bounds
 from tracknoise.statistics.lightings import lightings_in_order
-from tracknoise.statistics.trimming import dropped_above
+from tracknoise.statistics.trims import dropped_above
 from tracknoise.tables.defaults import MARGIN
+from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.schema import VIEW
-from tracknoise.tables.store import FINDINGS_TABLES, STATISTICS_TABLES, Manifest, RunFolder, SequenceEntry
+from tracknoise.tables.store import FINDINGS_TABLES, STATISTICS_TABLES, RunFolder
 
 MOST_CONDITIONS = 40
 """More conditions than this are not listed one by one on the page."""

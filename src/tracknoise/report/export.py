@@ -9,7 +9,7 @@ import altair as alt
 import vl_convert as vlc
 
 from tracknoise.report import style
-from tracknoise.report.figures import Figure
+from tracknoise.report.figures.figure import Figure
 
 PNG_SCALE = 2
 

@@ -8,11 +8,10 @@ from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions, curve_bounds, scalar_bounds
 from tracknoise.findings.intervals.scalar_bounds import INTERPOLATED
-from tracknoise.findings.wording import SHAPES, chance
+from tracknoise.findings.wording import DASH, SHAPES, SPACE, chance
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.sentences import DASH, SPACE
 from tracknoise.report.tables import Cells
-from tracknoise.statistics.effects import ReferenceCondition
+from tracknoise.statistics.factors import ReferenceCondition
 
 _GROWTH = {"white": "constant", "none": "none of these"}
 """Behaviours whose names need more words."""

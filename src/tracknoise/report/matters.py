@@ -6,9 +6,10 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.findings.wording import DASH, SPACE, count, effect_text, number, percent
 from tracknoise.report import paper
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.sentences import DASH, SPACE, count, effect_text, listing, number, percent
+from tracknoise.report.sentences import listing
 from tracknoise.report.tables import Cells
 
 _MARKS = {"agree": "✓", "disagree": "✗", "undecided": "?"}

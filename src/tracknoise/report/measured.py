@@ -6,10 +6,11 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.findings.wording import TIMES, count, number, percent
 from tracknoise.report.axis import FRAME
 from tracknoise.report.evidence import MOST_CONDITIONS, Evidence
 from tracknoise.report.names import MOST_NAMED, by_statement, together
-from tracknoise.report.sentences import TIMES, count, listing, number, percent
+from tracknoise.report.sentences import listing
 from tracknoise.report.tables import Cells, cells
 from tracknoise.statistics.populations import POPULATIONS
 from tracknoise.tables.schema import TRIMMING, TrackEnd, TruthStatus

@@ -12,7 +12,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from tracknoise.exceptions import StoreError, UnknownNameError
 from tracknoise.report import export, found, matters, measured, tables, trimmed
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures import FAMILIES, Figure
+from tracknoise.report.figures import FAMILIES
+from tracknoise.report.figures.figure import Figure
 from tracknoise.tables.store import RunFolder
 
 _ANCHORS = ["measured", "matters", "limits"]

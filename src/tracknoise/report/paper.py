@@ -10,9 +10,9 @@ import polars as pl
 
 from tracknoise.findings import wording
 from tracknoise.findings.roles import ROLES
+from tracknoise.findings.wording import SPACE, effect_text
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.sentences import SPACE, effect_text
-from tracknoise.statistics.effects import FACTORS
+from tracknoise.statistics.factors import FACTORS
 from tracknoise.tables.schema import CONDITION, EFFECTS, VERDICT, Schema
 
 STATISTICS: Mapping[str, str] = wording.STATISTICS

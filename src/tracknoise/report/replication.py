@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from tracknoise.exceptions import StoreError
+from tracknoise.findings.wording import DASH, number
 from tracknoise.report import matters, paper, tables
 from tracknoise.report.departures import Part, departures
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.page import template
-from tracknoise.report.sentences import DASH, number
 from tracknoise.tables.store import RunFolder
 
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import polars as pl
 
+from tracknoise.findings.wording import DASH, MINUS, TIMES, number, percent, pixels
 from tracknoise.report import paper
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.sentences import DASH, MINUS, TIMES, number, percent, pixels
 
 _LATEX = {
     "\\": r"\textbackslash{}",

@@ -2,11 +2,11 @@
 
 import polars as pl
 
+from tracknoise.findings.wording import count, number, percent
 from tracknoise.report.axis import FRAME
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.measured import condition, condition_columns, in_order
 from tracknoise.report.names import MOST_NAMED, together
-from tracknoise.report.sentences import count, number, percent
 
 
 def percentile_of(evidence: Evidence) -> str:

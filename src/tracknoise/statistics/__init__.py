@@ -1,1 +1,1 @@
-"""What the errors look like: mergeable moments, curves over age, lifetimes, outlier ratios, trimming."""
+"""Statistics of errors and tracks: mergeable moments, curves over age, lifetimes, outlier ratios, trimming."""

@@ -1,53 +1,38 @@
-"""Moments of du, dv by blocks of tracks: what is resampled where scenes are too few to be."""
+"""Moments of du, dv by blocks of tracks, to be resampled where there are too few scenes."""
 
-from collections.abc import Sequence
-
+import numpy as np
 import polars as pl
 
-from tracknoise.statistics.blocks import with_blocks
-from tracknoise.statistics.moments import measure_cells, unite_cells
-from tracknoise.statistics.populations import measured
-from tracknoise.tables.schema import BLOCKS, OBSERVATIONS, ORIGIN, check
-
-KEYS = [*ORIGIN, "block", "population", "trimming", "axis", "at"]
-CELL = [*ORIGIN, "block", "at"]
+from tracknoise.statistics.cells import SECOND, Cells, by_trimming, measure_cells, tabulate
+from tracknoise.statistics.prepared import PreparedSequence
+from tracknoise.tables.schema import BLOCKS, check
 
 
-def block_moments(
-    observations: pl.DataFrame, tracks: pl.DataFrame, *, axis: str = "age", populations: Sequence[str] = ("visible",)
-) -> pl.DataFrame:
+def block_moments(sequence: PreparedSequence) -> pl.DataFrame:
     """Moments of the errors of every scene, condition and block of tracks, by trimming, and age or frame.
 
     Parameters
     ----------
-    observations
-        An observations table of any number of scenes, trimmed (`tracknoise.statistics.trimming.trim`).
-    tracks
-        All tracks of these scenes and conditions.
-    axis
-        ``age`` or ``frame``, as in `tracknoise.statistics.moments.scene_moments`.
-    populations
-        Which observations: any of `visible` and `projected`.
+    sequence
+        Trimmed. Its `populations` are those that the table has.
 
     Returns
     -------
     polars.DataFrame
-        Schema `BLOCKS`, sorted by the columns of `KEYS`: a row for each combination that has an observation. Pooled
-        over the blocks of a scene they are the scene's moments.
-
-    Raises
-    ------
-    SchemaError
-        If the table has other columns, an error is missing where the true position is known, or a track is not in
-        `tracks`.
+        Schema `BLOCKS`, sorted by its columns before `n`, with one row for each combination that has an observation.
+        Pooled over the blocks of a scene they are the scene's moments.
     """
-    check(observations, OBSERVATIONS, "observations")
-    parts = [_of_population(observations, tracks, axis, population) for population in populations]
-    return check(pl.concat(parts).select(*BLOCKS).sort(KEYS), BLOCKS, "blocks")
+    selections: dict[tuple[str, str], Cells] = {}
+    for population in sequence.populations:
+        selections |= _of_population(sequence, population)
+    table = tabulate(selections, sequence.seen.conditions, names=["block", "at"], axis=sequence.seen.axis)
+    return check(table.select(*BLOCKS), BLOCKS, "blocks")
 
 
-def _of_population(observations: pl.DataFrame, tracks: pl.DataFrame, axis: str, population: str) -> pl.DataFrame:
-    known = measured(observations, population=population)
-    cells = measure_cells(with_blocks(known.with_columns(at=axis), tracks), by=[*CELL, "kept"])
-    selections = {(population, "untrimmed"): pl.lit(value=True), (population, "trimmed"): pl.col("kept")}
-    return unite_cells(cells, selections, axis=axis, by=CELL)
+def _of_population(sequence: PreparedSequence, population: str) -> dict[tuple[str, str], Cells]:
+    seen = sequence.seen
+    chosen = seen.members(population)
+    keys = (seen.condition, sequence.block, seen.at, seen.kept)
+    cells = measure_cells(seen.error_px[chosen], [key[chosen] for key in keys], orders=SECOND)
+    kept = cells.keys[-1].astype(bool)
+    return by_trimming(cells, population, by=3, chosen=np.ones_like(kept), kept=kept)

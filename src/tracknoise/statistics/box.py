@@ -1,4 +1,4 @@
-"""What a box plot shows of a set of values: the one place that defines it."""
+"""Definition of what box plots show."""
 
 from dataclasses import dataclass
 

@@ -7,8 +7,9 @@ from collections.abc import Iterable
 
 import polars as pl
 
-from tracknoise.statistics.grouping import POOLED, group_rows, in_chunks
-from tracknoise.statistics.moments import ABOUT_ZERO
+from tracknoise.statistics.cells import ABOUT_ZERO
+from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.grouping import group_rows, in_chunks
 from tracknoise.tables.schema import CHANGES, INCREMENTS, check
 
 _KEYS = [*POOLED, "trimming", "lag", "age"]
@@ -24,7 +25,7 @@ def change_curves(increments: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataF
     ----------
     increments
         What `tracknoise.statistics.increments.increments` made of any number of scenes; or any number of such tables,
-        read as they are asked for, a scene and condition in one of them.
+        read one at a time. Each scene and condition is in one of them only.
 
     Returns
     -------

@@ -1,7 +1,7 @@
-"""Tables of all scenes, held apart by condition.
+"""Tables of all scenes, one per condition.
 
-What is done to one condition at a time then copies one at a time, whatever it is. The names of a condition, which all
-of its rows share, take no room.
+Work on one condition then copies the rows of that condition only. Names that all rows of a condition share are stored
+once.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -9,7 +9,8 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.statistics.grouping import POOLED, in_chunks
+from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.grouping import in_chunks
 from tracknoise.tables.schema import Schema, check, empty
 
 Condition = tuple[Any, ...]
@@ -17,7 +18,7 @@ Condition = tuple[Any, ...]
 TablesByCondition = Mapping[Condition, pl.DataFrame]
 """Rows of each condition."""
 Tables = pl.DataFrame | Iterable[pl.DataFrame] | TablesByCondition
-"""One table, or any number of them, which may be read as they are asked for; or already apart."""
+"""One table, any number of tables that are read one at a time, or a mapping that is already by condition."""
 
 
 def by_condition(
@@ -28,11 +29,11 @@ def by_condition(
     Parameters
     ----------
     tables
-        Of any scenes and conditions. Where they are already apart they stay as they are.
+        Of any scenes and conditions. A mapping by condition is only checked.
     schema, name
-        What each must be, and what to call it where it is not.
+        Expected columns, and the name of the table for the error message.
     reduce
-        Makes a small table of the rows of any number of sequences, before they are held; of none it must make none.
+        Reduces the rows of any number of sequences before they are kept. It must return no rows for none.
 
     Raises
     ------

@@ -1,41 +1,36 @@
-"""How many observations have each truth status, and how tracks ended."""
+"""Number of observations with each truth status, and of tracks with each end."""
 
 from collections.abc import Iterable
 
+import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
-from tracknoise.statistics.grouping import POOLED, add_up
-from tracknoise.tables.schema import COUNTS, OBSERVATIONS, TRACKS, TrackEnd, TruthStatus, check
+from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.grouping import add_up, group_rows
+from tracknoise.statistics.prepared import PreparedSequence
+from tracknoise.tables.schema import COUNTS, TrackEnd, TruthStatus
+
+_SORTED = [column for column in COUNTS if column != "n"]
 
 
-def counts(observations: pl.DataFrame, tracks: pl.DataFrame) -> pl.DataFrame:
+def counts(sequence: PreparedSequence) -> pl.DataFrame:
     """Count truth statuses and track ends of every condition, trimmed tracks included.
-
-    Parameters
-    ----------
-    observations, tracks
-        Tables of any number of scenes.
 
     Returns
     -------
     polars.DataFrame
         Schema `COUNTS`, sorted by all columns but `n`: every name of a kind, with 0 where there is none, for each
         condition that the table has.
-
-    Raises
-    ------
-    SchemaError
-        If a table has other columns.
     """
-    statuses = _count(
-        check(observations, OBSERVATIONS, "observations"), "truth", [status.name for status in TruthStatus]
-    )
-    ends = _count(check(tracks, TRACKS, "tracks"), "end", [end.name for end in TrackEnd])
-    return merge_counts([statuses, ends])
+    seen, tracks = sequence.seen, sequence.tracks
+    statuses = _count(seen.conditions, seen.condition, sequence.observations["truth"], TruthStatus, "truth")
+    ends = _count(seen.conditions, sequence.track_condition, tracks["end"], TrackEnd, "end")
+    return pl.concat([statuses, ends]).select(*COUNTS).sort(_SORTED)
 
 
 def merge_counts(tables: Iterable[pl.DataFrame]) -> pl.DataFrame:
-    """Add up what `counts` returned for several sets of scenes.
+    """Add up the counts of several sets of scenes.
 
     Parameters
     ----------
@@ -52,11 +47,21 @@ def merge_counts(tables: Iterable[pl.DataFrame]) -> pl.DataFrame:
     SchemaError
         If a table has other columns.
     """
-    return add_up(tables, COUNTS, "counts").sort([column for column in COUNTS if column != "n"])
+    return add_up(tables, COUNTS, "counts").sort(_SORTED)
 
 
-def _count(table: pl.DataFrame, kind: str, names: list[str]) -> pl.DataFrame:
-    grid = table.select(POOLED).unique().join(pl.DataFrame({"name": names}), how="cross")
-    found = table.group_by(*POOLED, name=pl.col(kind).cast(pl.String)).agg(n=pl.len().cast(pl.Int64))
-    joined = grid.join(found, on=[*POOLED, "name"], how="left")
-    return joined.with_columns(pl.col("n").fill_null(0), kind=pl.lit(kind)).select(*COUNTS)
+def _count(
+    conditions: pl.DataFrame,
+    condition: NDArray[np.intp],
+    column: pl.Series,
+    names: type[TruthStatus] | type[TrackEnd],
+    kind: str,
+) -> pl.DataFrame:
+    """Rows with each name, by condition; `condition` is that of each row, `column` its name."""
+    pooled = group_rows(conditions, POOLED)
+    codes = pooled.index[condition] * len(names) + column.to_physical().to_numpy()
+    n = np.bincount(codes, minlength=pooled.count * len(names))
+    every = pl.DataFrame({"kind": kind, "name": [name.name for name in names]})
+    grid = pooled.keys.join(every, how="cross", maintain_order="left_right")
+    present = np.isin(np.arange(pooled.count), pooled.index[condition])
+    return grid.with_columns(n=pl.Series(n, dtype=pl.Int64)).filter(pl.Series(present.repeat(len(names))))

@@ -13,34 +13,32 @@ called mu_u(t), kappa_u(t) and Sigma_uv(t) (mu), (kappa), (Sigma).
 Differences from the paper: its printed sum limit of nu is a slip for Psi(k), and it has no central covariance.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.statistics.grouping import POOLED, group_rows, in_chunks
-from tracknoise.statistics.moments import KEYS, merge
+from tracknoise.statistics.cells import KEYS, merge
+from tracknoise.statistics.definitions import NAMES, POOLED, UNITS
+from tracknoise.statistics.grouping import group_rows, in_chunks
 from tracknoise.tables.defaults import MIN_FEATURES
-from tracknoise.tables.schema import CURVES, MOMENTS, WEIGHTING, check, empty
+from tracknoise.tables.enumerations import Aspect
+from tracknoise.tables.schema import ASPECT_CURVES, ASPECTS, CURVES, MOMENTS, WEIGHTING, Schema, check, empty
 
-UNITS = {"mean": "px", "absolute": "px", "second": "px^2", "central": "px^2"}
-"""Every statistic and its unit."""
-NAMES = {
-    "age": {"mean": "nu", "absolute": "eta", "second": "Phi", "central": "central"},
-    "frame": {"mean": "mu", "absolute": "kappa", "second": "Sigma", "central": "central"},
-}
-"""What each statistic is called, by the axis it runs along."""
 _CURVE = [*POOLED, "population", "trimming", "axis"]
 _POINT = [*_CURVE, "at"]
+_ASPECT = ["aspect", "at_least"]
 _COLUMNS = {"mean": ("u", "v"), "absolute": ("u", "v"), "second": ("u", "v", "uv"), "central": ("u", "v", "uv")}
 """Which values each statistic has."""
-_MOMENTS = [*_POINT, *(column for column in MOMENTS if column not in KEYS)]
+_MOMENTS = [column for column in MOMENTS if column not in KEYS]
 _SUMS = {statistic: [f"{statistic} {column}" for column in columns] for statistic, columns in _COLUMNS.items()}
 _SCENES = {statistic: f"{statistic} scenes" for statistic in _COLUMNS}
 
 _Values = dict[str, tuple[NDArray[np.float64], NDArray[np.int64]]]
 """For each statistic: its values, (points, 2 or 3), NaN where undefined; and the scenes it rests on, (points,)."""
+_SIGNLESS = {names[role] for names in NAMES.values() for role in ("absolute", "second")}
+"""Statistics that do not change with the sign of an axis."""
 
 
 def curves(moments: pl.DataFrame | Iterable[pl.DataFrame], *, min_features: int = MIN_FEATURES) -> pl.DataFrame:
@@ -49,10 +47,9 @@ def curves(moments: pl.DataFrame | Iterable[pl.DataFrame], *, min_features: int 
     Parameters
     ----------
     moments
-        A moments table with one row a scene, condition, population, trimming and age or frame; or any number of them,
-        read as they are asked for, of which no more is held than a few at a time. A scene that was drawn twice, as
-        bootstrap does, stands in it twice and counts twice. The order of rows does not matter; that of tables does as
-        far as sums are rounded.
+        A moments table with one row per scene, condition, population, trimming and age or frame; or any number of such
+        tables, of which a few at a time are read. A scene that a bootstrap drew twice occurs twice and counts twice.
+        The order of rows does not matter. The order of tables affects the rounding of sums only.
     min_features
         `cut` is set from the first age on, of those that a condition has, at which its scenes together have fewer
         features than this; with frames, from the frame of most features outwards, on either side.
@@ -70,50 +67,82 @@ def curves(moments: pl.DataFrame | Iterable[pl.DataFrame], *, min_features: int 
     SchemaError
         If the table has other columns.
     """
-    points = _pooled(moments)
-    keys = _with_cuts(points.select(*_POINT, "n"), min_features)
+    return check(_curves(in_chunks(moments, MOMENTS, "moments"), MOMENTS, [], min_features), CURVES, "curves")
+
+
+def aspect_curves(aspects: pl.DataFrame | Iterable[pl.DataFrame], *, min_features: int = 100) -> pl.DataFrame:
+    """Curves of every aspect, pooled over scenes: see `curves`.
+
+    Parameters
+    ----------
+    aspects
+        Schema `ASPECTS`, of any number of scenes; or any number of such tables, read a few at a time.
+    min_features
+        As in `curves`.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `ASPECT_CURVES`, sorted by aspect, `at_least`, and then as curves are. u is along and v across the motion
+        or the gradient. Along the gradient, an axis without sign, there are no means and no central moments.
+
+    Raises
+    ------
+    SchemaError
+        If a table has other columns.
+    """
+    found = _curves(in_chunks(aspects, ASPECTS, "aspects"), ASPECTS, _ASPECT, min_features)
+    undefined = (pl.col("aspect") == Aspect.gradient) & ~pl.col("statistic").is_in(_SIGNLESS)
+    return check(found.filter(~undefined), ASPECT_CURVES, "aspect curves")
+
+
+def _curves(chunks: Iterable[pl.DataFrame], schema: Schema, labels: Sequence[str], min_features: int) -> pl.DataFrame:
+    """Curves for each combination of the columns `labels`, which come first."""
+    points = _pooled(chunks, schema, [*labels, *_POINT])
+    keys = _with_cuts(points.select(*labels, *_POINT, "n"), [*labels, *_CURVE], min_features)
     weightings = {"features": _by_features(points), "scenes": _by_scenes(points)}
+    columns = [*labels, *CURVES]
     tables = [
-        _table(keys, weighting, statistic, *values[statistic])
+        _table(keys, weighting, statistic, *values[statistic]).select(columns)
         for weighting, values in weightings.items()
         for statistic in UNITS
     ]
-    sorting = [column for column in CURVES if column not in ("n", "n_scenes", "unit", "u", "v", "uv", "cut")]
-    return check(pl.concat(tables).sort(sorting), CURVES, "curves")
+    values = ("n", "n_scenes", "unit", "u", "v", "uv", "cut")
+    return pl.concat(tables).sort([column for column in columns if column not in values])
 
 
-def _pooled(moments: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
+def _pooled(chunks: Iterable[pl.DataFrame], schema: Schema, point: list[str]) -> pl.DataFrame:
     """The moments of every point, all scenes together, and the sums over scenes of each one's own statistics."""
-    points = _with_sums(empty(MOMENTS))
-    for chunk in in_chunks(moments, MOMENTS, "moments"):
-        scenes = chunk.filter(pl.col("n") > 0).sort(*MOMENTS)
-        points = _added(pl.concat([points, _with_sums(scenes)]))
+    points = _with_sums(empty(schema), point)
+    for chunk in chunks:
+        scenes = chunk.filter(pl.col("n") > 0).sort(*schema)
+        points = _added(pl.concat([points, _with_sums(scenes, point)]), point)
     return points
 
 
-def _with_sums(scenes: pl.DataFrame) -> pl.DataFrame:
+def _with_sums(scenes: pl.DataFrame, point: list[str]) -> pl.DataFrame:
     """The moments of scenes with their own statistics, 0 where undefined, and for how many scenes these are defined."""
     columns: dict[str, NDArray[np.float64] | NDArray[np.int64]] = {}
     for statistic, values in _statistics(scenes).items():
         columns |= dict(zip(_SUMS[statistic], np.nan_to_num(values).T, strict=True))
         columns[_SCENES[statistic]] = (~np.isnan(values[:, 0])).astype(np.int64)
-    return scenes.select(_MOMENTS).hstack(pl.DataFrame(columns))
+    return scenes.select(*point, *_MOMENTS).hstack(pl.DataFrame(columns))
 
 
-def _added(points: pl.DataFrame) -> pl.DataFrame:
-    """Rows of the same point made one, added up in the order in which they stand; sorted by point."""
-    groups = group_rows(points, _POINT)
+def _added(points: pl.DataFrame, point: list[str]) -> pl.DataFrame:
+    """The rows of each point, added up in their order; sorted by point."""
+    groups = group_rows(points, point)
     totals = [name for statistic in _COLUMNS for name in (*_SUMS[statistic], _SCENES[statistic])]
     added = groups.sums(points, totals).select(pl.col(name).cast(points.schema[name]) for name in totals)
-    return merge(points.select(_MOMENTS), by=_POINT).hstack(added)
+    return merge(points.select(*point, *_MOMENTS), by=point).hstack(added)
 
 
-def _with_cuts(points: pl.DataFrame, min_features: int) -> pl.DataFrame:
+def _with_cuts(points: pl.DataFrame, curve: list[str], min_features: int) -> pl.DataFrame:
     """Mark where too few features remain, on the way from where the features begin."""
     fullest = pl.col("at").get(pl.col("n").arg_max())
-    origin = pl.when(pl.col("axis") == "frame").then(fullest).otherwise(pl.col("at").min()).over(_CURVE)
+    origin = pl.when(pl.col("axis") == "frame").then(fullest).otherwise(pl.col("at").min()).over(curve)
     away = pl.col("at").cast(pl.Int64) - origin.cast(pl.Int64)
-    few = (pl.col("n") < min_features).cast(pl.UInt8).cum_max().over([*_CURVE, "side"], order_by="distance")
+    few = (pl.col("n") < min_features).cast(pl.UInt8).cum_max().over([*curve, "side"], order_by="distance")
     sided = points.with_columns(distance=away.abs(), side=away >= 0)
     return sided.with_columns(cut=few.cast(pl.Boolean)).drop("distance", "side")
 
@@ -158,4 +187,4 @@ def _table(
         n_scenes=pl.Series(n_scenes, dtype=pl.Int32),
         unit=pl.lit(UNITS[statistic]),
     )
-    return table.with_columns(**columns).select(*CURVES)
+    return table.with_columns(**columns)

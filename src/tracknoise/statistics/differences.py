@@ -41,10 +41,10 @@ def largest_differences(points: pl.DataFrame, *, by: list[str], level: str) -> p
     Parameters
     ----------
     points
-        Columns of `by`, `level` (sortable), `at`, `u` and `v`, one row a point of a curve; without those at which
+        Columns of `by`, `level` (sortable), `at`, `u` and `v`, one row per point of a curve, without points at which
         errors are zero by construction.
     by
-        Columns that tell apart what is not to be compared.
+        Columns whose values are not compared with one another.
     level
         Column whose values are compared.
 

@@ -1,61 +1,21 @@
-"""Does a factor matter: the largest difference between its levels, relative to the variation common to them.
+"""Effects of factors: the largest difference between levels, relative to the variation common to them.
 
-For every pair of levels of a factor, everything else held, `tracknoise.statistics.differences` compares their curves.
-The factor's effect on a statistic is the largest over pairs and over the coordinates u and v (effect). Curves are the
-experiment's: trimmed, features pooled, not cut. Age 0 and the key frame are left out, for errors are zero there by
-construction. A number such as the lifetime has no curve: its effect is the range over the levels, relative to
+All other factors are held at their reference. `tracknoise.statistics.differences` compares the curves of every pair of
+levels. The effect on a statistic is the largest over pairs and over the coordinates u and v (effect). The curves are
+trimmed, with features pooled, and not cut. Age 0 and the key frame are left out, because errors are zero there by
+construction. A single number such as the lifetime has no curve. Its effect is the range over the levels, relative to
 their mean (effect.scalar).
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from types import MappingProxyType
-
 import polars as pl
 
-from tracknoise.statistics.curves import NAMES, UNITS
+from tracknoise.statistics.definitions import NAMES, POOLED, UNITS
 from tracknoise.statistics.differences import comparable, largest_differences, relative
-from tracknoise.statistics.grouping import POOLED
+from tracknoise.statistics.factors import FACTORS, SCALARS, ReferenceCondition
 from tracknoise.statistics.lifetimes import mean_lifetime
 from tracknoise.statistics.upright import upright
 from tracknoise.tables.defaults import MARGIN, POPULATION
 from tracknoise.tables.schema import AXIS, CONDITION, CURVES, EFFECTS, LIFETIMES, OUTLIERS, VERDICT, Schema, check
-
-FACTORS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "tracker": (),
-        "speed": ("tracker",),
-        "lighting": ("tracker", "speed"),
-        "rotation": ("tracker",),
-        "direction": ("tracker",),
-    }
-)
-"""For each factor the columns each value of which is looked at alone; the others are held at their reference."""
-SCALARS: Mapping[str, str] = MappingProxyType({"lifetime": "frames", "outlier_ratio": "share"})
-"""Statistics that are one number a condition, and their units."""
-
-
-@dataclass(frozen=True, slots=True)
-class ReferenceCondition:
-    """Where factors are held while another one varies.
-
-    Parameters
-    ----------
-    lighting, direction
-        Names as in the tables.
-    rotation
-        Degrees.
-    speed
-        The nominal one.
-    key_frames
-        Where curves run along frames: the one in which errors are zero, by direction.
-    """
-
-    lighting: str
-    rotation: int = 0
-    direction: str = "forward"
-    speed: int = 1
-    key_frames: Mapping[str, int] = field(default_factory=dict)
 
 
 def effects(
@@ -83,10 +43,10 @@ def effects(
     Returns
     -------
     polars.DataFrame
-        Schema `EFFECTS`: a row for each factor, what else is held, and statistic. A factor matters (`yes`) if the
-        effect exceeds `margin`; it does not (`no`) if the effect is at most that and every level was compared with
-        another; else the verdict is `undecided`, and `why` says for want of what. Turned images are compared in the
-        upright image's axes.
+        Schema `EFFECTS`: one row for each factor, combination of held values, and statistic. A factor matters (`yes`)
+        if the effect exceeds `margin`. It does not (`no`) if the effect is at most `margin` and every level was
+        compared with another. Otherwise the verdict is `undecided`, and `why` says what is missing. Turned images are
+        compared in the axes of the upright image.
 
     Raises
     ------
@@ -131,7 +91,7 @@ def _others(factor: str) -> list[str]:
 
 
 def _held(table: pl.DataFrame, factor: str, reference: ReferenceCondition) -> pl.DataFrame:
-    """Rows of a table in which all that neither is the factor nor is looked at alone is at its reference."""
+    """Rows of a table in which all columns but the factor and those examined value by value are at their reference."""
     held = [column for column in CONDITION if column not in (factor, *FACTORS[factor])]
     return table.filter(**{column: getattr(reference, column) for column in held})
 
@@ -177,7 +137,7 @@ def _against_absolute(pairs: pl.DataFrame, keys: list[str]) -> pl.DataFrame:
 
 
 def _by_scalars(values: pl.DataFrame, factor: str) -> pl.DataFrame:
-    """Effect on each statistic that is one number a condition, by (effect.scalar)."""
+    """Effect on each statistic with one number per condition, by (effect.scalar)."""
     keys, value, level = [*_others(factor), "statistic"], pl.col("value"), pl.col(factor).cast(pl.String)
     found = (
         values.sort(*keys, factor)
@@ -207,7 +167,7 @@ def _verdict() -> pl.Expr:
 
 
 def _why() -> pl.Expr:
-    """What an undecided verdict wants; null for the others."""
+    """What is missing for a verdict where it is undecided; null elsewhere."""
     decided = _verdict() != "undecided"
     alone = pl.format("only one {} was measured: {}", "factor", pl.col("levels").list.first())
     nothing = pl.lit("no two levels have a point in common")

@@ -1,18 +1,22 @@
-"""Rows of a table put into numbered groups, so that NumPy can sum them in a fixed order."""
+"""Rows of a table in numbered groups, so that NumPy can sum them in a fixed order."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from math import prod
+from typing import Any
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.tables.schema import CONDITION, Schema, check, empty
+from tracknoise.tables.schema import Schema, check, empty
 
-POOLED = ["dataset", *CONDITION]
-"""What identifies a condition of a dataset once its scenes are pooled."""
 _ROWS_AT_ONCE = 2**17
-"""So many rows of small tables are put together before anything is done with them: it costs no more than one."""
+"""Rows of small tables that are stacked before they are processed: it costs no more than processing one of them."""
+_LARGEST_LOOKUP = 2**22
+"""Combinations of keys up to which a lookup table is quicker than sorting."""
+IntegerArray = NDArray[np.integer[Any]] | NDArray[np.bool_]
+"""Keys to group by; false and true count as 0 and 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +26,7 @@ class Groups:
     Attributes
     ----------
     keys
-        One row a group, sorted: names by code point, enumerations in the order of their definition.
+        One row per group, sorted: names by code point, enumerations in the order of their definition.
     index : (rows,) intp
         Row of `keys` for each row of the table.
     """
@@ -36,7 +40,7 @@ class Groups:
         return self.keys.height
 
     def sums(self, table: pl.DataFrame, columns: Sequence[str]) -> pl.DataFrame:
-        """Totals of columns of the grouped table, Float64, added up in the order of its rows: a row a group."""
+        """Totals of columns of the grouped table, Float64, one row per group, added up in the order of its rows."""
         totals = {name: np.bincount(self.index, table[name].to_numpy(), self.count) for name in columns}
         return pl.DataFrame(totals, schema=dict.fromkeys(columns, pl.Float64))
 
@@ -51,22 +55,82 @@ def group_rows(table: pl.DataFrame, by: Sequence[str]) -> Groups:
     return Groups(found.select(by), index)
 
 
+def group_runs(tables: Sequence[pl.DataFrame], by: Sequence[str]) -> list[Groups]:
+    """Group the rows of several tables that agree in all columns of `by`, with the same groups for every table.
+
+    Only the first row of each run of equal rows is grouped. This is fast where equal rows are adjacent.
+
+    Parameters
+    ----------
+    tables
+        With the columns `by`, of the same types.
+    by
+        Key columns, at least one.
+
+    Returns
+    -------
+    list of Groups
+        One per table. All have the same `keys`.
+    """
+    starts = [_run_starts(table.select(by)) for table in tables]
+    heads = pl.concat([table.select(by)[rows] for table, rows in zip(tables, starts, strict=True)])
+    groups = group_rows(heads, by)
+    parts = np.split(groups.index, np.cumsum([len(rows) for rows in starts])[:-1])
+    lengths = [np.diff(rows, append=table.height) for table, rows in zip(tables, starts, strict=True)]
+    return [Groups(groups.keys, np.repeat(part, length)) for part, length in zip(parts, lengths, strict=True)]
+
+
+def number_combinations(keys: Sequence[IntegerArray]) -> tuple[tuple[NDArray[np.intp], ...], NDArray[np.intp]]:
+    """Number the rows by the combination of their keys.
+
+    Parameters
+    ----------
+    keys
+        Arrays of (rows,) integers from 0 on, at least one.
+
+    Returns
+    -------
+    keys : tuple of (groups,) intp
+        Those of every combination that occurs, sorted by the first key, then the second, and so on.
+    index : (rows,) intp
+        The combination of each row.
+    """
+    shape = tuple(int(key.max(initial=0)) + 1 for key in keys)
+    codes = np.ravel_multi_index(tuple(key.astype(np.intp, copy=False) for key in keys), shape)
+    if prod(shape) > _LARGEST_LOOKUP:
+        present, index = np.unique(codes, return_inverse=True)
+    else:
+        present = np.flatnonzero(np.bincount(codes, minlength=1))
+        lookup = np.zeros(prod(shape), dtype=np.intp)
+        lookup[present] = np.arange(len(present))
+        index = lookup[codes]
+    return np.unravel_index(present, shape), index
+
+
+def _run_starts(table: pl.DataFrame) -> NDArray[np.intp]:
+    """Rows that differ from the row before them; the first row is one of them."""
+    differs = [pl.col(name).ne_missing(pl.col(name).shift()) for name in table.columns]
+    starts: NDArray[np.bool_] = table.select(starts=pl.any_horizontal(differs))["starts"].to_numpy().copy()
+    starts[:1] = True
+    return np.flatnonzero(starts)
+
+
 def reduce_each(
     tables: pl.DataFrame | Iterable[pl.DataFrame],
     schema: Schema,
     name: str,
     reduce: Callable[[pl.DataFrame], pl.DataFrame],
 ) -> pl.DataFrame:
-    """Stack what `reduce` makes of each table, holding one table at a time.
+    """Reduce each table and stack the results, with one table in memory at a time.
 
     Parameters
     ----------
     tables
-        One table, or any number of them, which may be read as they are asked for.
+        One table, or any number of tables, read one at a time.
     schema, name
-        What each must be, and what to call it where it is not.
+        Expected columns, and the name of the table for the error message.
     reduce
-        Makes a small table of a large one; of an empty one it must make an empty one.
+        Makes a small table of a large one, and an empty table of an empty one.
 
     Raises
     ------
@@ -80,18 +144,18 @@ def reduce_each(
 def in_chunks(
     tables: pl.DataFrame | Iterable[pl.DataFrame], schema: Schema, name: str, *, rows: int = _ROWS_AT_ONCE
 ) -> Iterator[pl.DataFrame]:
-    """Tables stacked to few larger ones, so that what is made of each can be added up as they come.
+    """Stack tables into fewer, larger ones, each of which can be reduced before the next is read.
 
-    How they are stacked depends on their sizes and order alone.
+    How they are stacked depends only on their sizes and order.
 
     Parameters
     ----------
     tables
-        One table, which is passed on as it is, or any number of them, which may be read as they are asked for.
+        One table, which is returned unchanged, or any number of tables, read one at a time.
     schema, name
-        What each must be, and what to call it where it is not.
+        Expected columns, and the name of the table for the error message.
     rows
-        Stop stacking from so many rows on.
+        Number of rows from which on a stack is complete.
 
     Yields
     ------
@@ -122,7 +186,7 @@ def add_up(tables: pl.DataFrame | Iterable[pl.DataFrame], schema: Schema, name: 
     tables
         One table of counts, or any number of them, read one at a time.
     schema, name
-        What each must be, and what to call it where it is not.
+        Expected columns, and the name of the table for the error message.
 
     Raises
     ------

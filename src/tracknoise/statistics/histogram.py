@@ -1,11 +1,12 @@
-"""Histogram of the tracks' largest errors in bins that never change, so that histograms add up."""
+"""Histogram of the tracks' largest errors in bins that never change, so that histograms can be added."""
 
 from collections.abc import Iterable
 
 import numpy as np
 import polars as pl
 
-from tracknoise.statistics.grouping import POOLED, add_up
+from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.grouping import add_up, group_runs
 from tracknoise.tables.schema import ERRORS, TRACKS, check
 
 BINS_PER_DECADE = 10
@@ -20,14 +21,14 @@ BINS = pl.DataFrame(
 """[0, 0.001) px, ten bins a decade up to 1000 px, then all from 1000 px on (no upper bound: null)."""
 
 
-def error_histogram(tracks: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
+def error_histogram(tracks: pl.DataFrame) -> pl.DataFrame:
     """Histogram of the largest L2 error of every track, before trimming, of every condition.
 
     Parameters
     ----------
     tracks
-        One tracks table with `max_error_px` filled in (`tracknoise.statistics.trimming.trim`), or any number of them,
-        read one at a time. Tracks without a measured error are not counted.
+        A tracks table with `max_error_px` filled in (`tracknoise.statistics.trimming`). Tracks without a measured error
+        are not counted.
 
     Returns
     -------
@@ -38,10 +39,15 @@ def error_histogram(tracks: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFra
     Raises
     ------
     SchemaError
-        If a table has other columns.
+        If the table has other columns.
     """
-    tables = [tracks] if isinstance(tracks, pl.DataFrame) else tracks
-    return merge_errors(_count_bins(check(table, TRACKS, "tracks")) for table in tables)
+    (groups,) = group_runs([check(tracks, TRACKS, "tracks")], POOLED)
+    measured = tracks["max_error_px"].is_not_null().to_numpy()
+    place = np.searchsorted(_BOUNDS_PX, tracks["max_error_px"].to_numpy()[measured], side="right")
+    n = np.bincount(groups.index[measured] * BINS.height + place, minlength=groups.count * BINS.height)
+    grid = groups.keys.join(BINS, how="cross", maintain_order="left_right")
+    table = grid.with_columns(n=pl.Series(n, dtype=pl.Int64))
+    return check(table.select(*ERRORS), ERRORS, "errors")
 
 
 def merge_errors(errors: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
@@ -64,13 +70,3 @@ def merge_errors(errors: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
     """
     total = add_up(errors, ERRORS, "errors")
     return check(total.sort(*POOLED, "bin_low_px"), ERRORS, "errors")
-
-
-def _count_bins(tracks: pl.DataFrame) -> pl.DataFrame:
-    """Tracks of each condition in each bin, a row for every bin, whatever it holds."""
-    measured = tracks.drop_nulls("max_error_px")
-    place = np.searchsorted(_BOUNDS_PX, measured["max_error_px"].to_numpy(), side="right")
-    found = measured.select(POOLED).with_columns(bin=pl.Series(place, dtype=pl.Int64))
-    counts = found.group_by(*POOLED, "bin").agg(n=pl.len().cast(pl.Int64))
-    grid = tracks.select(POOLED).unique().join(BINS, how="cross")
-    return grid.join(counts, on=[*POOLED, "bin"], how="left").with_columns(pl.col("n").fill_null(0)).select(*ERRORS)

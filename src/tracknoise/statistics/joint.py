@@ -1,4 +1,4 @@
-"""Central moments of grouped pairs of numbers, joint to any order, and how groups of them are pooled.
+"""Joint central moments of grouped pairs of numbers, of any order, and the pooling of groups.
 
 Arrays only. A central power sum of order (p, q) is sum((x - mean_x)^p (y - mean_y)^q), not divided by the count.
 """
@@ -6,6 +6,7 @@ Arrays only. A central power sum of order (p, q) is sum((x - mean_x)^p (y - mean
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,16 @@ class JointMoments:
     mean: NDArray[np.float64]
     central: NDArray[np.float64]
 
+    def of(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "JointMoments":
+        """Moments of some samples: which, (g,) bool, or their numbers."""
+        return JointMoments(self.orders, self.n[chosen], self.mean[chosen], self.central[chosen])
+
+
+def stack_moments(parts: Sequence[JointMoments]) -> JointMoments:
+    """The samples of several moments of the same orders, one after another."""
+    n, mean, central = (np.concatenate([getattr(part, name) for part in parts]) for name in ("n", "mean", "central"))
+    return JointMoments(parts[0].orders, n, mean, central)
+
 
 def measure_moments(
     pairs: NDArray[np.float64], group: NDArray[np.intp], count: int, *, orders: Sequence[Order] = FOURTH
@@ -57,11 +68,11 @@ def measure_moments(
         Which central power sums.
     """
     n = np.bincount(group, minlength=count)
-    mean, deviation = _centre(pairs, np.ones(len(group)), group, n)
-    highest = max(max(order) for order in orders)
-    x, y = _powers(deviation[:, 0], highest), _powers(deviation[:, 1], highest)
+    means, deviations = _centre(pairs, group, n)
+    highest = max((max(order) for order in orders), default=0)
+    x, y = (_powers(deviation, highest) for deviation in deviations)
     central = [np.bincount(group, x[p] * y[q], count) for p, q in orders]
-    return JointMoments(tuple(orders), n, mean, np.stack(central, axis=1))
+    return JointMoments(tuple(orders), n, np.stack(means, axis=1), _columns(central, count))
 
 
 def pool_moments(parts: JointMoments, group: NDArray[np.intp], count: int) -> JointMoments:
@@ -80,27 +91,40 @@ def pool_moments(parts: JointMoments, group: NDArray[np.intp], count: int) -> Jo
         Number of groups.
     """
     n = np.bincount(group, parts.n, count).astype(np.int64)
-    mean, shift = _centre(parts.mean, parts.n.astype(np.float64), group, n)
-    central = [np.bincount(group, _about(parts, shift, order), count) for order in parts.orders]
-    return JointMoments(parts.orders, n, mean, np.stack(central, axis=1))
+    means, shifts = _centre(parts.mean, group, n, weight=parts.n)
+    central = [np.bincount(group, _about(parts, shifts, order), count) for order in parts.orders]
+    return JointMoments(parts.orders, n, np.stack(means, axis=1), _columns(central, count))
 
 
 def _centre(
-    values: NDArray[np.float64], weight: NDArray[np.float64], group: NDArray[np.intp], n: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Weighted mean of each group, (g, 2), and what each row differs from it, (rows, 2)."""
-    mean, deviation = np.zeros((len(n), 2)), values
-    for _ in range(2):  # the second round removes what rounding left of a mean that is large beside the spread
-        sums = [np.bincount(group, weight * column, len(n)) for column in deviation.T]
-        step = np.stack(sums, axis=1) / np.maximum(n, 1)[:, None]
-        mean, deviation = mean + step, deviation - step[group]
-    return mean, deviation
+    pairs: NDArray[np.float64],
+    group: NDArray[np.intp],
+    n: NDArray[np.int64],
+    *,
+    weight: NDArray[np.int64] | None = None,
+) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
+    """Of both columns the weighted mean of each group, (g,), and what each row differs from it, (rows,)."""
+    means, deviations = [], []
+    for column in np.ascontiguousarray(pairs.T):
+        mean, deviation = np.zeros(len(n)), column
+        for _ in range(2):  # the second round removes what rounding left of a mean that is large beside the spread
+            weighted = deviation if weight is None else weight * deviation
+            step = np.bincount(group, weighted, len(n)) / np.maximum(n, 1)
+            mean, deviation = mean + step, deviation - step[group]
+        means.append(mean)
+        deviations.append(deviation)
+    return means, deviations
 
 
-def _about(parts: JointMoments, shift: NDArray[np.float64], order: Order) -> NDArray[np.float64]:
-    """Power sum of one order of each sample about the point that lies `shift` below its mean, (samples,)."""
+def _columns(values: Sequence[NDArray[Any]], count: int) -> NDArray[np.float64]:
+    """Arrays of (count,) side by side, of which there may be none."""
+    return np.array(values, dtype=np.float64).reshape(len(values), count).T
+
+
+def _about(parts: JointMoments, shifts: Sequence[NDArray[np.float64]], order: Order) -> NDArray[np.float64]:
+    """Power sum of one order of each sample about the point that lies `shifts` below its mean, (samples,)."""
     p, q = order
-    x, y = _powers(shift[:, 0], p), _powers(shift[:, 1], q)
+    x, y = _powers(shifts[0], p), _powers(shifts[1], q)
     total = parts.n * x[p] * y[q]  # sums of order 1 about the sample's own mean are 0
     for column, (a, b) in enumerate(parts.orders):
         if a <= p and b <= q:

@@ -1,4 +1,4 @@
-"""How long tracks live, counting those that the end of the sequence cut short for what they tell.
+"""Lifetimes of tracks. Those that were alive at the end of the sequence are censored.
 
 A lifetime is the number of consecutive frames, of those that its tracker saw, in which a feature was found; the first
 counts. Every track counts, whether or not its true position is known and whether or not trimming keeps it.
@@ -9,9 +9,10 @@ from collections.abc import Iterable
 import numpy as np
 import polars as pl
 
-from tracknoise.statistics.blocks import with_blocks
-from tracknoise.statistics.grouping import POOLED, group_rows, in_chunks
-from tracknoise.tables.schema import ENDS, LIFETIMES, TRACKS, Schema, check, empty
+from tracknoise.statistics.blocks import blocks_of
+from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.grouping import group_rows, group_runs, in_chunks, number_combinations
+from tracknoise.tables.schema import ENDS, LIFETIMES, ORIGIN, TRACKS, Schema, check, empty
 
 MEAN_LIFETIMES: Schema = {
     **{column: LIFETIMES[column] for column in POOLED},
@@ -29,12 +30,11 @@ SURVIVING: Schema = {
     "age": pl.UInt32,
     "n": pl.Int64,
 }
-_END = [column for column in ENDS if column not in ("n_ended", "n_censored")]
 _POOLED_END = [*POOLED, "lifetime", "n_ended", "n_censored"]
 
 
 def count_ends(tracks: pl.DataFrame) -> pl.DataFrame:
-    """Count the tracks that ended, or were censored, at each lifetime: all that statistics of lifetimes need.
+    """Count the tracks that ended, or were censored, at each lifetime; statistics of lifetimes need no more.
 
     Parameters
     ----------
@@ -51,12 +51,17 @@ def count_ends(tracks: pl.DataFrame) -> pl.DataFrame:
     SchemaError
         If the table has other columns.
     """
-    table = with_blocks(check(tracks, TRACKS, "tracks"), tracks)
-    censored = pl.col("end") == "sequence_end"
-    found = table.group_by(_END).agg(
-        n_ended=censored.not_().sum().cast(pl.Int64), n_censored=censored.sum().cast(pl.Int64)
-    )
-    return check(found.sort(_END), ENDS, "ends")
+    (groups,) = group_runs([check(tracks, TRACKS, "tracks")], list(ORIGIN))
+    block = blocks_of(tracks, pl.Series(groups.index)).to_numpy()
+    (condition, *keys), index = number_combinations([groups.index, block, tracks["lifetime"].to_numpy()])
+    censored = (tracks["end"] == "sequence_end").to_numpy()
+    columns = dict(zip(("block", "lifetime"), keys, strict=True))
+    columns |= {
+        name: np.bincount(index[chosen], minlength=len(condition))
+        for name, chosen in (("n_ended", ~censored), ("n_censored", censored))
+    }
+    counts = pl.DataFrame(columns).select(pl.col(name).cast(ENDS[name]) for name in columns)
+    return check(groups.keys[condition].hstack(counts), ENDS, "ends")
 
 
 def lifetimes(tracks: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
@@ -85,9 +90,9 @@ def lifetimes_of_ends(ends: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFra
     """Histogram of lifetimes and Kaplan-Meier survival of every condition, pooled over scenes, from counts alone.
 
     `survival` is the estimated probability that a lifetime exceeds `lifetime`: the product, over all lifetimes up to
-    it, of 1 - n_ended / at_risk. A track that was alive in the last frame of its sequence is censored: nobody looked
-    for it in a next frame, so that it could not end at the lifetime it reached and is not at risk there. `at_risk` is
-    therefore the tracks that lived longer plus those that ended at this lifetime.
+    it, of 1 - n_ended / at_risk. A track that was alive in the last frame of its sequence is censored. It was not
+    searched for in another frame and could not end at the lifetime it reached, so that it is not at risk there.
+    `at_risk` is therefore the tracks that lived longer plus those that ended at this lifetime.
 
     Parameters
     ----------
@@ -97,9 +102,9 @@ def lifetimes_of_ends(ends: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFra
     Returns
     -------
     polars.DataFrame
-        Schema `LIFETIMES`, sorted by condition and lifetime: a row for each lifetime at which a track ended or was
-        censored. `survival` is null where nobody was at risk, which only the longest lifetime can be. `n_scenes`
-        counts the scenes of the condition, the same in each of its rows.
+        Schema `LIFETIMES`, sorted by condition and lifetime: one row for each lifetime at which a track ended or was
+        censored. `survival` is null where no track was at risk, which is possible at the longest lifetime only.
+        `n_scenes` counts the scenes of the condition, the same in each of its rows.
 
     Raises
     ------
@@ -125,12 +130,12 @@ def mean_lifetime(lifetimes: pl.DataFrame) -> pl.DataFrame:
     Returns
     -------
     polars.DataFrame
-        Schema `MEAN_LIFETIMES`, sorted by condition. `mean_lifetime` is the paper's: frames found over tracks, a
-        censored track counting as if it had ended, so that it is too low where many are. `frames_per_end` is how often
-        a track was looked for, for each that ended: (sum of lifetimes - n_censored) / n_ended, null where none did. If
-        tracks end as readily at any age, it estimates the mean lifetime wherever sequences end.
-        `restricted_mean_lifetime` is the Kaplan-Meier estimate of the mean of min(lifetime, restricted_to), where
-        `restricted_to` is the longest lifetime seen; beyond it the data say nothing.
+        Schema `MEAN_LIFETIMES`, sorted by condition. `mean_lifetime` is the paper's: frames found over tracks. A
+        censored track counts as if it had ended, so that the value is too low where many are censored.
+        `frames_per_end` is the number of searches per track that ended: (sum of lifetimes - n_censored) / n_ended, null
+        where none did. If tracks end with the same probability at any age, it estimates the mean lifetime for any
+        length of sequences. `restricted_mean_lifetime` is the Kaplan-Meier estimate of the mean of
+        min(lifetime, restricted_to), where `restricted_to` is the longest lifetime seen.
     """
     ordered = check(lifetimes, LIFETIMES, "lifetimes").sort(*POOLED, "lifetime")
     length = pl.col("lifetime").cast(pl.Int64)
@@ -174,9 +179,9 @@ def median_survival(lifetimes: pl.DataFrame) -> pl.DataFrame:
 def surviving(lifetimes: pl.DataFrame) -> pl.DataFrame:
     """How many tracks were found often enough to reach each age: Psi(k), with or without a known true position.
 
-    A lifetime says in how many frames a track was found, not in which. Its age follows from that for a tracker that
-    gives a feature up in the first frame that it misses it in. For one that goes on looking (correspondence with
-    ``max_missed_frames > 0``) the age is the least that so many finds take, and the track may have been older.
+    A lifetime is the number of frames in which a track was found, not which. The age follows from it if the tracker
+    drops a feature in the first frame in which it is not found. For a tracker that keeps searching (correspondence
+    with ``max_missed_frames > 0``) it is the smallest possible age, and the track may have been older.
 
     Parameters
     ----------

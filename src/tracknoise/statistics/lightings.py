@@ -1,21 +1,21 @@
-"""In which order lightings come, and so which one stands for all where one must."""
+"""Order of lightings; the first is the reference."""
 
 import re
 from collections.abc import Collection, Iterable
 
 _PLAIN = ("diffuse", "default")
-"""What a lighting without a direction is called."""
+"""Names of lightings without a direction."""
 
 
 def lightings_in_order(lightings: Collection[str], named: Iterable[str] | None) -> list[str]:
-    """Lightings in the order in which an experiment names them, or else plain ones first; the others by name.
+    """Lightings in the order of the experiment, by default plain ones first; the others by name.
 
     Parameters
     ----------
     lightings
-        Those that there are.
+        Those that were measured.
     named
-        Those that the experiment names, if it does: some may not be there.
+        Those that the experiment names, if it does; some may not have been measured.
     """
     first = [name for name in dict.fromkeys(named or _PLAIN) if name in lightings]
     return first + sorted({*lightings} - {*first}, key=natural_key)

@@ -1,4 +1,4 @@
-"""What share of its features a tracker rejects as outliers, frame by frame."""
+"""Share of its features that a tracker rejects as outliers, by frame."""
 
 from collections.abc import Iterable
 from dataclasses import asdict
@@ -6,7 +6,8 @@ from dataclasses import asdict
 import polars as pl
 
 from tracknoise.statistics.box import box_of_counts
-from tracknoise.statistics.grouping import POOLED, in_chunks
+from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.grouping import in_chunks
 from tracknoise.tables.schema import FRAME_COUNTS, OUTLIERS, check, empty
 
 _RATIO = pl.when(pl.col("offered") > 0).then(pl.col("outliers") / pl.col("offered"))
@@ -18,7 +19,7 @@ def outlier_ratios(frames: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFram
     Parameters
     ----------
     frames
-        One frames table, or any number of them, read one at a time.
+        One frames table, or any number of tables, read one at a time.
 
     Returns
     -------

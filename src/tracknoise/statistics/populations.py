@@ -2,7 +2,9 @@
 
 from types import MappingProxyType
 
+import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from tracknoise.exceptions import SchemaError, UnknownNameError
 
@@ -10,13 +12,26 @@ VISIBLE = ("valid",)
 POPULATIONS = MappingProxyType({"visible": VISIBLE, "projected": (*VISIBLE, "occluded", "out_of_image")})
 """Truth statuses of each population.
 
-visible: the true position is known and could be seen. projected: it is known, whether or not it could be seen, which
-is what the paper uses.
+visible: the true position is known and was visible. projected: it is known, whether or not it was visible, which is
+what the paper uses.
 """
 
 
-def measured(observations: pl.DataFrame, *, population: str) -> pl.DataFrame:
-    """The observations of a population, all of which have an error.
+def check_population(population: str) -> str:
+    """Return the name of a population.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such population.
+    """
+    if population not in POPULATIONS:
+        raise UnknownNameError("population", population, POPULATIONS)
+    return population
+
+
+def in_population(observations: pl.DataFrame, population: str) -> NDArray[np.bool_]:
+    """Whether each observation belongs to a population; those that do have an error.
 
     Parameters
     ----------
@@ -25,6 +40,10 @@ def measured(observations: pl.DataFrame, *, population: str) -> pl.DataFrame:
     population
         A name in `POPULATIONS`.
 
+    Returns
+    -------
+    (rows,) bool
+
     Raises
     ------
     UnknownNameError
@@ -32,13 +51,11 @@ def measured(observations: pl.DataFrame, *, population: str) -> pl.DataFrame:
     SchemaError
         If an error is missing or not finite although the true position is said to be known.
     """
-    if population not in POPULATIONS:
-        raise UnknownNameError("population", population, POPULATIONS)
-    chosen = observations.filter(pl.col("truth").is_in(POPULATIONS[population]))
-    finite = pl.col("du_px").is_finite() & pl.col("dv_px").is_finite()
-    broken = chosen.filter(finite.fill_null(value=False).not_())
-    if broken.height:
-        first = broken.row(0, named=True)
+    belongs = pl.col("truth").is_in(POPULATIONS[check_population(population)])
+    finite = (pl.col("du_px").is_finite() & pl.col("dv_px").is_finite()).fill_null(value=False)
+    chosen = observations.select(belongs=belongs, broken=belongs & ~finite)
+    if chosen["broken"].any():
+        first = observations.filter(chosen["broken"]).row(0, named=True)
         place = f"track {first['track']} of {first['scene']!r} in frame {first['frame']}"
         raise SchemaError(f"observations: {place} has truth {first['truth']!r} but no finite du_px, dv_px")
-    return chosen
+    return chosen["belongs"].to_numpy()

@@ -1,66 +1,53 @@
-"""A few single errors of each condition, for what moments cannot tell: tails, quantiles, likelihoods.
+"""A few single errors of each condition, for what moments do not hold: tails, quantiles, likelihoods.
 
-Which are chosen is decided by numbers that look random and are always the same (a hash of track and frame), so that it
-depends on nothing but what there is to choose from: not on trimming, nor on the order of rows.
+They are chosen by a hash of track and frame. The choice therefore depends only on which observations exist, not on
+trimming or the order of rows.
 """
+
+from typing import Any
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.statistics.blocks import with_blocks
-from tracknoise.statistics.grouping import group_rows
-from tracknoise.statistics.populations import measured
-from tracknoise.tables.schema import OBSERVATIONS, ORIGIN, SAMPLES, check
+from tracknoise.statistics.grouping import group_rows, number_combinations
+from tracknoise.statistics.prepared import PreparedSequence
+from tracknoise.tables.schema import ORIGIN, SAMPLES, check
 
 BANDS = ((1, 4), (5, 9), (10, 19), (20, 49), (50, 99), (100, 199), (200, 499), (500, 999))
 """First and last age (or distance from the key frame, in frames of the nominal sequence) of each band."""
 MAX_TRACKS = 512
-"""At most so many tracks of a band are kept, of each sequence and condition."""
+"""Largest number of tracks that are kept of a band, of each sequence and condition."""
 
 _LOWS, _HIGHS = (np.array(bounds) for bounds in zip(*BANDS, strict=True))
-_READ = [*ORIGIN, "track", "frame", "age", "du_px", "dv_px", "kept"]
 _KEYS = [*ORIGIN, "age_low", "track"]
 
 
-def samples(
-    observations: pl.DataFrame,
-    tracks: pl.DataFrame,
-    *,
-    key_frame: int | None = None,
-    max_tracks: int = MAX_TRACKS,
-) -> pl.DataFrame:
+def samples(sequence: PreparedSequence, *, max_tracks: int = MAX_TRACKS) -> pl.DataFrame:
     """Single visible errors of every scene and condition, in bands of ages.
 
     Parameters
     ----------
-    observations
-        An observations table, trimmed (`tracknoise.statistics.trimming.trim`).
-    tracks
-        The tracks of the same scenes and conditions, all of them.
-    key_frame
-        Where a scan makes errors zero in one frame: bands are then of distances from it, before or after. By default
-        errors are zero at a track's birth, and bands are of ages.
+    sequence
+        Trimmed. With a key frame, bands are of distances from it, before or after. Otherwise they are of ages.
     max_tracks
-        How many tracks of a band to take at most, of each sequence and condition.
+        Largest number of tracks of a band, of each sequence and condition.
 
     Returns
     -------
     polars.DataFrame
-        Schema `SAMPLES`, sorted by condition, band and track. Of a track there is one error in each band in which it
-        was seen; `at` is its age, or the frame where a key frame is given. Errors that are zero by construction are in
-        no band, nor are those older than the last.
-
-    Raises
-    ------
-    SchemaError
-        If a table has other columns, or an observation belongs to no track.
+        Schema `SAMPLES`, sorted by condition, band and track. Each track has one error in each band in which it was
+        seen. `at` is its age, or the frame where there is a key frame. Errors that are zero by construction are in no
+        band, nor are those older than the last.
     """
-    seen = measured(check(observations, OBSERVATIONS, "observations"), population="visible").select(_READ)
-    frame = pl.col("frame").cast(pl.Int64)
-    banded = with_bands(seen, pl.col("age") if key_frame is None else (frame - key_frame).abs())
-    chosen = first_tracks(_one_a_track(banded), max_tracks)
-    table = with_blocks(chosen, tracks).with_columns(at="age" if key_frame is None else "frame").sort(_KEYS)
+    seen, key_frame = sequence.seen, sequence.key_frame
+    distance = seen.age if key_frame is None else np.abs(seen.frame - key_frame)
+    band, inside = _band(distance)
+    rows = _one_per_track(sequence, np.flatnonzero(inside & seen.visible), band)
+    banded = sequence.observations.select(*ORIGIN, "track", "frame", "age", "du_px", "dv_px", "kept")[rows]
+    bounds = _bounds(band[rows])
+    chosen = first_tracks(banded.with_columns(**bounds, block=pl.Series(sequence.block[rows])), max_tracks)
+    table = chosen.with_columns(at="age" if key_frame is None else "frame").sort(_KEYS)
     return check(table.select(pl.col(name).cast(kind) for name, kind in SAMPLES.items()), SAMPLES, "samples")
 
 
@@ -74,22 +61,19 @@ def with_bands(table: pl.DataFrame, distance: pl.Expr) -> pl.DataFrame:
     distance
         Frames of the nominal sequence, made of its columns: an age, or the distance from a key frame.
     """
-    away = table.select(distance.cast(pl.Int64).alias("distance"))["distance"].to_numpy()
-    band = np.clip(np.searchsorted(_LOWS, away, side="right") - 1, 0, None)
-    low, high = _LOWS[band], _HIGHS[band]
-    bounds = {name: pl.Series(values, dtype=pl.UInt32) for name, values in (("age_low", low), ("age_high", high))}
-    return table.with_columns(**bounds).filter(pl.Series((away >= low) & (away <= high)))
+    band, inside = _band(table.select(distance.cast(pl.Int64).alias("distance"))["distance"].to_numpy())
+    return table.with_columns(**_bounds(band)).filter(pl.Series(inside))
 
 
 def first_tracks(samples: pl.DataFrame, count: int) -> pl.DataFrame:
-    """At most so many tracks of each sequence, condition and band, in the same order: fewer of the same choice.
+    """At most `count` tracks of each sequence, condition and band; a larger count adds to those of a smaller.
 
     Parameters
     ----------
     samples
-        Columns of `ORIGIN`, `age_low` and `track`, a row a track.
+        Columns of `ORIGIN`, `age_low` and `track`, one row per track and band. Their order is kept.
     count
-        How many tracks.
+        Largest number of tracks.
     """
     groups = group_rows(samples, [*ORIGIN, "age_low"])
     track = samples["track"].to_numpy()
@@ -100,17 +84,29 @@ def first_tracks(samples: pl.DataFrame, count: int) -> pl.DataFrame:
     return samples.filter(pl.Series(place < count))
 
 
-def _one_a_track(banded: pl.DataFrame) -> pl.DataFrame:
-    """One of the observations that a track has in a band, each as likely."""
-    track, frame = (banded[name].to_numpy() for name in ("track", "frame"))
-    group = group_rows(banded, [*ORIGIN, "age_low"]).index
-    order = np.lexsort((frame, _scattered(_scattered(track) ^ frame), track, group))
-    first = np.ones(len(order), dtype=bool)
-    first[1:] = (np.diff(group[order]) != 0) | (np.diff(track[order].astype(np.int64)) != 0)
-    return banded[order[first]]
+def _band(distance: NDArray[np.int64]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Number of the band of each distance, and whether it is in that band."""
+    band = np.clip(np.searchsorted(_LOWS, distance, side="right") - 1, 0, None)
+    return band, (distance >= _LOWS[band]) & (distance <= _HIGHS[band])
 
 
-def _scattered(numbers: NDArray[np.uint32] | NDArray[np.uint64]) -> NDArray[np.uint64]:
+def _bounds(band: NDArray[np.intp]) -> dict[str, pl.Series]:
+    bounds = {"age_low": _LOWS[band], "age_high": _HIGHS[band]}
+    return {name: pl.Series(values, dtype=pl.UInt32) for name, values in bounds.items()}
+
+
+def _one_per_track(sequence: PreparedSequence, rows: NDArray[np.intp], band: NDArray[np.intp]) -> NDArray[np.intp]:
+    """One of the rows that a track has in a band, each equally likely."""
+    seen = sequence.seen
+    (track, _), group = number_combinations([sequence.track_row[rows], band[rows]])
+    hashed = _scattered(_scattered(seen.track[rows]) ^ seen.frame[rows].astype(np.uint64))
+    least = np.full(len(track), np.iinfo(np.uint64).max, dtype=np.uint64)
+    np.minimum.at(least, group, hashed)
+    found = np.flatnonzero(hashed == least[group])
+    return rows[found]
+
+
+def _scattered(numbers: NDArray[np.integer[Any]]) -> NDArray[np.uint64]:
     """Numbers that look random, of which no two are the same: the finaliser of SplitMix64 (Steele et al. 2014)."""
     mixed = numbers.astype(np.uint64) + np.uint64(0x9E3779B97F4A7C15)
     for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):

@@ -1,16 +1,13 @@
-"""The handful of numbers that one looks at first: a row a condition."""
+"""The most important numbers, one row per condition."""
 
 import polars as pl
 
 from tracknoise.exceptions import UnknownNameError
-from tracknoise.statistics.curves import NAMES
-from tracknoise.statistics.grouping import POOLED
+from tracknoise.statistics.definitions import NAMES, POOLED, REFERENCE_AGE
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
 from tracknoise.statistics.populations import POPULATIONS
 from tracknoise.tables.defaults import POPULATION
 from tracknoise.tables.schema import CURVES, OUTLIERS, SUMMARY, TRIMMING, check
-
-REFERENCE_AGE = 10
 
 
 def summary(
@@ -31,7 +28,7 @@ def summary(
     age
         The reference age of a condition is the largest one from 1 to this, in frames of the nominal sequence, at which
         neither its trimmed nor its untrimmed curves are cut. It differs between speeds whose frames do not coincide.
-        At age 0 there is no error to speak of.
+        At age 0 errors are zero by construction.
     key_frame
         Where curves run along frames: the one in which errors are zero. The reference frame is then the last one up to
         `age` frames after it.

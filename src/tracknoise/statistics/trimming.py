@@ -1,36 +1,63 @@
-"""Dropping the tracks with the largest errors, scene by scene, and saying what was dropped."""
+"""Trimming: tracks with the largest errors are marked as dropped, scene by scene."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
-from tracknoise.exceptions import SchemaError, SettingsError, UnknownNameError
-from tracknoise.statistics.populations import measured
+from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.statistics.populations import check_population
+from tracknoise.statistics.prepared import PreparedSequence, prepare_sequence
 from tracknoise.tables.defaults import POPULATION, TRIM_AMONG
-from tracknoise.tables.schema import AMONG, OBSERVATIONS, ORIGIN, TRACKS, TRIMS, check
-
-_CONDITION = list(ORIGIN)
-_TRACK = [*ORIGIN, "track"]
+from tracknoise.tables.schema import AMONG, TRIMS, check
 
 
 @dataclass(frozen=True, slots=True)
 class Trimmed:
-    """Tables in which every track is marked as kept or dropped; no row is removed.
+    """A sequence in which every track is marked as kept or dropped; no row is removed.
 
     Attributes
     ----------
-    observations
-        The observations in the order given, with `kept` as their track's.
-    tracks
-        The tracks in the order given, with `max_error_px` and `kept`.
+    sequence
+        Its observations and tracks in the order given; `kept` and `max_error_px` are filled in.
     trims
-        Schema `TRIMS`, a row for each scene and condition that has tracks, sorted by these.
+        Schema `TRIMS`, with one row for each scene and condition that has tracks, sorted by these.
     """
 
-    observations: pl.DataFrame
-    tracks: pl.DataFrame
+    sequence: PreparedSequence
     trims: pl.DataFrame
+
+    @property
+    def observations(self) -> pl.DataFrame:
+        """The observations, with `kept` as their track's."""
+        return self.sequence.observations
+
+    @property
+    def tracks(self) -> pl.DataFrame:
+        """The tracks, with `max_error_px` and `kept`."""
+        return self.sequence.tracks
+
+
+@dataclass(frozen=True, slots=True)
+class _Largest:
+    """Largest error of every track.
+
+    Attributes
+    ----------
+    error_px : (tracks,) float64
+        NaN where a track has no error.
+    followed : (tracks,) bool
+        Whether a track has an error in a frame other than the one that fixes its true position.
+    """
+
+    error_px: NDArray[np.float64]
+    followed: NDArray[np.bool_]
+
+    @property
+    def measured(self) -> NDArray[np.bool_]:
+        """Whether a track has an error, (tracks,)."""
+        return ~np.isnan(self.error_px)
 
 
 def trim(
@@ -42,27 +69,42 @@ def trim(
     among: str = TRIM_AMONG,
     key_frame: int | None = None,
 ) -> Trimmed:
+    """Prepare the tables of a sequence and trim it: see `trim_sequence`.
+
+    Raises
+    ------
+    SettingsError, UnknownNameError
+        As `trim_sequence`.
+    SchemaError
+        If a table has other columns, or an observation does not belong to exactly one track.
+    """
+    sequence = prepare_sequence(observations, tracks, key_frame=key_frame)
+    return trim_sequence(sequence, percentile=percentile, population=population, among=among)
+
+
+def trim_sequence(
+    sequence: PreparedSequence, *, percentile: float | None, population: str = "visible", among: str = "all"
+) -> Trimmed:
     """Mark as dropped the tracks whose largest error exceeds a percentile of their scene and condition.
 
-    A track's largest error is the L2 norm of (du, dv), px, largest over its observations of `population`, null where
-    it has none. The threshold is NumPy's linearly interpolated percentile of those that are not null; a track without
-    one is kept, for nothing is known against it. A track that has no error but that at its anchor, the frame that fixes
-    its true position, has a largest error of 0 or nearly so. As in the paper, such tracks count, and lower the
-    threshold where they are many, unless `among` says otherwise.
+    The largest error of a track is the maximum over its observations of `population` of the L2 norm of (du, dv), px. It
+    is null where there is no such observation, and such a track is kept. The threshold is NumPy's linearly interpolated
+    percentile of the largest errors that are not null.
+
+    The true position of a track is fixed in one frame, its anchor, where the error is 0 or nearly so. A track that has
+    no other error lowers the threshold. As in the paper such tracks count, unless `among` excludes them.
 
     Parameters
     ----------
-    observations, tracks
-        Tables of any number of scenes; their `kept` and `max_error_px` are not read.
+    sequence
+        Its `kept` and `max_error_px` are not read.
     percentile
         From 0 to 100; None keeps every track.
     population
         Which observations count: `visible` or `projected`.
     among
         Of which tracks the percentile is taken: of `all` that have a largest error, or of those that were `followed`,
-        which have an error away from their anchor.
-    key_frame
-        Where a scan fixes true positions: the frame that is every track's anchor. Otherwise it is the track's first.
+        which have an error in another frame than their anchor.
 
     Raises
     ------
@@ -70,75 +112,80 @@ def trim(
         If `percentile` is not between 0 and 100.
     UnknownNameError
         If there is no such population, or no such choice of tracks.
-    SchemaError
-        If a table has other columns, or an observation does not belong to exactly one track.
     """
     if percentile is not None and not 0 <= percentile <= 100:
         raise SettingsError(f"trimming percentile is {percentile}, expected 0 to 100")
     if among not in AMONG.categories:
         raise UnknownNameError("choice of tracks", among, AMONG.categories)
-    errors = measured(check(observations, OBSERVATIONS, "observations"), population=population)
-    away = pl.col("age") > 0 if key_frame is None else pl.col("frame") != key_frame
-    largest = _with_largest_error(check(tracks, TRACKS, "tracks"), errors, away)
-    thresholds = _thresholds(largest, percentile, among)
-    exceeds = (pl.col("max_error_px") > pl.col("threshold_px")).fill_null(value=False)
-    marked = largest.join(thresholds, on=_CONDITION, how="left", maintain_order="left").with_columns(kept=~exceeds)
-    trims = _account(marked, thresholds, percentile, among)
-    marked = marked.select(*TRACKS)
-    return Trimmed(_with_kept(observations, marked), marked, trims)
+    largest = _largest(sequence, check_population(population))
+    counted = largest.followed if among == "followed" else largest.measured
+    threshold_px = _thresholds(sequence, largest.error_px, counted, percentile)
+    kept = ~(largest.error_px > threshold_px[sequence.track_condition])
+    return Trimmed(_marked(sequence, largest, kept), _account(sequence, largest, kept, threshold_px, percentile, among))
 
 
-def dropped_above(trims: pl.DataFrame) -> float | None:
-    """Percentile of the tracks' largest errors above which a run's tracks were dropped; None where none was.
-
-    Parameters
-    ----------
-    trims
-        Schema `TRIMS`, of one run.
-    """
-    found: list[float] = trims["percentile"].drop_nulls().unique().to_list()
-    return found[0] if found and found[0] < 100 else None
-
-
-def _with_largest_error(tracks: pl.DataFrame, errors: pl.DataFrame, away: pl.Expr) -> pl.DataFrame:
-    """Tracks with `max_error_px`, and `followed`: whether they have an error away from their anchor."""
-    error_px = (pl.col("du_px").pow(2) + pl.col("dv_px").pow(2)).sqrt()
-    largest = errors.group_by(_TRACK).agg(max_error_px=error_px.max(), followed=away.any())
-    joined = tracks.drop("max_error_px").join(largest, on=_TRACK, how="left", maintain_order="left")
-    return joined.with_columns(pl.col("followed").fill_null(value=False))
+def _largest(sequence: PreparedSequence, population: str) -> _Largest:
+    seen = sequence.seen
+    chosen = seen.members(population)
+    du, dv = seen.error_px[chosen].T
+    row = sequence.track_row[chosen]
+    error_px = np.full(sequence.tracks.height, np.nan)
+    np.fmax.at(error_px, row, np.sqrt(du**2 + dv**2))
+    away = seen.age[chosen] > 0 if sequence.key_frame is None else seen.frame[chosen] != sequence.key_frame
+    followed = np.zeros(sequence.tracks.height, dtype=bool)
+    followed[row[away]] = True
+    return _Largest(error_px, followed)
 
 
-def _thresholds(tracks: pl.DataFrame, percentile: float | None, among: str) -> pl.DataFrame:
-    """The cut of each scene and condition, px; null where nothing is cut or no track was measured."""
-    counted = pl.col("followed") if among == "followed" else pl.col("max_error_px").is_not_null()
-    groups = tracks.group_by(_CONDITION).agg(pl.col("max_error_px").filter(counted)).sort(_CONDITION)
-    cuts = [
-        None if percentile is None or errors.is_empty() else float(np.percentile(errors.to_numpy(), percentile))
-        for errors in groups["max_error_px"]
-    ]
-    return groups.select(_CONDITION).with_columns(pl.Series("threshold_px", cuts, dtype=pl.Float64))
+def _thresholds(
+    sequence: PreparedSequence, error_px: NDArray[np.float64], counted: NDArray[np.bool_], percentile: float | None
+) -> NDArray[np.float64]:
+    """The threshold of each condition, px; NaN where nothing is dropped or no track was measured."""
+    thresholds = np.full(sequence.seen.conditions.height, np.nan)
+    for place in range(len(thresholds)):
+        errors = error_px[counted & (sequence.track_condition == place)]
+        if percentile is not None and errors.size:
+            thresholds[place] = np.percentile(errors, percentile)
+    return thresholds
 
 
-def _with_kept(observations: pl.DataFrame, tracks: pl.DataFrame) -> pl.DataFrame:
-    bare = observations.drop("kept")
-    joined = bare.join(tracks.select(*_TRACK, "kept"), on=_TRACK, how="left", maintain_order="left")
-    if joined.height != observations.height or joined["kept"].null_count():
-        raise SchemaError("observations: a track number stands for no track or several in the tracks table, expected 1")
-    return check(joined.select(observations.columns), OBSERVATIONS, "observations")
+def _marked(sequence: PreparedSequence, largest: _Largest, kept: NDArray[np.bool_]) -> PreparedSequence:
+    """The sequence with `kept` and `max_error_px` filled in."""
+    of_observations = kept[sequence.track_row]
+    return replace(
+        sequence,
+        observations=sequence.observations.with_columns(kept=pl.Series(of_observations)),
+        tracks=sequence.tracks.with_columns(
+            max_error_px=pl.Series(largest.error_px, nan_to_null=True), kept=pl.Series(kept)
+        ),
+        seen=replace(sequence.seen, kept=of_observations),
+    )
 
 
-def _account(tracks: pl.DataFrame, thresholds: pl.DataFrame, percentile: float | None, among: str) -> pl.DataFrame:
+def _account(
+    sequence: PreparedSequence,
+    largest: _Largest,
+    kept: NDArray[np.bool_],
+    threshold_px: NDArray[np.float64],
+    percentile: float | None,
+    among: str,
+) -> pl.DataFrame:
     """What was dropped; the share is of the measured tracks, null where there are none."""
-    has_error, dropped = pl.col("max_error_px").is_not_null(), ~pl.col("kept")
-    counts = tracks.group_by(_CONDITION).agg(
-        n_tracks=pl.len().cast(pl.Int64),
-        n_measured=has_error.sum().cast(pl.Int64),
-        n_anchor_only=(has_error & ~pl.col("followed")).sum().cast(pl.Int64),
-        n_dropped=dropped.sum().cast(pl.Int64),
-        n_followed_dropped=(dropped & pl.col("followed")).sum().cast(pl.Int64),
-    )
+    chosen = {
+        "n_tracks": np.ones_like(kept),
+        "n_measured": largest.measured,
+        "n_anchor_only": largest.measured & ~largest.followed,
+        "n_dropped": ~kept,
+        "n_followed_dropped": ~kept & largest.followed,
+    }
+    n = {
+        name: np.bincount(sequence.track_condition[rows], minlength=len(threshold_px)) for name, rows in chosen.items()
+    }
     share = pl.when(pl.col("n_measured") > 0).then(pl.col("n_dropped") / pl.col("n_measured"))
-    table = thresholds.join(counts, on=_CONDITION, how="left", maintain_order="left").with_columns(
-        percentile=pl.lit(percentile, dtype=pl.Float64), among=pl.lit(among, dtype=AMONG), dropped_share=share
+    table = sequence.seen.conditions.with_columns(
+        pl.lit(percentile, dtype=pl.Float64).alias("percentile"),
+        pl.lit(among, dtype=AMONG).alias("among"),
+        pl.Series("threshold_px", threshold_px, nan_to_null=True),
+        *(pl.Series(name, values, dtype=pl.Int64) for name, values in n.items()),
     )
-    return check(table.select(*TRIMS), TRIMS, "trims")
+    return check(table.filter(pl.col("n_tracks") > 0).with_columns(dropped_share=share), TRIMS, "trims")

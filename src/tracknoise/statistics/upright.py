@@ -1,4 +1,4 @@
-"""Statistics of turned images, brought back to the axes of the upright one, so that the two can be compared."""
+"""Statistics of turned images in the axes of the upright image, so that the two can be compared."""
 
 import polars as pl
 

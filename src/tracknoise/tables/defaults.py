@@ -11,7 +11,7 @@ MIN_FEATURES = 100
 SCAN_RADIUS_PX = 0.25
 """How near the projection of a scan point must lie to a feature."""
 MARGIN = 0.10
-"""Largest relative effect of a factor that does not matter: the paper's own yardstick for lighting."""
+"""Largest relative effect of a factor that does not matter: the threshold that the paper uses for lighting."""
 LEVEL = 0.95
 """Share of intervals that hold the true value."""
 KIND_OF_INTERVAL = IntervalKind.student

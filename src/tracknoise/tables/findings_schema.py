@@ -9,7 +9,7 @@ asks for, with two exceptions. Shape, and what is fitted to growth, have `bca` i
 import polars as pl
 
 from tracknoise.tables.enumerations import Behaviour, EffectIntervalKind, IntervalKind, Resampled, Shape
-from tracknoise.tables.schema import CONDITION, POPULATION, TRIMMING, VERDICT, WEIGHTING, Schema
+from tracknoise.tables.schema import ASPECT, CONDITION, POPULATION, TRIMMING, VERDICT, WEIGHTING, Schema
 
 RESAMPLED = pl.Enum(Resampled)
 INTERVAL_KIND = pl.Enum(IntervalKind)
@@ -21,7 +21,8 @@ _POOLED: Schema = {"dataset": pl.String, **CONDITION}
 
 INTERVALS: Schema = {
     **_POOLED,
-    "aspect": pl.String,
+    "aspect": ASPECT,
+    "at_least": pl.UInt32,
     "population": POPULATION,
     "trimming": TRIMMING,
     "weighting": WEIGHTING,
@@ -42,9 +43,9 @@ INTERVALS: Schema = {
 """One row per number that has an interval: every point of every curve, and every scalar of every condition.
 
 aspect `all` is every track in image axes; `change` the changes of their errors from frame to frame, whose
-`autocorrelation` runs along the axis `lag`; others are those of `ASPECTS`. Outlier ratios and lifetimes have no
-population, trimming, weighting or coordinate; `survival` runs along the axis `lifetime`. Bounds are null where there is
-nothing to resample.
+`autocorrelation` runs along the axis `lag`; the others, and `at_least`, are as in `ASPECTS`. Outlier ratios and
+lifetimes have no population, trimming, weighting or coordinate; `survival` runs along the axis `lifetime`. Bounds are
+null where nothing can be resampled.
 """
 
 ZERO_MEAN: Schema = {

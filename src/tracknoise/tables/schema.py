@@ -11,7 +11,7 @@ from enum import IntEnum
 import polars as pl
 
 from tracknoise.exceptions import SchemaError
-from tracknoise.tables.enumerations import Axis, Population, TrimAmong, Trimming, Verdict, Weighting
+from tracknoise.tables.enumerations import Aspect, Axis, Population, TrimAmong, Trimming, Verdict, Weighting
 
 
 class TruthStatus(IntEnum):
@@ -53,6 +53,7 @@ TRIMMING = pl.Enum(Trimming)
 AMONG = pl.Enum(TrimAmong)
 WEIGHTING = pl.Enum(Weighting)
 VERDICT = pl.Enum(Verdict)
+ASPECT = pl.Enum(Aspect)
 
 VIEW: Schema = {"lighting": pl.String, "rotation": pl.Int16, "direction": pl.String}
 """How a scene was seen: under which lighting, turned by how many degrees, and played forward or backward."""
@@ -189,14 +190,15 @@ BLOCKS: Schema = {
 }
 """Moments as in `MOMENTS`, by blocks of tracks that were born next to each other in time."""
 
-ASPECTS: Schema = {"aspect": pl.String, **MOMENTS}
-"""Moments of visible errors seen in another way: along (u) and across (v) something, or of some tracks only.
+ASPECTS: Schema = {"aspect": ASPECT, "at_least": pl.UInt32, **MOMENTS}
+"""Moments of visible errors along (u) and across (v) something, or of long-lived tracks.
 
-aspect `motion` has them along and across the image motion, `gradient` along and across the dominant gradient at the
-feature's birth, `lives K` in image axes those of tracks that were seen at age K or later.
+aspect `gradient` has them along and across the dominant gradient at the feature's birth, `motion` along and across the
+image motion. `long_lived` has those of tracks that were seen at the age `at_least` (frames) or later, in image axes;
+`at_least` is null for the other aspects.
 """
 
-ASPECT_BLOCKS: Schema = {"aspect": pl.String, **BLOCKS}
+ASPECT_BLOCKS: Schema = {"aspect": ASPECT, "at_least": pl.UInt32, **BLOCKS}
 """Moments as in `ASPECTS`, and of changes (aspect `change`, see `INCREMENTS`), by blocks of tracks."""
 
 ENDS: Schema = {
@@ -261,7 +263,7 @@ CURVES: Schema = {
 cut marks ages, or frames, with too few features.
 """
 
-ASPECT_CURVES: Schema = {"aspect": pl.String, **CURVES}
+ASPECT_CURVES: Schema = {"aspect": ASPECT, "at_least": pl.UInt32, **CURVES}
 """Curves of each aspect of `ASPECTS`; u is along and v across. `gradient`, an axis without sign, has no mean."""
 
 CHANGES: Schema = {

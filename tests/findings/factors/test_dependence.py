@@ -9,7 +9,8 @@ import pytest
 from tracknoise.exceptions import SchemaError
 from tracknoise.findings.factors.dependence import dependence
 from tracknoise.statistics.curves import curves
-from tracknoise.statistics.effects import ReferenceCondition, effects
+from tracknoise.statistics.effects import effects
+from tracknoise.statistics.factors import ReferenceCondition
 from tracknoise.statistics.outliers import outlier_ratios
 from tracknoise.tables.findings_schema import DEPENDENCE
 from tracknoise.tables.schema import CURVES, EFFECTS, ENDS, FRAME_COUNTS, LIFETIMES, MOMENTS, TRACKS, empty

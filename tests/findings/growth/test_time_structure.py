@@ -9,6 +9,7 @@ from tracknoise.findings.growth.time_structure import time_structure
 from tracknoise.statistics.block_moments import block_moments
 from tracknoise.statistics.increments import increments
 from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.prepared import prepare_observations, prepare_sequence
 from tracknoise.statistics.trimming import Trimmed
 from tracknoise.tables.findings_schema import TIME_STRUCTURE
 from tracknoise.tables.schema import INCREMENTS, MOMENTS, empty
@@ -47,7 +48,10 @@ def offset(rng: np.random.Generator) -> np.ndarray:
 
 def structured(seen: Trimmed, **options) -> pl.DataFrame:
     observations = seen.observations
-    moments, changes = scene_moments(observations), increments(observations, seen.tracks)
+    moments, changes = (
+        scene_moments(prepare_observations(observations)),
+        increments(prepare_sequence(observations, seen.tracks)),
+    )
     return time_structure(moments, changes, n_draws=300, **options)
 
 
@@ -105,7 +109,9 @@ def test_time_is_of_the_sequence_whatever_the_speed(see_errors) -> None:
 
 def test_with_few_scenes_blocks_are_resampled_and_without_them_nothing_is_decided(see_errors) -> None:
     seen = of_scenes(see_errors, walk, scenes=3)
-    rows = structured(seen, blocks=block_moments(seen.observations, seen.tracks)).filter(trimming="untrimmed")
+    rows = structured(seen, blocks=block_moments(prepare_sequence(seen.observations, seen.tracks))).filter(
+        trimming="untrimmed"
+    )
     assert rows.select("verdict", "resampled", "n_scenes").rows() == [("random walk", "blocks", 3)] * 2
     bare = structured(seen)
     assert bare["verdict"].unique().to_list() == ["undecided"]
@@ -119,9 +125,9 @@ def test_with_a_key_frame_time_is_the_distance_from_it(see_errors) -> None:
     steps = 0.1 * rng.standard_normal((8, TRACKS, FRAMES, 2))
     paths = steps.cumsum(axis=2)
     seen = see_errors(list(paths - paths[:, :, key : key + 1]))
-    moments = scene_moments(seen.observations, axis="frame")
+    moments = scene_moments(prepare_observations(seen.observations, axis="frame"))
     found = time_structure(
-        moments, increments(seen.observations, seen.tracks), key_frames={"forward": key}, n_draws=300
+        moments, increments(prepare_sequence(seen.observations, seen.tracks)), key_frames={"forward": key}, n_draws=300
     )
     rows = found.filter(trimming="untrimmed")
     assert rows.select("verdict", "n_ages").rows() == [("random walk", 7)] * 2
@@ -143,13 +149,18 @@ def test_too_few_ages_or_no_errors_leave_it_undecided(see_errors, frames: int, s
 def test_ages_end_where_features_are_few(see_errors) -> None:
     seen = of_scenes(see_errors, walk)
     few = seen.observations.filter((pl.col("track") < 10) | (pl.col("age") < 8))
-    found = structured(Trimmed(few, seen.tracks, seen.trims), min_features=100).filter(trimming="untrimmed")
+    found = structured(Trimmed(prepare_sequence(few, seen.tracks), seen.trims), min_features=100).filter(
+        trimming="untrimmed"
+    )
     assert found["n_ages"].to_list() == [7, 7]
 
 
 def test_the_table_has_its_schema_and_does_not_depend_on_the_order_of_scenes(see_errors) -> None:
     seen = of_scenes(see_errors, walk, scenes=6)
-    moments, changes = scene_moments(seen.observations), increments(seen.observations, seen.tracks)
+    moments, changes = (
+        scene_moments(prepare_observations(seen.observations)),
+        increments(prepare_sequence(seen.observations, seen.tracks)),
+    )
     once = time_structure(moments, changes, n_draws=50)
     assert once.schema == dict(TIME_STRUCTURE)
     backwards = [[table.filter(scene=f"{place:02}") for place in reversed(range(6))] for table in (moments, changes)]

@@ -9,7 +9,7 @@ import pytest
 from tracknoise.findings.headlines.document import findings_json
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.table import headline_table
-from tracknoise.statistics.effects import ReferenceCondition
+from tracknoise.statistics.factors import ReferenceCondition
 from tracknoise.tables.findings_schema import (
     DEPENDENCE,
     FINDINGS,
@@ -238,8 +238,8 @@ def test_tracks_that_outlive_the_data_have_no_median() -> None:
 
 def test_tracks_that_live_long_are_compared_with_all() -> None:
     rows = [
-        {**POINT, "aspect": aspect, "value": value, "low": 0.8 * value, "high": 1.2 * value}
-        for aspect, value in (("all", 0.1681), ("lives 5", 0.16), ("lives 20", 0.09))
+        {**POINT, "aspect": aspect, "at_least": age, "value": value, "low": 0.8 * value, "high": 1.2 * value}
+        for aspect, age, value in (("all", None, 0.1681), ("long_lived", 5, 0.16), ("long_lived", 20, 0.09))
     ]
     text = read(intervals=table(INTERVALS, *rows))["survivorship"]["text"]
     assert "lk at age 10: 0.300 px (0.268 to 0.329) for tracks that live to age 20, 0.410 px" in text

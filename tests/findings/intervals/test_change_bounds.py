@@ -8,11 +8,12 @@ from tracknoise.findings.intervals.change_bounds import correlated
 from tracknoise.findings.intervals.table import interval_table
 from tracknoise.findings.sampling.bounds import Method
 from tracknoise.findings.sampling.units import Units
-from tracknoise.statistics.aspect_blocks import aspect_blocks
+from tracknoise.statistics.aspects import aspect_blocks
 from tracknoise.statistics.change_curves import change_curves
 from tracknoise.statistics.increments import increments
 from tracknoise.statistics.lifetimes import count_ends
 from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.prepared import prepare_observations, prepare_sequence
 from tracknoise.tables.schema import FRAME_COUNTS, empty
 
 TRACKS, STEPS, RUNS = 40, 12, 400
@@ -34,9 +35,9 @@ def found_of(see_errors, n_scenes: int, **options: object) -> tuple[pl.DataFrame
     rng = np.random.default_rng(n_scenes)
     walks = [0.1 * changes_of(rng, (TRACKS, 2)).cumsum(axis=-1).swapaxes(1, 2) for _ in range(n_scenes)]
     seen = see_errors([np.concatenate([np.zeros((TRACKS, 1, 2)), walk], axis=1) for walk in walks])
-    moved = increments(seen.observations, seen.tracks)
-    tables = scene_moments(seen.observations), count_ends(seen.tracks), empty(FRAME_COUNTS)
-    blocks = aspect_blocks(seen.observations, seen.tracks)
+    moved = increments(prepare_sequence(seen.observations, seen.tracks))
+    tables = scene_moments(prepare_observations(seen.observations)), count_ends(seen.tracks), empty(FRAME_COUNTS)
+    blocks = aspect_blocks(prepare_sequence(seen.observations, seen.tracks))
     found = interval_table(*tables, changes=moved, aspect_blocks=blocks, **options)
     return found.filter(aspect="change"), change_curves(moved)
 

@@ -12,7 +12,9 @@ from tracknoise.statistics.curves import curves
 from tracknoise.statistics.lifetimes import count_ends, lifetimes_of_ends, mean_lifetime, median_survival
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.outliers import outlier_ratios
-from tracknoise.tables.schema import FRAME_COUNTS, OBSERVATIONS, TRACKS, Schema
+from tracknoise.statistics.prepared import prepare_observations, prepare_sequence
+from tracknoise.tables.enumerations import Aspect
+from tracknoise.tables.schema import ASPECT, FRAME_COUNTS, OBSERVATIONS, TRACKS, Schema
 
 VIEW = {"dataset": "d", "lighting": "nominal", "rotation": 0, "direction": "forward"}
 POINT = ["lighting", "tracker", "speed", "trimming", "weighting", "statistic", "axis", "at"]
@@ -58,8 +60,8 @@ def _tables(n_scenes: int) -> Tables:
     tracks, observations, frames = (pl.concat(tables) for tables in zip(*parts, strict=True))
     return {
         "tracks": tracks,
-        "moments": scene_moments(observations),
-        "blocks": block_moments(observations, tracks, populations=["visible", "projected"]),
+        "moments": scene_moments(prepare_observations(observations)),
+        "blocks": block_moments(prepare_sequence(observations, tracks, populations=["visible", "projected"])),
         "ends": count_ends(tracks),
         "frames": frames,
     }
@@ -214,10 +216,15 @@ def test_conditions_share_their_draws():
     assert one.equals(other)
 
 
+def of_aspect(moments: pl.DataFrame, aspect: Aspect) -> pl.DataFrame:
+    labels = pl.lit(aspect, dtype=ASPECT).alias("aspect"), pl.lit(None, dtype=pl.UInt32).alias("at_least")
+    return moments.select(*labels, pl.all())
+
+
 def test_aspects_stand_beside_all_errors():
     tables = _tables(8)
     visible = tables["moments"].filter(population="visible", trimming="untrimmed")
-    aspects = visible.select(pl.lit("motion").alias("aspect"), pl.all())
+    aspects = of_aspect(visible, Aspect.motion)
     found = found_in(tables, aspects=aspects)
     motion = found.filter(aspect="motion")
     alone = of_curves(found.filter(aspect="all", trimming="untrimmed"))
@@ -227,7 +234,7 @@ def test_aspects_stand_beside_all_errors():
 def test_along_the_gradient_which_has_no_sign_there_is_no_mean():
     tables = _tables(8)
     visible = tables["moments"].filter(population="visible")
-    found = found_in(tables, aspects=visible.select(pl.lit("gradient").alias("aspect"), pl.all()))
+    found = found_in(tables, aspects=of_aspect(visible, Aspect.gradient))
     assert set(found.filter(aspect="gradient")["statistic"]) == {"eta", "Phi"}
 
 

@@ -7,6 +7,7 @@ import pytest
 from tracknoise.exceptions import SchemaError
 from tracknoise.findings.shape.gaussianity import Shapes, gaussianity
 from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.prepared import prepare_observations, prepare_sequence
 from tracknoise.statistics.samples import samples
 from tracknoise.statistics.trimming import Trimmed
 from tracknoise.tables.findings_schema import GAUSSIANITY, RADII
@@ -17,7 +18,12 @@ TRACKS, FRAMES = 400, 8
 
 def shaped(seen: Trimmed, **options) -> Shapes:
     observations = seen.observations
-    return gaussianity(scene_moments(observations), samples(observations, seen.tracks), n_draws=300, **options)
+    return gaussianity(
+        scene_moments(prepare_observations(observations)),
+        samples(prepare_sequence(observations, seen.tracks)),
+        n_draws=300,
+        **options,
+    )
 
 
 def errors(scale: Callable[[np.random.Generator, int], np.ndarray], *, scenes: int, seed: int) -> list[np.ndarray]:
@@ -100,7 +106,10 @@ def test_quantiles_of_a_gaussian_are_as_expected_and_of_heavy_tails_farther_out(
 
 def test_tables_have_their_schemas_and_do_not_depend_on_the_order_of_scenes(see_errors) -> None:
     seen = see_errors(errors(constant, scenes=6, seed=2))
-    moments, singles = scene_moments(seen.observations), samples(seen.observations, seen.tracks)
+    moments, singles = (
+        scene_moments(prepare_observations(seen.observations)),
+        samples(prepare_sequence(seen.observations, seen.tracks)),
+    )
     once = gaussianity(moments, singles, n_draws=50)
     assert once.gaussianity.schema == dict(GAUSSIANITY)
     assert once.radii.schema == dict(RADII)
@@ -118,14 +127,16 @@ def test_conditions_are_looked_at_by_themselves(see_errors) -> None:
         for table in (seen.observations, seen.tracks)
     ]
     observations, tracks = pl.concat(tables[::2]), pl.concat(tables[1::2])
-    rows = shaped(Trimmed(observations, tracks, one.trims)).gaussianity.filter(trimming="untrimmed", age_low=1)
+    rows = shaped(Trimmed(prepare_sequence(observations, tracks), one.trims)).gaussianity.filter(
+        trimming="untrimmed", age_low=1
+    )
     assert rows.select("tracker", "verdict").rows() == [("a", "Gaussian"), ("b", "heavy-tailed")]
 
 
 def test_frames_are_banded_by_their_distance_from_the_key_frame(see_errors) -> None:
     seen = see_errors(errors(constant, scenes=6, seed=4))
-    moments = scene_moments(seen.observations, axis="frame")
-    singles = samples(seen.observations, seen.tracks, key_frame=3)
+    moments = scene_moments(prepare_observations(seen.observations, axis="frame"))
+    singles = samples(prepare_sequence(seen.observations, seen.tracks, key_frame=3))
     found = gaussianity(moments, singles, key_frames={"forward": 3}, n_draws=50).gaussianity
     # three frames before and four after, of which frame 0 has no errors that vary
     assert found.select("age_low", "n").rows() == [

@@ -6,6 +6,7 @@ from tracknoise.findings.anchored import anchored
 from tracknoise.findings.shape.mardia import POWER_SUMS, mardia
 from tracknoise.findings.shape.standard import standard_sums, standardised, standards
 from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.prepared import prepare_observations, prepare_sequence
 from tracknoise.statistics.samples import samples, with_bands
 
 
@@ -20,7 +21,7 @@ def walking(see_errors):
 
 @pytest.fixture(scope="module")
 def moments(walking) -> pl.DataFrame:
-    return with_bands(anchored(scene_moments(walking.observations), {}), pl.col("since"))
+    return with_bands(anchored(scene_moments(prepare_observations(walking.observations)), {}), pl.col("since"))
 
 
 def test_errors_that_grow_have_a_gaussian_kurtosis_in_units_of_their_age(walking, moments) -> None:
@@ -48,7 +49,9 @@ def test_sums_of_scenes_are_those_of_their_standardised_errors(walking, moments)
 
 
 def test_single_errors_are_whitened_and_know_their_spread(walking, moments) -> None:
-    found = standardised(samples(walking.observations, walking.tracks), standards(moments, min_features=100))
+    found = standardised(
+        samples(prepare_sequence(walking.observations, walking.tracks)), standards(moments, min_features=100)
+    )
     every = found.filter(trimming="untrimmed")
     assert np.cov(every.select("z_u", "z_v").to_numpy().T) == pytest.approx(np.eye(2), abs=0.15)
     assert found.filter(trimming="trimmed").height < every.height
@@ -59,7 +62,7 @@ def test_single_errors_are_whitened_and_know_their_spread(walking, moments) -> N
 
 def test_ages_of_few_errors_or_of_none_that_differ_have_no_standard(walking, see_errors) -> None:
     alike = see_errors([np.full((200, 3, 2), 0.5)]).observations
-    moments = anchored(scene_moments(alike), {})
+    moments = anchored(scene_moments(prepare_observations(alike)), {})
     assert standards(moments, min_features=100).is_empty()
-    many = anchored(scene_moments(walking.observations), {})
+    many = anchored(scene_moments(prepare_observations(walking.observations)), {})
     assert standards(many, min_features=3001).is_empty()

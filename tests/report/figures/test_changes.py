@@ -8,10 +8,11 @@ import numpy as np
 import polars as pl
 import pytest
 
+from tracknoise.findings.wording import SPACE, number, px
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures import Absence, Figure, changes
-from tracknoise.report.sentences import SPACE, number, px
-from tracknoise.statistics.increments import LAGS
+from tracknoise.report.figures import changes
+from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.statistics.definitions import LAGS
 from tracknoise.tables.findings_schema import INTERVALS
 from tracknoise.tables.store import RunFolder
 
@@ -57,7 +58,14 @@ def test_the_sentence_quotes_the_change_that_ends_at_the_reference_age(evidence:
 def test_bounds_stand_where_their_values_do_and_those_of_variances_are_roots(evidence: Evidence) -> None:
     table = nominal(evidence).filter(lag=0, tracker="lucas-kanade")
     labels = {name: table[name] for name in ("dataset", "tracker", "speed", "lighting", "rotation", "direction")}
-    kind = {"aspect": "change", "trimming": "trimmed", "weighting": "features", "statistic": "central", "axis": "age"}
+    kind = {
+        "aspect": "change",
+        "at_least": None,
+        "trimming": "trimmed",
+        "weighting": "features",
+        "statistic": "central",
+        "axis": "age",
+    }
     said = {"level": 0.95, "resampled": "scenes", "n_scenes": 8, "n_units": 8, "kind": "student", "unit": "px^2"}
     rows = [
         pl.DataFrame({**labels, "at": table["age"], "value": table[f"covariance_{axis}{axis}"]}).with_columns(

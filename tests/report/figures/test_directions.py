@@ -8,9 +8,10 @@ import numpy as np
 import polars as pl
 import pytest
 
+from tracknoise.findings.wording import number, px
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures import Absence, Figure, directions
-from tracknoise.report.sentences import number, px
+from tracknoise.report.figures import directions
+from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.tables.store import RunFolder
 
 DRIFT_PX = 0.05 * np.array([1.0, -0.5])

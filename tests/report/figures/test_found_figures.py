@@ -9,7 +9,8 @@ import polars as pl
 import pytest
 
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures import Absence, Figure, gaussianity, time_structure
+from tracknoise.report.figures import gaussianity, time_structure
+from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.tables.store import RunFolder
 
 

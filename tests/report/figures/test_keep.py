@@ -3,7 +3,8 @@
 import pytest
 
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures import Absence, Figure, picture, trajectory
+from tracknoise.report.figures import picture, trajectory
+from tracknoise.report.figures.figure import Absence, Figure
 
 
 @pytest.fixture

@@ -9,9 +9,10 @@ import numpy as np
 import polars as pl
 import pytest
 
+from tracknoise.findings.wording import number, percent, px
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures import Figure, lifetimes, light_sweeps, lightings, outlier_ratio
-from tracknoise.report.sentences import number, percent, px
+from tracknoise.report.figures import lifetimes, light_sweeps, lightings, outlier_ratio
+from tracknoise.report.figures.figure import Figure
 from tracknoise.tables.store import RunFolder
 
 LIGHTINGS = ("diffuse", "LR0", "LR1", "LR2", "LR10", "BF0", "BF1", "lamp")

@@ -9,10 +9,9 @@ import numpy as np
 import polars as pl
 import pytest
 
+from tracknoise.findings.wording import SPACE, number, percent, px
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import (
-    Absence,
-    Figure,
     curves,
     lifetimes,
     lightings,
@@ -23,7 +22,7 @@ from tracknoise.report.figures import (
     survivors,
     throw_out,
 )
-from tracknoise.report.sentences import SPACE, number, percent, px
+from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.tables.store import RunFolder
 
 

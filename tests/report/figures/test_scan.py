@@ -6,9 +6,10 @@ from collections.abc import Callable
 import polars as pl
 import pytest
 
+from tracknoise.findings.wording import px
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures import Absence, Figure, curves, picture, speeds, survivors, throw_out
-from tracknoise.report.sentences import px
+from tracknoise.report.figures import curves, picture, speeds, survivors, throw_out
+from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.tables.store import RunFolder
 
 KEY_FRAME = 8

@@ -7,9 +7,10 @@ import numpy as np
 import polars as pl
 import pytest
 
+from tracknoise.findings.wording import number, px
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures import Absence, Figure, survivorship
-from tracknoise.report.sentences import number, px
+from tracknoise.report.figures import survivorship
+from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.tables.store import RunFolder
 
 ONE = {"scenes": ("only",), "trackers": ("one",), "speeds": (1,), "n_frames": 30, "percentile": None}

@@ -5,10 +5,10 @@ import io
 import polars as pl
 import pytest
 
+from tracknoise.findings.wording import SPACE
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures import Figure
+from tracknoise.report.figures.figure import Figure
 from tracknoise.report.figures.trajectory import figures, first_of_each_motion
-from tracknoise.report.sentences import SPACE
 from tracknoise.tables.store import RunFolder
 
 

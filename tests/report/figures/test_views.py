@@ -6,9 +6,10 @@ from collections.abc import Callable
 import polars as pl
 import pytest
 
+from tracknoise.findings.wording import px
 from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures import Figure, views
-from tracknoise.report.sentences import px
+from tracknoise.report.figures import views
+from tracknoise.report.figures.figure import Figure
 from tracknoise.tables.store import RunFolder
 
 VIEWS = ((0, "forward"), (90, "forward"), (0, "backward"))

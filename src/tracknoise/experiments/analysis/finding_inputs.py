@@ -7,8 +7,8 @@ import polars as pl
 
 from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.statistics.conditions import TablesByCondition, by_condition
-from tracknoise.statistics.effects import ReferenceCondition
-from tracknoise.statistics.grouping import POOLED
+from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.factors import ReferenceCondition
 from tracknoise.tables.enumerations import Population
 from tracknoise.tables.schema import ORIGIN, VIEW
 from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder

@@ -5,9 +5,9 @@ from collections.abc import Collection
 import polars as pl
 
 from tracknoise.experiments.settings import Experiment
-from tracknoise.statistics.effects import ReferenceCondition
+from tracknoise.statistics.factors import ReferenceCondition
 from tracknoise.statistics.lightings import lightings_in_order
-from tracknoise.tables.store import Manifest
+from tracknoise.tables.manifest import Manifest
 
 
 def first_lighting(lightings: Collection[str], experiment: Experiment) -> str:

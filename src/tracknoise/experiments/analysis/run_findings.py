@@ -17,10 +17,10 @@ from tracknoise.findings.intervals.table import interval_table
 from tracknoise.findings.shape.gaussianity import gaussianity
 from tracknoise.findings.zero_mean import zero_mean
 from tracknoise.sequences.sequence import TruthKind
-from tracknoise.statistics.aspects import aspect_curves
 from tracknoise.statistics.change_curves import change_curves
-from tracknoise.statistics.effects import ReferenceCondition
-from tracknoise.statistics.trimming import dropped_above
+from tracknoise.statistics.curves import aspect_curves
+from tracknoise.statistics.factors import ReferenceCondition
+from tracknoise.statistics.trims import dropped_above
 from tracknoise.tables.store import RunFolder
 
 

@@ -27,7 +27,8 @@ from tracknoise.experiments.running.plan import batches, left_out, plan
 from tracknoise.experiments.running.resume import begin, due, prepare
 from tracknoise.experiments.running.task import attempt
 from tracknoise.experiments.settings import Experiment
-from tracknoise.tables.store import RunFolder, SequenceEntry
+from tracknoise.tables.manifest import SequenceEntry
+from tracknoise.tables.store import RunFolder
 
 
 class Listener(Protocol):

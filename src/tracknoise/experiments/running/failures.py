@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tracknoise.exceptions import DataError, StoreError, TracknoiseError
 from tracknoise.experiments.running.plan import Task
-from tracknoise.tables.store import FailureEntry, SequenceEntry
+from tracknoise.tables.manifest import FailureEntry, SequenceEntry
 
 RETRIES = 2
 """Maximum number of retries of a batch after transient failures."""

@@ -6,7 +6,8 @@ from typing import Self
 
 from tracknoise.exceptions import StoreError
 from tracknoise.experiments.running.failures import Failure
-from tracknoise.tables.store import Manifest, RunFolder, SequenceEntry
+from tracknoise.tables.manifest import Manifest, SequenceEntry
+from tracknoise.tables.store import RunFolder
 
 _SHARE = 0.05
 """Maximum share of the time that is spent writing the manifest."""

@@ -9,7 +9,7 @@ from tracknoise.sequences.registry import make_reader, open_together
 from tracknoise.sequences.sequence import FilteringReader, Sequence, SharingReader
 from tracknoise.sequences.views import view
 from tracknoise.tables.identity import Direction, SequenceId
-from tracknoise.tables.store import sequence_key
+from tracknoise.tables.manifest import sequence_key
 from tracknoise.trackers.registry import make_tracker
 from tracknoise.trackers.tracker import TrackerSettings
 

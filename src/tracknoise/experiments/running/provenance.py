@@ -7,7 +7,7 @@ from importlib.metadata import version
 
 from tracknoise.exceptions import SettingsError
 from tracknoise.experiments.settings import Experiment
-from tracknoise.tables.store import Manifest
+from tracknoise.tables.manifest import Manifest
 
 _LIBRARIES = ("tracknoise", "numpy", "scipy", "opencv-contrib-python-headless", "polars", "embreex")
 

@@ -7,7 +7,8 @@ from tracknoise.exceptions import StoreError
 from tracknoise.experiments.running.plan import Task
 from tracknoise.experiments.running.provenance import new_manifest, require_versions
 from tracknoise.experiments.settings import Experiment, parse_experiment
-from tracknoise.tables.store import Manifest, RunFolder
+from tracknoise.tables.manifest import Manifest
+from tracknoise.tables.store import RunFolder
 
 
 def begin(experiment: Experiment, run: RunFolder, *, fresh: bool) -> tuple[Manifest, bool]:

@@ -3,6 +3,7 @@
 import time
 import warnings
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
@@ -17,16 +18,10 @@ from tracknoise.experiments.settings import Experiment
 from tracknoise.measurement.tracking import Progress
 from tracknoise.sequences.images import encode_png
 from tracknoise.sequences.sequence import Sequence
-from tracknoise.statistics.aspect_blocks import aspect_blocks
-from tracknoise.statistics.aspects import scene_aspects
-from tracknoise.statistics.block_moments import block_moments
-from tracknoise.statistics.counts import counts
-from tracknoise.statistics.histogram import error_histogram
-from tracknoise.statistics.increments import increments
-from tracknoise.statistics.lifetimes import count_ends
-from tracknoise.statistics.samples import samples
+from tracknoise.statistics.summarise import STATISTICS, statistics_of
+from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.schema import POSES, SEQUENCE
-from tracknoise.tables.store import RunFolder, SequenceEntry
+from tracknoise.tables.store import RunFolder
 from tracknoise.truth.scan_rule import ScanRule
 
 
@@ -131,25 +126,20 @@ def _measure(task: Task, sequences: list[Sequence], progress: Progress | None) -
 
 
 def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Measurement) -> dict[str, pl.DataFrame]:
-    """The tables of a sequence by name, those of single observations and tracks only where they are wanted."""
+    """The tables of a sequence by name, those of single observations and tracks only if the experiment keeps them."""
     observed = {"observations": measurement.observations, "tracks": measurement.tracks}
-    axis = "age" if measurement.key_frame is None else "frame"
-    populations = list(dict.fromkeys(["visible", experiment.truth.population]))
-    slowest = measurement.observations.filter(pl.col("speed") == min(experiment.speeds))  # which figures show
+    asked = replace(
+        measurement.prepared,
+        populations=tuple(dict.fromkeys(["visible", experiment.truth.population])),
+        slowest=min(experiment.speeds),  # which figures show
+    )
     return {
         **(observed if experiment.keep == "observations" else {}),
         "frames": measurement.frames,
         "poses": _poses(sequence, measurement.n_frames),
         "moments": measurement.moments,
         "trims": measurement.trims,
-        "counts": counts(measurement.observations, measurement.tracks),
-        "ends": count_ends(measurement.tracks),
-        "errors": error_histogram(measurement.tracks),
-        "blocks": block_moments(measurement.observations, measurement.tracks, axis=axis, populations=populations),
-        "aspects": scene_aspects(measurement.observations, measurement.tracks, axis=axis),
-        "aspect_blocks": aspect_blocks(slowest, measurement.tracks, axis=axis),
-        "increments": increments(measurement.observations, measurement.tracks),
-        "samples": samples(measurement.observations, measurement.tracks, key_frame=measurement.key_frame),
+        **statistics_of(asked, [name for name in STATISTICS if name != "moments"]),
     }
 
 

@@ -26,8 +26,8 @@ from tracknoise.experiments.settings import (
     parse_experiment,
 )
 from tracknoise.experiments.validation.known_errors import Known, curve_point, mean_lifetime, share, survival
-from tracknoise.findings.intervals.curve_sums import ALL
 from tracknoise.tables.defaults import LEVEL
+from tracknoise.tables.enumerations import Aspect
 from tracknoise.tables.identity import Direction
 from tracknoise.tables.schema import Schema, check
 from tracknoise.tables.store import RunFolder
@@ -249,7 +249,7 @@ def _lifetime_rows(run: RunFolder, oracles: Mapping[str, Oracle]) -> Iterator[di
 def _intervals(run: RunFolder) -> pl.DataFrame:
     """Intervals of the run: columns of `_KEY`, `low` and `high`."""
     chosen = run.statistics("intervals").filter(
-        pl.col("aspect") == ALL,
+        pl.col("aspect") == Aspect.all,
         pl.col("trimming").fill_null("untrimmed") == "untrimmed",
         pl.col("weighting").fill_null("features") == "features",
     )

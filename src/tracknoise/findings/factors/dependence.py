@@ -25,9 +25,9 @@ from tracknoise.findings.sampling.multiplicity import benjamini_hochberg
 from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.wording import scenes_counted
 from tracknoise.statistics.conditions import Tables, by_condition
-from tracknoise.statistics.curves import NAMES
-from tracknoise.statistics.effects import SCALARS
-from tracknoise.statistics.grouping import POOLED, group_rows
+from tracknoise.statistics.definitions import NAMES, POOLED
+from tracknoise.statistics.factors import SCALARS
+from tracknoise.statistics.grouping import group_rows
 from tracknoise.tables.defaults import LEVEL, POPULATION
 from tracknoise.tables.enumerations import EffectIntervalKind, Verdict
 from tracknoise.tables.findings_schema import DEPENDENCE

@@ -9,8 +9,9 @@ import polars as pl
 
 from tracknoise.findings.sampling.units import additive
 from tracknoise.statistics.conditions import TablesByCondition
+from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.differences import comparable
-from tracknoise.statistics.grouping import POOLED, reduce_each
+from tracknoise.statistics.grouping import reduce_each
 from tracknoise.statistics.upright import upright
 from tracknoise.tables.enumerations import Trimming, Weighting
 from tracknoise.tables.schema import CURVES, ENDS, FRAME_COUNTS, MOMENTS, Schema, check, empty

@@ -28,7 +28,8 @@ from tracknoise.findings.sampling.bounds import Method
 from tracknoise.findings.sampling.draws import Draws, draws_by_dataset
 from tracknoise.findings.sampling.units import additive, units_of
 from tracknoise.statistics.conditions import Tables, TablesByCondition, by_condition, scenes_by_dataset
-from tracknoise.statistics.grouping import POOLED, reduce_each
+from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.grouping import reduce_each
 from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL, MIN_FEATURES
 from tracknoise.tables.enumerations import Behaviour
 from tracknoise.tables.findings_schema import TIME_STRUCTURE

@@ -10,9 +10,8 @@ from tracknoise.findings.estimate_text import format_estimate
 from tracknoise.findings.headlines.headline import Headline, Part, RunTables, by_tracker
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions, curve_bounds
 from tracknoise.findings.wording import SHAPES, SPACE, chance, interval_text, listing, number, percent
-from tracknoise.statistics.curves import NAMES
-from tracknoise.statistics.grouping import POOLED
-from tracknoise.tables.enumerations import Axis, Behaviour, Population, Verdict, Weighting
+from tracknoise.statistics.definitions import NAMES, POOLED
+from tracknoise.tables.enumerations import Aspect, Axis, Behaviour, Population, Verdict, Weighting
 
 _GROWTH: Mapping[str, tuple[str, str, str]] = {
     Behaviour.white: ("constant", "white_px", "px"),
@@ -69,7 +68,7 @@ def _brackets(tables: RunTables, conditions: ReportedConditions, role: str) -> s
     """How intervals of a statistic at the reference were made; empty where there are none."""
     axis = conditions.axis
     known = tables["intervals"].filter(
-        aspect="all", axis=axis, statistic=NAMES[axis][role], weighting=Weighting.features
+        aspect=Aspect.all, axis=axis, statistic=NAMES[axis][role], weighting=Weighting.features
     )
     reference = tables["summary"].select(*POOLED, pl.col("at").cast(pl.Int64))
     known = known.join(reference, on=[*POOLED, "at"], how="semi").drop_nulls(["low", "high"])
@@ -134,10 +133,10 @@ def _zero_or_not(overall: Mapping[str, Any]) -> str:
 
 def _means(intervals: pl.DataFrame, conditions: ReportedConditions, row: Mapping[str, Any]) -> list[Estimate]:
     found = []
-    chosen = {"trimming": conditions.trimmings[0], "weighting": Weighting.scenes}
+    trimming, scenes = conditions.trimmings[0], Weighting.scenes
     for coordinate in "uv":
         value = row[f"mean_{coordinate}_px"]
-        bounds = curve_bounds(intervals, conditions, "mean", row["at"], coordinate, **chosen)
+        bounds = curve_bounds(intervals, conditions, "mean", row["at"], coordinate, trimming=trimming, weighting=scenes)
         found += [] if value is None else [Estimate.of(value, bounds, "px")]
     return found
 
@@ -244,9 +243,11 @@ def _survivorship_of(tables: RunTables, conditions: ReportedConditions, tracker:
     if row is None or row["at"] is None:
         return None
     since, trimming = abs(conditions.since(row["at"])), conditions.trimmings[0]
-    lives = intervals.filter(pl.col("aspect").str.starts_with("lives "))["aspect"].unique().to_list()
-    for age in sorted(int(name.removeprefix("lives ")) for name in lives):
-        long = curve_bounds(intervals, conditions, "second", row["at"], "u", trimming=trimming, aspect=f"lives {age}")
+    aspect = Aspect.long_lived
+    for age in sorted(intervals.filter(aspect=aspect)["at_least"].unique()):
+        long = curve_bounds(
+            intervals, conditions, "second", row["at"], "u", trimming=trimming, aspect=aspect, at_least=age
+        )
         if age > since and long:
             every = _rms(intervals, conditions, row, "u", trimming)
             sizes = (

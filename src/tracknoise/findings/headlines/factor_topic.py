@@ -10,7 +10,7 @@ from tracknoise.findings.headlines.headline import Headline, RunTables, leading
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.roles import ROLES
 from tracknoise.findings.wording import SPACE, STATISTICS, count, effect_text, listing
-from tracknoise.statistics.effects import FACTORS
+from tracknoise.statistics.factors import FACTORS
 from tracknoise.tables.enumerations import Verdict
 from tracknoise.tables.schema import CONDITION
 

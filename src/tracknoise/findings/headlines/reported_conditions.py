@@ -7,10 +7,10 @@ import polars as pl
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.wording import place, view_text
-from tracknoise.statistics.curves import NAMES
-from tracknoise.statistics.effects import ReferenceCondition
+from tracknoise.statistics.definitions import NAMES
+from tracknoise.statistics.factors import ReferenceCondition
 from tracknoise.tables.defaults import POPULATION
-from tracknoise.tables.enumerations import Axis, Trimming, Weighting
+from tracknoise.tables.enumerations import Aspect, Axis, Trimming, Weighting
 from tracknoise.tables.schema import VIEW
 
 
@@ -77,7 +77,8 @@ def curve_bounds(
     *,
     trimming: str = Trimming.trimmed,
     weighting: str = Weighting.features,
-    aspect: str = "all",
+    aspect: Aspect = Aspect.all,
+    at_least: int | None = None,
 ) -> Estimate | None:
     """Estimate at a point of a curve, px; None where there is no interval. Second moments are given as roots.
 
@@ -89,10 +90,11 @@ def curve_bounds(
         Say which population and axis.
     role
         Of the statistic, as in `tracknoise.statistics.curves.NAMES`.
-    at, coordinate, trimming, weighting, aspect
+    at, coordinate, trimming, weighting, aspect, at_least
         As in the table.
     """
     found = intervals.filter(
+        pl.col("at_least").eq_missing(at_least),
         aspect=aspect,
         population=conditions.population,
         trimming=trimming,

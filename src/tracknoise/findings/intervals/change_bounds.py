@@ -15,9 +15,8 @@ from tracknoise.findings.sampling.bounds import LabelledEstimates, Method, poole
 from tracknoise.findings.sampling.draws import Draws
 from tracknoise.findings.sampling.units import Units, units_of
 from tracknoise.statistics.conditions import TablesByCondition
-from tracknoise.statistics.increments import CHANGE
-from tracknoise.tables.enumerations import Axis, Population
-from tracknoise.tables.schema import AXIS, ORIGIN, POPULATION
+from tracknoise.tables.enumerations import Aspect, Axis, Population
+from tracknoise.tables.schema import ASPECT, AXIS, ORIGIN, POPULATION
 
 AUTOCORRELATION = "autocorrelation"
 CHANGE_SUMS = ("n", "lagged_uu", "squares_uu", "lagged_vv", "squares_vv")
@@ -33,7 +32,8 @@ def moments_of_changes(increments: TablesByCondition) -> TablesByCondition:
 
 def _as_moments(increments: pl.DataFrame) -> pl.DataFrame:
     return increments.filter(pl.col("lag") == 0).select(
-        pl.lit(CHANGE).alias("aspect"),
+        pl.lit(Aspect.change, dtype=ASPECT).alias("aspect"),
+        pl.lit(None, dtype=pl.UInt32).alias("at_least"),
         *ORIGIN,
         pl.lit(Population.visible, dtype=POPULATION).alias("population"),
         "trimming",
@@ -69,7 +69,7 @@ def correlation_bounds(increments: pl.DataFrame, draws: Draws, method: Method) -
     labels = coordinates.join(units.points.rename({"lag": "at"}), how="cross").with_columns(
         statistic=pl.lit(AUTOCORRELATION),
         axis=pl.lit("lag"),
-        aspect=pl.lit(CHANGE),
+        aspect=pl.lit(Aspect.change, dtype=ASPECT),
         population=pl.lit(Population.visible),
     )
     yield LabelledEstimates(labels, correlated(units, draws.weights(units), method), units)

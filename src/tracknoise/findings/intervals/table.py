@@ -21,18 +21,15 @@ from tracknoise.findings.intervals.change_bounds import (
     correlation_bounds,
     moments_of_changes,
 )
-from tracknoise.findings.intervals.curve_sums import ALL, CurveSums, aspect_sums, error_sums, moments_to_order_2
+from tracknoise.findings.intervals.curve_sums import CurveSums, aspect_sums, error_sums, moments_to_order_2
 from tracknoise.findings.intervals.scalar_bounds import SCALAR_UNITS, lifetime_bounds, outlier_bounds
 from tracknoise.findings.sampling.bounds import LabelledEstimates, Method, averaged, pooled
 from tracknoise.findings.sampling.draws import N_DRAWS, Draws, draws_by_dataset
 from tracknoise.findings.sampling.units import SUMS, units_of
-from tracknoise.statistics.aspects import GRADIENT
 from tracknoise.statistics.conditions import Tables, TablesByCondition, by_condition, scenes_by_dataset
-from tracknoise.statistics.curves import NAMES, UNITS
-from tracknoise.statistics.grouping import POOLED
-from tracknoise.statistics.increments import CHANGE
+from tracknoise.statistics.definitions import NAMES, POOLED, UNITS
 from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL, POPULATION
-from tracknoise.tables.enumerations import IntervalKind, Weighting
+from tracknoise.tables.enumerations import Aspect, IntervalKind, Weighting
 from tracknoise.tables.findings_schema import INTERVALS
 from tracknoise.tables.schema import (
     ASPECT_BLOCKS,
@@ -52,11 +49,11 @@ _CURVES = [
     *((role, coordinate) for role in ("second", "central") for coordinate in ("u", "v", "uv")),
 ]
 """What `curve_statistics` returns: the role of each statistic, as in `tracknoise.statistics.curves`, and coordinate."""
-_MEANT = {GRADIENT: ("absolute", "second"), CHANGE: ("mean", "second", "central")}
+_MEANT = {Aspect.gradient: ("absolute", "second"), Aspect.change: ("mean", "second", "central")}
 """Roles that an aspect has, if not all: a gradient has no sign, and of changes no absolute values are kept."""
 _SCALES = ["linear" if role == "mean" or coordinate == "uv" else "log" for role, coordinate in _CURVES]
 _SCALARS: Mapping[str, str] = {**SCALAR_UNITS, AUTOCORRELATION: "1"}
-_SORTED = ["aspect", "population", "trimming", "weighting", "statistic", "axis", "at", "coordinate"]
+_SORTED = ["aspect", "at_least", "population", "trimming", "weighting", "statistic", "axis", "at", "coordinate"]
 
 
 def interval_table(
@@ -159,7 +156,7 @@ def curve_statistics(sums: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _curve_rows(sums: Iterable[CurveSums], drawn: Mapping[str, Draws], method: Method) -> Iterator[pl.DataFrame]:
     """Rows of every aspect of every condition."""
-    keys = [*POOLED, "aspect", "population"]
+    keys = [*POOLED, "aspect", "at_least", "population"]
     roles = pl.DataFrame(_CURVES, schema=["role", "coordinate"], orient="row")
     for key, scenes, blocks in sums:
         units = units_of(scenes, blocks, points=_POINT, columns=SUMS)
@@ -189,7 +186,7 @@ def _scalar_rows(
     method: Method,
 ) -> Iterator[pl.DataFrame]:
     """Rows of the lifetimes, of the outlier ratio, or of the autocorrelation, of every condition."""
-    usual = {"aspect": ALL, **dict.fromkeys(("population", "trimming", "weighting", "coordinate"))}
+    usual = {"aspect": Aspect.all, **dict.fromkeys(("at_least", "population", "trimming", "weighting", "coordinate"))}
     for key, part in tables.items():
         for found in bounded(part, drawn[key[0]], method):
             missing = {name: value for name, value in usual.items() if name not in found.labels.columns}

@@ -34,7 +34,8 @@ from tracknoise.statistics.conditions import (
     names,
     scenes_by_dataset,
 )
-from tracknoise.statistics.grouping import POOLED, group_rows
+from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.grouping import group_rows
 from tracknoise.statistics.samples import first_tracks, with_bands
 from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL, MIN_FEATURES
 from tracknoise.tables.enumerations import Shape

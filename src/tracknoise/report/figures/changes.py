@@ -6,16 +6,15 @@ import altair as alt
 import polars as pl
 
 from tracknoise.findings.intervals.change_bounds import AUTOCORRELATION
+from tracknoise.findings.wording import MINUS, number, px
 from tracknoise.report import bands, style
 from tracknoise.report.bands import BOUNDS
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Family, Figure
 from tracknoise.report.figures.layout import Panel, arranged
-from tracknoise.report.sentences import MINUS, number, px
-from tracknoise.statistics.curves import NAMES
-from tracknoise.statistics.increments import CHANGE, LAGS
-from tracknoise.statistics.summary import REFERENCE_AGE
+from tracknoise.statistics.definitions import LAGS, NAMES, REFERENCE_AGE
+from tracknoise.tables.enumerations import Aspect
 
 _NAME, _TITLE = "changes", "Changes from frame to frame"
 _MEAN, _SPREAD = "mean", "spread"
@@ -79,7 +78,7 @@ def _named(table: pl.DataFrame, statistic: str, values: Mapping[str, pl.Expr]) -
 
 def _bounds(evidence: Evidence) -> pl.DataFrame:
     """Bounds of all these, those of the variance as roots."""
-    found = evidence.nominal(evidence.intervals).filter(aspect=CHANGE, trimming="trimmed")
+    found = evidence.nominal(evidence.intervals).filter(aspect=Aspect.change, trimming="trimmed")
     found = found.filter(pl.col("weighting").is_null() | (pl.col("weighting") == "features"))
     found = found.filter(pl.col("statistic").is_in(list(_TOLD_AS)), pl.col("coordinate").is_in(list(_COORDINATES)))
     named = found.with_columns(statistic=pl.col("statistic").replace_strict(_TOLD_AS, return_dtype=pl.String))

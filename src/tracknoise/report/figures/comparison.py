@@ -2,11 +2,12 @@
 
 import polars as pl
 
+from tracknoise.findings.wording import px
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures.curve_grid import MANY, Reading, Series, bands_text, grid, readings, when
 from tracknoise.report.figures.figure import Absence, Figure
-from tracknoise.report.sentences import listing, px
-from tracknoise.statistics.summary import REFERENCE_AGE
+from tracknoise.report.sentences import listing
+from tracknoise.statistics.definitions import REFERENCE_AGE
 
 _NAMES = {"mean": "mean error", "second": "root second moment"}
 

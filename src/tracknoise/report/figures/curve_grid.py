@@ -6,15 +6,16 @@ from dataclasses import asdict, dataclass, replace
 import altair as alt
 import polars as pl
 
+from tracknoise.findings.wording import number, px
 from tracknoise.report import bands
 from tracknoise.report.axis import FRAME, Axis
 from tracknoise.report.bands import BOUNDS
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.box_plot import box_plot
 from tracknoise.report.figures.layout import Chart, Panel, Spec, arranged
-from tracknoise.report.sentences import listing, number, px
+from tracknoise.report.sentences import listing
 from tracknoise.statistics.box import box_summary
-from tracknoise.statistics.summary import REFERENCE_AGE
+from tracknoise.statistics.definitions import REFERENCE_AGE
 
 _ROWS = {
     "mean": "mean error {} (px)",

@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
+from tracknoise.findings.wording import number
 from tracknoise.report.axis import FRAME
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures.curve_grid import Series, bands_text, grid, readings, when
 from tracknoise.report.figures.figure import Absence, Family, Figure
-from tracknoise.report.sentences import number
 
 _HOW = (
     "Rows: mean error, mean absolute error, and the root of the second moment about zero (solid) with that of the "

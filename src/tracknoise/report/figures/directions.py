@@ -4,19 +4,21 @@ from collections.abc import Sequence
 
 import polars as pl
 
+from tracknoise.findings.wording import SPACE, count, number, px
 from tracknoise.report import style
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures.curve_grid import Reading, Series, bands_text, grid, readings, when
 from tracknoise.report.figures.figure import Absence, Family, Figure
-from tracknoise.report.sentences import SPACE, count, listing, number, px
-from tracknoise.statistics.aspects import GRADIENT, LEAST_MOTION_PX, MOTION
+from tracknoise.report.sentences import listing
+from tracknoise.statistics.definitions import LEAST_MOTION_PX
+from tracknoise.tables.enumerations import Aspect
 
 _LEAST = f"{number(LEAST_MOTION_PX, digits=1)}{SPACE}px"
 _IMAGE = "u and v"
 _TOLD = {
     _IMAGE: "{} in u and {} in v",
-    MOTION: "{} along the motion and {} across it",
-    GRADIENT: "{} along the gradient and {} across it",
+    Aspect.motion: "{} along the motion and {} across it",
+    Aspect.gradient: "{} along the gradient and {} across it",
 }
 """What curves there are, and how a sentence tells the two values of each."""
 
@@ -42,7 +44,8 @@ def _along_and_across(evidence: Evidence, tracker: str) -> Figure | Absence:
 def _points(evidence: Evidence, tracker: str) -> pl.DataFrame:
     """Trimmed curves of visible features, by `axes`."""
     image = evidence.points.filter(population="visible").with_columns(aspect=pl.lit(_IMAGE))
-    aspects = evidence.aspect_points.filter(pl.col("aspect").is_in([MOTION, GRADIENT]))
+    aspects = evidence.aspect_points.filter(pl.col("aspect").is_in([Aspect.motion, Aspect.gradient]))
+    aspects = aspects.with_columns(pl.col("aspect").cast(pl.String))
     both = pl.concat([image, aspects.select(image.columns)]).rename({"aspect": "axes"})
     return evidence.nominal(both).filter(tracker=tracker, trimming="trimmed")
 

@@ -8,14 +8,14 @@ import polars as pl
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
-from tracknoise.findings.wording import SHAPES
+from tracknoise.findings.wording import DASH, SHAPES, SPACE, number
 from tracknoise.report import style
 from tracknoise.report.axis import AGE
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Family, Figure
 from tracknoise.report.figures.layout import Panel, arranged
-from tracknoise.report.sentences import DASH, NU, SPACE, listing, number
+from tracknoise.report.sentences import NU, listing
 from tracknoise.report.tables import Cells
 
 _TITLE = "Gaussian?"

@@ -6,12 +6,12 @@ from typing import Any
 import altair as alt
 import polars as pl
 
+from tracknoise.findings.wording import count, number, percent
 from tracknoise.report.bands import of_scalar, told
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import lifetimes_by_lighting, marks
 from tracknoise.report.figures.figure import Absence, Family, Figure
 from tracknoise.report.figures.layout import Panel, Spec, arranged
-from tracknoise.report.sentences import count, number, percent
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
 from tracknoise.tables.schema import LIFETIMES
 

@@ -5,10 +5,10 @@ from dataclasses import asdict
 import altair as alt
 import polars as pl
 
+from tracknoise.findings.wording import number
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import light_sweeps
 from tracknoise.report.figures.figure import Figure
-from tracknoise.report.sentences import number
 from tracknoise.statistics.box import box_of_counts
 
 _FRAMES = alt.Axis(values=[first * 10**power for power in range(5) for first in (1, 2, 5)], format="~d")

@@ -5,13 +5,13 @@ from collections.abc import Sequence
 import altair as alt
 import polars as pl
 
+from tracknoise.findings.wording import count, percent, px
 from tracknoise.report.axis import Axis
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Family, Figure
 from tracknoise.report.figures.layout import Panel, arranged
-from tracknoise.report.sentences import count, percent, px
-from tracknoise.statistics.summary import REFERENCE_AGE
+from tracknoise.statistics.definitions import REFERENCE_AGE
 
 _TITLE = "Visible against all projected"
 _PANELS = [(role, coordinate) for role in ("absolute", "second") for coordinate in "uv"]

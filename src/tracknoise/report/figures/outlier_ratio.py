@@ -6,13 +6,14 @@ from typing import Any
 import altair as alt
 import polars as pl
 
+from tracknoise.findings.wording import percent
 from tracknoise.report.bands import of_scalar, told
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import light_sweeps
 from tracknoise.report.figures.box_plot import box_plot
 from tracknoise.report.figures.figure import Absence, Family, Figure
 from tracknoise.report.figures.layout import Panel, arranged
-from tracknoise.report.sentences import listing, percent
+from tracknoise.report.sentences import listing
 
 _TITLE = "Outlier ratio"
 _INTERVAL = ("pooled_ratio", "low", "high")

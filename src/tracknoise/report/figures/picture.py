@@ -8,12 +8,12 @@ import altair as alt
 import numpy as np
 import polars as pl
 
+from tracknoise.findings.wording import count, px
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Family, Figure
 from tracknoise.report.figures.layout import Panel, Spec, arranged
-from tracknoise.report.sentences import count, px
-from tracknoise.tables.store import SequenceEntry
+from tracknoise.tables.manifest import SequenceEntry
 
 MOST_SCENES, MOST_FEATURES, TRAIL = 6, 250, 8
 _LAST = 2**32 - 1

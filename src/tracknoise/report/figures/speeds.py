@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 
+from tracknoise.findings.wording import px
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures.comparison import comparison
 from tracknoise.report.figures.curve_grid import MANY, Series
 from tracknoise.report.figures.figure import Absence, Family, Figure
-from tracknoise.report.sentences import listing, px
+from tracknoise.report.sentences import listing
 
 
 def figures(evidence: Evidence) -> Sequence[Figure | Absence]:

@@ -5,13 +5,13 @@ from collections.abc import Mapping, Sequence
 import altair as alt
 import polars as pl
 
+from tracknoise.findings.wording import count, number
 from tracknoise.report import style
 from tracknoise.report.axis import FRAME
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Family, Figure
 from tracknoise.report.figures.layout import Panel, arranged
-from tracknoise.report.sentences import count, number
 from tracknoise.statistics.lifetimes import surviving
 
 _ALL, _MEASURED = "all tracks", "in the trimmed curves"

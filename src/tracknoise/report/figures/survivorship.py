@@ -4,17 +4,18 @@ from collections.abc import Sequence
 
 import polars as pl
 
+from tracknoise.findings.wording import number
 from tracknoise.report import style
 from tracknoise.report.axis import FRAME
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures.curve_grid import Reading, Series, bands_text, grid, readings, when
 from tracknoise.report.figures.figure import Absence, Family, Figure
-from tracknoise.report.sentences import number
-from tracknoise.statistics.aspects import LIVES, lives
+from tracknoise.statistics.definitions import LONG_LIVED_AGES
+from tracknoise.tables.enumerations import Aspect
 
 _ALL = "all"
-_NAMES = {lives(age): f"to age {age}" for age in LIVES}
-"""What tracks are called that live so long, by aspect."""
+_NAMES = {age: f"to age {age}" for age in LONG_LIVED_AGES}
+"""Name of the tracks that live to each age."""
 
 
 def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
@@ -28,7 +29,7 @@ def _survivors_of(evidence: Evidence, tracker: str) -> Figure | Absence:
     name, title = f"survivorship-{evidence.slug(tracker)}", f"{tracker}, by how long tracks live"
     found = _longest_beside_all(evidence, points)
     if not found:
-        why = f"No {evidence.axis.name} has enough features whose tracks live to age {LIVES[0]}"
+        why = f"No {evidence.axis.name} has enough features whose tracks live to age {LONG_LIVED_AGES[0]}"
         return Absence(name, title, f"{why} or beyond, so there is nothing to set beside all tracks.")
     chart = grid(points, series, evidence.axis, boxes=False)
     shows = f"{_shows(evidence, tracker)} {bands_text(points, series)}"
@@ -38,22 +39,22 @@ def _survivors_of(evidence: Evidence, tracker: str) -> Figure | Absence:
 def _points(evidence: Evidence, tracker: str) -> pl.DataFrame:
     """Trimmed curves of visible features, by `tracks`; without moments about the mean, for there are many curves."""
     every = evidence.points.filter(population="visible").with_columns(tracks=pl.lit(_ALL))
-    chosen = evidence.aspect_points.filter(pl.col("aspect").is_in([*_NAMES]))
-    chosen = chosen.with_columns(tracks=pl.col("aspect").replace_strict(_NAMES, return_dtype=pl.String))
+    chosen = evidence.aspect_points.filter(aspect=Aspect.long_lived)
+    chosen = chosen.with_columns(tracks=pl.col("at_least").replace_strict(_NAMES, return_dtype=pl.String))
     both = pl.concat([every, chosen.select(every.columns)])
     return evidence.nominal(both).filter(pl.col("role") != "central", tracker=tracker, trimming="trimmed")
 
 
 def _series(points: pl.DataFrame, colour: str) -> Series:
-    """The lives that have a curve, in shades that are as far apart as their number allows."""
+    """The groups of tracks that have a curve, in shades that are as far apart as their number allows."""
     present = [name for name in (_ALL, *_NAMES.values()) if name in points["tracks"].unique()]
     return Series("tracks", dict(zip(present, style.shades(colour, len(present)), strict=True)))
 
 
 def _longest_beside_all(evidence: Evidence, points: pl.DataFrame) -> list[Reading]:
     """All tracks and those that live longest, at a place where some do not; empty where there is no such place."""
-    for age in reversed(LIVES):
-        pair = Series("tracks", dict.fromkeys((_ALL, _NAMES[lives(age)]), ""))
+    for age in reversed(LONG_LIVED_AGES):
+        pair = Series("tracks", dict.fromkeys((_ALL, _NAMES[age]), ""))
         younger = points if evidence.axis is FRAME else points.filter(pl.col("since") < age)
         found = readings(younger, pair)
         if len(found) == 2 and found[0].since == found[1].since:

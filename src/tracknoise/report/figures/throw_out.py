@@ -5,13 +5,13 @@ from collections.abc import Sequence
 import altair as alt
 import polars as pl
 
+from tracknoise.findings.wording import SPACE, count, number, percent, px
 from tracknoise.report import style
 from tracknoise.report.axis import FRAME
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Family, Figure
 from tracknoise.report.figures.layout import Panel, arranged
-from tracknoise.report.sentences import SPACE, count, number, percent, px
 
 _TITLE = "Errors before trimming"
 _DECADES = alt.Axis(values=[10.0**power for power in range(-3, 4)], format="~g")

@@ -9,12 +9,13 @@ import polars as pl
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
+from tracknoise.findings.wording import DASH, MINUS
 from tracknoise.report import bands, style
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Family, Figure
 from tracknoise.report.figures.layout import Panel, arranged
-from tracknoise.report.sentences import DASH, MINUS, listing
+from tracknoise.report.sentences import listing
 from tracknoise.report.tables import Cells
 
 _TITLE = "How errors grow"

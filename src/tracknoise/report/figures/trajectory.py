@@ -10,12 +10,12 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from tracknoise.findings.wording import SPACE, count, number, percent
 from tracknoise.report import style
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Family, Figure
 from tracknoise.report.figures.layout import Chart, Panel, arranged
-from tracknoise.report.sentences import SPACE, count, number, percent
 
 MOST = 4
 _TITLE = "Camera path"

@@ -1,0 +1,211 @@
+"""The observations and tracks of a sequence, checked and grouped once for all of its statistics."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import SchemaError
+from tracknoise.statistics.blocks import blocks_of
+from tracknoise.statistics.grouping import Groups, group_runs
+from tracknoise.statistics.populations import check_population, in_population
+from tracknoise.tables.schema import OBSERVATIONS, ORIGIN, TRACKS, check
+
+Axis = Literal["age", "frame"]
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedObservations:
+    """Columns of an observations table as arrays, rows in the order of the table.
+
+    Attributes
+    ----------
+    conditions
+        Columns of `ORIGIN`: every sequence and condition once, sorted.
+    condition : (rows,) intp
+        Row of `conditions`.
+    track, frame, age : (rows,) int64
+        As in the table.
+    error_px : (rows, 2) float64
+        du and dv; NaN where the true position is unknown.
+    visible, projected : (rows,) bool
+        Whether the observation belongs to the population; all that do have an error.
+    kept : (rows,) bool
+        False for observations of tracks that trimming dropped.
+    axis
+        Whether errors start at zero when a feature is first seen (``age``) or in a key frame (``frame``).
+    """
+
+    conditions: pl.DataFrame
+    condition: NDArray[np.intp]
+    track: NDArray[np.int64]
+    frame: NDArray[np.int64]
+    age: NDArray[np.int64]
+    error_px: NDArray[np.float64]
+    visible: NDArray[np.bool_]
+    projected: NDArray[np.bool_]
+    kept: NDArray[np.bool_]
+    axis: Axis
+
+    @property
+    def at(self) -> NDArray[np.int64]:
+        """Place of each observation on the axis, (rows,)."""
+        return self.age if self.axis == "age" else self.frame
+
+    @property
+    def speed(self) -> NDArray[np.int64]:
+        """Speed of each observation's condition, (rows,)."""
+        speeds: NDArray[np.int64] = self.conditions["speed"].to_numpy().astype(np.int64)
+        return speeds[self.condition]
+
+    def members(self, population: str) -> NDArray[np.bool_]:
+        """Whether each observation belongs to a population, (rows,)."""
+        return self.visible if population == "visible" else self.projected
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedSequence:
+    """What every statistic of a sequence is computed from.
+
+    Attributes
+    ----------
+    observations, tracks
+        The tables.
+    seen
+        The observations as arrays.
+    track_condition : (tracks,) intp
+        Row of `seen.conditions` for each track.
+    track_block : (tracks,) uint8
+        Block of each track, see `tracknoise.statistics.blocks`.
+    track_row : (rows,) intp
+        Row of `tracks` for each observation.
+    ordered : (rows,) intp
+        Rows of the observations, sorted by condition, track and frame.
+    key_frame
+        Frame in which a scan makes errors zero; None where they are zero when a feature is first seen.
+    populations
+        Populations that are resampled in blocks.
+    slowest
+        Speed at which the blocks of aspects are measured.
+    """
+
+    observations: pl.DataFrame
+    tracks: pl.DataFrame
+    seen: PreparedObservations
+    track_condition: NDArray[np.intp]
+    track_block: NDArray[np.uint8]
+    track_row: NDArray[np.intp]
+    ordered: NDArray[np.intp]
+    key_frame: int | None
+    populations: tuple[str, ...]
+    slowest: int | None
+
+    @property
+    def block(self) -> NDArray[np.uint8]:
+        """Block of the track of each observation, (rows,)."""
+        return self.track_block[self.track_row]
+
+    @property
+    def at_slowest(self) -> NDArray[np.bool_]:
+        """Whether each observation was made at the speed `slowest`, (rows,); at any speed where it is None."""
+        speed = self.seen.speed
+        return np.ones(len(speed), dtype=bool) if self.slowest is None else speed == self.slowest
+
+    def ordered_where(self, chosen: NDArray[np.bool_]) -> NDArray[np.intp]:
+        """The chosen rows of the observations, (rows,) bool, in the order of `ordered`."""
+        return self.ordered[chosen[self.ordered]]
+
+
+def prepare_observations(observations: pl.DataFrame, *, axis: Axis = "age") -> PreparedObservations:
+    """Check an observations table and make arrays of it.
+
+    Raises
+    ------
+    SchemaError
+        If the table has other columns, or an error is missing where the true position is known.
+    """
+    check(observations, OBSERVATIONS, "observations")
+    return _as_arrays(observations, group_runs([observations], list(ORIGIN))[0], axis)
+
+
+def prepare_sequence(
+    observations: pl.DataFrame,
+    tracks: pl.DataFrame,
+    *,
+    key_frame: int | None = None,
+    axis: Axis | None = None,
+    populations: Sequence[str] = ("visible",),
+    slowest: int | None = None,
+) -> PreparedSequence:
+    """Check the tables of any number of sequences and group their rows.
+
+    Parameters
+    ----------
+    observations, tracks
+        The observations, and all tracks of the same sequences and conditions.
+    key_frame
+        Frame in which a scan makes errors zero.
+    axis
+        By default ``frame`` with a key frame and ``age`` without.
+    populations, slowest
+        See `PreparedSequence`; by default aspects are measured in blocks at every speed.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such population.
+    SchemaError
+        If a table has other columns, an error is missing where the true position is known, or an observation does not
+        belong to exactly one track.
+    """
+    check(observations, OBSERVATIONS, "observations")
+    check(tracks, TRACKS, "tracks")
+    of_observations, of_tracks = group_runs([observations, tracks], list(ORIGIN))
+    seen = _as_arrays(observations, of_observations, axis or ("age" if key_frame is None else "frame"))
+    numbers, track_row = _rows_of_tracks(seen, tracks["track"].to_numpy().astype(np.int64), of_tracks)
+    return PreparedSequence(
+        observations=observations,
+        tracks=tracks,
+        seen=seen,
+        track_condition=of_tracks.index,
+        track_block=blocks_of(tracks, pl.Series(of_tracks.index)).to_numpy(),
+        track_row=track_row,
+        ordered=np.argsort(numbers * (seen.frame.max(initial=0) + 1) + seen.frame, kind="stable"),
+        key_frame=key_frame,
+        populations=tuple(check_population(population) for population in populations),
+        slowest=slowest,
+    )
+
+
+def _as_arrays(observations: pl.DataFrame, groups: Groups, axis: Axis) -> PreparedObservations:
+    return PreparedObservations(
+        conditions=groups.keys,
+        condition=groups.index,
+        **{name: observations[name].to_numpy().astype(np.int64) for name in ("track", "frame", "age")},
+        error_px=observations.select("du_px", "dv_px").to_numpy(),
+        visible=in_population(observations, "visible"),
+        projected=in_population(observations, "projected"),
+        kept=observations["kept"].to_numpy(),
+        axis=axis,
+    )
+
+
+def _rows_of_tracks(
+    seen: PreparedObservations, track: NDArray[np.int64], tracks: Groups
+) -> tuple[NDArray[np.int64], NDArray[np.intp]]:
+    """A number for the track of each observation, in the order of conditions and tracks; and its row in the table."""
+    n_tracks = np.zeros(tracks.count, dtype=np.int64)
+    np.maximum.at(n_tracks, tracks.index, track + 1)
+    first = np.cumsum(n_tracks) - n_tracks
+    count = np.bincount(first[tracks.index] + track, minlength=1)
+    numbers = first[seen.condition] + seen.track
+    known = seen.track < n_tracks[seen.condition]
+    if not known.all() or (count[numbers] != 1).any():
+        found = "a track number is not in the tracks table, or several times"
+        raise SchemaError(f"observations: {found}, expected once among the tracks of its condition")
+    rows = np.zeros(len(count), dtype=np.intp)
+    rows[first[tracks.index] + track] = np.arange(len(track))
+    return numbers, rows[numbers]

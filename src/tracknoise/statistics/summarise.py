@@ -1,0 +1,104 @@
+"""All statistics of a sequence, from its observations and tracks in one pass."""
+
+from collections.abc import Callable, Collection, Mapping
+from types import MappingProxyType
+
+import polars as pl
+
+from tracknoise.statistics.aspects import aspect_blocks, aspects
+from tracknoise.statistics.block_moments import block_moments
+from tracknoise.statistics.counts import counts
+from tracknoise.statistics.histogram import error_histogram
+from tracknoise.statistics.increments import increments
+from tracknoise.statistics.lifetimes import count_ends
+from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.prepared import PreparedSequence, prepare_sequence
+from tracknoise.statistics.samples import samples
+from tracknoise.statistics.trimming import trim_sequence
+from tracknoise.tables.schema import FRAME_COUNTS, check
+
+STATISTICS: Mapping[str, Callable[[PreparedSequence], pl.DataFrame]] = MappingProxyType(
+    {
+        "moments": lambda sequence: scene_moments(sequence.seen),
+        "counts": counts,
+        "ends": lambda sequence: count_ends(sequence.tracks),
+        "errors": lambda sequence: error_histogram(sequence.tracks),
+        "blocks": block_moments,
+        "aspects": aspects,
+        "aspect_blocks": aspect_blocks,
+        "increments": increments,
+        "samples": samples,
+    }
+)
+"""Tables of a sequence that are computed from its trimmed observations and tracks, by name."""
+
+
+def statistics_of(sequence: PreparedSequence, names: Collection[str] = tuple(STATISTICS)) -> dict[str, pl.DataFrame]:
+    """Tables of statistics by name.
+
+    Parameters
+    ----------
+    sequence
+        Trimmed.
+    names
+        Of `STATISTICS`; by default all.
+    """
+    return {name: STATISTICS[name](sequence) for name in names}
+
+
+def summarise_sequence(
+    observations: pl.DataFrame,
+    tracks: pl.DataFrame,
+    frames: pl.DataFrame,
+    *,
+    key_frame: int | None = None,
+    population: str = "visible",
+    trim_percentile: float | None = None,
+    trim_among: str = "all",
+    slowest: int | None = None,
+    statistics: Collection[str] = tuple(STATISTICS),
+) -> dict[str, pl.DataFrame]:
+    """Trim a sequence and compute its statistics.
+
+    Parameters
+    ----------
+    observations, tracks, frames
+        Tables `OBSERVATIONS`, `TRACKS` and `FRAME_COUNTS` of one sequence under any number of conditions, as measured.
+        Their `kept` and `max_error_px` are not read.
+    key_frame
+        Frame in which a scan makes errors zero. Moments are then by frame. By default they are by age.
+    population
+        Observations that trimming uses: `visible` or `projected`. Blocks hold these and the visible ones.
+    trim_percentile, trim_among
+        See `tracknoise.statistics.trimming.trim_sequence`; by default every track is kept.
+    slowest
+        Speed at which the blocks of aspects are measured; by default at all.
+    statistics
+        Names in `STATISTICS` to compute.
+
+    Returns
+    -------
+    dict of polars.DataFrame
+        Tables by name: `observations` and `tracks` with `kept` and `max_error_px` filled in, `frames`, `trims`, and
+        the statistics.
+
+    Raises
+    ------
+    SettingsError
+        If `trim_percentile` is not between 0 and 100.
+    UnknownNameError
+        If there is no such population, or no such choice of tracks.
+    SchemaError
+        If a table has other columns, an error is missing where the true position is known, or an observation does not
+        belong to exactly one track.
+    """
+    populations = tuple(dict.fromkeys(["visible", population]))
+    sequence = prepare_sequence(observations, tracks, key_frame=key_frame, populations=populations, slowest=slowest)
+    trimmed = trim_sequence(sequence, percentile=trim_percentile, population=population, among=trim_among)
+    return {
+        "observations": trimmed.observations,
+        "tracks": trimmed.tracks,
+        "frames": check(frames, FRAME_COUNTS, "frames"),
+        "trims": trimmed.trims,
+        **statistics_of(trimmed.sequence, statistics),
+    }

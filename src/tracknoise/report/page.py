@@ -1,14 +1,13 @@
 """The report: one page that needs no network, its figures and its tables, written into the run folder."""
 
 import json
-import os
-import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
+from tracknoise.atomic import replaced_folder
 from tracknoise.exceptions import StoreError, UnknownNameError
 from tracknoise.report import export, found, matters, measured, tables, trimmed
 from tracknoise.report.evidence import Evidence
@@ -103,21 +102,13 @@ def _embedded(spec: Mapping[str, Any]) -> str:
 
 
 def _replace(folder: Path, files: Mapping[str, bytes]) -> Path:
-    """Write files into a new folder, and put it in the place of the old one once it is whole."""
-    building, old = (folder.with_name(f".{folder.name}.{os.getpid()}.{state}") for state in ("new", "old"))
+    """Write files into a new folder, which replaces the old one when it is whole."""
     try:
-        if folder.exists() and not folder.is_dir():
-            raise FileExistsError(0, "it is a file")
-        for name, content in files.items():
-            path = building / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content)
-        if folder.exists():
-            folder.rename(old)
-        building.rename(folder)
+        with replaced_folder(folder) as building:
+            for name, content in files.items():
+                path = building / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(content)
     except OSError as error:
         raise StoreError(f"{folder}: cannot be written ({error.strerror}), expected a writable folder") from error
-    finally:
-        shutil.rmtree(building, ignore_errors=True)
-        shutil.rmtree(old, ignore_errors=True)
     return folder

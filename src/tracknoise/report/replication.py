@@ -7,12 +7,12 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
-from tracknoise.exceptions import StoreError
 from tracknoise.report import matters, paper, tables
 from tracknoise.report.departures import Part, departures
 from tracknoise.report.evidence import Evidence
 from tracknoise.report.page import template
 from tracknoise.report.sentences import DASH, number
+from tracknoise.tables.files import write_atomically
 from tracknoise.tables.store import RunFolder
 
 
@@ -65,8 +65,8 @@ def write_replication(folder: Path, replicated: Sequence[Replicated]) -> Path:
     total = {name: sum(chapter["tally"].get(name, 0) for chapter in chapters) for name in paper.AGREEMENTS}
     index = template("replication.html.j2").render(ran=_ran(replicated, parts), chapters=chapters, total=total, **shown)
     differences = template("differences.html.j2").render(departures=departures(list(parts.values())), **shown)
-    _write(folder / "differences.html", differences)
-    _write(folder / "index.html", index)
+    write_atomically(folder / "differences.html", differences.encode())
+    write_atomically(folder / "index.html", index.encode())
     return folder / "index.html"
 
 
@@ -145,14 +145,3 @@ def _row(item: Replicated, part: Part | None) -> list[str]:
     counts = [len(manifest.sequences), len(manifest.failures), observed, sum(tally.values()), *tally.values()]
     counts += alone.values()
     return [part.title, item.found, *map(number, counts)]
-
-
-def _write(path: Path, text: str) -> None:
-    """Write a page whole or not at all."""
-    building = path.with_name(f".{path.name}.{os.getpid()}.new")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        building.write_text(text, encoding="utf-8")
-        building.replace(path)
-    except OSError as error:
-        raise StoreError(f"{path}: cannot be written ({error.strerror}), expected a writable folder") from error

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from itertools import accumulate
 
 from tracknoise.cli.terminal import Terminal
-from tracknoise.report.tables import Cells
+from tracknoise.report.cells import Cells
 
 
 def show(terminal: Terminal, cells: Cells) -> None:

@@ -32,7 +32,7 @@ def noise(tables: Tables, scope: Scope) -> Headline | None:
         text = f"The noise to assume {scope.where(tables['summary'])}, as root mean square: {'; '.join(parts)}."
         return f"{text}{_of_which(scope)} {resampled(tables, scope, 'second')}".rstrip()
 
-    return by_tracker(tables, scope, _noise_of, write, topic="noise", figure="curves", table="intervals")
+    return by_tracker(tables, scope, _noise_of, write, topic="noise", figure="error-by-tracker", table="intervals")
 
 
 def _of_which(scope: Scope) -> str:
@@ -73,7 +73,7 @@ def bias(tables: Tables, scope: Scope) -> Headline | None:
     def write(parts: list[str]) -> str:
         return f"Is the mean error zero {scope.where(tables['summary'])} ({how})? {capitalised(parts)}."
 
-    return by_tracker(tables, scope, _bias_of, write, topic="bias", figure="curves", table="zero_mean")
+    return by_tracker(tables, scope, _bias_of, write, topic="bias", figure="error-by-tracker", table="zero_mean")
 
 
 def _bias_of(tables: Tables, scope: Scope, tracker: str) -> Said | None:
@@ -199,7 +199,9 @@ def survivors(tables: Tables, scope: Scope) -> Headline | None:
     def write(parts: list[str]) -> str:
         return f"Root mean square errors in u of tracks that live on, {_dropped(scope)}beside all: {'; '.join(parts)}."
 
-    return by_tracker(tables, scope, _survivors_of, write, topic="survivors", figure="survivorship", table="intervals")
+    return by_tracker(
+        tables, scope, _survivors_of, write, topic="survivors", figure="survivorship-bias", table="intervals"
+    )
 
 
 def _survivors_of(tables: Tables, scope: Scope, tracker: str) -> Said | None:

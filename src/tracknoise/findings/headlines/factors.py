@@ -72,7 +72,7 @@ def factors(tables: Tables, scope: Scope) -> Headline | None:
         text += f" The clearest no: {'; '.join(map(_told, no))}."
     if not largest and not no:
         text += _undecided(rows)
-    return Headline("factors", text, "matters", "dependence", leading([_estimate(row) for row in largest or no]))
+    return Headline("factors", text, "factor-effects", "dependence", leading([_estimate(row) for row in largest or no]))
 
 
 def _names(rows: pl.DataFrame) -> Sequence[str]:

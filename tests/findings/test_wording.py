@@ -1,6 +1,6 @@
 import pytest
 
-from tracknoise.report.sentences import count, listing, number, percent, pixels, px
+from tracknoise.findings.wording import count, listing, number, percent, pixels, px
 
 
 @pytest.mark.parametrize(

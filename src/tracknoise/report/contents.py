@@ -3,10 +3,10 @@
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from tracknoise import __version__
 from tracknoise.exceptions import StoreError
 from tracknoise.report.figures.figure import Absence, Figure
 
@@ -57,7 +57,7 @@ def contents_json(experiment: str, sections: Sequence[Section], formats: Sequenc
         "format": FORMAT,
         "title": f"{experiment} \N{EN DASH} tracknoise report",
         "experiment": experiment,
-        "tracknoise": __version__,
+        "tracknoise": version("tracknoise"),
         "page": "index.html",
         "sections": [_section(section, formats) for section in sections],
     }

@@ -117,7 +117,7 @@ def test_a_large_share_is_told_with_what_the_errors_rest_on(make_run: Callable[.
     share = f"{100 * statuses['no_depth'] / sum(statuses.values()):.1f}\N{NO-BREAK SPACE}%"
     sentence = dict(measured.without_truth(ReportData.of(run)))["one at speed 1"]
     assert sentence.startswith(f"the true position of {share} of ")
-    assert sentence.endswith(f"({share} no depth). Errors are those of the rest.")
+    assert sentence.endswith(f"({share} no depth). Errors are measured for the rest only.")
 
 
 def test_few_unknown_true_positions_need_no_word(run: RunFolder) -> None:

@@ -1,4 +1,4 @@
-"""``contents.json`` beside a report: its sections, figures and tables, for programs and for other pages."""
+"""``contents.json``: the sections, figures and tables of a report, for programs and for other pages."""
 
 import json
 from collections.abc import Sequence

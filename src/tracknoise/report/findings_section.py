@@ -4,7 +4,6 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.findings.headlines.errors import SHAPES
 from tracknoise.findings.headlines.headline import told as format_estimate
 from tracknoise.findings.headlines.scope import Estimate, Scope, curve_bounds, scalar_bounds
 from tracknoise.findings.intervals.scalar_bounds import INTERPOLATED
@@ -88,7 +87,7 @@ def _shapes(data: ReportData, scope: Scope, tracker: str, at: int | None) -> lis
     since = 1 if at is None else abs(scope.since(at))
     holding = rows.filter(pl.col("age_low") <= since, pl.col("age_high").is_null() | (pl.col("age_high") >= since))
     found = [_first(holding.filter(trimming=trimming)) for trimming in reversed(scope.trimmings)]
-    return [DASH if row is None else SHAPES[row["verdict"]].partition(" (")[0] for row in found]
+    return [DASH if row is None else str(row["verdict"]) for row in found]
 
 
 def _growth(data: ReportData, scope: Scope, tracker: str, coordinate: str) -> str:

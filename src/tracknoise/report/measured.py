@@ -144,7 +144,7 @@ def _unknown(data: ReportData, rows: pl.DataFrame) -> str:
         return ""
     labels = _truths(data)
     reasons = listing(f"{percent(value / total)} {labels[name]}" for name, value in unknown.items())
-    rest = "Errors are those of the rest" if sum(unknown.values()) < total else "No error could be measured"
+    rest = "Errors are measured for the rest only" if sum(unknown.values()) < total else "No error could be measured"
     share = percent(sum(unknown.values()) / total)
     return f"the true position of {share} of {count(total, 'observation')} is unknown ({reasons}). {rest}."
 

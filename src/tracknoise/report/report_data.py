@@ -91,7 +91,7 @@ class ReportData:
 
     @property
     def margin(self) -> float:
-        """Largest relative effect of a factor that does not matter."""
+        """Relative effect above which a factor counts."""
         found = self.effects["margin"].drop_nulls()
         return float(found.item(0)) if found.len() else MARGIN
 
@@ -260,7 +260,7 @@ class ReportData:
 
     @cached_property
     def comparison(self) -> pl.DataFrame:
-        """Verdicts on factors beside the paper's (`tracknoise.report.paper.COMPARISON`)."""
+        """Verdicts on factors with those of the paper (`tracknoise.report.paper.COMPARISON`)."""
         entries = self.settings.get("trackers", [])
         kinds = {entry.get("name") or entry.get("kind"): str(entry.get("kind", "")) for entry in entries}
         trackers = {name: kinds.get(name, "") for name in self.trackers}

@@ -1,4 +1,4 @@
-"""Tables that are written beside the page, as CSV and as LaTeX."""
+"""The table files of the report, as CSV and as LaTeX."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ _LATEX = {
 
 @dataclass(frozen=True, slots=True)
 class Export:
-    """A table that is written beside the page.
+    """A table file.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ def to_latex(table: pl.DataFrame) -> str:
 
 
 def escape_latex(text: str) -> str:
-    """Text that LaTeX prints as it stands."""
+    """Escape text for LaTeX."""
     return "".join(_LATEX.get(sign, sign) for sign in text)
 
 

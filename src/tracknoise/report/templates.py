@@ -22,5 +22,5 @@ def template(name: str) -> Template:
 
 
 def _code(text: str) -> Markup:
-    """Text as HTML, with what stands between backticks as code."""
+    """Text as HTML, with the parts between backticks as code."""
     return Markup(re.sub(r"`([^`]*)`", r"<code>\1</code>", str(escape(text))))

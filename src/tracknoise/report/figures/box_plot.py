@@ -88,14 +88,14 @@ def _middles(base: alt.Chart, y: alt.Y, across: float) -> list[alt.Chart]:
 
 
 def _interval(base: alt.Chart, y: alt.Y, across: float, value: str, low: str, high: str) -> list[alt.Chart]:
-    """A heavy line between the ends of an interval, and a bead at its value, beside the middle of the box."""
+    """A heavy line between the ends of an interval, and a dot at its value, left of the middle of the box."""
     aside = -across / 3
     known = base.transform_filter(f"isValid(datum[{low!r}]) && isValid(datum[{high!r}])")
     tips = [alt.Tooltip(f"{name}:Q", format=".4~g", title=name.replace("_", " ")) for name in (value, low, high)]
     line = known.mark_rule(color=style.INK, strokeWidth=min(3.0, across / 3), opacity=1, xOffset=aside).encode(
         y=marks.on(y, low), y2=f"{high}:Q", tooltip=tips
     )
-    bead = known.mark_point(color=style.INK, size=min(30.0, 3 + across**2), opacity=1, xOffset=aside).encode(
+    dot = known.mark_point(color=style.INK, size=min(30.0, 3 + across**2), opacity=1, xOffset=aside).encode(
         y=marks.on(y, value), tooltip=tips
     )
-    return [line, bead]
+    return [line, dot]

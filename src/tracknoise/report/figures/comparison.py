@@ -1,4 +1,4 @@
-"""Curves of one tracker for every value of a factor, with box plots beside them. Several families show this."""
+"""Curves of one tracker for every value of a factor, with box plots. Several families show this."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -19,7 +19,7 @@ from tracknoise.statistics.summary import REFERENCE_AGE
 
 _NAMES = {"mean": "mean error", "second": "root second moment"}
 _WIDTHS = {"few": (240, 105), "many": (196, 156)}
-"""Of a panel of curves and of the box plot beside it, px."""
+"""Widths of a panel of curves and of its box plot, px."""
 
 
 def comparison(

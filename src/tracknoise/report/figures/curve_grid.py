@@ -22,7 +22,7 @@ _ABOUT = {"second": "about zero", "central": "about the mean"}
 HEIGHT = 165
 _WIDE = 395
 Beside = Callable[[pl.DataFrame, str, Series, Sequence[float]], Panel]
-"""Makes a panel beside one of curves, from its points, coordinate, series and bounds of the vertical axis."""
+"""Makes a panel to the right of curves, from their points, coordinate, series and bounds of the vertical axis."""
 
 
 def grid(points: pl.DataFrame, series: Series, axis: Axis, *, beside: Beside | None = None, width: int = _WIDE) -> Spec:

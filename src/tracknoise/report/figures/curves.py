@@ -22,10 +22,10 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
 
 
 def _trimmed(data: ReportData) -> Figure | Absence:
-    title, kept = f"{_title(data)}, trimmed", "of the tracks that trimming kept"
+    title, kept = f"{_title(data)}, trimmed", "the tracks that trimming kept"
     if data.percentile is None:
-        title, kept = _title(data), "of all tracks (nothing was trimmed in this run)"
-    shows = f"Errors {kept}{data.where} {_along(data)}. {_LAYOUT}"
+        title, kept = _title(data), "all tracks (nothing was trimmed in this run)"
+    shows = f"Errors of {kept}{data.where}, {_along(data)}. {_LAYOUT}"
     advice = (
         f"A mean error that moves away from zero with {data.axis.distance} is a drift. Where the dashed line is below "
         "the solid one, a bias is part of the error."

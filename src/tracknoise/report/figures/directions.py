@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import polars as pl
 
-from tracknoise.findings.wording import SPACE, count, listing, number, px
+from tracknoise.findings.wording import SPACE, listing, number, px
 from tracknoise.report import style
 from tracknoise.report.figures.curve_grid import describe_bands, grid
 from tracknoise.report.figures.figure import Absence, Figure
@@ -66,10 +66,10 @@ def _shows(data: ReportData, tracker: str) -> str:
 def _look_for(data: ReportData, points: pl.DataFrame, found: Sequence[Reading]) -> str:
     means = ", ".join(_values(one, "mean") for one in found if "mean" in one.values)
     roots = ", ".join(_values(one, "second") for one in found)
-    rests = listing(f"{count(_features(points, one), 'feature')} for {one.name}" for one in found)
+    counts = listing(f"{number(_features(points, one))} for {one.name}" for one in found)
     return (
-        f"{when(found, data.axis)} the mean error is {means}. The root second moment is {roots}. These are "
-        f"values of {rests}. A mean error that follows the motion is visible along the motion. In u and v it may "
+        f"{when(found, data.axis)} the mean error is {means}. The root second moment is {roots}. Number of "
+        f"features: {counts}. A mean error that follows the motion is visible along the motion. In u and v it may "
         "average out if the motion changes direction. Where errors across the gradient are larger than along it, "
         "features slide along edges."
         f"{_caution(data)}"

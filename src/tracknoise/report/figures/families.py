@@ -63,7 +63,7 @@ FAMILIES: tuple[Family, ...] = (
     Family(
         "trajectory",
         "Camera path",
-        "The camera motion decides how features move. Rotation moves all image points alike. Translation moves near "
+        "The camera motion determines how features move. Rotation moves all image points alike. Translation moves near "
         "points more than far ones.",
         ("trajectory:figures",),
     ),
@@ -71,7 +71,7 @@ FAMILIES: tuple[Family, ...] = (
         "trimming",
         "Errors before trimming",
         "Some tracks follow the wrong point. Trimming drops the tracks with the largest errors, separately in each "
-        "scene, as the paper does. All later figures are without these tracks unless they say untrimmed.",
+        "scene, as the paper does. The error curves below leave these tracks out unless they say untrimmed.",
         ("trimming:figures",),
     ),
     Family(

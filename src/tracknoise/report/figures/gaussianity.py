@@ -6,7 +6,6 @@ from typing import Any
 import altair as alt
 import polars as pl
 
-from tracknoise.findings.headlines.errors import SHAPES
 from tracknoise.findings.headlines.headline import told as format_estimate
 from tracknoise.findings.headlines.scope import Estimate
 from tracknoise.findings.wording import DASH, SPACE, listing, number
@@ -21,6 +20,12 @@ from tracknoise.report.report_data import ReportData
 _TITLE = "Error quantiles compared with a Gaussian"
 _SIZE = {"width": 385, "height": 260}
 _TRIMMINGS = ("untrimmed", "trimmed")
+_SHAPES = {
+    "Gaussian": "close to Gaussian",
+    "contaminated": "contaminated by a wider Gaussian",
+    "undecided": "of undecided shape",
+}
+"""How a sentence states a verdict, where its name is not enough."""
 
 
 def figures(data: ReportData) -> Sequence[Figure | Absence]:
@@ -71,7 +76,7 @@ def _row(row: Mapping[str, Any]) -> list[str]:
     ]
     why = f": {row['why']}" if row["verdict"] == "undecided" and row["why"] else ""
     asked = [row["tracker"], row["band"], row["trimming"], number(row["n"]), number(row["skewness"])]
-    return [*asked, *estimates, SHAPES[row["verdict"]] + why]
+    return [*asked, *estimates, row["verdict"] + why]
 
 
 def _estimate_text(row: Mapping[str, Any], name: str, bounds: str) -> str:
@@ -154,4 +159,5 @@ def _sentence(data: ReportData, bands: pl.DataFrame) -> str:
     )
     tail = f" ({' to '.join(ends)} times a Gaussian's share beyond its 99{SPACE}% ellipse)" if ends else ""
     what = "ages" if data.axis is AGE else "distances"
-    return f"{SHAPES[bands['verdict'][0]]} at {what} {listing(bands['band'])}{tail}"
+    verdict = bands["verdict"][0]
+    return f"{_SHAPES.get(verdict, verdict)} at {what} {listing(bands['band'])}{tail}"

@@ -40,7 +40,7 @@ def _by_tracker(data: ReportData, nominal: pl.DataFrame) -> Figure:
         shows=f"Left: number of tracks by lifetime at speed {data.slowest}{data.where} (logarithmic). Right: "
         "Kaplan-Meier estimate of the share of tracks that live longer. It treats tracks that were alive at the end of "
         f"their sequence as censored, not as ended. {_describe_bands(table)}",
-        look_for=_numbers(table, data.trackers, lead=f"At speed {data.slowest}, "),
+        look_for=_numbers(table, {name: f"At speed {data.slowest}, {name}" for name in data.trackers}),
         spec=_pair(table, data.colour, "tracker"),
     )
 
@@ -56,27 +56,26 @@ def _by_speed(data: ReportData, table: pl.DataFrame, tracker: str) -> Figure | A
         title=title,
         shows=f"The same for {tracker} at every speed{data.where}. Lifetimes count the frames that the tracker saw. "
         f"At speed 2, each of these is two frames of the sequence. {_describe_bands(table)}",
-        look_for=_numbers(table, list(data.speed_colours(tracker)), lead=f"For {tracker}, ", prefix="speed "),
+        look_for=_numbers(table, {speed: f"At speed {speed}, {tracker}" for speed in map(str, data.speeds)}),
         spec=_pair(table, data.speed_colours(tracker), "speed"),
     )
 
 
-def _numbers(table: pl.DataFrame, names: Sequence[str], *, lead: str, prefix: str = "") -> str:
-    """Mean, median and censored share of each series."""
+def _numbers(table: pl.DataFrame, subjects: Mapping[str, str]) -> str:
+    """Mean, median and censored share of each series. Its first sentence begins with its subject."""
     keys = list(LIFETIMES)
     labels = table.select("tracker", "speed", "series").unique()
     lived = mean_lifetime(table.select(keys)).join(median_survival(table.select(keys)), on=["tracker", "speed"])
     found = {row["series"]: row for row in lived.join(labels, on=["tracker", "speed"]).to_dicts()}
-    parts = [_sentences(f"{prefix}{name}", found[name]) for name in names if name in found]
-    return f"{lead}{' '.join(parts)}"
+    return " ".join(_sentences(subject, found[name]) for name, subject in subjects.items() if name in found)
 
 
-def _sentences(name: str, row: Mapping[str, Any]) -> str:
+def _sentences(subject: str, row: Mapping[str, Any]) -> str:
     median = row["median_lifetime"]
     half = "longer than the data (more than half are censored)" if median is None else count(median, "frame")
     lived = f"Mean lifetime: {number(row['mean_lifetime'])} frames. Median lifetime: {half}."
     censored = percent(row["n_censored"] / row["n_tracks"])
-    return f"{name} has {count(row['n_tracks'], 'track')}. {lived} Censored: {censored}."
+    return f"{subject} has {count(row['n_tracks'], 'track')}. {lived} Censored: {censored}."
 
 
 def _pair(table: pl.DataFrame, colours: Mapping[str, str], title: str) -> Spec:

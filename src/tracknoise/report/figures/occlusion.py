@@ -73,11 +73,11 @@ def _look_for(data: ReportData, table: pl.DataFrame) -> str:
 
 
 def _sentences(axis: Axis, name: str, row: dict[str, float]) -> str:
-    hidden = int(row["n_projected"] - row["n_visible"])
-    share = percent(hidden / row["n_projected"])
+    occluded = int(row["n_projected"] - row["n_visible"])
+    share = percent(occluded / row["n_projected"])
     change = f"{px(row['u_projected'])} with them and {px(row['u_visible'])} without"
     where, sign = axis.place(int(row["since"])), axis.signs["second"]
-    return f"{name} has {count(hidden, 'occluded feature')} ({share}) {where}. Its {sign} in u is {change}."
+    return f"{name} has {count(occluded, 'occluded feature')} ({share}) {where}. Its {sign} in u is {change}."
 
 
 def _panel(data: ReportData, table: pl.DataFrame, key: tuple[str, str]) -> Panel:

@@ -89,9 +89,7 @@ def _with_interval(row: Mapping[str, Any]) -> str:
 
 
 def _intervals(table: pl.DataFrame) -> str:
-    return describe_intervals(
-        table, of="the share of all features carried into a frame", marks="The heavy line and dot show"
-    )
+    return describe_intervals(table, of="the pooled outlier ratio", marks="Heavy lines and dots show")
 
 
 def _range(tracker: str, table: pl.DataFrame) -> str:

@@ -32,6 +32,14 @@ _BEHAVES = {
     "undecided": "undecided",
 }
 """Words for each verdict."""
+_SENTENCES = {
+    "white": "the error of {} is constant",
+    "random walk": "the error of {} is a random walk",
+    "drift": "the error of {} is a drift",
+    "none": "the error of {} fits none of the models",
+    "undecided": "the growth of the error of {} is undecided",
+}
+"""How a sentence states each verdict."""
 _EXPLAINED = ("random walk", "drift")
 """Verdicts whose reason is in the columns before them."""
 _AXES = {"u": "u (horizontal)", "v": "v (vertical)"}
@@ -177,11 +185,8 @@ def _correlation(data: ReportData, table: pl.DataFrame, coordinate: str) -> Pane
 
 
 def _look_for(data: ReportData, nominal: pl.DataFrame) -> str:
-    parts = []
-    for tracker in data.trackers:
-        rows = nominal.filter(tracker=tracker).to_dicts()
-        parts += [f"{tracker}: {listing(map(_sentence, rows))}"] if rows else []
-    numbers = f"At speed {data.slowest}, {'; '.join(parts)}. " if parts else ""
+    parts = [_sentences(row) for tracker in data.trackers for row in nominal.filter(tracker=tracker).to_dicts()]
+    numbers = f"At speed {data.slowest}, {' '.join(parts)} " if parts else ""
     return (
         f"{numbers}A flat line is a constant error. It is white noise if the autocorrelation of its changes is near "
         f"{MINUS}0.5, and a filter can average it out. Otherwise it is an offset. A straight rise is a random walk, "
@@ -189,11 +194,12 @@ def _look_for(data: ReportData, nominal: pl.DataFrame) -> str:
     )
 
 
-def _sentence(row: Mapping[str, Any]) -> str:
-    sizes = [
+def _sentences(row: Mapping[str, Any]) -> str:
+    parts = [
         f"{name} {format_estimate(_estimate(row, part, unit))}" for part, (name, unit) in _PARTS.items() if row[part]
     ]
-    return f"in {row['coordinate']} {_BEHAVES[row['verdict']]}" + (f" ({', '.join(sizes)})" if sizes else "")
+    verdict = _SENTENCES[row["verdict"]].format(f"{row['tracker']} in {row['coordinate']}")
+    return f"{verdict}. " + (f"Its fitted parts: {listing(parts)}." if parts else "No model was fitted.")
 
 
 def _size(row: Mapping[str, Any], name: str, unit: str) -> str:

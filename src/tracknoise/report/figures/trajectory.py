@@ -72,8 +72,7 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
         shows="Left: the camera path along the two world axes in which it extends farthest. The dot is its start. "
         "Strokes show the viewing direction. Middle: displacement from the first frame along each world axis. Right: "
         f"rotation from the first frame.{others}",
-        look_for=" ".join(_sentence(path) for path in paths) + " Under pure rotation, image "
-        "motion does not depend on depth. Under translation, near points move more than far ones.",
+        look_for=" ".join(_sentence(path) for path in paths),
         spec=arranged([panel for path in paths for panel in _row(path)], columns=3),
     )
     return [figure]

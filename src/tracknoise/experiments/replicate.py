@@ -1,4 +1,4 @@
-"""Which of the paper's experiments can be repeated with the data at hand, and what is measured besides."""
+"""The experiments of the paper that can be repeated with the given data, and variants of their trackers."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from tracknoise.simulation.places import PLACES
 from tracknoise.trackers.rejection import Consensus, ReferencePosition
 
 RECORDED, SIMULATED = ("dtu", "kitti"), ("gazebo-linear", "gazebo-arvr")
-"""Presets that repeat the paper's experiments: those that need data, and those that do not."""
+"""Presets that repeat experiments of the paper: those that need data, and those that are simulated."""
 _VARIED: dict[str, dict[str, tuple[str, ...]]] = {
     "correspondence": {
         "reference": (ReferencePosition.first, ReferencePosition.previous),
@@ -26,7 +26,7 @@ _VARIED: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "lucas-kanade": {"consensus": tuple(Consensus)},
 }
-"""What is tried of the outlier rejection of each kind of tracker."""
+"""Variants of the outlier rejection of each kind of tracker."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,11 +38,11 @@ class Candidate:
     preset
         Its name.
     root
-        Folder of its data; None where there are none, or none are needed.
+        Folder of its data. None where there are none, or none are needed.
     possible
         Whether it can be repeated.
     found
-        One sentence: the data that were found, or why there are none.
+        One sentence: which data were found, or why there are none.
     """
 
     preset: str
@@ -53,14 +53,14 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """How much of each experiment is run, and with which models.
+    """The size of each experiment, and its models.
 
     Attributes
     ----------
     scenes, frames
-        Only so many scenes, and frames of each; None for all.
+        Number of scenes, and of frames in each. None for all.
     models
-        Folder of Gazebo models, for those simulated worlds that can hold them.
+        Folder of Gazebo models, for the simulated worlds that can use them.
     """
 
     scenes: int | None = None
@@ -69,22 +69,22 @@ class Limits:
 
 
 def candidates(folders: Iterable[Path]) -> list[Candidate]:
-    """Look for the data of the paper's experiments in some folders and in the folders right within these.
+    """Look for the data of the paper's experiments in folders and their direct subfolders.
 
-    The first folder in which a preset's reader finds a sequence is taken.
+    The first folder in which the reader of a preset finds a sequence is used.
 
     Raises
     ------
     DataError
-        If one of the folders is not there.
+        If one of the folders does not exist.
     """
     places = [require_directory(folder) for folder in folders]
-    simulated = [Candidate(preset, None, True, "Simulated, which needs no data.") for preset in SIMULATED]
+    simulated = [Candidate(preset, None, True, "Simulated. No data is needed.") for preset in SIMULATED]
     return [*(_look(preset, places) for preset in RECORDED), *simulated]
 
 
 def load_candidate(candidate: Candidate, limits: Limits) -> Experiment:
-    """The experiment of a candidate that is possible.
+    """Load the experiment of a candidate that is possible.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def load_candidate(candidate: Candidate, limits: Limits) -> Experiment:
 
 
 def variants(experiment: Experiment) -> Experiment:
-    """Trackers with every way to reject outliers on the first scene, seen plainly at the lowest speed.
+    """An experiment with every variant of outlier rejection, on the first scene in one view at the lowest speed.
 
     Raises
     ------

@@ -101,7 +101,7 @@ def _question(row: Mapping[str, Any]) -> list[str]:
 def details(data: ReportData) -> Cells:
     """What decided the point rule: one row per factor, tracker and statistic."""
     headings = ["factor", "tracker", "statistic", "point rule", "levels", "where", "pairs"]
-    headings += ["difference", "common variation", "effect", "share of mean |error|"]
+    headings += ["difference", "variation", "effect", "of mean |error|"]
     rows = [_detail(data, row) for row in data.comparison.to_dicts()]
     return Cells("Point rule: the largest difference of each factor", headings, rows, [False] * 6 + [True] * 5)
 

@@ -111,7 +111,7 @@ def _sentence_by_frame(data: ReportData, tracker: str, table: pl.DataFrame) -> s
     known = table.filter(of=_MEASURED).sort("at")
     alive = int(table.filter(of=_ALL, at=key_frame)["n"].sum())
     if known.is_empty():
-        return f"{tracker} has {count(alive, 'feature')} in the key frame {key_frame}. None has a known error."
+        return f"{tracker} has {count(alive, 'feature')} in the key frame {key_frame}. No error is known."
     fixed = int(known.filter(at=key_frame)["n"].sum())
     ends = [f"{number(row['n'])} in frame {row['at']}" for row in (known.row(0, named=True), known.row(-1, named=True))]
     return (

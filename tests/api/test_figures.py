@@ -6,18 +6,18 @@ import pytest
 
 from tracknoise.exceptions import FigureError, UnknownNameError
 from tracknoise.report import export
-from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures import FAMILIES
+from tracknoise.report.figures.families import FAMILIES
 from tracknoise.report.figures.figure import Figure
+from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
 
 
 @pytest.fixture(scope="module")
 def drawn(run) -> dict[str, Figure]:
     """Some figures, as the report has them."""
-    evidence = Evidence.of(RunFolder(run.path))
+    data = ReportData.of(RunFolder(run.path))
     some = [family for family in FAMILIES if family.id in ("lifetimes", "gaussianity")]
-    return {item.id: item for family in some for item in family.figures(evidence) if isinstance(item, Figure)}
+    return {item.id: item for family in some for item in family.figures(data) if isinstance(item, Figure)}
 
 
 def test_figures_are_those_of_the_report_in_its_order(run, drawn):
@@ -59,7 +59,7 @@ def test_a_chart_can_be_saved(run, tmp_path, kind, start):
 
 
 def test_a_section_stands_for_its_first_figure(run):
-    first = run.figures().filter(section="curves").row(0, named=True)
+    first = run.figures().filter(section="error-by-tracker").row(0, named=True)
     chart = run.figure("error-by-age").to_dict(validate=False)
     assert chart["description"] == f"{first['title']}. {first['shows']}"
 
@@ -70,9 +70,9 @@ def test_an_unknown_figure_lists_the_known_ones(run):
 
 
 def test_a_figure_with_nothing_to_show_says_why(run, bare_run):
-    with pytest.raises(FigureError, match="figure 'lightings' cannot be drawn: this run has nothing to compare there"):
-        run.figure("lightings")
-    (why,) = bare_run.figures().filter(section="curves")["absent"].unique()
+    with pytest.raises(FigureError, match="figure 'error-by-lighting' cannot be drawn: this run has nothing to compare there"):
+        run.figure("error-by-lighting")
+    (why,) = bare_run.figures().filter(section="error-by-tracker")["absent"].unique()
     with pytest.raises(FigureError, match="figure 'error-by-age' cannot be drawn: ") as raised:
         bare_run.figure("error-by-age")
     assert str(raised.value).endswith(why)

@@ -32,7 +32,7 @@ def test_sentences_then_verdicts_are_printed(tracknoise, finished):
     )
     assert any(line.startswith("Verdicts") for line in lines)
     assert any(line.startswith("lucas-kanade ") and "heavy-tailed" in line for line in lines)
-    assert "Does it matter?" in out
+    assert "Does the factor change the statistic?" in out
     assert all(len(line) <= 110 for line in lines[: lines.index("")])
 
 

@@ -11,10 +11,10 @@ import jsonschema
 import pytest
 import vl_convert as vlc
 
-from tracknoise.report.evidence import Evidence
 from tracknoise.report.export import specification
-from tracknoise.report.figures import FAMILIES
-from tracknoise.report.figures.figure import Absence, Family, Figure
+from tracknoise.report.figures.families import FAMILIES, Family
+from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.report_data import ReportData
 
 
 def _synthetic() -> Any:
@@ -33,15 +33,15 @@ WORLDS: dict[str, dict[str, object]] = {"an ordinary run": {}, **synthetic.DEGEN
 
 
 @pytest.fixture(scope="module", params=WORLDS, ids=str)
-def evidence(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Evidence:
+def data(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> ReportData:
     world = synthetic.World(**{**synthetic.SMALL, **WORLDS[request.param]})
-    return Evidence.of(synthetic.write_run(tmp_path_factory.mktemp("run"), world))
+    return ReportData.of(synthetic.write_run(tmp_path_factory.mktemp("run"), world))
 
 
 @pytest.fixture(scope="module")
-def made(evidence: Evidence) -> list[Figure | Absence]:
+def made(data: ReportData) -> list[Figure | Absence]:
     """What all families make."""
-    return [item for family in FAMILIES for item in family.figures(evidence)]
+    return [item for family in FAMILIES for item in family.figures(data)]
 
 
 def test_figures_draw_without_a_warning(made: list[Figure | Absence], capfd: pytest.CaptureFixture[str]) -> None:
@@ -77,14 +77,14 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 @pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.id)
 def test_figures_are_valid_and_repeatable(family: Family, small: Any) -> None:
-    made = [item for item in family.figures(Evidence.of(small)) if isinstance(item, Figure)]
+    made = [item for item in family.figures(ReportData.of(small)) if isinstance(item, Figure)]
     assert made
     alt.ConcatChart.from_dict(specification(made[0]))  # raises where Vega-Lite's schema is not kept
-    assert made == [item for item in family.figures(Evidence.of(small)) if isinstance(item, Figure)]
+    assert made == [item for item in family.figures(ReportData.of(small)) if isinstance(item, Figure)]
 
 
 def test_an_invalid_specification_would_be_noticed(small: Any) -> None:
-    figure = next(item for item in FAMILIES[1].figures(Evidence.of(small)) if isinstance(item, Figure))
+    figure = next(item for item in FAMILIES[1].figures(ReportData.of(small)) if isinstance(item, Figure))
     spec = specification(figure)
     spec["concat"][0]["layer"][0]["mark"]["type"] = "blob"
     with pytest.raises(jsonschema.ValidationError):

@@ -9,16 +9,16 @@ import polars as pl
 import pytest
 
 from tracknoise.report import bands
-from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import curves, lifetimes, lightings, outlier_ratio, views
 from tracknoise.report.figures.figure import Figure
+from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.upright import upright
 from tracknoise.tables.store import RunFolder
 
 
 @pytest.fixture(scope="module")
-def evidence(run: RunFolder) -> Evidence:
-    return Evidence.of(run)
+def data(run: RunFolder) -> ReportData:
+    return ReportData.of(run)
 
 
 def drawn(figure: Figure, *columns: str) -> pl.DataFrame:
@@ -32,46 +32,46 @@ def figure_of(items: object, name: str) -> Figure:
     return next(item for item in items if isinstance(item, Figure) and item.id == name)  # type: ignore[attr-defined]
 
 
-def test_points_carry_the_roots_of_their_bounds(evidence: Evidence) -> None:
+def test_points_carry_the_roots_of_their_bounds(data: ReportData) -> None:
     keys = {"tracker": "lucas-kanade", "speed": 1, "at": 5, "population": "visible", "trimming": "trimmed"}
-    point = evidence.points.filter(**keys, role="second").row(0, named=True)
+    point = data.points.filter(**keys, role="second").row(0, named=True)
     asked = {"weighting": "features", "statistic": "Phi", "coordinate": "v"}
-    interval = evidence.intervals.filter(**keys, **asked).row(0, named=True)
+    interval = data.intervals.filter(**keys, **asked).row(0, named=True)
     assert point["v_low"] == pytest.approx(interval["low"] ** 0.5)
     assert point["v_high"] == pytest.approx(interval["high"] ** 0.5)
     assert (point["level"], point["resampled"], point["n_resampled"]) == (0.95, "blocks", interval["n_scenes"])
 
 
-def test_no_point_is_lost_or_doubled(evidence: Evidence) -> None:
-    bare = dataclasses.replace(evidence, intervals=evidence.intervals.clear())
+def test_no_point_is_lost_or_doubled(data: ReportData) -> None:
+    bare = dataclasses.replace(data, intervals=data.intervals.clear())
     columns = [name for name in bare.points.columns if name not in (*bands.BOUNDS, *bands.KIND)]
-    assert evidence.points.select(columns).equals(bare.points.select(columns))
+    assert data.points.select(columns).equals(bare.points.select(columns))
     assert bare.points["u_low"].null_count() == bare.points.height
 
 
-def test_curves_draw_their_bounds(evidence: Evidence) -> None:
-    figure = figure_of(curves.figures(evidence), "curves-trimmed")
+def test_curves_draw_their_bounds(data: ReportData) -> None:
+    figure = figure_of(curves.figures(data), "error-by-age")
     band = drawn(figure, "u_low", "u_high").filter(tracker="lucas-kanade")
-    expected = evidence.nominal(evidence.points).filter(
+    expected = data.nominal(data.points).filter(
         pl.col("role") != "central", tracker="lucas-kanade", trimming="trimmed", population="visible"
     )
     expected = expected.drop_nulls("u_low")
     assert band.height == expected.height
     np.testing.assert_allclose(sorted(band["u_low"]), sorted(expected["u_low"]), rtol=1e-3, atol=1e-12)
     assert "95\N{NO-BREAK SPACE}% intervals, blocks of tracks resampled within" in figure.shows
-    assert "say nothing of others" in figure.shows
+    assert "hold for these scenes only" in figure.shows
 
 
-def test_selections_live_where_the_legend_is(evidence: Evidence) -> None:
-    panel = figure_of(curves.figures(evidence), "curves-trimmed").spec["concat"][0]
+def test_selections_live_where_the_legend_is(data: ReportData) -> None:
+    panel = figure_of(curves.figures(data), "error-by-age").spec["concat"][0]
     named = [layer for layer in panel["layer"] if "name" in layer]
     assert [layer["mark"]["type"] for layer in panel["layer"]][:2] == ["area", "line"]
     assert [layer["mark"]["type"] for layer in named] == ["line"]
 
 
-def test_without_intervals_there_is_no_band(evidence: Evidence) -> None:
-    bare = dataclasses.replace(evidence, intervals=evidence.intervals.clear())
-    for figure in (figure_of(curves.figures(bare), "curves-trimmed"), figure_of(lifetimes.figures(bare), "lifetimes")):
+def test_without_intervals_there_is_no_band(data: ReportData) -> None:
+    bare = dataclasses.replace(data, intervals=data.intervals.clear())
+    for figure in (figure_of(curves.figures(bare), "error-by-age"), figure_of(lifetimes.figures(bare), "lifetimes")):
         assert not any(
             layer["mark"]["type"] == "area" for panel in figure.spec["concat"] for layer in panel.get("layer", [])
         )
@@ -80,26 +80,26 @@ def test_without_intervals_there_is_no_band(evidence: Evidence) -> None:
 
 def test_of_many_curves_the_first_alone_has_a_band(make_run: Callable[..., RunFolder]) -> None:
     names = tuple(f"LR{place}" for place in range(8))
-    evidence = Evidence.of(make_run(lightings=("diffuse", *names), scenes=("only",), trackers=("one",), speeds=(1,)))
-    (figure,) = lightings.figures(evidence)
+    data = ReportData.of(make_run(lightings=("diffuse", *names), scenes=("only",), trackers=("one",), speeds=(1,)))
+    (figure,) = lightings.figures(data)
     assert drawn(figure, "u_low", "u_high")["lighting"].unique().to_list() == ["diffuse"]
     assert "Bands around the curve under diffuse:" in figure.shows
 
 
-def test_a_band_does_not_squash_its_curve(evidence: Evidence) -> None:
-    wide = evidence.intervals.with_columns(low=pl.col("value") - 1e3, high=pl.col("value") + 1e3)
-    figure = figure_of(curves.figures(dataclasses.replace(evidence, intervals=wide)), "curves-trimmed")
+def test_a_band_does_not_squash_its_curve(data: ReportData) -> None:
+    wide = data.intervals.with_columns(low=pl.col("value") - 1e3, high=pl.col("value") + 1e3)
+    figure = figure_of(curves.figures(dataclasses.replace(data, intervals=wide)), "error-by-age")
     values = drawn(figure, "u", "v", "of")["u"]
     domain = figure.spec["concat"][0]["layer"][1]["encoding"]["y"]["scale"]["domain"]
     assert domain[1] - domain[0] < 10 * (values.max() - values.min())  # type: ignore[operator]
 
 
-def test_survival_and_outlier_ratio_draw_their_bounds(evidence: Evidence) -> None:
-    survival = drawn(figure_of(lifetimes.figures(evidence), "lifetimes"), "series", "low", "high")
-    expected = evidence.intervals.filter(statistic="survival", speed=1)
+def test_survival_and_outlier_ratio_draw_their_bounds(data: ReportData) -> None:
+    survival = drawn(figure_of(lifetimes.figures(data), "lifetimes"), "series", "low", "high")
+    expected = data.intervals.filter(statistic="survival", speed=1)
     np.testing.assert_allclose(sorted(survival["high"]), sorted(expected["high"]), rtol=1e-3)
-    ratio = drawn(figure_of(outlier_ratio.figures(evidence), "outlier-ratio"), "pooled_ratio", "low", "high")
-    expected = evidence.intervals.filter(statistic="outlier_ratio")
+    ratio = drawn(figure_of(outlier_ratio.figures(data), "outlier-ratio"), "pooled_ratio", "low", "high")
+    expected = data.intervals.filter(statistic="outlier_ratio")
     np.testing.assert_allclose(sorted(ratio["low"]), sorted(expected["low"]), rtol=1e-3)
 
 
@@ -129,7 +129,7 @@ def test_turned_images_have_bands(make_run: Callable[..., RunFolder]) -> None:
     turned = make_run(
         views=((0, "forward"), (90, "forward")), scenes=("only",), trackers=("one",), speeds=(1,), born=40
     )
-    (figure,) = views.rotations(Evidence.of(turned))
+    (figure,) = views.rotations(ReportData.of(turned))
     band = drawn(figure, "u_low", "u_high")
     assert set(band["rotation"]) == {"upright", "sideways"}
     assert (band["u_low"] <= band["u_high"]).all()

@@ -8,8 +8,9 @@ import polars as pl
 import pytest
 
 from tracknoise.findings.wording import number, pixels
-from tracknoise.report.departures import Departure, Part, departures, texts
-from tracknoise.report.evidence import Evidence
+from tracknoise.report.departure_texts import markdown, texts
+from tracknoise.report.departures import Departure, Part, departures
+from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.lifetimes import mean_lifetime
 from tracknoise.tables.store import RunFolder
 
@@ -18,8 +19,8 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "differences-from-the-pape
 
 @pytest.fixture(scope="module")
 def part(make_run: Callable[..., RunFolder]) -> Part:
-    evidence = Evidence.of(make_run(hidden=0.2))
-    return Part("made up", evidence, evidence)
+    data = ReportData.of(make_run(hidden=0.2))
+    return Part("made up", data, data)
 
 
 @pytest.fixture(scope="module")
@@ -27,14 +28,22 @@ def found(part: Part) -> dict[str, Departure]:
     return {item.id: item for item in departures([part])}
 
 
-def test_the_documentation_has_every_departure_under_its_title() -> None:
-    headings = re.findall(r"^## (.*)$", PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE)
-    assert headings == [item["title"] for item in texts().values()]
+def test_the_documentation_is_made_from_the_texts() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    assert page == markdown(), "python -m tracknoise.report.departure_texts > docs/differences-from-the-paper.md"
+    assert re.findall(r"^## (.*)$", page, flags=re.MULTILINE) == [item["title"] for item in texts().values()]
+
+
+def test_links_of_the_documentation_lead_to_headings_of_its_pages() -> None:
+    for item in texts().values():
+        name, _, anchor = item.get("see", "statistics.md").partition("#")
+        headings = re.findall(r"^#+ (.*)$", (PAGE.parent / name).read_text(encoding="utf-8"), flags=re.MULTILINE)
+        assert not anchor or anchor in {heading.lower().replace(" ", "-") for heading in headings}
 
 
 def test_every_departure_says_what_differs(found: dict[str, Departure]) -> None:
     assert list(found) == list(texts())
-    assert all(item.title and item.text.endswith(".") for item in found.values())
+    assert all(item.title and text.endswith(".") for item in found.values() for text in item.paragraphs)
 
 
 @pytest.mark.parametrize("name", ["occlusion", "trimming", "weighting", "covariance", "lifetimes", "rejection"])
@@ -55,7 +64,7 @@ def test_what_the_tables_do_not_tell_has_no_numbers(found: dict[str, Departure])
 
 def test_the_covariance_differs_from_the_second_moment_by_the_squared_bias(part: Part) -> None:
     (row, _) = {item.id: item for item in departures([part])}["covariance"].measured.rows  # type: ignore[union-attr]
-    curves = part.evidence.nominal(part.evidence.curves).filter(
+    curves = part.data.nominal(part.data.curves).filter(
         tracker="lucas-kanade", population="visible", trimming="trimmed", weighting="features", cut=False
     )
     n, bias = (curves.filter(pl.col("at") > 0, statistic="nu").sort("at")[name].to_numpy() for name in ("n", "u"))
@@ -70,7 +79,7 @@ def test_trimming_and_hidden_features_make_a_difference_here(found: dict[str, De
 
 
 def test_lifetimes_are_those_of_the_statistics(part: Part, found: dict[str, Departure]) -> None:
-    table = mean_lifetime(part.evidence.nominal(part.evidence.lifetimes)).filter(tracker="lucas-kanade")
+    table = mean_lifetime(part.data.nominal(part.data.lifetimes)).filter(tracker="lucas-kanade")
     cells = found["lifetimes"].measured
     assert cells is not None
     means = [number(table[name][0]) for name in ("mean_lifetime", "restricted_mean_lifetime")]
@@ -78,16 +87,16 @@ def test_lifetimes_are_those_of_the_statistics(part: Part, found: dict[str, Depa
 
 
 def test_without_variants_there_is_no_table_of_them(part: Part) -> None:
-    alone = {item.id: item for item in departures([Part("alone", part.evidence)])}
+    alone = {item.id: item for item in departures([Part("alone", part.data)])}
     assert alone["rejection"].measured is None
 
 
 def test_ways_to_reject_outliers_are_compared_at_the_last_age_that_all_have(make_run: Callable[..., RunFolder]) -> None:
-    evidence = Evidence.of(make_run(loss=0.35, trackers=("lasting", "fleeting"), hidden=0.0))
-    points = evidence.nominal(evidence.points).filter(role="second", trimming="trimmed", population=evidence.population)
+    data = ReportData.of(make_run(loss=0.35, trackers=("lasting", "fleeting"), hidden=0.0))
+    points = data.nominal(data.points).filter(role="second", trimming="trimmed", population=data.population)
     last = points.group_by("tracker").agg(pl.col("since").max())["since"].sort()
     assert 0 < last[0] < min(10, last[1]), "their own last ages differ"
-    (cells,) = [item.measured for item in departures([Part("made up", evidence, evidence)]) if item.id == "rejection"]
+    (cells,) = [item.measured for item in departures([Part("made up", data, data)]) if item.id == "rejection"]
     assert cells is not None
     assert [row[4] for row in cells.rows] == [f"at\N{NO-BREAK SPACE}age\N{NO-BREAK SPACE}{last[0]}"] * 2
     for row, tracker in zip(cells.rows, ("lasting", "fleeting"), strict=True):
@@ -96,8 +105,8 @@ def test_ways_to_reject_outliers_are_compared_at_the_last_age_that_all_have(make
 
 
 def test_one_scene_has_no_weight_to_be_compared(make_run: Callable[..., RunFolder]) -> None:
-    evidence = Evidence.of(make_run(scenes=("only",), born=40))
-    found = {item.id: item.measured for item in departures([Part("alone", evidence)])}
+    data = ReportData.of(make_run(scenes=("only",), born=40))
+    found = {item.id: item.measured for item in departures([Part("alone", data)])}
     assert found["weighting"] is not None
     assert all(list(row[2:]) == ["–", "one scene"] * 3 for row in found["weighting"].rows)
     assert found["trimming"] is not None
@@ -105,7 +114,7 @@ def test_one_scene_has_no_weight_to_be_compared(make_run: Callable[..., RunFolde
 
 
 def test_curves_that_cannot_be_compared_are_dashes(make_run: Callable[..., RunFolder]) -> None:
-    evidence = Evidence.of(make_run(min_features=10**6))
-    cells = departures([Part("cut", evidence)])[0].measured
+    data = ReportData.of(make_run(min_features=10**6))
+    cells = departures([Part("cut", data)])[0].measured
     assert cells is not None
     assert set(cells.rows[0][2:]) == {"–"}

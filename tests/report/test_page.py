@@ -2,6 +2,7 @@ import html
 import json
 import re
 import shutil
+import subprocess
 from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
@@ -9,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from tracknoise.exceptions import StoreError, UnknownNameError
-from tracknoise.report.evidence import Evidence
 from tracknoise.report.measured import truth_was_read
 from tracknoise.report.page import write_report
+from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
 
 MAGIC = {".png": b"\x89PNG\r\n", ".pdf": b"%PDF", ".svg": b"<svg"}
@@ -133,6 +134,16 @@ def test_a_new_report_replaces_the_old_one_whole(make_run: Callable[..., RunFold
     assert [path.name for path in run.path.iterdir() if path.name.startswith(".")] == []
 
 
+def test_what_a_killed_process_left_of_a_report_is_removed(make_run: Callable[..., RunFolder]) -> None:
+    run = make_run(scenes=("left",), trackers=("one",), speeds=(1,), n_frames=6, born=4)
+    process = subprocess.Popen(["true"])
+    process.wait()
+    leftover = run.path / f".report.{process.pid}.0123456789abcdef.tracknoise-unfinished"
+    (leftover / "figures").mkdir(parents=True)
+    write_report(run, figure_formats=())
+    assert [path.name for path in run.path.iterdir() if path.name.startswith(".")] == []
+
+
 def test_names_that_look_like_markup_are_only_names(make_run: Callable[..., RunFolder]) -> None:
     name = "</script><script>alert(1)</script><b>&"
     run = make_run(trackers=(name,), scenes=("<i>",), speeds=(1,), n_frames=6, born=6, min_features=5)
@@ -163,7 +174,7 @@ def test_what_the_numbers_rest_on_is_told_before_the_first_table(make_run: Calla
 @pytest.mark.parametrize(("dataset", "truth"), [("simulated", "raycast"), ("simulated", "birth"), ("tum", "raycast")])
 def test_simulated_truth_is_not_called_read(make_run: Callable[..., RunFolder], dataset: str, truth: str) -> None:
     run = make_run(scenes=("one",), trackers=("one",), speeds=(1,), n_frames=6, born=4, dataset=dataset, truth=truth)
-    assert not truth_was_read(Evidence.of(run))
+    assert not truth_was_read(ReportData.of(run))
 
 
 def test_the_summary_says_which_lifetime_is_which(report: Path) -> None:

@@ -8,8 +8,8 @@ import pytest
 
 from tracknoise.experiments.load import load_experiment, preset_names
 from tracknoise.findings.wording import effect_text
-from tracknoise.report import matters, paper
-from tracknoise.report.evidence import Evidence
+from tracknoise.report import factor_effects, paper
+from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
 
 LK, SIFT = "lucas-kanade", "correspondence"
@@ -52,65 +52,65 @@ def test_where_the_paper_says_nothing_there_is_nothing() -> None:
     assert paper.finding("dtu", "tracker", "central", None) is None
 
 
-def with_effects(evidence: Evidence, **columns: object) -> Evidence:
-    """The same evidence with other values in all rows of its effects."""
-    changed = {name: pl.lit(value, dtype=evidence.effects.schema[name]) for name, value in columns.items()}
-    return dataclasses.replace(evidence, effects=evidence.effects.with_columns(**changed))
+def with_effects(data: ReportData, **columns: object) -> ReportData:
+    """The same data with other values in all rows of its effects."""
+    changed = {name: pl.lit(value, dtype=data.effects.schema[name]) for name, value in columns.items()}
+    return dataclasses.replace(data, effects=data.effects.with_columns(**changed))
 
 
-def without_intervals(evidence: Evidence) -> Evidence:
-    """The same evidence where verdicts are those of the point rule."""
-    return dataclasses.replace(evidence, dependence=evidence.dependence.clear())
+def without_intervals(data: ReportData) -> ReportData:
+    """The same data where verdicts are those of the point rule."""
+    return dataclasses.replace(data, dependence=data.dependence.clear())
 
 
 @pytest.fixture
-def repeated(make_run: Callable[..., RunFolder]) -> Evidence:
-    return without_intervals(Evidence.of(make_run(paper="kitti")))
+def repeated(make_run: Callable[..., RunFolder]) -> ReportData:
+    return without_intervals(ReportData.of(make_run(paper="kitti")))
 
 
-def test_verdicts_stand_beside_the_papers(repeated: Evidence) -> None:
-    table = paper.comparison(with_effects(repeated, verdict="yes"))
+def test_verdicts_stand_beside_the_papers(repeated: ReportData) -> None:
+    table = with_effects(repeated, verdict="yes").comparison
     assert table.select("factor", "tracker").unique(maintain_order=True).rows() == [
         ("tracker", None), ("speed", LK), ("speed", SIFT),
     ]  # fmt: skip
     assert table.filter(tracker=SIFT)["agreement"].to_list() == ["agree", "disagree", "disagree", "agree", "agree"]
     assert paper.tally(table) == {"agree": 12, "disagree": 3, "undecided": 0}
-    undecided = paper.comparison(with_effects(repeated, verdict="undecided"))
+    undecided = with_effects(repeated, verdict="undecided").comparison
     assert paper.tally(undecided) == {"agree": 0, "disagree": 0, "undecided": 15}
 
 
 def test_what_was_measured_does_not_depend_on_the_paper(make_run: Callable[..., RunFolder]) -> None:
-    runs = [Evidence.of(make_run(paper=name)) for name in ("kitti", "gazebo-linear", None)]
-    ours = [paper.comparison(run).drop("paper", "agreement", "point_agreement") for run in runs]
+    runs = [ReportData.of(make_run(paper=name)) for name in ("kitti", "gazebo-linear", None)]
+    ours = [run.comparison.drop("paper", "agreement", "point_agreement") for run in runs]
     assert ours[0].equals(ours[1])
     assert ours[0].equals(ours[2])
 
 
 def test_a_question_of_the_paper_is_kept_where_the_run_cannot_answer_it(make_run: Callable[..., RunFolder]) -> None:
-    evidence = without_intervals(Evidence.of(make_run(paper="dtu", trackers=(LK,), speeds=(1,))))
-    table = paper.comparison(evidence)
+    data = without_intervals(ReportData.of(make_run(paper="dtu", trackers=(LK,), speeds=(1,))))
+    table = data.comparison
     assert table["factor"].unique(maintain_order=True).to_list() == ["tracker", "speed", "lighting"]
     assert set(table["verdict"]) == {"undecided"}
-    rows = matters.details(evidence).rows
+    rows = factor_effects.details(data).rows
     assert rows[0][4] == "only one tracker was measured: lucas-kanade"
 
 
 def test_other_factors_stand_there_without_the_papers_word(make_run: Callable[..., RunFolder]) -> None:
-    evidence = Evidence.of(make_run(paper="kitti", views=((0, "forward"), (0, "backward"))))
-    grid = paper.side_by_side(evidence)
+    data = ReportData.of(make_run(paper="kitti", views=((0, "forward"), (0, "backward"))))
+    grid = paper.side_by_side(data.comparison)
     assert "direction, lucas-kanade: here" in grid.columns
     assert "direction, lucas-kanade: paper" not in grid.columns
-    assert paper.comparison(evidence).filter(factor="direction")["agreement"].null_count() == 10
+    assert data.comparison.filter(factor="direction")["agreement"].null_count() == 10
 
 
-def test_the_table_has_the_papers_rows_and_our_effects(repeated: Evidence) -> None:
-    grid = paper.side_by_side(with_effects(repeated, verdict="no", effect=0.0512))
+def test_the_table_has_the_papers_rows_and_our_effects(repeated: ReportData) -> None:
+    grid = paper.side_by_side(with_effects(repeated, verdict="no", effect=0.0512).comparison)
     assert grid["statistic"].to_list() == [
         "mean error", "mean absolute error", "second moment", "lifetime", "outlier ratio",
     ]  # fmt: skip
     assert grid["speed, correspondence: here"].to_list() == ["no\N{NO-BREAK SPACE}(5.1\N{NO-BREAK SPACE}%)"] * 5
     assert grid["speed, correspondence: paper"].to_list() == ["yes", "no", "no", "yes", "yes"]
-    cells = matters.verdicts(with_effects(repeated, verdict="no"))
+    cells = factor_effects.verdicts(with_effects(repeated, verdict="no"))
     assert list(cells.groups) == [("", 1), ("tracker", 2), (f"speed, {LK}", 2), (f"speed, {SIFT}", 2)]
     assert cells.headings == ["statistic", *["here", "paper"] * 3]
     assert [row[-1] for row in cells.rows] == [
@@ -126,40 +126,43 @@ def test_effects_are_written_with_the_digits_that_the_margin_needs(effect: float
     assert effect_text(effect).replace("\N{NO-BREAK SPACE}", " ") == expected
 
 
-def test_the_sentence_counts_the_cells(repeated: Evidence) -> None:
-    (sentence,) = matters.sentences(with_effects(repeated, verdict="yes", share_of_absolute=0.5))
-    expected = "Of the 15 cells of the paper's table for KITTI, 12 of the verdicts agree with the paper's and 3 do not."
-    assert sentence == expected
-    (sentence,) = matters.sentences(with_effects(repeated, verdict="undecided"))
-    assert sentence.endswith("0 of the verdicts agree with the paper's, 0 do not and 15 cannot be given.")
+def test_the_sentence_counts_the_cells(repeated: ReportData) -> None:
+    (sentence,) = factor_effects.sentences(with_effects(repeated, verdict="yes", share_of_absolute=0.5))
+    cells = "The paper's table for KITTI has 15 cells that this run can be compared with."
+    assert sentence == f"{cells} Here 12 agree with the paper and 3 disagree."
+    (sentence,) = factor_effects.sentences(with_effects(repeated, verdict="undecided"))
+    assert sentence.endswith("Here 0 agree with the paper, 0 disagree and 15 are undecided.")
 
 
-def test_a_yes_on_hardly_any_bias_is_put_into_proportion(repeated: Evidence) -> None:
+def test_a_yes_on_hardly_any_bias_is_put_into_proportion(repeated: ReportData) -> None:
     small = with_effects(repeated, verdict="yes", share_of_absolute=None)
     row = (pl.col("factor") == "speed") & (pl.col("tracker") == LK) & (pl.col("statistic") == "nu")
     share = pl.when(row).then(0.04).otherwise("share_of_absolute")
     small = dataclasses.replace(small, effects=small.effects.with_columns(share_of_absolute=share))
-    assert "Mind the mean error of lucas-kanade by speed:" in matters.sentences(small)[1]
-    assert "by at most 4.0\N{NO-BREAK SPACE}% of" in matters.sentences(small)[1]
+    assert (
+        "Caution: the yes for the mean error of lucas-kanade by speed may be chance."
+        in factor_effects.sentences(small)[1]
+    )
+    assert "by at most 4.0\N{NO-BREAK SPACE}% of" in factor_effects.sentences(small)[1]
 
 
 def test_a_run_of_its_own_is_not_compared_with_the_paper(run: RunFolder) -> None:
-    evidence = Evidence.of(run)
-    assert matters.heading(evidence) == "What matters"
-    assert not any("paper" in heading for heading in matters.verdicts(evidence).headings)
-    assert not any("paper" in sentence for sentence in matters.sentences(evidence))
+    data = ReportData.of(run)
+    assert factor_effects.heading(data) == "Factor effects"
+    assert not any("paper" in heading for heading in factor_effects.verdicts(data).headings)
+    assert not any("paper" in sentence for sentence in factor_effects.sentences(data))
 
 
 def test_a_run_that_varies_nothing_says_so(make_run: Callable[..., RunFolder]) -> None:
-    evidence = Evidence.of(make_run(trackers=(LK,), speeds=(1,)))
-    assert matters.sentences(evidence) == ["Nothing was varied in this run, so there is nothing to compare."]
-    assert matters.details(evidence).rows == []
+    data = ReportData.of(make_run(trackers=(LK,), speeds=(1,)))
+    assert factor_effects.sentences(data) == ["This run varies no factor, so there is nothing to compare."]
+    assert factor_effects.details(data).rows == []
 
 
 def test_what_decided_names_levels_place_and_size(run: RunFolder) -> None:
-    evidence = without_intervals(Evidence.of(run))
-    effects = evidence.effects.filter(factor="speed", tracker=LK, statistic="eta").row(0, named=True)
-    cells = matters.details(evidence)
+    data = without_intervals(ReportData.of(run))
+    effects = data.effects.filter(factor="speed", tracker=LK, statistic="eta").row(0, named=True)
+    cells = factor_effects.details(data)
     (row,) = [row for row in cells.rows if row[:2] == ["speed", LK] and "absolute" in row[2]]
     place = f"{effects['coordinate']}, at age {effects['at']}"
     assert [cell.replace("\N{NO-BREAK SPACE}", " ") for cell in row[3:7]] == [
@@ -168,32 +171,32 @@ def test_what_decided_names_levels_place_and_size(run: RunFolder) -> None:
     assert len(row) == len(cells.headings) == len(cells.numeric)
 
 
-def with_dependence(evidence: Evidence, **columns: object) -> Evidence:
-    """The same evidence with other values in all rows of its verdicts with intervals."""
-    changed = {name: pl.lit(value, dtype=evidence.dependence.schema[name]) for name, value in columns.items()}
-    return dataclasses.replace(evidence, dependence=evidence.dependence.with_columns(**changed))
+def with_dependence(data: ReportData, **columns: object) -> ReportData:
+    """The same data with other values in all rows of its verdicts with intervals."""
+    changed = {name: pl.lit(value, dtype=data.dependence.schema[name]) for name, value in columns.items()}
+    return dataclasses.replace(data, dependence=data.dependence.with_columns(**changed))
 
 
 @pytest.fixture
-def judged(make_run: Callable[..., RunFolder]) -> Evidence:
-    evidence = with_effects(Evidence.of(make_run(paper="kitti")), verdict="yes", effect=0.45)
-    return with_dependence(evidence, verdict="no", effect=0.45, low=0.02, high=0.08, n_scenes=9, why=None)
+def judged(make_run: Callable[..., RunFolder]) -> ReportData:
+    data = with_effects(ReportData.of(make_run(paper="kitti")), verdict="yes", effect=0.45)
+    return with_dependence(data, verdict="no", effect=0.45, low=0.02, high=0.08, n_scenes=9, why=None)
 
 
-def test_a_verdict_with_an_interval_takes_the_place_of_the_point_rules(judged: Evidence) -> None:
-    table = paper.comparison(judged)
+def test_a_verdict_with_an_interval_takes_the_place_of_the_point_rules(judged: ReportData) -> None:
+    table = judged.comparison
     assert set(table["verdict"]) == {"no"}
     assert set(table["point_verdict"]) == {"yes"}
     assert table.filter(tracker=SIFT)["agreement"].to_list() == ["disagree", "agree", "agree", "disagree", "disagree"]
-    cell = paper.side_by_side(judged)["speed, correspondence: here"][0]
+    cell = paper.side_by_side(judged.comparison)["speed, correspondence: here"][0]
     assert cell.replace("\N{NO-BREAK SPACE}", " ") == "no (45 %, 2.0 % to 8.0 %)"
 
 
-def test_agreement_is_for_what_is_decided(judged: Evidence) -> None:
+def test_agreement_is_for_what_is_decided(judged: ReportData) -> None:
     why = "only 4 scenes, at least 6 are needed"
     open_ = with_dependence(judged, verdict="undecided", low=None, high=None, n_scenes=4, why=why)
-    assert paper.tally(paper.comparison(open_)) == {"agree": 0, "disagree": 0, "undecided": 15}
-    cells = matters.intervals(open_)
+    assert paper.tally(open_.comparison) == {"agree": 0, "disagree": 0, "undecided": 15}
+    cells = factor_effects.intervals(open_)
     assert cells is not None
     assert all(len(row) == len(cells.headings) == len(cells.numeric) for row in cells.rows)
     question = ["tracker", "–", "mean\N{NO-BREAK SPACE}error"]
@@ -208,18 +211,18 @@ def test_agreement_is_for_what_is_decided(judged: Evidence) -> None:
     ]
 
 
-def test_what_the_effect_says_alone_stands_with_a_question_mark(judged: Evidence) -> None:
+def test_what_the_effect_says_alone_stands_with_a_question_mark(judged: ReportData) -> None:
     open_ = with_dependence(judged, verdict="undecided", low=None, high=None, n_scenes=4, why="only 4 scenes")
-    table = matters.verdicts(open_)
+    table = factor_effects.verdicts(open_)
     space = "\N{NO-BREAK SPACE}"
     assert {cell for row in table.rows for cell in row[1::2]} == {f"yes?{space}(45{space}%)"}
     said = {cell for row in table.rows for cell in row[2::2]}
     assert said == {f"yes{space}(✓)", f"no{space}(✗)"}
-    alone = paper.tally(paper.comparison(open_), of="point_agreement")
-    (sentence,) = (text for text in matters.sentences(open_) if "paper's table" in text)
-    assert f"By their effects alone, {alone['agree']} of the verdicts agree" in sentence.replace(space, " ")
+    alone = paper.tally(open_.comparison, of="point_agreement")
+    (sentence,) = (text for text in factor_effects.sentences(open_) if "paper's table" in text)
+    assert f"Judged by the effects alone, {alone['agree']} agree" in sentence.replace(space, " ")
 
 
-def test_the_point_rule_keeps_its_own_table(judged: Evidence) -> None:
-    assert {row[3] for row in matters.details(judged).rows} == {"yes"}
-    assert matters.intervals(without_intervals(judged)) is None
+def test_the_point_rule_keeps_its_own_table(judged: ReportData) -> None:
+    assert {row[3] for row in factor_effects.details(judged).rows} == {"yes"}
+    assert factor_effects.intervals(without_intervals(judged)) is None

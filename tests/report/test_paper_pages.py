@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures import FAMILIES
+from tracknoise.report.figures.families import FAMILIES
 from tracknoise.report.figures.figure import Figure
+from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "paper.md"
@@ -18,8 +18,8 @@ WORLDS = {
     "Gazebo Linear": {"views": ((0, "forward"), (0, "backward"))},
 }
 BESIDES = {
-    *("picture-1", "curves-untrimmed", "occlusion", "time-structure", "changes", "gaussianity"),
-    *(f"along-{TRACKER}", f"survivorship-{TRACKER}"),
+    *("example-frames-1", "occlusion", "time-structure", "changes", "gaussianity"),
+    *(f"along-and-across-{TRACKER}", f"survivorship-bias-{TRACKER}"),
 }
 
 
@@ -39,12 +39,13 @@ def mapped(experiment: str) -> set[str]:
 @pytest.mark.parametrize("experiment", WORLDS)
 def test_the_map_is_whole(make_run: Callable[..., RunFolder], experiment: str) -> None:
     settings = {"scenes": ("one",), "trackers": (TRACKER,), "n_frames": 14, "min_features": 15, "hidden": 0.1}
-    evidence = Evidence.of(make_run(**settings, **WORLDS[experiment]))
-    figures = {item.id for family in FAMILIES for item in family.figures(evidence) if isinstance(item, Figure)}
-    assert figures - BESIDES == mapped(experiment)
-    assert figures >= BESIDES
+    data = ReportData.of(make_run(**settings, **WORLDS[experiment]))
+    figures = {item.id for family in FAMILIES for item in family.figures(data) if isinstance(item, Figure)}
+    besides = BESIDES | {f"error-by-{data.axis.name}-untrimmed"}
+    assert figures - besides == mapped(experiment)
+    assert figures >= besides
 
 
 def test_the_other_experiments_have_the_same_figures_but_for_the_direction() -> None:
-    expected = mapped("Gazebo Linear") - {f"direction-{TRACKER}"}
+    expected = mapped("Gazebo Linear") - {f"error-by-direction-{TRACKER}"}
     assert mapped("KITTI") == mapped("Gazebo AR/VR") == expected

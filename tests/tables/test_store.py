@@ -234,3 +234,11 @@ def test_a_folder_in_which_a_start_died_at_once_is_empty(tmp_path):
 def test_a_run_that_measured_something_is_not_stillborn(measured):
     (measured.path / "experiment.toml").unlink()
     assert not measured.is_unstarted
+
+
+def test_an_unfinished_report_of_a_killed_process_is_removed(measured):
+    leftover = measured.path / ".report.1.0123456789abcdef.tracknoise-unfinished"
+    (leftover / "figures").mkdir(parents=True)
+    (leftover / "index.html").write_text("half")
+    measured.discard_unfinished()
+    assert not leftover.exists()

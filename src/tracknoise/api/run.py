@@ -298,9 +298,9 @@ class Run:
     @cached_property
     def _charts(self) -> "Charts":
         from tracknoise.report.charts import Charts
-        from tracknoise.report.evidence import Evidence
+        from tracknoise.report.report_data import ReportData
 
-        return Charts(Evidence.of(self._folder))
+        return Charts(ReportData.of(self._folder))
 
 
 def _part(wanted: Mapping[str, Any], columns: Collection[str]) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from tracknoise.cli.options import DebugOption, QuietOption
 
 if TYPE_CHECKING:
     from tracknoise.cli.terminal import Terminal
-    from tracknoise.report.evidence import Evidence
+    from tracknoise.report.report_data import ReportData
 
 _WIDTH = 110
 
@@ -33,30 +33,30 @@ def findings(
     """
     from tracknoise.exceptions import StoreError
     from tracknoise.findings.headlines.document import findings_json
-    from tracknoise.report.evidence import Evidence
+    from tracknoise.report.report_data import ReportData
     from tracknoise.tables.store import FINDINGS_TABLES, RunFolder
 
-    evidence = Evidence.of(RunFolder(run))
-    if evidence.findings.is_empty():
+    data = ReportData.of(RunFolder(run))
+    if data.findings.is_empty():
         raise StoreError(f"{run}: holds no findings, expected those of a finished run; `tracknoise run` computes them")
-    if failed := evidence.manifest.failures:
+    if failed := data.manifest.failures:
         context.obj.warn(f"{run}: {len(failed)} sequences failed and are not in these findings")
     if as_json:
-        tables = {name: getattr(evidence, name) for name in FINDINGS_TABLES}
+        tables = {name: getattr(data, name) for name in FINDINGS_TABLES}
         context.obj.result(findings_json(tables).rstrip())
     else:
-        _print(context.obj, evidence)
+        _print(context.obj, data)
     return 0
 
 
-def _print(terminal: "Terminal", evidence: "Evidence") -> None:
+def _print(terminal: "Terminal", data: "ReportData") -> None:
     from tracknoise.cli.text_table import show
-    from tracknoise.report import found, matters
+    from tracknoise.report import factor_effects, findings_section
 
-    for row in found.sentences(evidence):
+    for row in findings_section.sentences(data):
         marker = f"{row['rank']:>2}. "
         terminal.result(textwrap.fill(row["text"], _WIDTH, initial_indent=marker, subsequent_indent=" " * len(marker)))
-    intervals = matters.intervals(evidence)
-    for cells in [found.verdicts(evidence), matters.verdicts(evidence), *([intervals] if intervals else [])]:
+    intervals = factor_effects.intervals(data)
+    for cells in [findings_section.verdicts(data), factor_effects.verdicts(data), *([intervals] if intervals else [])]:
         terminal.result("")
         show(terminal.result, cells)

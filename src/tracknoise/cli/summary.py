@@ -4,9 +4,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tracknoise.cli.text_table import aligned
-from tracknoise.report.evidence import Evidence
-from tracknoise.report.measured import condition_columns, in_order
 from tracknoise.report.names import by_statement, together
+from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
 
 if TYPE_CHECKING:
@@ -68,21 +67,21 @@ def summary_text(run: RunFolder) -> str:
     StoreError, SchemaError
         If the run has no usable statistics.
     """
-    evidence = Evidence.of(run)
-    table = in_order(evidence, evidence.listed(evidence.summary))
-    shown = [*((name, name, "{}") for name in condition_columns(evidence)), *_NUMBERS]
-    headings = [heading.format(axis=evidence.axis.name).split("\n") for heading, _, _ in shown]
+    data = ReportData.of(run)
+    table = data.in_order(data.listed(data.summary))
+    shown = [*((name, name, "{}") for name in data.condition_columns), *_NUMBERS]
+    headings = [heading.format(axis=data.axis.name).split("\n") for heading, _, _ in shown]
     rows = [[parts[0] if len(parts) > 1 else "" for parts in headings], [parts[-1] for parts in headings]]
     rows += [[_cell(row[name], form) for _, name, form in shown] for row in table.iter_rows(named=True)]
     lines = aligned(rows, numeric=[place > 0 for place in range(len(shown))])
-    return "\n".join([*lines[:2], "-" * len(lines[1]), *lines[2:], *_others(evidence)])
+    return "\n".join([*lines[:2], "-" * len(lines[1]), *lines[2:], *_others(data)])
 
 
-def _others(evidence: Evidence) -> list[str]:
-    if not evidence.is_large:
+def _others(data: ReportData) -> list[str]:
+    if not data.is_large:
         return []
-    n = evidence.summary.height - evidence.listed(evidence.summary).height
-    return [f"({evidence.where.strip()}; {n} other conditions are in the report's tables/summary.csv)"]
+    n = data.summary.height - data.listed(data.summary).height
+    return [f"({data.where.strip()}; {n} other conditions are in the report's tables/summary.csv)"]
 
 
 def _cell(value: object, form: str) -> str:

@@ -4,7 +4,7 @@ import sys
 from collections.abc import Callable, Sequence
 from itertools import accumulate
 
-from tracknoise.report.tables import Cells
+from tracknoise.report.cells import Cells
 
 
 def show(write: Callable[[str], None], cells: Cells) -> None:

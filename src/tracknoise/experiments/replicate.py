@@ -18,7 +18,7 @@ from tracknoise.simulation.places import PLACES
 from tracknoise.trackers.rejection import Consensus, ReferencePosition
 
 RECORDED, SIMULATED = ("dtu", "kitti"), ("gazebo-linear", "gazebo-arvr")
-"""Presets that repeat the paper's experiments: those that need data, and those that do not."""
+"""Presets that repeat experiments of the paper: those that need data, and those that are simulated."""
 _VARIED: dict[str, dict[str, tuple[str, ...]]] = {
     "correspondence": {
         "reference": (ReferencePosition.first, ReferencePosition.previous),
@@ -42,7 +42,7 @@ class Candidate:
     possible
         Whether it can be repeated.
     found
-        One sentence: the data that were found, or why there are none.
+        One sentence: which data were found, or why there are none.
     """
 
     preset: str

@@ -1,1 +1,1 @@
-"""Figures, tables and the HTML page, made from the run folder and the statistics alone."""
+"""Figures, tables and the HTML page, made only from a run folder."""

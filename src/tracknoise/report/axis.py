@@ -1,11 +1,12 @@
-"""What curves run along, and the words for it: the age of a feature, or the frames around the key frame of a scan."""
+"""What curves run along, and its words: the age of a feature, or the frames around the key frame of a scan."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tracknoise.findings import wording
-from tracknoise.report.sentences import KAPPA, MU, NU
 from tracknoise.statistics.definitions import NAMES
+
+NU, MU, KAPPA = "\N{GREEK SMALL LETTER NU}", "\N{GREEK SMALL LETTER MU}", "\N{GREEK SMALL LETTER KAPPA}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,13 +16,13 @@ class Axis:
     Attributes
     ----------
     name
-        As tables have it, and what one place on it is called.
+        As in the tables: age or frame.
     title
         Of the horizontal axis of a figure.
     zero
         Where errors are zero by construction.
     distance
-        What grows on the way from there.
+        What the distance from there is called.
     signs
         Sign of each statistic, by its role: mean, absolute and second.
     """

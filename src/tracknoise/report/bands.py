@@ -1,11 +1,10 @@
-"""Intervals of curves: put beside the curves' values, turned with them, and told in words."""
+"""Intervals of curves: joined to the values of the curves, rotated with them, and described in words."""
 
 from collections.abc import Sequence
 
 import polars as pl
 
-from tracknoise.findings.wording import interval_text
-from tracknoise.report.sentences import listing
+from tracknoise.findings.wording import interval_text, listing
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.upright import upright
 from tracknoise.tables.findings_schema import RESAMPLED
@@ -13,7 +12,7 @@ from tracknoise.tables.schema import Schema
 
 BOUNDS = ("u_low", "u_high", "v_low", "v_high")
 KIND: Schema = {"level": pl.Float64, "resampled": RESAMPLED, "n_resampled": pl.Int32}
-"""Level of an interval, what was resampled for it, and in how many scenes."""
+"""Level of an interval, what was resampled, and in how many scenes."""
 _CURVE = ["population", "trimming", "weighting", "statistic", "axis", "at"]
 
 
@@ -30,7 +29,7 @@ def with_bounds(curves: pl.DataFrame, intervals: pl.DataFrame) -> pl.DataFrame:
     Returns
     -------
     polars.DataFrame
-        The same rows with columns `BOUNDS`, in the unit of the curve, and `KIND`; null where there is no interval.
+        The same rows with columns `BOUNDS`, in the unit of the curve, and `KIND`. Null where there is no interval.
     """
     aspect = ["aspect", "at_least"] if "aspect" in curves.columns else []
     keys = [*aspect, *POOLED, *_CURVE]
@@ -45,12 +44,12 @@ def with_bounds(curves: pl.DataFrame, intervals: pl.DataFrame) -> pl.DataFrame:
 
 
 def side_by_side(intervals: pl.DataFrame, keys: Sequence[str]) -> pl.DataFrame:
-    """Bounds of what the keys name in u and v, in one row: the keys, `BOUNDS` and `KIND`.
+    """Bounds in u and v in one row: the keys, `BOUNDS` and `KIND`.
 
     Parameters
     ----------
     intervals
-        The keys, and coordinate, low, high, level, resampled and n_scenes: a row a coordinate.
+        The keys, and coordinate, low, high, level, resampled and n_scenes: one row per coordinate.
     keys
         Columns that identify a value; nulls are equal to one another.
     """
@@ -63,7 +62,7 @@ def side_by_side(intervals: pl.DataFrame, keys: Sequence[str]) -> pl.DataFrame:
 
 
 def of_scalar(table: pl.DataFrame, intervals: pl.DataFrame, statistic: str) -> pl.DataFrame:
-    """A table of conditions with columns low and high, the bounds of a number that each has one of, and `KIND`.
+    """A table of conditions with columns low and high, the bounds of one number per condition, and `KIND`.
 
     Where `table` has a column lifetime, the number is the one at that lifetime.
     """
@@ -75,7 +74,7 @@ def of_scalar(table: pl.DataFrame, intervals: pl.DataFrame, statistic: str) -> p
 
 
 def upright_bounds(points: pl.DataFrame, *, signed: pl.Expr) -> pl.DataFrame:
-    """As `tracknoise.statistics.upright.upright`, for points with columns `BOUNDS`: these are turned too."""
+    """As `tracknoise.statistics.upright.upright`, for points with columns `BOUNDS`: these are rotated too."""
     values = upright(points, signed=signed)
     low, high = (
         upright(points.with_columns(u=f"u_{end}", v=f"v_{end}"), signed=signed).select("u", "v")
@@ -89,15 +88,15 @@ def upright_bounds(points: pl.DataFrame, *, signed: pl.Expr) -> pl.DataFrame:
     return values.with_columns(**ends)
 
 
-def told(points: pl.DataFrame, *, of: str, marks: str = "Bands around") -> str:
-    """A sentence about the bands, or other `marks`, that show intervals, or that there are none.
+def describe_intervals(points: pl.DataFrame, *, of: str, marks: str = "Bands around") -> str:
+    """Describe the bands, or other `marks`, that show intervals, or say that there are none.
 
     Parameters
     ----------
     points
         Columns `KIND`.
     of
-        Around what the bands lie.
+        What has the intervals.
     marks
         What shows the intervals.
     """
@@ -106,6 +105,6 @@ def told(points: pl.DataFrame, *, of: str, marks: str = "Bands around") -> str:
     kinds = listing(interval_text(*row) for row in groups.iter_rows())
     if not kinds:
         return f"No intervals were computed for {of}."
-    whose = "Those of blocks" if known["resampled"].n_unique() > 1 else "They"
-    only = f" {whose} hold for these scenes and say nothing of others." if "blocks" in known["resampled"] else ""
+    which = "Those from blocks" if known["resampled"].n_unique() > 1 else "They"
+    only = f" {which} hold for these scenes only." if "blocks" in known["resampled"] else ""
     return f"{marks} {of}: {kinds}.{only}"

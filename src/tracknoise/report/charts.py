@@ -1,16 +1,16 @@
 """The figures of a run by name, as Altair charts."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import altair as alt
 import polars as pl
 from altair.utils.schemapi import debug_mode
 
 from tracknoise.exceptions import FigureError, UnknownNameError
-from tracknoise.report.evidence import Evidence
 from tracknoise.report.export import specification
-from tracknoise.report.figures import FAMILIES
-from tracknoise.report.figures.figure import Absence, Family, Figure
+from tracknoise.report.figures.families import FAMILIES, Family
+from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.report_data import ReportData
 
 Chart = alt.ConcatChart
 """A chart that displays itself in a notebook, and that can be changed and saved."""
@@ -27,12 +27,12 @@ class Charts:
 
     Parameters
     ----------
-    evidence
+    data
         The run.
     """
 
-    def __init__(self, evidence: Evidence) -> None:
-        self._evidence = evidence
+    def __init__(self, data: ReportData) -> None:
+        self._data = data
         self._made: dict[str, Sequence[Figure | Absence]] = {}
 
     def table(self) -> pl.DataFrame:
@@ -55,7 +55,7 @@ class Charts:
         FigureError
             If there is nothing to draw, with the reason.
         """
-        figure = self._find(self._aliases.get(name, name))
+        figure = self._find(name)
         if isinstance(figure, Absence):
             raise FigureError(f"figure {name!r} cannot be drawn: {figure.why}")
         with debug_mode(False):  # no checks of every part, which take half of the time: tests check all figures
@@ -63,28 +63,28 @@ class Charts:
 
     def _find(self, name: str) -> Figure | Absence:
         families = [family for family in FAMILIES if family.id == name] or FAMILIES
-        figures = [figure for family in families for figure in self._figures(family)]
-        if exact := [figure for figure in figures if figure.id == name]:
-            return exact[0]
+        for family in families:
+            for figure in self._figures(family):
+                if figure.id == name:
+                    return figure
         if len(families) > 1:
             raise UnknownNameError("figure", name, self._known())
+        return self._first(families[0])
+
+    def _first(self, family: Family) -> Figure | Absence:
+        """The first figure of a section that can be drawn."""
+        figures = self._figures(family)
         drawn = [figure for figure in figures if isinstance(figure, Figure)]
-        nothing = Absence(name, families[0].title, "this run has nothing to compare there.")
-        return [*drawn, *figures, nothing][0]
+        return [*drawn, *figures, Absence(family.id, family.title, "this run has nothing to compare there.")][0]
 
     def _figures(self, family: Family) -> Sequence[Figure | Absence]:
         if family.id not in self._made:
-            self._made[family.id] = family.figures(self._evidence)
+            self._made[family.id] = family.figures(self._data)
         return self._made[family.id]
-
-    @property
-    def _aliases(self) -> Mapping[str, str]:
-        """Names of sections that say along what the curves of this run go."""
-        return {f"error-by-{self._evidence.axis.name}": "curves"}
 
     def _known(self) -> set[str]:
         listed = self.table()
-        return {*listed["figure"], *listed["section"], *self._aliases}
+        return {*listed["figure"], *listed["section"]}
 
 
 def _row(family: Family, figure: Figure | Absence) -> tuple[str | None, ...]:

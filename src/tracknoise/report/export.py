@@ -1,4 +1,4 @@
-"""Charts as Vega-Lite specifications, and these as SVG, PNG and PDF."""
+"""Figures as Vega-Lite specifications, and as SVG, PNG and PDF."""
 
 import json
 import re
@@ -19,18 +19,18 @@ _FROM_SVG: Mapping[str, Callable[[str], bytes]] = {
     "pdf": lambda svg: vlc.svg_to_pdf(svg),
 }
 FORMATS = tuple(_FROM_SVG)
-"""What a figure can be written as."""
+"""Kinds of figure files."""
 
 
 def specification(figure: Figure) -> dict[str, Any]:
-    """Vega-Lite specification of a figure, with the report's look."""
+    """Vega-Lite specification of a figure, with the style of the report."""
     return {**figure.spec, "description": f"{figure.title}. {figure.shows}", "config": style.config()}
 
 
 def render(spec: Mapping[str, Any], formats: tuple[str, ...]) -> dict[str, bytes]:
     """Draw a specification once and write it in each of the formats.
 
-    Nobody zooms into a file: without the zoom its panels need no clipping, which makes drawing three times as fast.
+    Files have no zoom. Without it the panels need no clipping, which makes drawing three times as fast.
     """
     if not formats:
         return {}
@@ -40,18 +40,18 @@ def render(spec: Mapping[str, Any], formats: tuple[str, ...]) -> dict[str, bytes
 
 
 def _renumbered(svg: str) -> str:
-    """Number clip paths from 1: Vega goes on counting where its last drawing ended, which is not repeatable."""
+    """Number clip paths from 1. Vega keeps counting from one drawing to the next, which is not repeatable."""
     found = list(dict.fromkeys(re.findall(r"\bclip\d+\b", svg)))
     names = {name: f"clip{number}" for number, name in enumerate(found, start=1)}
     return re.sub(r"\bclip\d+\b", lambda match: names[match.group()], svg)
 
 
 def scripts() -> str:
-    """Vega, Vega-Lite and Vega-Embed as one script that needs nothing else, fit to stand inside a page."""
+    """Vega, Vega-Lite and Vega-Embed as one self-contained script that can be part of a page."""
     bundle: str = vlc.javascript_bundle("window.vegaEmbed = vegaEmbed;", vl_version=_version())
     return bundle.replace("</script", "<\\/script")
 
 
 def _version() -> str:
-    """Version of Vega-Lite that the specifications are of: major and minor, as the converter names it."""
+    """Version of Vega-Lite of the specifications: major and minor, as the converter names it."""
     return "v" + ".".join(alt.SCHEMA_VERSION.lstrip("v").split(".")[:2])

@@ -1,4 +1,4 @@
-"""The section that says what was measured, and with what."""
+"""The section on the measurement: sequences, trackers, settings, counts, and what failed."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -6,12 +6,11 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.findings.wording import TIMES, count, number, percent
+from tracknoise.findings.wording import TIMES, count, listing, number, percent
 from tracknoise.report.axis import FRAME
-from tracknoise.report.evidence import MOST_CONDITIONS, Evidence
-from tracknoise.report.names import MOST_NAMED, by_statement, together
-from tracknoise.report.sentences import listing
-from tracknoise.report.tables import Cells, cells
+from tracknoise.report.cells import Cells, cells
+from tracknoise.report.names import MOST_NAMED, by_statement, condition_name, together
+from tracknoise.report.report_data import MOST_CONDITIONS, ReportData
 from tracknoise.statistics.populations import POPULATIONS
 from tracknoise.tables.schema import TRIMMING, TrackEnd, TruthStatus
 
@@ -31,22 +30,22 @@ _ENDS = {
     "sequence_end": "end of data",
 }
 _MANY = 0.5
-"""Share of observations without a true position above which the page says so at its top."""
+"""The page starts with a warning where a larger share of observations has no true position."""
 
 
-def scenes(evidence: Evidence) -> Cells:
-    """One row a sequence; where these are too many, one a scene, as the figures are about it."""
-    many = len(evidence.manifest.sequences) > MOST_CONDITIONS
-    entries = evidence.sequences.values() if many else [e for _, e in sorted(evidence.manifest.sequences.items())]
+def scenes(data: ReportData) -> Cells:
+    """One row per sequence. Where these are too many, only those of the view shown in the figures."""
+    many = len(data.manifest.sequences) > MOST_CONDITIONS
+    entries = data.sequences.values() if many else [e for _, e in sorted(data.manifest.sequences.items())]
     several: dict[str, list[Any]] = {
-        "lighting": evidence.lightings,
-        "rotation": evidence.rotations,
-        "direction": evidence.directions,
+        "lighting": data.lightings,
+        "rotation": data.rotations,
+        "direction": data.directions,
     }
-    direction = {"direction": "direction"} if len(evidence.directions) > 1 else {}
+    direction = {"direction": "direction"} if len(data.directions) > 1 else {}
     columns = {
         "dataset": "dataset", "scene": "scene", "lighting": "lighting", "rotation": "rotation (°)", **direction,
-        "n_frames": "frames", "size": "image (px)", "truth": "truth", "seconds": "measured in (s)",
+        "n_frames": "frames", "size": "image (px)", "truth": "truth", "seconds": "time to measure (s)",
     }  # fmt: skip
     rows = [
         {name: getattr(entry, name) for name in columns if name != "size"}
@@ -57,148 +56,140 @@ def scenes(evidence: Evidence) -> Cells:
     caption = "Sequences"
     if many:
         others = listing(f"{len(values)} {name}s" for name, values in several.items() if len(values) > 1)
-        caption = f"Sequences,{evidence.where}, of {count(len(evidence.manifest.sequences), 'sequence')} in all"
+        caption = f"Sequences,{data.where}, of {count(len(data.manifest.sequences), 'sequence')} in all"
         caption += f" ({others})" if others else ""
     return cells(pl.DataFrame(rows, schema=kinds), columns, caption)
 
 
-def left_out(evidence: Evidence) -> list[tuple[str, str]]:
-    """Scenes that the data hold and that were not to be measured, and why."""
-    return sorted(evidence.manifest.left_out.items())
+def left_out(data: ReportData) -> list[tuple[str, str]]:
+    """Scenes of the dataset that were skipped on purpose, and why."""
+    return sorted(data.manifest.left_out.items())
 
 
-def notes(evidence: Evidence) -> list[tuple[str, str]]:
-    """What readers corrected or assumed: sequences and sentence, the same sentence once."""
-    told = ((key, note) for key, entry in sorted(evidence.manifest.sequences.items()) for note in entry.notes)
-    return [(together(keys), note) for note, keys in by_statement(told).items()]
+def notes(data: ReportData) -> list[tuple[str, str]]:
+    """What readers corrected or assumed: the sequences of each note."""
+    pairs = ((key, note) for key, entry in sorted(data.manifest.sequences.items()) for note in entry.notes)
+    return [(together(keys), note) for note, keys in by_statement(pairs).items()]
 
 
-def trackers(evidence: Evidence) -> Cells:
-    """One row a tracker, with those of its options that the experiment sets."""
+def trackers(data: ReportData) -> Cells:
+    """One row per tracker, with the options that the experiment sets."""
     rows = [
         {
             "name": str(entry.get("name") or entry.get("kind")),
             "kind": str(entry.get("kind", "")),
             "options": _written(entry.get("options", {})) or "all defaults",
         }
-        for entry in evidence.settings.get("trackers", [])
+        for entry in data.settings.get("trackers", [])
     ]
     columns = {"name": "tracker", "kind": "kind", "options": "options"}
     return cells(pl.DataFrame(rows, schema=dict.fromkeys(columns, pl.String)), columns, "Trackers")
 
 
-def settings(evidence: Evidence) -> Cells:
+def settings(data: ReportData) -> Cells:
     """Every other setting of the experiment, by its key."""
-    plain = {key: value for key, value in evidence.settings.items() if key != "trackers"}
+    plain = {key: value for key, value in data.settings.items() if key != "trackers"}
     rows = [{"key": key, "value": value} for key, value in _flattened(plain)]
     table = pl.DataFrame(rows, schema={"key": pl.String, "value": pl.String})
     return cells(table, {"key": "setting", "value": "value"}, "Settings")
 
 
-def provenance(evidence: Evidence) -> Cells:
+def provenance(data: ReportData) -> Cells:
     """Versions and machine."""
     rows = [
         {"what": name, "value": value}
-        for part in (evidence.manifest.versions, evidence.manifest.machine)
+        for part in (data.manifest.versions, data.manifest.machine)
         for name, value in part.items()
     ]
     table = pl.DataFrame(rows, schema={"what": pl.String, "value": pl.String})
-    return cells(table, {"what": "made with", "value": "version"}, "Versions and machine")
+    return cells(table, {"what": "component", "value": "version"}, "Versions and machine")
 
 
-def truth_was_read(evidence: Evidence) -> bool:
-    """Whether any true positions come from poses and depth that were read rather than simulated."""
-    entries = evidence.manifest.sequences.values()
+def truth_was_read(data: ReportData) -> bool:
+    """Whether any true positions come from recorded poses and depth."""
+    entries = data.manifest.sequences.values()
     return any(entry.truth in ("birth", "scan") and entry.dataset != "simulated" for entry in entries)
 
 
-def without_truth(evidence: Evidence) -> list[tuple[str, str]]:
-    """Conditions, then sequences, most of whose observations have no true position: which, and a sentence."""
-    statuses = evidence.counts.filter(kind="truth")
+def without_truth(data: ReportData) -> list[tuple[str, str]]:
+    """Conditions, then sequences, most of whose observations have no true position, each with a sentence."""
+    statuses = data.counts.filter(kind="truth")
     if statuses["n"].sum() > 0 and not statuses.filter(pl.col("name").is_in(POPULATIONS["projected"]))["n"].sum():
-        return [("The whole run", _unknown(evidence, statuses))]
-    listed, keys = evidence.listed(statuses), list(condition_columns(evidence))
-    conditions = in_order(evidence, listed.select(keys).unique()).iter_rows(named=True)
-    sequences = evidence.sequences if evidence.is_large else sorted(evidence.manifest.sequences)
+        return [("The whole run", _unknown(data, statuses))]
+    listed, keys = data.listed(statuses), list(data.condition_columns)
+    conditions = data.in_order(listed.select(keys).unique()).iter_rows(named=True)
+    sequences = data.sequences if data.is_large else sorted(data.manifest.sequences)
     return [
-        *_mostly_unknown(evidence, [(condition(names), listed.filter(**names)) for names in conditions]),
+        *_mostly_unknown(data, [(condition_name(names), listed.filter(**names)) for names in conditions]),
         *_mostly_unknown(
-            evidence, [(key, evidence.run.sequence_table("counts", key).filter(kind="truth")) for key in sequences]
+            data, [(key, data.run.sequence_table("counts", key).filter(kind="truth")) for key in sequences]
         ),
     ]
 
 
-def _mostly_unknown(evidence: Evidence, groups: Sequence[tuple[str, pl.DataFrame]]) -> list[tuple[str, str]]:
-    """Groups of observations most of which have no true position, each with a sentence, or all with one if many."""
-    found = [(place, rows, sentence) for place, rows in groups if (sentence := _unknown(evidence, rows))]
+def _mostly_unknown(data: ReportData, groups: Sequence[tuple[str, pl.DataFrame]]) -> list[tuple[str, str]]:
+    """Groups of observations that mostly have no true position, each with a sentence. Many share one sentence."""
+    found = [(place, rows, sentence) for place, rows in groups if (sentence := _unknown(data, rows))]
     if len(found) <= MOST_NAMED:
         return [(place, sentence) for place, _, sentence in found]
-    return [(together([place for place, *_ in found]), _unknown(evidence, pl.concat([rows for _, rows, _ in found])))]
+    return [(together([place for place, *_ in found]), _unknown(data, pl.concat([rows for _, rows, _ in found])))]
 
 
-def _unknown(evidence: Evidence, rows: pl.DataFrame) -> str:
-    """What share of observations, counted by truth status, has no true position, and why; empty where it is small."""
+def _unknown(data: ReportData, rows: pl.DataFrame) -> str:
+    """The share of observations that have no true position, and why. Empty where it is small."""
     n = {name: int(rows.filter(name=name)["n"].sum()) for name in _TRUTHS}
     total = sum(n.values())
     unknown = {name: n[name] for name in _TRUTHS if name not in POPULATIONS["projected"] and n[name]}
     if sum(unknown.values()) <= _MANY * total:
         return ""
-    labels = _truths(evidence)
+    labels = _truths(data)
     reasons = listing(f"{percent(value / total)} {labels[name]}" for name, value in unknown.items())
-    rest = "its errors are of the rest alone" if sum(unknown.values()) < total else "no error could be measured"
+    rest = "Errors are measured for the rest only" if sum(unknown.values()) < total else "No error could be measured"
     share = percent(sum(unknown.values()) / total)
-    return f"the true position of {share} of {count(total, 'observation')} is unknown ({reasons}); {rest}."
+    return f"the true position of {share} of {count(total, 'observation')} is unknown ({reasons}). {rest}."
 
 
-def _truths(evidence: Evidence) -> dict[str, str]:
-    """What each truth status is called: with a scan, features have a depth only where that gives them one."""
-    return _TRUTHS | ({"no_depth": "not on the scan"} if evidence.axis is FRAME else {})
+def _truths(data: ReportData) -> dict[str, str]:
+    """Name of each truth status. With a scan, a feature without depth is one that is not on the scan."""
+    return _TRUTHS | ({"no_depth": "not on the scan"} if data.axis is FRAME else {})
 
 
-def condition(names: Mapping[str, Any]) -> str:
-    """Name a condition, by its values of `condition_columns`."""
-    lighting = f" under lighting {names['lighting']}" if "lighting" in names else ""
-    rotation = f" at rotation {names['rotation']}°" if "rotation" in names else ""
-    direction = f" played {names['direction']}" if "direction" in names else ""
-    return f"{names['tracker']} at speed {names['speed']}{lighting}{rotation}{direction}"
-
-
-def truth_counts(evidence: Evidence) -> Cells:
+def truth_counts(data: ReportData) -> Cells:
     """Observations of each condition by truth status."""
-    labels = _truths(evidence)
+    labels = _truths(data)
     names = {status.name: labels[status.name] for status in TruthStatus}
-    return _pivot(evidence, "truth", names, "Observations by truth status")
+    return _pivot(data, "truth", names, "Observations by truth status")
 
 
-def end_counts(evidence: Evidence) -> Cells:
-    """Tracks of each condition by the way they ended."""
+def end_counts(data: ReportData) -> Cells:
+    """Tracks of each condition by how they ended."""
     names = {end.name: _ENDS[end.name] for end in TrackEnd}
-    return _pivot(evidence, "end", names, "Tracks by the way they ended")
+    return _pivot(data, "end", names, "Tracks by how they ended")
 
 
-def failures(evidence: Evidence) -> list[tuple[str, str]]:
-    """Sequences that could not be measured, and why: those that failed of the same together."""
-    told = by_statement(sorted(evidence.manifest.failures.items()))
-    return [(together(keys), cause) for cause, keys in told.items()]
+def failures(data: ReportData) -> list[tuple[str, str]]:
+    """Sequences that could not be measured, by cause."""
+    causes = by_statement(sorted(data.manifest.failures.items()))
+    return [(together(keys), cause) for cause, keys in causes.items()]
 
 
-def _pivot(evidence: Evidence, kind: str, names: Mapping[str, str], caption: str) -> Cells:
-    """Counts, every measured condition down and names across; each with its share of the row."""
-    keys = condition_columns(evidence)
-    table = evidence.listed(evidence.counts).filter(kind=kind)
+def _pivot(data: ReportData, kind: str, names: Mapping[str, str], caption: str) -> Cells:
+    """Counts with their shares: one row per measured condition, one column per name."""
+    keys = data.condition_columns
+    table = data.listed(data.counts).filter(kind=kind)
     totals = [pl.col("n").filter(pl.col("name") == name).sum().alias(name) for name in names]
     wide = table.group_by(list(keys)).agg(*totals, all=pl.col("n").sum())
-    every = evidence.listed(evidence.summary).select(list(keys)).unique()
-    wide = in_order(evidence, every.join(wide, on=list(keys), how="left").fill_null(0))
+    every = data.listed(data.summary).select(list(keys)).unique()
+    wide = data.in_order(every.join(wide, on=list(keys), how="left").fill_null(0))
     shown = [_with_share(pl.col(name), pl.col("all")).alias(name) for name in names]
-    result = cells(wide.with_columns(shown), {**keys, "all": "all", **names}, caption + _chosen(evidence))
+    result = cells(wide.with_columns(shown), {**keys, "all": "all", **names}, caption + _chosen(data))
     words = ("tracker", "lighting", "direction")
     return replace(result, numeric=[name not in words for name in (*keys, "all", *names)])
 
 
-def summary(evidence: Evidence) -> Cells:
-    """The first numbers of every condition, or of those of the view where there are too many."""
-    conditions, axis = condition_columns(evidence), evidence.axis
+def summary(data: ReportData) -> Cells:
+    """Key numbers of every condition. Where there are too many, only those of the view."""
+    conditions, axis = data.condition_columns, data.axis
     lived = {
         "n_tracks": "tracks",
         "mean_lifetime": "mean",
@@ -214,17 +205,17 @@ def summary(evidence: Evidence) -> Cells:
         for coordinate in "uv"
     }
     groups = [("", len(conditions) + 1), ("lifetime (frames)", 2), ("", 2), ("trimmed (px)", 6), ("untrimmed (px)", 6)]
-    table = in_order(evidence, evidence.listed(evidence.summary))
-    caption = f"Every condition at a glance{_chosen(evidence)}"
+    table = data.in_order(data.listed(data.summary))
+    caption = f"Key numbers of every condition{_chosen(data)}"
     return cells(table, {**conditions, **lived, **errors}, caption, groups=groups)
 
 
-def _chosen(evidence: Evidence) -> str:
-    """What a table does not hold, after its caption."""
-    if not evidence.is_large:
+def _chosen(data: ReportData) -> str:
+    """What a table leaves out, to follow its caption."""
+    if not data.is_large:
         return ""
-    n = evidence.summary.height - evidence.listed(evidence.summary).height
-    return f",{evidence.where}; {count(n, 'other condition')} in the table's file"
+    n = data.summary.height - data.listed(data.summary).height
+    return f",{data.where}; {count(n, 'other condition')} in the table file"
 
 
 def _with_share(n: pl.Expr, total: pl.Expr) -> pl.Expr:
@@ -235,31 +226,8 @@ def _with_share(n: pl.Expr, total: pl.Expr) -> pl.Expr:
     return pl.struct(n=n, total=total).map_elements(written, return_dtype=pl.String)
 
 
-def condition_columns(evidence: Evidence) -> dict[str, str]:
-    """Columns that tell the conditions in a table on the page apart, with their headings."""
-    if evidence.is_large:
-        return {"tracker": "tracker", "speed": "speed"}
-    lighting = {"lighting": "lighting"} if len(evidence.lightings) > 1 else {}
-    rotation = {"rotation": "rotation (°)"} if len(evidence.rotations) > 1 else {}
-    direction = {"direction": "direction"} if len(evidence.directions) > 1 else {}
-    return {"tracker": "tracker", "speed": "speed", **lighting, **rotation, **direction}
-
-
-def in_order(evidence: Evidence, table: pl.DataFrame) -> pl.DataFrame:
-    """Sort conditions by tracker, speed, lighting, rotation and direction, names as the experiment has them."""
-    order = {"tracker": evidence.trackers, "lighting": evidence.lightings, "direction": evidence.directions}
-    keys = [
-        pl.col(name).replace_strict(list(order[name]), range(len(order[name])), return_dtype=pl.Int64)
-        if name in order
-        else pl.col(name)
-        for name in ("tracker", "speed", "lighting", "rotation", "direction")
-        if name in table.columns
-    ]
-    return table.sort(keys)
-
-
 def _flattened(settings: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
-    """Settings by their full keys; a table in a list of tables is told by its place: ``views[1].rotation``."""
+    """Settings by their full keys. A table in a list of tables has its position: ``views[1].rotation``."""
     rows = []
     for key, value in settings.items():
         name = prefix + key

@@ -1,34 +1,40 @@
 """The report: one page that needs no network, its figures and its tables, written into the run folder."""
 
 import json
-import os
-import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined, Template
-
+from tracknoise.atomic import replaced_folder
 from tracknoise.exceptions import StoreError, UnknownNameError
-from tracknoise.report import export, found, matters, measured, tables, trimmed
-from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures import FAMILIES
-from tracknoise.report.figures.figure import Figure
+from tracknoise.report import (
+    export,
+    factor_effects,
+    findings_section,
+    measured,
+    table_files,
+    trimmed,
+)
+from tracknoise.report.cells import Cells
+from tracknoise.report.contents import CONTENTS, Section, contents_json
+from tracknoise.report.figures.families import FAMILIES
+from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.report_data import ReportData
+from tracknoise.report.templates import template
 from tracknoise.tables.store import RunFolder
-
-_ANCHORS = ["measured", "matters", "limits"]
-"""Sections besides those of figures that sentences may lead to."""
 
 
 def write_report(run: RunFolder, *, figure_formats: Sequence[str] = export.FORMATS) -> Path:
-    """Write ``report/`` of a run: ``index.html``, ``figures/`` and ``tables/``; it replaces an earlier one when whole.
+    """Write the folder ``report/`` of a run. An earlier report is replaced when the new one is complete.
+
+    The folder has ``index.html``, ``contents.json`` (see `tracknoise.report.contents`), ``figures/`` and ``tables/``.
 
     Parameters
     ----------
     run
-        A run whose statistics were computed.
+        A run with statistics.
     figure_formats
-        What figures are written as beside the page: any of ``svg``, ``png``, ``pdf``.
+        Kinds of figure files: any of ``svg``, ``png``, ``pdf``.
 
     Returns
     -------
@@ -45,80 +51,89 @@ def write_report(run: RunFolder, *, figure_formats: Sequence[str] = export.FORMA
     for name in figure_formats:
         if name not in export.FORMATS:
             raise UnknownNameError("figure format", name, export.FORMATS)
-    files = _files(Evidence.of(run), tuple(figure_formats))
+    files = _files(ReportData.of(run), tuple(figure_formats))
     return _replace(run.path / "report", files) / "index.html"
 
 
-def _files(evidence: Evidence, formats: tuple[str, ...]) -> dict[str, bytes]:
+def _files(data: ReportData, formats: tuple[str, ...]) -> dict[str, bytes]:
     """Content of every file of the report, by its path within it."""
-    sections = [(family, family.figures(evidence), family.tables(evidence)) for family in FAMILIES]
-    specs = {
-        figure.id: export.specification(figure)
-        for _, figures, _ in sections
-        for figure in figures
-        if isinstance(figure, Figure)
-    }
-    files: dict[str, bytes] = {}
-    for name, spec in specs.items():
-        files |= {f"figures/{name}.{kind}": content for kind, content in export.render(spec, formats).items()}
-    for item in tables.EXPORTS:
-        table = item.make(evidence)
-        files[f"tables/{item.id}.csv"] = tables.to_csv(table).encode()
-        files[f"tables/{item.id}.tex"] = tables.to_latex(table).encode()
-    files["index.html"] = _page(evidence, sections, specs, formats).encode()
+    drawn = [(family, family.figures(data), family.tables(data)) for family in FAMILIES]
+    shown = [section for section in drawn if section[1]]
+    contents = _contents(data, [Section(family.id, family.title, items) for family, items, _ in shown])
+    figures = [item for _, items, _ in shown for item in items if isinstance(item, Figure)]
+    specs = {figure.id: export.specification(figure) for figure in figures}
+    files = _figure_files(specs, formats) | _table_files(data)
+    files[CONTENTS] = contents_json(data.name, contents, formats).encode()
+    files["index.html"] = _page(data, contents, shown, specs, formats).encode()
     return files
 
 
-def _page(evidence: Evidence, sections: Sequence[Any], specs: Mapping[str, Any], formats: tuple[str, ...]) -> str:
+def _contents(data: ReportData, families: Sequence[Section]) -> list[Section]:
+    """All sections of the page, in order."""
+    exported = [(item.id, item.title) for item in table_files.EXPORTS]
+    return [
+        Section("findings", "Findings"),
+        Section("measured", "Measurement"),
+        Section("summary", "Summary", tables=exported),
+        Section("factor-effects", factor_effects.heading(data)),
+        *families,
+        Section("limits", "Reading guide and limits"),
+    ]
+
+
+def _figure_files(specs: Mapping[str, Any], formats: tuple[str, ...]) -> dict[str, bytes]:
+    files: dict[str, bytes] = {}
+    for name, spec in specs.items():
+        files |= {f"figures/{name}.{kind}": content for kind, content in export.render(spec, formats).items()}
+    return files
+
+
+def _table_files(data: ReportData) -> dict[str, bytes]:
+    files: dict[str, bytes] = {}
+    for item in table_files.EXPORTS:
+        table = item.make(data)
+        files[f"tables/{item.id}.csv"] = table_files.to_csv(table).encode()
+        files[f"tables/{item.id}.tex"] = table_files.to_latex(table).encode()
+    return files
+
+
+def _page(
+    data: ReportData,
+    contents: Sequence[Section],
+    shown: Sequence[tuple[object, Sequence[Figure | Absence], Sequence[Cells]]],
+    specs: Mapping[str, Any],
+    formats: tuple[str, ...],
+) -> str:
     return template("index.html.j2").render(
-        evidence=evidence,
+        data=data,
+        contents=contents,
+        titles={section.id: section.title for section in contents},
         measured=measured,
-        matters=matters,
-        found=found,
-        anchors=[family.id for family, figures, _ in sections if figures] + _ANCHORS,
+        factor_effects=factor_effects,
+        findings_section=findings_section,
         trimmed=trimmed,
-        summary=measured.summary(evidence),
-        exports=tables.EXPORTS,
-        sections=[section for section in sections if section[1]],
+        summary=measured.summary(data),
+        exports=table_files.EXPORTS,
+        sections=shown,
         specs={name: _embedded(spec) for name, spec in specs.items()},
         formats=formats,
         vega=export.scripts(),
     )
 
 
-def template(name: str) -> Template:
-    """A template of the package, which finds the report's style as `css` and its script as `script`."""
-    loader = PackageLoader("tracknoise.report", "template")
-    environment = Environment(
-        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.tests["figure"] = lambda item: isinstance(item, Figure)
-    raw = {"css": "page.css", "script": "page.js"}
-    environment.globals |= {key: loader.get_source(environment, file)[0] for key, file in raw.items()}
-    return environment.get_template(name)
-
-
 def _embedded(spec: Mapping[str, Any]) -> str:
-    """JSON that cannot end the script element it stands in."""
+    """JSON that cannot end the script element that contains it."""
     return json.dumps(spec, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
 
 
 def _replace(folder: Path, files: Mapping[str, bytes]) -> Path:
-    """Write files into a new folder, and put it in the place of the old one once it is whole."""
-    building, old = (folder.with_name(f".{folder.name}.{os.getpid()}.{state}") for state in ("new", "old"))
+    """Write files into a new folder, which replaces the old one when it is whole."""
     try:
-        if folder.exists() and not folder.is_dir():
-            raise FileExistsError(0, "it is a file")
-        for name, content in files.items():
-            path = building / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content)
-        if folder.exists():
-            folder.rename(old)
-        building.rename(folder)
+        with replaced_folder(folder) as building:
+            for name, content in files.items():
+                path = building / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(content)
     except OSError as error:
         raise StoreError(f"{folder}: cannot be written ({error.strerror}), expected a writable folder") from error
-    finally:
-        shutil.rmtree(building, ignore_errors=True)
-        shutil.rmtree(old, ignore_errors=True)
     return folder

@@ -1,7 +1,8 @@
-"""What the paper finds, as data, beside what was measured; it is never used to decide that."""
+"""What the paper finds, as data. It is compared with what was measured, and never decides it."""
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from typing import Any
@@ -10,13 +11,12 @@ import polars as pl
 
 from tracknoise.findings import wording
 from tracknoise.findings.roles import ROLES
-from tracknoise.findings.wording import SPACE, effect_text
-from tracknoise.report.evidence import Evidence
+from tracknoise.findings.wording import DASH, SPACE, effect_text
 from tracknoise.statistics.factors import FACTORS
 from tracknoise.tables.schema import CONDITION, EFFECTS, VERDICT, Schema
 
 STATISTICS: Mapping[str, str] = wording.STATISTICS
-"""The rows of the paper's summary tables: role of each statistic, and what it is called."""
+"""Rows of the paper's summary tables: name of each statistic by its role."""
 COMPARISON: Schema = {
     **EFFECTS,
     "role": pl.String,
@@ -36,7 +36,7 @@ _KEYS = ["dataset", "factor", *CONDITION, "statistic"]
 
 @cache
 def findings() -> Mapping[str, Mapping[str, Any]]:
-    """The paper's findings: by experiment and factor, then statistic, then (where it tells them apart) tracker."""
+    """The paper's findings: by experiment, factor and statistic, and by tracker where it distinguishes them."""
     text = (resources.files("tracknoise.report") / "paper_findings.toml").read_text(encoding="utf-8")
     return tomllib.loads(text)
 
@@ -52,50 +52,74 @@ def finding(experiment: str | None, factor: str, role: str, kind: str | None) ->
     Parameters
     ----------
     experiment
-        Of the paper; None where a run repeats none.
+        Of the paper. None where a run repeats none.
     factor
         Name in `tracknoise.statistics.effects.FACTORS`.
     role
         Name in `STATISTICS`.
     kind
-        Of the tracker that is asked about; None where the factor is the tracker.
+        Of the tracker in question. None where the factor is the tracker.
     """
     cell = findings().get(experiment or "", {}).get(factor, {}).get(role)
     return cell.get(kind) if isinstance(cell, dict) else cell
 
 
-def comparison(evidence: Evidence) -> pl.DataFrame:
-    """The effects that the paper's tables ask for, and those of other factors that the run varies, beside the paper's.
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What the verdicts of a run are compared with.
+
+    Attributes
+    ----------
+    experiment
+        Of the paper. None where the run repeats none.
+    trackers
+        Kind of each tracker by its name, in their order.
+    speed
+        The speed at which factors other than the speed are compared.
+    """
+
+    experiment: str | None
+    trackers: Mapping[str, str]
+    speed: int
+
+
+def compare(effects: pl.DataFrame, dependence: pl.DataFrame, asked: Asked) -> pl.DataFrame:
+    """The effects that the paper's tables ask for, and those of other factors that the run varies.
+
+    Parameters
+    ----------
+    effects, dependence
+        Tables of the run.
+    asked
+        The paper's experiment, and the trackers.
 
     Returns
     -------
     polars.DataFrame
-        Schema `COMPARISON`, sorted by factor, tracker and statistic. `paper` is null where the paper says nothing, and
-        so is then `agreement`; otherwise that is one of `AGREEMENTS`. Where verdicts come with intervals, `verdict` and
-        `why` are theirs, `interval_effect` lies between `low` and `high`, and `point_verdict` and `point_why`
-        are those of the effect alone; otherwise `verdict` is that, and the interval is null. `point_agreement` is that
-        of `point_verdict`.
+        Schema `COMPARISON`, sorted by factor, tracker and statistic. `paper` and `agreement` are null where the paper
+        says nothing. Otherwise `agreement` is one of `AGREEMENTS`. Where verdicts have intervals, `verdict` and `why`
+        are theirs, and `interval_effect` lies between `low` and `high`. Otherwise they are those of the effect alone,
+        and the interval is null. `point_verdict`, `point_why` and `point_agreement` are always of the effect alone.
     """
-    kinds = {entry.get("name") or entry.get("kind"): entry.get("kind") for entry in evidence.settings["trackers"]}
     rows = []
-    nominal = pl.col("speed").is_null() | (pl.col("speed") == evidence.slowest)
-    for row in _judged(evidence).filter(nominal, pl.col("statistic").is_in(list(ROLES))).to_dicts():
+    nominal = pl.col("speed").is_null() | (pl.col("speed") == asked.speed)
+    for row in _judged(effects, dependence).filter(nominal, pl.col("statistic").is_in(list(ROLES))).to_dicts():
         role = ROLES[row["statistic"]]
-        said = finding(evidence.settings.get("paper"), row["factor"], role, kinds.get(row["tracker"]))
+        said = finding(asked.experiment, row["factor"], role, asked.trackers.get(row["tracker"]))
         if row["n_levels"] > 1 or said:
             agreements = {"agreement": row["verdict"], "point_agreement": row["point_verdict"]}
             agreed = {name: _agreement(verdict, said) for name, verdict in agreements.items()}
             rows.append({**row, "role": role, "paper": said, **agreed})
-    rows.sort(key=lambda row: _order(evidence, row))
+    rows.sort(key=lambda row: _order(list(asked.trackers), row))
     return pl.DataFrame(rows, schema=dict(COMPARISON))
 
 
-def _judged(evidence: Evidence) -> pl.DataFrame:
+def _judged(effects: pl.DataFrame, dependence: pl.DataFrame) -> pl.DataFrame:
     """Effects with the verdicts that come with an interval, where there are any."""
-    decided = evidence.dependence.select(
+    decided = dependence.select(
         *_KEYS, "low", "high", "n_scenes", interval_effect="effect", decided="verdict", decided_why="why"
     )
-    table = evidence.effects.join(decided, on=_KEYS, how="left", nulls_equal=True, maintain_order="left")
+    table = effects.join(decided, on=_KEYS, how="left", nulls_equal=True, maintain_order="left")
     known = pl.col("decided").is_not_null()
     return table.with_columns(
         point_verdict="verdict",
@@ -105,9 +129,8 @@ def _judged(evidence: Evidence) -> pl.DataFrame:
     )
 
 
-def side_by_side(evidence: Evidence) -> pl.DataFrame:
-    """The comparison as the paper prints it: a row a statistic, columns ``FACTOR, TRACKER: HEADING``."""
-    table = comparison(evidence)
+def side_by_side(table: pl.DataFrame) -> pl.DataFrame:
+    """A comparison as the paper prints it: one row per statistic, columns ``FACTOR, TRACKER: HEADING``."""
     columns: dict[str, list[str]] = {"statistic": list(STATISTICS.values())}
     for asked, group in table.group_by("factor", "tracker", maintain_order=True):
         cells = {row["role"]: row for row in group.to_dicts()}
@@ -139,24 +162,24 @@ def _agreement(ours: str, said: str | None) -> str | None:
     return "undecided" if ours == "undecided" else "agree" if ours == said else "disagree"
 
 
-def _order(evidence: Evidence, row: Mapping[str, Any]) -> tuple[int, int, int]:
-    tracker = evidence.place(row["tracker"]) if row["tracker"] else 0
+def _order(trackers: Sequence[str], row: Mapping[str, Any]) -> tuple[int, int, int]:
+    tracker = trackers.index(row["tracker"]) if row["tracker"] else 0
     return list(FACTORS).index(row["factor"]), tracker, list(STATISTICS).index(row["role"])
 
 
 def _here(row: Mapping[str, Any] | None) -> str:
     if row is None:
-        return "\N{EN DASH}"
+        return DASH
     effect = interval_text(row)
-    return f"{_believed(row)}{SPACE}({effect})" if effect else str(row["verdict"])
+    return f"{_verdict(row)}{SPACE}({effect})" if effect else str(row["verdict"])
 
 
-def _believed(row: Mapping[str, Any]) -> str:
-    """The verdict; where its interval does not decide, what the effect says, with a question mark."""
+def _verdict(row: Mapping[str, Any]) -> str:
+    """The verdict; where its interval does not decide, that of the effect alone, with a question mark."""
     if row["verdict"] == "undecided" and row["point_verdict"] != "undecided":
         return f"{row['point_verdict']}?"
     return str(row["verdict"])
 
 
 def _text(row: Mapping[str, Any] | None, column: str) -> str:
-    return str((row or {}).get(column) or "\N{EN DASH}")
+    return str((row or {}).get(column) or DASH)

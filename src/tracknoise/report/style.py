@@ -1,20 +1,20 @@
-"""Colours, fonts and sizes: a tracker has one colour in every figure, a speed one shade of it."""
+"""Colours, fonts and sizes. A tracker has the same colour in all figures, and a speed a shade of it."""
 
 from collections.abc import Sequence
 from typing import Any
 
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
-"""Okabe and Ito's colours, which people with any colour vision can tell apart."""
+"""Okabe and Ito's colours, which people with any colour vision can distinguish."""
 INK, QUIET, FAINT = "#1b2430", "#5b6775", "#e3e7ec"
 BLACK = "#000000"
 BLUES, REDS = ("#08306b", "#74c7ee"), ("#67000d", "#fdae5b")
-"""Ends of two ramps that stay apart whatever the colour vision."""
+"""Ends of two ramps that differ for any colour vision."""
 MEDIAN, MEAN = "#E69F00", "#009E73"
 FONT = "Helvetica Neue, Helvetica, Arial, Liberation Sans, DejaVu Sans, sans-serif"
 
 
 def colours(names: Sequence[str]) -> list[str]:
-    """One colour a name, by position."""
+    """One colour per name, by position."""
     return [PALETTE[i % len(PALETTE)] for i in range(len(names))]
 
 

@@ -1,17 +1,16 @@
-"""Folders that appear at once, when all that belongs in them is written."""
+"""Folders of sequences that appear at once, when all their files are written."""
 
-import os
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from tracknoise import atomic
 from tracknoise.exceptions import DataError
 
 
 @contextmanager
 def new_folder(path: Path) -> Iterator[Path]:
-    """Give a folder to write into, which takes its name when the block is left without an error, and vanishes with one.
+    """As `tracknoise.atomic.new_folder`.
 
     Parameters
     ----------
@@ -21,7 +20,7 @@ def new_folder(path: Path) -> Iterator[Path]:
     Yields
     ------
     Path
-        The folder under its passing name, beside that place.
+        The folder under its temporary name, beside that place.
 
     Raises
     ------
@@ -31,12 +30,8 @@ def new_folder(path: Path) -> Iterator[Path]:
     path = Path(path).absolute()
     if path.exists() and not (path.is_dir() and not any(path.iterdir())):
         raise DataError(path, "something is there already", "a new or empty folder")
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.unfinished")
     try:
-        unfinished.mkdir(parents=True)
-        yield unfinished
-        unfinished.replace(path)
+        with atomic.new_folder(path) as unfinished:
+            yield unfinished
     except OSError as error:
         raise DataError(path, f"cannot be written ({error.strerror})", "a folder that can be written") from error
-    finally:
-        shutil.rmtree(unfinished, ignore_errors=True)

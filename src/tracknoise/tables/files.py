@@ -2,32 +2,18 @@
 
 import hashlib
 import io
-import os
-import secrets
 import shutil
-from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 
 import polars as pl
 
+from tracknoise import atomic
 from tracknoise.exceptions import StoreError
 from tracknoise.tables import schema
 
-_TEMPORARY = ".tracknoise-unfinished"
-
 
 def write_atomically(path: Path, content: bytes, *, durably: bool = False) -> str:
-    """Write a file by renaming a temporary one, so that nobody ever sees half of it.
-
-    Parameters
-    ----------
-    path
-        Where; its folder is made.
-    content
-        All of it.
-    durably
-        Wait until the disk has it, so that even a power cut leaves the old content or the new.
+    """Write a file as `tracknoise.atomic.write_file` does.
 
     Returns
     -------
@@ -37,22 +23,12 @@ def write_atomically(path: Path, content: bytes, *, durably: bool = False) -> st
     Raises
     ------
     StoreError
-        If it cannot be written; the file is then as it was.
+        If it cannot be written. The file is then as it was.
     """
-    temporary = path.with_name(f".{path.name}.{secrets.token_hex(8)}{_TEMPORARY}")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with temporary.open("wb") as file:
-            file.write(content)
-            if durably:
-                file.flush()
-                os.fsync(file.fileno())
-        temporary.replace(path)
+        atomic.write_file(path, content, durably=durably)
     except OSError as error:
         raise StoreError(f"{path}: cannot be written ({error.strerror}), expected a writable folder") from error
-    finally:  # also of an interrupt
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
     return hashlib.sha256(content).hexdigest()
 
 
@@ -93,11 +69,6 @@ def is_intact(path: Path, sha256: str) -> bool:
             return hashlib.file_digest(file, "sha256").hexdigest() == sha256
     except OSError:
         return False
-
-
-def temporary_files(folder: Path) -> Iterator[Path]:
-    """Files in a folder whose writing was begun and not finished."""
-    return folder.glob(f".*{_TEMPORARY}")
 
 
 def remove(path: Path) -> None:

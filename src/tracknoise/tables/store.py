@@ -14,9 +14,10 @@ from pathlib import Path
 
 import polars as pl
 
+from tracknoise.atomic import unfinished
 from tracknoise.exceptions import StoreError
 from tracknoise.tables import findings_schema, schema
-from tracknoise.tables.files import is_intact, read_parquet, remove, temporary_files, write_atomically, write_parquet
+from tracknoise.tables.files import is_intact, read_parquet, remove, write_atomically, write_parquet
 from tracknoise.tables.manifest import FailureEntry, Manifest, SequenceEntry, sequence_key
 
 __all__ = ["FailureEntry", "Manifest", "RunFolder", "SequenceEntry", "sequence_key"]
@@ -107,7 +108,7 @@ class RunFolder:
             raise StoreError(f"{self.path}: is a file, expected a new or empty folder")
         if not self.path.is_dir():
             return
-        if set(self.path.iterdir()) - {self.lock_path, *temporary_files(self.path)}:
+        if set(self.path.iterdir()) - {self.lock_path, *unfinished(self.path)}:
             raise StoreError(f"{self.path}: holds files that are no run, expected a new or empty folder")
 
     def create(self, experiment_toml: str, manifest: Manifest) -> None:
@@ -191,7 +192,7 @@ class RunFolder:
         return all(is_intact(path, entry.sha256.get(name, "")) for name, path in paths.items())
 
     def discard_unfinished(self) -> None:
-        """Remove files that a start that was killed has begun and not finished.
+        """Remove files and folders that a process had begun and not finished when it was killed.
 
         Raises
         ------
@@ -199,7 +200,7 @@ class RunFolder:
             If one cannot be removed.
         """
         for folder in (".", "statistics", _SNAPSHOTS, *SEQUENCE_TABLES):
-            for path in temporary_files(self.path / folder):
+            for path in unfinished(self.path / folder):
                 remove(path)
 
     def discard_results(self) -> None:

@@ -73,7 +73,7 @@ def test_noise_is_the_root_of_the_second_moment_with_its_interval() -> None:
     assert "above the 90th percentile" in noise["text"]
     assert noise["text"].endswith("Brackets: 95 % intervals over 8 scenes.")
     assert (noise["value"], noise["low"], noise["high"]) == pytest.approx((0.41, 0.38, 0.45))
-    assert (noise["figure"], noise["table"], noise["unit"]) == ("curves", "intervals", "px")
+    assert (noise["figure"], noise["table"], noise["unit"]) == ("error-by-tracker", "intervals", "px")
 
 
 def test_intervals_of_another_place_or_trimming_are_not_taken() -> None:

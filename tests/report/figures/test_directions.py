@@ -9,9 +9,9 @@ import polars as pl
 import pytest
 
 from tracknoise.findings.wording import number, px
-from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import directions
 from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
 
 DRIFT_PX = 0.05 * np.array([1.0, -0.5])
@@ -21,14 +21,14 @@ MOTION_PX = np.array([0.8, 0.3]) - DRIFT_PX
 
 
 @pytest.fixture(scope="module")
-def evidence(make_run: Callable[..., RunFolder]) -> Evidence:
+def data(make_run: Callable[..., RunFolder]) -> ReportData:
     world = {"scenes": ("only",), "trackers": ("one",), "sigma_px": 0.0, "bias_px": 0.05}
-    return Evidence.of(make_run(**world, percentile=None, hidden=0.0))
+    return ReportData.of(make_run(**world, percentile=None, hidden=0.0))
 
 
 @pytest.fixture(scope="module")
-def figure(evidence: Evidence) -> Figure:
-    (made,) = directions.figures(evidence)
+def figure(data: ReportData) -> Figure:
+    (made,) = directions.figures(data)
     assert isinstance(made, Figure)
     return made
 
@@ -40,17 +40,14 @@ def test_the_mean_error_is_told_in_u_and_v_and_along_and_across_the_motion(figur
     image, motion = f"{px(u)} in u and {px(v)} in v", f"{px(d_u * u + d_v * v)} along the motion"
     told = f"the mean error is {image}, {motion} and {px(d_u * v - d_v * u)} across it."
     assert told in figure.look_for
-    assert re.search(r"px along the gradient and \S+\spx across it\. They", figure.look_for)
+    assert re.search(r"px along the gradient and \S+\spx across it\. Number", figure.look_for)
 
 
-def test_features_without_a_direction_are_said_to_be_left_out(evidence: Evidence, figure: Figure) -> None:
+def test_features_without_a_direction_are_said_to_be_left_out(data: ReportData, figure: Figure) -> None:
     age = int(re.match(r"At age (\d+) ", figure.look_for).group(1))
-    observed = evidence.run.sequence_table("observations", next(iter(evidence.sequences))).filter(speed=1, age=age)
+    observed = data.run.sequence_table("observations", next(iter(data.sequences))).filter(speed=1, age=age)
     n = number(observed.height)
-    assert (
-        f"They rest on {n} features for u and v, {n} features for motion and {n} features for gradient."
-        in figure.look_for
-    )
+    assert f"Number of features: {n} for u and v, {n} for motion and {n} for gradient." in figure.look_for
 
 
 def test_no_mean_is_drawn_along_an_axis_without_sign(figure: Figure) -> None:
@@ -64,18 +61,18 @@ def test_no_mean_is_drawn_along_an_axis_without_sign(figure: Figure) -> None:
 def test_recorded_truth_has_noise_of_its_own_and_the_reader_is_told(
     figure: Figure, make_run: Callable[..., RunFolder]
 ) -> None:
-    (recorded,) = directions.figures(Evidence.of(make_run(scenes=("only",), trackers=("one",), truth="birth")))
+    (recorded,) = directions.figures(ReportData.of(make_run(scenes=("only",), trackers=("one",), truth="birth")))
     assert isinstance(recorded, Figure)
-    assert "noise of the true positions shows as a lag too" in recorded.look_for
+    assert "noise of the true positions looks like a lag too" in recorded.look_for
     assert "noise of the true positions" not in figure.look_for
 
 
 def test_without_known_errors_there_is_nothing_to_turn(make_run: Callable[..., RunFolder]) -> None:
-    (item,) = directions.figures(Evidence.of(make_run(scenes=("only",), trackers=("one",), depth=False)))
+    (item,) = directions.figures(ReportData.of(make_run(scenes=("only",), trackers=("one",), depth=False)))
     assert isinstance(item, Absence)
 
 
 def test_a_run_without_aspects_says_so(run: RunFolder) -> None:
-    evidence = Evidence.of(run)
-    object.__setattr__(evidence, "aspect_curves", evidence.aspect_curves.clear())
-    assert all(isinstance(item, Absence) for item in directions.figures(evidence))
+    data = ReportData.of(run)
+    object.__setattr__(data, "aspect_curves", data.aspect_curves.clear())
+    assert all(isinstance(item, Absence) for item in directions.figures(data))

@@ -2,23 +2,23 @@
 
 import pytest
 
-from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures import picture, trajectory
+from tracknoise.report.figures import example_frames, trajectory
 from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.report_data import ReportData
 
 
 @pytest.fixture
-def evidence(make_run, synthetic) -> Evidence:
-    return Evidence.of(make_run(**synthetic.DEGENERATE["statistics alone are kept"]))
+def data(make_run, synthetic) -> ReportData:
+    return ReportData.of(make_run(**synthetic.DEGENERATE["statistics alone are kept"]))
 
 
-def test_single_errors_are_not_drawn_and_the_figure_says_why(evidence):
-    (absence,) = picture.figures(evidence)
+def test_single_errors_are_not_drawn_and_the_figure_says_why(data):
+    (absence,) = example_frames.figures(data)
     assert isinstance(absence, Absence)
-    assert 'keeps statistics alone (keep = "statistics")' in absence.why
+    assert 'keeps only statistics (keep = "statistics")' in absence.why
 
 
-def test_the_path_is_drawn_without_the_depth_of_features(evidence):
-    (figure,) = trajectory.figures(evidence)
+def test_the_path_is_drawn_without_the_depth_of_features(data):
+    (figure,) = trajectory.figures(data)
     assert isinstance(figure, Figure)
-    assert "the median depth" not in figure.look_for
+    assert "the median feature depth" not in figure.look_for

@@ -10,47 +10,47 @@ import polars as pl
 import pytest
 
 from tracknoise.findings.wording import number, percent, px
-from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures import lifetimes, light_sweeps, lightings, outlier_ratio
+from tracknoise.report.figures import lifetimes_by_lighting, light_sweeps, lightings, outlier_ratio
 from tracknoise.report.figures.figure import Figure
+from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
 
 LIGHTINGS = ("diffuse", "LR0", "LR1", "LR2", "LR10", "BF0", "BF1", "lamp")
 
 
 @pytest.fixture(scope="module")
-def evidence(make_run: Callable[..., RunFolder]) -> Evidence:
-    return Evidence.of(make_run(scenes=("only",), trackers=("one",), lightings=LIGHTINGS, born=40))
+def data(make_run: Callable[..., RunFolder]) -> ReportData:
+    return ReportData.of(make_run(scenes=("only",), trackers=("one",), lightings=LIGHTINGS, born=40))
 
 
 @pytest.fixture(scope="module")
-def figure(evidence: Evidence) -> Figure:
+def figure(data: ReportData) -> Figure:
     """Of the lowest speed."""
-    made = lightings.figures(evidence)
-    assert [item.id for item in made] == ["lighting-one-speed-1", "lighting-one-speed-2"]
+    made = lightings.figures(data)
+    assert [item.id for item in made] == ["error-by-lighting-one-speed-1", "error-by-lighting-one-speed-2"]
     assert isinstance(made[0], Figure)
     return made[0]
 
 
 @pytest.fixture(scope="module")
-def boxes(evidence: Evidence) -> Figure:
-    return {item.id: item for item in outlier_ratio.figures(evidence)}["outlier-ratio-by-lighting"]
+def boxes(data: ReportData) -> Figure:
+    return {item.id: item for item in outlier_ratio.figures(data)}["outlier-ratio-by-lighting"]
 
 
 def _brightness(colour: str) -> int:
     return sum(int(colour[i : i + 2], 16) for i in (1, 3, 5))
 
 
-def test_sweeps_leave_the_reference_out_and_keep_their_order(evidence: Evidence) -> None:
-    assert light_sweeps.sweeps(evidence) == {
+def test_sweeps_leave_the_reference_out_and_keep_their_order(data: ReportData) -> None:
+    assert light_sweeps.sweeps(data) == {
         "left to right": ["LR0", "LR1", "LR2", "LR10"],
         "back to front": ["BF0", "BF1"],
         "other light": ["lamp"],
     }
 
 
-def test_the_reference_is_black_and_ramps_go_from_dark_to_light(evidence: Evidence) -> None:
-    colours = light_sweeps.colours(evidence, "one")
+def test_the_reference_is_black_and_ramps_go_from_dark_to_light(data: ReportData) -> None:
+    colours = light_sweeps.colours(data, "one")
     assert list(colours) == list(LIGHTINGS)
     assert colours["diffuse"] == "#000000"
     assert len(set(colours.values())) == len(LIGHTINGS)
@@ -58,10 +58,10 @@ def test_the_reference_is_black_and_ramps_go_from_dark_to_light(evidence: Eviden
     assert all(a < b for a, b in pairwise(ramp))
 
 
-def test_of_many_curves_the_extremes_are_told_and_only_one_moment_is_drawn(evidence: Evidence, figure: Figure) -> None:
+def test_of_many_curves_the_extremes_are_told_and_only_one_moment_is_drawn(data: ReportData, figure: Figure) -> None:
     age = int(re.match(r"At age (\d+) ", figure.look_for).group(1))
     here = {"tracker": "one", "speed": 1, "population": "visible", "trimming": "trimmed", "role": "second", "at": age}
-    rows = evidence.points.filter(**here).sort("u")
+    rows = data.points.filter(**here).sort("u")
     low, high = rows.row(0, named=True), rows.row(-1, named=True)
     told = f"in u between {px(low['u'])} (under {low['lighting']}) and {px(high['u'])} (under {high['lighting']})"
     assert told in figure.look_for
@@ -74,12 +74,12 @@ def test_the_reference_is_drawn_above_the_others(figure: Figure) -> None:
     assert all(table["lighting"].unique(maintain_order=True)[-1] == "diffuse" for table in curves)
 
 
-def test_lifetimes_by_lighting_are_those_of_the_tracks(evidence: Evidence) -> None:
-    tracks = pl.concat(evidence.run.sequence_tables("tracks")).filter(speed=1)
-    figure = {item.id: item for item in lifetimes.figures(evidence)}["lifetimes-by-lighting"]
+def test_lifetimes_by_lighting_are_those_of_the_tracks(data: ReportData) -> None:
+    tracks = pl.concat(data.run.sequence_tables("tracks")).filter(speed=1)
+    figure = {item.id: item for item in lifetimes_by_lighting.figures(data)}["lifetimes-by-lighting"]
     means = tracks.group_by("lighting").agg(pl.col("lifetime").mean()).sort("lifetime").rows()
     assert f"from {number(means[0][1])} frames under {means[0][0]}" in figure.look_for
-    assert f"to {number(means[-1][1])} frames under {means[-1][0]} on average" in figure.look_for
+    assert f"to {number(means[-1][1])} frames under {means[-1][0]}." in figure.look_for
     boxes = pl.concat(
         pl.read_csv(io.StringIO(text)) for text in figure.spec["datasets"].values() if "median" in str(text)[:200]
     )
@@ -89,8 +89,8 @@ def test_lifetimes_by_lighting_are_those_of_the_tracks(evidence: Evidence) -> No
     assert [box[name] for name in ("lower_quartile", "median", "upper_quartile")] == pytest.approx(expected)
 
 
-def test_outlier_ratios_by_lighting_are_the_pooled_ones(evidence: Evidence, boxes: Figure) -> None:
-    frames = pl.concat(evidence.run.sequence_tables("frames")).filter(speed=1)
+def test_outlier_ratios_by_lighting_are_the_pooled_ones(data: ReportData, boxes: Figure) -> None:
+    frames = pl.concat(data.run.sequence_tables("frames")).filter(speed=1)
     ratios = frames.group_by("lighting").agg(r=pl.col("outliers").sum() / pl.col("offered").sum()).sort("r").rows()
     ends = [f"{percent(ratios[place][1])} under {ratios[place][0]}" for place in (0, -1)]
     assert f"one rejected from {ends[0]} to {ends[1]}." in boxes.look_for

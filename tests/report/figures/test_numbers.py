@@ -10,19 +10,19 @@ import polars as pl
 import pytest
 
 from tracknoise.findings.wording import SPACE, number, percent, px
-from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import (
     curves,
+    example_frames,
+    feature_counts,
     lifetimes,
     lightings,
     occlusion,
     outlier_ratio,
-    picture,
     speeds,
-    survivors,
-    throw_out,
+    trimming,
 )
 from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
 
 
@@ -36,30 +36,30 @@ def _datasets(figure: Figure) -> list[pl.DataFrame]:
 
 
 @pytest.fixture(scope="module")
-def evidence(run: RunFolder) -> Evidence:
-    return Evidence.of(run)
+def data(run: RunFolder) -> ReportData:
+    return ReportData.of(run)
 
 
-def test_curves_quote_the_summary(evidence: Evidence) -> None:
-    figure = _by_id(curves.figures(evidence))["curves-trimmed"]
-    rows = evidence.summary.filter(speed=1)
+def test_curves_quote_the_summary(data: ReportData) -> None:
+    figure = _by_id(curves.figures(data))["error-by-age"]
+    rows = data.summary.filter(speed=1)
     assert rows["at"].n_unique() == 1
     assert f"At age {rows['at'][0]} " in figure.look_for
     for row in rows.to_dicts():
         bias = f"{px(row['trimmed_nu_u_px'])} in u and {px(row['trimmed_nu_v_px'])} in v"
         spread = f"{px(row['trimmed_rms_u_px'])} in u and {px(row['trimmed_rms_v_px'])} in v"
-        told = f"{row['tracker']} has a mean error of {bias}, and a root second moment of {spread}"
+        told = f"{row['tracker']} has a mean error of {bias}. Its root second moment is {spread}."
         assert told in figure.look_for
 
 
-def test_curves_draw_what_is_in_the_tables(evidence: Evidence) -> None:
-    figure = _by_id(curves.figures(evidence))["curves-trimmed"]
+def test_curves_draw_what_is_in_the_tables(data: ReportData) -> None:
+    figure = _by_id(curves.figures(data))["error-by-age"]
     drawn = pl.concat(
         _drawn
         for _drawn in _datasets(figure)
         if "about zero" in (_drawn.get_column("of").to_list() if "of" in _drawn.columns else [])
     )
-    expected = evidence.curves.filter(
+    expected = data.curves.filter(
         ~pl.col("cut"), tracker="lucas-kanade", speed=1, population="visible", trimming="trimmed",
         weighting="features", statistic="Phi",
     )  # fmt: skip
@@ -69,134 +69,136 @@ def test_curves_draw_what_is_in_the_tables(evidence: Evidence) -> None:
 
 
 def test_without_trimming_one_figure_shows_all_tracks(make_run: Callable[..., RunFolder]) -> None:
-    items = _by_id(curves.figures(Evidence.of(make_run(percentile=None))))
-    assert isinstance(items["curves-untrimmed"], Absence)
-    assert items["curves-trimmed"].shows.startswith("Errors of all tracks")
+    items = _by_id(curves.figures(ReportData.of(make_run(percentile=None))))
+    assert isinstance(items["error-by-age-untrimmed"], Absence)
+    assert items["error-by-age"].shows.startswith("Errors of all tracks")
 
 
-def test_speeds_are_read_at_an_age_that_all_have(evidence: Evidence) -> None:
-    figure = _by_id(speeds.figures(evidence))["speed-lucas-kanade"]
+def test_speeds_are_read_at_an_age_that_all_have(data: ReportData) -> None:
+    figure = _by_id(speeds.figures(data))["error-by-speed-lucas-kanade"]
     age = int(re.match(r"At age (\d+) ", figure.look_for).group(1))
     assert age % 2 == 0
     for speed in (1, 2):
         where = {"tracker": "lucas-kanade", "speed": speed, "population": "visible", "trimming": "trimmed", "at": age}
-        row = evidence.points.filter(**where, role="second").row(0, named=True)
+        row = data.points.filter(**where, role="second").row(0, named=True)
         assert f"{px(row['u'])} in u and {px(row['v'])} in v for speed {speed}" in figure.look_for
 
 
-def test_speeds_that_share_no_age_are_read_as_near_to_ten_as_each_comes(make_run: Callable[..., RunFolder]) -> None:
-    (figure,) = speeds.figures(Evidence.of(make_run(scenes=("only",), trackers=("one",), speeds=(7, 9), born=60)))
+def test_speeds_that_share_no_age_are_read_at_the_nearest_to_ten(make_run: Callable[..., RunFolder]) -> None:
+    (figure,) = speeds.figures(ReportData.of(make_run(scenes=("only",), trackers=("one",), speeds=(7, 9), born=60)))
     assert figure.look_for.startswith(
-        "At age 10, or as near to it as each comes (7 for speed 7 and 9 for speed 9), the root second moment is "
+        "At age 10 or the nearest available (7 for speed 7 and 9 for speed 9), the root second moment is "
     )
 
 
-def test_speeds_that_were_cut_differently_are_told_apart(
-    make_run: Callable[..., RunFolder], evidence: Evidence
+def test_speeds_that_were_trimmed_at_different_errors_have_a_warning(
+    make_run: Callable[..., RunFolder], data: ReportData
 ) -> None:
-    figure = _by_id(speeds.figures(evidence))["speed-correspondence"]
-    trims = evidence.trims.filter(tracker="correspondence")
+    figure = _by_id(speeds.figures(data))["error-by-speed-correspondence"]
+    trims = data.trims.filter(tracker="correspondence")
     cuts = [trims.filter(speed=speed)["threshold_px"].median() for speed in (1, 2)]
-    assert f"trimming cut at {px(cuts[0])} at speed 1 and {px(cuts[1])} at speed 2" in figure.look_for
-    for untrimmed in speeds.figures(Evidence.of(make_run(percentile=None))):
+    assert f"trimming cuts at {px(cuts[0])} at speed 1 and {px(cuts[1])} at speed 2" in figure.look_for
+    for untrimmed in speeds.figures(ReportData.of(make_run(percentile=None))):
         assert "trimming" not in untrimmed.look_for
         assert untrimmed.shows.startswith("Errors of")
 
 
 def test_one_speed_leaves_nothing_to_compare(make_run: Callable[..., RunFolder]) -> None:
-    (absence,) = speeds.figures(Evidence.of(make_run(speeds=(3,))))
+    (absence,) = speeds.figures(ReportData.of(make_run(speeds=(3,))))
     assert absence.why == "Only speed 3 was run, so there are no speeds to compare."
 
 
-def test_lightings_are_compared_where_there_are_several(make_run: Callable[..., RunFolder], evidence: Evidence) -> None:
-    assert lightings.figures(evidence) == []
-    several = Evidence.of(make_run(lightings=("led-1", "led-2"), scenes=("only",), born=40))
+def test_lightings_are_compared_where_there_are_several(make_run: Callable[..., RunFolder], data: ReportData) -> None:
+    assert lightings.figures(data) == []
+    several = ReportData.of(make_run(lightings=("led-1", "led-2"), scenes=("only",), born=40))
     assert [item.id for item in lightings.figures(several)] == [
-        f"lighting-{tracker}-speed-{speed}" for tracker in ("lucas-kanade", "correspondence") for speed in (1, 2)
+        f"error-by-lighting-{tracker}-speed-{speed}"
+        for tracker in ("lucas-kanade", "correspondence")
+        for speed in (1, 2)
     ]
 
 
-def test_lifetimes_quote_counts_and_censoring(evidence: Evidence, run: RunFolder) -> None:
-    figure = _by_id(lifetimes.figures(evidence))["lifetimes"]
+def test_lifetimes_quote_counts_and_censoring(data: ReportData, run: RunFolder) -> None:
+    figure = _by_id(lifetimes.figures(data))["lifetimes"]
     tracks = pl.concat(run.sequence_tables("tracks")).filter(tracker="correspondence", speed=1)
     censored = (tracks["end"] == "sequence_end").mean()
-    told = f"correspondence: {tracks.height} tracks, seen in {number(tracks['lifetime'].mean())} frames on average"
+    told = f"correspondence has {tracks.height} tracks. Mean lifetime: {number(tracks['lifetime'].mean())} frames."
     assert told in figure.look_for
-    assert f"{percent(censored)} cut by the end" in figure.look_for
+    assert f"Censored: {percent(censored)}." in figure.look_for
 
 
-def test_the_lifetime_histogram_holds_every_track(evidence: Evidence, run: RunFolder) -> None:
-    figure = _by_id(lifetimes.figures(evidence))["lifetimes"]
+def test_the_lifetime_histogram_holds_every_track(data: ReportData, run: RunFolder) -> None:
+    figure = _by_id(lifetimes.figures(data))["lifetimes"]
     (histogram,) = [table for table in _datasets(figure) if "n" in table.columns]
     assert histogram["n"].sum() == pl.concat(run.sequence_tables("tracks")).filter(speed=1).height
     assert histogram.filter(pl.col("n") == 0)["drawn"].is_between(0.5, 1, closed="left").all()
 
 
-def test_survival_starts_with_everyone(evidence: Evidence) -> None:
-    figure = _by_id(lifetimes.figures(evidence))["lifetimes"]
+def test_survival_starts_with_everyone(data: ReportData) -> None:
+    figure = _by_id(lifetimes.figures(data))["lifetimes"]
     (survival,) = [table for table in _datasets(figure) if "survival" in table.columns]
     assert survival.filter(lifetime=0)["survival"].to_list() == [1.0, 1.0]
 
 
 def test_a_survival_that_never_reaches_a_half_says_so(make_run: Callable[..., RunFolder]) -> None:
-    (figure, *_) = lifetimes.figures(Evidence.of(make_run(loss=1e-12)))
-    assert "more than half of them outlive the data" in figure.look_for
-    assert f"100.0{SPACE}% cut by the end" in figure.look_for
+    (figure, *_) = lifetimes.figures(ReportData.of(make_run(loss=1e-12)))
+    assert "Median lifetime: longer than the data (more than half are censored)." in figure.look_for
+    assert f"Censored: 100.0{SPACE}%." in figure.look_for
 
 
-def test_errors_quote_the_cut_and_single_sightings(evidence: Evidence, run: RunFolder) -> None:
-    (figure,) = throw_out.figures(evidence)
+def test_errors_quote_the_cut_and_single_sightings(data: ReportData, run: RunFolder) -> None:
+    (figure,) = trimming.figures(data)
     tracks = pl.concat(run.sequence_tables("tracks")).filter(tracker="lucas-kanade", speed=1)
     once = tracks.filter(lifetime=1).height
-    assert f"of lucas-kanade's {tracks.height} tracks, {once} have only their first frame" in figure.look_for
-    cuts = evidence.trims.filter(tracker="lucas-kanade", speed=1)["threshold_px"]
-    assert f"the cut lies at {px(cuts.min())} to {px(cuts.max())}, depending on the scene," in figure.look_for
+    assert f"lucas-kanade has {tracks.height} tracks. {once} of them have only their first frame" in figure.look_for
+    cuts = data.trims.filter(tracker="lucas-kanade", speed=1)["threshold_px"]
+    assert f"The threshold is from {px(cuts.min())} to {px(cuts.max())}, depending on the scene." in figure.look_for
     kept = tracks.drop_nulls("max_error_px")["kept"]
-    assert f"drops {percent(1 - kept.mean())} of those with a known error" in figure.look_for
+    assert f"drops {percent(1 - kept.mean())} of the tracks with a known error" in figure.look_for
 
 
-def test_error_histograms_hold_every_measured_track(evidence: Evidence, run: RunFolder) -> None:
-    (figure,) = throw_out.figures(evidence)
+def test_error_histograms_hold_every_measured_track(data: ReportData, run: RunFolder) -> None:
+    (figure,) = trimming.figures(data)
     drawn = sum(table["n"].sum() for table in _datasets(figure) if "low" in table.columns)
     assert drawn == pl.concat(run.sequence_tables("tracks"))["max_error_px"].count()
 
 
 def test_nothing_trimmed_has_no_cut(make_run: Callable[..., RunFolder]) -> None:
-    (figure,) = throw_out.figures(Evidence.of(make_run(percentile=None)))
+    (figure,) = trimming.figures(ReportData.of(make_run(percentile=None)))
     assert "Nothing was trimmed in this run." in figure.shows
-    assert "cut lies" not in figure.look_for
+    assert "threshold" not in figure.look_for
     assert not any("cut" in table.columns and table.height for table in _datasets(figure))
 
 
-def test_survivors_quote_where_half_are_left(evidence: Evidence, run: RunFolder) -> None:
-    (figure,) = survivors.figures(evidence)
+def test_feature_counts_quote_where_half_are_left(data: ReportData, run: RunFolder) -> None:
+    (figure,) = feature_counts.figures(data)
     lived = pl.concat(run.sequence_tables("tracks")).filter(tracker="lucas-kanade", speed=1)["lifetime"]
     half = max(age for age in range(20) if 2 * (lived > age).sum() >= lived.len())
     last = max(age for age in range(20) if (lived > age).sum() >= 40)
-    told = f"lucas-kanade began {lived.len()} features, of which at least half reach age {half}"
-    assert f"{told}; 40 or more are left up to age {last}" in figure.look_for
+    told = f"lucas-kanade started {lived.len()} features. At least half reach age {half}."
+    assert f"{told} 40 or more remain up to age {last}." in figure.look_for
 
 
-def test_outlier_ratios_are_the_pooled_ones(evidence: Evidence, run: RunFolder) -> None:
-    (figure,) = outlier_ratio.figures(evidence)
+def test_outlier_ratios_are_the_pooled_ones(data: ReportData, run: RunFolder) -> None:
+    (figure,) = outlier_ratio.figures(data)
     frames = pl.concat(run.sequence_tables("frames")).filter(tracker="correspondence", speed=2)
     share = percent(frames["outliers"].sum() / frames["offered"].sum())
     assert re.search(f"correspondence rejected .* and {share} \\(.*\\) at speed 2", figure.look_for)
 
 
-def test_occlusion_compares_both_populations_at_one_age(evidence: Evidence) -> None:
-    table = occlusion.compare(evidence)
+def test_occlusion_compares_both_populations_at_one_age(data: ReportData) -> None:
+    table = occlusion.compare(data)
     row = table.filter(tracker="lucas-kanade", speed=1, role="second").row(0, named=True)
     assert row["n_projected"] > row["n_visible"]
-    (figure,) = occlusion.figures(evidence)
+    (figure,) = occlusion.figures(data)
     hidden = row["n_projected"] - row["n_visible"]
-    assert f"lucas-kanade has {hidden} hidden feature" in figure.look_for
+    assert f"lucas-kanade has {hidden} occluded feature" in figure.look_for
     assert f"{px(row['u_projected'])} with them and {px(row['u_visible'])} without" in figure.look_for
 
 
-def test_error_lines_lead_towards_the_truth(evidence: Evidence, run: RunFolder) -> None:
-    (figure, _) = picture.figures(evidence)
-    times = int(re.search(r"is (\d+) times as long", figure.shows).group(1))
+def test_error_lines_lead_towards_the_truth(data: ReportData, run: RunFolder) -> None:
+    (figure, _) = example_frames.figures(data)
+    times = int(re.search(r"magnified (\d+) times", figure.shows).group(1))
     (drawn,) = [table for table in _datasets(figure) if "u_tip" in table.columns and table.height][:1]
     seen = run.sequence_table("observations", "fixating@default").filter(frame=10, speed=1, tracker="lucas-kanade")
     for row in drawn.to_dicts():
@@ -207,8 +209,8 @@ def test_error_lines_lead_towards_the_truth(evidence: Evidence, run: RunFolder) 
             assert row[f"{axis}_tip"] == pytest.approx(expected, rel=1e-3, abs=0.02)
 
 
-def test_the_picture_spans_the_image_with_pixel_centres_at_integers(evidence: Evidence) -> None:
-    (figure, _) = picture.figures(evidence)
+def test_example_frames_span_the_image_with_pixel_centres_at_integers(data: ReportData) -> None:
+    (figure, _) = example_frames.figures(data)
     (image,) = figure.spec["datasets"]["image"]
     assert [image[side] for side in ("left", "right", "top", "bottom")] == [-0.5, 159.5, -0.5, 119.5]
     background = figure.spec["concat"][0]["layer"][0]["encoding"]
@@ -216,8 +218,8 @@ def test_the_picture_spans_the_image_with_pixel_centres_at_integers(evidence: Ev
     assert background["y"]["scale"]["domain"] == [119.5, -0.5]
 
 
-def test_trails_are_broken_between_tracks(evidence: Evidence) -> None:
-    (figure, _) = picture.figures(evidence)
+def test_trails_are_broken_between_tracks(data: ReportData) -> None:
+    (figure, _) = example_frames.figures(data)
     (trails,) = [table for table in _datasets(figure) if table.columns == ["place", "u", "v"]][:1]
     (drawn,) = [table for table in _datasets(figure) if "u_tip" in table.columns][:1]
     assert trails["u"].null_count() == drawn.height
@@ -227,11 +229,11 @@ def test_trails_are_broken_between_tracks(evidence: Evidence) -> None:
     ("typical_px", "width", "factor"), [(0.4, 480, 20), (0.0, 480, 1), (100.0, 480, 1), (12.0, 480, 1)]
 )
 def test_magnification_is_a_round_number(typical_px: float, width: int, factor: int) -> None:
-    assert picture._magnification(pl.Series([typical_px] * 4), width) == factor
+    assert example_frames._magnification(pl.Series([typical_px] * 4), width) == factor
 
 
 def test_many_scenes_are_not_all_drawn(make_run: Callable[..., RunFolder]) -> None:
     names = tuple(f"scene-{i}" for i in range(8))
-    items = picture.figures(Evidence.of(make_run(scenes=names, trackers=("one",), speeds=(1,), n_frames=6)))
-    assert len(items) == picture.MOST_SCENES + 1
-    assert items[-1].why == "The first 6 of 8 scenes are drawn; the numbers below are of all of them."
+    items = example_frames.figures(ReportData.of(make_run(scenes=names, trackers=("one",), speeds=(1,), n_frames=6)))
+    assert len(items) == example_frames.MOST_SCENES + 1
+    assert items[-1].why == "Only the first 6 of 8 scenes are drawn. The numbers below are of all scenes."

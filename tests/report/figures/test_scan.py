@@ -7,30 +7,36 @@ import polars as pl
 import pytest
 
 from tracknoise.findings.wording import px
-from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures import curves, picture, speeds, survivors, throw_out
+from tracknoise.report.figures import (
+    curves,
+    example_frames,
+    feature_counts,
+    speeds,
+    trimming,
+)
 from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
 
 KEY_FRAME = 8
 
 
 @pytest.fixture(scope="module")
-def evidence(make_run: Callable[..., RunFolder]) -> Evidence:
+def data(make_run: Callable[..., RunFolder]) -> ReportData:
     world = {"scenes": ("only",), "born": 40, "speeds": (1, 4, 8), "n_frames": 24, "truth": "scan"}
-    return Evidence.of(make_run(**world, key_frame=KEY_FRAME))
+    return ReportData.of(make_run(**world, key_frame=KEY_FRAME))
 
 
 @pytest.fixture(scope="module")
-def trimmed(evidence: Evidence) -> Figure:
-    figure = curves.figures(evidence)[0]
+def trimmed(data: ReportData) -> Figure:
+    figure = curves.figures(data)[0]
     assert isinstance(figure, Figure)
     return figure
 
 
 @pytest.fixture(scope="module")
-def by_speed(evidence: Evidence) -> Figure:
-    figure = speeds.figures(evidence)[0]
+def by_speed(data: ReportData) -> Figure:
+    figure = speeds.figures(data)[0]
     assert isinstance(figure, Figure)
     return figure
 
@@ -40,9 +46,9 @@ def _tables(figure: Figure, column: str) -> list[pl.DataFrame]:
     return [table for table in (pl.read_csv(io.StringIO(text)) for text in texts) if column in table.columns]
 
 
-def test_curves_quote_the_summary_at_ten_frames_after_the_key_frame(evidence: Evidence, trimmed: Figure) -> None:
+def test_curves_quote_the_summary_at_ten_frames_after_the_key_frame(data: ReportData, trimmed: Figure) -> None:
     assert trimmed.title == "Error by frame at speed 1, trimmed"
-    rows = evidence.summary.filter(speed=1).to_dicts()
+    rows = data.summary.filter(speed=1).to_dicts()
     assert [row["at"] for row in rows] == [KEY_FRAME + 10] * 2
     assert trimmed.look_for.startswith("At 10 frames after the key frame ")
     for row in rows:
@@ -68,9 +74,9 @@ def test_curves_run_to_both_sides_of_the_key_frame(trimmed: Figure) -> None:
     assert frames.min() < KEY_FRAME < frames.max()
 
 
-def test_boxes_leave_the_key_frame_out(evidence: Evidence, by_speed: Figure) -> None:
+def test_boxes_leave_the_key_frame_out(data: ReportData, by_speed: Figure) -> None:
     boxes = [table.filter(speed=1) for table in _tables(by_speed, "lower_whisker")]
-    seconds = evidence.points.filter(tracker="lucas-kanade", speed=1, population="visible", trimming="trimmed")
+    seconds = data.points.filter(tracker="lucas-kanade", speed=1, population="visible", trimming="trimmed")
     values = seconds.filter(pl.col("at") != KEY_FRAME, role="second")["u"]
     assert any(box["mean"][0] == pytest.approx(values.mean(), rel=1e-3) for box in boxes)
 
@@ -79,32 +85,32 @@ def test_speeds_are_read_at_the_last_frame_up_to_ten_after_the_key_frame_that_al
     assert by_speed.look_for.startswith("At 8 frames after the key frame the root second moment is ")
 
 
-def test_features_are_counted_by_frame(evidence: Evidence) -> None:
-    (figure,) = survivors.figures(evidence)
+def test_features_are_counted_by_frame(data: ReportData) -> None:
+    (figure,) = feature_counts.figures(data)
     assert isinstance(figure, Figure)
     assert figure.title == "Features by frame"
-    frames = pl.concat(evidence.run.sequence_tables("frames")).filter(tracker="lucas-kanade", speed=1)
+    frames = pl.concat(data.run.sequence_tables("frames")).filter(tracker="lucas-kanade", speed=1)
     drawn = _tables(figure, "drawn")[0].filter(tracker="lucas-kanade", of="all tracks").sort("at")
     assert drawn["n"].to_list() == frames["alive"].to_list()
-    kept = pl.concat(evidence.run.sequence_tables("observations")).filter(
+    kept = pl.concat(data.run.sequence_tables("observations")).filter(
         pl.col("truth") == "valid", tracker="lucas-kanade", speed=1, frame=KEY_FRAME, kept=True
     )
     alive = frames.filter(frame=KEY_FRAME)["alive"][0]
-    told = f"lucas-kanade has {alive} features in the key frame 8, and the error of {kept.height} of them counts"
+    told = f"lucas-kanade has {alive} features in the key frame 8. The error of {kept.height} of them counts."
     assert told in figure.look_for
 
 
-def test_errors_before_trimming_say_how_many_tracks_have_one(evidence: Evidence) -> None:
-    (figure,) = throw_out.figures(evidence)
+def test_errors_before_trimming_say_how_many_tracks_have_one(data: ReportData) -> None:
+    (figure,) = trimming.figures(data)
     assert isinstance(figure, Figure)
-    tracks = pl.concat(evidence.run.sequence_tables("tracks")).filter(tracker="lucas-kanade", speed=1)
+    tracks = pl.concat(data.run.sequence_tables("tracks")).filter(tracker="lucas-kanade", speed=1)
     measured = tracks["max_error_px"].count()
-    told = f"of lucas-kanade's {tracks.height} tracks, {measured} are alive in the key frame and have a known error"
-    assert told in figure.look_for
+    assert f"lucas-kanade has {tracks.height} tracks. " in figure.look_for
+    assert f" {measured} of them are alive in the key frame and have a known error." in figure.look_for
 
 
-def test_the_key_frame_itself_is_no_picture_of_errors(make_run: Callable[..., RunFolder]) -> None:
+def test_the_key_frame_itself_is_no_example_frame(make_run: Callable[..., RunFolder]) -> None:
     small = {"scenes": ("only",), "trackers": ("one",), "speeds": (1,), "n_frames": 16, "truth": "scan"}
-    (item,) = picture.figures(Evidence.of(make_run(**small, key_frame=8)))
+    (item,) = example_frames.figures(ReportData.of(make_run(**small, key_frame=8)))
     assert isinstance(item, Absence)
-    assert item.why == "The image is that of frame 8, the key frame, where errors are 0 by construction."
+    assert item.why == "The image is of frame 8, the key frame, where errors are zero by construction."

@@ -6,24 +6,24 @@ import polars as pl
 import pytest
 
 from tracknoise.findings.wording import SPACE
-from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures.figure import Figure
 from tracknoise.report.figures.trajectory import figures, first_of_each_motion
+from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
 
 
 @pytest.fixture(scope="module")
 def figure(run: RunFolder) -> Figure:
-    (made,) = figures(Evidence.of(run))
+    (made,) = figures(ReportData.of(run))
     assert isinstance(made, Figure)
     return made
 
 
 def test_moving_and_turning_are_told_with_the_share_of_turning(figure: Figure) -> None:
     # 19 steps: 1.9 m at 3 m depth are 1.9 / 3 rad = 36.3 degrees; 19 / (19 + 36.3) = 34.4 %.
-    told = f"From frame to frame fixating moves 1.90{SPACE}m and turns 19.0° in all; at 3.00{SPACE}m, the median depth"
+    told = f"In total, fixating moves 1.90{SPACE}m and rotates 19.0°. At the median feature depth of 3.00{SPACE}m,"
     assert told in figure.look_for
-    assert f"by up to 36.3°, so that turning is 34.4{SPACE}% or more of the two together." in figure.look_for
+    assert f"by up to 36.3°. Rotation is then 34.4{SPACE}% or more of the total." in figure.look_for
 
 
 def test_what_is_drawn_is_the_path(figure: Figure) -> None:

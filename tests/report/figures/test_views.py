@@ -7,9 +7,9 @@ import polars as pl
 import pytest
 
 from tracknoise.findings.wording import px
-from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import views
 from tracknoise.report.figures.figure import Figure
+from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
 
 VIEWS = ((0, "forward"), (90, "forward"), (0, "backward"))
@@ -17,10 +17,10 @@ DRIFT_PX = 0.05
 
 
 @pytest.fixture(scope="module")
-def evidence(make_run: Callable[..., RunFolder]) -> Evidence:
+def data(make_run: Callable[..., RunFolder]) -> ReportData:
     """Errors drift by (1, -1/2) a frame in the upright image, and nothing else is wrong."""
     world = {"scenes": ("only",), "trackers": ("one",), "speeds": (1,), "sigma_px": 0.0, "bias_px": DRIFT_PX}
-    return Evidence.of(make_run(**world, views=VIEWS, percentile=None, hidden=0.0))
+    return ReportData.of(make_run(**world, views=VIEWS, percentile=None, hidden=0.0))
 
 
 def _told(figure: object) -> str:
@@ -28,18 +28,18 @@ def _told(figure: object) -> str:
     return figure.look_for
 
 
-def test_errors_in_turned_images_are_told_in_the_axes_of_the_upright_one(evidence: Evidence) -> None:
-    table = evidence.across(evidence.points, "rotation").filter(trimming="trimmed", population="visible", role="mean")
+def test_errors_in_turned_images_are_told_in_the_axes_of_the_upright_one(data: ReportData) -> None:
+    table = data.across(data.points, "rotation").filter(trimming="trimmed", population="visible", role="mean")
     rows = {row["rotation"]: row for row in table.filter(at=4).to_dicts()}
     assert (rows[90]["u"], rows[90]["v"]) == pytest.approx((-0.5 * 4 * DRIFT_PX, -4 * DRIFT_PX))  # as measured
-    (figure,) = views.rotations(evidence)
+    (figure,) = views.rotations(data)
     told = re.findall(r"is (.*) in v upright and (.*) in v sideways\.", _told(figure))
     ((upright, sideways),) = told
     assert upright == sideways  # the same path was made up for both
 
 
-def test_both_rotations_draw_the_same_signed_curve(evidence: Evidence) -> None:
-    (figure,) = views.rotations(evidence)
+def test_both_rotations_draw_the_same_signed_curve(data: ReportData) -> None:
+    (figure,) = views.rotations(data)
     assert isinstance(figure, Figure)
     tables = [text for text in figure.spec["datasets"].values() if isinstance(text, str) and "mean" in text]
     mean = pl.read_csv(tables[0].encode())
@@ -52,12 +52,12 @@ def test_both_rotations_draw_the_same_signed_curve(evidence: Evidence) -> None:
     assert (both["v"] - both["v_sideways"]).abs().max() < 1e-3
 
 
-def test_a_bias_that_follows_the_motion_is_told_with_both_signs(evidence: Evidence) -> None:
-    (figure,) = views.directions(evidence)
+def test_a_bias_that_follows_the_motion_is_told_with_both_signs(data: ReportData) -> None:
+    (figure,) = views.directions(data)
     age = int(re.match(r"At age (\d+) the mean error is", _told(figure)).group(1))
     u, v = age * DRIFT_PX, age * DRIFT_PX / 2
     assert f"{px(u)} in u and {px(-v)} in v forward and {px(-u)} in u and {px(v)} in v backward." in _told(figure)
 
 
 def test_one_view_leaves_nothing_to_compare(run: RunFolder) -> None:
-    assert views.rotations(Evidence.of(run)) == views.directions(Evidence.of(run)) == []
+    assert views.rotations(ReportData.of(run)) == views.directions(ReportData.of(run)) == []

@@ -45,7 +45,7 @@ def noise(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
         opening=opening,
         closing=closing,
         topic="noise",
-        figure="curves",
+        figure="error-by-tracker",
         table="intervals",
     )
 
@@ -101,7 +101,7 @@ def bias(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
         lambda tracker: _bias_of(tables, conditions, tracker),
         opening=opening,
         topic="bias",
-        figure="curves",
+        figure="error-by-tracker",
         table="zero_mean",
     )
 
@@ -233,7 +233,7 @@ def survivorship(tables: RunTables, conditions: ReportedConditions) -> Headline 
         lambda tracker: _survivorship_of(tables, conditions, tracker),
         opening=f"Survivorship bias: {_trimmed(conditions)}root mean square errors in u.",
         topic="survivorship",
-        figure="survivorship",
+        figure="survivorship-bias",
         table="intervals",
     )
 

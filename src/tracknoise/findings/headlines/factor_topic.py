@@ -66,7 +66,7 @@ def factors(tables: RunTables, conditions: ReportedConditions) -> Headline | Non
     decided = clearest[Verdict.yes] or clearest[Verdict.no]
     sentences += [] if decided else _undecided(rows)
     estimate = leading([Estimate.of_row(row, "effect", "low", "high", "share") for row in decided])
-    return Headline("factors", " ".join(sentences), "matters", "dependence", estimate)
+    return Headline("factors", " ".join(sentences), "factor-effects", "dependence", estimate)
 
 
 def _names(rows: pl.DataFrame) -> Sequence[str]:

@@ -1,4 +1,4 @@
-"""Box plots of values summarised before: orange median, green triangle mean, whiskers at 1.5 interquartile ranges."""
+"""Box plots of summarised values: orange median, green triangle mean, whiskers at 1.5 interquartile ranges."""
 
 from collections.abc import Mapping, Sequence
 
@@ -31,16 +31,16 @@ def box_plot(
     table
         Columns mean, median, lower_quartile, upper_quartile, lower_whisker, upper_whisker, `field`, and `places`.
     field, colours
-        Column that tells the boxes apart, and the colour of each of its values, in order.
+        Column that distinguishes the boxes, and the colour of each of its values, in order.
     y
         Axis of the values, for any of the columns.
     width, height
         Of the panel, px.
     places
-        Column, and the order of its values, that places boxes side by side, one of each colour at every place; by
-        default each colour has a place of its own.
+        Column of the horizontal axis, and the order of its values. Each has one box per colour. By default each colour
+        has its own place.
     interval
-        Columns of a value besides, and of the ends of its interval, all or the ends null where it has none.
+        Columns of one more value and of the ends of its interval. Null where there is none.
     """
     column, order = places or (field, list(colours))
     tips = [alt.Tooltip(f"{name}:Q", format=".4~g", title=name.replace("_", " ")) for name in _VALUES]
@@ -62,7 +62,7 @@ def box_plot(
 
 
 def _across(column: str, order: Sequence[str], width: int) -> alt.X:
-    """Places in their order, named upright where the names do not fit, and smaller where not even that is enough."""
+    """Places in their order. Labels that do not fit are vertical, and smaller if necessary."""
     upright = sum(map(len, order)) * _LETTER > width
     size = min(11.0, 0.95 * width / max(1, len(order)))
     axis = alt.Axis(labelAngle=-90 if upright else 0, labelFontSize=size, labelOverlap=False)
@@ -88,14 +88,14 @@ def _middles(base: alt.Chart, y: alt.Y, across: float) -> list[alt.Chart]:
 
 
 def _interval(base: alt.Chart, y: alt.Y, across: float, value: str, low: str, high: str) -> list[alt.Chart]:
-    """A heavy line between the ends of an interval, and a bead at its value, beside the middle of the box."""
+    """A heavy line between the ends of an interval, and a dot at its value, left of the middle of the box."""
     aside = -across / 3
     known = base.transform_filter(f"isValid(datum[{low!r}]) && isValid(datum[{high!r}])")
     tips = [alt.Tooltip(f"{name}:Q", format=".4~g", title=name.replace("_", " ")) for name in (value, low, high)]
     line = known.mark_rule(color=style.INK, strokeWidth=min(3.0, across / 3), opacity=1, xOffset=aside).encode(
         y=marks.on(y, low), y2=f"{high}:Q", tooltip=tips
     )
-    bead = known.mark_point(color=style.INK, size=min(30.0, 3 + across**2), opacity=1, xOffset=aside).encode(
+    dot = known.mark_point(color=style.INK, size=min(30.0, 3 + across**2), opacity=1, xOffset=aside).encode(
         y=marks.on(y, value), tooltip=tips
     )
-    return [line, bead]
+    return [line, dot]

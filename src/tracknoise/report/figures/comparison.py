@@ -1,19 +1,29 @@
-"""Curves of one tracker for every value of a factor, with box plots beside them: what several families show."""
+"""Curves of one tracker for every value of a factor, with box plots. Several families show this."""
 
+from collections.abc import Sequence
+from dataclasses import asdict
+
+import altair as alt
 import polars as pl
 
-from tracknoise.findings.wording import px
-from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures.curve_grid import MANY, Reading, Series, bands_text, grid, readings, when
+from tracknoise.findings.wording import listing, px
+from tracknoise.report.figures.box_plot import box_plot
+from tracknoise.report.figures.curve_grid import HEIGHT, describe_bands, grid
 from tracknoise.report.figures.figure import Absence, Figure
-from tracknoise.report.sentences import listing
+from tracknoise.report.figures.layout import Chart, Panel
+from tracknoise.report.figures.readings import Reading, readings, when
+from tracknoise.report.figures.series import MANY, Series
+from tracknoise.report.report_data import ReportData
+from tracknoise.statistics.box import box_summary
 from tracknoise.statistics.definitions import REFERENCE_AGE
 
 _NAMES = {"mean": "mean error", "second": "root second moment"}
+_WIDTHS = {"few": (240, 105), "many": (196, 156)}
+"""Widths of a panel of curves and of its box plot, px."""
 
 
 def comparison(
-    evidence: Evidence,
+    data: ReportData,
     points: pl.DataFrame,
     series: Series,
     *,
@@ -28,59 +38,80 @@ def comparison(
     Parameters
     ----------
     points
-        Curves of one value of everything but `series.field`, trimmed and untrimmed, of every population.
+        Curves with one value of everything but `series.field`, trimmed and untrimmed, of every population.
     series
         The factor.
     id, title, shows
-        Of the figure; what is said of box plots is added.
+        Of the figure. A description of the box plots is added.
     advice
         What to look for, after the numbers.
     role
-        Of which statistic numbers are told: mean or second.
+        Of the statistic whose numbers are stated: mean or second.
     """
-    kept = points.filter(trimming="trimmed", population=evidence.population)
+    kept = points.filter(trimming="trimmed", population=data.population)
     found = readings(kept, series)
     if not found:
-        why = f"Where errors are not zero by construction no {evidence.axis.name} has enough features of known error, "
-        return Absence(id, title, why + "so there is no curve.")
+        return Absence(id, title, f"No {data.axis.name} has enough features with a known error, so there is no curve.")
     missing = [label for label in series.colours if label not in {one.name for one in found}]
-    no_curve = f" No {evidence.axis.name} has enough features {series.phrase.format(listing(missing))}."
-    dashed = "Dashed: about the mean. " if len(series.colours) <= MANY else ""
+    no_curve = f" No {data.axis.name} has enough features {series.phrase.format(listing(missing))}."
+    dashed = " Dashed: covariance about the mean." if len(series.colours) <= MANY else ""
     return Figure(
         id,
         title,
-        f"{shows} {dashed}{bands_text(kept, series)} {_boxes(evidence)}",
-        f"{_numbers(evidence, found, series, role)}{no_curve if missing else ''} {advice}",
-        grid(kept, series, evidence.axis, boxes=True),
+        f"{shows}{dashed} {describe_bands(kept, series)} {_boxes_explained(data)}",
+        f"{_numbers(data, found, series, role)}{no_curve if missing else ''} {advice}",
+        _chart(data, kept, series),
     )
 
 
-def _boxes(evidence: Evidence) -> str:
+def _chart(data: ReportData, points: pl.DataFrame, series: Series) -> dict[str, object]:
+    wide, narrow = _WIDTHS["many" if len(series.present(points).colours) > MANY else "few"]
+
+    def boxes(table: pl.DataFrame, coordinate: str, present: Series, bounds: Sequence[float]) -> Panel:
+        return Panel(_boxes(table, coordinate, present, bounds, width=narrow))
+
+    return grid(points, series, data.axis, beside=boxes, width=wide)
+
+
+def _boxes(table: pl.DataFrame, coordinate: str, series: Series, bounds: Sequence[float], *, width: int) -> Chart:
+    """Distribution of a curve's values, without those that are zero by construction."""
+    measured = table.filter(pl.col("since") != 0)
+    summaries = [
+        {series.field: name, **asdict(box_summary(measured.filter(pl.col(series.field) == name)[coordinate]))}
+        for name in series.colours
+    ]
+    scale = alt.Scale(domain=list(bounds), nice=False)
+    bare = alt.Y("median:Q", scale=scale, title=None, axis=alt.Axis(labels=False, ticks=False))
+    boxes = pl.DataFrame(summaries)
+    return box_plot(boxes, field=series.field, colours=series.colours, y=bare, width=width, height=HEIGHT)
+
+
+def _boxes_explained(data: ReportData) -> str:
     return (
-        "The box plots beside the curves show the curves' own values over all "
-        f"{evidence.axis.name}s drawn but {evidence.axis.zero}: orange line the median, green triangle the mean, "
-        "whiskers to the last value within 1.5 interquartile ranges."
+        f"The box plots show the distribution of each curve over all {data.axis.name}s except {data.axis.zero}. "
+        "The orange line is the median and the green triangle is the mean. Whiskers reach the last value within 1.5 "
+        "interquartile ranges."
     )
 
 
-def _numbers(evidence: Evidence, found: list[Reading], series: Series, role: str) -> str:
+def _numbers(data: ReportData, found: list[Reading], series: Series, role: str) -> str:
     """A statistic of every curve, or of the two that differ most where there are many."""
-    place = when(found, evidence.axis, phrase=series.phrase)
+    place = when(found, data.axis, phrase=series.phrase)
     if len(found) <= MANY:
-        told = listing(f"{one.told(role)} {series.phrase.format(one.name)}" for one in found)
-        return f"{place} the {_NAMES[role]} is {told}."
+        values = listing(f"{one.describe(role)} {series.phrase.format(one.name)}" for one in found)
+        return f"{place} the {_NAMES[role]} is {values}."
     if len({reading.since for reading in found}) > 1:
-        place = f"Where each comes nearest to {evidence.axis.place(REFERENCE_AGE).removeprefix('at ')}"
-    ends = " and ".join(_range(evidence, found, series, role, coordinate) for coordinate in (0, 1))
-    return f"{place} the {_NAMES[role]} lies {ends}."
+        place = f"At the available {data.axis.name} nearest to {data.axis.place(REFERENCE_AGE).removeprefix('at ')},"
+    ends = " and ".join(_range(data, found, series, role, coordinate) for coordinate in (0, 1))
+    return f"{place} the {_NAMES[role]} is {ends}."
 
 
-def _range(evidence: Evidence, found: list[Reading], series: Series, role: str, coordinate: int) -> str:
-    """The curves with the least and with the largest value in u (0) or v (1), and where, if not all are read there."""
+def _range(data: ReportData, found: list[Reading], series: Series, role: str, coordinate: int) -> str:
+    """The curves with the smallest and the largest value in u (0) or v (1), with their ages if these differ."""
     differ = len({reading.since for reading in found}) > 1
     ordered = sorted(found, key=lambda one: one.values[role][coordinate])
     ends = []
     for one in (ordered[0], ordered[-1]):
-        place = f", {evidence.axis.place(one.since)}" if differ else ""
+        place = f", {data.axis.place(one.since)}" if differ else ""
         ends.append(f"{px(one.values[role][coordinate])} ({series.phrase.format(one.name)}{place})")
     return f"in {'uv'[coordinate]} between {listing(ends)}"

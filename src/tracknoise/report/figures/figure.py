@@ -1,27 +1,23 @@
-"""What a figure is: a chart with its two sentences, or the reason why there is none."""
+"""A figure: a chart with two texts, or the reason why there is none."""
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-
-from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures.layout import Spec
-from tracknoise.report.tables import Cells
+from typing import Any
 
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A chart and what the reader is told about it.
+    """A chart and its description.
 
     Attributes
     ----------
     id
-        File name without extension, and anchor in the page.
+        Name of its files without extension, and anchor in the page.
     title
-        What it is called.
+        Its heading.
     shows
-        One sentence or two: what is drawn.
+        What is drawn.
     look_for
-        What to look for, written from the numbers.
+        What to look for, with the numbers of the run.
     spec
         The chart, as a Vega-Lite specification.
     """
@@ -30,49 +26,21 @@ class Figure:
     title: str
     shows: str
     look_for: str
-    spec: Spec
+    spec: dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
 class Absence:
-    """A figure with nothing to show.
+    """A figure that could not be drawn.
 
     Attributes
     ----------
     id, title
-        Of the figure that would have been here.
+        Of the figure.
     why
-        One sentence: why it is not.
+        One sentence: why it is missing.
     """
 
     id: str
     title: str
     why: str
-
-
-def no_tables(evidence: Evidence) -> Sequence[Cells]:
-    """The tables of a family that has none."""
-    return []
-
-
-@dataclass(frozen=True, slots=True)
-class Family:
-    """A section of the report: figures of one kind.
-
-    Attributes
-    ----------
-    id, title
-        Anchor and heading of the section.
-    lead
-        A sentence or two that open it, true of any data.
-    figures
-        Makes the figures of a run, in order.
-    tables
-        Makes the tables that stand below them.
-    """
-
-    id: str
-    title: str
-    lead: str
-    figures: Callable[[Evidence], Sequence[Figure | Absence]]
-    tables: Callable[[Evidence], Sequence[Cells]] = no_tables

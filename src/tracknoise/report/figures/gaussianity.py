@@ -1,4 +1,4 @@
-"""Are errors Gaussian: how far out they lie, beside how far a Gaussian of the same covariance would."""
+"""The shape of the error distribution, compared with a Gaussian of the same covariance."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -8,54 +8,59 @@ import polars as pl
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
-from tracknoise.findings.wording import DASH, SHAPES, SPACE, number
+from tracknoise.findings.wording import DASH, SPACE, listing, number
 from tracknoise.report import style
-from tracknoise.report.axis import AGE
-from tracknoise.report.evidence import Evidence
+from tracknoise.report.axis import AGE, NU
+from tracknoise.report.cells import Cells
 from tracknoise.report.figures import marks
-from tracknoise.report.figures.figure import Absence, Family, Figure
+from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Panel, arranged
-from tracknoise.report.sentences import NU, listing
-from tracknoise.report.tables import Cells
+from tracknoise.report.report_data import ReportData
 
-_TITLE = "Gaussian?"
+_TITLE = "Error quantiles compared with a Gaussian"
 _SIZE = {"width": 385, "height": 260}
 _TRIMMINGS = ("untrimmed", "trimmed")
+_SHAPES = {
+    "Gaussian": "close to Gaussian",
+    "contaminated": "contaminated by a wider Gaussian",
+    "undecided": "of undecided shape",
+}
+"""How a sentence states a verdict, where its name is not enough."""
 
 
-def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
-    """One figure: a row a tracker, all tracks beside those that trimming kept, a colour a band of ages."""
-    radii = evidence.nominal(evidence.radii).with_columns(band=_band(evidence))
+def figures(data: ReportData) -> Sequence[Figure | Absence]:
+    """One figure: one row per tracker, before and after trimming, one colour per band of ages."""
+    radii = data.nominal(data.radii).with_columns(band=_band(data))
     if radii.is_empty():
-        return [Absence("gaussianity", _TITLE, "No condition has enough single errors to see of what shape they are.")]
-    shown = _trimmings(evidence)
+        return [Absence("gaussianity", _TITLE, "No condition has enough errors to judge their distribution.")]
+    shown = _trimmings(data)
     panels = [
-        _panel(evidence, radii.filter(tracker=tracker, trimming=trimming), tracker, trimming)
-        for tracker in evidence.trackers
+        _panel(data, radii.filter(tracker=tracker, trimming=trimming), tracker, trimming)
+        for tracker in data.trackers
         for trimming in shown
         if radii.filter(tracker=tracker).height
     ]
     figure = Figure(
         id="gaussianity",
-        title="How far out errors lie",
-        shows="Quantiles of the distance of errors from their mean, in units of their own spread (Mahalanobis), "
-        f"against those of a Gaussian of the same covariance, at speed {evidence.slowest}{evidence.where}, a colour a "
-        f"band of {'ages' if evidence.axis is AGE else 'distances from the key frame'}; both axes logarithmic, grey: "
-        "where the two are the same.",
-        look_for=_look_for(evidence),
+        title=_TITLE,
+        shows="Quantiles of the Mahalanobis distance of errors from their mean, against those of a Gaussian of the "
+        f"same covariance, at speed {data.slowest}{data.where}. Each band of "
+        f"{'ages' if data.axis is AGE else 'distances from the key frame'} has its own colour. Both axes are "
+        "logarithmic. On the grey line the two are equal.",
+        look_for=_look_for(data),
         spec=arranged(panels, columns=len(shown), independent=["color"]),
     )
     return [figure]
 
 
-def tables(evidence: Evidence) -> Sequence[Cells]:
-    """Shape and tails, a row a tracker, band of ages and trimming, at the lowest speed."""
-    rows = [_row(row) for row in _ordered(evidence).to_dicts()]
-    headings = ["tracker", evidence.axis.distance, "", "n", "skewness", "kurtosis", "P(99 %)", "P(99.9 %)"]
-    headings += ["Student-t gains (nat)", "mixture gains (nat)", f"{NU} of Student-t", "verdict"]
+def tables(data: ReportData) -> Sequence[Cells]:
+    """Shape and tails at the lowest speed: one row per tracker, band of ages and trimming."""
+    rows = [_row(row) for row in _ordered(data).to_dicts()]
+    headings = ["tracker", data.axis.distance, "", "n", "skewness", "kurtosis", "P(99 %)", "P(99.9 %)"]
+    headings += ["gain of Student-t (nat)", "gain of mixture (nat)", f"{NU} of Student-t", "verdict"]
     caption = (
-        f"Shape of errors at speed {evidence.slowest}{evidence.where}: a Gaussian has skewness 0, kurtosis 8, and "
-        "shares beyond its ellipses 1 times its own"
+        f"Error distribution at speed {data.slowest}{data.where}. A Gaussian has skewness 0 and kurtosis 8. P is the "
+        "share outside an ellipse, relative to a Gaussian's."
     )
     numeric = [False, False, False, *[True] * 8, False]
     return [Cells(caption, headings, rows, numeric)] if rows else []
@@ -63,47 +68,47 @@ def tables(evidence: Evidence) -> Sequence[Cells]:
 
 def _row(row: Mapping[str, Any]) -> list[str]:
     estimates = [
-        _told(row, "kurtosis", "kurtosis"),
+        _estimate_text(row, "kurtosis", "kurtosis"),
         *(DASH if row[name] is None else number(row[name]) for name in ("tail_99", "tail_999")),
-        _told(row, "gain_student_nats", "gain_student"),
-        _told(row, "gain_mixture_nats", "gain_mixture"),
+        _estimate_text(row, "gain_student_nats", "gain_student"),
+        _estimate_text(row, "gain_mixture_nats", "gain_mixture"),
         number(row["student_nu"]),
     ]
     why = f": {row['why']}" if row["verdict"] == "undecided" and row["why"] else ""
     asked = [row["tracker"], row["band"], row["trimming"], number(row["n"]), number(row["skewness"])]
-    return [*asked, *estimates, SHAPES[row["verdict"]] + why]
+    return [*asked, *estimates, row["verdict"] + why]
 
 
-def _told(row: Mapping[str, Any], name: str, bounds: str) -> str:
+def _estimate_text(row: Mapping[str, Any], name: str, bounds: str) -> str:
     if row[name] is None:
         return DASH
     return format_estimate(Estimate.of_row(row, name, f"{bounds}_low", f"{bounds}_high"))
 
 
-def _ordered(evidence: Evidence) -> pl.DataFrame:
-    table = evidence.nominal(evidence.gaussianity).filter(pl.col("trimming").is_in(_trimmings(evidence)))
-    order = {name: place for place, name in enumerate(evidence.trackers)}
+def _ordered(data: ReportData) -> pl.DataFrame:
+    table = data.nominal(data.gaussianity).filter(pl.col("trimming").is_in(_trimmings(data)))
+    order = {name: place for place, name in enumerate(data.trackers)}
     place = pl.col("tracker").replace_strict(order, return_dtype=pl.Int64, default=len(order))
-    return table.with_columns(band=_band(evidence)).sort(place, "age_low", "trimming")
+    return table.with_columns(band=_band(data)).sort(place, "age_low", "trimming")
 
 
-def _trimmings(evidence: Evidence) -> Sequence[str]:
-    """All tracks, and those that trimming kept if it dropped any."""
-    return _TRIMMINGS[:1] if evidence.percentile is None else _TRIMMINGS
+def _trimmings(data: ReportData) -> Sequence[str]:
+    """Before trimming, and after it if it dropped any track."""
+    return _TRIMMINGS[:1] if data.percentile is None else _TRIMMINGS
 
 
-def _band(evidence: Evidence) -> pl.Expr:
+def _band(data: ReportData) -> pl.Expr:
     """Band of ages, or of distances, in words."""
     low, high = pl.col("age_low").cast(pl.String), pl.col("age_high").cast(pl.String)
     return pl.when(high.is_null()).then(low + " or more").otherwise(low + " to " + high)
 
 
-def _panel(evidence: Evidence, radii: pl.DataFrame, tracker: str, trimming: str) -> Panel:
+def _panel(data: ReportData, radii: pl.DataFrame, tracker: str, trimming: str) -> Panel:
     """Observed against expected quantiles of one tracker, with the diagonal."""
     known = radii.filter((pl.col("expected") > 0) & (pl.col("observed") > 0)).sort("age_low", "probability")
     names = known.sort("age_low")["band"].unique(maintain_order=True).to_list()
-    hues = dict(zip(names, style.shades(evidence.colour[tracker], max(1, len(names))), strict=False))
-    x = alt.X("expected:Q", title="expected of a Gaussian", scale=_logarithmic(known["expected"]))
+    hues = dict(zip(names, style.shades(data.colour[tracker], max(1, len(names))), strict=False))
+    x = alt.X("expected:Q", title="expected for a Gaussian", scale=_logarithmic(known["expected"]))
     y = alt.Y("observed:Q", title="observed", scale=_logarithmic(pl.concat([known["expected"], known["observed"]])))
     tips = [
         alt.Tooltip("band:N"),
@@ -115,7 +120,7 @@ def _panel(evidence: Evidence, radii: pl.DataFrame, tracker: str, trimming: str)
     base = alt.Chart(marks.rows(table)).encode(
         x=x,
         y=y,
-        color=marks.colour("band", hues, "age" if evidence.axis is AGE else "distance"),
+        color=marks.colour("band", hues, "age" if data.axis is AGE else "distance"),
         opacity=marks.opacity("band"),
         tooltip=tips,
     )
@@ -125,27 +130,26 @@ def _panel(evidence: Evidence, radii: pl.DataFrame, tracker: str, trimming: str)
 
 
 def _logarithmic(values: pl.Series) -> alt.Scale:
-    """Scale that holds all values with a little room."""
+    """Scale that includes all values with some margin."""
     low, high = (float(values.min()), float(values.max())) if values.len() else (1.0, 1.0)  # type: ignore[arg-type]
     return alt.Scale(type="log", domain=[low / 1.2, high * 1.2], nice=False)
 
 
-def _look_for(evidence: Evidence) -> str:
-    rows = _ordered(evidence)
+def _look_for(data: ReportData) -> str:
+    rows = _ordered(data)
     parts = []
-    for tracker in evidence.trackers:
+    for tracker in data.trackers:
         own = rows.filter(tracker=tracker, trimming="untrimmed")
-        told_ = [_sentence(evidence, bands) for _, bands in own.group_by("verdict", maintain_order=True)]
-        parts += [f"errors of {tracker} are {listing(told_)}"] if told_ else []
+        verdicts = [_sentence(data, bands) for _, bands in own.group_by("verdict", maintain_order=True)]
+        parts += [f"errors of {tracker} are {listing(verdicts)}"] if verdicts else []
     numbers = f"Before trimming, {'; '.join(parts)}. " if parts else ""
     return (
-        f"{numbers}Dots that climb above the grey line on the right are tails heavier than a Gaussian's; an estimator "
-        "that takes errors for Gaussian gives these observations too much weight. Dots below it are what trimming "
-        "leaves."
+        f"{numbers}Dots above the grey line on the right show tails heavier than those of a Gaussian. An estimator "
+        "that assumes Gaussian errors gives such observations too much weight. Trimming moves dots below the line."
     )
 
 
-def _sentence(evidence: Evidence, bands: pl.DataFrame) -> str:
+def _sentence(data: ReportData, bands: pl.DataFrame) -> str:
     """Bands of one verdict."""
     tails = bands["tail_99"].drop_nulls()
     ends = (
@@ -154,15 +158,6 @@ def _sentence(evidence: Evidence, bands: pl.DataFrame) -> str:
         else []
     )
     tail = f" ({' to '.join(ends)} times a Gaussian's share beyond its 99{SPACE}% ellipse)" if ends else ""
-    what = "ages" if evidence.axis is AGE else "distances"
-    return f"{SHAPES[bands['verdict'][0]]} at {what} {listing(bands['band'])}{tail}"
-
-
-FAMILY = Family(
-    id="gaussianity",
-    title=_TITLE,
-    lead="Most estimators take errors for Gaussian. Whether they are is a matter of shape, whatever their size: of how "
-    "often an error lies far out for its kind.",
-    figures=figures,
-    tables=tables,
-)
+    what = "ages" if data.axis is AGE else "distances"
+    verdict = bands["verdict"][0]
+    return f"{_SHAPES.get(verdict, verdict)} at {what} {listing(bands['band'])}{tail}"

@@ -1,4 +1,4 @@
-"""Panels put side by side into one Vega-Lite specification."""
+"""Panels arranged in one Vega-Lite specification."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,34 +9,33 @@ import altair as alt
 Spec: TypeAlias = dict[str, Any]
 """A Vega-Lite specification."""
 Chart: TypeAlias = alt.Chart | alt.LayerChart | alt.FacetChart
-Selection: TypeAlias = Mapping[str, Any]
-"""A Vega-Lite selection parameter, without the views that it lives in."""
 
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """A chart, and the selections that can be made in it.
+    """A chart and its selections.
 
     Attributes
     ----------
     chart
         The chart, without parameters.
     selections
-        Those of one name in several panels of a figure are one selection: what is muted in one is muted in all.
+        Vega-Lite parameters without their views. Panels share a selection of the same name: what is muted in one is
+        muted in all.
     layer
-        Which layer of the chart the selections live in, if it has several: it must have the scales and the legend.
+        The layer that has the selections, if the chart has several. It must have the scales and the legend.
     """
 
     chart: Chart
-    selections: tuple[Selection, ...] = ()
+    selections: tuple[Mapping[str, Any], ...] = ()
     layer: int = 0
 
 
 def arranged(panels: Sequence[Panel], *, columns: int, independent: Sequence[str] = ()) -> Spec:
-    """Put panels into rows of `columns`; the scales of the channels in `independent` are each panel's own.
+    """Arrange panels in rows of `columns`. Each panel has its own scales for the channels in `independent`.
 
-    Altair can do the same, but copies every chart at every level, which took half of the time of a report. Nor is every
-    specification checked against Vega-Lite's schema, which took half of the rest: the tests do that.
+    Altair can do the same, but copies every chart at every level, which took half of the time of a report. Nor are
+    specifications checked against the schema of Vega-Lite here, which took half of the rest. The tests check them.
     """
     parameters: dict[str, Spec] = {}
     datasets: Spec = {}
@@ -60,6 +59,6 @@ def arranged(panels: Sequence[Panel], *, columns: int, independent: Sequence[str
 
 
 def _unit(spec: Spec, layer: int) -> Spec:
-    """The view that selections of a chart live in."""
+    """The view of a chart that has its selections."""
     unit: Spec = spec["layer"][layer] if "layer" in spec else spec
     return unit

@@ -1,4 +1,4 @@
-"""How long tracks live: histogram and Kaplan-Meier survival, side by side."""
+"""Track lifetimes: histogram and Kaplan-Meier survival."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,11 +7,11 @@ import altair as alt
 import polars as pl
 
 from tracknoise.findings.wording import count, number, percent
-from tracknoise.report.bands import of_scalar, told
-from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures import lifetimes_by_lighting, marks
-from tracknoise.report.figures.figure import Absence, Family, Figure
+from tracknoise.report.bands import describe_intervals, of_scalar
+from tracknoise.report.figures import marks
+from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Panel, Spec, arranged
+from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
 from tracknoise.tables.schema import LIFETIMES
 
@@ -20,66 +20,62 @@ _LIFETIME = alt.X("lifetime:Q", title="lifetime (frames its tracker saw)", axis=
 _SHARE = alt.Y("survival:Q", scale=alt.Scale(domain=[0, 1]), title="share of tracks that live longer")
 
 
-def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
-    """Trackers at the lowest speed, then the speeds of each tracker where there are several."""
-    table = of_scalar(evidence.reference(evidence.lifetimes), evidence.intervals, "survival")
-    nominal = table.filter(speed=evidence.slowest)
+def figures(data: ReportData) -> Sequence[Figure | Absence]:
+    """Trackers at the lowest speed, then the speeds of each tracker if there are several."""
+    table = of_scalar(data.reference(data.lifetimes), data.intervals, "survival")
+    nominal = table.filter(speed=data.slowest)
     if nominal.is_empty():
-        return [Absence("lifetimes", "Lifetimes", "No tracker found a feature, so no track has a lifetime.")]
-    made: list[Figure | Absence] = [_by_tracker(evidence, nominal)]
-    if len(evidence.speeds) > 1:
-        made += [_by_speed(evidence, table, tracker) for tracker in evidence.trackers]
-    return [*made, *lifetimes_by_lighting.figures(evidence)]
+        return [Absence("lifetimes", "Lifetimes", "No tracker found a feature, so there are no tracks.")]
+    made: list[Figure | Absence] = [_by_tracker(data, nominal)]
+    if len(data.speeds) > 1:
+        made += [_by_speed(data, table, tracker) for tracker in data.trackers]
+    return made
 
 
-def _by_tracker(evidence: Evidence, nominal: pl.DataFrame) -> Figure:
+def _by_tracker(data: ReportData, nominal: pl.DataFrame) -> Figure:
     table = nominal.with_columns(series=pl.col("tracker"))
     return Figure(
         id="lifetimes",
-        title=f"Lifetimes at speed {evidence.slowest}",
-        shows=f"Left: how many tracks lived how long at speed {evidence.slowest}{evidence.where} (logarithmic). Right: "
-        "the share of tracks expected to live longer than that (Kaplan-Meier), which does not take a track that was "
-        f"still alive at the end of its sequence for one that had ended. {_bands_text(table)}",
-        look_for=_numbers(table, evidence.trackers, lead=f"At speed {evidence.slowest}, "),
-        spec=_pair(table, evidence.colour, "tracker"),
+        title=f"Lifetimes at speed {data.slowest}",
+        shows=f"Left: number of tracks by lifetime at speed {data.slowest}{data.where} (logarithmic). Right: "
+        "Kaplan-Meier estimate of the share of tracks that live longer. It treats tracks that were alive at the end of "
+        f"their sequence as censored, not as ended. {_describe_bands(table)}",
+        look_for=_numbers(table, {name: f"At speed {data.slowest}, {name}" for name in data.trackers}),
+        spec=_pair(table, data.colour, "tracker"),
     )
 
 
-def _by_speed(evidence: Evidence, table: pl.DataFrame, tracker: str) -> Figure | Absence:
-    name, title = f"lifetimes-{evidence.slug(tracker)}", f"Lifetimes of {tracker} by speed"
+def _by_speed(data: ReportData, table: pl.DataFrame, tracker: str) -> Figure | Absence:
+    name, title = f"lifetimes-{data.slug(tracker)}", f"Lifetimes of {tracker} by speed"
     table = table.filter(tracker=tracker)
     if table.is_empty():
-        return Absence(name, title, f"The tracker {tracker} found no feature, so no track has a lifetime.")
+        return Absence(name, title, f"The tracker {tracker} found no feature, so there are no tracks.")
     table = table.with_columns(series=pl.col("speed").cast(pl.String))
     return Figure(
         id=name,
         title=title,
-        shows=f"The same for {tracker} at every speed{evidence.where}; a lifetime counts the frames the tracker saw, "
-        f"so that at speed 2 each of them is two frames of the sequence. {_bands_text(table)}",
-        look_for=_numbers(table, list(evidence.speed_colours(tracker)), lead=f"For {tracker}, ", prefix="speed "),
-        spec=_pair(table, evidence.speed_colours(tracker), "speed"),
+        shows=f"The same for {tracker} at every speed{data.where}. Lifetimes count the frames that the tracker saw. "
+        f"At speed 2, each of these is two frames of the sequence. {_describe_bands(table)}",
+        look_for=_numbers(table, {speed: f"At speed {speed}, {tracker}" for speed in map(str, data.speeds)}),
+        spec=_pair(table, data.speed_colours(tracker), "speed"),
     )
 
 
-def _numbers(table: pl.DataFrame, names: Sequence[str], *, lead: str, prefix: str = "") -> str:
-    """Mean, median and censored share of each series."""
+def _numbers(table: pl.DataFrame, subjects: Mapping[str, str]) -> str:
+    """Mean, median and censored share of each series. Its first sentence begins with its subject."""
     keys = list(LIFETIMES)
     labels = table.select("tracker", "speed", "series").unique()
     lived = mean_lifetime(table.select(keys)).join(median_survival(table.select(keys)), on=["tracker", "speed"])
     found = {row["series"]: row for row in lived.join(labels, on=["tracker", "speed"]).to_dicts()}
-    parts = [_sentence(f"{prefix}{name}", found[name]) for name in names if name in found]
-    return f"{lead}{'; '.join(parts)}."
+    return " ".join(_sentences(subject, found[name]) for name, subject in subjects.items() if name in found)
 
 
-def _sentence(name: str, row: Mapping[str, Any]) -> str:
+def _sentences(subject: str, row: Mapping[str, Any]) -> str:
     median = row["median_lifetime"]
-    half = (
-        "more than half of them outlive the data"
-        if median is None
-        else f"an estimated half live no longer than {count(median, 'frame')}"
-    )
-    seen = f"{count(row['n_tracks'], 'track')}, seen in {number(row['mean_lifetime'])} frames on average"
-    return f"{name}: {seen}, {half}; {percent(row['n_censored'] / row['n_tracks'])} cut by the end"
+    half = "longer than the data (more than half are censored)" if median is None else count(median, "frame")
+    lived = f"Mean lifetime: {number(row['mean_lifetime'])} frames. Median lifetime: {half}."
+    censored = percent(row["n_censored"] / row["n_tracks"])
+    return f"{subject} has {count(row['n_tracks'], 'track')}. {lived} Censored: {censored}."
 
 
 def _pair(table: pl.DataFrame, colours: Mapping[str, str], title: str) -> Spec:
@@ -102,7 +98,7 @@ def _histogram(table: pl.DataFrame) -> alt.Chart:
         alt.Tooltip("series:N", title="of"),
         alt.Tooltip("lifetime:Q"),
         alt.Tooltip("n:Q", title="tracks"),
-        alt.Tooltip("cut:Q", title="of them cut by the end"),
+        alt.Tooltip("cut:Q", title="censored"),
     ]
     chart = alt.Chart(marks.rows(counts)).mark_line(interpolate="step")
     y = marks.log_count("tracks (count)", float(counts["drawn"].max()))  # type: ignore[arg-type]
@@ -121,7 +117,7 @@ def _survival(table: pl.DataFrame) -> alt.Chart:
 
 
 def _band(table: pl.DataFrame) -> list[alt.Chart]:
-    """Area between the bounds of the survival curve; none where it has none."""
+    """Area between the bounds of the survival curve. Empty where there are none."""
     known = table.select("series", pl.col("lifetime").cast(pl.Int64), "low", "high").drop_nulls()
     if known.is_empty():
         return []
@@ -131,14 +127,5 @@ def _band(table: pl.DataFrame) -> list[alt.Chart]:
     return [encoded]
 
 
-def _bands_text(table: pl.DataFrame) -> str:
-    return told(table, of="the survival curves")
-
-
-FAMILY = Family(
-    id="lifetimes",
-    title="Lifetimes",
-    lead="A track's lifetime is the number of consecutive frames in which its tracker found it, the first included. "
-    "Tracks alive in the last frame are cut short by the data, not by the tracker: they are censored.",
-    figures=figures,
-)
+def _describe_bands(table: pl.DataFrame) -> str:
+    return describe_intervals(table, of="the survival curves")

@@ -2,36 +2,28 @@
 
 from collections.abc import Sequence
 
-from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import light_sweeps
 from tracknoise.report.figures.comparison import comparison
-from tracknoise.report.figures.curve_grid import Series
-from tracknoise.report.figures.figure import Absence, Family, Figure
+from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.figures.series import Series
+from tracknoise.report.report_data import ReportData
 
 
-def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
-    """One figure a tracker and speed, one colour a lighting; none where there is one lighting."""
-    if len(evidence.lightings) < 2:
+def figures(data: ReportData) -> Sequence[Figure | Absence]:
+    """One figure per tracker and speed, one colour per lighting. None where there is only one lighting."""
+    if len(data.lightings) < 2:
         return []
-    return [_lightings_of(evidence, tracker, speed) for tracker in evidence.trackers for speed in evidence.speeds]
+    return [_lightings_of(data, tracker, speed) for tracker in data.trackers for speed in data.speeds]
 
 
-def _lightings_of(evidence: Evidence, tracker: str, speed: int) -> Figure | Absence:
+def _lightings_of(data: ReportData, tracker: str, speed: int) -> Figure | Absence:
     return comparison(
-        evidence,
-        evidence.across(evidence.points, "lighting").filter(tracker=tracker, speed=speed),
-        Series("lighting", light_sweeps.colours(evidence, tracker), "under {}"),
-        id=f"lighting-{evidence.slug(tracker)}-speed-{speed}",
+        data,
+        data.across(data.points, "lighting").filter(tracker=tracker, speed=speed),
+        Series("lighting", light_sweeps.colours(data, tracker), "under {}"),
+        id=f"error-by-lighting-{data.slug(tracker)}-speed-{speed}",
         title=f"{tracker} at speed {speed} by lighting",
-        shows=f"{evidence.errors_kept} of {tracker} at speed {speed} under every lighting"
-        f"{evidence.elsewhere('lighting')}; black: {evidence.view['lighting']}.",
-        advice="Curves that lie on each other speak for a lighting that makes no difference.",
+        shows=f"{data.errors_kept} of {tracker} at speed {speed} under every lighting"
+        f"{data.elsewhere('lighting')}. {data.view['lighting']} is black.",
+        advice="Where curves coincide, the lighting makes no difference.",
     )
-
-
-FAMILY = Family(
-    id="lightings",
-    title="Error by lighting",
-    lead="What changes when the same path is seen under other light.",
-    figures=figures,
-)

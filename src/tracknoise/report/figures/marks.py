@@ -1,24 +1,23 @@
-"""Pieces that figures are put together from."""
+"""Parts that figures share: data, legends, colours, bands and axes."""
 
 from collections.abc import Iterable, Mapping
+from typing import Any, TypeAlias
 
 import altair as alt
 import polars as pl
 import polars.selectors as cs
 
-from tracknoise.report import style
-from tracknoise.report.axis import Axis
-from tracknoise.report.figures.layout import Selection
-
+Selection: TypeAlias = Mapping[str, Any]
+"""A Vega-Lite selection parameter, without its views."""
 MUTED = 0.07
 BAND = 0.15
 _NONE = 0.6
 
 
 def rows(table: pl.DataFrame, *, digits: int = 4) -> alt.InlineData:
-    """A table as inline data, its numbers rounded to `digits` significant digits: a figure cannot show more.
+    """A table as inline data, with numbers rounded to `digits` significant digits.
 
-    It is text, whose copies cost nothing, with the type of every column beside it.
+    It is CSV text, which is cheap to copy, with the type of every column.
     """
     text = table.with_columns(cs.float().round_sig_figs(digits)).write_csv()
     parse = {name: "number" if kind.is_numeric() else "string" for name, kind in table.schema.items()}
@@ -26,24 +25,24 @@ def rows(table: pl.DataFrame, *, digits: int = 4) -> alt.InlineData:
 
 
 def shown(field: str, names: Iterable[str]) -> Selection:
-    """Which of the names in a legend are shown: all, until a click on one mutes it."""
+    """The names in a legend that are shown: all, until a click mutes one."""
     start = [{field: name} for name in names]
     select = {"type": "point", "fields": [field], "toggle": "true"}
     return {"name": f"shown_{field}", "select": select, "bind": "legend", "value": start}
 
 
 def opacity(field: str) -> alt.OpacityValue:
-    """Full where `shown` holds the mark's value of `field`, faint where it is muted."""
+    """Full where `shown` holds the value of `field`, faint where it is muted."""
     return alt.OpacityValue(MUTED, condition={"param": f"shown_{field}", "value": 1})
 
 
 def faint(field: str) -> alt.OpacityValue:
-    """For bands: as `opacity`, but so faint where the field is shown that what lies below is seen."""
+    """As `opacity`, for bands: faint enough to see what lies below."""
     return alt.OpacityValue(0.02, condition={"param": f"shown_{field}", "value": BAND})
 
 
 def zoom(*encodings: str) -> Selection:
-    """Drag moves, shift and wheel zoom, a double click goes back; the wheel alone scrolls the page."""
+    """Drag to move, shift and wheel to zoom, double-click to reset. The wheel alone scrolls the page."""
     select = {"type": "interval", "encodings": list(encodings), "zoom": "wheel![event.shiftKey]"}
     return {"name": "zoom", "select": select, "bind": "scales"}
 
@@ -55,7 +54,7 @@ def colour(field: str, colours: Mapping[str, str], title: str, *, legend: bool =
 
 
 def fill(field: str, colours: Mapping[str, str]) -> alt.Fill:
-    """The same colours for an area, which the legend need not explain."""
+    """The same colours for an area, without a legend."""
     return alt.Fill(f"{field}:N", scale=scale(colours), sort=None, legend=None)
 
 
@@ -65,7 +64,7 @@ def scale(colours: Mapping[str, str]) -> alt.Scale:
 
 
 def domain(values: pl.Series, *, zero: bool = False) -> list[float]:
-    """Axis bounds that hold all values with a little room; never empty."""
+    """Axis bounds that include all values with some margin. Never empty."""
     known = values.drop_nulls()
     low, high = (float(known.min()), float(known.max())) if known.len() else (0.0, 1.0)  # type: ignore[arg-type]
     low = min(low, 0.0) if zero else low
@@ -74,7 +73,7 @@ def domain(values: pl.Series, *, zero: bool = False) -> list[float]:
 
 
 def holding(curves: pl.Series, ends: pl.Series) -> list[float]:
-    """Axis bounds that hold zero and curves, and of the ends of their bands what does not leave the curves a sliver."""
+    """Axis bounds that include zero, the curves, and the ends of their bands unless these would shrink the curves."""
     known = curves.drop_nulls()
     if known.is_empty():
         return domain(known, zero=True)
@@ -86,7 +85,7 @@ def holding(curves: pl.Series, ends: pl.Series) -> list[float]:
 def band(
     table: pl.DataFrame, field: str, colours: Mapping[str, str], coordinate: str, x: alt.X, y: alt.Y
 ) -> list[alt.Chart]:
-    """Areas between the bounds of a coordinate, along ``at``, one a value of `field`; none where there are none."""
+    """Areas between the bounds of a coordinate along ``at``, one per value of `field`. Empty without bounds."""
     low, high = f"{coordinate}_low", f"{coordinate}_high"
     known = table.select(field, "at", low, high).drop_nulls()
     if known.is_empty():
@@ -95,20 +94,19 @@ def band(
     return [area.encode(x=x, y=on(y, low), y2=f"{high}:Q", fill=fill(field, colours), opacity=faint(field))]
 
 
-def along(axis: Axis, places: pl.Series) -> alt.X:
-    """Horizontal axis of curves, column ``at``: ages from zero, or the frames that there are."""
+def along(places: pl.Series, *, title: str, from_zero: bool) -> alt.X:
+    """Horizontal axis of curves, column ``at``: from zero, as ages, or from the first of the places, as frames."""
     low, high = (float(places.min()), float(places.max())) if places.len() else (0.0, 1.0)  # type: ignore[arg-type]
-    aged = axis.name == "age"
-    room = 0.03 * ((high if aged else high - low) or 1.0)
-    scale = alt.Scale(domain=[0.0 if aged else low - room, high + room], nice=False)
-    return alt.X("at:Q", title=axis.title, axis=alt.Axis(tickMinStep=1), scale=scale)
+    room = 0.03 * ((high if from_zero else high - low) or 1.0)
+    scale = alt.Scale(domain=[0.0 if from_zero else low - room, high + room], nice=False)
+    return alt.X("at:Q", title=title, axis=alt.Axis(tickMinStep=1), scale=scale)
 
 
-def key_frames(frames: Iterable[int]) -> list[alt.Chart]:
-    """A line at each key frame with its name above."""
+def key_frames(frames: Iterable[int], colour: str) -> list[alt.Chart]:
+    """A labelled line at each key frame."""
     base = alt.Chart(alt.InlineData(values=[{"at": frame} for frame in sorted(set(frames))]))
-    rule = base.mark_rule(color=style.QUIET, strokeWidth=0.8).encode(x="at:Q")
-    label = base.mark_text(text="key frame", color=style.QUIET, fontSize=9, dy=-6).encode(x="at:Q", y=alt.value(0))
+    rule = base.mark_rule(color=colour, strokeWidth=0.8).encode(x="at:Q")
+    label = base.mark_text(text="key frame", color=colour, fontSize=9, dy=-6).encode(x="at:Q", y=alt.value(0))
     return [rule, label]
 
 
@@ -127,5 +125,5 @@ def log_count(title: str, largest: float) -> alt.Y:
 
 
 def drawn_count(n: pl.Expr) -> pl.Expr:
-    """Counts as a logarithmic axis draws them: none lies a little below one."""
+    """Counts as a logarithmic axis draws them. Zero is drawn a little below one."""
     return n.cast(pl.Float64).clip(lower_bound=_NONE).alias("drawn")

@@ -1,52 +1,43 @@
-"""Error at every speed, of each tracker."""
+"""Error of each tracker at every speed."""
 
 from collections.abc import Sequence
 
-from tracknoise.findings.wording import px
-from tracknoise.report.evidence import Evidence
+from tracknoise.findings.wording import listing, px
 from tracknoise.report.figures.comparison import comparison
-from tracknoise.report.figures.curve_grid import MANY, Series
-from tracknoise.report.figures.figure import Absence, Family, Figure
-from tracknoise.report.sentences import listing
+from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.figures.series import MANY, Series
+from tracknoise.report.report_data import ReportData
 
 
-def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
-    """One figure a tracker, one colour a speed."""
-    if len(evidence.speeds) < 2:
-        only = f"Only speed {evidence.slowest} was run" if evidence.speeds else "No tracker found a feature"
-        title = f"Error by {evidence.axis.name} and speed"
-        return [Absence("curves-by-speed", title, f"{only}, so there are no speeds to compare.")]
-    return [_speeds_of(evidence, tracker) for tracker in evidence.trackers]
+def figures(data: ReportData) -> Sequence[Figure | Absence]:
+    """One figure per tracker, one colour per speed."""
+    if len(data.speeds) < 2:
+        only = f"Only speed {data.slowest} was run" if data.speeds else "No tracker found a feature"
+        title = f"Error by {data.axis.name} and speed"
+        return [Absence("error-by-speed", title, f"{only}, so there are no speeds to compare.")]
+    return [_speeds_of(data, tracker) for tracker in data.trackers]
 
 
-def _speeds_of(evidence: Evidence, tracker: str) -> Figure | Absence:
+def _speeds_of(data: ReportData, tracker: str) -> Figure | Absence:
     return comparison(
-        evidence,
-        evidence.reference(evidence.points).filter(tracker=tracker),
-        Series("speed", evidence.speed_colours(tracker), "for speed {}"),
-        id=f"speed-{evidence.slug(tracker)}",
+        data,
+        data.reference(data.points).filter(tracker=tracker),
+        Series("speed", data.speed_colours(tracker), "for speed {}"),
+        id=f"error-by-speed-{data.slug(tracker)}",
         title=f"{tracker} by speed",
-        shows=f"{evidence.errors_kept} of {tracker} at every speed{evidence.where}: at speed s it sees every s-th "
-        "frame only, so that features move farther between the frames it sees.",
-        advice=f"Curves that lie on each other mean that error comes with {evidence.axis.distance}, whatever the "
-        f"number of steps it took.{_cuts_differ(evidence, tracker)}",
+        shows=f"{data.errors_kept} of {tracker} at every speed{data.where}. At speed s the tracker sees only "
+        "every s-th frame, so features move farther between its frames.",
+        advice=f"Where curves coincide, the error depends on {data.axis.distance} and not on the number of tracking "
+        f"steps.{_cuts_differ(data, tracker)}",
     )
 
 
-def _cuts_differ(evidence: Evidence, tracker: str) -> str:
-    """Warn that speeds were not trimmed at the same error: where few tracks live on, most errors are 0."""
-    cuts = evidence.cuts(tracker)
+def _cuts_differ(data: ReportData, tracker: str) -> str:
+    """Warn that speeds were not trimmed at the same error. Where few tracks live on, most errors are 0."""
+    cuts = data.cuts(tracker)
     if cuts["cut"].n_unique() < 2:
         return ""
     many = cuts.height > MANY
     rows = cuts.sort("cut")[[0, -1]].to_dicts() if many else cuts.to_dicts()
-    told = listing(f"{px(row['cut'])} at speed {row['speed']}" for row in rows)
-    return f" Mind that trimming cut {'between' if many else 'at'} {told}: some of the difference is the cut's."
-
-
-FAMILY = Family(
-    id="speeds",
-    title="Error by speed",
-    lead="What changes when the camera moves faster, or the tracker sees fewer frames.",
-    figures=figures,
-)
+    cut = listing(f"{px(row['cut'])} at speed {row['speed']}" for row in rows)
+    return f" Caution: trimming cuts {'between' if many else 'at'} {cut}. This explains part of the difference."

@@ -1,4 +1,4 @@
-"""How errors grow: the second moment by age with what was fitted to it, and the autocorrelation of the changes."""
+"""Error growth: the second moment by age with the fitted model, and the autocorrelation of the changes."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,66 +9,73 @@ import polars as pl
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
-from tracknoise.findings.wording import DASH, MINUS
+from tracknoise.findings.wording import DASH, MINUS, listing
 from tracknoise.report import bands, style
-from tracknoise.report.evidence import Evidence
+from tracknoise.report.cells import Cells
 from tracknoise.report.figures import marks
-from tracknoise.report.figures.figure import Absence, Family, Figure
+from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Panel, arranged
-from tracknoise.report.sentences import listing
-from tracknoise.report.tables import Cells
+from tracknoise.report.report_data import ReportData
 
-_TITLE = "How errors grow"
+_TITLE = "Error growth"
 _PARTS = {
     "white_px": ("constant", "px"),
     "walk_px_per_sqrt_frame": ("random walk", "px/√frame"),
     "drift_px_per_frame": ("drift", "px/frame"),
 }
-"""Parts of the fit, what they are called, and their units."""
+"""Names and units of the parts of the fit."""
 _BEHAVES = {
-    "white": "as large at first as later",
+    "white": "constant",
     "random walk": "a random walk",
     "drift": "a drift",
-    "none": "none of these",
+    "none": "other",
     "undecided": "undecided",
 }
-"""What is said of each verdict."""
-_SAID = ("random walk", "drift")
+"""Words for each verdict."""
+_SENTENCES = {
+    "white": "the error of {} is constant",
+    "random walk": "the error of {} is a random walk",
+    "drift": "the error of {} is a drift",
+    "none": "the error of {} fits none of the models",
+    "undecided": "the growth of the error of {} is undecided",
+}
+"""How a sentence states each verdict."""
+_EXPLAINED = ("random walk", "drift")
 """Verdicts whose reason is in the columns before them."""
 _AXES = {"u": "u (horizontal)", "v": "v (vertical)"}
 _SIZE = {"width": 395, "height": 200}
 _MOST_PLACES = 200
-_YARDSTICKS = pl.DataFrame({"at": [0.0, -0.5], "of": ["random walk", "white noise"]})
-"""Autocorrelation of the changes of an error that is nothing else, at one step."""
+_REFERENCES = pl.DataFrame({"at": [0.0, -0.5], "of": ["random walk", "white noise"]})
+"""Autocorrelation of the changes at one step, for pure errors of each kind."""
 
 
-def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
-    """One figure: all trackers at the lowest speed, and below it the autocorrelation at every speed."""
-    table = _fitted(evidence)
+def figures(data: ReportData) -> Sequence[Figure | Absence]:
+    """One figure: all trackers at the lowest speed, and the autocorrelation at every speed."""
+    table = _fitted(data)
     if table.is_empty():
-        why = "How errors grow was not worked out: no condition has enough of them."
+        why = "No condition has enough errors to judge their growth."
         return [Absence("time-structure", _TITLE, why)]
-    points = evidence.nominal(evidence.points).filter(trimming="trimmed", population=evidence.population, role="second")
+    points = data.nominal(data.points).filter(trimming="trimmed", population=data.population, role="second")
     points = points.filter(pl.col("since") != 0).with_columns(distance=pl.col("since").abs())
-    nominal = table.filter(speed=evidence.slowest)
-    panels = [_growth(evidence, points, nominal, coordinate) for coordinate in _AXES]
-    panels += [_correlation(evidence, table, coordinate) for coordinate in _AXES]
+    nominal = table.filter(speed=data.slowest)
+    panels = [_growth(data, points, nominal, coordinate) for coordinate in _AXES]
+    panels += [_correlation(data, table, coordinate) for coordinate in _AXES]
     figure = Figure(
         id="time-structure",
         title=_TITLE,
-        shows=f"Top: the second moment about zero by {evidence.axis.distance} at speed {evidence.slowest}"
-        f"{evidence.where} (dots, with the ends of their intervals) and what was fitted to it (lines): a part that "
-        "stays, one that grows with the number of frames, and one that grows with its square. Bottom: how much "
-        "the change of an error from one frame that the tracker saw to the next is like the change before, at every "
-        f"speed. {bands.told(points, of='the second moments', marks='Thin lines at')}",
-        look_for=_look_for(evidence, nominal),
+        shows=f"Top: the second moment about zero by {data.axis.distance} at speed {data.slowest}"
+        f"{data.where} (dots) and the fitted model (lines). The model has a constant part, a part that grows with the "
+        "number of frames, and a part that grows with its square. Bottom: the correlation of successive changes of "
+        "the error, from one frame that the tracker saw to the next, at every speed. "
+        f"{bands.describe_intervals(points, of='the second moments', marks='Thin lines at')}",
+        look_for=_look_for(data, nominal),
         spec=arranged(panels, columns=2),
     )
     return [figure]
 
 
-def tables(evidence: Evidence) -> Sequence[Cells]:
-    """What was fitted, a row a tracker, speed and coordinate."""
+def tables(data: ReportData) -> Sequence[Cells]:
+    """The fitted model: one row per tracker, speed and coordinate."""
     rows = [
         [
             row["tracker"],
@@ -77,25 +84,25 @@ def tables(evidence: Evidence) -> Sequence[Cells]:
             *(_size(row, name, unit) for name, (_, unit) in _PARTS.items()),
             _size(row, "autocorrelation", ""),
             _BEHAVES[row["verdict"]],
-            "" if row["verdict"] in _SAID else row["why"] or "",
+            "" if row["verdict"] in _EXPLAINED else row["why"] or "",
         ]
-        for row in _fitted(evidence).to_dicts()
+        for row in _fitted(data).to_dicts()
     ]
     parts = [name for name, _ in _PARTS.values()]
-    headings = ["tracker", "speed", "", *parts, "autocorrelation", "behaves like", "why"]
-    caption = f"What errors grow like, trimmed{evidence.where}"
+    headings = ["tracker", "speed", "", *parts, "autocorrelation", "verdict", "why"]
+    caption = f"Fitted error growth, trimmed{data.where}"
     return [Cells(caption, headings, rows, [False, True, False, *[True] * 4, False, False])] if rows else []
 
 
-def _fitted(evidence: Evidence) -> pl.DataFrame:
-    table = evidence.reference(evidence.time_structure).filter(trimming="trimmed")
-    order = {name: place for place, name in enumerate(evidence.trackers)}
+def _fitted(data: ReportData) -> pl.DataFrame:
+    table = data.reference(data.time_structure).filter(trimming="trimmed")
+    order = {name: place for place, name in enumerate(data.trackers)}
     place = pl.col("tracker").replace_strict(order, return_dtype=pl.Int64, default=len(order))
     return table.sort(place, "speed", "coordinate")
 
 
-def _growth(evidence: Evidence, points: pl.DataFrame, fits: pl.DataFrame, coordinate: str) -> Panel:
-    """Measured second moments, and the fit over the distances they cover."""
+def _growth(data: ReportData, points: pl.DataFrame, fits: pl.DataFrame, coordinate: str) -> Panel:
+    """Measured second moments, and the fit over the same distances."""
     measured = points.select(
         "tracker", "distance", "n", moment=pl.col(coordinate) ** 2, low=pl.col(f"{coordinate}_low") ** 2,
         high=pl.col(f"{coordinate}_high") ** 2,
@@ -108,7 +115,7 @@ def _growth(evidence: Evidence, points: pl.DataFrame, fits: pl.DataFrame, coordi
     reach = float(points["distance"].max() or 1)  # type: ignore[arg-type]
     x = alt.X(
         "distance:Q",
-        title=f"{evidence.axis.distance} (frames of the sequence)",
+        title=f"{data.axis.distance} (frames of the sequence)",
         axis=alt.Axis(tickMinStep=1),
         scale=alt.Scale(domain=[0, 1.03 * reach], nice=False),
     )
@@ -117,7 +124,7 @@ def _growth(evidence: Evidence, points: pl.DataFrame, fits: pl.DataFrame, coordi
         title=f"{_AXES[coordinate]}: second moment (px²)",
         scale=alt.Scale(domain=ends, nice=False),
     )
-    hue, opacity = marks.colour("tracker", evidence.colour, "tracker"), marks.opacity("tracker")
+    hue, opacity = marks.colour("tracker", data.colour, "tracker"), marks.opacity("tracker")
     tips = [
         alt.Tooltip("tracker:N"),
         alt.Tooltip("distance:Q"),
@@ -131,11 +138,11 @@ def _growth(evidence: Evidence, points: pl.DataFrame, fits: pl.DataFrame, coordi
         x=x, y=marks.on(y, "low"), y2="high:Q", color=hue, opacity=opacity
     )
     chart = alt.layer(dots.mark_point(size=16, clip=True), lines, whiskers).properties(**_SIZE)
-    return Panel(chart, (marks.shown("tracker", evidence.colour),))
+    return Panel(chart, (marks.shown("tracker", data.colour),))
 
 
 def _curves(fits: pl.DataFrame, points: pl.DataFrame) -> pl.DataFrame:
-    """white^2 + walk^2 k + drift^2 k^2 of every tracker, over the distances k at which it was measured."""
+    """white^2 + walk^2 k + drift^2 k^2 of every tracker, over its measured distances k."""
     parts = [pl.DataFrame(schema={"tracker": pl.String, "distance": pl.Float64, "moment": pl.Float64})]
     for row in fits.drop_nulls(list(_PARTS)).to_dicts():
         reach = points.filter(tracker=row["tracker"])["distance"].max()
@@ -146,20 +153,20 @@ def _curves(fits: pl.DataFrame, points: pl.DataFrame) -> pl.DataFrame:
     return pl.concat(parts)
 
 
-def _correlation(evidence: Evidence, table: pl.DataFrame, coordinate: str) -> Panel:
-    """Autocorrelation of the changes at every speed, between those of a random walk and of white noise."""
+def _correlation(data: ReportData, table: pl.DataFrame, coordinate: str) -> Panel:
+    """Autocorrelation of the changes at every speed, with those of a random walk and of white noise."""
     names = ["autocorrelation", "autocorrelation_low", "autocorrelation_high"]
     known = table.filter(coordinate=coordinate).drop_nulls("autocorrelation")
     known = known.select("tracker", pl.col("speed").cast(pl.String), value=names[0], low=names[1], high=names[2])
     ends = pl.concat([known["value"], known["low"], known["high"], pl.Series([-0.55, 0.1])])
-    x = alt.X("speed:N", sort=[str(speed) for speed in evidence.speeds], axis=alt.Axis(labelAngle=0))
+    x = alt.X("speed:N", sort=[str(speed) for speed in data.speeds], axis=alt.Axis(labelAngle=0))
     y = alt.Y(
         "value:Q",
         title=f"{_AXES[coordinate]}: autocorrelation",
         scale=alt.Scale(domain=marks.domain(ends), nice=False),
     )
-    hue, opacity = marks.colour("tracker", evidence.colour, "tracker"), marks.opacity("tracker")
-    offset = alt.XOffset("tracker:N", sort=evidence.trackers)
+    hue, opacity = marks.colour("tracker", data.colour, "tracker"), marks.opacity("tracker")
+    offset = alt.XOffset("tracker:N", sort=data.trackers)
     tips = [
         alt.Tooltip("tracker:N"),
         alt.Tooltip("speed:N"),
@@ -168,33 +175,31 @@ def _correlation(evidence: Evidence, table: pl.DataFrame, coordinate: str) -> Pa
     base = alt.Chart(marks.rows(known)).encode(x=x, xOffset=offset, color=hue, opacity=opacity, tooltip=tips)
     dots = base.mark_point(size=40).encode(y=y)
     bars = base.transform_filter("isValid(datum.low) && isValid(datum.high)").mark_rule(strokeWidth=1.5)
-    yardsticks = alt.Chart(marks.rows(_YARDSTICKS))
-    rules = yardsticks.mark_rule(color=style.QUIET, strokeDash=[3, 3]).encode(y=marks.on(y, "at"))
-    labels = yardsticks.mark_text(color=style.QUIET, fontSize=10, align="left", dx=3, dy=-6).encode(
+    references = alt.Chart(marks.rows(_REFERENCES))
+    rules = references.mark_rule(color=style.QUIET, strokeDash=[3, 3]).encode(y=marks.on(y, "at"))
+    labels = references.mark_text(color=style.QUIET, fontSize=10, align="left", dx=3, dy=-6).encode(
         y=marks.on(y, "at"), x=alt.value(0), text="of:N"
     )
     chart = alt.layer(dots, bars.encode(y=marks.on(y, "low"), y2="high:Q"), rules, labels)
-    return Panel(chart.properties(**_SIZE), (marks.shown("tracker", evidence.colour),))
+    return Panel(chart.properties(**_SIZE), (marks.shown("tracker", data.colour),))
 
 
-def _look_for(evidence: Evidence, nominal: pl.DataFrame) -> str:
-    parts = []
-    for tracker in evidence.trackers:
-        rows = nominal.filter(tracker=tracker).to_dicts()
-        parts += [f"{tracker}: {listing(map(_sentence, rows))}"] if rows else []
-    numbers = f"At speed {evidence.slowest}, {'; '.join(parts)}. " if parts else ""
+def _look_for(data: ReportData, nominal: pl.DataFrame) -> str:
+    parts = [_sentences(row) for tracker in data.trackers for row in nominal.filter(tracker=tracker).to_dicts()]
+    numbers = f"At speed {data.slowest}, {' '.join(parts)} " if parts else ""
     return (
-        f"{numbers}A line that stays flat is an error as large at first as later: white noise, which a filter averages "
-        f"away, if its changes undo each other (autocorrelation near {MINUS}0.5), or else an offset. A straight climb "
-        "is a random walk, and one that bends upwards a drift; no averaging removes these."
+        f"{numbers}A flat line is a constant error. It is white noise if the autocorrelation of its changes is near "
+        f"{MINUS}0.5, and a filter can average it out. Otherwise it is an offset. A straight rise is a random walk, "
+        "and a rise that bends upwards is a drift. Averaging removes neither."
     )
 
 
-def _sentence(row: Mapping[str, Any]) -> str:
-    sizes = [
+def _sentences(row: Mapping[str, Any]) -> str:
+    parts = [
         f"{name} {format_estimate(_estimate(row, part, unit))}" for part, (name, unit) in _PARTS.items() if row[part]
     ]
-    return f"in {row['coordinate']} {_BEHAVES[row['verdict']]}" + (f" ({', '.join(sizes)})" if sizes else "")
+    verdict = _SENTENCES[row["verdict"]].format(f"{row['tracker']} in {row['coordinate']}")
+    return f"{verdict}. " + (f"Its fitted parts: {listing(parts)}." if parts else "No model was fitted.")
 
 
 def _size(row: Mapping[str, Any], name: str, unit: str) -> str:
@@ -203,14 +208,3 @@ def _size(row: Mapping[str, Any], name: str, unit: str) -> str:
 
 def _estimate(row: Mapping[str, Any], name: str, unit: str) -> Estimate:
     return Estimate.of_row(row, name, f"{name}_low", f"{name}_high", unit)
-
-
-FAMILY = Family(
-    id="time-structure",
-    title=_TITLE,
-    lead="An estimator that takes errors for fresh noise in every frame trusts long tracks too much where the error "
-    "is one that was carried along. How the second moment grows tells the two apart, and so does whether one change "
-    "of the error is taken back by the next.",
-    figures=figures,
-    tables=tables,
-)

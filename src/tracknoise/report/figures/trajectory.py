@@ -1,4 +1,4 @@
-"""Where the camera went: its path from the side on which most is to be seen, and how far it moved and turned."""
+"""The camera path, along its two longest axes, and how far the camera moved and rotated."""
 
 import re
 from collections.abc import Sequence
@@ -12,17 +12,17 @@ from scipy.spatial.transform import Rotation
 
 from tracknoise.findings.wording import SPACE, count, number, percent
 from tracknoise.report import style
-from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import marks
-from tracknoise.report.figures.figure import Absence, Family, Figure
+from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Chart, Panel, arranged
+from tracknoise.report.report_data import ReportData
 
 MOST = 4
 _TITLE = "Camera path"
 _POINTS, _HEADINGS = 300, 12
 _SIZE = {"width": 235, "height": 190}
 _STILL = 1e-7
-"""Turns smaller than this, rad, are the rounding of quaternions."""
+"""Rotations smaller than this, rad, are rounding errors of quaternions."""
 _AXES = ("x", "y", "z")
 _COLOURS = dict(zip(_AXES, style.colours(_AXES), strict=True))
 
@@ -41,11 +41,11 @@ class Path:
     forwards : (n, 3) float64
         Unit vectors along its line of sight, in the world.
     angles_deg : (n,) float64
-        By how much it is turned from its first frame.
+        Rotation from its first frame.
     turned_deg, moved_m
-        Sums of what it turns and moves from frame to frame.
+        Sums of rotations and translations from frame to frame.
     depth_m
-        Median depth of its features where they were first seen; None where none is known.
+        Median depth of its features where they were first seen. None where none is known.
     """
 
     scene: str
@@ -58,71 +58,68 @@ class Path:
     depth_m: float | None
 
 
-def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
-    """One figure: a row a motion, of the first scene of each, and of few motions."""
-    chosen = first_of_each_motion(list(evidence.sequences))
+def figures(data: ReportData) -> Sequence[Figure | Absence]:
+    """One figure: one row per motion, for the first scene of each of the first motions."""
+    chosen = first_of_each_motion(list(data.sequences))
     if not chosen:
-        return [Absence("trajectory", _TITLE, "No tracker found a feature, so there is no path to look at.")]
-    paths = [_path(evidence, key) for key in chosen[:MOST]]
-    more = len(evidence.sequences) - len(paths)
+        return [Absence("trajectory", _TITLE, "No tracker found a feature, so there is no path.")]
+    paths = [_path(data, key) for key in chosen[:MOST]]
+    more = len(data.sequences) - len(paths)
     others = f" {count(more, 'other scene').capitalize()} {'is' if more == 1 else 'are'} not drawn." if more else ""
     figure = Figure(
         id="trajectory",
         title=_TITLE,
-        shows="Left: the camera's path along the two axes of the world on which it extends farthest, from the dot on; "
-        "strokes show where it looks. Middle: how far it is from its first frame along each axis of the world. Right: "
-        f"by how much it is turned from there.{others}",
-        look_for=" ".join(_sentence(path) for path in paths) + " Where turning is nearly all, images move alike "
-        "whatever the depth of what they show; where it is little, near things move much and far ones hardly.",
+        shows="Left: the camera path along the two world axes in which it extends farthest. The dot is its start. "
+        "Strokes show the viewing direction. Middle: displacement from the first frame along each world axis. Right: "
+        f"rotation from the first frame.{others}",
+        look_for=" ".join(_sentence(path) for path in paths),
         spec=arranged([panel for path in paths for panel in _row(path)], columns=3),
     )
     return [figure]
 
 
 def first_of_each_motion(keys: Sequence[str]) -> list[str]:
-    """The first of the sequences whose names differ in nothing but the number that their scene ends with."""
+    """The first of the sequences whose names differ only in the number at the end of their scene."""
     first: dict[str, str] = {}
     for key in keys:
         first.setdefault(re.sub(r"[-_ ]?\d+(?=@)", "", key), key)
     return list(first.values())
 
 
-def _path(evidence: Evidence, key: str) -> Path:
-    poses = evidence.run.sequence_table("poses", key).sort("frame")
+def _path(data: ReportData, key: str) -> Path:
+    poses = data.run.sequence_table("poses", key).sort("frame")
     places = poses.select("x_m", "y_m", "z_m").to_numpy()
     rotations = Rotation.from_quat(poses.select("qx", "qy", "qz", "qw").to_numpy())
     steps = np.asarray((rotations[:-1].inv() * rotations[1:]).magnitude())
     return Path(
-        scene=evidence.sequences[key].scene,
+        scene=data.sequences[key].scene,
         frame=poses["frame"].to_numpy().astype(np.int64),
         places_m=places,
         forwards=rotations.apply([0.0, 0.0, 1.0]),
         angles_deg=np.rad2deg((rotations[0].inv() * rotations).magnitude()),
         turned_deg=float(np.rad2deg(steps[steps > _STILL].sum())),
         moved_m=float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum()),
-        depth_m=_depth_m(evidence, key),
+        depth_m=_depth_m(data, key),
     )
 
 
-def _depth_m(evidence: Evidence, key: str) -> float | None:
-    """Median depth of a scene's features, metres; None where none is known, or the tracks are not kept."""
-    if not evidence.keeps_observations:
+def _depth_m(data: ReportData, key: str) -> float | None:
+    """Median depth of a scene's features, metres. None where none is known, or the tracks are not kept."""
+    if not data.keeps_observations:
         return None
-    depths = evidence.run.sequence_table("tracks", key)["depth_m"].drop_nulls()
+    depths = data.run.sequence_table("tracks", key)["depth_m"].drop_nulls()
     return float(np.median(depths.to_numpy())) if depths.len() else None
 
 
 def _sentence(path: Path) -> str:
-    moves = (
-        f"From frame to frame {path.scene} moves {number(path.moved_m)}{SPACE}m and turns {number(path.turned_deg)}°"
-    )
+    moves = f"In total, {path.scene} moves {number(path.moved_m)}{SPACE}m and rotates {number(path.turned_deg)}°"
     if not path.depth_m or not path.moved_m or not path.turned_deg:
-        return f"{moves} in all."
+        return f"{moves}."
     seen_deg = float(np.rad2deg(path.moved_m / path.depth_m))
     share = percent(path.turned_deg / (path.turned_deg + seen_deg))
     return (
-        f"{moves} in all; at {number(path.depth_m)}{SPACE}m, the median depth of its features, so much moving shifts "
-        f"the view by up to {number(seen_deg)}°, so that turning is {share} or more of the two together."
+        f"{moves}. At the median feature depth of {number(path.depth_m)}{SPACE}m, this translation shifts the view by "
+        f"up to {number(seen_deg)}°. Rotation is then {share} or more of the total."
     )
 
 
@@ -142,8 +139,8 @@ def _row(path: Path) -> list[Panel]:
     )  # fmt: skip
     angle = alt.Chart(marks.rows(turned)).mark_line(color=style.INK).encode(
         x=x,
-        y=alt.Y("turned:Q", title="turned (°)", scale=alt.Scale(domain=[0, 1.05 * path.angles_deg.max() or 1.0])),
-        tooltip=["frame:Q", alt.Tooltip("turned:Q", title="turned (°)")],
+        y=alt.Y("turned:Q", title="rotated (°)", scale=alt.Scale(domain=[0, 1.05 * path.angles_deg.max() or 1.0])),
+        tooltip=["frame:Q", alt.Tooltip("turned:Q", title="rotated (°)")],
     )  # fmt: skip
     return [
         Panel(_top_view(path, shown).properties(title=path.scene, **_SIZE)),
@@ -153,7 +150,7 @@ def _row(path: Path) -> list[Panel]:
 
 
 def _top_view(path: Path, shown: NDArray[np.intp]) -> Chart:
-    """The path, on the same scale in both directions."""
+    """The path, with the same scale on both axes."""
     widest = sorted(np.argsort(-np.ptp(path.places_m, axis=0), kind="stable")[:2])
     metres_per_px, middle = _scale(path.places_m[:, widest])
     spans = metres_per_px * np.array([_SIZE["width"], _SIZE["height"]])
@@ -181,7 +178,7 @@ def _top_view(path: Path, shown: NDArray[np.intp]) -> Chart:
 
 
 def _scale(places_m: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-    """Metres a px at which all places fit with room for the strokes, and the middle of the panel."""
+    """Metres per px at which all places and strokes fit, and the middle of the panel."""
     low, high = places_m.min(axis=0), places_m.max(axis=0)
     sizes = 0.75 * np.array([_SIZE["width"], _SIZE["height"]])
     return float(np.max((high - low) / sizes)) or 1.0 / sizes[0], (low + high) / 2
@@ -197,14 +194,5 @@ def _table(
 
 
 def _spread(n: int, most: int) -> NDArray[np.intp]:
-    """At most `most` of n places, evenly spread, the first and the last among them."""
+    """At most `most` of n places, evenly spaced, including the first and the last."""
     return np.linspace(0, n - 1, min(n, most)).round().astype(np.intp)
-
-
-FAMILY = Family(
-    id="trajectory",
-    title=_TITLE,
-    lead="How the camera moves decides what trackers meet: turning moves the whole image alike, moving shifts near "
-    "things against far ones.",
-    figures=figures,
-)

@@ -1,83 +1,69 @@
-"""Error in images that are turned, and in sequences that are played backward, beside the usual."""
+"""Error in rotated images, and in sequences played backward."""
 
 from collections.abc import Sequence
 
 import polars as pl
 
+from tracknoise.findings.wording import listing
 from tracknoise.report import style
 from tracknoise.report.bands import upright_bounds
-from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures.comparison import comparison
-from tracknoise.report.figures.curve_grid import Series
-from tracknoise.report.figures.figure import Absence, Family, Figure
-from tracknoise.report.sentences import listing
+from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.figures.series import Series
+from tracknoise.report.report_data import ReportData
 
-_TURNED = {0: "upright", 90: "sideways", 180: "upside down", 270: "sideways, the other way"}
-"""What images are called that are turned counter-clockwise by so many degrees."""
+_ROTATED = {0: "upright", 90: "sideways", 180: "upside down", 270: "sideways (270°)"}
+"""Name of each counter-clockwise rotation of the images, degrees."""
 
 
-def rotations(evidence: Evidence) -> Sequence[Figure | Absence]:
-    """One figure a tracker, one colour a rotation; none where there is one rotation."""
-    if len(evidence.rotations) < 2:
+def rotations(data: ReportData) -> Sequence[Figure | Absence]:
+    """One figure per tracker, one colour per rotation. None where there is only one rotation."""
+    if len(data.rotations) < 2:
         return []
-    return [_rotations_of(evidence, tracker) for tracker in evidence.trackers]
+    return [_rotations_of(data, tracker) for tracker in data.trackers]
 
 
-def directions(evidence: Evidence) -> Sequence[Figure | Absence]:
-    """One figure a tracker, one colour a direction; none where there is one direction."""
-    if len(evidence.directions) < 2:
+def directions(data: ReportData) -> Sequence[Figure | Absence]:
+    """One figure per tracker, one colour per direction. None where there is only one direction."""
+    if len(data.directions) < 2:
         return []
-    return [_directions_of(evidence, tracker) for tracker in evidence.trackers]
+    return [_directions_of(data, tracker) for tracker in data.trackers]
 
 
-def _rotations_of(evidence: Evidence, tracker: str) -> Figure | Absence:
-    points = evidence.across(evidence.points, "rotation").filter(tracker=tracker, speed=evidence.slowest)
-    names = [_TURNED[angle] for angle in evidence.rotations]
-    told = listing(f"{_TURNED[angle]} is turned by {angle}°" for angle in evidence.rotations if angle)
+def _rotations_of(data: ReportData, tracker: str) -> Figure | Absence:
+    points = data.across(data.points, "rotation").filter(tracker=tracker, speed=data.slowest)
+    names = [_ROTATED[angle] for angle in data.rotations]
+    angles = listing(f"{_ROTATED[angle]} means {angle}° counter-clockwise" for angle in data.rotations if angle)
     return comparison(
-        evidence,
+        data,
         upright_bounds(points, signed=pl.col("role") == "mean").with_columns(
-            rotation=pl.col("rotation").replace_strict(_TURNED, return_dtype=pl.String)
+            rotation=pl.col("rotation").replace_strict(_ROTATED, return_dtype=pl.String)
         ),
-        Series("rotation", _two(evidence, tracker, names), "{}"),
-        id=f"rotation-{evidence.slug(tracker)}",
-        title=f"{tracker}, {listing(names, joint='against')}",
-        shows=f"{evidence.errors_kept} of {tracker} at speed {evidence.slowest}{evidence.elsewhere('rotation')} in "
-        f"images of each rotation; {told} counter-clockwise. What was measured in a turned image is turned back: u "
-        "and v are those of the upright image in all curves.",
-        advice="Curves that lie on each other belong to a tracker that does not mind which way is up; where they lie "
-        "apart, part of the error comes from the image's own axes.",
+        Series("rotation", _two(data, tracker, names), "{}"),
+        id=f"error-by-rotation-{data.slug(tracker)}",
+        title=f"{tracker}, {listing(names, joint='and')}",
+        shows=f"{data.errors_kept} of {tracker} at speed {data.slowest}{data.elsewhere('rotation')} in "
+        f"images of each rotation ({angles}). Errors are rotated back, so u and v are those of the upright image in "
+        "all curves.",
+        advice="Where curves coincide, the orientation of the image makes no difference. Where they differ, part of "
+        "the error depends on the image axes.",
     )
 
 
-def _directions_of(evidence: Evidence, tracker: str) -> Figure | Absence:
+def _directions_of(data: ReportData, tracker: str) -> Figure | Absence:
     return comparison(
-        evidence,
-        evidence.across(evidence.points, "direction").filter(tracker=tracker, speed=evidence.slowest),
-        Series("direction", _two(evidence, tracker, evidence.directions), "{}"),
-        id=f"direction-{evidence.slug(tracker)}",
-        title=f"{tracker}, {listing(evidence.directions, joint='against')}",
-        shows=f"{evidence.errors_kept} of {tracker} at speed {evidence.slowest}{evidence.elsewhere('direction')} with "
-        "the frames in the order of their recording, and with the last frame first.",
-        advice="A mean error that changes its sign with the direction follows the motion in the image; one that keeps "
-        "it does not.",
+        data,
+        data.across(data.points, "direction").filter(tracker=tracker, speed=data.slowest),
+        Series("direction", _two(data, tracker, data.directions), "{}"),
+        id=f"error-by-direction-{data.slug(tracker)}",
+        title=f"{tracker}, {listing(data.directions, joint='and')}",
+        shows=f"{data.errors_kept} of {tracker} at speed {data.slowest}{data.elsewhere('direction')} with "
+        "the frames in recorded order and in reverse order.",
+        advice="A mean error that changes its sign with the direction follows the motion in the image. One that keeps "
+        "its sign does not.",
         role="mean",
     )
 
 
-def _two(evidence: Evidence, tracker: str, names: Sequence[str]) -> dict[str, str]:
-    return dict(zip(names, style.shades(evidence.colour[tracker], len(names)), strict=True))
-
-
-ROTATION = Family(
-    id="rotations",
-    title="Error in turned images",
-    lead="What changes when the same images are shown to the trackers turned, with the camera's axes turned alike.",
-    figures=rotations,
-)
-DIRECTION = Family(
-    id="directions",
-    title="Error by direction",
-    lead="What changes when the same frames are played backward, as if the camera had gone its way back.",
-    figures=directions,
-)
+def _two(data: ReportData, tracker: str, names: Sequence[str]) -> dict[str, str]:
+    return dict(zip(names, style.shades(data.colour[tracker], len(names)), strict=True))

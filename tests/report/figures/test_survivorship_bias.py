@@ -8,28 +8,28 @@ import polars as pl
 import pytest
 
 from tracknoise.findings.wording import number, px
-from tracknoise.report.evidence import Evidence
-from tracknoise.report.figures import survivorship
+from tracknoise.report.figures import survivorship_bias
 from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
 
 ONE = {"scenes": ("only",), "trackers": ("one",), "speeds": (1,), "n_frames": 30, "percentile": None}
 
 
 @pytest.fixture(scope="module")
-def evidence(make_run: Callable[..., RunFolder]) -> Evidence:
-    return Evidence.of(make_run(**ONE))
+def data(make_run: Callable[..., RunFolder]) -> ReportData:
+    return ReportData.of(make_run(**ONE))
 
 
-def test_the_longest_lived_are_told_beside_all_at_an_age_before_they_are_all(evidence: Evidence) -> None:
-    (figure,) = survivorship.figures(evidence)
+def test_the_longest_lived_are_told_beside_all_at_an_age_before_they_are_all(data: ReportData) -> None:
+    (figure,) = survivorship_bias.figures(data)
     assert isinstance(figure, Figure)
     told = re.match(
-        r"At age (\d+) the root .* for those that live to age (\d+), (\S+) of (\S+) features\.", figure.look_for
+        r"At age (\d+) the root .* for those that live to age (\d+) \((\S+) of (\S+) features\)\.", figure.look_for
     )
     age, longest = int(told.group(1)), int(told.group(2))
     assert 0 < age < longest
-    observed = evidence.run.sequence_table("observations", next(iter(evidence.sequences)))
+    observed = data.run.sequence_table("observations", next(iter(data.sequences)))
     oldest = pl.col("age").max().over("track")
     every = observed.with_columns(oldest=oldest).filter(pl.col("truth") == "valid", pl.col("age") == age)
     for errors in (every, every.filter(pl.col("oldest") >= longest)):
@@ -40,8 +40,8 @@ def test_the_longest_lived_are_told_beside_all_at_an_age_before_they_are_all(evi
     assert survivors < every.height
 
 
-def test_only_lives_that_enough_features_reach_are_drawn(evidence: Evidence) -> None:
-    (figure,) = survivorship.figures(evidence)
+def test_only_lives_that_enough_features_reach_are_drawn(data: ReportData) -> None:
+    (figure,) = survivorship_bias.figures(data)
     assert isinstance(figure, Figure)
     (legend,) = [one["value"] for one in figure.spec["params"] if one["name"] == "shown_tracks"]
     names = [entry["tracks"] for entry in legend]
@@ -50,6 +50,6 @@ def test_only_lives_that_enough_features_reach_are_drawn(evidence: Evidence) -> 
 
 
 def test_where_nobody_lives_long_there_is_nothing_to_tell(make_run: Callable[..., RunFolder]) -> None:
-    (item,) = survivorship.figures(Evidence.of(make_run(**{**ONE, "n_frames": 5})))
+    (item,) = survivorship_bias.figures(ReportData.of(make_run(**{**ONE, "n_frames": 5})))
     assert isinstance(item, Absence)
     assert "age 5" in item.why

@@ -1,4 +1,4 @@
-"""What the report is written from: the run folder's settings, manifest and pooled tables, read once."""
+"""The data of a report: settings, manifest and tables of a run, read once."""
 
 import re
 import tomllib
@@ -11,7 +11,7 @@ import polars as pl
 
 from tracknoise.exceptions import StoreError
 from tracknoise.findings.wording import view_text
-from tracknoise.report import style
+from tracknoise.report import paper, style
 from tracknoise.report.axis import AGE, FRAME, Axis
 from tracknoise.report.bands import BOUNDS, with_bounds
 from tracknoise.statistics.lightings import lightings_in_order
@@ -22,24 +22,24 @@ from tracknoise.tables.schema import VIEW
 from tracknoise.tables.store import FINDINGS_TABLES, STATISTICS_TABLES, RunFolder
 
 MOST_CONDITIONS = 40
-"""More conditions than this are not listed one by one on the page."""
+"""More conditions than this are not all listed on the page."""
 _DIRECTIONS = ("forward", "backward")
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """A run, as figures and sentences see it.
+class ReportData:
+    """What figures, tables and sentences of a report are made of.
 
     Attributes
     ----------
     run
-        The folder, for tables a sequence.
+        The run folder, which has the tables of single sequences.
     manifest, settings
-        Where the run stands, and its resolved experiment.
+        State of the run, and its resolved experiment.
     curves, lifetimes, outliers, trims, errors, counts, summary, effects, aspect_curves, changes
         Its pooled tables.
     intervals, zero_mean, gaussianity, radii, time_structure, dependence, findings
-        What follows from them; without rows in a run in which nobody computed it.
+        Its findings. These tables have no rows where findings were not computed.
     """
 
     run: RunFolder
@@ -64,7 +64,7 @@ class Evidence:
     findings: pl.DataFrame
 
     @classmethod
-    def of(cls, run: RunFolder) -> "Evidence":
+    def of(cls, run: RunFolder) -> "ReportData":
         """Read a run folder.
 
         Raises
@@ -77,69 +77,69 @@ class Evidence:
 
     @property
     def name(self) -> str:
-        """What the experiment is called."""
+        """Name of the experiment."""
         return str(self.settings["name"])
 
     @property
     def population(self) -> str:
-        """Which observations the experiment is about: `visible`, or `projected`, the occluded too."""
+        """Which observations the experiment is about: `visible`, or `projected`, which includes the occluded."""
         return str(self.settings["truth"]["population"])
 
     @property
     def keeps_observations(self) -> bool:
-        """Whether the run folder has single observations and tracks, besides what was made of them."""
+        """Whether the run folder keeps single observations and tracks, or only statistics."""
         return bool(self.settings["keep"] == "observations")
 
     @property
     def margin(self) -> float:
-        """Largest relative effect of a factor that does not matter."""
+        """Relative effect above which a factor counts."""
         found = self.effects["margin"].drop_nulls()
         return float(found.item(0)) if found.len() else MARGIN
 
     @property
     def min_features(self) -> int:
-        """Where fewer features than this remain, curves are cut."""
+        """Curves are cut where fewer features than this remain."""
         return int(self.settings["statistics"]["min_features"])
 
     @cached_property
     def percentile(self) -> float | None:
-        """Percentile of the tracks' largest error above which they were dropped; None where none was."""
+        """Percentile of the tracks' largest error above which tracks were dropped. None where none were."""
         return dropped_above(self.trims)
 
     @property
     def errors_kept(self) -> str:
-        """What the errors of the kept tracks are called, at the start of a sentence."""
+        """Name of the errors of the kept tracks, at the start of a sentence."""
         return "Errors" if self.percentile is None else "Trimmed errors"
 
     def cuts(self, tracker: str) -> pl.DataFrame:
-        """Where trimming cut a tracker's tracks, px, the median over the scenes: columns speed and cut."""
+        """Error above which trimming drops a tracker's tracks, px, as median over scenes: columns speed and cut."""
         trims = self.reference(self.trims).filter(tracker=tracker).drop_nulls("threshold_px")
         cuts = trims.group_by("speed").agg(cut=pl.col("threshold_px").median()).sort("speed")
         return cuts.clear() if self.percentile is None else cuts
 
     @cached_property
     def axis(self) -> Axis:
-        """What curves run along: frames where every sequence has a key frame, otherwise ages."""
+        """Axis of the curves: frames where every sequence has a key frame, otherwise ages."""
         entries = self.manifest.sequences.values()
         return FRAME if entries and all(entry.key_frame is not None for entry in entries) else AGE
 
     @cached_property
     def points(self) -> pl.DataFrame:
-        """Curves that are not cut, features pooled, with their bounds; second moments as roots, px.
+        """Points of the curves that are not cut, features pooled. Second moments are roots, px.
 
-        Columns u_low, u_high, v_low and v_high hold the bounds, and level, resampled and n_resampled say of what kind
-        they are (`tracknoise.report.bands`): null where a point has none. Column `role` says of which statistic,
-        whatever the axis: mean, absolute, second or central. Column `since` holds the distance from where errors are
-        zero by construction, in frames of the sequence.
+        Columns u_low, u_high, v_low and v_high hold the bounds. Columns level, resampled and n_resampled hold their
+        kind (`tracknoise.report.bands`). All are null where a point has no interval. Column `role` names the
+        statistic on either axis: mean, absolute, second or central. Column `since` holds the distance from where
+        errors are zero by construction, in frames of the sequence.
         """
-        return self._drawn(self.curves)
+        return self._points_of(self.curves)
 
     @cached_property
     def aspect_points(self) -> pl.DataFrame:
-        """The same of every aspect, in column `aspect`; of visible features, with u along and v across its axis."""
-        return self._drawn(self.aspect_curves)
+        """The same for every aspect (column `aspect`), of visible features. Here u is along and v across its axis."""
+        return self._points_of(self.aspect_curves)
 
-    def _drawn(self, curves: pl.DataFrame) -> pl.DataFrame:
+    def _points_of(self, curves: pl.DataFrame) -> pl.DataFrame:
         whole = (pl.col("weighting") == "features") & (pl.col("axis") == self.axis.name) & ~pl.col("cut")
         table = with_bounds(curves.filter(whole), self.intervals).with_columns(
             role=pl.col("statistic").replace_strict(self.axis.roles, return_dtype=pl.String)
@@ -151,7 +151,7 @@ class Evidence:
         return table.drop("uv", "weighting", "axis", "statistic", "unit", "cut")
 
     def key_frame(self, direction: str) -> int | None:
-        """The frame in which errors are zero, of sequences played in a direction; None where ages count."""
+        """Key frame of sequences played in a direction. None where curves run along ages."""
         entries = [entry for entry in self.manifest.sequences.values() if entry.direction == direction]
         found = [entry.key_frame for entry in entries if entry.key_frame is not None]
         return max(found, default=0) if self.axis is FRAME else None
@@ -190,10 +190,10 @@ class Evidence:
 
     @cached_property
     def view(self) -> dict[str, Any]:
-        """The view that figures are about unless they compare views: lighting, rotation and direction.
+        """The view that figures show unless they compare views: lighting, rotation and direction.
 
-        It is the first lighting, upright and forward if there is such a view, otherwise the nearest to it in this
-        order: played forward, turned the least, lit by the first of the lightings.
+        It is the first lighting, upright and forward, if there is such a view. Otherwise it is the nearest to it, in
+        this order: played forward, least rotation, first lighting.
         """
         parts = [table.select(*VIEW) for table in (self.counts, self.outliers, self.lifetimes, self.curves)]
         views = pl.concat(parts).unique().to_dicts()
@@ -214,7 +214,7 @@ class Evidence:
         return self.trackers.index(tracker)
 
     def slug(self, tracker: str) -> str:
-        """A tracker's name as part of a file name, different for different trackers."""
+        """A tracker's name as part of a file name. Different trackers have different ones."""
         slugs = [re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-") or "tracker" for name in self.trackers]
         place = self.place(tracker)
         return slugs[place] if slugs.count(slugs[place]) == 1 else f"{slugs[place]}-{place + 1}"
@@ -246,11 +246,11 @@ class Evidence:
 
     @property
     def where(self) -> str:
-        """Which of several lightings, rotations or directions the `view` has; empty where there is no choice."""
+        """Which of several lightings, rotations or directions the `view` has. Empty where there is only one of each."""
         return self.elsewhere("")
 
     def elsewhere(self, factor: str) -> str:
-        """As `where`, for what is `across` a factor and does not say which of its values it has."""
+        """As `where`, without the factor that a figure or table compares."""
         several: dict[str, list[Any]] = {
             "lighting": self.lightings,
             "rotation": self.rotations,
@@ -260,12 +260,43 @@ class Evidence:
         return view_text(self.view, chosen)
 
     @cached_property
+    def comparison(self) -> pl.DataFrame:
+        """Verdicts on factors with those of the paper (`tracknoise.report.paper.COMPARISON`)."""
+        entries = self.settings.get("trackers", [])
+        kinds = {entry.get("name") or entry.get("kind"): str(entry.get("kind", "")) for entry in entries}
+        trackers = {name: kinds.get(name, "") for name in self.trackers}
+        asked = paper.Asked(self.settings.get("paper"), trackers, self.slowest)
+        return paper.compare(self.effects, self.dependence, asked)
+
+    @property
+    def condition_columns(self) -> dict[str, str]:
+        """Headings of the columns that distinguish the listed conditions, by their names."""
+        if self.is_large:
+            return {"tracker": "tracker", "speed": "speed"}
+        lighting = {"lighting": "lighting"} if len(self.lightings) > 1 else {}
+        rotation = {"rotation": "rotation (°)"} if len(self.rotations) > 1 else {}
+        direction = {"direction": "direction"} if len(self.directions) > 1 else {}
+        return {"tracker": "tracker", "speed": "speed", **lighting, **rotation, **direction}
+
+    def in_order(self, table: pl.DataFrame) -> pl.DataFrame:
+        """Sort conditions by tracker, speed, lighting, rotation and direction, in the order of the experiment."""
+        order = {"tracker": self.trackers, "lighting": self.lightings, "direction": self.directions}
+        keys = [
+            pl.col(name).replace_strict(list(order[name]), range(len(order[name])), return_dtype=pl.Int64)
+            if name in order
+            else pl.col(name)
+            for name in ("tracker", "speed", "lighting", "rotation", "direction")
+            if name in table.columns
+        ]
+        return table.sort(keys)
+
+    @cached_property
     def is_large(self) -> bool:
-        """Whether there are too many conditions for a table of them all to be read."""
+        """Whether there are too many conditions for a table of all of them."""
         return self.summary.height > MOST_CONDITIONS
 
     def listed(self, table: pl.DataFrame) -> pl.DataFrame:
-        """Rows of conditions that tables on the page hold: all, or those of the `view` where there are too many."""
+        """Rows of the conditions that the page lists: all, or those of the `view` where there are too many."""
         return self.reference(table) if self.is_large else table
 
     def _remoteness(self, view: Mapping[str, Any]) -> tuple[int, int, int]:

@@ -7,8 +7,9 @@ import polars as pl
 import pytest
 from polars.testing import assert_frame_equal
 
-from tracknoise.report.evidence import Evidence
-from tracknoise.report.tables import EXPORTS, cells, escape_latex, to_csv, to_latex
+from tracknoise.report.cells import cells
+from tracknoise.report.report_data import ReportData
+from tracknoise.report.table_files import EXPORTS, escape_latex, to_csv, to_latex
 from tracknoise.tables.store import RunFolder
 
 ODD = pl.DataFrame(
@@ -40,18 +41,18 @@ def test_latex_compiles(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("export", EXPORTS, ids=lambda export: export.id)
 def test_csv_comes_back_as_it_was(run: RunFolder, export: object) -> None:
-    table = export.make(Evidence.of(run))  # type: ignore[attr-defined]
+    table = export.make(ReportData.of(run))  # type: ignore[attr-defined]
     assert table.height
     back = pl.read_csv(io.StringIO(to_csv(table)), schema_overrides=table.schema)
     assert_frame_equal(back, table, check_exact=True)
 
 
 def test_only_curves_that_are_not_cut_are_exported(run: RunFolder) -> None:
-    evidence = Evidence.of(run)
-    assert evidence.curves["cut"].any()
-    (curves,) = [export.make(evidence) for export in EXPORTS if export.id == "curves"]
+    data = ReportData.of(run)
+    assert data.curves["cut"].any()
+    (curves,) = [export.make(data) for export in EXPORTS if export.id == "curves"]
     assert not curves["cut"].any()
-    assert curves["n"].min() >= evidence.min_features
+    assert curves["n"].min() >= data.min_features
 
 
 def test_cells_write_shares_in_percent_and_lengths_in_pixels() -> None:

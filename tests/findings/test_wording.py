@@ -1,7 +1,6 @@
 import pytest
 
-from tracknoise.findings.wording import count, number, percent, pixels, px
-from tracknoise.report.sentences import listing
+from tracknoise.findings.wording import count, listing, number, percent, pixels, px
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,9 @@ import polars as pl
 import pytest
 
 from tracknoise.findings.wording import percent, pixels
-from tracknoise.report import found
-from tracknoise.report.evidence import Evidence
+from tracknoise.report import findings_section
 from tracknoise.report.page import write_report
+from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
 
 MANY = tuple(f"scene-{place}" for place in range(8))
@@ -18,16 +18,16 @@ TABLE = re.compile(r'href="tables/([a-z-]+)\.csv"')
 
 
 @pytest.fixture(scope="module")
-def evidence(make_run: Callable[..., RunFolder]) -> Evidence:
-    return Evidence.of(make_run(scenes=MANY, trackers=("lucas-kanade",), n_frames=14, born=12))
+def data(make_run: Callable[..., RunFolder]) -> ReportData:
+    return ReportData.of(make_run(scenes=MANY, trackers=("lucas-kanade",), n_frames=14, born=12))
 
 
 def test_sentences_stand_first_and_lead_to_their_sections_and_tables(make_run: Callable[..., RunFolder]) -> None:
     run = make_run(scenes=("one",), trackers=("lucas-kanade",), n_frames=14, born=30, dataset="tum", truth="birth")
     page = write_report(run, figure_formats=())
     text = page.read_text(encoding="utf-8")
-    section = text.split('<section id="found">')[1].split("</section>")[0]
-    assert text.index('<section id="found">') < text.index('<section id="measured">')
+    section = text.split('<section id="findings">')[1].split("</section>")[0]
+    assert text.index('<section id="findings">') < text.index('<section id="measured">')
     rows = run.statistics("findings").to_dicts()
     assert {"scenes", "truth", "noise", "bias", "shape", "growth"} <= {row["topic"] for row in rows}
     assert section.count("<li>") == len(rows)
@@ -45,20 +45,20 @@ def test_a_run_without_findings_says_so_and_has_no_empty_list(make_run: Callable
         del manifest.statistics[name]
     run.write_manifest(manifest)
     text = write_report(run, figure_formats=()).read_text(encoding="utf-8")
-    section = text.split('<section id="found">')[1].split("</section>")[0]
-    assert "was not worked out for this run" in section
+    section = text.split('<section id="findings">')[1].split("</section>")[0]
+    assert "Findings were not computed for this run" in section
     assert "<ol>" not in section
     assert "No intervals were computed for the solid curves." in text
 
 
-def test_verdicts_quote_the_tables(evidence: Evidence) -> None:
-    cells = found.verdicts(evidence)
+def test_verdicts_quote_the_tables(data: ReportData) -> None:
+    cells = findings_section.verdicts(data)
     assert [row[:2] for row in cells.rows] == [["lucas-kanade", "1"], ["lucas-kanade", "2"]]
     assert all(len(row) == len(cells.headings) == len(cells.numeric) for row in cells.rows)
     assert sum(span for _, span in cells.groups) == len(cells.headings)
-    summary = evidence.summary.filter(speed=2).row(0, named=True)
+    summary = data.summary.filter(speed=2).row(0, named=True)
     point = {"speed": 2, "statistic": "Phi", "coordinate": "u", "trimming": "trimmed", "weighting": "features"}
-    interval = evidence.intervals.filter(**point, at=summary["at"]).row(0, named=True)
+    interval = data.intervals.filter(**point, at=summary["at"]).row(0, named=True)
     low, high = (pixels(interval[end] ** 0.5) for end in ("low", "high"))
     assert cells.rows[1][3] == f"{pixels(summary['trimmed_rms_u_px'])} ({low} to {high})"
     assert cells.rows[1][5] == "no (p = 0.024)"
@@ -66,31 +66,28 @@ def test_verdicts_quote_the_tables(evidence: Evidence) -> None:
     assert cells.rows[1][10].startswith(percent(summary["outlier_ratio"]))
 
 
-def test_what_was_not_worked_out_has_a_dash(evidence: Evidence) -> None:
+def test_what_was_not_worked_out_has_a_dash(data: ReportData) -> None:
     bare = dataclasses.replace(
-        evidence,
-        **{
-            name: getattr(evidence, name).clear()
-            for name in ("intervals", "zero_mean", "gaussianity", "time_structure")
-        },
+        data,
+        **{name: getattr(data, name).clear() for name in ("intervals", "zero_mean", "gaussianity", "time_structure")},
     )
-    row = found.verdicts(bare).rows[0]
+    row = findings_section.verdicts(bare).rows[0]
     assert row[5:10] == ["–"] * 5
     assert "(" not in row[3]
 
 
 def test_an_untrimmed_run_has_one_shape(make_run: Callable[..., RunFolder]) -> None:
-    cells = found.verdicts(Evidence.of(make_run(percentile=None, scenes=("only",), trackers=("one",))))
+    cells = findings_section.verdicts(ReportData.of(make_run(percentile=None, scenes=("only",), trackers=("one",))))
     assert len(cells.rows[0]) == len(cells.headings) == sum(span for _, span in cells.groups)
     assert cells.rows[0][6] == "heavy-tailed"
 
 
 def test_conditions_without_a_feature_are_no_trouble(make_run: Callable[..., RunFolder]) -> None:
-    cells = found.verdicts(Evidence.of(make_run(born=0, scenes=("only",), speeds=(1,))))
+    cells = findings_section.verdicts(ReportData.of(make_run(born=0, scenes=("only",), speeds=(1,))))
     assert all(cell == "–" for row in cells.rows for cell in row[2:])
 
 
-def test_findings_are_told_in_order_of_rank(evidence: Evidence) -> None:
-    turned = dataclasses.replace(evidence, findings=evidence.findings.sort(pl.col("rank"), descending=True))
-    assert found.sentences(turned) == found.sentences(evidence)
-    assert [row["rank"] for row in found.sentences(turned)] == list(range(1, evidence.findings.height + 1))
+def test_findings_are_told_in_order_of_rank(data: ReportData) -> None:
+    turned = dataclasses.replace(data, findings=data.findings.sort(pl.col("rank"), descending=True))
+    assert findings_section.sentences(turned) == findings_section.sentences(data)
+    assert [row["rank"] for row in findings_section.sentences(turned)] == list(range(1, data.findings.height + 1))

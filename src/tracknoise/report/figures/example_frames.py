@@ -1,4 +1,4 @@
-"""One frame of each scene, with every tracker's features, their errors enlarged, and where they came from."""
+"""One frame of each scene with the features of every tracker, their magnified errors and their trails."""
 
 import base64
 from collections.abc import Sequence
@@ -9,12 +9,13 @@ import numpy as np
 import polars as pl
 
 from tracknoise.findings.wording import count, px
-from tracknoise.report.evidence import Evidence
 from tracknoise.report.figures import marks
-from tracknoise.report.figures.figure import Absence, Family, Figure
+from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Panel, Spec, arranged
+from tracknoise.report.report_data import ReportData
 from tracknoise.tables.manifest import SequenceEntry
 
+_ID, _TITLE = "example-frames", "Example frames"
 MOST_SCENES, MOST_FEATURES, TRAIL = 6, 250, 8
 _LAST = 2**32 - 1
 _ROUND = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000]
@@ -23,16 +24,16 @@ _ERROR_COLOURS = ["#56B4E9", "#F0E442", "#D55E00"]
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """What is drawn of one sequence.
+    """What is drawn for one sequence.
 
     Attributes
     ----------
     entry
-        Which sequence.
+        The sequence.
     png
         Its image.
     features
-        A row a feature: tracker, track, age, u_px, v_px, du_px, dv_px, error_px, truth.
+        One row per feature: tracker, track, age, u_px, v_px, du_px, dv_px, error_px, truth.
     trails
         The features' last positions: tracker, track, frame, u_px, v_px.
     magnification
@@ -49,64 +50,62 @@ class Scene:
     longest_px: float
 
 
-def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
-    """One figure a scene, of the first few scenes."""
-    entries = list(evidence.sequences.values())
+def figures(data: ReportData) -> Sequence[Figure | Absence]:
+    """One figure per scene, for the first few scenes."""
+    entries = list(data.sequences.values())
     if not entries:
-        return [
-            Absence("picture", "The picture", "No tracker found a feature, so there is nothing to draw on a frame.")
-        ]
-    if not evidence.keeps_observations:
-        why = 'The run keeps statistics alone (keep = "statistics"), not the single errors that are drawn here.'
-        return [Absence("picture", "The picture", why)]
+        return [Absence(_ID, _TITLE, "No tracker found a feature, so there is nothing to draw.")]
+    if not data.keeps_observations:
+        why = 'The run keeps only statistics (keep = "statistics"), not the single errors that this figure needs.'
+        return [Absence(_ID, _TITLE, why)]
     made: list[Figure | Absence] = [
-        _figure(evidence, entry, place) for place, entry in enumerate(entries[:MOST_SCENES], start=1)
+        _figure(data, entry, place) for place, entry in enumerate(entries[:MOST_SCENES], start=1)
     ]
     if len(entries) > MOST_SCENES:
-        why = f"The first {MOST_SCENES} of {len(entries)} scenes are drawn; the numbers below are of all of them."
-        made.append(Absence("picture-others", "Other scenes", why))
+        why = f"Only the first {MOST_SCENES} of {len(entries)} scenes are drawn. The numbers below are of all scenes."
+        made.append(Absence(f"{_ID}-others", "Other scenes", why))
     return made
 
 
-def _figure(evidence: Evidence, entry: SequenceEntry, place: int) -> Figure | Absence:
-    name, title = f"picture-{place}", f"Scene {entry.scene}"
-    png = _image(evidence, entry)
+def _figure(data: ReportData, entry: SequenceEntry, place: int) -> Figure | Absence:
+    name, title = f"{_ID}-{place}", f"Scene {entry.scene}"
+    png = _image(data, entry)
     if png is None:
         return Absence(
             name, title, f"The image of frame {entry.snapshot_frame} is missing or damaged in the run folder."
         )
-    scene = _scene(evidence, entry, png)
+    scene = _scene(data, entry, png)
     if scene.features.is_empty():
-        return Absence(name, title, _nothing(evidence, entry))
-    return Figure(name, title, _shows(evidence, scene), _look_for(evidence, scene), _chart(evidence, scene))
+        return Absence(name, title, _nothing(data, entry))
+    return Figure(name, title, _shows(data, scene), _look_for(data, scene), _chart(data, scene))
 
 
-def _nothing(evidence: Evidence, entry: SequenceEntry) -> str:
+def _nothing(data: ReportData, entry: SequenceEntry) -> str:
     if entry.key_frame == entry.snapshot_frame:
-        return f"The image is that of frame {entry.snapshot_frame}, the key frame, where errors are 0 by construction."
-    place = f"At speed {evidence.slowest} frame {entry.snapshot_frame}"
-    return f"{place} holds no feature of known error" + (
+        return f"The image is of frame {entry.snapshot_frame}, the key frame, where errors are zero by construction."
+    place = f"At speed {data.slowest} frame {entry.snapshot_frame}"
+    return f"{place} has no feature with a known error" + (
         " that is older than its first frame." if entry.key_frame is None else "."
     )
 
 
-def _image(evidence: Evidence, entry: SequenceEntry) -> bytes | None:
-    path = evidence.run.snapshot_path(entry.key)
+def _image(data: ReportData, entry: SequenceEntry) -> bytes | None:
+    path = data.run.snapshot_path(entry.key)
     content = path.read_bytes() if path.is_file() else b""
     return content if content.startswith(b"\x89PNG") else None
 
 
-def _scene(evidence: Evidence, entry: SequenceEntry, png: bytes) -> Scene:
-    observed = evidence.run.sequence_table("observations", entry.key).filter(
-        (pl.col("speed") == evidence.slowest)
+def _scene(data: ReportData, entry: SequenceEntry, png: bytes) -> Scene:
+    observed = data.run.sequence_table("observations", entry.key).filter(
+        (pl.col("speed") == data.slowest)
         & (pl.col("frame") <= entry.snapshot_frame)
-        & (pl.col("frame").cast(pl.Int64) >= entry.snapshot_frame - TRAIL * evidence.slowest)
+        & (pl.col("frame").cast(pl.Int64) >= entry.snapshot_frame - TRAIL * data.slowest)
     )
     error = (pl.col("du_px").pow(2) + pl.col("dv_px").pow(2)).sqrt()
     fixed = pl.col("age") == 0 if entry.key_frame is None else pl.col("frame") == entry.key_frame
     now = observed.filter(pl.col("frame") == entry.snapshot_frame, ~fixed).drop_nulls("du_px")
     now = now.with_columns(error_px=error).sort("tracker", "track")
-    features = pl.concat([now.clear(), *(_spread(now.filter(tracker=name)) for name in evidence.trackers)])
+    features = pl.concat([now.clear(), *(_spread(now.filter(tracker=name)) for name in data.trackers)])
     columns = ["tracker", "track", "frame", "u_px", "v_px"]
     trails = observed.select(columns).join(features.select("tracker", "track"), on=["tracker", "track"], how="semi")
     magnification = _magnification(features["error_px"], entry.width)
@@ -114,7 +113,7 @@ def _scene(evidence: Evidence, entry: SequenceEntry, png: bytes) -> Scene:
 
 
 def _spread(features: pl.DataFrame) -> pl.DataFrame:
-    """At most `MOST_FEATURES` rows, evenly spread over the table."""
+    """At most `MOST_FEATURES` rows, evenly spaced in the table."""
     if features.height <= MOST_FEATURES:
         return features
     chosen = np.linspace(0, features.height - 1, MOST_FEATURES).round().astype(np.int64)
@@ -128,33 +127,32 @@ def _magnification(errors: pl.Series, width: int) -> int:
     return fitting[-1] if fitting and typical else 1
 
 
-def _shows(evidence: Evidence, scene: Scene) -> str:
-    times = f"{scene.magnification} times as long as" if scene.magnification > 1 else "as long as"
+def _shows(data: ReportData, scene: Scene) -> str:
+    times = f"magnified {scene.magnification} times" if scene.magnification > 1 else "not magnified"
     return (
-        f"Frame {scene.entry.snapshot_frame} at speed {evidence.slowest}{evidence.where}: a dot is where the tracker "
-        f"found a feature, the line leads from it towards where the feature truly was and is {times} the "
-        f"error; the thin trail is where it was found up to {TRAIL} times before. At most "
-        f"{MOST_FEATURES} features a tracker are drawn."
+        f"Frame {scene.entry.snapshot_frame} at speed {data.slowest}{data.where}. A dot marks the observed position of "
+        f"a feature. The line from it points to the true position, and its length is the error, {times}. The thin "
+        f"trail connects up to {TRAIL} earlier observations. At most {MOST_FEATURES} features per tracker are drawn."
     )
 
 
-def _look_for(evidence: Evidence, scene: Scene) -> str:
+def _look_for(data: ReportData, scene: Scene) -> str:
     parts = []
-    for tracker in evidence.trackers:
+    for tracker in data.trackers:
         errors = scene.features.filter(tracker=tracker)["error_px"]
         if errors.len():
             half = f"{px(errors.median())}"  # type: ignore[arg-type]
-            parts.append(f"the median error of {tracker}'s {count(errors.len(), 'drawn feature')} is {half}")
+            parts.append(f"The median error of the {count(errors.len(), 'drawn feature')} of {tracker} is {half}.")
     capped = scene.features.filter(pl.col("error_px") > scene.longest_px).height
     cap = f" {count(capped, 'error').capitalize()} above {px(scene.longest_px)} {'is' if capped == 1 else 'are'} drawn "
     cap = cap + "at that length." if capped else ""
-    return f"Here {'; '.join(parts)}.{cap} Lines that point the same way across a region are bias, not noise."
+    return f"{' '.join(parts)}{cap} Lines that point the same way across a region show a bias, not noise."
 
 
-def _chart(evidence: Evidence, scene: Scene) -> Spec:
-    present = [name for name in evidence.trackers if scene.features.filter(tracker=name).height]
+def _chart(data: ReportData, scene: Scene) -> Spec:
+    present = [name for name in data.trackers if scene.features.filter(tracker=name).height]
     width = 425 if len(present) > 1 else 640
-    panels = [_panel(evidence, scene, tracker, width) for tracker in present]
+    panels = [_panel(data, scene, tracker, width) for tracker in present]
     url = "data:image/png;base64," + base64.b64encode(scene.png).decode()
     left, right, top, bottom = -0.5, scene.entry.width - 0.5, -0.5, scene.entry.height - 0.5
     image = [{"url": url, "left": left, "right": right, "top": top, "bottom": bottom}]
@@ -162,10 +160,10 @@ def _chart(evidence: Evidence, scene: Scene) -> Spec:
     return {**spec, "datasets": {**spec["datasets"], "image": image}}
 
 
-def _panel(evidence: Evidence, scene: Scene, tracker: str, width: int) -> Panel:
+def _panel(data: ReportData, scene: Scene, tracker: str, width: int) -> Panel:
     height = round(width * scene.entry.height / scene.entry.width)
     layers = alt.layer(_background(scene), _trails(scene, tracker), *_errors(scene, tracker))
-    title = alt.Title(tracker, color=evidence.colour[tracker])
+    title = alt.Title(tracker, color=data.colour[tracker])
     return Panel(layers.properties(width=width, height=height, title=title), (marks.zoom("x", "y"),))
 
 
@@ -180,7 +178,7 @@ def _y(shorthand: str, scene: Scene) -> alt.Y:
 
 
 def _background(scene: Scene) -> alt.Chart:
-    """The image, its first pixel's centre at 0 and its border half a pixel further out."""
+    """The image. The centre of its first pixel is at 0, and its border half a pixel outside."""
     chart = alt.Chart(alt.NamedData("image")).mark_image(aspect=False, clip=True)
     x, y = _x("left:Q", scene), _y("top:Q", scene)
     encoded: alt.Chart = chart.encode(x=x, x2="right:Q", y=y, y2="bottom:Q", url="url:N")
@@ -188,7 +186,7 @@ def _background(scene: Scene) -> alt.Chart:
 
 
 def _trails(scene: Scene, tracker: str) -> alt.Chart:
-    """One line for all tracks, broken after each by a row without a position: many lines take long to draw."""
+    """One line for all tracks, interrupted by a row without a position after each. Many lines are slow to draw."""
     table = scene.trails.filter(tracker=tracker).select("track", "frame", u="u_px", v="v_px")
     breaks = table.select("track").unique().with_columns(frame=pl.lit(_LAST, dtype=pl.UInt32), u=None, v=None)
     ordered = pl.concat([table, breaks.cast(table.schema)]).sort("track", "frame").with_row_index("place")
@@ -237,10 +235,3 @@ _TIPS = {
     "age": "age (frames)",
     "track": "track",
 }
-
-FAMILY = Family(
-    id="picture",
-    title="The picture",
-    lead="One frame of each scene, so that the numbers have a face.",
-    figures=figures,
-)

@@ -1,0 +1,133 @@
+"""Files and folders that appear whole or not at all."""
+
+import glob
+import os
+import secrets
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+UNFINISHED = ".tracknoise-unfinished"
+"""How the name of a file or folder ends as long as it is not finished."""
+
+
+def write_file(path: Path, content: bytes, *, durably: bool = False) -> None:
+    """Write a file under a temporary name and rename it, so that no reader sees half of it.
+
+    Parameters
+    ----------
+    path
+        Where. Its folder is made.
+    content
+        All of it.
+    durably
+        Wait until the disk has it. Even a power cut then leaves either the old content or the new.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written. The file is then as it was.
+    """
+    temporary = _temporary(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with temporary.open("wb") as file:
+            file.write(content)
+            if durably:
+                file.flush()
+                os.fsync(file.fileno())
+        temporary.replace(path)
+    finally:  # also of an interrupt
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def new_folder(path: Path) -> Iterator[Path]:
+    """Give a folder to write into. It gets its name when the block ends without an error, and is removed otherwise.
+
+    Parameters
+    ----------
+    path
+        Where the folder is to be: new, or an empty one.
+
+    Yields
+    ------
+    Path
+        The folder under its temporary name, beside that place.
+
+    Raises
+    ------
+    OSError
+        If there is something already, or the folder cannot be written.
+    """
+    with _building(path) as building:
+        yield building
+        building.replace(path)
+
+
+@contextmanager
+def replaced_folder(path: Path) -> Iterator[Path]:
+    """As `new_folder`, but a folder that is there already is replaced.
+
+    Raises
+    ------
+    OSError
+        If there is a file of that name, or the folder cannot be written.
+    """
+    old = _temporary(path)
+    with _building(path) as building:
+        try:
+            yield building
+            if path.is_dir():
+                path.rename(old)
+            building.rename(path)
+        finally:
+            shutil.rmtree(old, ignore_errors=True)
+
+
+def unfinished(folder: Path, *, of: str = "") -> Iterator[Path]:
+    """Files and folders within a folder that were begun and not finished.
+
+    Parameters
+    ----------
+    folder
+        Where to look.
+    of
+        Name that the finished one would have had. By default, any.
+    """
+    return folder.glob(f".{glob.escape(of)}.*{UNFINISHED}" if of else f".*{UNFINISHED}")
+
+
+@contextmanager
+def _building(path: Path) -> Iterator[Path]:
+    building = _temporary(path)
+    try:
+        building.mkdir(parents=True)
+        _discard_abandoned(path)
+        yield building
+    finally:
+        shutil.rmtree(building, ignore_errors=True)
+
+
+def _temporary(path: Path) -> Path:
+    return path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(8)}{UNFINISHED}")
+
+
+def _discard_abandoned(path: Path) -> None:
+    """Remove the unfinished folders of processes that were killed. Those of running processes stay."""
+    for leftover in unfinished(path.parent, of=path.name):
+        pid = leftover.name.removeprefix(f".{path.name}.").partition(".")[0]
+        if leftover.is_dir() and pid.isdecimal() and not _is_running(int(pid)):
+            shutil.rmtree(leftover, ignore_errors=True)
+
+
+def _is_running(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):  # it is another user's, or no process can have this number
+        return True
+    return True

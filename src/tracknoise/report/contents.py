@@ -1,0 +1,108 @@
+"""``contents.json``: the sections, figures and tables of a report, for programs and for other pages."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from tracknoise.exceptions import StoreError
+from tracknoise.report.figures.figure import Absence, Figure
+
+CONTENTS = "contents.json"
+FORMAT = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A section of the report.
+
+    Attributes
+    ----------
+    id, title
+        Its anchor in the page, and its heading.
+    items
+        Its figures, and those that could not be drawn.
+    tables
+        Names and titles of the table files that it links to.
+    """
+
+    id: str
+    title: str
+    items: Sequence[Figure | Absence] = ()
+    tables: Sequence[tuple[str, str]] = ()
+
+
+def contents_json(experiment: str, sections: Sequence[Section], formats: Sequence[str]) -> str:
+    """Write the table of contents.
+
+    Parameters
+    ----------
+    experiment
+        Its name.
+    sections
+        In the order of the page.
+    formats
+        Kinds of figure files.
+
+    Returns
+    -------
+    str
+        An object with `format`, `title`, `experiment`, `tracknoise` (its version), `page` and `sections`. A section has
+        `id`, `title`, `figures`, `tables` and `absences`. A figure or a table has `id`, `title` and `files`, which are
+        paths within the report. An absence has `id`, `title` and `why`.
+    """
+    document = {
+        "format": FORMAT,
+        "title": f"{experiment} \N{EN DASH} tracknoise report",
+        "experiment": experiment,
+        "tracknoise": version("tracknoise"),
+        "page": "index.html",
+        "sections": [_section(section, formats) for section in sections],
+    }
+    return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
+
+
+def _section(section: Section, formats: Sequence[str]) -> dict[str, Any]:
+    figures = [item for item in section.items if isinstance(item, Figure)]
+    absences = [item for item in section.items if isinstance(item, Absence)]
+    return {
+        "id": section.id,
+        "title": section.title,
+        "figures": [_files(item.id, item.title, "figures", formats) for item in figures],
+        "tables": [_files(name, title, "tables", ("csv", "tex")) for name, title in section.tables],
+        "absences": [{"id": item.id, "title": item.title, "why": item.why} for item in absences],
+    }
+
+
+def _files(name: str, title: str, folder: str, kinds: Sequence[str]) -> dict[str, Any]:
+    return {"id": name, "title": title, "files": [f"{folder}/{name}.{kind}" for kind in kinds]}
+
+
+def read_contents(report: Path) -> dict[str, Any] | None:
+    """Read the table of contents of a report. None where there is none.
+
+    Parameters
+    ----------
+    report
+        Folder of the report.
+
+    Raises
+    ------
+    StoreError
+        If it is damaged, or of another format.
+    """
+    path = report / CONTENTS
+    try:
+        document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as error:
+        raise StoreError(f"{path}: damaged ({error}), expected a table of contents; {_REMEDY}") from error
+    if document.get("format") != FORMAT:
+        raise StoreError(f"{path}: found format {document.get('format')!r}, expected {FORMAT}; {_REMEDY}")
+    return document
+
+
+_REMEDY = "`tracknoise report` writes it again"

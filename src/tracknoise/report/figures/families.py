@@ -1,0 +1,174 @@
+"""The sections of the report that hold figures, in the order of the page.
+
+A new family is a new module with a function ``figures(data)``, and an entry here.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+from tracknoise.report.cells import Cells
+from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.report_data import ReportData
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """Figures of one kind.
+
+    Attributes
+    ----------
+    id, title
+        Anchor and heading of the section.
+    lead
+        Its first sentences. They hold for any data.
+    drawn_by
+        ``module:function`` of what makes the figures, within this package. Each takes a `ReportData`.
+    tabulated_by
+        The same for the tables below the figures. Empty where there are none.
+    """
+
+    id: str
+    title: str
+    lead: str
+    drawn_by: tuple[str, ...]
+    tabulated_by: str = ""
+
+    def figures(self, data: ReportData) -> Sequence[Figure | Absence]:
+        """Make the figures of a run, in order. Modules are imported when they are needed."""
+        makers: list[Callable[[ReportData], Sequence[Figure | Absence]]] = [_load(name) for name in self.drawn_by]
+        return [item for make in makers for item in make(data)]
+
+    def tables(self, data: ReportData) -> Sequence[Cells]:
+        """Make the tables below the figures."""
+        if not self.tabulated_by:
+            return []
+        make: Callable[[ReportData], Sequence[Cells]] = _load(self.tabulated_by)
+        return make(data)
+
+
+def _load(name: str) -> Any:
+    module, attribute = name.split(":")
+    return getattr(import_module(f"tracknoise.report.figures.{module}"), attribute)
+
+
+FAMILIES: tuple[Family, ...] = (
+    Family(
+        "example-frames",
+        "Example frames",
+        "One frame of each scene, with the features and their errors.",
+        ("example_frames:figures",),
+    ),
+    Family(
+        "trajectory",
+        "Camera path",
+        "The camera motion determines how features move. Rotation moves all image points alike. Translation moves near "
+        "points more than far ones.",
+        ("trajectory:figures",),
+    ),
+    Family(
+        "trimming",
+        "Errors before trimming",
+        "Some tracks follow the wrong point. Trimming drops the tracks with the largest errors, separately in each "
+        "scene, as the paper does. The error curves below leave these tracks out unless they say untrimmed.",
+        ("trimming:figures",),
+    ),
+    Family(
+        "lifetimes",
+        "Lifetimes",
+        "The lifetime of a track is the number of consecutive frames in which its tracker found it, including the "
+        "first. A track that is alive in the last frame is censored: its lifetime is cut short by the data.",
+        ("lifetimes:figures", "lifetimes_by_lighting:figures"),
+    ),
+    Family(
+        "feature-counts",
+        "Feature counts",
+        "An average over few features is unreliable. Curves are therefore cut where too few features remain.",
+        ("feature_counts:figures",),
+    ),
+    Family(
+        "outlier-ratio",
+        "Outlier ratio",
+        "In every frame a tracker rejects features that do not move consistently with the others. The outlier ratio is "
+        "the share of rejected features among those carried over from the previous frame.",
+        ("outlier_ratio:figures",),
+    ),
+    Family(
+        "error-by-tracker",
+        "Error by tracker",
+        "How the error grows with the distance from where it is zero by construction. Usually that is the frame in "
+        "which a feature was first seen, and the distance is its age. Where one scan gives the true positions of all "
+        "features, it is the key frame of that scan.",
+        ("curves:figures",),
+    ),
+    Family(
+        "time-structure",
+        "Error growth",
+        "Many estimators assume that the error is independent in every frame. If it accumulates instead, they trust "
+        "long tracks too much. The growth of the second moment and the correlation of successive changes distinguish "
+        "the two cases.",
+        ("time_structure:figures",),
+        "time_structure:tables",
+    ),
+    Family(
+        "changes",
+        "Changes from frame to frame",
+        "The change of the error in one frame is what the process noise of a filter, or a factor between two frames, "
+        "has to model.",
+        ("changes:figures",),
+    ),
+    Family(
+        "gaussianity",
+        "Error distribution",
+        "Most estimators assume Gaussian errors. This section compares the shape of the distribution with a Gaussian "
+        "of the same covariance.",
+        ("gaussianity:figures",),
+        "gaussianity:tables",
+    ),
+    Family(
+        "along-and-across",
+        "Error along motion and gradient",
+        "The causes of errors do not depend on the directions u and v. An error along the motion or along an edge is "
+        "easier to see in that direction.",
+        ("directions:figures",),
+    ),
+    Family(
+        "survivorship-bias",
+        "Survivorship bias",
+        "A tracker tends to lose its worst features first. Tracks that live long are therefore not a random sample of "
+        "all tracks.",
+        ("survivorship_bias:figures",),
+    ),
+    Family(
+        "error-by-speed",
+        "Error by speed",
+        "What changes when the camera moves faster, or the tracker sees fewer frames.",
+        ("speeds:figures",),
+    ),
+    Family(
+        "error-by-lighting",
+        "Error by lighting",
+        "What changes when the same camera path is seen under different lighting.",
+        ("lightings:figures",),
+    ),
+    Family(
+        "error-by-rotation",
+        "Error in rotated images",
+        "What changes when the trackers see the same images rotated. The camera axes are rotated with them.",
+        ("views:rotations",),
+    ),
+    Family(
+        "error-by-direction",
+        "Error by direction",
+        "What changes when the same frames are played backward, as if the camera moved in reverse.",
+        ("views:directions",),
+    ),
+    Family(
+        "occlusion",
+        "Occlusion",
+        "When a point becomes occluded, a tracker may continue its track on the object in front. The paper counts "
+        "such features. Whether they are counted changes the error.",
+        ("occlusion:figures",),
+    ),
+)

@@ -1,0 +1,116 @@
+"""The first section of the report: the findings in sentences, and the verdicts for every tracker and speed."""
+
+from typing import Any
+
+import polars as pl
+
+from tracknoise.findings.estimate import Estimate
+from tracknoise.findings.estimate_text import format_estimate
+from tracknoise.findings.headlines.reported_conditions import ReportedConditions, curve_bounds, scalar_bounds
+from tracknoise.findings.intervals.scalar_bounds import INTERPOLATED
+from tracknoise.findings.wording import DASH, SPACE, chance
+from tracknoise.report.cells import Cells
+from tracknoise.report.report_data import ReportData
+from tracknoise.statistics.factors import ReferenceCondition
+
+_GROWTH = {"white": "constant", "none": "other"}
+"""Words for verdicts that need more than their name."""
+NOTHING = "Findings were not computed for this run. `tracknoise run` computes them."
+_ZERO = {"yes": "no", "no": "yes", "undecided": "undecided"}
+"""Whether the mean error is zero, by the verdict on whether it differs from zero."""
+
+
+def sentences(data: ReportData) -> list[dict[str, Any]]:
+    """Rows of the findings by rank. `file` is the name of the table file that holds their numbers."""
+    return [{**row, "file": row["table"].replace("_", "-")} for row in data.findings.sort("rank").to_dicts()]
+
+
+def verdicts(data: ReportData) -> Cells:
+    """One row per tracker and speed, in the view shown in the figures: size of errors, and verdicts."""
+    axis, dropped = data.axis, data.percentile is not None
+    headings = ["tracker", "speed", f"at {axis.name}", "u", "v", "is zero?", *(["untrimmed"] if dropped else [])]
+    headings += ["trimmed" if dropped else "errors", "in u", "in v", "outliers", "median lifetime"]
+    groups = [("", 3), ("rms (px)", 2), ("mean", 1), ("Gaussian?", 1 + dropped), ("growth", 2), ("", 2)]
+    rows = [_row(data, tracker, speed) for tracker in data.trackers for speed in data.speeds]
+    trimmed = "Errors are trimmed unless the heading says otherwise. " if dropped else ""
+    caption = f"Verdicts{data.where}. {trimmed}Median lifetimes are interpolated between whole frames."
+    shown = [row for row in rows if row]
+    return Cells(caption, headings, shown, [False, True, True, *[False] * (len(headings) - 3)], groups)
+
+
+def _row(data: ReportData, tracker: str, speed: int) -> list[str]:
+    """Cells of one condition. Empty where it was not measured."""
+    chosen = _conditions(data, speed)
+    summary = _first(chosen.of(data.summary, tracker))
+    if summary is None:
+        return []
+    return [
+        tracker,
+        str(speed),
+        DASH if summary["at"] is None else str(summary["at"]),
+        *(_rms(data, chosen, tracker, coordinate) for coordinate in "uv"),
+        _zero_mean(data, chosen, tracker),
+        *_shapes(data, chosen, tracker, summary["at"]),
+        *(_growth(data, chosen, tracker, coordinate) for coordinate in "uv"),
+        _outliers(data, chosen, tracker),
+        _median_lifetime(data, chosen, tracker),
+    ]
+
+
+def _conditions(data: ReportData, speed: int) -> ReportedConditions:
+    found = {name: data.key_frame(name) for name in data.directions}
+    frames = {name: frame for name, frame in found.items() if frame is not None}
+    reference = ReferenceCondition(**data.view, speed=speed, key_frames=frames)
+    return ReportedConditions(reference, data.trackers, data.population, data.percentile)
+
+
+def _rms(data: ReportData, conditions: ReportedConditions, tracker: str, coordinate: str) -> str:
+    row = conditions.of(data.summary, tracker).row(0, named=True)
+    value = row[f"trimmed_rms_{coordinate}_px"]
+    if value is None:
+        return DASH
+    bounds = curve_bounds(conditions.of(data.intervals, tracker), conditions, "second", row["at"], coordinate)
+    return format_estimate(Estimate.of(value, bounds, "px")).replace(f"{SPACE}px", "")
+
+
+def _zero_mean(data: ReportData, conditions: ReportedConditions, tracker: str) -> str:
+    rows = conditions.of(data.zero_mean, tracker).filter(pl.col("at").is_null(), trimming="trimmed")
+    row = _first(rows.filter(axis=data.axis.name))
+    if row is None:
+        return DASH
+    p = row["sign_flip_p"] if row["sign_flip_p_adjusted"] is None else row["sign_flip_p_adjusted"]
+    return _ZERO[row["verdict"]] + ("" if p is None else f" ({chance(p)})")
+
+
+def _shapes(data: ReportData, conditions: ReportedConditions, tracker: str, at: int | None) -> list[str]:
+    """Verdict on the shape in the band of ages that holds the reference age, before and after trimming."""
+    rows = conditions.of(data.gaussianity, tracker).sort("age_low")
+    since = 1 if at is None else abs(conditions.since(at))
+    holding = rows.filter(pl.col("age_low") <= since, pl.col("age_high").is_null() | (pl.col("age_high") >= since))
+    found = [_first(holding.filter(trimming=trimming)) for trimming in reversed(conditions.trimmings)]
+    return [DASH if row is None else str(row["verdict"]) for row in found]
+
+
+def _growth(data: ReportData, conditions: ReportedConditions, tracker: str, coordinate: str) -> str:
+    rows = conditions.of(data.time_structure, tracker).filter(trimming="trimmed", coordinate=coordinate)
+    row = _first(rows)
+    return DASH if row is None else _GROWTH.get(row["verdict"], row["verdict"])
+
+
+def _outliers(data: ReportData, conditions: ReportedConditions, tracker: str) -> str:
+    value = conditions.of(data.summary, tracker)["outlier_ratio"][0]
+    if value is None:
+        return DASH
+    bounds = scalar_bounds(conditions.of(data.intervals, tracker), "outlier_ratio")
+    return format_estimate(Estimate.of(value, bounds, "share"))
+
+
+def _median_lifetime(data: ReportData, conditions: ReportedConditions, tracker: str) -> str:
+    """Interpolated, so that conditions differ visibly where they differ by less than a frame."""
+    rows = conditions.of(data.intervals, tracker).filter(statistic=f"{INTERPOLATED}median_lifetime")
+    row = _first(rows.drop_nulls("value"))
+    return DASH if row is None else format_estimate(Estimate.of_row(row, "value", "low", "high", "frames"))
+
+
+def _first(rows: pl.DataFrame) -> dict[str, Any] | None:
+    return rows.row(0, named=True) if rows.height else None

@@ -1,0 +1,84 @@
+"""The table files of the report, as CSV and as LaTeX."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import polars as pl
+
+from tracknoise.findings.wording import DASH, MINUS, TIMES
+from tracknoise.report import paper
+from tracknoise.report.report_data import ReportData
+
+_LATEX = {
+    "\\": r"\textbackslash{}",
+    **{sign: f"\\{sign}" for sign in "&%$#_{}"},
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    MINUS: "$-$",
+    DASH: "--",
+    TIMES: r"$\times$",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Export:
+    """A table file.
+
+    Attributes
+    ----------
+    id
+        File name without extension.
+    title
+        What it holds.
+    make
+        Takes it from the data.
+    """
+
+    id: str
+    title: str
+    make: Callable[[ReportData], pl.DataFrame]
+
+
+EXPORTS: tuple[Export, ...] = (
+    Export("summary", "key numbers of every condition", lambda data: data.summary),
+    Export("curves", "error by age or frame", lambda data: data.curves.filter(~pl.col("cut"))),
+    Export("lifetimes", "lifetimes and survival", lambda data: data.lifetimes),
+    Export("outliers", "outlier ratios", lambda data: data.outliers),
+    Export("trims", "tracks dropped by trimming", lambda data: data.trims),
+    Export("factor-effects", "verdicts on factors", lambda data: paper.side_by_side(data.comparison)),
+    Export("effects", "effects of factors", lambda data: data.effects),
+    Export("findings", "findings", lambda data: data.findings),
+    Export("intervals", "intervals, for the view shown in the figures", lambda data: data.reference(data.intervals)),
+    Export("zero-mean", "tests of zero mean error", lambda data: data.zero_mean),
+    Export("gaussianity", "shape of the error distribution", lambda data: data.gaussianity),
+    Export("time-structure", "error growth", lambda data: data.time_structure),
+    Export("changes", "frame-to-frame changes of errors", lambda data: data.changes),
+    Export("dependence", "verdicts on factors, with intervals", lambda data: data.dependence),
+    Export("counts", "truth statuses and track ends", lambda data: data.counts),
+)
+
+
+def to_csv(table: pl.DataFrame) -> str:
+    """Write a table as CSV: full precision, nothing where a value is missing."""
+    return table.write_csv()
+
+
+def to_latex(table: pl.DataFrame) -> str:
+    """Write a table as a LaTeX ``tabular`` without packages: numbers to four digits, a dash where one is missing."""
+    alignment = "".join("r" if kind.is_numeric() else "l" for kind in table.dtypes)
+    heading = " & ".join(map(escape_latex, table.columns))
+    lines = [_latex_row(row) for row in table.iter_rows()]
+    body = [f"\\begin{{tabular}}{{{alignment}}}", "\\hline", f"{heading} \\\\", "\\hline", *lines, "\\hline"]
+    return "\n".join([*body, "\\end{tabular}", ""])
+
+
+def escape_latex(text: str) -> str:
+    """Escape text for LaTeX."""
+    return "".join(_LATEX.get(sign, sign) for sign in text)
+
+
+def _latex_row(values: Sequence[object]) -> str:
+    cells = [format(value, ".4g") if isinstance(value, float) else "--" if value is None else value for value in values]
+    return " & ".join(escape_latex(str(cell)) if cell != "--" else "--" for cell in cells) + " \\\\"

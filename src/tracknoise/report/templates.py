@@ -1,0 +1,26 @@
+"""The HTML templates of the package."""
+
+import re
+
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+from markupsafe import Markup, escape
+
+from tracknoise.report.figures.figure import Figure
+
+
+def template(name: str) -> Template:
+    """A template. It finds the style of the report as `css`, its script as `script`, and the filter `code`."""
+    loader = PackageLoader("tracknoise.report", "template")
+    environment = Environment(
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.tests["figure"] = lambda item: isinstance(item, Figure)
+    environment.filters["code"] = _code
+    raw = {"css": "page.css", "script": "page.js"}
+    environment.globals |= {key: loader.get_source(environment, file)[0] for key, file in raw.items()}
+    return environment.get_template(name)
+
+
+def _code(text: str) -> Markup:
+    """Text as HTML, with the parts between backticks as code."""
+    return Markup(re.sub(r"`([^`]*)`", r"<code>\1</code>", str(escape(text))))

@@ -25,7 +25,7 @@ from tracknoise.experiments.measure import complete
 from tracknoise.experiments.running.provenance import new_manifest
 from tracknoise.experiments.running.task import tables_to_keep
 from tracknoise.experiments.settings import parse_experiment
-from tracknoise.sequences.sequence import SequenceId
+from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.store import RunFolder, SequenceEntry
 
 FEW, MANY = 20, 1000
@@ -99,7 +99,7 @@ def _timed(clock: dict[str, float], name: str) -> Iterator[None]:
 
 def _entry(name: SequenceId) -> SequenceEntry:
     return SequenceEntry(
-        name.dataset, name.scene, name.lighting, 0, str(name.direction), FRAMES, 800, 600, "birth", 0, 0.0
+        name, FRAMES, 800, 600, "birth", 0, 0.0
     )  # fmt: skip
 
 

@@ -23,7 +23,7 @@ from tracknoise.experiments.measure import complete
 from tracknoise.experiments.running.provenance import new_manifest
 from tracknoise.experiments.running.task import tables_to_keep
 from tracknoise.experiments.settings import parse_experiment
-from tracknoise.sequences.sequence import SequenceId
+from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.store import RunFolder, SequenceEntry
 
 FRAMES, OBSERVATIONS, DIFFERENT = 49, 40_000, 6
@@ -59,7 +59,7 @@ def _measure(scenes: int, lightings: int) -> dict[str, float]:
         for scene in range(scenes):
             for light in range(lightings):
                 names = {"scene": f"scene-{scene:02d}", "lighting": f"light-{light:02d}"}
-                entry = SequenceEntry("made up", **names, rotation=0, direction="forward", n_frames=FRAMES, width=800,
+                entry = SequenceEntry(SequenceId("made up", **names), n_frames=FRAMES, width=800,
                                       height=600, truth="birth", snapshot_frame=0, seconds=0.0)  # fmt: skip
                 tables = _renamed(made[(scene + light) % DIFFERENT], names)
                 hashes = run.write_sequence(entry.key, tables, b"")

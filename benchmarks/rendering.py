@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.harness import Row, median_ms
-from tracknoise.sequences.sequence import SequenceId
 from tracknoise.sequences.simulated import Simulated, SimulatedSequence
+from tracknoise.tables.identity import SequenceId
 
 REPEATS = 5
 

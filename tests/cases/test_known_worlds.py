@@ -9,7 +9,8 @@ import pytest
 import tracknoise
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.sequences.sequence import SequenceId, TruthKind
+from tracknoise.sequences.sequence import TruthKind
+from tracknoise.tables.identity import SequenceId
 
 CAMERA = Camera(100, 80, 200.0, 200.0, 49.5, 39.5)
 PLANE_M = 2.0

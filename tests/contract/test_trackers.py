@@ -9,6 +9,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import TrackEnd, TruthStatus
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.registry import TRACKERS
@@ -49,7 +50,7 @@ def _track_file(path: Path) -> str:
 
 
 def start(settings: TrackerSettings, size: tuple[int, int] = SIZE, speed: int = 1) -> Callable[[Frame], Step]:
-    return settings.start(SequenceContext("scene", "default", 0, "forward", size, FRAMES, speed, 0, Still())).step
+    return settings.start(SequenceContext(SequenceId("data", "scene"), size, FRAMES, speed, 0, Still())).step
 
 
 def images() -> list[np.ndarray]:

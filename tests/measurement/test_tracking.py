@@ -6,8 +6,9 @@ from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.measurement.scene import measure_scene
 from tracknoise.measurement.tracking import TrackerSetup
-from tracknoise.sequences.sequence import Direction, Scan, SequenceId, TruthKind
+from tracknoise.sequences.sequence import Scan, TruthKind
 from tracknoise.sequences.views import view
+from tracknoise.tables.identity import Direction, SequenceId
 from tracknoise.trackers.imported import Imported
 
 

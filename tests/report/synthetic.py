@@ -27,6 +27,7 @@ from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.outliers import outlier_ratios
 from tracknoise.statistics.summary import summary
 from tracknoise.statistics.trimming import trim
+from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import FRAME_COUNTS, OBSERVATIONS, ORIGIN, POSES, SEQUENCE, TRACKS, TrackEnd, empty
 from tracknoise.tables.store import OBSERVED, SEQUENCE_TABLES, Manifest, RunFolder, SequenceEntry
 
@@ -148,7 +149,7 @@ def _entry(origin: Sequence[Any], world: World) -> SequenceEntry:
     size = (WIDTH, HEIGHT) if origin[3] % 180 == 0 else (HEIGHT, WIDTH)
     middle = world.n_frames // 2
     return SequenceEntry(
-        *origin, world.n_frames, *size, world.truth, middle, 3.2, notes, key_frame=world.key_frame
+        SequenceId(*origin), world.n_frames, *size, world.truth, middle, 3.2, notes, key_frame=world.key_frame
     )  # fmt: skip
 
 

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tracknoise.exceptions import DataError, UnknownNameError
+from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.folder import Folder, write_folder
 from tracknoise.sequences.recorded import RecordedSequence
-from tracknoise.sequences.sequence import SequenceId, TruthKind
+from tracknoise.sequences.registry import make_reader
+from tracknoise.sequences.sequence import TruthKind
+from tracknoise.tables.identity import SequenceId
 
 FRAMES, WIDTH, HEIGHT = 3, 20, 16
 CAMERA = Camera(WIDTH, HEIGHT, 18.5, 18.25, 9.3, 7.9, (0.1, -0.02, 0.001, 0.002, 0.003))
@@ -98,8 +100,8 @@ def test_depth_is_dense_unless_a_radius_is_given(scene: Path) -> None:
 
 @pytest.mark.parametrize("radius", [-0.1, "1", True, float("inf"), float("nan")])
 def test_an_impossible_radius(scene: Path, radius: object) -> None:
-    with pytest.raises(ValueError, match="depth_radius_px must be a finite number of at least 0, not"):
-        Folder(scene, depth_radius_px=radius)
+    with pytest.raises(SettingsError, match=r"reader 'folder': depth_radius_px.* expected a .*number"):
+        make_reader("folder", scene, {"depth_radius_px": radius})
 
 
 def test_a_read_sequence_can_be_pickled(scene: Path) -> None:

@@ -10,7 +10,8 @@ from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
 from tracknoise.sequences.images import read_depth_png16
 from tracknoise.sequences.recorded import RecordedSequence, depth_notes
-from tracknoise.sequences.sequence import Sequence, SequenceId, TruthKind
+from tracknoise.sequences.sequence import Sequence, TruthKind
+from tracknoise.tables.identity import SequenceId
 
 CAMERA = Camera(64, 48, 50.0, 50.0, 31.5, 23.5)
 READ = partial(read_depth_png16, metres_per_unit=0.001)

@@ -2,7 +2,7 @@ import pytest
 
 from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken, scene_folder
-from tracknoise.sequences.sequence import SequenceId
+from tracknoise.tables.identity import SequenceId
 
 
 def has_marker(_folders: list[str], files: list[str]) -> bool:

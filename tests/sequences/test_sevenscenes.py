@@ -7,8 +7,9 @@ import pytest
 
 from tracknoise.exceptions import DataError, DataWarning, UnknownNameError
 from tracknoise.sequences.registry import open_sequence
-from tracknoise.sequences.sequence import SequenceId, TruthKind
+from tracknoise.sequences.sequence import TruthKind
 from tracknoise.sequences.sevenscenes import SevenScenes
+from tracknoise.tables.identity import SequenceId
 
 
 def only(root):

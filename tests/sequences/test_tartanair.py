@@ -7,8 +7,9 @@ import pytest
 
 from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.sequences.registry import make_reader, open_sequence
-from tracknoise.sequences.sequence import SequenceId, TruthKind
+from tracknoise.sequences.sequence import TruthKind
 from tracknoise.sequences.tartanair import TartanAir
+from tracknoise.tables.identity import SequenceId
 
 BOTH = pytest.mark.parametrize("camera", ["left", "lcam_front"], ids=["v1", "v2"])
 

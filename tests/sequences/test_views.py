@@ -8,8 +8,9 @@ import pytest
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.registry import open_sequence
-from tracknoise.sequences.sequence import Direction, Scan, Sequence, TruthKind
+from tracknoise.sequences.sequence import Scan, Sequence, TruthKind
 from tracknoise.sequences.views import View, turned, view
+from tracknoise.tables.identity import Direction
 
 SIZE = {"width": 48, "height": 32, "frames": 5}
 

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.tracker import SequenceContext
@@ -33,7 +34,7 @@ def setting() -> Callable[..., SequenceContext]:
         size: tuple[int, int] = SIZE, n_frames: int = 6, speed: int = 1, scene: str = "scene", truth: object = None
     ) -> SequenceContext:
         return SequenceContext(
-            scene, "default", 0, "forward", size, n_frames, speed, 0, truth if truth is not None else FlatTruth(size)
+            SequenceId("data", scene), size, n_frames, speed, 0, truth if truth is not None else FlatTruth(size)
         )
 
     return make

@@ -8,7 +8,8 @@ import pytest
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import invert
-from tracknoise.sequences.sequence import Scan, SequenceId, TruthKind
+from tracknoise.sequences.sequence import Scan, TruthKind
+from tracknoise.tables.identity import SequenceId
 
 WALL_M = 4.0
 BOARD_M = 2.0

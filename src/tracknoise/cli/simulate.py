@@ -13,7 +13,8 @@ from tracknoise.exceptions import SettingsError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from tracknoise.sequences.sequence import Reader, SequenceId
+    from tracknoise.sequences.sequence import Reader
+    from tracknoise.tables.identity import SequenceId
 
     Progress = Callable[[int, int], None]
 

@@ -12,8 +12,9 @@ from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.measurement.errors import TruePaths, true_paths
 from tracknoise.measurement.recording import Recording
 from tracknoise.measurement.tracking import Progress, TrackerSetup, TrackingResult, run_trackers
-from tracknoise.sequences.sequence import Sequence, SequenceId, TruthKind
+from tracknoise.sequences.sequence import Sequence, TruthKind
 from tracknoise.tables import schema
+from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import TrackEnd, TruthStatus
 from tracknoise.truth.scan import ScanRule
 from tracknoise.truth.truth import SCAN_RULE, Truth, make_truths

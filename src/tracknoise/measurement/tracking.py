@@ -137,13 +137,9 @@ class _Pass:
 
 
 def _start(condition: TrackerSetup, sequence: Sequence, truth: Truth, seed: int) -> Tracker:
-    name = sequence.id
     return condition.settings.start(
         SequenceContext(
-            scene=name.scene,
-            lighting=name.lighting,
-            rotation=name.rotation,
-            direction=name.direction,
+            sequence=sequence.id,
             size=(sequence.camera.width, sequence.camera.height),
             n_frames=len(sequence),
             speed=condition.speed,

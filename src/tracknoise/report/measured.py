@@ -1,7 +1,7 @@
 """The section that says what was measured, and with what."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import polars as pl
@@ -12,6 +12,7 @@ from tracknoise.report.names import MOST_NAMED, by_statement, together
 from tracknoise.report.sentences import TIMES, count, listing, number, percent
 from tracknoise.report.tables import Cells, cells
 from tracknoise.statistics.populations import POPULATIONS
+from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.schema import TRIMMING, TrackEnd, TruthStatus
 
 _TRUTHS = {
@@ -48,7 +49,7 @@ def scenes(evidence: Evidence) -> Cells:
         "n_frames": "frames", "size": "image (px)", "truth": "truth", "seconds": "measured in (s)",
     }  # fmt: skip
     rows = [
-        {name: getattr(entry, name) for name in columns if name != "size"}
+        {name: value for name, value in _columns_of(entry).items() if name in columns}
         | {"size": f"{entry.width} {TIMES} {entry.height}", "seconds": f"{entry.seconds:.1f}"}
         for entry in entries
     ]
@@ -61,9 +62,13 @@ def scenes(evidence: Evidence) -> Cells:
     return cells(pl.DataFrame(rows, schema=kinds), columns, caption)
 
 
-def left_out(evidence: Evidence) -> list[tuple[str, str]]:
-    """Scenes that the data hold and that were not to be measured, and why."""
-    return sorted(evidence.manifest.left_out.items())
+def _columns_of(entry: SequenceEntry) -> dict[str, Any]:
+    return {**asdict(entry), **asdict(entry.sequence)}
+
+
+def excluded_scenes(evidence: Evidence) -> list[tuple[str, str]]:
+    """Scenes of the data set that are not measured, and why."""
+    return sorted(evidence.manifest.excluded_scenes.items())
 
 
 def notes(evidence: Evidence) -> list[tuple[str, str]]:
@@ -108,7 +113,7 @@ def provenance(evidence: Evidence) -> Cells:
 def truth_was_read(evidence: Evidence) -> bool:
     """Whether any true positions come from poses and depth that were read rather than simulated."""
     entries = evidence.manifest.sequences.values()
-    return any(entry.truth in ("birth", "scan") and entry.dataset != "simulated" for entry in entries)
+    return any(entry.truth in ("birth", "scan") and entry.sequence.dataset != "simulated" for entry in entries)
 
 
 def without_truth(evidence: Evidence) -> list[tuple[str, str]]:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from tracknoise.checks import require_at_least
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
@@ -24,7 +25,8 @@ from tracknoise.sequences.new_folder import new_folder
 from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses
 from tracknoise.sequences.recorded import DepthReader, RecordedSequence, depth_notes
 from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken, scene_folder
-from tracknoise.sequences.sequence import Sequence, SequenceId
+from tracknoise.sequences.sequence import Sequence
+from tracknoise.tables.identity import SequenceId
 
 _IMAGES, _DEPTH, _POSES, _CAMERA = "images", "depth", "poses.txt", "camera.json"
 _PARTS = frozenset((_IMAGES, _DEPTH, _POSES, _CAMERA))
@@ -49,7 +51,7 @@ class Folder:
     Raises
     ------
     ValueError
-        If `depth_radius_px` is no finite number of at least 0.
+        If `depth_radius_px` is below 0 or not finite.
     """
 
     name: ClassVar[str] = "folder"
@@ -61,9 +63,8 @@ class Folder:
     depth_radius_px: float | None = None
 
     def __post_init__(self) -> None:
-        radius_px = self.depth_radius_px
-        if radius_px is not None and not (type(radius_px) in (int, float) and 0.0 <= radius_px < math.inf):
-            raise ValueError(f"depth_radius_px must be a finite number of at least 0, not {radius_px!r}")
+        if self.depth_radius_px is not None:
+            require_at_least("depth_radius_px", self.depth_radius_px, 0)
 
     def sequences(self) -> list[SequenceId]:
         """All sequences, sorted: each folder that holds two of ``images``, ``depth``, ``poses.txt``, ``camera.json``.

@@ -11,7 +11,8 @@ from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.images import read_gray
-from tracknoise.sequences.sequence import SequenceId, TruthKind
+from tracknoise.sequences.sequence import TruthKind
+from tracknoise.tables.identity import SequenceId
 
 DepthReader = Callable[[Path, Camera], DepthMap]
 

@@ -6,7 +6,8 @@ from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
 from tracknoise.exceptions import DataError, UnknownNameError
-from tracknoise.sequences.sequence import DEFAULT_LIGHTING, SequenceId, require_directory
+from tracknoise.sequences.sequence import require_directory
+from tracknoise.tables.identity import DEFAULT_LIGHTING, SequenceId
 
 
 def find_scenes(root: Path, is_scene: Callable[[list[str], list[str]], bool], *, expected: str) -> dict[str, Path]:

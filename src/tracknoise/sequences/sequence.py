@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
-
-DEFAULT_LIGHTING = "default"
+from tracknoise.tables.identity import SequenceId
 
 
 class TruthKind(StrEnum):
@@ -21,34 +20,6 @@ class TruthKind(StrEnum):
     birth = "birth"
     raycast = "raycast"
     scan = "scan"
-
-
-class Direction(StrEnum):
-    """Which way the frames of a scene are played."""
-
-    forward = "forward"
-    backward = "backward"
-
-
-@dataclass(frozen=True, slots=True, order=True)
-class SequenceId:
-    """Name of a sequence: a scene under one lighting, one image rotation and one direction of play.
-
-    Parameters
-    ----------
-    dataset, scene, lighting
-        Names as the user or the data set writes them.
-    rotation
-        Degrees by which the images are turned counter-clockwise.
-    direction
-        Whether its frames come in the order of their recording, or the last first.
-    """
-
-    dataset: str
-    scene: str
-    lighting: str = DEFAULT_LIGHTING
-    rotation: int = 0
-    direction: Direction = Direction.forward
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -167,8 +138,8 @@ class Sequence(Protocol):
 class Reader(Protocol):
     """A data set in one on-disk format (or none, if simulated). Settings are the fields of a frozen dataclass.
 
-    The first field is ``root: Path``, unless `needs_root` is False; all others are keyword-only with defaults. If some
-    of these are paths of files or folders, a class variable ``path_options`` holds their names.
+    The first field is ``root: Path``, unless `needs_root` is False. All others are options: keyword-only, with
+    defaults. Options that name a file or folder have the type `Path`.
     """
 
     name: ClassVar[str]
@@ -215,10 +186,10 @@ class SharingReader(Protocol):
 
 @runtime_checkable
 class FilteringReader(Protocol):
-    """A `Reader` that leaves scenes out of what it lists."""
+    """A `Reader` that excludes some scenes of the data set from what it lists."""
 
-    def left_out(self) -> dict[str, str]:
-        """Why each scene that is left out is, one sentence each, by name of the scene.
+    def excluded_scenes(self) -> dict[str, str]:
+        """The reason for each excluded scene, one sentence each, by name of the scene.
 
         Raises
         ------

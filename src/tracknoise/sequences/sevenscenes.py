@@ -18,7 +18,7 @@ from tracknoise.sequences.images import image_size, read_depth_png16
 from tracknoise.sequences.poses import checked_poses, read_matrix, require_poses
 from tracknoise.sequences.recorded import RecordedSequence, depth_notes
 from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken, scene_folder
-from tracknoise.sequences.sequence import SequenceId
+from tracknoise.tables.identity import SequenceId
 
 _POSE = re.compile(r"frame-(\d+)\.pose\.txt")
 _INTRINSICS = "camera-intrinsics.txt"

@@ -1,5 +1,6 @@
 """Sequences of rendered images, with exact poses, depth and surface."""
 
+import math
 import zlib
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -11,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from tracknoise.checks import require, require_at_least
 from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.sequences.sequence import DEFAULT_LIGHTING, SequenceId, TruthKind
+from tracknoise.sequences.sequence import TruthKind
 from tracknoise.simulation.light import LIGHTINGS
 from tracknoise.simulation.motion import MOTIONS
 from tracknoise.simulation.places import PLACES
@@ -24,6 +26,7 @@ from tracknoise.simulation.scenery import Scenery
 from tracknoise.simulation.sdf.library import model_names
 from tracknoise.simulation.sdf.load import load_world
 from tracknoise.simulation.sensor import expose
+from tracknoise.tables.identity import DEFAULT_LIGHTING, SequenceId
 
 _WORLD, _PATH, _NOISE = range(3)  # streams of random numbers that know nothing of each other
 _DEFAULT_WORLD = "plaza"
@@ -69,7 +72,7 @@ class Simulated:
     Raises
     ------
     ValueError
-        If a setting has a wrong type or an impossible value.
+        If an option has an impossible value, or two options contradict each other.
     UnknownNameError
         If there is no such motion, world or lighting.
     """
@@ -77,7 +80,6 @@ class Simulated:
     name: ClassVar[str] = "simulated"
     description: ClassVar[str] = "rendered worlds with exact poses, depth and surface; needs no files"
     needs_root: ClassVar[bool] = False
-    path_options: ClassVar[tuple[str, ...]] = ("models", "world_file")
 
     motions: tuple[str, ...] = ("sideways", "fixating", "forward", "arvr")
     world: str = _DEFAULT_WORLD
@@ -100,25 +102,16 @@ class Simulated:
         object.__setattr__(self, "motions", _names("motion", self.motions, MOTIONS))
         object.__setattr__(self, "lightings", _names("lighting", self.lightings, LIGHTINGS))
         for name, least in {"worlds": 1, "frames": 1, "width": 2, "height": 2, "supersampling": 1, "seed": 0}.items():
-            value = getattr(self, name)
-            if type(value) is not int or value < least:
-                raise ValueError(f"{name} must be a whole number of at least {least}, not {value!r}")
-        if not _is_number(self.hfov_deg) or not 0.0 < self.hfov_deg < 180.0:
-            raise ValueError(f"hfov_deg must be a number between 0 and 180, not {self.hfov_deg!r}")
-        if not _is_number(self.noise_sigma) or not 0.0 <= self.noise_sigma < np.inf:
-            raise ValueError(f"noise_sigma must be a number of at least 0, not {self.noise_sigma!r}")
-        if type(self.shadows) is not bool:
-            raise ValueError(f"shadows must be true or false, not {self.shadows!r}")
-        for name in self.path_options:
-            object.__setattr__(self, name, _path(name, getattr(self, name)))
-        object.__setattr__(self, "origin", _place(self.origin))
-        if not _is_number(self.yaw_deg) or not np.isfinite(self.yaw_deg):
-            raise ValueError(f"yaw_deg must be a finite number, not {self.yaw_deg!r}")
+            require_at_least(name, getattr(self, name), least)
+        require(0.0 < self.hfov_deg < 180.0, "hfov_deg", self.hfov_deg, "a number between 0 and 180")
+        require_at_least("noise_sigma", self.noise_sigma, 0)
+        require(all(map(math.isfinite, self.origin)), "origin", self.origin, "three finite numbers (x, y, z in metres)")
+        require(math.isfinite(self.yaw_deg), "yaw_deg", self.yaw_deg, "a finite number")
         self._require_that_world_and_motions_fit()
 
     def _require_that_world_and_motions_fit(self) -> None:
         if self.world not in PLACES:
-            raise UnknownNameError("world", str(self.world), PLACES)
+            raise UnknownNameError("world", self.world, PLACES)
         if self.world_file is not None:
             if self.world != _DEFAULT_WORLD:
                 raise ValueError("world and world_file exclude each other")
@@ -302,28 +295,10 @@ def _generator(seed: int, stream: int, name: str, index: int = 0) -> np.random.G
     return np.random.default_rng([seed, stream, zlib.crc32(name.encode()), index])
 
 
-def _names(kind: str, names: object, known: Collection[str]) -> tuple[str, ...]:
-    if not isinstance(names, list | tuple) or not names:
-        raise ValueError(f"{kind}s must be a list of names, not {names!r}")
+def _names(kind: str, names: tuple[str, ...], known: Collection[str]) -> tuple[str, ...]:
+    """The names, each once."""
+    require(bool(names), f"{kind}s", list(names), "at least one name")
     for name in names:
         if name not in known:
-            raise UnknownNameError(kind, str(name), known)
+            raise UnknownNameError(kind, name, known)
     return tuple(dict.fromkeys(names))
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _path(name: str, value: object) -> Path | None:
-    if value is not None and not isinstance(value, str | Path):
-        raise ValueError(f"{name} must be a path, not {value!r}")
-    return None if value is None else Path(value)
-
-
-def _place(origin: object) -> tuple[float, float, float]:
-    if isinstance(origin, list | tuple) and len(origin) == 3 and all(map(_is_number, origin)):
-        x, y, z = (float(coordinate) for coordinate in origin)
-        if np.isfinite([x, y, z]).all():
-            return x, y, z
-    raise ValueError(f"origin must be three finite numbers (x, y, z in metres), not {origin!r}")

@@ -24,7 +24,7 @@ from tracknoise.sequences.images import image_size, read_depth_npy, read_depth_p
 from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses
 from tracknoise.sequences.recorded import DepthReader, RecordedSequence, depth_notes
 from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken, scene_folder
-from tracknoise.sequences.sequence import SequenceId
+from tracknoise.tables.identity import SequenceId
 
 SKY_M = 10_000.0
 """Depth beyond this is sky, metres."""

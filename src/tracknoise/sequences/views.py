@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.sequences.sequence import Direction, Scan, Sequence, SequenceId, Surface, TruthKind
+from tracknoise.sequences.sequence import Scan, Sequence, Surface, TruthKind
+from tracknoise.tables.identity import Direction, SequenceId
 
 QUARTER_DEG = 90
 

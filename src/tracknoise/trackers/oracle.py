@@ -8,8 +8,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.checks import require, require_at_least, require_share
 from tracknoise.tables.schema import TrackEnd, TruthStatus
-from tracknoise.trackers.checks import require, require_at_least, require_share
 from tracknoise.trackers.features import ALIVE, Features, report
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.tracker import SequenceContext, Step
@@ -158,8 +158,9 @@ class OracleTracker:
 
 def _generator(seed: int, context: SequenceContext) -> np.random.Generator:
     """Independent for every sequence and speed, and the same in every process (`hash` is not)."""
-    names = (zlib.crc32(name.encode()) for name in (context.scene, context.lighting, context.direction))
-    return np.random.default_rng([seed, context.seed, *names, context.rotation % 360, context.speed])
+    sequence = context.sequence
+    names = (zlib.crc32(name.encode()) for name in (sequence.scene, sequence.lighting, sequence.direction))
+    return np.random.default_rng([seed, context.seed, *names, sequence.rotation % 360, context.speed])
 
 
 def _root(covariance: tuple[Pair, Pair]) -> tuple[Pair, Pair]:

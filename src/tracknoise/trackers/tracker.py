@@ -6,6 +6,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.tables.identity import SequenceId
 from tracknoise.trackers.frame import Frame
 
 
@@ -103,8 +104,8 @@ class SequenceContext:
 
     Parameters
     ----------
-    scene, lighting, rotation, direction
-        Names of the sequence.
+    sequence
+        Its name.
     size
         (width, height) of its images, px.
     n_frames
@@ -117,10 +118,7 @@ class SequenceContext:
         True positions, for the oracle alone.
     """
 
-    scene: str
-    lighting: str
-    rotation: int
-    direction: str
+    sequence: SequenceId
     size: tuple[int, int]
     n_frames: int
     speed: int

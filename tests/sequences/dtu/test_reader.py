@@ -1,4 +1,5 @@
 import pickle
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -8,9 +9,10 @@ from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.sequences.dtu.matlab import write_mat
 from tracknoise.sequences.dtu.reader import Dtu
 from tracknoise.sequences.dtu.relighting import LIGHTINGS, weights
-from tracknoise.sequences.registry import make_reader, open_sequence, open_together, path_options
-from tracknoise.sequences.sequence import Sequence, SequenceId, SharingReader, TruthKind
+from tracknoise.sequences.registry import READERS, make_reader, open_sequence, open_together
+from tracknoise.sequences.sequence import Sequence, SharingReader, TruthKind
 from tracknoise.simulation.light_stage.leds import led_positions
+from tracknoise.tables.identity import SequenceId
 
 NOMINAL = "relit with nominal positions of the LEDs, since no file gives the true ones"
 CONDENSED = {"name": "{:03d}_{:02d}.png", "numbers": 36}
@@ -176,6 +178,6 @@ def test_unknown_names(write_set) -> None:
         Dtu(root).open(SequenceId("dtu", "SET009", "diffuse"))
     with pytest.raises(UnknownNameError, match="unknown lighting 'BF8'"):
         Dtu(root).open(SequenceId("dtu", "SET001", "BF8"))
-    with pytest.raises(SettingsError, match="leds must be the path of a CSV file, not 19"):
+    with pytest.raises(SettingsError, match=r"reader 'dtu': leds: .*path.*found 19$"):
         make_reader("dtu", root, {"leds": 19})
-    assert path_options("dtu") == ("leds",)
+    assert READERS.paths("dtu", {"leds": "leds.csv"}) == [Path("leds.csv")]

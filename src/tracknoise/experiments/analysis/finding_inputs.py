@@ -9,6 +9,7 @@ from tracknoise.findings.sampling.resampling import MIN_SCENES
 from tracknoise.statistics.conditions import TablesByCondition, by_condition
 from tracknoise.statistics.effects import ReferenceCondition
 from tracknoise.statistics.grouping import POOLED
+from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import ORIGIN, VIEW
 from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
 
@@ -64,7 +65,7 @@ class FindingInputs:
         """
         entries = run.manifest().sequences
         every = sorted(entries)
-        shown = [key for key in every if all(getattr(entries[key], name) == getattr(view, name) for name in VIEW)]
+        shown = [key for key in every if _is_seen(entries[key].sequence, view)]
         slowest = pl.col("speed") == view.speed
 
         def read(name: str, keys: list[str], reduce: Callable[[pl.DataFrame], pl.DataFrame]) -> TablesByCondition:
@@ -86,6 +87,10 @@ class FindingInputs:
             ends=read("ends", every, lambda table: _ends(table, few)),
             frames=frames,
         )
+
+
+def _is_seen(sequence: SequenceId, view: ReferenceCondition) -> bool:
+    return all(getattr(sequence, name) == getattr(view, name) for name in VIEW)
 
 
 def _of(conditions: pl.DataFrame, table: pl.DataFrame) -> pl.DataFrame:

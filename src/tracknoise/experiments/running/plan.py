@@ -6,9 +6,9 @@ from pathlib import Path
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.experiments.settings import DatasetSettings, Experiment
 from tracknoise.sequences.registry import make_reader, open_together
-from tracknoise.sequences.sequence import Direction, FilteringReader, Sequence, SequenceId, SharingReader
+from tracknoise.sequences.sequence import FilteringReader, Sequence, SharingReader
 from tracknoise.sequences.views import view
-from tracknoise.tables.store import sequence_key
+from tracknoise.tables.identity import Direction, SequenceId
 from tracknoise.trackers.registry import make_tracker
 from tracknoise.trackers.tracker import TrackerSettings
 
@@ -37,8 +37,7 @@ class Task:
     @property
     def key(self) -> str:
         """File name, without extension, of the sequence's tables."""
-        name = self.sequence
-        return sequence_key(name.scene, name.lighting, name.rotation, name.direction)
+        return self.sequence.key
 
 
 def plan(experiment: Experiment) -> list[Task]:
@@ -71,8 +70,8 @@ def plan(experiment: Experiment) -> list[Task]:
     ]
 
 
-def left_out(experiment: Experiment) -> dict[str, str]:
-    """Why scenes that the data hold are not in the plan, by scene: what their reader says.
+def excluded_scenes(experiment: Experiment) -> dict[str, str]:
+    """Why the reader excludes scenes of the data set from the plan, by scene.
 
     Raises
     ------
@@ -80,7 +79,7 @@ def left_out(experiment: Experiment) -> dict[str, str]:
         If what decides it cannot be read.
     """
     reader = make_reader(*_reader_arguments(experiment.dataset))
-    return reader.left_out() if isinstance(reader, FilteringReader) else {}
+    return reader.excluded_scenes() if isinstance(reader, FilteringReader) else {}
 
 
 def batches(tasks: list[Task]) -> list[list[Task]]:

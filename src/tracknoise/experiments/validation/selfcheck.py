@@ -26,7 +26,7 @@ from tracknoise.experiments.settings import (
 from tracknoise.experiments.validation.known_errors import Known, curve_point, mean_lifetime, share, survival
 from tracknoise.findings.intervals.curve_sums import ALL
 from tracknoise.findings.sampling.resampling import LEVEL
-from tracknoise.sequences.sequence import Direction
+from tracknoise.tables.identity import Direction
 from tracknoise.tables.schema import Schema, check
 from tracknoise.tables.store import RunFolder
 from tracknoise.trackers.oracle import Oracle

@@ -69,7 +69,7 @@ def figures(evidence: Evidence) -> Sequence[Figure | Absence]:
 
 
 def _figure(evidence: Evidence, entry: SequenceEntry, place: int) -> Figure | Absence:
-    name, title = f"picture-{place}", f"Scene {entry.scene}"
+    name, title = f"picture-{place}", f"Scene {entry.sequence.scene}"
     png = _image(evidence, entry)
     if png is None:
         return Absence(

@@ -93,7 +93,7 @@ def _path(evidence: Evidence, key: str) -> Path:
     rotations = Rotation.from_quat(poses.select("qx", "qy", "qz", "qw").to_numpy())
     steps = np.asarray((rotations[:-1].inv() * rotations[1:]).magnitude())
     return Path(
-        scene=evidence.sequences[key].scene,
+        scene=evidence.sequences[key].sequence.scene,
         frame=poses["frame"].to_numpy().astype(np.int64),
         places_m=places,
         forwards=rotations.apply([0.0, 0.0, 1.0]),

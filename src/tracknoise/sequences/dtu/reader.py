@@ -31,8 +31,9 @@ from tracknoise.sequences.dtu.scan import read_scan
 from tracknoise.sequences.dtu.sequence import LitSequence
 from tracknoise.sequences.dtu.shots import Relit, Shots, Taken
 from tracknoise.sequences.images import image_size
-from tracknoise.sequences.sequence import Sequence, SequenceId
+from tracknoise.sequences.sequence import Sequence
 from tracknoise.simulation.light_stage.leds import led_positions
+from tracknoise.tables.identity import SequenceId
 
 _NOMINAL_NOTE = "relit with nominal positions of the LEDs, since no file gives the true ones"
 
@@ -49,25 +50,15 @@ class Dtu:
     leds
         CSV file of the LEDs' positions, 19 rows of x, y, z in metres (see `tracknoise.sequences.dtu.relighting`); by
         default ``leds.csv`` beside the calibration, or a nominal grid where there is none.
-
-    Raises
-    ------
-    ValueError
-        If `leds` is no path.
     """
 
     name: ClassVar[str] = "dtu"
     description: ClassVar[str] = "DTU Point Features: objects on a light stage, 19 lightings, a scan of the key frame"
     needs_root: ClassVar[bool] = True
-    path_options: ClassVar[tuple[str, ...]] = ("leds",)
 
     root: Path
     _: KW_ONLY
-    leds: str | Path | None = None
-
-    def __post_init__(self) -> None:
-        if self.leds is not None and not isinstance(self.leds, str | Path):
-            raise ValueError(f"leds must be the path of a CSV file, not {self.leds!r}")
+    leds: Path | None = None
 
     def sequences(self) -> list[SequenceId]:
         """All sequences, sorted: every scene in every lighting.
@@ -160,7 +151,7 @@ class Dtu:
     def _leds(self) -> tuple[NDArray[np.float64], tuple[str, ...]]:
         """(19, 3) float64: positions of the LEDs, and what is to be said of them."""
         if self.leds is not None:
-            return read_leds(Path(self.leds)), ()
+            return read_leds(self.leds), ()
         beside = find_beside(self.root, CALIBRATION).parent / LEDS
         return (read_leds(beside), ()) if beside.exists() else (led_positions(), (_NOMINAL_NOTE,))
 

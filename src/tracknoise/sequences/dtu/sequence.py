@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from tracknoise.geometry.camera import Camera
 from tracknoise.sequences.dtu.shots import Shots
-from tracknoise.sequences.sequence import Scan, SequenceId, TruthKind
+from tracknoise.sequences.sequence import Scan, TruthKind
+from tracknoise.tables.identity import SequenceId
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -1,13 +1,13 @@
 """The reader of KITTI raw data with the depth of KITTI's depth completion: see docs/kitti.md."""
 
 from dataclasses import KW_ONLY, dataclass
-from math import inf
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.checks import require_at_least
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
 from tracknoise.sequences.images import image_size
@@ -19,7 +19,7 @@ from tracknoise.sequences.kitti.trajectory import read_trajectory
 from tracknoise.sequences.kitti.velodyne import SCAN_SUFFIX
 from tracknoise.sequences.recorded import RecordedSequence, depth_notes
 from tracknoise.sequences.scenes import scene_folder
-from tracknoise.sequences.sequence import SequenceId
+from tracknoise.tables.identity import SequenceId
 
 _OVERRIDE = "a drive in motion throughout, or keep_still = true"
 
@@ -46,13 +46,12 @@ class Kitti:
     Raises
     ------
     ValueError
-        If a setting has a wrong type or an impossible value.
+        If an option has an impossible value.
     """
 
     name: ClassVar[str] = "kitti"
     description: ClassVar[str] = "KITTI raw drives with depth-completion maps or Velodyne scans"
     needs_root: ClassVar[bool] = True
-    path_options: ClassVar[tuple[str, ...]] = ("depth_root",)
 
     root: Path
     _: KW_ONLY
@@ -63,16 +62,9 @@ class Kitti:
     still_m: float = 0.02
 
     def __post_init__(self) -> None:
-        if self.depth_root is not None:
-            object.__setattr__(self, "depth_root", Path(self.depth_root))
-        if type(self.keep_still) is not bool:
-            raise ValueError(f"keep_still must be true or false, not {self.keep_still!r}")
-        if type(self.still_frames) is not int or self.still_frames < 1:
-            raise ValueError(f"still_frames must be a whole number of at least 1, not {self.still_frames!r}")
-        for name in ("radius_px", "still_m"):
-            value = getattr(self, name)
-            if type(value) not in (int, float) or not 0.0 <= value < inf:
-                raise ValueError(f"{name} must be a finite number of at least 0, not {value!r}")
+        require_at_least("radius_px", self.radius_px, 0)
+        require_at_least("still_frames", self.still_frames, 1)
+        require_at_least("still_m", self.still_m, 0)
 
     def sequences(self) -> list[SequenceId]:
         """All drives without a still stretch, sorted; those whose poses cannot be read among them, so `open` says why.
@@ -83,21 +75,21 @@ class Kitti:
             If there is none.
         """
         drives = self._drives()
-        moving = [name for name, drive in drives.items() if self._why_left_out(drive) is None]
+        moving = [name for name, drive in drives.items() if self._reason_to_exclude(drive) is None]
         if not moving:
             found = f"{len(drives)} drive{'s' if len(drives) > 1 else ''}, none without a still stretch"
             raise DataError(self.root, found, _OVERRIDE)
         return [SequenceId(self.name, scene) for scene in moving]
 
-    def left_out(self) -> dict[str, str]:
-        """The still stretch of each drive that is left out, one sentence each, by name of the drive.
+    def excluded_scenes(self) -> dict[str, str]:
+        """The still stretch of each excluded drive, one sentence each, by name of the drive.
 
         Raises
         ------
         DataError
             If there is no drive.
         """
-        reasons = {name: self._why_left_out(drive) for name, drive in self._drives().items()}
+        reasons = {name: self._reason_to_exclude(drive) for name, drive in self._drives().items()}
         return {name: reason for name, reason in reasons.items() if reason is not None}
 
     def open(self, sequence: SequenceId) -> RecordedSequence:
@@ -133,7 +125,7 @@ class Kitti:
     def _drives(self) -> dict[str, Drive]:
         return find_drives(self.root, self.depth_root)
 
-    def _why_left_out(self, drive: Drive) -> str | None:
+    def _reason_to_exclude(self, drive: Drive) -> str | None:
         """Why a drive is left out; None if it is not, or cannot be read, which is for `open` to say."""
         if self.keep_still:
             return None

@@ -1,0 +1,70 @@
+"""What a sequence is called: the one name by which readers, tables and the manifest know it."""
+
+from dataclasses import dataclass, fields
+from enum import StrEnum
+from pathlib import Path
+from urllib.parse import quote
+
+DEFAULT_LIGHTING = "default"
+
+
+class Direction(StrEnum):
+    """Which way the frames of a scene are played."""
+
+    forward = "forward"
+    backward = "backward"
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class SequenceId:
+    """Name of a sequence: a scene under one lighting, one image rotation and one direction of play.
+
+    Parameters
+    ----------
+    dataset, scene, lighting
+        Names as the user or the data set writes them.
+    rotation
+        Degrees by which the images are turned counter-clockwise.
+    direction
+        Whether its frames come in the order of their recording, or the last first.
+    camera
+        Name of the camera on a rig; empty where there is only one.
+    """
+
+    dataset: str
+    scene: str
+    lighting: str = DEFAULT_LIGHTING
+    rotation: int = 0
+    direction: Direction = Direction.forward
+    camera: str = ""
+
+    @property
+    def key(self) -> str:
+        """File-safe name, unique in a data set.
+
+        It is ``scene@lighting``, followed by ``@rDEGREES`` if the images are turned, ``@backward`` if the frames are
+        played backward, and ``@camera-NAME`` if the camera has a name.
+        """
+        parts = [quote(self.scene, safe=" "), quote(self.lighting, safe=" ")]
+        parts += [f"r{self.rotation}"] if self.rotation else []
+        parts += [str(self.direction)] if self.direction != Direction.forward else []
+        parts += [f"camera-{quote(self.camera, safe=' ')}"] if self.camera else []
+        return "@".join(parts)
+
+    def placeholders(self) -> dict[str, str | int]:
+        """Its fields by name, which replace ``{scene}``, ``{lighting}`` and so on in a path."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    def expand(self, template: str, *, speed: int) -> Path:
+        """The path that a template stands for at one speed: see `PLACEHOLDERS`.
+
+        Raises
+        ------
+        LookupError, ValueError, AttributeError
+            If there is another placeholder, or a brace without its partner.
+        """
+        return Path(template.format(**self.placeholders(), speed=speed))
+
+
+PLACEHOLDERS = (*(field.name for field in fields(SequenceId)), "speed")
+"""What may stand in braces in the path of a file that belongs to one sequence, or to one sequence and speed."""

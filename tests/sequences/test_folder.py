@@ -39,6 +39,9 @@ class Made:
     def __len__(self) -> int:
         return len(self.world_from_camera)
 
+    def camera_at(self, index: int) -> Camera:
+        return self.camera
+
     def image(self, index: int) -> np.ndarray:
         return np.random.default_rng(index).integers(0, 256, (HEIGHT, WIDTH), dtype=np.uint8)
 
@@ -248,7 +251,10 @@ NO_INVERSE = (
         ({"fy": -18.0}, "fy = -18.0, expected a finite number above 0"),
         ({"cx": None}, "cx = null, expected a finite number"),
         ({"cy": float("nan")}, "cy = NaN, expected a finite number"),
-        ({"distortion": [0.1, 0.2]}, "distortion = [0.1, 0.2], expected a list of k1, k2, p1, p2, k3, or an empty one"),
+        (
+            {"distortion": [0.1, 0.2]},
+            "distortion = [0.1, 0.2], expected a list of 0, 4, 5 or 8 numbers (k1, k2, p1, p2, k3, k4, k5, k6)",
+        ),
         ({"distortion": [0.1, 0, 0, 0, "x"]}, 'distortion = "x", expected a finite number'),
         ({"depth_unit_m": 0}, "depth_unit_m = 0, expected a finite number above 0"),
         ({"height": -5}, "height = -5, expected a whole number above 0"),
@@ -256,7 +262,10 @@ NO_INVERSE = (
         ({"fx": 10**400}, f"fx = 1{'0' * 59}..., expected a finite number above 0"),
         ({"fx": float("inf")}, "fx = Infinity, expected a finite number above 0"),
         ({"cx": False}, "cx = false, expected a finite number"),
-        ({"distortion": True}, "distortion = true, expected a list of k1, k2, p1, p2, k3, or an empty one"),
+        (
+            {"distortion": True},
+            "distortion = true, expected a list of 0, 4, 5 or 8 numbers (k1, k2, p1, p2, k3, k4, k5, k6)",
+        ),
         ({"distortion": [0, 0, 0, 0, [[]]]}, "distortion = [[]], expected a finite number"),
         ({"distortion": [-5, 0, 0, 0, 0]}, NO_INVERSE),
         ({"distortion": [1e308] * 5}, NO_INVERSE),

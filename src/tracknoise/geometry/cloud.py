@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 
 
-def cloud_depth(camera: Camera, points: NDArray[np.float64], *, nearest_m: float, radius_px: float) -> DepthMap:
+def cloud_depth(camera: CameraModel, points: NDArray[np.float64], *, nearest_m: float, radius_px: float) -> DepthMap:
     """Sparse depth map of a cloud of points: each goes to the pixel that it is projected into, and the nearest wins.
 
     Parameters

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy
+from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.tables.identity import SequenceId
 
 
 class TruthKind(StrEnum):
-    """How a feature's true place in the world can be fixed."""
+    """How the true position of a feature in the world is found."""
 
     birth = "birth"
     raycast = "raycast"
@@ -75,13 +76,28 @@ class Sequence(Protocol):
         ...
 
     @property
-    def camera(self) -> Camera:
-        """Intrinsics of all its images."""
+    def camera(self) -> CameraModel:
+        """Intrinsics of the first frame. All frames have the same image size; see `camera_at` for their intrinsics."""
         ...
 
     @property
     def world_from_camera(self) -> NDArray[np.float64]:
         """(n, 4, 4) float64: the pose of each frame, with exact rotations."""
+        ...
+
+    @property
+    def timestamps_s(self) -> NDArray[np.float64] | None:
+        """(n,) float64: the time of each frame, seconds, increasing, with any origin; None where unknown."""
+        ...
+
+    @property
+    def pose_accuracy(self) -> PoseAccuracy | None:
+        """Stated uncertainty of the poses; None where unknown."""
+        ...
+
+    @property
+    def depth_accuracy(self) -> DepthAccuracy | None:
+        """Stated uncertainty of the depths; None where unknown, or where there are none."""
         ...
 
     @property
@@ -96,6 +112,10 @@ class Sequence(Protocol):
 
     def __len__(self) -> int:
         """Count of frames, at least 1."""
+        ...
+
+    def camera_at(self, index: int) -> CameraModel:
+        """Intrinsics of one frame; those of `camera` where they do not change."""
         ...
 
     def image(self, index: int) -> NDArray[np.uint8]:

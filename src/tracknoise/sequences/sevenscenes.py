@@ -14,9 +14,10 @@ import numpy as np
 
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
+from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_notes
 from tracknoise.sequences.images import image_size, read_depth_png16
 from tracknoise.sequences.poses import checked_poses, read_matrix, require_poses
-from tracknoise.sequences.recorded import RecordedSequence, depth_notes
+from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken, scene_folder
 from tracknoise.tables.identity import SequenceId
 
@@ -70,11 +71,11 @@ class SevenScenes:
         world_from_camera, pose_notes = checked_poses(np.stack([read_matrix(path, size=4) for path in poses]), poses)
         return RecordedSequence(
             id=sequence,
+            source=str(folder),
             camera=camera,
             world_from_camera=world_from_camera,
-            image_paths=images,
-            depth_paths=depths,
-            read_depth=_read_depth,
+            images=ImageFiles(images, camera),
+            depths=depth_files(depths, camera, _read_depth),
             notes=(*camera_notes, *pose_notes, *depth_notes(depths), _ONE_CAMERA),
         )
 

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from tracknoise.checks import require, require_at_least
 from tracknoise.exceptions import DataError, UnknownNameError
+from tracknoise.geometry.accuracy import EXACT_DEPTH, EXACT_POSE, DepthAccuracy, PoseAccuracy
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.sequence import TruthKind
@@ -228,6 +229,21 @@ class SimulatedSequence:
         return f"simulated scene {self.id.scene}" + ("" if file is None else f" in {file}")
 
     @property
+    def timestamps_s(self) -> None:
+        """None: a simulated camera path has no speed in metres per second."""
+        return None
+
+    @property
+    def pose_accuracy(self) -> PoseAccuracy:
+        """Poses are exact."""
+        return EXACT_POSE
+
+    @property
+    def depth_accuracy(self) -> DepthAccuracy:
+        """Depths are exact."""
+        return EXACT_DEPTH
+
+    @property
     def truths(self) -> tuple[TruthKind, ...]:
         """Ray cast first: it needs no interpolation."""
         return (TruthKind.raycast, TruthKind.birth)
@@ -236,6 +252,10 @@ class SimulatedSequence:
     def notes(self) -> tuple[str, ...]:
         """Which models are in the world, and what of them is not shown as Gazebo would show it."""
         return self._scenery.notes
+
+    def camera_at(self, index: int) -> Camera:
+        """The camera, which is the same for all frames."""
+        return self.camera
 
     def image(self, index: int) -> NDArray[np.uint8]:
         """(height, width) uint8: one frame, the same whenever and in whatever order it is asked for."""

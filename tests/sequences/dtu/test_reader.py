@@ -178,6 +178,6 @@ def test_unknown_names(write_set) -> None:
         Dtu(root).open(SequenceId("dtu", "SET009", "diffuse"))
     with pytest.raises(UnknownNameError, match="unknown lighting 'BF8'"):
         Dtu(root).open(SequenceId("dtu", "SET001", "BF8"))
-    with pytest.raises(SettingsError, match=r"reader 'dtu': leds: .*path.*found 19$"):
+    with pytest.raises(SettingsError, match=r"reader 'dtu': leds: expected a valid string, found 19$"):
         make_reader("dtu", root, {"leds": 19})
     assert READERS.paths("dtu", {"leds": "leds.csv"}) == [Path("leds.csv")]

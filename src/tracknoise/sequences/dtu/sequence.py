@@ -48,6 +48,21 @@ class LitSequence:
         return len(self.world_from_camera)
 
     @property
+    def timestamps_s(self) -> None:
+        """None: the data set does not give the times of the images."""
+        return None
+
+    @property
+    def pose_accuracy(self) -> None:
+        """None: the data set does not state it."""
+        return None
+
+    @property
+    def depth_accuracy(self) -> None:
+        """None: there are no depths."""
+        return None
+
+    @property
     def truths(self) -> tuple[TruthKind, ...]:
         """The scan."""
         return (TruthKind.scan,)
@@ -56,6 +71,10 @@ class LitSequence:
     def surface(self) -> None:
         """None: a scan is no exact surface."""
         return None
+
+    def camera_at(self, index: int) -> Camera:
+        """The camera, which is the same for all frames."""
+        return self.camera
 
     def image(self, index: int) -> NDArray[np.uint8]:
         """(height, width) uint8, read-only: one frame in 8-bit grayscale.

@@ -56,6 +56,11 @@ class Drive:
         """Where its depth-completion maps lie, if there are any."""
         return (self.depth_root or self.folder) / DEPTH / "groundtruth" / IMAGES
 
+    @property
+    def timestamps(self) -> Path:
+        """The file with the time of each image."""
+        return self.folder / IMAGES / "timestamps.txt"
+
     def image(self, number: int) -> Path:
         """Where the image of a frame should be."""
         return self.folder / IMAGES / "data" / f"{number:010d}.png"

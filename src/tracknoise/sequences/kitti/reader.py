@@ -9,19 +9,26 @@ from numpy.typing import NDArray
 
 from tracknoise.checks import require_at_least
 from tracknoise.exceptions import DataError
+from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy
 from tracknoise.geometry.camera import Camera
+from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_notes
 from tracknoise.sequences.images import image_size
 from tracknoise.sequences.kitti.calibration import read_camera, read_camera_from_velodyne
-from tracknoise.sequences.kitti.depth import DepthFiles, source_note
-from tracknoise.sequences.kitti.layout import Drive, find_drives, find_frames
+from tracknoise.sequences.kitti.depth import KittiDepth, source_note
+from tracknoise.sequences.kitti.layout import IMAGES, Drive, find_drives, find_frames
 from tracknoise.sequences.kitti.stillness import StillRule, still_stretch
+from tracknoise.sequences.kitti.timestamps import read_timestamps
 from tracknoise.sequences.kitti.trajectory import read_trajectory
 from tracknoise.sequences.kitti.velodyne import SCAN_SUFFIX
-from tracknoise.sequences.recorded import RecordedSequence, depth_notes
+from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.scenes import scene_folder
 from tracknoise.tables.identity import SequenceId
 
 _OVERRIDE = "a drive in motion throughout, or keep_still = true"
+_OXTS = PoseAccuracy(position_m=0.02, rotation_rad=float(np.deg2rad(0.1)))
+"""Of the OXTS RT3003, as stated in IJRR 2013."""
+_VELODYNE = DepthAccuracy(constant_m=0.02, relative=0.0)
+"""Of the Velodyne HDL-64E, as stated there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,15 +118,20 @@ class Kitti:
         poses, notes = read_trajectory(drive, frames.numbers)
         if reason := self._still_stretch(poses, frames.numbers):
             raise DataError(drive.folder, reason, _OVERRIDE)
+        timestamps_s, time_notes = read_timestamps(drive.timestamps, frames.numbers)
         scans = any(path is not None and path.suffix == SCAN_SUFFIX for path in frames.depths)
+        read_depth = KittiDepth(self.radius_px, read_camera_from_velodyne(drive.day) if scans else None)
         return RecordedSequence(
             id=sequence,
+            source=str(drive.folder / IMAGES / "data"),
             camera=camera,
             world_from_camera=poses,
-            image_paths=frames.images,
-            depth_paths=frames.depths,
-            read_depth=DepthFiles(self.radius_px, read_camera_from_velodyne(drive.day) if scans else None),
-            notes=(*notes, source_note(frames.depths), *depth_notes(frames.depths)),
+            images=ImageFiles(frames.images, camera),
+            depths=depth_files(frames.depths, camera, read_depth),
+            notes=(*notes, source_note(frames.depths), *depth_notes(frames.depths), *time_notes),
+            timestamps_s=timestamps_s,
+            pose_accuracy=_OXTS if drive.has_oxts else None,
+            depth_accuracy=_VELODYNE,
         )
 
     def _drives(self) -> dict[str, Drive]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.images import encode_png
 from tracknoise.sequences.kitti.depth import UNITS_PER_METRE
@@ -19,6 +20,7 @@ from tracknoise.sequences.kitti.oxts import records_of_poses, write_record
 from tracknoise.sequences.kitti.rig import CAMERA_FROM_IMU, CAMERA_FROM_VELODYNE, write_calibration
 from tracknoise.sequences.kitti.velodyne import write_scan
 from tracknoise.sequences.new_folder import new_folder
+from tracknoise.sequences.pinhole import pinhole_of
 from tracknoise.sequences.sequence import Sequence
 
 _DATE = "2011_09_26"
@@ -63,7 +65,7 @@ def write_kitti(
     waiting = deque(sequences)
     if not waiting:
         raise ValueError("no sequence to write")
-    camera, total, done = waiting[0].camera, sum(map(len, waiting)), 0
+    camera, total, done = pinhole_of(waiting[0]), sum(map(len, waiting)), 0
     for sequence in waiting:
         _require_writable(sequence, camera)
     with new_folder(out) as unfinished:
@@ -80,7 +82,7 @@ def write_kitti(
 def _require_writable(sequence: Sequence, camera: Camera) -> None:
     if sequence.surface is None:
         raise DataError(sequence.source, "no exact surface", "a simulated sequence, whose surface lasers can meet")
-    if sequence.camera != camera or camera.distortion:
+    if pinhole_of(sequence) != camera or camera.distortion:
         raise DataError(sequence.source, "another camera", "one camera without distortion for all sequences")
 
 
@@ -111,7 +113,7 @@ def _depth_map(sequence: Sequence, index: int, uv: NDArray[np.float64]) -> NDArr
     return units
 
 
-def _swept(camera: Camera, seed: tuple[int, int], index: int) -> NDArray[np.float64]:
+def _swept(camera: CameraModel, seed: tuple[int, int], index: int) -> NDArray[np.float64]:
     """(n, 2) float64, px: where the lasers shine in one frame."""
     return lidar_sweep(camera, CAMERA_FROM_VELODYNE, np.random.default_rng([*seed, index]))
 

@@ -3,8 +3,8 @@
 A point at radius r is moved to the radius r N(r^2) / D(r^2), with N = 1 + k1 r^2 + k2 r^4 + k3 r^6 and, in the rational
 model, D = 1 + k4 r^2 + k5 r^4 + k6 r^6, otherwise D = 1. The tangential terms p1 and p2 come on top of it.
 
-Far enough from the axis the radius turns round and leads back into the image. A point there has no image, although the
-model gives it one.
+Far from the axis the distorted radius may decrease again, back into the image. A point there has no image, although
+the model gives it one.
 """
 
 from functools import lru_cache

@@ -49,8 +49,8 @@ class Folder:
     root
         Folder of one sequence, or one that holds several at any depth.
     depth_radius_px
-        None for dense depth, which is interpolated; for sparse depth (lidar), how far the nearest pixel with depth may
-        be from a feature, px.
+        None for dense depth, which is interpolated. For sparse depth (lidar), the largest distance from a feature to
+        the nearest pixel with depth, px.
 
     Raises
     ------
@@ -73,7 +73,7 @@ class Folder:
     def sequences(self) -> list[SequenceId]:
         """All sequences, sorted: each folder that holds two of ``images``, ``depth``, ``poses.txt``, ``camera.json``.
 
-        A sequence that lacks something is listed, so that `open` can say what, instead of being passed over.
+        A sequence that lacks something is listed, so that `open` reports what is missing.
 
         Raises
         ------
@@ -83,7 +83,7 @@ class Folder:
         return [SequenceId(self.name, scene) for scene in self._scenes()]
 
     def open(self, sequence: SequenceId) -> RecordedSequence:
-        """Read and check everything but the images and depths of one sequence.
+        """Read and check one sequence, except for its images and depths.
 
         Raises
         ------
@@ -161,11 +161,11 @@ def _plain(depth: DepthMap) -> NDArray[np.float32]:
 
 
 def _pose_lines(world_from_camera: NDArray[np.float64]) -> str:
-    """A row a frame, with all digits that a float64 has."""
+    """One row per frame, with all digits of a float64."""
     xyzw = Rotation.from_matrix(world_from_camera[:, :3, :3]).as_quat()
     rows = np.concatenate([world_from_camera[:, :3, 3], xyzw], axis=1).tolist()
     lines = (" ".join(map(repr, row)) for row in rows)
-    return "\n".join([f"# {_COLUMNS} (world_from_camera, metres; a row a frame)", *lines, ""])
+    return "\n".join([f"# {_COLUMNS} (world_from_camera, metres; one row per frame)", *lines, ""])
 
 
 def _frame_files(folder: Path, *, poses: int) -> tuple[tuple[Path, ...], tuple[Path | None, ...]]:

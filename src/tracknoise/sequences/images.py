@@ -1,7 +1,7 @@
-"""Image and depth files, read whole or not at all.
+"""Image and depth files. A file that is not complete is refused.
 
-A decoder is content with half a file: what it could not read it leaves black, and says so on stderr if at all. So
-every file is checked to be whole before it is decoded, and every result to be what the camera says.
+A decoder accepts half a file: it leaves the missing part black and prints a warning at most. So every file is checked
+to be complete before it is decoded, and every image to have the camera's size.
 """
 
 import struct
@@ -194,7 +194,7 @@ def _is_whole_png(data: bytes) -> bool:
 
 
 def _is_whole_bmp(data: bytes) -> bool:
-    """Whether a BMP file is as long as its header says; the size of the file itself is not always stated right."""
+    """Whether a BMP file is as long as its header says; the file size that the header states is not reliable."""
     if len(data) < _BMP_HEADER.size:
         return False
     _, _, start, _, width, height, _, bits, compression, stated = _BMP_HEADER.unpack_from(data)

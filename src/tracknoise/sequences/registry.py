@@ -71,7 +71,7 @@ def select(reader: Reader, scene: str | None = None, lighting: str | None = None
 
 
 def open_together(reader: Reader, sequences: list[SequenceId]) -> list[Sequence]:
-    """Open several sequences of one scene, which share what they read where the reader knows how to.
+    """Open several sequences of one scene, which share files if the reader supports it.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def open_sequence(
     scene, lighting
         Which sequence; by default the first.
     **options
-        The reader's own settings.
+        Options of the reader.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What every reader yields: a sequence of images with camera, poses and, where there is one, depth."""
+"""Interfaces of readers and sequences: images with cameras, poses and, where there is one, depth."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -16,7 +16,7 @@ from tracknoise.tables.identity import SequenceId
 
 
 class TruthKind(StrEnum):
-    """How the true position of a feature in the world is found."""
+    """How a feature's true place in the world can be fixed."""
 
     birth = "birth"
     raycast = "raycast"
@@ -72,7 +72,7 @@ class Sequence(Protocol):
 
     @property
     def source(self) -> str:
-        """Where it comes from, for messages: the folder it was read from, or what was simulated."""
+        """Where it comes from, for messages: a folder, an archive, or the name of a simulated scene."""
         ...
 
     @property
@@ -177,7 +177,7 @@ class Reader(Protocol):
         ...
 
     def open(self, sequence: SequenceId) -> Sequence:
-        """Read and check everything but the images and depths of one sequence.
+        """Read and check one sequence, except for its images and depths.
 
         Raises
         ------
@@ -191,10 +191,10 @@ class Reader(Protocol):
 
 @runtime_checkable
 class SharingReader(Protocol):
-    """A `Reader` whose sequences of one scene share what they read from files, such as images relit in several ways."""
+    """A `Reader` whose sequences of one scene share files, such as images from which several lightings are made."""
 
     def open_together(self, sequences: list[SequenceId]) -> list[Sequence]:
-        """Open several sequences of one scene, to be read in step: frame by frame, each frame from all of them.
+        """Open several sequences of one scene that will be read together, frame by frame.
 
         Raises
         ------
@@ -214,7 +214,7 @@ class FilteringReader(Protocol):
         Raises
         ------
         DataError
-            If what decides it cannot be read.
+            If the files that decide it cannot be read.
         """
         ...
 

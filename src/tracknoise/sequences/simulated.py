@@ -29,7 +29,7 @@ from tracknoise.simulation.sdf.load import load_world
 from tracknoise.simulation.sensor import expose
 from tracknoise.tables.identity import DEFAULT_LIGHTING, SequenceId
 
-_WORLD, _PATH, _NOISE = range(3)  # streams of random numbers that know nothing of each other
+_WORLD, _PATH, _NOISE = range(3)  # independent streams of random numbers
 _DEFAULT_WORLD = "plaza"
 
 
@@ -46,13 +46,13 @@ class Simulated:
     models
         Folder of Gazebo models: objects of the worlds, or models that `world_file` includes.
     world_file
-        Gazebo world (SDF) to move through instead; any motion will do, but nothing keeps it clear of surfaces.
+        Gazebo world (SDF) to move through instead. Any motion is allowed, but it may pass through surfaces.
     origin, yaw_deg
         Where in the file's frame the frame of the motion has its origin (x, y, z, metres), and by how much it is turned
         about z, counter-clockwise seen from above: see docs/worlds.md.
     worlds
-        Count of scenes for each motion. Each has a world of its own, so that scenes are independent; with `world_file`
-        only a path of its own.
+        Number of scenes for each motion. Each has its own world, so that scenes are independent; with `world_file`,
+        only its own path.
     frames
         Count of frames of each sequence.
     width, height
@@ -153,7 +153,7 @@ class Simulated:
         )
 
     def open(self, sequence: SequenceId) -> "SimulatedSequence":
-        """Work out the camera path of one sequence; its world is built when first looked at.
+        """Make the camera path of one sequence. Its world is built when it is first used.
 
         Raises
         ------
@@ -187,7 +187,7 @@ class Simulated:
         return PLACES[self.world].build(_generator(self.seed, _WORLD, scene), self.models)
 
     def _world_from_motion(self) -> NDArray[np.float64]:
-        """(4, 4) float64: where the world file's frame has the frame of the motion."""
+        """(4, 4) float64: from the frame of the motion to that of the world file."""
         pose = np.eye(4)
         pose[:3, :3] = Rotation.from_euler("z", self.yaw_deg, degrees=True).as_matrix()
         pose[:3, 3] = self.origin
@@ -207,7 +207,7 @@ class SimulatedSequence:
     world_from_camera
         (n, 4, 4) float64.
     settings
-        What else there is to decide.
+        The reader's settings.
     """
 
     id: SequenceId
@@ -224,7 +224,7 @@ class SimulatedSequence:
 
     @property
     def source(self) -> str:
-        """What is simulated."""
+        """Name of the simulated scene and of its world file."""
         file = self.settings.world_file
         return f"simulated scene {self.id.scene}" + ("" if file is None else f" in {file}")
 
@@ -250,7 +250,7 @@ class SimulatedSequence:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Which models are in the world, and what of them is not shown as Gazebo would show it."""
+        """Which models are in the world, and which of their parts are not rendered as in Gazebo."""
         return self._scenery.notes
 
     def camera_at(self, index: int) -> Camera:
@@ -258,7 +258,7 @@ class SimulatedSequence:
         return self.camera
 
     def image(self, index: int) -> NDArray[np.uint8]:
-        """(height, width) uint8: one frame, the same whenever and in whatever order it is asked for."""
+        """(height, width) uint8: one frame. It does not depend on the order in which frames are read."""
         noise = _generator(self.settings.seed, _NOISE, f"{self.id.scene} {self.id.lighting}", index)
         return expose(self._renderer.image(self.world_from_camera[index]), self.settings.noise_sigma, noise)
 

@@ -104,7 +104,7 @@ class TartanAir:
         return [SequenceId(self.name, scene) for scene in self._scenes()]
 
     def open(self, sequence: SequenceId) -> RecordedSequence:
-        """Read and check everything but the images and depths of one sequence.
+        """Read and check one sequence, except for its images and depths.
 
         Raises
         ------

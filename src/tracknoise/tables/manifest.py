@@ -1,4 +1,4 @@
-"""What a run folder says of itself: what it was made with, what is measured, and what could not be."""
+"""The manifest of a run: what it was made with, which sequences are measured, and which failed."""
 
 import json
 from dataclasses import asdict, dataclass, field
@@ -12,12 +12,12 @@ FORMAT = 5
 
 @dataclass(frozen=True, slots=True)
 class SequenceEntry:
-    """What the manifest says of one measured sequence.
+    """The manifest's entry for one measured sequence.
 
     Attributes
     ----------
     sequence
-        Its name.
+        Its identity.
     n_frames, width, height
         Count and size (px) of its images.
     truth
@@ -56,7 +56,7 @@ class SequenceEntry:
 
 @dataclass(frozen=True, slots=True)
 class FailureEntry:
-    """What ``failures.jsonl`` says of one sequence that could not be measured.
+    """The entry in ``failures.jsonl`` for one sequence that could not be measured.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class FailureEntry:
     place
         The file, the line of the program, or the worker that it happened at; None if unknown.
     attempts
-        How often it was tried.
+        Number of attempts.
     """
 
     cause: str
@@ -75,14 +75,14 @@ class FailureEntry:
 
 @dataclass(slots=True)
 class Manifest:
-    """Where a run stands and what it was made with.
+    """State of a run, and what it was made with.
 
     Attributes
     ----------
     settings_hash
         Of every setting of the experiment but the place of its data.
     versions
-        Of tracknoise, Python and the libraries that decide the numbers.
+        Of tracknoise, Python, the libraries that decide the numbers, and the packages that offer trackers or a reader.
     machine
         System, processor and count of cores.
     seed
@@ -114,7 +114,7 @@ class Manifest:
 
     @classmethod
     def emptied(cls, text: str, *, place: str) -> Self:
-        """One of this format that says that nothing is measured, in place of one of any.
+        """A manifest of this format without any sequence, to replace one of any format.
 
         Raises
         ------

@@ -14,7 +14,7 @@ from tracknoise.sequences.sequence import Sequence, SharingReader, TruthKind
 from tracknoise.simulation.light_stage.leds import led_positions
 from tracknoise.tables.identity import SequenceId
 
-NOMINAL = "relit with nominal positions of the LEDs, since no file gives the true ones"
+NOMINAL = "relit with the nominal positions of the LEDs, because no file gives their measured positions"
 CONDENSED = {"name": "{:03d}_{:02d}.png", "numbers": 36}
 
 
@@ -169,7 +169,7 @@ def test_points_that_the_scan_lacks_are_noted(write_set) -> None:
     points = np.array([[np.nan, 1.0], [0.0, 1.0], [0.0, 1.0]])
     variables = {"pts3D_near": points, "pts3D_far": points}
     write_mat(root / "CleanRecon_2009_11_16" / "Clean_Reconstruction_01.mat", variables)
-    assert any("left out 2 of 4 scan points" in note for note in open_sequence("dtu", root).notes)
+    assert any("2 of 4 scan points are not finite" in note for note in open_sequence("dtu", root).notes)
 
 
 def test_unknown_names(write_set) -> None:

@@ -95,7 +95,7 @@ def test_neither_oxts_nor_poses(tmp_path, write_drive):
     drive.poses.unlink()
     with pytest.raises(DataError) as caught:
         opened(tmp_path)
-    expected = "one of them, to know where the camera was"
+    expected = "one of them, for the poses of the camera"
     assert str(caught.value) == f"{drive.folder}: neither oxts nor poses_image_02.txt, expected {expected}"
 
 
@@ -135,7 +135,7 @@ def test_drives_that_stand_still_are_left_out(tmp_path, write_drive):
     reason = "stands still in frames 1 to 11, each less than 0.02 m from the one before"
     assert reader.excluded_scenes() == {NAME: reason}
     with pytest.raises(
-        DataError, match=f"{NAME}: {reason}, expected a drive in motion throughout, or keep_still = true"
+        DataError, match=f"{NAME}: {reason}, expected a drive without still stretches, or keep_still = true"
     ):
         opened(tmp_path)
     for kept in (Kitti(tmp_path, keep_still=True), Kitti(tmp_path, still_m=0.01), Kitti(tmp_path, still_frames=12)):
@@ -149,7 +149,7 @@ def test_when_all_are_left_out(tmp_path, write_drive):
     with pytest.raises(DataError) as caught:
         Kitti(tmp_path).sequences()
     found = "1 drive, none without a still stretch"
-    assert str(caught.value) == f"{tmp_path}: {found}, expected a drive in motion throughout, or keep_still = true"
+    assert str(caught.value) == f"{tmp_path}: {found}, expected a drive without still stretches, or keep_still = true"
 
 
 def test_a_damaged_drive_is_listed_and_fails_when_opened(tmp_path, write_drive):

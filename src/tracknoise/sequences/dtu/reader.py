@@ -35,7 +35,7 @@ from tracknoise.sequences.sequence import Sequence
 from tracknoise.simulation.light_stage.leds import led_positions
 from tracknoise.tables.identity import SequenceId
 
-_NOMINAL_NOTE = "relit with nominal positions of the LEDs, since no file gives the true ones"
+_NOMINAL_NOTE = "relit with the nominal positions of the LEDs, because no file gives their measured positions"
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ class Dtu:
         )
 
     def open(self, sequence: SequenceId) -> LitSequence:
-        """Read and check everything but the images of one sequence.
+        """Read and check one sequence, except for its images.
 
         Raises
         ------
@@ -87,7 +87,7 @@ class Dtu:
         return self._open([sequence])[0]
 
     def open_together(self, sequences: list[SequenceId]) -> list[Sequence]:
-        """Open several sequences of one scene, which share one decoding of each position's images, and the scan.
+        """Open several sequences of one scene, which share the scan and decode the images of each position once.
 
         Raises
         ------
@@ -138,7 +138,7 @@ class Dtu:
         *,
         halve: bool,
     ) -> tuple[Shots, tuple[str, ...]]:
-        """The images in some lightings, and what is to be said of them."""
+        """The images in some lightings, and notes on them."""
         if release.lightings:
             numbers = [release.lightings[lighting] for lighting in lightings]
             taken = [[files[position, number] for number in numbers] for position in POSITIONS]
@@ -149,7 +149,7 @@ class Dtu:
         return Relit(by_led, chosen, camera, halve=halve), notes
 
     def _leds(self) -> tuple[NDArray[np.float64], tuple[str, ...]]:
-        """(19, 3) float64: positions of the LEDs, and what is to be said of them."""
+        """(19, 3) float64: positions of the LEDs, and notes on them."""
         if self.leds is not None:
             return read_leds(self.leds), ()
         beside = find_beside(self.root, CALIBRATION).parent / LEDS
@@ -157,7 +157,7 @@ class Dtu:
 
 
 def _halve(image: Path, calibrated: Camera) -> tuple[bool, tuple[str, ...]]:
-    """Whether the images on disk are still to be halved, by the size of one of them, and what is to be said of it."""
+    """Whether the images on disk must be halved, from the size of one of them, and notes on it."""
     size, used = image_size(image), calibrated.halved()
     if size == (calibrated.width, calibrated.height):
         return True, ()

@@ -13,7 +13,7 @@ from tracknoise.tables.identity import SequenceId
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class LitSequence:
-    """A `tracknoise.sequences.sequence.Sequence` whose images others share, and whose truth is a scan.
+    """A `tracknoise.sequences.sequence.Sequence` that shares its images with others, and whose truth is a scan.
 
     Parameters
     ----------
@@ -28,9 +28,9 @@ class LitSequence:
     scan
         Of its scene.
     shots
-        Where its images come from, the same object for all sequences that were opened together.
+        The images, one object for all sequences that were opened together.
     lighting
-        Which of the lightings of `shots` is its own.
+        Index of its lighting in `shots`.
     notes
         What was corrected or assumed while reading, one sentence each.
     """

@@ -43,7 +43,7 @@ class Drive:
 
     @property
     def poses(self) -> Path:
-        """The file of poses, which stands in for OXTS."""
+        """The file of poses, used instead of OXTS."""
         return self.folder / POSES
 
     @property

@@ -24,7 +24,7 @@ from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.scenes import scene_folder
 from tracknoise.tables.identity import SequenceId
 
-_OVERRIDE = "a drive in motion throughout, or keep_still = true"
+_OVERRIDE = "a drive without still stretches, or keep_still = true"
 _OXTS = PoseAccuracy(position_m=0.02, rotation_rad=float(np.deg2rad(0.1)))
 """Of the OXTS RT3003, as stated in IJRR 2013."""
 _VELODYNE = DepthAccuracy(constant_m=0.02, relative=0.0)
@@ -43,12 +43,12 @@ class Kitti:
         Folder of the depth-completion release, which holds ``train`` and ``val``; by default its maps are looked for
         in the drives' own folders.
     radius_px
-        How far the nearest pixel with depth may be from a feature, px.
+        Largest distance from a feature to the nearest pixel with depth, px.
     keep_still
         Whether to keep drives with still stretches.
     still_frames, still_m
-        A still stretch is at least this many frames one after another, each less than this far from the one before,
-        metres: see `tracknoise.sequences.kitti.stillness`.
+        A still stretch has at least `still_frames` consecutive frames, each less than `still_m` metres from the one
+        before: see `tracknoise.sequences.kitti.stillness`.
 
     Raises
     ------
@@ -74,7 +74,7 @@ class Kitti:
         require_at_least("still_m", self.still_m, 0)
 
     def sequences(self) -> list[SequenceId]:
-        """All drives without a still stretch, sorted; those whose poses cannot be read among them, so `open` says why.
+        """All drives without a still stretch, sorted. A drive whose poses cannot be read is listed; `open` says why.
 
         Raises
         ------
@@ -100,12 +100,12 @@ class Kitti:
         return {name: reason for name, reason in reasons.items() if reason is not None}
 
     def open(self, sequence: SequenceId) -> RecordedSequence:
-        """Read and check everything but the images and depths of one drive.
+        """Read and check one drive, except for its images and depths.
 
         Raises
         ------
         DataError
-            If a file is missing or damaged, or the drive has a still stretch that makes it left out.
+            If a file is missing or damaged, or the drive is excluded because of a still stretch.
         UnknownNameError
             If there is no such drive or lighting.
         """
@@ -138,7 +138,7 @@ class Kitti:
         return find_drives(self.root, self.depth_root)
 
     def _reason_to_exclude(self, drive: Drive) -> str | None:
-        """Why a drive is left out; None if it is not, or cannot be read, which is for `open` to say."""
+        """Why a drive is excluded; None if it is not, or if it cannot be read, which `open` reports."""
         if self.keep_still:
             return None
         try:

@@ -1,4 +1,4 @@
-"""Simulated sequences in the layout of KITTI raw data with depth completion, as the reader `kitti` takes them."""
+"""Simulated sequences in the layout of KITTI raw data with depth completion, for the reader `kitti`."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -26,7 +26,7 @@ from tracknoise.sequences.sequence import Sequence
 _DATE = "2011_09_26"
 _START = (49.0, 8.43, 115.0)
 _AROUND = 5
-"""A depth map gathers what was scanned in this many frames before and after: so the first and the last have none."""
+"""A depth map combines the scans of this many frames before and after it; the first and last frames have no map."""
 
 
 def write_kitti(
@@ -87,7 +87,7 @@ def _require_writable(sequence: Sequence, camera: Camera) -> None:
 
 
 def _write_drive(drive: Drive, sequence: Sequence, seed: tuple[int, int]) -> Iterator[None]:
-    """Write one drive, a frame at a time."""
+    """Write one drive, frame by frame."""
     for path in (drive.image(0), drive.oxts(0), drive.scan(0), drive.depth(0)):
         path.parent.mkdir(parents=True)
     records = records_of_poses(sequence.world_from_camera @ CAMERA_FROM_IMU, start=_START)
@@ -119,7 +119,7 @@ def _swept(camera: CameraModel, seed: tuple[int, int], index: int) -> NDArray[np
 
 
 def _measured(sequence: Sequence, index: int, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Surface points on the rays through pixels, (n, 3) float64, metres, camera frame; and which are in reach."""
+    """Surface points on the rays through pixels, (n, 3) float64, metres, camera frame, and which are within range."""
     surface = sequence.surface
     assert surface is not None, "checked before anything is written"
     points_world, hit = surface.cast(index, uv)

@@ -149,7 +149,9 @@ def kitti(root: Path, count: int) -> Written:
     write_calibration(drive.day, camera)
     expected = poses(count)
     expected[:, :3, 3] -= (expected[0] @ CAMERA_FROM_IMU)[:3, 3]
-    return Written(Kitti(root), expected, images(count), depths(count), depth_tolerance_m=1 / 512, pose_tolerance=1e-7)
+    return Written(
+        Kitti(root), expected, images(count), depths(count), depth_tolerance_m=1 / 512, pose_tolerance=1e-7, timed=True
+    )
 
 
 def dtu(root: Path, count: int) -> Written:

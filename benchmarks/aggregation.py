@@ -100,7 +100,7 @@ def _timed(clock: dict[str, float], name: str) -> Iterator[None]:
 
 def _entry(name: SequenceId) -> SequenceEntry:
     return SequenceEntry(
-        name.dataset, name.scene, name.lighting, 0, str(name.direction), FRAMES, 800, 600, "birth", 0, 0.0
+        name, FRAMES, 800, 600, "birth", 0, 0.0
     )  # fmt: skip
 
 

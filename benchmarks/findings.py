@@ -60,7 +60,7 @@ def _measure(scenes: int, lightings: int) -> dict[str, float]:
         for scene in range(scenes):
             for light in range(lightings):
                 names = {"scene": f"scene-{scene:02d}", "lighting": f"light-{light:02d}"}
-                entry = SequenceEntry("made up", **names, rotation=0, direction="forward", n_frames=FRAMES, width=800,
+                entry = SequenceEntry(SequenceId("made up", **names), n_frames=FRAMES, width=800,
                                       height=600, truth="birth", snapshot_frame=0, seconds=0.0)  # fmt: skip
                 tables = _renamed(made[(scene + light) % DIFFERENT], names)
                 hashes = run.write_sequence(entry.key, tables, b"")

@@ -1,11 +1,29 @@
-"""Other packages' trackers and readers, found by their entry points."""
+"""Other packages' trackers and readers, found by their entry points and used as those of the package are."""
 
+import shutil
 import sys
+from collections.abc import Iterator
+from dataclasses import KW_ONLY, dataclass, field
+from pathlib import Path
+from typing import ClassVar
 
+import numpy as np
+import polars as pl
 import pytest
 
+import tracknoise as tn
+from tracknoise.cli.app import main
 from tracknoise.exceptions import SettingsError, UnknownNameError
-from tracknoise.plugins import Plugins
+from tracknoise.experiments.load import load_experiment
+from tracknoise.experiments.running.inputs import with_inputs
+from tracknoise.experiments.running.plan import plan
+from tracknoise.options import PathTemplate, change_paths, find_paths
+from tracknoise.plugins import Plugins, plugin_defaults
+from tracknoise.sequences.registry import READERS
+from tracknoise.tables.store import RunFolder
+from tracknoise.trackers.registry import TRACKERS
+
+FOREIGN = Path(__file__).parent / "foreign" / "tapes.py"
 
 
 @pytest.fixture
@@ -40,3 +58,212 @@ def test_a_foreign_class_that_cannot_be_loaded_is_named(plugins):
 def test_an_unknown_name_lists_the_known_ones(plugins):
     with pytest.raises(UnknownNameError, match=r"unknown thing 'foriegn' \(did you mean 'foreign'\?\)"):
         plugins.load("foriegn")
+
+
+def test_a_class_that_is_no_dataclass_is_refused(plugins):
+    with pytest.raises(SettingsError, match=r"thing 'foreign': found <class .*Foreign'>, expected a dataclass$"):
+        plugins.make("foreign")
+
+
+def test_the_version_of_the_package_that_offers_a_name_is_known(plugins):
+    assert plugins.versions("foreign") == {"foreign-trackers": "1.0"}
+    assert plugins.versions("own") == plugins.versions("unknown") == {}
+
+
+TEMPLATE = PathTemplate("{scene}.csv")
+
+
+@dataclass(frozen=True, slots=True)
+class Weights:
+    file: Path = Path("weights.bin")
+    scale: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Learned:
+    """Settings with paths in every place where there can be some."""
+
+    kind: ClassVar[str] = "learned"
+
+    root: Path
+    _: KW_ONLY
+    label: str = "plain"
+    tracks: PathTemplate = TEMPLATE
+    masks: tuple[Path, ...] = ()
+    weights: Weights = field(default_factory=Weights)
+    fallback: Weights | None = None
+    cache: Path | None = None
+
+
+@pytest.fixture
+def learned(monkeypatch) -> Plugins[Learned]:
+    monkeypatch.setitem(sys.modules, "learned", sys.modules[__name__])
+    return Plugins(what="tracker", group="none", built_in={"learned": "learned:Learned"}, given=frozenset({"root"}))
+
+
+OPTIONS = {
+    "label": "a/b",
+    "tracks": "out/{scene}.csv",
+    "masks": ["m0.png", "m1.png"],
+    "weights": {"file": "w.bin", "scale": 2.0},
+    "fallback": {"file": "f.bin"},
+    "cache": "c",
+}
+
+
+def test_paths_are_found_from_the_types_of_the_fields():
+    paths = find_paths(Learned, OPTIONS)
+    assert [str(path) for path in paths] == ["out/{scene}.csv", "m0.png", "m1.png", "w.bin", "f.bin", "c"]
+    assert [isinstance(path, Path) for path in paths] == [False, True, True, True, True, True]
+
+
+def test_paths_are_replaced_and_nothing_else():
+    changed = change_paths(Learned, {**OPTIONS, "unknown": "x", "cache": 3}, lambda path: f"/there/{path}")
+    assert changed == {
+        "label": "a/b",
+        "tracks": "/there/out/{scene}.csv",
+        "masks": ["/there/m0.png", "/there/m1.png"],
+        "weights": {"file": "/there/w.bin", "scale": 2.0},
+        "fallback": {"file": "/there/f.bin"},
+        "cache": 3,
+        "unknown": "x",
+    }
+    assert OPTIONS["cache"] == "c"
+
+
+def test_all_kinds_of_fields_are_made(learned):
+    made = learned.make("learned", OPTIONS, given={"root": Path("data")})
+    assert made == Learned(
+        Path("data"),
+        label="a/b",
+        tracks=PathTemplate("out/{scene}.csv"),
+        masks=(Path("m0.png"), Path("m1.png")),
+        weights=Weights(Path("w.bin"), 2.0),
+        fallback=Weights(Path("f.bin")),
+        cache=Path("c"),
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"fallback": {"fil": "x"}}, r"fallback.fil: unknown setting \(did you mean 'file'\?\); known: file, scale$"),
+        ({"root": "x"}, "root: unknown setting; known: cache, fallback, label, masks, tracks, weights$"),
+        ({"masks": "m0.png"}, "masks: expected a valid array, found 'm0.png'$"),
+        ({"cache": 3}, "cache: expected .*, found 3$"),
+        ({"weights": {"scale": "2"}}, "weights.scale: expected a valid number, found '2'$"),
+    ],
+)
+def test_wrong_options_are_named(learned, options, message):
+    with pytest.raises(SettingsError, match=f"^tracker 'learned': {message}"):
+        learned.make("learned", options, given={"root": Path("data")})
+
+
+def test_a_missing_field_is_named(learned):
+    with pytest.raises(SettingsError, match=r"^tracker 'learned': root: missing, expected a value$"):
+        learned.make("learned")
+
+
+def test_defaults_are_shown_without_what_is_no_option(learned):
+    assert plugin_defaults(learned, "learned") == "\n".join(
+        [
+            "# fallback = ... (optional)",
+            "# cache = ... (optional)",
+            'label = "plain"',
+            'tracks = "{scene}.csv"',
+            "masks = []",
+            "",
+            "[weights]",
+            'file = "weights.bin"',
+            "scale = 1.0",
+        ]
+    )
+
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch) -> Iterator[None]:
+    """The package of `tests/foreign` is installed: its module, and a ``dist-info`` with its entry points."""
+    info = tmp_path / "site" / "tapes-1.0.dist-info"
+    info.mkdir(parents=True)
+    shutil.copy(FOREIGN, tmp_path / "site" / "tapes.py")
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: tapes\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(
+        "[tracknoise.sequences]\ntape = tapes:Tape\n[tracknoise.trackers]\nfixed = tapes:Fixed\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path / "site")
+    yield
+    sys.modules.pop("tapes", None)
+
+
+@pytest.fixture
+def experiment(tmp_path, installed) -> Path:
+    """An experiment of the package's reader and tracker, with all that they read."""
+    rng = np.random.default_rng(0)
+    (tmp_path / "data").mkdir()
+    frames = {f"image{index}": rng.integers(0, 200, (48, 64), dtype=np.uint8) for index in range(4)}
+    frames |= {f"depth{index}": np.full((48, 64), 2.0) for index in range(4)}
+    np.savez(tmp_path / "data" / "a.npz", poses=np.broadcast_to(np.eye(4), (4, 4, 4)), times=np.arange(4.0), **frames)
+    (tmp_path / "brightness.txt").write_text("50")
+    np.savetxt(tmp_path / "points.txt", rng.uniform(5, 40, (20, 2)))
+    file = tmp_path / "experiment.toml"
+    file.write_text(
+        'name = "tapes"\n[dataset]\nreader = "tape"\nroot = "data"\noptions = { brightness = "brightness.txt" }\n'
+        '[[trackers]]\nkind = "fixed"\noptions = { points = "points.txt" }\n[statistics]\nmin_features = 2\n'
+    )
+    return file
+
+
+def run(experiment: Path) -> tuple[int, RunFolder]:
+    out = experiment.parent / "run"
+    with pytest.raises(SystemExit) as ended:
+        main(["run", str(experiment), "--out", str(out), "--workers", "1", "--quiet"])
+    return int(ended.value.code or 0), RunFolder(out)
+
+
+def test_a_foreign_reader_is_listed_and_opened(experiment):
+    assert "tape" in READERS.names()
+    assert "fixed" in TRACKERS.names()
+    sequence = tn.open_sequence("tape", experiment.parent / "data", brightness=experiment.parent / "brightness.txt")
+    assert (sequence.id.dataset, sequence.id.scene, len(sequence)) == ("tape", "a", 4)
+    assert sequence.image(2).min() >= 50
+    assert sequence.timestamps_s.tolist() == [0.0, 1.0, 2.0, 3.0]
+    with pytest.raises(SettingsError, match=r"reader 'tape': brightnes: unknown setting \(did you mean 'brightness'"):
+        tn.open_sequence("tape", experiment.parent / "data", brightnes="x")
+    assert plugin_defaults(TRACKERS, "fixed") == "# points = ... (required)"
+
+
+def test_files_that_foreign_options_name_are_inputs(experiment):
+    """They are named relative to the experiment file."""
+    digests = [inputs(experiment)]
+    assert inputs(experiment) == digests[0]
+    for file, text in (("points.txt", "7 8\n9 10\n"), ("brightness.txt", "20")):
+        (experiment.parent / file).write_text(text)
+        digests.append(inputs(experiment))
+    assert len(set(digests)) == 3
+
+
+def inputs(experiment: Path) -> str:
+    (task,) = with_inputs(plan(load_experiment(experiment)))
+    return task.inputs
+
+
+def test_a_run_uses_a_foreign_reader_and_tracker_and_is_resumed_with_their_version_only(experiment, capsys):
+    status, folder = run(experiment)
+    assert status == 0
+    manifest = folder.manifest()
+    assert manifest.versions["tapes"] == "1.0"
+    (entry,) = manifest.sequences.values()
+    assert entry.notes == ("frames come from an archive",)
+    assert entry.inputs == inputs(experiment)
+    observations = folder.sequence_table("observations", entry.key)
+    assert observations["tracker"].unique().to_list() == ["fixed"]
+    assert observations.height == 4 * 20
+    assert observations.filter(pl.col("age") > 0)["du_px"].abs().max() == pytest.approx(0.0, abs=1e-9)
+
+    manifest.versions["tapes"] = "0.9"
+    folder.write_manifest(manifest)
+    shutil.copy(experiment.parent / "data" / "a.npz", experiment.parent / "data" / "b.npz")
+    status, folder = run(experiment)
+    assert status == 1
+    assert "tapes 1.0 is installed, expected 0.9 as the run was begun with" in capsys.readouterr().err
+    assert list(folder.manifest().sequences) == [entry.key]

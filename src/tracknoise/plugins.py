@@ -1,33 +1,38 @@
-"""Things that are chosen by name: those that come with the package, and those of other packages' entry points."""
+"""Trackers and readers are chosen by name: those of this package, and those of other packages' entry points."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
-from typing import Generic, TypeVar
+from pathlib import Path
+from typing import Any, Generic, TypeVar
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.options import PathTemplate, change_paths, defaults_as_toml, find_paths, validated
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
 class Plugins(Generic[T]):
-    """Classes by name, each imported only when asked for.
+    """Settings dataclasses by name, each imported only when asked for.
 
     Parameters
     ----------
     what
-        What they are, for messages.
+        What they make, for messages.
     group
         Entry point group under which other packages offer more.
     built_in
         ``module:attribute`` of those that come with this package, by name; these take precedence.
+    given
+        Fields that are no options, because they are given in another way.
     """
 
     what: str
     group: str
     built_in: Mapping[str, str]
+    given: frozenset[str] = frozenset()
 
     def names(self) -> list[str]:
         """All names, sorted."""
@@ -47,15 +52,81 @@ class Plugins(Generic[T]):
             module, attribute = self.built_in[name].split(":")
             found: type[T] = getattr(import_module(module), attribute)
             return found
-        for point in entry_points(group=self.group):
-            if point.name == name:
-                return self._load_foreign(point)
-        raise UnknownNameError(self.what, name, self.names())
+        point = self._entry_point(name)
+        if point is None:
+            raise UnknownNameError(self.what, name, self.names())
+        return self._load_entry_point(point)
 
-    def _load_foreign(self, point: EntryPoint) -> type[T]:
+    def make(
+        self, name: str, options: Mapping[str, object] | None = None, given: Mapping[str, object] | None = None
+    ) -> T:
+        """Make settings from a name and options, types checked: see `tracknoise.options.validated`.
+
+        Parameters
+        ----------
+        name
+            Which class.
+        options
+            Values of its fields that are not the defaults.
+        given
+            Values of those fields that are no options.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such name.
+        SettingsError
+            If an option is unknown or missing, or has a wrong type or value; the message names it.
+        """
+        kind = self.load(name)
+        try:
+            return validated(kind, options or {}, given or {})
+        except ValueError as error:
+            raise SettingsError(f"{self.what} {name!r}: {error}") from error
+
+    def with_paths_from(self, folder: Path, name: str, options: Mapping[str, object]) -> dict[str, object]:
+        """Options whose relative paths start from a folder, made absolute.
+
+        Raises
+        ------
+        UnknownNameError, SettingsError
+            As `load`.
+        """
+        return change_paths(self.load(name), options, lambda path: str((folder / path).resolve()))
+
+    def paths(self, name: str, options: Mapping[str, object]) -> list[Path | PathTemplate]:
+        """The files and folders that options name.
+
+        Raises
+        ------
+        UnknownNameError, SettingsError
+            As `load`.
+        """
+        return find_paths(self.load(name), options)
+
+    def versions(self, name: str) -> dict[str, str]:
+        """Name and version of the other package that offers a name; empty if this package does."""
+        point = None if name in self.built_in else self._entry_point(name)
+        return {} if point is None or point.dist is None else {point.dist.name: point.dist.version}
+
+    def _entry_point(self, name: str) -> EntryPoint | None:
+        return next((point for point in entry_points(group=self.group) if point.name == name), None)
+
+    def _load_entry_point(self, point: EntryPoint) -> type[T]:
         try:
             found: type[T] = point.load()
         except (ImportError, AttributeError) as error:
             message = f"{self.what} {point.name!r}: {point.value} cannot be loaded ({error}), expected a class"
             raise SettingsError(message) from error
         return found
+
+
+def plugin_defaults(plugins: Plugins[Any], name: str) -> str:
+    """The options of a tracker or reader with their defaults as TOML, those without a default as comments.
+
+    Raises
+    ------
+    UnknownNameError, SettingsError
+        As `Plugins.load`.
+    """
+    return defaults_as_toml(plugins.load(name), plugins.given)

@@ -70,7 +70,9 @@ def test_an_unknown_figure_lists_the_known_ones(run):
 
 
 def test_a_figure_with_nothing_to_show_says_why(run, bare_run):
-    with pytest.raises(FigureError, match="figure 'error-by-lighting' cannot be drawn: this run has nothing to compare there"):
+    with pytest.raises(
+        FigureError, match="figure 'error-by-lighting' cannot be drawn: this run has nothing to compare there"
+    ):
         run.figure("error-by-lighting")
     (why,) = bare_run.figures().filter(section="error-by-tracker")["absent"].unique()
     with pytest.raises(FigureError, match="figure 'error-by-age' cannot be drawn: ") as raised:

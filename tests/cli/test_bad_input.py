@@ -143,9 +143,7 @@ def test_unknown_tracker(run):
 
 
 def test_unknown_reader(run):
-    assert_one_line(
-        run(("sevenscenes", "eightscenes")), "x.toml: dataset: unknown dataset reader 'eightscenes'", "sevenscenes"
-    )
+    assert_one_line(run(("sevenscenes", "eightscenes")), "x.toml: dataset: unknown reader 'eightscenes'", "sevenscenes")
 
 
 def test_misspelt_key(run):

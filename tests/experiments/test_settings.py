@@ -123,10 +123,10 @@ def test_every_example_is_a_valid_experiment(path):
             ("lucas-kanade", "lukas-kanade"),
             "trackers[0]: unknown tracker 'lukas-kanade' (did you mean 'lucas-kanade'?)",
         ),
-        (('"simulated"', '"simulate"'), "dataset: unknown dataset reader 'simulate' (did you mean 'simulated'?)"),
+        (('"simulated"', '"simulate"'), "dataset: unknown reader 'simulate' (did you mean 'simulated'?)"),
         (
             ('"simulated"', '"simulated"\noptions = { frame = 3 }'),
-            "dataset: unknown option of reader 'simulated' 'frame'",
+            "dataset: reader 'simulated': frame: unknown setting (did you mean 'frames'?); known: frames, ",
         ),
         (('"simulated"', '"sevenscenes"'), "dataset: reader 'sevenscenes' needs the folder of its data"),
         (

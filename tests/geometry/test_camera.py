@@ -5,11 +5,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.camera_model import CameraModel
 
 PINHOLE = Camera(640, 480, 500.0, 510.0, 321.25, 239.5)
 # Freiburg 1 of TUM RGB-D: strong distortion of a real lens.
 LENS = Camera(640, 480, 517.3, 516.5, 318.6, 255.3, (0.2624, -0.9531, -0.0054, 0.0026, 1.1633))
-CAMERAS = pytest.mark.parametrize("camera", [PINHOLE, LENS], ids=["pinhole", "distorted"])
+FOUR = Camera(640, 480, 458.7, 457.3, 367.2, 248.4, (-0.2834, 0.0740, 0.00019, 1.76e-05))
+RATIONAL = Camera(
+    1280, 720, 610.7, 610.5, 639.5, 366.5, (0.5213, -2.6937, 0.0008, -0.0003, 1.6139, 0.3983, -2.5153, 1.5359)
+)
+CAMERAS = pytest.mark.parametrize(
+    "camera", [PINHOLE, LENS, FOUR, RATIONAL], ids=["pinhole", "distorted", "four", "rational"]
+)
 
 
 def grid(camera: Camera, step: float = 20.0) -> np.ndarray:
@@ -40,6 +47,15 @@ def test_bearings_of_a_distorted_camera_agree_with_opencv():
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-15)
     expected = cv2.undistortPoints(uv[:, None], LENS.matrix, np.array(LENS.distortion), criteria=criteria)
     np.testing.assert_allclose(LENS.bearings(uv)[:, :2], expected[:, 0], rtol=0, atol=1e-9)
+
+
+@CAMERAS
+def test_it_is_a_camera_model_before_and_after_a_turn(camera):
+    assert isinstance(camera, CameraModel)
+    points = np.random.default_rng(1).uniform((-0.5, -0.4, 1.0), (0.5, 0.4, 2.0), (100, 3))
+    uv = camera.project(points)
+    turned = camera.turned().project(points[:, [1, 0, 2]] * (1.0, -1.0, 1.0))
+    np.testing.assert_allclose(turned, np.column_stack([uv[:, 1], camera.width - 1 - uv[:, 0]]), atol=1e-9)
 
 
 def test_principal_point_looks_straight_ahead():
@@ -99,5 +115,5 @@ def test_every_pixel_survives_the_round_trip(pixel, depth_m, camera):
 )
 def test_impossible_cameras_are_refused(wrong):
     good = {"width": 64, "height": 48, "fx": 50.0, "fy": 50.0, "cx": 31.0, "cy": 23.0}
-    with pytest.raises(ValueError, match=r"must be positive|must have 0 or 5"):
+    with pytest.raises(ValueError, match=r"must be positive|must have 0, 4, 5 or 8"):
         Camera(**(good | wrong))

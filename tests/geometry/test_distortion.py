@@ -11,8 +11,14 @@ BARREL = Camera(640, 480, 571.0, 571.0, 319.5, 239.5, (-0.3, 0.0, 0.0, 0.0, 0.0)
 FREIBURG1 = Camera(640, 480, 517.3, 516.5, 318.6, 255.3, (0.2624, -0.9531, -0.0054, 0.0026, 1.1633))
 KITTI_RAW = Camera(1392, 512, 959.8, 956.9, 696.0, 224.2, (-0.3728, 0.2037, 0.0022, 0.00138, -0.0723))
 PINCUSHION = Camera(640, 480, 400.0, 400.0, 319.5, 239.5, (0.4, 0.1, 0.01, -0.01, 0.1))
+FOUR = Camera(640, 480, 458.7, 457.3, 367.2, 248.4, (-0.2834, 0.0740, 0.00019, 1.76e-05))
+RATIONAL = Camera(
+    1280, 720, 610.7, 610.5, 639.5, 366.5, (0.5213, -2.6937, 0.0008, -0.0003, 1.6139, 0.3983, -2.5153, 1.5359)
+)
 LENSES = pytest.mark.parametrize(
-    "lens", [BARREL, FREIBURG1, KITTI_RAW, PINCUSHION], ids=["barrel", "freiburg1", "kitti", "pincushion"]
+    "lens",
+    [BARREL, FREIBURG1, KITTI_RAW, PINCUSHION, FOUR, RATIONAL],
+    ids=["barrel", "freiburg1", "kitti", "pincushion", "four", "rational"],
 )
 
 
@@ -68,6 +74,30 @@ def test_points_far_off_the_axis_do_not_come_back_into_the_image():
     assert not BARREL.contains(BARREL.project(points)).any()
 
 
+def test_with_four_coefficients_the_fifth_is_zero():
+    xy = np.random.default_rng(0).uniform(-0.8, 0.8, (100, 2))
+    np.testing.assert_array_equal(distort(xy, FOUR.distortion), distort(xy, (*FOUR.distortion, 0.0)))
+    np.testing.assert_array_equal(distort(xy, FOUR.distortion), distort(xy, (*FOUR.distortion, 0.0, 0.0, 0.0, 0.0)))
+
+
+def test_the_rational_model_by_hand():
+    """With k4 = 1 alone a radius r is shown at r / (1 + r^2), which grows up to r = 1, to 1/2."""
+    coefficients = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
+    distorted = distort(np.array([[0.5, 0.0], [0.0, -0.999], [1.001, 0.0]]), coefficients)
+    np.testing.assert_allclose(distorted[:2], [[0.4, 0.0], [0.0, -0.999 / (1 + 0.999**2)]], atol=1e-15)
+    assert np.isnan(distorted[2]).all()
+    found = undistort(np.array([[0.4, 0.0], [0.501, 0.0]]), coefficients)
+    np.testing.assert_allclose(found[0], (0.5, 0.0), atol=1e-12)
+    assert np.isnan(found[1]).all()
+
+
+def test_beyond_a_pole_of_the_rational_model_there_is_no_image():
+    """With k4 = -1 alone the radius r / (1 - r^2) grows without limit towards r = 1."""
+    distorted = distort(np.array([[0.99, 0.0], [1.01, 0.0], [3.0, 0.0]]), (0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0))
+    np.testing.assert_allclose(distorted[0], (0.99 / (1 - 0.99**2), 0.0))
+    assert np.isnan(distorted[1:]).all()
+
+
 def test_tangential_distortion_alone_folds_as_well():
     """x + 3 p2 x^2 along the first axis turns round at x = -1 / (6 p2)."""
     distorted = distort(np.array([[-1.6, 0.0], [-1.7, 0.0], [-9.0, 0.0]]), (0.0, 0.0, 0.0, 0.1, 0.0))
@@ -108,6 +138,7 @@ def test_lenses_that_can_be_inverted(lens):
         {"distortion": (0.0, 0.0, 2.0, 2.0, 0.0)},
         {"distortion": (1e308,) * 5},
         {"distortion": (1e300, -1e300, 0.0, 0.0, 1e-300)},
+        {"distortion": (0.0, 0.0, 0.0, 0.0, 0.0, 1e308, 1e308, -1e308)},
         {"distortion": (float("nan"), 0.0, 0.0, 0.0, 0.0)},
         {"cx": 1e300},
         {"fx": 1e-310, "distortion": ()},

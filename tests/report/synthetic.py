@@ -25,6 +25,7 @@ from tracknoise.statistics.lifetimes import lifetimes_of_ends
 from tracknoise.statistics.outliers import outlier_ratios
 from tracknoise.statistics.summarise import STATISTICS, summarise_sequence
 from tracknoise.statistics.summary import summary
+from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.schema import FRAME_COUNTS, OBSERVATIONS, ORIGIN, POSES, SEQUENCE, TRACKS, TrackEnd, empty
 from tracknoise.tables.store import OBSERVED, SEQUENCE_TABLES, RunFolder
@@ -147,7 +148,7 @@ def _entry(origin: Sequence[Any], world: World) -> SequenceEntry:
     size = (WIDTH, HEIGHT) if origin[3] % 180 == 0 else (HEIGHT, WIDTH)
     middle = world.n_frames // 2
     return SequenceEntry(
-        *origin, world.n_frames, *size, world.truth, middle, 3.2, notes, key_frame=world.key_frame
+        SequenceId(*origin), world.n_frames, *size, world.truth, middle, 3.2, notes, key_frame=world.key_frame
     )  # fmt: skip
 
 

@@ -137,9 +137,9 @@ def test_directions_have_a_column_where_there_are_several(make_run: Callable[...
 def test_scenes_that_were_left_out_are_told(make_run: Callable[..., RunFolder]) -> None:
     run = make_run(scenes=("kept",), trackers=("one",), speeds=(1,), n_frames=6)
     manifest = run.manifest()
-    manifest.left_out["parked"] = "the camera stands still in 80 of 100 frames."
+    manifest.excluded_scenes["parked"] = "the camera stands still in 80 of 100 frames."
     run.write_manifest(manifest)
-    assert measured.left_out(ReportData.of(run)) == [("parked", "the camera stands still in 80 of 100 frames.")]
+    assert measured.excluded_scenes(ReportData.of(run)) == [("parked", "the camera stands still in 80 of 100 frames.")]
 
 
 def test_the_same_note_of_many_sequences_is_told_once(make_run: Callable[..., RunFolder]) -> None:

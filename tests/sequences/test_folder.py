@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tracknoise.exceptions import DataError, UnknownNameError
+from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.folder import Folder, write_folder
 from tracknoise.sequences.recorded import RecordedSequence
+from tracknoise.sequences.registry import make_reader
 from tracknoise.sequences.sequence import TruthKind
 from tracknoise.tables.identity import SequenceId
 
@@ -37,6 +38,9 @@ class Made:
 
     def __len__(self) -> int:
         return len(self.world_from_camera)
+
+    def camera_at(self, index: int) -> Camera:
+        return self.camera
 
     def image(self, index: int) -> np.ndarray:
         return np.random.default_rng(index).integers(0, 256, (HEIGHT, WIDTH), dtype=np.uint8)
@@ -99,8 +103,8 @@ def test_depth_is_dense_unless_a_radius_is_given(scene: Path) -> None:
 
 @pytest.mark.parametrize("radius", [-0.1, "1", True, float("inf"), float("nan")])
 def test_an_impossible_radius(scene: Path, radius: object) -> None:
-    with pytest.raises(ValueError, match="depth_radius_px must be a finite number of at least 0, not"):
-        Folder(scene, depth_radius_px=radius)
+    with pytest.raises(SettingsError, match=r"reader 'folder': depth_radius_px.* expected a .*number"):
+        make_reader("folder", scene, {"depth_radius_px": radius})
 
 
 def test_a_read_sequence_can_be_pickled(scene: Path) -> None:
@@ -247,7 +251,10 @@ NO_INVERSE = (
         ({"fy": -18.0}, "fy = -18.0, expected a finite number above 0"),
         ({"cx": None}, "cx = null, expected a finite number"),
         ({"cy": float("nan")}, "cy = NaN, expected a finite number"),
-        ({"distortion": [0.1, 0.2]}, "distortion = [0.1, 0.2], expected a list of k1, k2, p1, p2, k3, or an empty one"),
+        (
+            {"distortion": [0.1, 0.2]},
+            "distortion = [0.1, 0.2], expected a list of 0, 4, 5 or 8 numbers (k1, k2, p1, p2, k3, k4, k5, k6)",
+        ),
         ({"distortion": [0.1, 0, 0, 0, "x"]}, 'distortion = "x", expected a finite number'),
         ({"depth_unit_m": 0}, "depth_unit_m = 0, expected a finite number above 0"),
         ({"height": -5}, "height = -5, expected a whole number above 0"),
@@ -255,7 +262,10 @@ NO_INVERSE = (
         ({"fx": 10**400}, f"fx = 1{'0' * 59}..., expected a finite number above 0"),
         ({"fx": float("inf")}, "fx = Infinity, expected a finite number above 0"),
         ({"cx": False}, "cx = false, expected a finite number"),
-        ({"distortion": True}, "distortion = true, expected a list of k1, k2, p1, p2, k3, or an empty one"),
+        (
+            {"distortion": True},
+            "distortion = true, expected a list of 0, 4, 5 or 8 numbers (k1, k2, p1, p2, k3, k4, k5, k6)",
+        ),
         ({"distortion": [0, 0, 0, 0, [[]]]}, "distortion = [[]], expected a finite number"),
         ({"distortion": [-5, 0, 0, 0, 0]}, NO_INVERSE),
         ({"distortion": [1e308] * 5}, NO_INVERSE),

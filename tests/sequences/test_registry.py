@@ -22,12 +22,16 @@ def test_each_reader_says_what_it_is(name):
 def test_an_unknown_reader_lists_the_known():
     with pytest.raises(UnknownNameError) as caught:
         make_reader("sevenscene")
-    assert str(caught.value).startswith("unknown dataset reader 'sevenscene' (did you mean 'sevenscenes'?); known: ")
+    assert str(caught.value).startswith("unknown reader 'sevenscene' (did you mean 'sevenscenes'?); known: ")
 
 
 def test_options_are_checked(tmp_path):
-    with pytest.raises(SettingsError, match="unknown option of reader 'tartanair' 'camra'"):
+    with pytest.raises(SettingsError) as caught:
         make_reader("tartanair", tmp_path, {"camra": "left"})
+    expected = "reader 'tartanair': camra: unknown setting (did you mean 'camera'?); known: camera"
+    assert str(caught.value) == expected
+    with pytest.raises(SettingsError, match=r"reader 'tartanair': root: unknown setting; known: camera$"):
+        make_reader("tartanair", tmp_path, {"root": "elsewhere"})
     with pytest.raises(SettingsError, match="reader 'sevenscenes' needs the folder of its data"):
         make_reader("sevenscenes")
 

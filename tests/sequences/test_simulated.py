@@ -195,7 +195,7 @@ def test_notes_say_what_of_a_world_is_not_shown(world_file: Path) -> None:
 def test_objects_are_the_models_of_a_folder(sample: Callable) -> None:
     folder = sample("gazebo_models")
     reader = Simulated(
-        motions=("linear", "arvr"), world="objects", models=str(folder), width=160, height=120, frames=300, worlds=2
+        motions=("linear", "arvr"), world="objects", models=folder, width=160, height=120, frames=300, worlds=2
     )
     scenes = [item.scene for item in reader.sequences()]
     assert scenes == ["arvr-00", "arvr-01", "linear-00", "linear-01"]
@@ -216,32 +216,32 @@ def test_missing_worlds_and_models_are_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"frames": 0}, "frames must be a whole number of at least 1, not 0"),
-        ({"frames": "60"}, "frames must be a whole number of at least 1, not '60'"),
-        ({"worlds": True}, "worlds must be a whole number of at least 1, not True"),
-        ({"width": 640.0}, "width must be a whole number of at least 2, not 640.0"),
-        ({"supersampling": 0}, "supersampling must be a whole number of at least 1, not 0"),
-        ({"seed": -1}, "seed must be a whole number of at least 0, not -1"),
-        ({"hfov_deg": 180.0}, "hfov_deg must be a number between 0 and 180, not 180.0"),
-        ({"noise_sigma": float("nan")}, "noise_sigma must be a number of at least 0, not nan"),
-        ({"noise_sigma": "2"}, "noise_sigma must be a number of at least 0, not '2'"),
-        ({"shadows": 1}, "shadows must be true or false, not 1"),
-        ({"motions": "forward"}, "motions must be a list of names, not 'forward'"),
-        ({"lightings": []}, "lightings must be a list of names, not []"),
+        ({"frames": 0}, "reader 'simulated': frames is 0, expected a number not below 1"),
+        ({"frames": "60"}, "reader 'simulated': frames: expected a valid integer, found '60'"),
+        ({"worlds": True}, "worlds: expected a valid integer, found True"),
+        ({"width": 640.0}, "width: expected a valid integer, found 640.0"),
+        ({"supersampling": 0}, "supersampling is 0, expected a number not below 1"),
+        ({"seed": -1}, "seed is -1, expected a number not below 0"),
+        ({"hfov_deg": 180.0}, "hfov_deg is 180.0, expected a number between 0 and 180"),
+        ({"noise_sigma": float("nan")}, "noise_sigma is nan, expected a number not below 0"),
+        ({"noise_sigma": "2"}, "noise_sigma: expected a valid number, found '2'"),
+        ({"shadows": 1}, "shadows: expected a valid boolean, found 1"),
+        ({"motions": "forward"}, "motions: expected a valid array, found 'forward'"),
+        ({"lightings": []}, "lightings is [], expected at least one name"),
         ({"motions": ["foward"]}, "unknown motion 'foward' (did you mean 'forward'?)"),
         ({"lightings": ["moon"]}, "unknown lighting 'moon'; known: default, east, overhead, west"),
         ({"world": "moon"}, "unknown world 'moon'; known: objects, plaza"),
         ({"motions": ["linear"]}, "motion 'linear' does not suit world 'plaza'; sideways, sideways-left, fixating, "),
         ({"world": "objects", "motions": ["forward"]}, "motion 'forward' does not suit world 'objects'; sideways, "),
         ({"models": "models"}, "world 'plaza' takes no models"),
-        ({"models": 3}, "models must be a path, not 3"),
-        ({"world_file": ["a.world"]}, "world_file must be a path, not ['a.world']"),
+        ({"models": 3}, "models: expected"),
+        ({"world_file": ["a.world"]}, "world_file: expected"),
         ({"world_file": "a.world", "world": "objects"}, "world and world_file exclude each other"),
         ({"origin": [1.0, 2.0, 3.0]}, "origin and yaw_deg need a world_file"),
         ({"yaw_deg": 3.0}, "origin and yaw_deg need a world_file"),
-        ({"world_file": "a.world", "origin": [1.0, 2.0]}, "origin must be three finite numbers (x, y, z in metres)"),
-        ({"world_file": "a.world", "yaw_deg": "90"}, "yaw_deg must be a finite number, not '90'"),
-        ({"hfov": 60.0}, "unknown option of reader 'simulated' 'hfov' (did you mean 'hfov_deg'?)"),
+        ({"world_file": "a.world", "origin": [1.0, 2.0]}, "origin.2: missing"),
+        ({"world_file": "a.world", "yaw_deg": "90"}, "yaw_deg: expected a valid number, found '90'"),
+        ({"hfov": 60.0}, "reader 'simulated': hfov: unknown setting (did you mean 'hfov_deg'?)"),
     ],
 )
 def test_bad_options_are_named(options: dict[str, object], message: str) -> None:

@@ -5,8 +5,10 @@ import pickle
 import numpy as np
 import pytest
 
+from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.pose import invert, transform
+from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.registry import open_sequence
 from tracknoise.sequences.sequence import Scan, Sequence, TruthKind
 from tracknoise.sequences.views import View, turned, view
@@ -84,6 +86,50 @@ def test_backward_the_key_frame_lies_as_far_from_the_end(plain) -> None:
         scan = Scan(np.zeros((1, 3)), 1)
 
     assert view(Scanned(plain), n_frames=None, direction=Direction.backward, rotation=90).scan.key_frame == 3
+
+
+@pytest.fixture
+def timed(plain) -> Sequence:
+    """Frames at uneven times, through a lens that zooms, with stated uncertainties."""
+    cameras = tuple(Camera(48, 32, 40.0 + index, 40.0, 23.5, 15.5) for index in range(5))
+    return RecordedSequence(
+        id=plain.id,
+        source="here",
+        camera=cameras[0],
+        world_from_camera=plain.world_from_camera,
+        images=plain.image,
+        timestamps_s=np.array([10.0, 11.0, 13.0, 16.0, 20.0]),
+        cameras=cameras,
+        pose_accuracy=PoseAccuracy(0.01, 0.002),
+        depth_accuracy=DepthAccuracy(0.005, 0.01),
+    )
+
+
+def test_a_shortened_sequence_keeps_the_first_times(timed) -> None:
+    assert view(timed, n_frames=3, direction=Direction.forward, rotation=0).timestamps_s.tolist() == [10.0, 11.0, 13.0]
+
+
+def test_backward_times_increase_by_the_same_intervals_and_cameras_follow_their_frames(timed) -> None:
+    shown = view(timed, n_frames=4, direction=Direction.backward, rotation=0)
+    assert shown.timestamps_s.tolist() == [10.0, 13.0, 15.0, 16.0]
+    assert [shown.camera_at(index).fx for index in range(4)] == [43.0, 42.0, 41.0, 40.0]
+    assert shown.camera == shown.camera_at(0)
+
+
+def test_turned_cameras_turn_each(timed) -> None:
+    shown = view(timed, n_frames=None, direction=Direction.backward, rotation=90)
+    assert shown.camera == shown.camera_at(0) == timed.camera_at(4).turned()
+    assert shown.camera_at(4) == timed.camera_at(0).turned()
+
+
+def test_stated_uncertainties_are_those_of_the_sequence_shown(timed) -> None:
+    shown = view(timed, n_frames=3, direction=Direction.backward, rotation=90)
+    assert isinstance(shown, Sequence)
+    assert (shown.pose_accuracy, shown.depth_accuracy) == (timed.pose_accuracy, timed.depth_accuracy)
+
+
+def test_unknown_times_stay_unknown(plain) -> None:
+    assert view(plain, n_frames=3, direction=Direction.backward, rotation=90).timestamps_s is None
 
 
 def test_a_view_of_everything_is_the_sequence_itself(plain) -> None:

@@ -10,10 +10,11 @@ import pytest
 
 from tracknoise.exceptions import SchemaError, StoreError
 from tracknoise.tables import schema
-from tracknoise.tables.manifest import FailureEntry, Manifest, SequenceEntry, sequence_key
+from tracknoise.tables.identity import SequenceId
+from tracknoise.tables.manifest import FailureEntry, Manifest, SequenceEntry
 from tracknoise.tables.store import OBSERVED, SEQUENCE_TABLES, RunFolder
 
-ENTRY = SequenceEntry("d", "a/b", "default", 0, "forward", 10, 64, 48, "birth", 5, 1.5, ("a note",))
+ENTRY = SequenceEntry(SequenceId("d", "a/b"), 10, 64, 48, "birth", 5, 1.5, ("a note",))
 
 
 @pytest.fixture
@@ -62,8 +63,8 @@ def test_a_damaged_manifest_is_named(run, content, message):
 
 
 def test_a_run_of_another_format_says_what_to_do_and_can_be_replaced(run):
-    (run.path / "manifest.json").write_text('{"format": 3, "sequences": {}}')
-    with pytest.raises(StoreError, match="format 3, expected 5: measure again with --fresh"):
+    (run.path / "manifest.json").write_text('{"format": 4, "sequences": {}}')
+    with pytest.raises(StoreError, match="format 4, expected 5: measure again with --fresh"):
         run.manifest()
     run.clear()
     assert not run.exists
@@ -115,12 +116,15 @@ def test_failures_are_a_line_each_and_vanish_when_there_are_none(run):
 
 def test_keys_are_file_names_and_differ():
     keys = {
-        sequence_key("a/b", "l", 0, "forward"),
-        sequence_key("a", "b__l", 0, "forward"),
-        sequence_key("a__b", "l", 0, "forward"),
-        sequence_key("a/b", "l", 90, "forward"),
+        SequenceId("d", "a/b", "l").key,
+        SequenceId("d", "a", "b__l").key,
+        SequenceId("d", "a__b", "l").key,
+        SequenceId("d", "a/b", "l", 90).key,
+        SequenceId("d", "a/b", "l", camera="left").key,
+        SequenceId("d", "a/b", "l", camera="left/0").key,
+        SequenceId("d", "a/b", "l@camera-left").key,
     }
-    assert len(keys) == 4
+    assert len(keys) == 7
     assert not any("/" in key for key in keys)
 
 

@@ -90,7 +90,17 @@ class Run:
             One row per sequence; columns are those of `SEQUENCES`.
         """
         entries = sorted(self._folder.manifest().sequences.items())
-        rows = [(key, *(getattr(entry, name) for name in SEQUENCES if name != "sequence")) for key, entry in entries]
+        rows = [
+            (
+                key,
+                *(
+                    getattr(entry.sequence if name in SEQUENCE else entry, name)
+                    for name in SEQUENCES
+                    if name != "sequence"
+                ),
+            )
+            for key, entry in entries
+        ]
         return pl.DataFrame(rows, schema=dict(SEQUENCES), orient="row")
 
     def failures(self) -> pl.DataFrame:

@@ -1,13 +1,13 @@
-"""Read an experiment from a file or a preset, with everything checked that can be before any data is read."""
+"""Read an experiment from a file or a preset, and check all that can be checked before any data are read."""
 
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 
 from tracknoise.exceptions import SettingsError, TracknoiseError, UnknownNameError
+from tracknoise.experiments.option_paths import with_paths_from
 from tracknoise.experiments.resolve import resolve
 from tracknoise.experiments.settings import Experiment, parse_experiment
-from tracknoise.sequences.registry import path_options
 
 _PRESETS = resources.files("tracknoise.experiments") / "presets"
 
@@ -30,13 +30,13 @@ def load_experiment(
     Parameters
     ----------
     name
-        A TOML file, or the name of a preset. Paths in a file are taken from its folder.
+        A TOML file, or the name of a preset. Relative paths in a file start from its folder.
     root
         Folder of the data, instead of the one that the file names.
     scenes, frames
         Only so many scenes, and frames of each, instead of what the file says.
     options
-        Options of the reader that take the place of those in the file.
+        Options of the reader, instead of what the file says.
 
     Raises
     ------
@@ -55,21 +55,13 @@ def load_experiment(
     experiment = parse_experiment(text, place=place)
     try:
         if path.is_file():
-            experiment = experiment.with_paths_from(path.parent, _paths(experiment.dataset.reader))
+            experiment = with_paths_from(path.parent, experiment)
         experiment = experiment.with_limits(scenes=scenes, frames=frames)
         for option, value in (options or {}).items():
             experiment = experiment.with_option(option, value)
         return resolve(experiment if root is None else experiment.with_root(root.resolve()))
     except TracknoiseError as error:
         raise SettingsError(f"{place}: {error}") from error
-
-
-def _paths(reader: str) -> tuple[str, ...]:
-    """The reader's options that are paths; none of an unknown reader, which is not refused before its options are."""
-    try:
-        return path_options(reader)
-    except UnknownNameError:
-        return ()
 
 
 def _read(path: Path) -> str:

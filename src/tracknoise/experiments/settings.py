@@ -3,7 +3,6 @@
 import hashlib
 import json
 import tomllib
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -69,18 +68,6 @@ class TrackerChoice(_Section):
     def label(self) -> str:
         """Its name in tables and figures."""
         return self.name or self.kind
-
-    @property
-    def path(self) -> str | None:
-        """The option `path`, by which trackers name a file that they read; None where there is none."""
-        path = self.options.get("path")
-        return path if isinstance(path, str) else None
-
-    def with_path_from(self, folder: Path) -> "TrackerChoice":
-        """Return the same choice with the option `path`, where it has one, taken from a folder."""
-        if self.path is None:
-            return self
-        return self.model_copy(update={"options": {**self.options, "path": str((folder / self.path).resolve())}})
 
 
 class TruthSettings(_Section):
@@ -174,23 +161,6 @@ class Experiment(_Section):
     def with_root(self, root: Path | None) -> "Experiment":
         """Return the same experiment on data in another folder."""
         return self._with_dataset({"root": root})
-
-    def with_paths_from(self, folder: Path, reader_paths: Iterable[str] = ()) -> "Experiment":
-        """Return the same experiment with every path taken from a folder.
-
-        Parameters
-        ----------
-        folder
-            Where `dataset.root`, trackers' option `path` and the reader's paths start from.
-        reader_paths
-            Names of the reader's options that are paths.
-        """
-        root, options = self.dataset.root, dict(self.dataset.options)
-        for name in reader_paths:
-            if isinstance(options.get(name), str):
-                options[name] = str((folder / options[name]).resolve())
-        based = self._with_dataset({"root": None if root is None else (folder / root).resolve(), "options": options})
-        return based.model_copy(update={"trackers": [tracker.with_path_from(folder) for tracker in self.trackers]})
 
     def _with_dataset(self, changes: dict[str, Any]) -> "Experiment":
         return self.model_copy(update={"dataset": self.dataset.model_copy(update=changes)})

@@ -1,4 +1,4 @@
-"""The pinhole camera with optional radial-tangential distortion."""
+"""The pinhole camera, with radial-tangential distortion or without."""
 
 from dataclasses import dataclass, replace
 
@@ -6,6 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.geometry.distortion import distort, undistort
+
+DISTORTION_COUNTS = (0, 4, 5, 8)
+"""How many distortion coefficients a camera can have."""
 
 _OUTLINE_POSITIONS = 1001
 _ROUND_TRIP_PX = 1e-6
@@ -24,12 +27,13 @@ class Camera:
     cx, cy
         Principal point, px; (0, 0) is the centre of the first pixel.
     distortion
-        ``()`` or Brown-Conrady coefficients ``(k1, k2, p1, p2, k3)``, as OpenCV orders them.
+        ``()``, or radial-tangential (Brown-Conrady) coefficients as OpenCV orders them: ``(k1, k2, p1, p2)``,
+        ``(k1, k2, p1, p2, k3)``, or the rational model's ``(k1, k2, p1, p2, k3, k4, k5, k6)``.
 
     Raises
     ------
     ValueError
-        If a size or focal length is not positive, or the distortion has neither 0 nor 5 coefficients.
+        If a size or focal length is not positive, or the distortion has another count of coefficients.
     """
 
     width: int
@@ -43,8 +47,9 @@ class Camera:
     def __post_init__(self) -> None:
         if self.width < 1 or self.height < 1 or not (self.fx > 0 and self.fy > 0):
             raise ValueError(f"sizes and focal lengths must be positive: {self}")
-        if len(self.distortion) not in (0, 5):
-            raise ValueError(f"distortion must have 0 or 5 coefficients, not {len(self.distortion)}")
+        if len(self.distortion) not in DISTORTION_COUNTS:
+            expected = "0, 4, 5 or 8"
+            raise ValueError(f"distortion must have {expected} coefficients, not {len(self.distortion)}")
 
     @property
     def matrix(self) -> NDArray[np.float64]:
@@ -153,8 +158,8 @@ class Camera:
         """
         distortion = self.distortion
         if distortion:
-            k1, k2, p1, p2, k3 = distortion
-            distortion = (k1, k2, -p2, p1, k3)
+            k1, k2, p1, p2, *higher = distortion
+            distortion = (k1, k2, -p2, p1, *higher)
         return Camera(
             self.height, self.width, self.fy, self.fx, self.cy, self.width - 1 - self.cx, distortion=distortion
         )

@@ -1,23 +1,23 @@
-"""Point clouds, and the depth maps that they make."""
+"""Point clouds and their depth maps."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 
 
-def cloud_depth(camera: Camera, points: NDArray[np.float64], *, nearest_m: float, radius_px: float) -> DepthMap:
-    """Sparse depth map of a cloud of points: each goes to the pixel that it is projected into, and the nearest wins.
+def cloud_depth(camera: CameraModel, points: NDArray[np.float64], *, nearest_m: float, radius_px: float) -> DepthMap:
+    """Sparse depth map of a cloud of points: each pixel has the depth of the nearest point that is projected into it.
 
     Parameters
     ----------
     camera
-        That sees the points.
+        The camera of the depth map.
     points
         (n, 3) float64, metres, camera frame, finite.
     nearest_m
-        Points of less depth are left out, metres.
+        Points of less depth are ignored, metres.
     radius_px
         See `DepthMap`.
     """

@@ -1,4 +1,4 @@
-"""Depth maps, dense and sparse, and how they are read between pixels."""
+"""Depth maps, dense and sparse, and how to read them between pixels."""
 
 from dataclasses import dataclass
 
@@ -20,8 +20,8 @@ class DepthMap:
     valid
         (height, width) bool.
     radius_px
-        None where depth is dense, and read by interpolation; where it is sparse (lidar), how far the nearest valid
-        pixel may be whose depth is taken, px.
+        None where depth is dense, and read by interpolation; where it is sparse (lidar), the largest
+        distance to the nearest valid pixel, whose depth is used, px.
 
     Raises
     ------
@@ -60,7 +60,7 @@ class DepthSample:
 
 
 def sample(depth: DepthMap, uv: NDArray[np.float64]) -> DepthSample:
-    """Read a map at sub-pixel positions, the way its kind wants it: `interpolate` if dense, `nearest` if sparse.
+    """Read a map at sub-pixel positions: with `interpolate` if it is dense, with `nearest` if it is sparse.
 
     Parameters
     ----------
@@ -77,9 +77,9 @@ def interpolate(depth: DepthMap, uv: NDArray[np.float64], *, spread: float = EDG
 
     Inverse depth is interpolated bilinearly: on a plane inverse depth is linear in the image, so that the result
     is exact there. Where the farthest of the four neighbours exceeds the nearest by more than `spread`, relative
-    to the nearest, the position lies on an edge and has no depth. All four have a say, even those of weight 0 at a
-    pixel's centre, where they are the pixels to the right and below: corners like to lie on outlines, and a feature on
-    an outline may belong to either side of it.
+    to the nearest, the position lies on an edge and has no depth. All four count, even those of weight 0 at a pixel's
+    centre, which are the pixels to the right and below: corners often lie on outlines, and a feature on an outline may
+    belong to either side of it.
 
     Parameters
     ----------
@@ -107,8 +107,9 @@ def nearest(
 
     Of several at the same distance, the one of least depth counts, so that nothing depends on the order of pixels.
     Where the farthest valid depth within the radius exceeds the nearest by more than `spread`, relative to the nearest,
-    the position lies on an edge and has no depth: a lidar's pixels are of one surface or of two, and the nearest may be
-    of the wrong one. What slants differs less: a road, two rows apart, by a tenth only beyond 60 m from KITTI's camera.
+    the position lies on an edge and has no depth: pixels of a lidar may belong to two surfaces, and the nearest may
+    belong to the wrong one. On a slanted surface the difference is smaller: on a road, two rows apart, it reaches a
+    tenth only beyond 60 m from KITTI's camera.
 
     Parameters
     ----------

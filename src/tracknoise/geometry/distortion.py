@@ -1,7 +1,10 @@
 """Radial-tangential (Brown-Conrady) lens distortion and its inverse, in the plane at depth 1.
 
-The model is a polynomial: far enough from the axis it turns round and leads back into the image. A point out there has
-no image, although the polynomial gives it one.
+A point at radius r is moved to the radius r N(r^2) / D(r^2), with N = 1 + k1 r^2 + k2 r^4 + k3 r^6 and, in the rational
+model, D = 1 + k4 r^2 + k5 r^4 + k6 r^6, otherwise D = 1. The tangential terms p1 and p2 come on top of it.
+
+Far from the axis the distorted radius may decrease again, back into the image. A point there has no image, although
+the model gives it one.
 """
 
 from functools import lru_cache
@@ -13,8 +16,11 @@ _STEPS = 100
 _SOLVED = 1e-13
 """Residual at which a position counts as found, at depth 1; where double precision allows it, steps go on below it."""
 
+Coefficients = tuple[float, ...]
+"""k1, k2, p1, p2, then k3, then k4, k5, k6, in OpenCV's order; those that are missing are 0."""
 
-def distort(xy: NDArray[np.float64], coefficients: tuple[float, ...]) -> NDArray[np.float64]:
+
+def distort(xy: NDArray[np.float64], coefficients: Coefficients) -> NDArray[np.float64]:
     """Where a lens shows the points of the plane at depth 1.
 
     Parameters
@@ -22,18 +28,18 @@ def distort(xy: NDArray[np.float64], coefficients: tuple[float, ...]) -> NDArray
     xy
         (..., 2) float64, no unit.
     coefficients
-        k1, k2, p1, p2, k3, in OpenCV's order.
+        4, 5 or 8 of them.
 
     Returns
     -------
     (..., 2) float64
         NaN where the model is not one-to-one between the point and the axis: such a point has no image.
     """
-    k1, k2, p1, p2, k3 = coefficients
+    p1, p2 = coefficients[2:4]
     x, y = xy[..., 0], xy[..., 1]
-    with np.errstate(over="ignore", invalid="ignore"):
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         r2 = x * x + y * y
-        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        radial, _ = _radial(r2, coefficients)
         distorted = np.stack(
             [
                 x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
@@ -46,7 +52,7 @@ def distort(xy: NDArray[np.float64], coefficients: tuple[float, ...]) -> NDArray
     return np.where(one_to_one[..., None], distorted, np.nan)
 
 
-def undistort(distorted: NDArray[np.float64], coefficients: tuple[float, ...]) -> NDArray[np.float64]:
+def undistort(distorted: NDArray[np.float64], coefficients: Coefficients) -> NDArray[np.float64]:
     """Invert `distort` by Newton steps from the axis outwards, halved where they would not come closer.
 
     Each position is solved for itself: its result does not depend on what else is in the array.
@@ -56,7 +62,7 @@ def undistort(distorted: NDArray[np.float64], coefficients: tuple[float, ...]) -
     distorted
         (..., 2) float64, no unit.
     coefficients
-        k1, k2, p1, p2, k3, in OpenCV's order.
+        4, 5 or 8 of them.
 
     Returns
     -------
@@ -67,7 +73,7 @@ def undistort(distorted: NDArray[np.float64], coefficients: tuple[float, ...]) -
     residual = distorted.copy()
     share = np.ones(distorted.shape[:-1])
     active = np.ones(distorted.shape[:-1], np.bool_)
-    with np.errstate(over="ignore", invalid="ignore"):
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for _ in range(_STEPS):
             trial = xy + share[..., None] * _newton_step(_jacobian(xy, coefficients), residual)
             remains = distorted - distort(trial, coefficients)
@@ -84,18 +90,35 @@ def undistort(distorted: NDArray[np.float64], coefficients: tuple[float, ...]) -
 _Symmetric = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
 
-def _jacobian(xy: NDArray[np.float64], coefficients: tuple[float, ...]) -> _Symmetric:
+def _jacobian(xy: NDArray[np.float64], coefficients: Coefficients) -> _Symmetric:
     """Derivative of the model, entries xx, xy and yy: it is symmetric."""
-    k1, k2, p1, p2, k3 = coefficients
+    p1, p2 = coefficients[2:4]
     x, y = xy[..., 0], xy[..., 1]
-    r2 = x * x + y * y
-    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    slope = 2.0 * (k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3))
+    radial, slope = _radial(x * x + y * y, coefficients)
     return (
         radial + x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x,
         x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y,
         radial + y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x,
     )
+
+
+def _radial(r2: NDArray[np.float64], coefficients: Coefficients) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """N / D at squared radii, and twice its derivative with respect to them."""
+    (k1, k2, k3), (k4, k5, k6) = _numerator_and_denominator(coefficients)
+    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    slope = 2.0 * (k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3))
+    if not (k4 or k5 or k6):
+        return radial, slope
+    below = 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6))
+    below_slope = 2.0 * (k4 + r2 * (2.0 * k5 + r2 * 3.0 * k6))
+    return radial / below, (slope - radial / below * below_slope) / below
+
+
+def _numerator_and_denominator(
+    coefficients: Coefficients,
+) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    k1, k2, _, _, k3, k4, k5, k6 = (*coefficients, 0.0, 0.0, 0.0, 0.0)[:8]
+    return (k1, k2, k3), (k4, k5, k6)
 
 
 def _newton_step(jacobian: _Symmetric, residual: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -109,15 +132,25 @@ def _size(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @lru_cache(maxsize=64)
-def _turning_r2(coefficients: tuple[float, ...]) -> float:
-    """Squared radius at which r (1 + k1 r^2 + k2 r^4 + k3 r^6) first stops growing; infinity where it never does.
+def _turning_r2(coefficients: Coefficients) -> float:
+    """Squared radius at which r N / D first stops growing, or D vanishes; infinity where neither happens.
 
-    Its slope 1 + 3 k1 s + 5 k2 s^2 + 7 k3 s^3 in s = r^2 is solved for 1 / s, which needs no division by a coefficient.
+    With s = r^2, the numerator of its derivative is (N + 2 s N') D - 2 s N D'.
     """
-    k1, k2, _, _, k3 = coefficients
-    slope = np.array([1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3])
-    if not np.isfinite(slope).all():
+    above, below = (np.array([1.0, *terms]) for terms in _numerator_and_denominator(coefficients))
+    power = 2.0 * np.arange(4)
+    with np.errstate(over="ignore", invalid="ignore"):
+        growth = np.convolve((1.0 + power) * above, below) - np.convolve(above, power * below)
+    if not np.isfinite([*growth, *below]).all():
         return 0.0
-    inverse = np.roots(slope)
-    turning = inverse.real[np.isreal(inverse) & (inverse.real > 0.0)]
-    return 1.0 / float(turning.max()) if len(turning) else np.inf
+    return min(_first_positive_root(growth), _first_positive_root(below))
+
+
+def _first_positive_root(ascending: NDArray[np.float64]) -> float:
+    """Smallest positive root of a polynomial that is 1 at 0; infinity where there is none.
+
+    It is solved for the inverse of the root, which needs no division by the highest coefficient.
+    """
+    inverse = np.roots(ascending)
+    positive = inverse.real[np.isreal(inverse) & (inverse.real > 0.0)]
+    return 1.0 / float(positive.max()) if len(positive) else np.inf

@@ -1,7 +1,7 @@
 """The section on the measurement: sequences, trackers, settings, counts, and what failed."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import polars as pl
@@ -12,6 +12,7 @@ from tracknoise.report.cells import Cells, cells
 from tracknoise.report.names import MOST_NAMED, by_statement, condition_name, together
 from tracknoise.report.report_data import MOST_CONDITIONS, ReportData
 from tracknoise.statistics.populations import POPULATIONS
+from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.schema import TRIMMING, TrackEnd, TruthStatus
 
 _TRUTHS = {
@@ -48,7 +49,7 @@ def scenes(data: ReportData) -> Cells:
         "n_frames": "frames", "size": "image (px)", "truth": "truth", "seconds": "time to measure (s)",
     }  # fmt: skip
     rows = [
-        {name: getattr(entry, name) for name in columns if name != "size"}
+        {name: value for name, value in _columns_of(entry).items() if name in columns}
         | {"size": f"{entry.width} {TIMES} {entry.height}", "seconds": f"{entry.seconds:.1f}"}
         for entry in entries
     ]
@@ -61,9 +62,13 @@ def scenes(data: ReportData) -> Cells:
     return cells(pl.DataFrame(rows, schema=kinds), columns, caption)
 
 
-def left_out(data: ReportData) -> list[tuple[str, str]]:
+def _columns_of(entry: SequenceEntry) -> dict[str, Any]:
+    return {**asdict(entry), **asdict(entry.sequence)}
+
+
+def excluded_scenes(data: ReportData) -> list[tuple[str, str]]:
     """Scenes of the dataset that were skipped on purpose, and why."""
-    return sorted(data.manifest.left_out.items())
+    return sorted(data.manifest.excluded_scenes.items())
 
 
 def notes(data: ReportData) -> list[tuple[str, str]]:
@@ -108,7 +113,7 @@ def provenance(data: ReportData) -> Cells:
 def truth_was_read(data: ReportData) -> bool:
     """Whether any true positions come from recorded poses and depth."""
     entries = data.manifest.sequences.values()
-    return any(entry.truth in ("birth", "scan") and entry.dataset != "simulated" for entry in entries)
+    return any(entry.truth in ("birth", "scan") and entry.sequence.dataset != "simulated" for entry in entries)
 
 
 def without_truth(data: ReportData) -> list[tuple[str, str]]:

@@ -152,7 +152,7 @@ class ReportData:
 
     def key_frame(self, direction: str) -> int | None:
         """Key frame of sequences played in a direction. None where curves run along ages."""
-        entries = [entry for entry in self.manifest.sequences.values() if entry.direction == direction]
+        entries = [entry for entry in self.manifest.sequences.values() if entry.sequence.direction == direction]
         found = [entry.key_frame for entry in entries if entry.key_frame is not None]
         return max(found, default=0) if self.axis is FRAME else None
 
@@ -242,7 +242,9 @@ class ReportData:
     def sequences(self) -> dict[str, SequenceEntry]:
         """Measured sequences of the `view`, by key."""
         entries = sorted(self.manifest.sequences.items())
-        return {key: entry for key, entry in entries if {name: getattr(entry, name) for name in VIEW} == self.view}
+        return {
+            key: entry for key, entry in entries if {name: getattr(entry.sequence, name) for name in VIEW} == self.view
+        }
 
     @property
     def where(self) -> str:

@@ -1,1 +1,1 @@
-"""Image sequences of known geometry: one file a format, and the registry that knows them by name."""
+"""Image sequences of known geometry: one file per format, and the registry that knows them by name."""

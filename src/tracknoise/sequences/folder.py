@@ -1,4 +1,4 @@
-"""A plain layout on disk, for users' own data and for simulated sequences: see docs/folder-layout.md.
+"""A plain layout on disk, for your own data and for simulated sequences: see docs/folder-layout.md.
 
 ``images/NNNNNN.png``, ``depth/NNNNNN.npy``, ``poses.txt`` and ``camera.json``; frames are numbered from 0.
 """
@@ -16,13 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from tracknoise.checks import require_at_least
 from tracknoise.exceptions import DataError
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.camera import DISTORTION_COUNTS, Camera
+from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
+from tracknoise.sequences.frame_files import DepthReader, ImageFiles, depth_files, depth_notes
 from tracknoise.sequences.images import read_depth_npy, read_depth_png16
 from tracknoise.sequences.new_folder import new_folder
+from tracknoise.sequences.pinhole import pinhole_of
 from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses
-from tracknoise.sequences.recorded import DepthReader, RecordedSequence, depth_notes
+from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken, scene_folder
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.tables.identity import SequenceId
@@ -31,6 +35,7 @@ _IMAGES, _DEPTH, _POSES, _CAMERA = "images", "depth", "poses.txt", "camera.json"
 _PARTS = frozenset((_IMAGES, _DEPTH, _POSES, _CAMERA))
 _COLUMNS = "tx ty tz qx qy qz qw"
 _COUNTS, _FOCAL, _CENTRE = ("width", "height"), ("fx", "fy"), ("cx", "cy")
+_DISTORTION = "a list of 0, 4, 5 or 8 numbers (k1, k2, p1, p2, k3, k4, k5, k6)"
 _SHOWN = 60
 _OPTIONAL = ("distortion", "depth_unit_m", "source")
 
@@ -44,13 +49,13 @@ class Folder:
     root
         Folder of one sequence, or one that holds several at any depth.
     depth_radius_px
-        None for dense depth, which is interpolated; for sparse depth (lidar), how far the nearest pixel with depth may
-        be from a feature, px.
+        None for dense depth, which is interpolated. For sparse depth (lidar), the largest distance from a feature to
+        the nearest pixel with depth, px.
 
     Raises
     ------
     ValueError
-        If `depth_radius_px` is no finite number of at least 0.
+        If `depth_radius_px` is below 0 or not finite.
     """
 
     name: ClassVar[str] = "folder"
@@ -62,14 +67,13 @@ class Folder:
     depth_radius_px: float | None = None
 
     def __post_init__(self) -> None:
-        radius_px = self.depth_radius_px
-        if radius_px is not None and not (type(radius_px) in (int, float) and 0.0 <= radius_px < math.inf):
-            raise ValueError(f"depth_radius_px must be a finite number of at least 0, not {radius_px!r}")
+        if self.depth_radius_px is not None:
+            require_at_least("depth_radius_px", self.depth_radius_px, 0)
 
     def sequences(self) -> list[SequenceId]:
         """All sequences, sorted: each folder that holds two of ``images``, ``depth``, ``poses.txt``, ``camera.json``.
 
-        A sequence that lacks something is listed, so that `open` can say what, instead of being passed over.
+        A sequence that lacks something is listed, so that `open` reports what is missing.
 
         Raises
         ------
@@ -79,7 +83,7 @@ class Folder:
         return [SequenceId(self.name, scene) for scene in self._scenes()]
 
     def open(self, sequence: SequenceId) -> RecordedSequence:
-        """Read and check everything but the images and depths of one sequence.
+        """Read and check one sequence, except for its images and depths.
 
         Raises
         ------
@@ -92,15 +96,15 @@ class Folder:
         camera, depth_unit_m = _read_camera(folder / _CAMERA)
         rows, places = read_rows(folder / _POSES, _COLUMNS)
         images, depths = _frame_files(folder, poses=len(rows))
-        read_depth = None if depths is None else _depth_reader(folder, depths, depth_unit_m)
+        read_depth = partial(_with_radius, _depth_reader(folder, depths, depth_unit_m), self.depth_radius_px)
         return RecordedSequence(
             id=sequence,
+            source=str(folder / _IMAGES),
             camera=camera,
             world_from_camera=quaternion_poses(rows[:, :3], rows[:, 3:], places),
-            image_paths=images,
-            depth_paths=depths,
-            read_depth=None if read_depth is None else partial(_with_radius, read_depth, self.depth_radius_px),
-            notes=depth_notes(depths) if depths else (),
+            images=ImageFiles(images, camera),
+            depths=depth_files(depths, camera, read_depth),
+            notes=depth_notes(depths) if (folder / _DEPTH).exists() else (),
         )
 
     def _scenes(self) -> dict[str, Path]:
@@ -128,7 +132,7 @@ def write_folder(sequence: Sequence, path: Path, *, progress: Callable[[int, int
     Raises
     ------
     DataError
-        If the folder is neither new nor empty, or cannot be written.
+        If the camera is no pinhole camera or changes, or the folder is neither new nor empty, or cannot be written.
     """
     with new_folder(path) as unfinished:
         _write_files(sequence, unfinished, progress)
@@ -146,7 +150,7 @@ def _write_files(sequence: Sequence, folder: Path, progress: Callable[[int, int]
         if progress is not None:
             progress(index + 1, len(sequence))
     source = f"{sequence.id.dataset} {sequence.id.scene} {sequence.id.lighting}"
-    camera = {**asdict(sequence.camera), "source": source}
+    camera = {**asdict(pinhole_of(sequence)), "source": source}
     (folder / _CAMERA).write_text(json.dumps(camera, indent=2) + "\n", encoding="utf-8")
     (folder / _POSES).write_text(_pose_lines(sequence.world_from_camera), encoding="utf-8")
 
@@ -157,22 +161,20 @@ def _plain(depth: DepthMap) -> NDArray[np.float32]:
 
 
 def _pose_lines(world_from_camera: NDArray[np.float64]) -> str:
-    """A row a frame, with all digits that a float64 has."""
+    """One row per frame, with all digits of a float64."""
     xyzw = Rotation.from_matrix(world_from_camera[:, :3, :3]).as_quat()
     rows = np.concatenate([world_from_camera[:, :3, 3], xyzw], axis=1).tolist()
     lines = (" ".join(map(repr, row)) for row in rows)
-    return "\n".join([f"# {_COLUMNS} (world_from_camera, metres; a row a frame)", *lines, ""])
+    return "\n".join([f"# {_COLUMNS} (world_from_camera, metres; one row per frame)", *lines, ""])
 
 
-def _frame_files(folder: Path, *, poses: int) -> tuple[tuple[Path, ...], tuple[Path | None, ...] | None]:
-    """Image and depth of each frame, of which there must be as many as poses; None where no frame has depth."""
+def _frame_files(folder: Path, *, poses: int) -> tuple[tuple[Path, ...], tuple[Path | None, ...]]:
+    """Image and depth (None where there is none) of each frame; there must be as many frames as poses."""
     images = numbered_files(folder / _IMAGES, r"(\d+)\.(?:png|jpe?g)")
-    depths = numbered_files(folder / _DEPTH, r"(\d+)\.(?:npy|png)") if (folder / _DEPTH).exists() else None
-    frames = require_unbroken(
-        images, {*range(poses), *(depths or ())}, lambda number: folder / _IMAGES / f"{number:06d}.png"
-    )
+    depths = numbered_files(folder / _DEPTH, r"(\d+)\.(?:npy|png)") if (folder / _DEPTH).exists() else {}
+    frames = require_unbroken(images, {*range(poses), *depths}, lambda number: folder / _IMAGES / f"{number:06d}.png")
     require_poses(folder / _POSES, poses=poses, images=len(frames))
-    return tuple(images[number] for number in frames), None if depths is None else tuple(map(depths.get, frames))
+    return tuple(images[number] for number in frames), tuple(map(depths.get, frames))
 
 
 def _depth_reader(folder: Path, depths: tuple[Path | None, ...], depth_unit_m: float | None) -> DepthReader:
@@ -187,7 +189,7 @@ def _depth_reader(folder: Path, depths: tuple[Path | None, ...], depth_unit_m: f
     return partial(read_depth_png16, metres_per_unit=depth_unit_m)
 
 
-def _with_radius(read: DepthReader, radius_px: float | None, path: Path, camera: Camera) -> DepthMap:
+def _with_radius(read: DepthReader, radius_px: float | None, path: Path, camera: CameraModel) -> DepthMap:
     return replace(read(path, camera), radius_px=radius_px)
 
 
@@ -199,8 +201,8 @@ def _read_camera(path: Path) -> tuple[Camera, float | None]:
     fx, fy = (_number(path, key, entries[key], positive=True) for key in _FOCAL)
     cx, cy = (_number(path, key, entries[key]) for key in _CENTRE)
     distortion = entries.get("distortion", [])
-    if not isinstance(distortion, list) or len(distortion) not in (0, 5):
-        raise DataError(path, f"distortion = {_shown(distortion)}", "a list of k1, k2, p1, p2, k3, or an empty one")
+    if not isinstance(distortion, list) or len(distortion) not in DISTORTION_COUNTS:
+        raise DataError(path, f"distortion = {_shown(distortion)}", _DISTORTION)
     coefficients = tuple(_number(path, "distortion", value) for value in distortion)
     unit = _number(path, "depth_unit_m", entries["depth_unit_m"], positive=True) if "depth_unit_m" in entries else None
     camera = Camera(int(width), int(height), fx, fy, cx, cy, coefficients)

@@ -1,7 +1,7 @@
-"""Image and depth files, read whole or not at all.
+"""Image and depth files. A file that is not complete is refused.
 
-A decoder is content with half a file: what it could not read it leaves black, and says so on stderr if at all. So
-every file is checked to be whole before it is decoded, and every result to be what the camera says.
+A decoder accepts half a file: it leaves the missing part black and prints a warning at most. So every file is checked
+to be complete before it is decoded, and every image to have the camera's size.
 """
 
 import struct
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -39,7 +39,7 @@ def image_size(path: Path) -> tuple[int, int]:
     return width, height
 
 
-def read_gray(path: Path, camera: Camera) -> NDArray[np.uint8]:
+def read_gray(path: Path, camera: CameraModel) -> NDArray[np.uint8]:
     """Read a PNG, JPEG or BMP file in 8-bit grayscale, exactly as ``cv2.imread(path, cv2.IMREAD_GRAYSCALE)`` gives it.
 
     Parameters
@@ -63,7 +63,7 @@ def read_gray(path: Path, camera: Camera) -> NDArray[np.uint8]:
     return image
 
 
-def read_depth_npy(path: Path, camera: Camera, *, farthest_m: float = np.inf) -> DepthMap:
+def read_depth_npy(path: Path, camera: CameraModel, *, farthest_m: float = np.inf) -> DepthMap:
     """Read depth in metres from a NumPy file of float32 or float64.
 
     Parameters
@@ -93,7 +93,7 @@ def read_depth_npy(path: Path, camera: Camera, *, farthest_m: float = np.inf) ->
 
 
 def read_depth_png16(
-    path: Path, camera: Camera, *, metres_per_unit: float, invalid: tuple[int, ...] = (0,)
+    path: Path, camera: CameraModel, *, metres_per_unit: float, invalid: tuple[int, ...] = (0,)
 ) -> DepthMap:
     """Read depth from a PNG file of 16-bit integers.
 
@@ -120,7 +120,7 @@ def read_depth_png16(
     return _depth_map(path, depth, camera)
 
 
-def read_depth_png_float32(path: Path, camera: Camera, *, farthest_m: float = np.inf) -> DepthMap:
+def read_depth_png_float32(path: Path, camera: CameraModel, *, farthest_m: float = np.inf) -> DepthMap:
     """Read depth in metres from an 8-bit PNG file whose four channels are the bytes of a little-endian float32.
 
     The first byte is the channel that OpenCV gives first (blue), as TartanAir v2 writes it.
@@ -194,7 +194,7 @@ def _is_whole_png(data: bytes) -> bool:
 
 
 def _is_whole_bmp(data: bytes) -> bool:
-    """Whether a BMP file is as long as its header says; the size of the file itself is not always stated right."""
+    """Whether a BMP file is as long as its header says; the file size that the header states is not reliable."""
     if len(data) < _BMP_HEADER.size:
         return False
     _, _, start, _, width, height, _, bits, compression, stated = _BMP_HEADER.unpack_from(data)
@@ -203,12 +203,12 @@ def _is_whole_bmp(data: bytes) -> bool:
     return bool(width > 0 and len(data) >= start + pixels)
 
 
-def _depth_map(path: Path, depth: NDArray[np.floating], camera: Camera, farthest_m: float = np.inf) -> DepthMap:
+def _depth_map(path: Path, depth: NDArray[np.floating], camera: CameraModel, farthest_m: float = np.inf) -> DepthMap:
     _require_size(path, depth, camera)
     return DepthMap(depth, np.isfinite(depth) & (depth > 0) & (depth <= farthest_m))
 
 
-def _require_size(path: Path, array: NDArray[Any], camera: Camera) -> None:
+def _require_size(path: Path, array: NDArray[Any], camera: CameraModel) -> None:
     if array.shape != (camera.height, camera.width):
         found = "x".join(str(length) for length in array.shape[1::-1] + array.shape[2:])
         raise DataError(path, f"size {found}", f"the camera's {camera.width}x{camera.height}")

@@ -168,7 +168,7 @@ def _numbers(fields: list[str], columns: str, place: str) -> list[float]:
 
 
 def _is_number(field: str) -> bool:
-    """Whether a field is a decimal number; digits with underscores, which Python reads, are more likely a slip."""
+    """Whether a field is a decimal number. Python also accepts underscores between digits; here they are refused."""
     try:
         float(field)
     except ValueError:

@@ -1,83 +1,88 @@
-"""A sequence whose images and depths are files."""
+"""A sequence that was recorded: its images and depths are read, one frame at a time, from files or anything else."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sized
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy
+from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.sequences.images import read_gray
 from tracknoise.sequences.sequence import TruthKind
 from tracknoise.tables.identity import SequenceId
 
-DepthReader = Callable[[Path, Camera], DepthMap]
+ImageSource = Callable[[int], NDArray[np.uint8]]
+DepthSource = Callable[[int], DepthMap | None]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RecordedSequence:
-    """A `tracknoise.sequences.sequence.Sequence` of files, each read when asked for and not kept.
+    """A `tracknoise.sequences.sequence.Sequence` whose frames are read when asked for, and not kept.
 
     Parameters
     ----------
     id
         Which sequence.
+    source
+        Where it comes from, for messages: a folder, a bag, an archive.
     camera
-        Intrinsics of all images.
+        Intrinsics of all images; where they change, of the first.
     world_from_camera
-        (n, 4, 4) float64, rigid: one pose an image.
-    image_paths
-        n files, at least one.
-    depth_paths
-        n files, None for a frame without depth; or None where no frame has any.
-    read_depth
-        Reads one of them: a module's function, or a `functools.partial` of one, so that the sequence can be pickled.
+        (n, 4, 4) float64, rigid: one pose for each frame, at least one.
+    images
+        Reads the image of a frame from its index: (height, width) uint8. It must be possible to pickle it. If it has a
+        length, that must be n. `tracknoise.sequences.frame_files.ImageFiles` reads files.
+    depths
+        Reads the depth of a frame in the same way, None for a frame without depth; or None where no frame has any.
     notes
         What was corrected or assumed while reading, one sentence each.
+    timestamps_s
+        (n,) float64, seconds, increasing; None where unknown.
+    cameras
+        Intrinsics of each frame, where they change.
+    pose_accuracy, depth_accuracy
+        Stated uncertainty; None where unknown.
 
     Raises
     ------
     DataError
-        If there is no frame, or the counts of images, poses and depths differ.
-    ValueError
-        If only one of `depth_paths` and `read_depth` is given.
+        If there is no frame, the counts of images, depths, timestamps or cameras differ from that of the poses, the
+        timestamps do not increase, or the cameras have different sizes.
     """
 
     id: SequenceId
-    camera: Camera
+    source: str
+    camera: CameraModel
     world_from_camera: NDArray[np.float64]
-    image_paths: tuple[Path, ...]
-    depth_paths: tuple[Path | None, ...] | None = None
-    read_depth: DepthReader | None = None
+    images: ImageSource
+    depths: DepthSource | None = None
     notes: tuple[str, ...] = ()
+    timestamps_s: NDArray[np.float64] | None = None
+    cameras: tuple[CameraModel, ...] | None = None
+    pose_accuracy: PoseAccuracy | None = None
+    depth_accuracy: DepthAccuracy | None = None
 
     def __post_init__(self) -> None:
-        if (self.depth_paths is None) != (self.read_depth is None):
-            raise ValueError("depth_paths and read_depth go together")
         place = f"{self.id.dataset} {self.id.scene}"
-        images, poses = len(self.image_paths), len(self.world_from_camera)
-        if not images:
-            raise DataError(place, "no images", "at least one")
-        if poses != images:
-            raise DataError(place, f"{poses} poses", f"one for each of the {images} images")
-        if self.depth_paths is not None and len(self.depth_paths) != images:
-            raise DataError(place, f"{len(self.depth_paths)} depth maps", f"one for each of the {images} images")
+        if not len(self):
+            raise DataError(place, "no frames", "at least one")
+        for name, count in self._counts():
+            if count != len(self):
+                raise DataError(place, f"{count} {name}", f"one for each of the {len(self)} poses")
+        if self.timestamps_s is not None and not np.all(np.diff(self.timestamps_s) > 0.0):
+            raise DataError(place, "timestamps that do not increase", "increasing timestamps")
+        if len({(camera.width, camera.height) for camera in (self.camera, *(self.cameras or ()))}) > 1:
+            raise DataError(place, "cameras of different image sizes", "one size for all frames")
 
     def __len__(self) -> int:
-        return len(self.image_paths)
-
-    @property
-    def source(self) -> str:
-        """Folder of the images."""
-        return str(self.image_paths[0].parent)
+        return len(self.world_from_camera)
 
     @property
     def truths(self) -> tuple[TruthKind, ...]:
-        """Birth where any frame has depth."""
-        return (TruthKind.birth,) if self.depth_paths is not None and any(self.depth_paths) else ()
+        """Birth where there are depths."""
+        return () if self.depths is None else (TruthKind.birth,)
 
     @property
     def surface(self) -> None:
@@ -89,15 +94,24 @@ class RecordedSequence:
         """None: its truth lies in depth maps."""
         return None
 
+    def camera_at(self, index: int) -> CameraModel:
+        """Intrinsics of one frame."""
+        return self.camera if self.cameras is None else self.cameras[index]
+
     def image(self, index: int) -> NDArray[np.uint8]:
         """(height, width) uint8: one frame in 8-bit grayscale.
 
         Raises
         ------
         DataError
-            If the file is missing, truncated or of another size than the camera's.
+            If it cannot be read, is not of 8 bits, or is of another size than the camera's.
         """
-        return read_gray(self.image_paths[index], self.camera)
+        image = self.images(index)
+        expected = (self.camera.height, self.camera.width)
+        if image.dtype != np.uint8 or image.shape != expected:
+            found = f"frame {index} of shape {image.shape} and type {image.dtype}"
+            raise DataError(self.source, found, f"shape {expected} and type uint8")
+        return image
 
     def depth(self, index: int) -> DepthMap | None:
         """Depth of one frame, or None where it has none.
@@ -105,15 +119,22 @@ class RecordedSequence:
         Raises
         ------
         DataError
-            If the file is missing, damaged or of another size than the camera's.
+            If it cannot be read, or is of another size than the camera's.
         """
-        if self.depth_paths is None or self.read_depth is None:
-            return None
-        path = self.depth_paths[index]
-        return None if path is None else self.read_depth(path, self.camera)
+        depth = None if self.depths is None else self.depths(index)
+        expected = (self.camera.height, self.camera.width)
+        if depth is not None and depth.valid.shape != expected:
+            raise DataError(self.source, f"depth {index} of shape {depth.valid.shape}", f"shape {expected}")
+        return depth
 
-
-def depth_notes(depth_paths: tuple[Path | None, ...]) -> tuple[str, ...]:
-    """A sentence if there are frames without depth."""
-    missing = depth_paths.count(None)
-    return (f"{missing} of {len(depth_paths)} frames have no depth",) if missing else ()
+    def _counts(self) -> Iterator[tuple[str, int]]:
+        """How many there are of what must be there once for each frame, by name."""
+        parts = (
+            ("images", self.images),
+            ("depth maps", self.depths),
+            ("timestamps", self.timestamps_s),
+            ("cameras", self.cameras),
+        )
+        for name, part in parts:
+            if isinstance(part, Sized):
+                yield name, len(part)

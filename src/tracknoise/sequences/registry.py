@@ -1,16 +1,15 @@
 """Readers by name: the built-in ones, and those of other packages' entry points ``tracknoise.sequences``."""
 
-import dataclasses
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
-from tracknoise.plugins import Plugins
+from tracknoise.plugins import Plugins, plugin_defaults
 from tracknoise.sequences.sequence import Reader, Sequence, SharingReader
 from tracknoise.tables.identity import SequenceId
 
 READERS: Plugins[Reader] = Plugins(
-    what="dataset reader",
+    what="reader",
     group="tracknoise.sequences",
     built_in={
         "dtu": "tracknoise.sequences.dtu.reader:Dtu",
@@ -20,6 +19,7 @@ READERS: Plugins[Reader] = Plugins(
         "simulated": "tracknoise.sequences.simulated:Simulated",
         "tartanair": "tracknoise.sequences.tartanair:TartanAir",
     },
+    given=frozenset({"root"}),
 )
 
 
@@ -31,22 +31,25 @@ def make_reader(name: str, root: Path | None = None, options: Mapping[str, objec
     UnknownNameError
         If there is no reader of that name.
     SettingsError
-        If the folder is missing where the reader needs one, or an option is unknown or has a bad value.
+        If the folder is missing where the reader needs one, or an option is unknown or missing, or has a wrong type or
+        value; the message names it.
     """
-    kind = READERS.load(name)
-    options = dict(options or {})
-    known = {field.name for field in dataclasses.fields(kind)} - {"root"}  # type: ignore[arg-type]
-    for option in options:
-        if option not in known:
-            raise SettingsError(str(UnknownNameError(f"option of reader {name!r}", option, known)))
-    if kind.needs_root:
-        if root is None:
-            raise SettingsError(f"reader {name!r} needs the folder of its data")
-        options["root"] = Path(root)
-    try:
-        return kind(**options)
-    except (TypeError, ValueError) as error:
-        raise SettingsError(f"reader {name!r}: {error}") from error
+    if not READERS.load(name).needs_root:
+        return READERS.make(name, options)
+    if root is None:
+        raise SettingsError(f"reader {name!r} needs the folder of its data")
+    return READERS.make(name, options, given={"root": Path(root)})
+
+
+def reader_defaults(name: str) -> str:
+    """The options of a reader with their defaults as TOML, those without a default as comments.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no reader of that name.
+    """
+    return plugin_defaults(READERS, name)
 
 
 def select(reader: Reader, scene: str | None = None, lighting: str | None = None) -> SequenceId:
@@ -67,19 +70,8 @@ def select(reader: Reader, scene: str | None = None, lighting: str | None = None
     return lit[0]
 
 
-def path_options(name: str) -> tuple[str, ...]:
-    """Names of a reader's options that are paths of files or folders: its class's ``path_options``, if it has any.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no reader of that name.
-    """
-    return tuple(getattr(READERS.load(name), "path_options", ()))
-
-
 def open_together(reader: Reader, sequences: list[SequenceId]) -> list[Sequence]:
-    """Open several sequences of one scene, which share what they read where the reader knows how to.
+    """Open several sequences of one scene, which share files if the reader supports it.
 
     Raises
     ------
@@ -110,7 +102,7 @@ def open_sequence(
     scene, lighting
         Which sequence; by default the first.
     **options
-        The reader's own settings.
+        Options of the reader.
 
     Raises
     ------

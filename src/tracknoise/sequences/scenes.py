@@ -1,4 +1,4 @@
-"""Finding the scenes of a data set in a tree of folders, and the frames of a scene, from names alone."""
+"""Find the scenes of a data set in a tree of folders, and the frames of a scene, from file names alone."""
 
 import os
 import re
@@ -11,14 +11,14 @@ from tracknoise.tables.identity import DEFAULT_LIGHTING, SequenceId
 
 
 def find_scenes(root: Path, is_scene: Callable[[list[str], list[str]], bool], *, expected: str) -> dict[str, Path]:
-    """Find the folders that hold a scene; what lies below a scene is not looked at.
+    """Find the folders that hold a scene. Folders below a scene are not searched.
 
     Parameters
     ----------
     root
         The data set's folder at any level, or a scene itself. Links are followed; each folder is visited once.
     is_scene
-        Tells from the names of a folder's subfolders and files whether it is a scene.
+        Whether a folder is a scene, from the names of its subfolders and files.
     expected
         What makes a scene, for the error.
 
@@ -81,14 +81,14 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
 
 
 def require_unbroken(images: Collection[int], others: Collection[int], path_of: Callable[[int], Path]) -> range:
-    """Check that there is an image of every frame from the first to the last: a gap would silently change the speed.
+    """Check that every frame from the first to the last has an image. A gap would silently change the speed.
 
     Parameters
     ----------
     images
         Frame numbers of the images.
     others
-        Frame numbers of what there cannot be without an image: depths, and poses that belong to images one to one.
+        Frame numbers of depths, and of poses that belong to images one to one. Each must have an image.
     path_of
         Where the image of a frame should be, for the error.
 

@@ -1,4 +1,4 @@
-"""What every reader yields: a sequence of images with camera, poses and, where there is one, depth."""
+"""Interfaces of readers and sequences: images with cameras, poses and, where there is one, depth."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy
+from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.tables.identity import SequenceId
 
@@ -71,17 +72,32 @@ class Sequence(Protocol):
 
     @property
     def source(self) -> str:
-        """Where it comes from, for messages: the folder it was read from, or what was simulated."""
+        """Where it comes from, for messages: a folder, an archive, or the name of a simulated scene."""
         ...
 
     @property
-    def camera(self) -> Camera:
-        """Intrinsics of all its images."""
+    def camera(self) -> CameraModel:
+        """Intrinsics of the first frame. All frames have the same image size; see `camera_at` for their intrinsics."""
         ...
 
     @property
     def world_from_camera(self) -> NDArray[np.float64]:
         """(n, 4, 4) float64: the pose of each frame, with exact rotations."""
+        ...
+
+    @property
+    def timestamps_s(self) -> NDArray[np.float64] | None:
+        """(n,) float64: the time of each frame, seconds, increasing, with any origin; None where unknown."""
+        ...
+
+    @property
+    def pose_accuracy(self) -> PoseAccuracy | None:
+        """Stated uncertainty of the poses; None where unknown."""
+        ...
+
+    @property
+    def depth_accuracy(self) -> DepthAccuracy | None:
+        """Stated uncertainty of the depths; None where unknown, or where there are none."""
         ...
 
     @property
@@ -96,6 +112,10 @@ class Sequence(Protocol):
 
     def __len__(self) -> int:
         """Count of frames, at least 1."""
+        ...
+
+    def camera_at(self, index: int) -> CameraModel:
+        """Intrinsics of one frame; those of `camera` where they do not change."""
         ...
 
     def image(self, index: int) -> NDArray[np.uint8]:
@@ -138,8 +158,8 @@ class Sequence(Protocol):
 class Reader(Protocol):
     """A data set in one on-disk format (or none, if simulated). Settings are the fields of a frozen dataclass.
 
-    The first field is ``root: Path``, unless `needs_root` is False; all others are keyword-only with defaults. If some
-    of these are paths of files or folders, a class variable ``path_options`` holds their names.
+    The first field is ``root: Path``, unless `needs_root` is False. All others are options: keyword-only, with
+    defaults. Options that name a file or folder have the type `Path`.
     """
 
     name: ClassVar[str]
@@ -157,7 +177,7 @@ class Reader(Protocol):
         ...
 
     def open(self, sequence: SequenceId) -> Sequence:
-        """Read and check everything but the images and depths of one sequence.
+        """Read and check one sequence, except for its images and depths.
 
         Raises
         ------
@@ -171,10 +191,10 @@ class Reader(Protocol):
 
 @runtime_checkable
 class SharingReader(Protocol):
-    """A `Reader` whose sequences of one scene share what they read from files, such as images relit in several ways."""
+    """A `Reader` whose sequences of one scene share files, such as images from which several lightings are made."""
 
     def open_together(self, sequences: list[SequenceId]) -> list[Sequence]:
-        """Open several sequences of one scene, to be read in step: frame by frame, each frame from all of them.
+        """Open several sequences of one scene that will be read together, frame by frame.
 
         Raises
         ------
@@ -186,15 +206,15 @@ class SharingReader(Protocol):
 
 @runtime_checkable
 class FilteringReader(Protocol):
-    """A `Reader` that leaves scenes out of what it lists."""
+    """A `Reader` that excludes some scenes of the data set from what it lists."""
 
-    def left_out(self) -> dict[str, str]:
-        """Why each scene that is left out is, one sentence each, by name of the scene.
+    def excluded_scenes(self) -> dict[str, str]:
+        """The reason for each excluded scene, one sentence each, by name of the scene.
 
         Raises
         ------
         DataError
-            If what decides it cannot be read.
+            If the files that decide it cannot be read.
         """
         ...
 

@@ -14,9 +14,10 @@ import numpy as np
 
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
+from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_notes
 from tracknoise.sequences.images import image_size, read_depth_png16
 from tracknoise.sequences.poses import checked_poses, read_matrix, require_poses
-from tracknoise.sequences.recorded import RecordedSequence, depth_notes
+from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken, scene_folder
 from tracknoise.tables.identity import SequenceId
 
@@ -24,7 +25,7 @@ _POSE = re.compile(r"frame-(\d+)\.pose\.txt")
 _INTRINSICS = "camera-intrinsics.txt"
 _KINECT_SIZE = (640, 480)
 _KINECT = (585.0, 585.0, 320.0, 240.0)
-_ONE_CAMERA = "colour and depth are taken to share one camera; the data set's makers did not calibrate them"
+_ONE_CAMERA = "colour and depth are assumed to share one camera: the data set does not give their calibration"
 _read_depth = partial(read_depth_png16, metres_per_unit=0.001, invalid=(0, 65535))
 
 
@@ -55,7 +56,7 @@ class SevenScenes:
         return [SequenceId(self.name, scene) for scene in self._scenes()]
 
     def open(self, sequence: SequenceId) -> RecordedSequence:
-        """Read and check everything but the images and depths of one sequence.
+        """Read and check one sequence, except for its images and depths.
 
         Raises
         ------
@@ -70,11 +71,11 @@ class SevenScenes:
         world_from_camera, pose_notes = checked_poses(np.stack([read_matrix(path, size=4) for path in poses]), poses)
         return RecordedSequence(
             id=sequence,
+            source=str(folder),
             camera=camera,
             world_from_camera=world_from_camera,
-            image_paths=images,
-            depth_paths=depths,
-            read_depth=_read_depth,
+            images=ImageFiles(images, camera),
+            depths=depth_files(depths, camera, _read_depth),
             notes=(*camera_notes, *pose_notes, *depth_notes(depths), _ONE_CAMERA),
         )
 
@@ -90,10 +91,8 @@ class SevenScenes:
         if file is None and (width, height) != _KINECT_SIZE:
             raise DataError(image, f"size {width}x{height} and no {_INTRINSICS}", "640x480 or that file")
         fx, fy, cx, cy = _KINECT if file is None else _read_intrinsics(file)
-        notes = (
-            () if file else (f"{folder}: no {_INTRINSICS}, taken to be the Kinect's fx = fy = 585, cx = 320, cy = 240",)
-        )
-        return Camera(width, height, fx, fy, cx, cy), notes
+        assumed = f"{folder}: no {_INTRINSICS}, so the Kinect's fx = fy = 585, cx = 320, cy = 240 are assumed"
+        return Camera(width, height, fx, fy, cx, cy), () if file else (assumed,)
 
 
 def _frame_files(folder: Path) -> tuple[tuple[Path, ...], tuple[Path, ...], tuple[Path | None, ...]]:

@@ -1,5 +1,6 @@
 """Sequences of rendered images, with exact poses, depth and surface."""
 
+import math
 import zlib
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -11,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from tracknoise.checks import require, require_at_least
 from tracknoise.exceptions import DataError, UnknownNameError
+from tracknoise.geometry.accuracy import EXACT_DEPTH, EXACT_POSE, DepthAccuracy, PoseAccuracy
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.sequence import TruthKind
@@ -26,7 +29,7 @@ from tracknoise.simulation.sdf.load import load_world
 from tracknoise.simulation.sensor import expose
 from tracknoise.tables.identity import DEFAULT_LIGHTING, SequenceId
 
-_WORLD, _PATH, _NOISE = range(3)  # streams of random numbers that know nothing of each other
+_WORLD, _PATH, _NOISE = range(3)  # independent streams of random numbers
 _DEFAULT_WORLD = "plaza"
 
 
@@ -43,13 +46,13 @@ class Simulated:
     models
         Folder of Gazebo models: objects of the worlds, or models that `world_file` includes.
     world_file
-        Gazebo world (SDF) to move through instead; any motion will do, but nothing keeps it clear of surfaces.
+        Gazebo world (SDF) to move through instead. Any motion is allowed, but it may pass through surfaces.
     origin, yaw_deg
         Where in the file's frame the frame of the motion has its origin (x, y, z, metres), and by how much it is turned
         about z, counter-clockwise seen from above: see docs/worlds.md.
     worlds
-        Count of scenes for each motion. Each has a world of its own, so that scenes are independent; with `world_file`
-        only a path of its own.
+        Number of scenes for each motion. Each has its own world, so that scenes are independent; with `world_file`,
+        only its own path.
     frames
         Count of frames of each sequence.
     width, height
@@ -70,7 +73,7 @@ class Simulated:
     Raises
     ------
     ValueError
-        If a setting has a wrong type or an impossible value.
+        If an option has an impossible value, or two options contradict each other.
     UnknownNameError
         If there is no such motion, world or lighting.
     """
@@ -78,7 +81,6 @@ class Simulated:
     name: ClassVar[str] = "simulated"
     description: ClassVar[str] = "rendered worlds with exact poses, depth and surface; needs no files"
     needs_root: ClassVar[bool] = False
-    path_options: ClassVar[tuple[str, ...]] = ("models", "world_file")
 
     motions: tuple[str, ...] = ("sideways", "fixating", "forward", "arvr")
     world: str = _DEFAULT_WORLD
@@ -101,25 +103,16 @@ class Simulated:
         object.__setattr__(self, "motions", _names("motion", self.motions, MOTIONS))
         object.__setattr__(self, "lightings", _names("lighting", self.lightings, LIGHTINGS))
         for name, least in {"worlds": 1, "frames": 1, "width": 2, "height": 2, "supersampling": 1, "seed": 0}.items():
-            value = getattr(self, name)
-            if type(value) is not int or value < least:
-                raise ValueError(f"{name} must be a whole number of at least {least}, not {value!r}")
-        if not _is_number(self.hfov_deg) or not 0.0 < self.hfov_deg < 180.0:
-            raise ValueError(f"hfov_deg must be a number between 0 and 180, not {self.hfov_deg!r}")
-        if not _is_number(self.noise_sigma) or not 0.0 <= self.noise_sigma < np.inf:
-            raise ValueError(f"noise_sigma must be a number of at least 0, not {self.noise_sigma!r}")
-        if type(self.shadows) is not bool:
-            raise ValueError(f"shadows must be true or false, not {self.shadows!r}")
-        for name in self.path_options:
-            object.__setattr__(self, name, _path(name, getattr(self, name)))
-        object.__setattr__(self, "origin", _place(self.origin))
-        if not _is_number(self.yaw_deg) or not np.isfinite(self.yaw_deg):
-            raise ValueError(f"yaw_deg must be a finite number, not {self.yaw_deg!r}")
+            require_at_least(name, getattr(self, name), least)
+        require(0.0 < self.hfov_deg < 180.0, "hfov_deg", self.hfov_deg, "a number between 0 and 180")
+        require_at_least("noise_sigma", self.noise_sigma, 0)
+        require(all(map(math.isfinite, self.origin)), "origin", self.origin, "three finite numbers (x, y, z in metres)")
+        require(math.isfinite(self.yaw_deg), "yaw_deg", self.yaw_deg, "a finite number")
         self._require_that_world_and_motions_fit()
 
     def _require_that_world_and_motions_fit(self) -> None:
         if self.world not in PLACES:
-            raise UnknownNameError("world", str(self.world), PLACES)
+            raise UnknownNameError("world", self.world, PLACES)
         if self.world_file is not None:
             if self.world != _DEFAULT_WORLD:
                 raise ValueError("world and world_file exclude each other")
@@ -160,7 +153,7 @@ class Simulated:
         )
 
     def open(self, sequence: SequenceId) -> "SimulatedSequence":
-        """Work out the camera path of one sequence; its world is built when first looked at.
+        """Make the camera path of one sequence. Its world is built when it is first used.
 
         Raises
         ------
@@ -194,7 +187,7 @@ class Simulated:
         return PLACES[self.world].build(_generator(self.seed, _WORLD, scene), self.models)
 
     def _world_from_motion(self) -> NDArray[np.float64]:
-        """(4, 4) float64: where the world file's frame has the frame of the motion."""
+        """(4, 4) float64: from the frame of the motion to that of the world file."""
         pose = np.eye(4)
         pose[:3, :3] = Rotation.from_euler("z", self.yaw_deg, degrees=True).as_matrix()
         pose[:3, 3] = self.origin
@@ -214,7 +207,7 @@ class SimulatedSequence:
     world_from_camera
         (n, 4, 4) float64.
     settings
-        What else there is to decide.
+        The reader's settings.
     """
 
     id: SequenceId
@@ -231,9 +224,24 @@ class SimulatedSequence:
 
     @property
     def source(self) -> str:
-        """What is simulated."""
+        """Name of the simulated scene and of its world file."""
         file = self.settings.world_file
         return f"simulated scene {self.id.scene}" + ("" if file is None else f" in {file}")
+
+    @property
+    def timestamps_s(self) -> None:
+        """None: a simulated camera path has no speed in metres per second."""
+        return None
+
+    @property
+    def pose_accuracy(self) -> PoseAccuracy:
+        """Poses are exact."""
+        return EXACT_POSE
+
+    @property
+    def depth_accuracy(self) -> DepthAccuracy:
+        """Depths are exact."""
+        return EXACT_DEPTH
 
     @property
     def truths(self) -> tuple[TruthKind, ...]:
@@ -242,11 +250,15 @@ class SimulatedSequence:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Which models are in the world, and what of them is not shown as Gazebo would show it."""
+        """Which models are in the world, and which of their parts are not rendered as in Gazebo."""
         return self._scenery.notes
 
+    def camera_at(self, index: int) -> Camera:
+        """The camera, which is the same for all frames."""
+        return self.camera
+
     def image(self, index: int) -> NDArray[np.uint8]:
-        """(height, width) uint8: one frame, the same whenever and in whatever order it is asked for."""
+        """(height, width) uint8: one frame. It does not depend on the order in which frames are read."""
         noise = _generator(self.settings.seed, _NOISE, f"{self.id.scene} {self.id.lighting}", index)
         return expose(self._renderer.image(self.world_from_camera[index]), self.settings.noise_sigma, noise)
 
@@ -303,28 +315,10 @@ def _generator(seed: int, stream: int, name: str, index: int = 0) -> np.random.G
     return np.random.default_rng([seed, stream, zlib.crc32(name.encode()), index])
 
 
-def _names(kind: str, names: object, known: Collection[str]) -> tuple[str, ...]:
-    if not isinstance(names, list | tuple) or not names:
-        raise ValueError(f"{kind}s must be a list of names, not {names!r}")
+def _names(kind: str, names: tuple[str, ...], known: Collection[str]) -> tuple[str, ...]:
+    """The names, each once."""
+    require(bool(names), f"{kind}s", list(names), "at least one name")
     for name in names:
         if name not in known:
-            raise UnknownNameError(kind, str(name), known)
+            raise UnknownNameError(kind, name, known)
     return tuple(dict.fromkeys(names))
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _path(name: str, value: object) -> Path | None:
-    if value is not None and not isinstance(value, str | Path):
-        raise ValueError(f"{name} must be a path, not {value!r}")
-    return None if value is None else Path(value)
-
-
-def _place(origin: object) -> tuple[float, float, float]:
-    if isinstance(origin, list | tuple) and len(origin) == 3 and all(map(_is_number, origin)):
-        x, y, z = (float(coordinate) for coordinate in origin)
-        if np.isfinite([x, y, z]).all():
-            return x, y, z
-    raise ValueError(f"origin must be three finite numbers (x, y, z in metres), not {origin!r}")

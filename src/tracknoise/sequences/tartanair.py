@@ -19,10 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, UnknownNameError
+from tracknoise.geometry.accuracy import EXACT_POSE, DepthAccuracy
 from tracknoise.geometry.camera import Camera
+from tracknoise.sequences.frame_files import DepthReader, ImageFiles, depth_files, depth_notes
 from tracknoise.sequences.images import image_size, read_depth_npy, read_depth_png_float32
 from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses
-from tracknoise.sequences.recorded import DepthReader, RecordedSequence, depth_notes
+from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken, scene_folder
 from tracknoise.tables.identity import SequenceId
 
@@ -31,6 +33,8 @@ SKY_M = 10_000.0
 
 _CV_FROM_NED = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 _COLUMNS = "x y z qx qy qz qw"
+_FLOAT32 = DepthAccuracy(0.0, 2.0**-24)
+"""Depths are simulated: exact but for the rounding to float32."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +104,7 @@ class TartanAir:
         return [SequenceId(self.name, scene) for scene in self._scenes()]
 
     def open(self, sequence: SequenceId) -> RecordedSequence:
-        """Read and check everything but the images and depths of one sequence.
+        """Read and check one sequence, except for its images and depths.
 
         Raises
         ------
@@ -113,23 +117,25 @@ class TartanAir:
         camera = self._camera_of({path.name for path in folder.iterdir()})
         version = _VERSIONS[str(camera)]
         images = numbered_files(folder / f"image_{camera}", rf"(\d+)_{camera}\.png")
-        depth_files = _depth_files(folder / f"depth_{camera}", rf"(\d+)_{camera}_depth\.{version.depth_suffix}")
+        depth_paths = _depth_files(folder / f"depth_{camera}", rf"(\d+)_{camera}_depth\.{version.depth_suffix}")
         rows, places = read_rows(folder / f"pose_{camera}.txt", _COLUMNS)
-        others = {*depth_files, *(range(len(rows)) if version.image_for_each_pose else ())}
+        others = {*depth_paths, *(range(len(rows)) if version.image_for_each_pose else ())}
         frames = require_unbroken(
             images, others, lambda number: folder / f"image_{camera}" / f"{number:06d}_{camera}.png"
         )
         require_poses(folder / f"pose_{camera}.txt", poses=len(rows), images=frames.stop)
         _require_size(images[frames[0]], version.intrinsics)
-        depths = tuple(map(depth_files.get, frames))
+        depths = tuple(map(depth_paths.get, frames))
         return RecordedSequence(
             id=sequence,
+            source=str(folder / f"image_{camera}"),
             camera=version.intrinsics,
             world_from_camera=_poses(rows[frames.start : frames.stop], places[frames.start : frames.stop]),
-            image_paths=tuple(images.values()),
-            depth_paths=depths,
-            read_depth=version.read_depth,
+            images=ImageFiles(tuple(images.values()), version.intrinsics),
+            depths=depth_files(depths, version.intrinsics, version.read_depth),
             notes=depth_notes(depths),
+            pose_accuracy=EXACT_POSE,
+            depth_accuracy=_FLOAT32,
         )
 
     def _scenes(self) -> dict[str, Path]:

@@ -1,11 +1,12 @@
-"""Sequences seen differently: the first frames only, backward, or turned."""
+"""Views of a sequence: its first frames only, played backward, or with turned images."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy
+from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.sequence import Scan, Sequence, Surface
 from tracknoise.tables.identity import Direction, SequenceId
@@ -14,16 +15,16 @@ QUARTER_DEG = 90
 
 
 def view(sequence: Sequence, *, n_frames: int | None, direction: Direction, rotation: int) -> Sequence:
-    """A sequence as an experiment wants to see it.
+    """The view of a sequence that an experiment asks for.
 
     Parameters
     ----------
     sequence
         As its reader opened it.
     n_frames
-        No more frames than this, from the first; None for all.
+        At most this many frames, from the first; None for all.
     direction
-        In which order those are played.
+        In which order they are played.
     rotation
         By how many degrees the images are turned counter-clockwise: a multiple of 90.
     """
@@ -52,7 +53,7 @@ def turned(sequence: Sequence, degrees: int) -> Sequence:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """A `tracknoise.sequences.sequence.Sequence` that shows another one, unchanged where a subclass does not say so.
+    """A `tracknoise.sequences.sequence.Sequence` that shows another one. Subclasses say what they change.
 
     Parameters
     ----------
@@ -76,7 +77,7 @@ class View:
         return self.sequence.source
 
     @property
-    def camera(self) -> Camera:
+    def camera(self) -> CameraModel:
         """That of the sequence shown."""
         return self.sequence.camera
 
@@ -84,6 +85,21 @@ class View:
     def world_from_camera(self) -> NDArray[np.float64]:
         """(n, 4, 4) float64."""
         return self.sequence.world_from_camera
+
+    @property
+    def timestamps_s(self) -> NDArray[np.float64] | None:
+        """(n,) float64, seconds; None where unknown."""
+        return self.sequence.timestamps_s
+
+    @property
+    def pose_accuracy(self) -> PoseAccuracy | None:
+        """That of the sequence shown."""
+        return self.sequence.pose_accuracy
+
+    @property
+    def depth_accuracy(self) -> DepthAccuracy | None:
+        """That of the sequence shown."""
+        return self.sequence.depth_accuracy
 
     @property
     def truths(self) -> tuple[str, ...]:
@@ -104,6 +120,10 @@ class View:
     def surface(self) -> Surface | None:
         """That of the sequence shown, seen as the images are: the view's own `cast`."""
         return None if self.sequence.surface is None else self
+
+    def camera_at(self, index: int) -> CameraModel:
+        """Intrinsics of one frame: see `Sequence.camera_at`."""
+        return self.sequence.camera_at(index)
 
     def image(self, index: int) -> NDArray[np.uint8]:
         """(height, width) uint8: see `Sequence.image`."""
@@ -142,10 +162,16 @@ class Shortened(View):
         """(n, 4, 4) float64: of the frames that are left."""
         return self.sequence.world_from_camera[: self.n_frames]
 
+    @property
+    def timestamps_s(self) -> NDArray[np.float64] | None:
+        """(n,) float64, seconds, of the frames that are left; None where unknown."""
+        times = self.sequence.timestamps_s
+        return None if times is None else times[: self.n_frames]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Backward(View):
-    """A sequence whose last frame comes first, as if the camera had gone its way back."""
+    """A sequence played backward: its last frame comes first."""
 
     @property
     def id(self) -> SequenceId:
@@ -158,24 +184,40 @@ class Backward(View):
         return self.sequence.world_from_camera[::-1]
 
     @property
+    def timestamps_s(self) -> NDArray[np.float64] | None:
+        """(n,) float64, seconds, increasing: the intervals are shown in reverse order; None where unknown."""
+        times = self.sequence.timestamps_s
+        return None if times is None else times[0] + (times[-1] - times[::-1])
+
+    @property
+    def camera(self) -> CameraModel:
+        """That of the last frame of the sequence shown."""
+        return self.camera_at(0)
+
+    @property
     def scan(self) -> Scan | None:
-        """That of the sequence shown; its key frame lies as far from the end as it lay from the beginning."""
+        """That of the sequence shown; its key frame is counted from the other end."""
         scan = self.sequence.scan
-        return None if scan is None else replace(scan, key_frame=self._there(scan.key_frame))
+        return None if scan is None else replace(scan, key_frame=self._mirrored(scan.key_frame))
+
+    def camera_at(self, index: int) -> CameraModel:
+        """Intrinsics of one frame: see `Sequence.camera_at`."""
+        return self.sequence.camera_at(self._mirrored(index))
 
     def image(self, index: int) -> NDArray[np.uint8]:
         """(height, width) uint8: see `Sequence.image`."""
-        return self.sequence.image(self._there(index))
+        return self.sequence.image(self._mirrored(index))
 
     def depth(self, index: int) -> DepthMap | None:
         """Depth of one frame: see `Sequence.depth`."""
-        return self.sequence.depth(self._there(index))
+        return self.sequence.depth(self._mirrored(index))
 
     def cast(self, index: int, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """First surface points on the rays through pixels: see `Surface.cast`."""
-        return View.cast(self, self._there(index), uv)
+        return View.cast(self, self._mirrored(index), uv)
 
-    def _there(self, index: int) -> int:
+    def _mirrored(self, index: int) -> int:
+        """The frame of the sequence shown that stands at `index` from its end."""
         return len(self.sequence) - 1 - index
 
 
@@ -194,9 +236,13 @@ class Turned(View):
         return replace(name, rotation=(name.rotation + QUARTER_DEG) % 360)
 
     @property
-    def camera(self) -> Camera:
+    def camera(self) -> CameraModel:
         """The camera of the turned images."""
         return self.sequence.camera.turned()
+
+    def camera_at(self, index: int) -> CameraModel:
+        """The camera of one turned image."""
+        return self.sequence.camera_at(index).turned()
 
     @property
     def world_from_camera(self) -> NDArray[np.float64]:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, fields
 from enum import StrEnum
+from pathlib import Path
 from urllib.parse import quote
 
 DEFAULT_LIGHTING = "default"
@@ -51,5 +52,19 @@ class SequenceId:
         return "@".join(parts)
 
     def placeholders(self) -> dict[str, str | int]:
-        """Its fields by name, to replace ``{scene}``, ``{lighting}`` and so on in a path."""
+        """Its fields by name, which replace ``{scene}``, ``{lighting}`` and so on in a path."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    def expand(self, template: str, *, speed: int) -> Path:
+        """The path that a template stands for at one speed: see `PLACEHOLDERS`.
+
+        Raises
+        ------
+        LookupError, ValueError, AttributeError
+            If there is another placeholder, or a brace without its partner.
+        """
+        return Path(template.format(**self.placeholders(), speed=speed))
+
+
+PLACEHOLDERS = (*(field.name for field in fields(SequenceId)), "speed")
+"""What may stand in braces in the path of a file that belongs to one sequence, or to one sequence and speed."""

@@ -1,23 +1,23 @@
-"""What a run folder says of itself: what it was made with, what is measured, and what could not be."""
+"""The manifest of a run: what it was made with, which sequences are measured, and which failed."""
 
 import json
 from dataclasses import asdict, dataclass, field
 from typing import Any, Self
-from urllib.parse import quote
 
 from tracknoise.exceptions import StoreError
+from tracknoise.tables.identity import Direction, SequenceId
 
 FORMAT = 5
 
 
 @dataclass(frozen=True, slots=True)
 class SequenceEntry:
-    """What the manifest says of one measured sequence.
+    """The manifest's entry for one measured sequence.
 
     Attributes
     ----------
-    dataset, scene, lighting, rotation, direction
-        Its name.
+    sequence
+        Its identity.
     n_frames, width, height
         Count and size (px) of its images.
     truth
@@ -36,11 +36,7 @@ class SequenceEntry:
         Hash of each of its files, by the folder that holds it.
     """
 
-    dataset: str
-    scene: str
-    lighting: str
-    rotation: int
-    direction: str
+    sequence: SequenceId
     n_frames: int
     width: int
     height: int
@@ -55,12 +51,12 @@ class SequenceEntry:
     @property
     def key(self) -> str:
         """File name, without extension, of this sequence's tables."""
-        return sequence_key(self.scene, self.lighting, self.rotation, self.direction)
+        return self.sequence.key
 
 
 @dataclass(frozen=True, slots=True)
 class FailureEntry:
-    """What ``failures.jsonl`` says of one sequence that could not be measured.
+    """The entry in ``failures.jsonl`` for one sequence that could not be measured.
 
     Attributes
     ----------
@@ -69,7 +65,7 @@ class FailureEntry:
     place
         The file, the line of the program, or the worker that it happened at; None if unknown.
     attempts
-        How often it was tried.
+        Number of attempts.
     """
 
     cause: str
@@ -79,14 +75,14 @@ class FailureEntry:
 
 @dataclass(slots=True)
 class Manifest:
-    """Where a run stands and what it was made with.
+    """State of a run, and what it was made with.
 
     Attributes
     ----------
     settings_hash
         Of every setting of the experiment but the place of its data.
     versions
-        Of tracknoise, Python and the libraries that decide the numbers.
+        Of tracknoise, Python, the libraries that decide the numbers, and the packages that offer trackers or a reader.
     machine
         System, processor and count of cores.
     seed
@@ -95,8 +91,8 @@ class Manifest:
         What was measured, by key.
     failures
         Cause of what was not, by key.
-    left_out
-        Why scenes that the data hold were not to be measured, by scene.
+    excluded_scenes
+        Why scenes of the data set are not measured, by scene.
     statistics
         Hash of each table of the whole run, by its name.
     """
@@ -107,7 +103,7 @@ class Manifest:
     seed: int
     sequences: dict[str, SequenceEntry] = field(default_factory=dict)
     failures: dict[str, str] = field(default_factory=dict)
-    left_out: dict[str, str] = field(default_factory=dict)
+    excluded_scenes: dict[str, str] = field(default_factory=dict)
     statistics: dict[str, str] = field(default_factory=dict)
 
     def to_json(self) -> str:
@@ -118,7 +114,7 @@ class Manifest:
 
     @classmethod
     def emptied(cls, text: str, *, place: str) -> Self:
-        """One of this format that says that nothing is measured, in place of one of any.
+        """A manifest of this format without any sequence, to replace one of any format.
 
         Raises
         ------
@@ -148,20 +144,13 @@ class Manifest:
             if found != FORMAT:
                 remedy = "measure again with --fresh, or read it with the version that wrote it"
                 raise StoreError(f"{place}: format {found}, expected {FORMAT}: {remedy}")
-            raw["sequences"] = {
-                key: SequenceEntry(**{**entry, "notes": tuple(entry["notes"])})
-                for key, entry in raw["sequences"].items()
-            }
+            raw["sequences"] = {key: _entry(**entry) for key, entry in raw["sequences"].items()}
             return cls(**raw)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise StoreError(f"{place}: damaged ({error}), expected a run's manifest") from error
 
 
-def sequence_key(scene: str, lighting: str, rotation: int, direction: str) -> str:
-    """File-safe name of a sequence, unique in a data set.
-
-    It is ``scene@lighting``, followed by ``@rDEGREES`` if it is turned and ``@backward`` if it is played so.
-    """
-    parts = [quote(scene, safe=" "), quote(lighting, safe=" "), *([f"r{rotation}"] if rotation else [])]
-    parts += [direction] if direction != "forward" else []
-    return "@".join(parts)
+def _entry(*, sequence: dict[str, Any], notes: list[str], **rest: Any) -> SequenceEntry:
+    """What `Manifest.to_json` wrote of one sequence."""
+    direction = Direction(sequence.pop("direction"))
+    return SequenceEntry(SequenceId(**sequence, direction=direction), notes=tuple(notes), **rest)

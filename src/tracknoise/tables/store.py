@@ -18,9 +18,9 @@ from tracknoise.atomic import unfinished
 from tracknoise.exceptions import StoreError
 from tracknoise.tables import findings_schema, schema
 from tracknoise.tables.files import is_intact, read_parquet, remove, write_atomically, write_parquet
-from tracknoise.tables.manifest import FailureEntry, Manifest, SequenceEntry, sequence_key
+from tracknoise.tables.manifest import FailureEntry, Manifest, SequenceEntry
 
-__all__ = ["FailureEntry", "Manifest", "RunFolder", "SequenceEntry", "sequence_key"]
+__all__ = ["FailureEntry", "Manifest", "RunFolder", "SequenceEntry"]
 
 _LOCK = ".lock"
 _MANIFEST, _SETTINGS, _FAILURES, _SNAPSHOTS = "manifest.json", "experiment.toml", "failures.jsonl", "snapshots"

@@ -6,8 +6,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.checks import require_at_least, require_positive
 from tracknoise.tables.schema import TrackEnd
-from tracknoise.trackers.checks import require_at_least, require_positive
 from tracknoise.trackers.description import DESCRIPTOR_SIZE, Described, describe
 from tracknoise.trackers.detection import Detection
 from tracknoise.trackers.features import ALIVE, Features, displacement_px, report

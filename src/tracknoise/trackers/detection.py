@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.trackers.checks import require, require_at_least, require_odd
+from tracknoise.checks import require, require_at_least, require_odd
 from tracknoise.trackers.frame import Frame
 
 _SMALLEST_SIDE_PX = 7  # OAST_9_16 compares a pixel with a circle of radius 3

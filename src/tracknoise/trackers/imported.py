@@ -6,14 +6,14 @@ from typing import ClassVar
 
 import numpy as np
 
+from tracknoise.checks import require
+from tracknoise.options import PathTemplate
+from tracknoise.tables.identity import PLACEHOLDERS, SequenceId
 from tracknoise.tables.schema import TrackEnd
-from tracknoise.trackers.checks import require
 from tracknoise.trackers.features import ALIVE, Features, report
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.track_file import Tracks, read_tracks
 from tracknoise.trackers.tracker import SequenceContext, Step
-
-_PLACEHOLDERS = ("scene", "lighting", "rotation", "direction", "speed")
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,22 +28,22 @@ class Imported:
         ``response``, the detector response, and columns whose names start with ``quality_``, such as
         ``quality_confidence``: numbers that the front end states about each observation, which become columns of the
         same names in the table `observations`. Their cells may be empty. Other columns are ignored. The order of rows
-        does not matter. ``{scene}``, ``{lighting}``, ``{rotation}``, ``{direction}`` and ``{speed}`` in the path are
-        replaced by those of the condition.
+        does not matter. ``{dataset}``, ``{scene}``, ``{lighting}``, ``{rotation}``, ``{direction}``, ``{camera}`` and
+        ``{speed}`` in the path are replaced by those of the condition.
     """
 
     kind: ClassVar[str] = "imported"
     description: ClassVar[str] = "tracks that another front end wrote to a CSV or Parquet file"
 
-    path: str
+    path: PathTemplate
 
     def __post_init__(self) -> None:
         try:
-            self.path.format(**dict.fromkeys(_PLACEHOLDERS, 0))
+            SequenceId("", "").expand(self.path, speed=1)
             known = True
         except (LookupError, ValueError, AttributeError):
             known = False
-        require(known, "path", self.path, f"no placeholders but {', '.join(f'{{{name}}}' for name in _PLACEHOLDERS)}")
+        require(known, "path", self.path, f"no placeholders but {', '.join(f'{{{name}}}' for name in PLACEHOLDERS)}")
         suffix = Path(self.path).suffix
         require(suffix in (".csv", ".parquet"), "path", self.path, "a file that ends in .csv or .parquet")
 
@@ -56,15 +56,8 @@ class Imported:
             If it is missing, lacks a column, holds no track, something that is not a number, a frame that the
             sequence does not have, or two rows for one track and frame. The error names the line.
         """
-        sequence = context.sequence
-        path = self.path.format(
-            scene=sequence.scene,
-            lighting=sequence.lighting,
-            rotation=sequence.rotation,
-            direction=sequence.direction,
-            speed=context.speed,
-        )
-        return ImportedTracker(read_tracks(Path(path), n_frames=context.n_frames))
+        path = context.sequence.expand(self.path, speed=context.speed)
+        return ImportedTracker(read_tracks(path, n_frames=context.n_frames))
 
 
 class ImportedTracker:

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.checks import require, require_at_least, require_odd, require_positive
 from tracknoise.tables.schema import TrackEnd
-from tracknoise.trackers.checks import require, require_at_least, require_odd, require_positive
 from tracknoise.trackers.detection import Detection, keypoints
 from tracknoise.trackers.features import ALIVE, Features, displacement_px, report
 from tracknoise.trackers.frame import Frame

@@ -8,9 +8,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.checks import require, require_at_least, require_share
 from tracknoise.exceptions import SettingsError
 from tracknoise.tables.schema import TrackEnd, TruthStatus
-from tracknoise.trackers.checks import require, require_at_least, require_share
 from tracknoise.trackers.features import ALIVE, Features, report
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.tracker import OracleTruth, SequenceContext, Step

@@ -7,7 +7,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.trackers.checks import require, require_at_least, require_positive
+from tracknoise.checks import require, require_at_least, require_positive
 from tracknoise.trackers.fundamental import Fundamental
 from tracknoise.trackers.homography import Homography
 from tracknoise.trackers.ransac import Geometry, best_hypothesis

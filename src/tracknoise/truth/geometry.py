@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.sequence import Sequence
@@ -26,7 +26,7 @@ class SequenceGeometry:
         self._depth: DepthMap | None = None
 
     @property
-    def camera(self) -> Camera:
+    def camera(self) -> CameraModel:
         """Intrinsics of all frames."""
         return self.sequence.camera
 

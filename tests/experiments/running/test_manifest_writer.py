@@ -9,11 +9,12 @@ from tracknoise.exceptions import StoreError
 from tracknoise.experiments.running import manifest_writer as ledger_module
 from tracknoise.experiments.running.failures import Failure, FailureKind
 from tracknoise.experiments.running.manifest_writer import ManifestWriter
+from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.store import RunFolder
 
-ENTRY = SequenceEntry("d", "a", "default", 0, "forward", 10, 64, 48, "birth", 5, 1.5)
-SECOND = replace(ENTRY, scene="b")
+ENTRY = SequenceEntry(SequenceId("d", "a"), 10, 64, 48, "birth", 5, 1.5)
+SECOND = replace(ENTRY, sequence=SequenceId("d", "b"))
 
 
 class Clock:

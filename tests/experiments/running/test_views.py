@@ -83,7 +83,7 @@ def test_views_are_conditions_of_their_own(tmp_path) -> None:
     )
     np.testing.assert_allclose(at_one.select("u", "v").to_numpy(), [(0.5, 0.25)] * 5, atol=1e-9)
     assert {entry.n_frames for entry in run.manifest().sequences.values()} == {4}
-    sizes = {(entry.rotation, entry.width, entry.height) for entry in run.manifest().sequences.values()}
+    sizes = {(entry.sequence.rotation, entry.width, entry.height) for entry in run.manifest().sequences.values()}
     assert sizes == {(0, 96, 64), (90, 64, 96)}
 
 

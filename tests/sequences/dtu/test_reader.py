@@ -1,4 +1,5 @@
 import pickle
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -8,12 +9,12 @@ from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.sequences.dtu.matlab import write_mat
 from tracknoise.sequences.dtu.reader import Dtu
 from tracknoise.sequences.dtu.relighting import LIGHTINGS, weights
-from tracknoise.sequences.registry import make_reader, open_sequence, open_together, path_options
+from tracknoise.sequences.registry import READERS, make_reader, open_sequence, open_together
 from tracknoise.sequences.sequence import Sequence, SharingReader, TruthKind
 from tracknoise.simulation.light_stage.leds import led_positions
 from tracknoise.tables.identity import SequenceId
 
-NOMINAL = "relit with nominal positions of the LEDs, since no file gives the true ones"
+NOMINAL = "relit with the nominal positions of the LEDs, because no file gives their measured positions"
 CONDENSED = {"name": "{:03d}_{:02d}.png", "numbers": 36}
 
 
@@ -168,7 +169,7 @@ def test_points_that_the_scan_lacks_are_noted(write_set) -> None:
     points = np.array([[np.nan, 1.0], [0.0, 1.0], [0.0, 1.0]])
     variables = {"pts3D_near": points, "pts3D_far": points}
     write_mat(root / "CleanRecon_2009_11_16" / "Clean_Reconstruction_01.mat", variables)
-    assert any("left out 2 of 4 scan points" in note for note in open_sequence("dtu", root).notes)
+    assert any("2 of 4 scan points are not finite" in note for note in open_sequence("dtu", root).notes)
 
 
 def test_unknown_names(write_set) -> None:
@@ -177,6 +178,6 @@ def test_unknown_names(write_set) -> None:
         Dtu(root).open(SequenceId("dtu", "SET009", "diffuse"))
     with pytest.raises(UnknownNameError, match="unknown lighting 'BF8'"):
         Dtu(root).open(SequenceId("dtu", "SET001", "BF8"))
-    with pytest.raises(SettingsError, match="leds must be the path of a CSV file, not 19"):
+    with pytest.raises(SettingsError, match=r"reader 'dtu': leds: expected a valid string, found 19$"):
         make_reader("dtu", root, {"leds": 19})
-    assert path_options("dtu") == ("leds",)
+    assert READERS.paths("dtu", {"leds": "leds.csv"}) == [Path("leds.csv")]

@@ -24,12 +24,12 @@ def test_points_are_columns_of_both_parts(path) -> None:
     assert notes == ()
 
 
-def test_points_that_are_not_finite_are_left_out_and_counted(path) -> None:
+def test_points_that_are_not_finite_are_ignored_and_counted(path) -> None:
     broken = np.array([[np.nan, 1.0, np.inf], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
     write_mat(path, {"pts3D_near": NEAR, "pts3D_far": broken})
     scan, notes = read_scan(path)
     assert len(scan.points_world) == 3
-    assert notes == ("Clean_Reconstruction_01.mat: left out 2 of 5 scan points, which are not finite",)
+    assert notes == ("Clean_Reconstruction_01.mat: 2 of 5 scan points are not finite and are ignored",)
 
 
 def test_one_part_may_be_empty(path) -> None:

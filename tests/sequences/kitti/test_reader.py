@@ -5,10 +5,11 @@ import cv2
 import numpy as np
 import pytest
 
-from tracknoise.exceptions import DataError, UnknownNameError
+from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.geometry.depth import sample as read_depth
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.kitti.reader import Kitti
+from tracknoise.sequences.registry import make_reader
 from tracknoise.sequences.sequence import FilteringReader, TruthKind
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import TruthStatus
@@ -94,7 +95,7 @@ def test_neither_oxts_nor_poses(tmp_path, write_drive):
     drive.poses.unlink()
     with pytest.raises(DataError) as caught:
         opened(tmp_path)
-    expected = "one of them, to know where the camera was"
+    expected = "one of them, for the poses of the camera"
     assert str(caught.value) == f"{drive.folder}: neither oxts nor poses_image_02.txt, expected {expected}"
 
 
@@ -132,14 +133,14 @@ def test_drives_that_stand_still_are_left_out(tmp_path, write_drive):
     assert isinstance(reader, FilteringReader)
     assert [listed.scene for listed in reader.sequences()] == ["2011_09_26_drive_0002_sync"]
     reason = "stands still in frames 1 to 11, each less than 0.02 m from the one before"
-    assert reader.left_out() == {NAME: reason}
+    assert reader.excluded_scenes() == {NAME: reason}
     with pytest.raises(
-        DataError, match=f"{NAME}: {reason}, expected a drive in motion throughout, or keep_still = true"
+        DataError, match=f"{NAME}: {reason}, expected a drive without still stretches, or keep_still = true"
     ):
         opened(tmp_path)
     for kept in (Kitti(tmp_path, keep_still=True), Kitti(tmp_path, still_m=0.01), Kitti(tmp_path, still_frames=12)):
         assert len(kept.sequences()) == 2
-        assert kept.left_out() == {}
+        assert kept.excluded_scenes() == {}
         assert len(kept.open(SequenceId("kitti", NAME))) == 12
 
 
@@ -148,7 +149,7 @@ def test_when_all_are_left_out(tmp_path, write_drive):
     with pytest.raises(DataError) as caught:
         Kitti(tmp_path).sequences()
     found = "1 drive, none without a still stretch"
-    assert str(caught.value) == f"{tmp_path}: {found}, expected a drive in motion throughout, or keep_still = true"
+    assert str(caught.value) == f"{tmp_path}: {found}, expected a drive without still stretches, or keep_still = true"
 
 
 def test_a_damaged_drive_is_listed_and_fails_when_opened(tmp_path, write_drive):
@@ -180,15 +181,15 @@ def test_unknown_scenes_and_lightings(tmp_path, write_drive):
 )
 def test_impossible_options(tmp_path, options):
     (name,) = options
-    with pytest.raises(ValueError, match=f"{name} must be"):
-        Kitti(tmp_path, **options)
+    with pytest.raises(SettingsError, match=f"reader 'kitti': {name}.* expected "):
+        make_reader("kitti", tmp_path, options)
 
 
 def test_the_real_sample(sample):
     root = sample("kitti")
     reader = Kitti(root)
     (listed,) = reader.sequences()
-    assert reader.left_out() == {}
+    assert reader.excluded_scenes() == {}
     sequence = reader.open(listed)
     assert len(sequence) == 40
     assert sequence.camera.cx == 609.5593

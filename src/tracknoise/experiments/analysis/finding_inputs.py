@@ -10,6 +10,7 @@ from tracknoise.statistics.conditions import TablesByCondition, by_condition
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.factors import ReferenceCondition
 from tracknoise.tables.enumerations import Population
+from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import ORIGIN, VIEW
 from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
 
@@ -65,7 +66,7 @@ class FindingInputs:
         """
         entries = run.manifest().sequences
         every = sorted(entries)
-        shown = [key for key in every if all(getattr(entries[key], name) == getattr(view, name) for name in VIEW)]
+        shown = [key for key in every if _is_seen(entries[key].sequence, view)]
         slowest = pl.col("speed") == view.speed
 
         def read(name: str, keys: list[str], reduce: Callable[[pl.DataFrame], pl.DataFrame]) -> TablesByCondition:
@@ -87,6 +88,10 @@ class FindingInputs:
             ends=read("ends", every, lambda table: _ends(table, few)),
             frames=frames,
         )
+
+
+def _is_seen(sequence: SequenceId, view: ReferenceCondition) -> bool:
+    return all(getattr(sequence, name) == getattr(view, name) for name in VIEW)
 
 
 def _of(conditions: pl.DataFrame, table: pl.DataFrame) -> pl.DataFrame:

@@ -36,10 +36,11 @@ def reference_condition(manifest: Manifest, experiment: Experiment, outliers: pl
         Statistics table of that name, which has every condition that was measured.
     """
     entries = list(manifest.sequences.values())
+    sequences = [entry.sequence for entry in entries]
     return ReferenceCondition(
-        lighting=first_lighting({entry.lighting for entry in entries}, experiment),
-        rotation=min(entry.rotation for entry in entries),
-        direction=max(entry.direction for entry in entries),
+        lighting=first_lighting({sequence.lighting for sequence in sequences}, experiment),
+        rotation=min(sequence.rotation for sequence in sequences),
+        direction=str(max(sequence.direction for sequence in sequences)),
         speed=int(outliers["speed"].min()),  # type: ignore[arg-type]
-        key_frames={entry.direction: entry.key_frame for entry in entries if entry.key_frame is not None},
+        key_frames={str(entry.sequence.direction): entry.key_frame for entry in entries if entry.key_frame is not None},
     )

@@ -23,7 +23,7 @@ from tracknoise.experiments.running.failures import (
 from tracknoise.experiments.running.inputs import with_inputs
 from tracknoise.experiments.running.lock import hold
 from tracknoise.experiments.running.manifest_writer import ManifestWriter
-from tracknoise.experiments.running.plan import batches, left_out, plan
+from tracknoise.experiments.running.plan import batches, excluded_scenes, plan
 from tracknoise.experiments.running.resume import begin, due, prepare
 from tracknoise.experiments.running.task import attempt
 from tracknoise.experiments.settings import Experiment
@@ -116,7 +116,7 @@ def execute(
     tasks = with_inputs(plan(experiment))
     with hold(run) as claim:
         manifest, changed = begin(experiment, run, fresh=fresh)
-        manifest.left_out = left_out(experiment)
+        manifest.excluded_scenes = excluded_scenes(experiment)
         todo = due(tasks, run, manifest)
         prepare(todo, run, manifest, experiment, changed=changed)
         listener.planned([task.key for task in todo], len(tasks) - len(todo))

@@ -9,7 +9,6 @@ from tracknoise.sequences.registry import make_reader, open_together
 from tracknoise.sequences.sequence import FilteringReader, Sequence, SharingReader
 from tracknoise.sequences.views import view
 from tracknoise.tables.identity import Direction, SequenceId
-from tracknoise.tables.manifest import sequence_key
 from tracknoise.trackers.registry import make_tracker
 from tracknoise.trackers.tracker import TrackerSettings
 
@@ -38,8 +37,7 @@ class Task:
     @property
     def key(self) -> str:
         """File name, without extension, of the sequence's tables."""
-        name = self.sequence
-        return sequence_key(name.scene, name.lighting, name.rotation, name.direction)
+        return self.sequence.key
 
 
 def plan(experiment: Experiment) -> list[Task]:
@@ -72,8 +70,8 @@ def plan(experiment: Experiment) -> list[Task]:
     ]
 
 
-def left_out(experiment: Experiment) -> dict[str, str]:
-    """Why scenes that the data hold are not in the plan, by scene: what their reader says.
+def excluded_scenes(experiment: Experiment) -> dict[str, str]:
+    """Why the reader excludes scenes of the data set from the plan, by scene.
 
     Raises
     ------
@@ -81,7 +79,7 @@ def left_out(experiment: Experiment) -> dict[str, str]:
         If what decides it cannot be read.
     """
     reader = make_reader(*_reader_arguments(experiment.dataset))
-    return reader.left_out() if isinstance(reader, FilteringReader) else {}
+    return reader.excluded_scenes() if isinstance(reader, FilteringReader) else {}
 
 
 def batches(tasks: list[Task]) -> list[list[Task]]:

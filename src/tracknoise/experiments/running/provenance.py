@@ -3,12 +3,15 @@
 import os
 import platform
 from collections.abc import Mapping
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 
 from tracknoise.exceptions import SettingsError
 from tracknoise.experiments.settings import Experiment
+from tracknoise.sequences.registry import READERS
 from tracknoise.tables.manifest import Manifest
+from tracknoise.trackers.registry import TRACKERS
 
+_PYTHON = "python"
 _LIBRARIES = ("tracknoise", "numpy", "scipy", "opencv-contrib-python-headless", "polars", "embreex")
 
 
@@ -16,7 +19,7 @@ def new_manifest(experiment: Experiment) -> Manifest:
     """Begin a manifest that names everything the numbers of an experiment depend on."""
     return Manifest(
         settings_hash=experiment.digest(),
-        versions={"python": platform.python_version(), **_versions()},
+        versions={_PYTHON: platform.python_version(), **_versions(experiment)},
         machine={
             "system": f"{platform.system()} {platform.release()}",
             "processor": platform.machine(),
@@ -27,26 +30,36 @@ def new_manifest(experiment: Experiment) -> Manifest:
 
 
 def require_versions(recorded: Mapping[str, str], *, place: str) -> None:
-    """Refuse to measure with other libraries than a run was begun with: its numbers would not be of one kind.
+    """Refuse to measure with other versions than those that a run was begun with.
 
     Parameters
     ----------
     recorded
-        Versions by name, as in the manifest.
+        Versions by name, as in the manifest: of the libraries, and of the packages that offer the trackers and the
+        reader.
     place
-        What lies here, for the error.
+        The run folder or worker, for the error.
 
     Raises
     ------
     SettingsError
-        Naming the first library that differs.
+        Naming the first library or package that differs.
     """
-    for name, found in _versions().items():
-        if recorded.get(name) != found:
-            raise SettingsError(
-                f"{place}: {name} {found} is installed, expected {recorded.get(name, 'none')} as the run was begun with"
-            )
+    for name in dict.fromkeys([*_LIBRARIES, *recorded]):
+        found, expected = _installed(name), recorded.get(name, "none")
+        if name != _PYTHON and found != expected:
+            raise SettingsError(f"{place}: {name} {found} is installed, expected {expected} as the run was begun with")
 
 
-def _versions() -> dict[str, str]:
-    return {name: version(name) for name in _LIBRARIES}
+def _versions(experiment: Experiment) -> dict[str, str]:
+    versions = {name: version(name) for name in _LIBRARIES} | READERS.versions(experiment.dataset.reader)
+    for choice in experiment.trackers:
+        versions |= TRACKERS.versions(choice.kind)
+    return versions
+
+
+def _installed(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "none"

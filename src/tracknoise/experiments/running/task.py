@@ -86,15 +86,10 @@ def run_batch(
 def sequence_entry(
     measurement: Measurement, *, sha256: dict[str, str], seconds: float = 0.0, inputs: str = ""
 ) -> SequenceEntry:
-    """What the manifest says of a measured sequence; see `SequenceEntry` for the parameters."""
+    """Manifest entry of a measured sequence; see `SequenceEntry` for the parameters."""
     sequence = measurement.sequence
-    name = sequence.id
     return SequenceEntry(
-        dataset=name.dataset,
-        scene=name.scene,
-        lighting=name.lighting,
-        rotation=name.rotation,
-        direction=str(name.direction),
+        sequence=sequence.id,
         n_frames=measurement.n_frames,
         width=sequence.camera.width,
         height=sequence.camera.height,
@@ -145,10 +140,9 @@ def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Meas
 
 def _poses(sequence: Sequence, n_frames: int) -> pl.DataFrame:
     """Table `POSES` of the frames that were read."""
-    name, poses = sequence.id, sequence.world_from_camera[:n_frames]
+    poses = sequence.world_from_camera[:n_frames]
     quaternions = Rotation.from_matrix(poses[:, :3, :3]).as_quat(canonical=True)
     columns = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
     values = dict(zip(columns, np.hstack([poses[:, :3, 3], quaternions]).T, strict=True))
-    origin = (name.dataset, name.scene, name.lighting, name.rotation, str(name.direction))
-    labels = {column: [value] * n_frames for column, value in zip(SEQUENCE, origin, strict=True)}
+    labels = {column: [getattr(sequence.id, column)] * n_frames for column in SEQUENCE}
     return pl.DataFrame({**labels, "frame": np.arange(n_frames), **values}, schema=dict(POSES))

@@ -68,7 +68,7 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
 
 
 def _figure(data: ReportData, entry: SequenceEntry, place: int) -> Figure | Absence:
-    name, title = f"{_ID}-{place}", f"Scene {entry.scene}"
+    name, title = f"{_ID}-{place}", f"Scene {entry.sequence.scene}"
     png = _image(data, entry)
     if png is None:
         return Absence(

@@ -92,7 +92,7 @@ def _path(data: ReportData, key: str) -> Path:
     rotations = Rotation.from_quat(poses.select("qx", "qy", "qz", "qw").to_numpy())
     steps = np.asarray((rotations[:-1].inv() * rotations[1:]).magnitude())
     return Path(
-        scene=data.sequences[key].scene,
+        scene=data.sequences[key].sequence.scene,
         frame=poses["frame"].to_numpy().astype(np.int64),
         places_m=places,
         forwards=rotations.apply([0.0, 0.0, 1.0]),

@@ -35,7 +35,7 @@ from tracknoise.sequences.sequence import Sequence
 from tracknoise.simulation.light_stage.leds import led_positions
 from tracknoise.tables.identity import SequenceId
 
-_NOMINAL_NOTE = "relit with nominal positions of the LEDs, since no file gives the true ones"
+_NOMINAL_NOTE = "relit with the nominal positions of the LEDs, because no file gives their measured positions"
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,25 +50,15 @@ class Dtu:
     leds
         CSV file of the LEDs' positions, 19 rows of x, y, z in metres (see `tracknoise.sequences.dtu.relighting`); by
         default ``leds.csv`` beside the calibration, or a nominal grid where there is none.
-
-    Raises
-    ------
-    ValueError
-        If `leds` is no path.
     """
 
     name: ClassVar[str] = "dtu"
     description: ClassVar[str] = "DTU Point Features: objects on a light stage, 19 lightings, a scan of the key frame"
     needs_root: ClassVar[bool] = True
-    path_options: ClassVar[tuple[str, ...]] = ("leds",)
 
     root: Path
     _: KW_ONLY
-    leds: str | Path | None = None
-
-    def __post_init__(self) -> None:
-        if self.leds is not None and not isinstance(self.leds, str | Path):
-            raise ValueError(f"leds must be the path of a CSV file, not {self.leds!r}")
+    leds: Path | None = None
 
     def sequences(self) -> list[SequenceId]:
         """All sequences, sorted: every scene in every lighting.
@@ -85,7 +75,7 @@ class Dtu:
         )
 
     def open(self, sequence: SequenceId) -> LitSequence:
-        """Read and check everything but the images of one sequence.
+        """Read and check one sequence, except for its images.
 
         Raises
         ------
@@ -97,7 +87,7 @@ class Dtu:
         return self._open([sequence])[0]
 
     def open_together(self, sequences: list[SequenceId]) -> list[Sequence]:
-        """Open several sequences of one scene, which share one decoding of each position's images, and the scan.
+        """Open several sequences of one scene, which share the scan and decode the images of each position once.
 
         Raises
         ------
@@ -148,7 +138,7 @@ class Dtu:
         *,
         halve: bool,
     ) -> tuple[Shots, tuple[str, ...]]:
-        """The images in some lightings, and what is to be said of them."""
+        """The images in some lightings, and notes on them."""
         if release.lightings:
             numbers = [release.lightings[lighting] for lighting in lightings]
             taken = [[files[position, number] for number in numbers] for position in POSITIONS]
@@ -159,15 +149,15 @@ class Dtu:
         return Relit(by_led, chosen, camera, halve=halve), notes
 
     def _leds(self) -> tuple[NDArray[np.float64], tuple[str, ...]]:
-        """(19, 3) float64: positions of the LEDs, and what is to be said of them."""
+        """(19, 3) float64: positions of the LEDs, and notes on them."""
         if self.leds is not None:
-            return read_leds(Path(self.leds)), ()
+            return read_leds(self.leds), ()
         beside = find_beside(self.root, CALIBRATION).parent / LEDS
         return (read_leds(beside), ()) if beside.exists() else (led_positions(), (_NOMINAL_NOTE,))
 
 
 def _halve(image: Path, calibrated: Camera) -> tuple[bool, tuple[str, ...]]:
-    """Whether the images on disk are still to be halved, by the size of one of them, and what is to be said of it."""
+    """Whether the images on disk must be halved, from the size of one of them, and notes on it."""
     size, used = image_size(image), calibrated.halved()
     if size == (calibrated.width, calibrated.height):
         return True, ()

@@ -58,7 +58,7 @@ def weights(leds_m: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def read_leds(path: Path) -> NDArray[np.float64]:
-    """Read the positions of the LEDs from a CSV file: a row an LED of x, y, z in metres, after a header or without.
+    """Read the positions of the LEDs from a CSV file: one row per LED of x, y, z in metres, with a header or without.
 
     Returns
     -------

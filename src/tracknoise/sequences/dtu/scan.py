@@ -21,7 +21,7 @@ def read_scan(path: Path) -> tuple[Scan, tuple[str, ...]]:
     scan
         Of both together; its key frame is the index of position 25.
     notes
-        A sentence if points with NaN or infinity were left out.
+        A sentence if points with NaN or infinity are ignored.
 
     Raises
     ------
@@ -34,7 +34,7 @@ def read_scan(path: Path) -> tuple[Scan, tuple[str, ...]]:
     if not finite.any():
         raise DataError(path, "a scan without points", f"columns of x, y, z in {' and '.join(_PARTS)}")
     broken = len(points) - int(np.count_nonzero(finite))
-    notes = (f"{path.name}: left out {broken} of {len(points)} scan points, which are not finite",) if broken else ()
+    notes = (f"{path.name}: {broken} of {len(points)} scan points are not finite and are ignored",) if broken else ()
     return Scan(points[finite], POSITIONS.index(KEY_POSITION)), notes
 
 

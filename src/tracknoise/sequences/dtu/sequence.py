@@ -13,7 +13,7 @@ from tracknoise.tables.identity import SequenceId
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class LitSequence:
-    """A `tracknoise.sequences.sequence.Sequence` whose images others share, and whose truth is a scan.
+    """A `tracknoise.sequences.sequence.Sequence` that shares its images with others, and whose truth is a scan.
 
     Parameters
     ----------
@@ -28,9 +28,9 @@ class LitSequence:
     scan
         Of its scene.
     shots
-        Where its images come from, the same object for all sequences that were opened together.
+        The images, one object for all sequences that were opened together.
     lighting
-        Which of the lightings of `shots` is its own.
+        Index of its lighting in `shots`.
     notes
         What was corrected or assumed while reading, one sentence each.
     """
@@ -48,6 +48,21 @@ class LitSequence:
         return len(self.world_from_camera)
 
     @property
+    def timestamps_s(self) -> None:
+        """None: the data set does not give the times of the images."""
+        return None
+
+    @property
+    def pose_accuracy(self) -> None:
+        """None: the data set does not state it."""
+        return None
+
+    @property
+    def depth_accuracy(self) -> None:
+        """None: there are no depths."""
+        return None
+
+    @property
     def truths(self) -> tuple[TruthKind, ...]:
         """The scan."""
         return (TruthKind.scan,)
@@ -56,6 +71,10 @@ class LitSequence:
     def surface(self) -> None:
         """None: a scan is no exact surface."""
         return None
+
+    def camera_at(self, index: int) -> Camera:
+        """The camera, which is the same for all frames."""
+        return self.camera
 
     def image(self, index: int) -> NDArray[np.uint8]:
         """(height, width) uint8, read-only: one frame in 8-bit grayscale.

@@ -1,4 +1,4 @@
-"""KITTI's calibration files: ``key: numbers`` a line, of which only the keys that are needed are looked at.
+"""KITTI's calibration files: one ``key: numbers`` per line. Only the keys that are needed are read.
 
 Chain of frames: imu (x forward, y left, z up) -> velo (the same axes) -> cam0 (x right, y down, z forward) ->
 rectified cam0 (R_rect_00) -> rectified cam2, which only a translation t separates from it: P_rect_02 = K (I | t).

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.cloud import cloud_depth
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import transform
@@ -21,8 +21,8 @@ NEAREST_M = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DepthFiles:
-    """Reads depth files of either kind: a `tracknoise.sequences.recorded.DepthReader`.
+class KittiDepth:
+    """Reads depth files of either kind: a `tracknoise.sequences.frame_files.DepthReader`.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class DepthFiles:
     radius_px: float
     camera_from_velodyne: NDArray[np.float64] | None
 
-    def __call__(self, path: Path, camera: Camera) -> DepthMap:
+    def __call__(self, path: Path, camera: CameraModel) -> DepthMap:
         """Sparse depth of one frame.
 
         Raises

@@ -43,7 +43,7 @@ class Drive:
 
     @property
     def poses(self) -> Path:
-        """The file of poses, which stands in for OXTS."""
+        """The file of poses, used instead of OXTS."""
         return self.folder / POSES
 
     @property
@@ -55,6 +55,11 @@ class Drive:
     def depth_folder(self) -> Path:
         """Where its depth-completion maps lie, if there are any."""
         return (self.depth_root or self.folder) / DEPTH / "groundtruth" / IMAGES
+
+    @property
+    def timestamps(self) -> Path:
+        """The file with the time of each image."""
+        return self.folder / IMAGES / "timestamps.txt"
 
     def image(self, number: int) -> Path:
         """Where the image of a frame should be."""

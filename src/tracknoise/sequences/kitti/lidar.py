@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.camera_model import CameraModel
 
 FARTHEST_M = 80.0
 """Beyond this nothing is measured."""
@@ -14,7 +14,7 @@ _SWAY_DEG = 0.25
 
 
 def lidar_sweep(
-    camera: Camera, camera_from_velodyne: NDArray[np.float64], rng: np.random.Generator
+    camera: CameraModel, camera_from_velodyne: NDArray[np.float64], rng: np.random.Generator
 ) -> NDArray[np.float64]:
     """Positions in the image through which the lasers shine in one turn, or the half of it that looks ahead.
 

@@ -1,27 +1,29 @@
 """The reader of KITTI raw data with the depth of KITTI's depth completion: see docs/kitti.md."""
 
 from dataclasses import KW_ONLY, dataclass
-from math import inf
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.checks import require_at_least
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
+from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_notes
 from tracknoise.sequences.images import image_size
 from tracknoise.sequences.kitti.calibration import read_camera, read_camera_from_velodyne
-from tracknoise.sequences.kitti.depth import DepthFiles, source_note
-from tracknoise.sequences.kitti.layout import Drive, find_drives, find_frames
+from tracknoise.sequences.kitti.depth import KittiDepth, source_note
+from tracknoise.sequences.kitti.layout import IMAGES, Drive, find_drives, find_frames
 from tracknoise.sequences.kitti.stillness import StillRule, still_stretch
+from tracknoise.sequences.kitti.timestamps import read_timestamps
 from tracknoise.sequences.kitti.trajectory import read_trajectory
 from tracknoise.sequences.kitti.velodyne import SCAN_SUFFIX
-from tracknoise.sequences.recorded import RecordedSequence, depth_notes
+from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.scenes import scene_folder
 from tracknoise.tables.identity import SequenceId
 
-_OVERRIDE = "a drive in motion throughout, or keep_still = true"
+_OVERRIDE = "a drive without still stretches, or keep_still = true"
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,23 +38,22 @@ class Kitti:
         Folder of the depth-completion release, which holds ``train`` and ``val``; by default its maps are looked for
         in the drives' own folders.
     radius_px
-        How far the nearest pixel with depth may be from a feature, px.
+        Largest distance from a feature to the nearest pixel with depth, px.
     keep_still
         Whether to keep drives with still stretches.
     still_frames, still_m
-        A still stretch is at least this many frames one after another, each less than this far from the one before,
-        metres: see `tracknoise.sequences.kitti.stillness`.
+        A still stretch has at least `still_frames` consecutive frames, each less than `still_m` metres from the one
+        before: see `tracknoise.sequences.kitti.stillness`.
 
     Raises
     ------
     ValueError
-        If a setting has a wrong type or an impossible value.
+        If an option has an impossible value.
     """
 
     name: ClassVar[str] = "kitti"
     description: ClassVar[str] = "KITTI raw drives with depth-completion maps or Velodyne scans"
     needs_root: ClassVar[bool] = True
-    path_options: ClassVar[tuple[str, ...]] = ("depth_root",)
 
     root: Path
     _: KW_ONLY
@@ -63,19 +64,12 @@ class Kitti:
     still_m: float = 0.02
 
     def __post_init__(self) -> None:
-        if self.depth_root is not None:
-            object.__setattr__(self, "depth_root", Path(self.depth_root))
-        if type(self.keep_still) is not bool:
-            raise ValueError(f"keep_still must be true or false, not {self.keep_still!r}")
-        if type(self.still_frames) is not int or self.still_frames < 1:
-            raise ValueError(f"still_frames must be a whole number of at least 1, not {self.still_frames!r}")
-        for name in ("radius_px", "still_m"):
-            value = getattr(self, name)
-            if type(value) not in (int, float) or not 0.0 <= value < inf:
-                raise ValueError(f"{name} must be a finite number of at least 0, not {value!r}")
+        require_at_least("radius_px", self.radius_px, 0)
+        require_at_least("still_frames", self.still_frames, 1)
+        require_at_least("still_m", self.still_m, 0)
 
     def sequences(self) -> list[SequenceId]:
-        """All drives without a still stretch, sorted; those whose poses cannot be read among them, so `open` says why.
+        """All drives without a still stretch, sorted. A drive whose poses cannot be read is listed; `open` says why.
 
         Raises
         ------
@@ -83,30 +77,30 @@ class Kitti:
             If there is none.
         """
         drives = self._drives()
-        moving = [name for name, drive in drives.items() if self._why_left_out(drive) is None]
+        moving = [name for name, drive in drives.items() if self._reason_to_exclude(drive) is None]
         if not moving:
             found = f"{len(drives)} drive{'s' if len(drives) > 1 else ''}, none without a still stretch"
             raise DataError(self.root, found, _OVERRIDE)
         return [SequenceId(self.name, scene) for scene in moving]
 
-    def left_out(self) -> dict[str, str]:
-        """The still stretch of each drive that is left out, one sentence each, by name of the drive.
+    def excluded_scenes(self) -> dict[str, str]:
+        """The still stretch of each excluded drive, one sentence each, by name of the drive.
 
         Raises
         ------
         DataError
             If there is no drive.
         """
-        reasons = {name: self._why_left_out(drive) for name, drive in self._drives().items()}
+        reasons = {name: self._reason_to_exclude(drive) for name, drive in self._drives().items()}
         return {name: reason for name, reason in reasons.items() if reason is not None}
 
     def open(self, sequence: SequenceId) -> RecordedSequence:
-        """Read and check everything but the images and depths of one drive.
+        """Read and check one drive, except for its images and depths.
 
         Raises
         ------
         DataError
-            If a file is missing or damaged, or the drive has a still stretch that makes it left out.
+            If a file is missing or damaged, or the drive is excluded because of a still stretch.
         UnknownNameError
             If there is no such drive or lighting.
         """
@@ -119,22 +113,25 @@ class Kitti:
         poses, notes = read_trajectory(drive, frames.numbers)
         if reason := self._still_stretch(poses, frames.numbers):
             raise DataError(drive.folder, reason, _OVERRIDE)
+        timestamps_s, time_notes = read_timestamps(drive.timestamps, frames.numbers)
         scans = any(path is not None and path.suffix == SCAN_SUFFIX for path in frames.depths)
+        read_depth = KittiDepth(self.radius_px, read_camera_from_velodyne(drive.day) if scans else None)
         return RecordedSequence(
             id=sequence,
+            source=str(drive.folder / IMAGES / "data"),
             camera=camera,
             world_from_camera=poses,
-            image_paths=frames.images,
-            depth_paths=frames.depths,
-            read_depth=DepthFiles(self.radius_px, read_camera_from_velodyne(drive.day) if scans else None),
-            notes=(*notes, source_note(frames.depths), *depth_notes(frames.depths)),
+            images=ImageFiles(frames.images, camera),
+            depths=depth_files(frames.depths, camera, read_depth),
+            notes=(*notes, source_note(frames.depths), *depth_notes(frames.depths), *time_notes),
+            timestamps_s=timestamps_s,
         )
 
     def _drives(self) -> dict[str, Drive]:
         return find_drives(self.root, self.depth_root)
 
-    def _why_left_out(self, drive: Drive) -> str | None:
-        """Why a drive is left out; None if it is not, or cannot be read, which is for `open` to say."""
+    def _reason_to_exclude(self, drive: Drive) -> str | None:
+        """Why a drive is excluded; None if it is not, or if it cannot be read, which `open` reports."""
         if self.keep_still:
             return None
         try:

@@ -1,6 +1,6 @@
 """The car of simulated drives: how its sensors are mounted, and the calibration files that say so.
 
-Mounted much as on the real car: nothing is the identity, so that what is forgotten or inverted somewhere shows.
+Mounted much as on the real car. No transform is the identity, so that a missing or inverted one is noticed.
 """
 
 from pathlib import Path

@@ -1,8 +1,8 @@
-"""Still stretches: where the camera stands, tracks have no motion to be wrong about, and age without moving.
+"""Still stretches: frames in which the camera does not move, so that tracks grow older without moving.
 
-At the reader's limit of 2 cm a frame, what is 15 m away and 300 px from the centre moves by 0.4 px a frame: less than
-trackers err. A car that creeps at walking pace moves five times as far, and the position of one that stands jitters
-by millimetres. A car does not turn on the spot, so that its position alone tells.
+At the reader's limit of 2 cm per frame, a point 15 m away and 300 px from the centre moves by 0.4 px per frame: less
+than the error of a tracker. A car at walking pace moves five times as far. The measured position of a car that stands
+jitters by millimetres. A car does not turn on the spot, so its position alone is enough.
 """
 
 from dataclasses import dataclass

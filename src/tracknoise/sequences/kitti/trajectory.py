@@ -1,4 +1,4 @@
-"""Where the camera was: from OXTS, or from a file of poses that stands in for it."""
+"""Poses of the camera: from OXTS, or from a file of poses instead."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +43,7 @@ def read_trajectory(drive: Drive, numbers: range) -> Trajectory:
         poses: NDArray[np.float64] = world_from_imu @ invert(read_camera_from_imu(drive.day))
         return poses, ()
     if not drive.poses.exists():
-        raise DataError(drive.folder, f"neither {OXTS} nor {POSES}", "one of them, to know where the camera was")
+        raise DataError(drive.folder, f"neither {OXTS} nor {POSES}", "one of them, for the poses of the camera")
     return _read_poses(drive, len(numbers))
 
 

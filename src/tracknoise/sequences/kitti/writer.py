@@ -1,4 +1,4 @@
-"""Simulated sequences in the layout of KITTI raw data with depth completion, as the reader `kitti` takes them."""
+"""Simulated sequences in the layout of KITTI raw data with depth completion, for the reader `kitti`."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.images import encode_png
 from tracknoise.sequences.kitti.depth import UNITS_PER_METRE
@@ -19,12 +20,13 @@ from tracknoise.sequences.kitti.oxts import records_of_poses, write_record
 from tracknoise.sequences.kitti.rig import CAMERA_FROM_IMU, CAMERA_FROM_VELODYNE, write_calibration
 from tracknoise.sequences.kitti.velodyne import write_scan
 from tracknoise.sequences.new_folder import new_folder
+from tracknoise.sequences.pinhole import pinhole_of
 from tracknoise.sequences.sequence import Sequence
 
 _DATE = "2011_09_26"
 _START = (49.0, 8.43, 115.0)
 _AROUND = 5
-"""A depth map gathers what was scanned in this many frames before and after: so the first and the last have none."""
+"""A depth map combines the scans of this many frames before and after it; the first and last frames have no map."""
 
 
 def write_kitti(
@@ -63,7 +65,7 @@ def write_kitti(
     waiting = deque(sequences)
     if not waiting:
         raise ValueError("no sequence to write")
-    camera, total, done = waiting[0].camera, sum(map(len, waiting)), 0
+    camera, total, done = pinhole_of(waiting[0]), sum(map(len, waiting)), 0
     for sequence in waiting:
         _require_writable(sequence, camera)
     with new_folder(out) as unfinished:
@@ -80,12 +82,12 @@ def write_kitti(
 def _require_writable(sequence: Sequence, camera: Camera) -> None:
     if sequence.surface is None:
         raise DataError(sequence.source, "no exact surface", "a simulated sequence, whose surface lasers can meet")
-    if sequence.camera != camera or camera.distortion:
+    if pinhole_of(sequence) != camera or camera.distortion:
         raise DataError(sequence.source, "another camera", "one camera without distortion for all sequences")
 
 
 def _write_drive(drive: Drive, sequence: Sequence, seed: tuple[int, int]) -> Iterator[None]:
-    """Write one drive, a frame at a time."""
+    """Write one drive, frame by frame."""
     for path in (drive.image(0), drive.oxts(0), drive.scan(0), drive.depth(0)):
         path.parent.mkdir(parents=True)
     records = records_of_poses(sequence.world_from_camera @ CAMERA_FROM_IMU, start=_START)
@@ -111,13 +113,13 @@ def _depth_map(sequence: Sequence, index: int, uv: NDArray[np.float64]) -> NDArr
     return units
 
 
-def _swept(camera: Camera, seed: tuple[int, int], index: int) -> NDArray[np.float64]:
+def _swept(camera: CameraModel, seed: tuple[int, int], index: int) -> NDArray[np.float64]:
     """(n, 2) float64, px: where the lasers shine in one frame."""
     return lidar_sweep(camera, CAMERA_FROM_VELODYNE, np.random.default_rng([*seed, index]))
 
 
 def _measured(sequence: Sequence, index: int, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Surface points on the rays through pixels, (n, 3) float64, metres, camera frame; and which are in reach."""
+    """Surface points on the rays through pixels, (n, 3) float64, metres, camera frame, and which are within range."""
     surface = sequence.surface
     assert surface is not None, "checked before anything is written"
     points_world, hit = surface.cast(index, uv)

@@ -1,4 +1,4 @@
-"""Range checks of settings, whose message names the field; the registry turns it into a `SettingsError`."""
+"""Range checks of settings, whose message names the field; `tracknoise.plugins` turns it into a `SettingsError`."""
 
 import math
 

@@ -1,0 +1,52 @@
+"""The files and folders that an experiment's options name, found from the types of the options."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from tracknoise.experiments.settings import Experiment
+from tracknoise.options import PathTemplate
+from tracknoise.plugins import Plugins
+from tracknoise.sequences.registry import READERS
+from tracknoise.trackers.registry import TRACKERS
+
+
+def with_paths_from(folder: Path, experiment: Experiment) -> Experiment:
+    """Return the same experiment with every relative path made absolute, starting from a folder.
+
+    Options of an unknown tracker or reader are left as they are.
+
+    Raises
+    ------
+    SettingsError
+        If another package offers the tracker or reader, but cannot be imported.
+    """
+    dataset = experiment.dataset
+    absolute = dataset.model_copy(
+        update={
+            "root": None if dataset.root is None else (folder / dataset.root).resolve(),
+            "options": _absolute(folder, READERS, dataset.reader, dataset.options),
+        }
+    )
+    trackers = [
+        choice.model_copy(update={"options": _absolute(folder, TRACKERS, choice.kind, choice.options)})
+        for choice in experiment.trackers
+    ]
+    return experiment.model_copy(update={"dataset": absolute, "trackers": trackers})
+
+
+def option_paths(experiment: Experiment) -> Iterator[Path | PathTemplate]:
+    """The paths among the options of the reader and the trackers.
+
+    Raises
+    ------
+    UnknownNameError, SettingsError
+        If there is no such tracker or reader, or it cannot be imported.
+    """
+    yield from READERS.paths(experiment.dataset.reader, experiment.dataset.options)
+    for choice in experiment.trackers:
+        yield from TRACKERS.paths(choice.kind, choice.options)
+
+
+def _absolute(folder: Path, plugins: Plugins[Any], name: str, options: dict[str, Any]) -> dict[str, Any]:
+    return plugins.with_paths_from(folder, name, options) if name in plugins.names() else options

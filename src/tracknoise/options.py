@@ -1,0 +1,188 @@
+"""Options of a plug-in: the fields of its settings dataclass, checked strictly, and the paths among them."""
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import MISSING, asdict, fields, is_dataclass
+from difflib import get_close_matches
+from functools import cache
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, Any, NewType, TypeVar, get_args, get_type_hints
+
+if TYPE_CHECKING:
+    from pydantic import TypeAdapter
+    from pydantic_core import ErrorDetails
+
+T = TypeVar("T")
+
+PathTemplate = NewType("PathTemplate", str)
+"""Type of an option that is a path with placeholders, such as ``tracks/{scene}.csv``: see `SequenceId.expand`."""
+
+
+def validated(settings_type: type[T], options: Mapping[str, object], given: Mapping[str, object]) -> T:
+    """Make settings from options, types checked.
+
+    Options are what a TOML or JSON file can hold: nested settings are mappings, members of enumerations their names,
+    tuples lists, paths strings. Types must fit as they are: "12" is no number.
+
+    Parameters
+    ----------
+    settings_type
+        A dataclass.
+    options
+        Values of its fields, by name.
+    given
+        Values of fields that are no options.
+
+    Raises
+    ------
+    ValueError
+        If an option is unknown or missing, or has a wrong type or value; the message, one line, names it.
+    """
+    from pydantic import ValidationError
+
+    if not is_dataclass(settings_type):
+        raise ValueError(f"found {settings_type!r}, expected a dataclass")
+    for name in given.keys() & options.keys():
+        raise ValueError(f"{name}: unknown setting{_known(settings_type, (name,), given)}")
+    try:
+        written = json.dumps({**options, **given}, default=_plain)
+    except TypeError as error:
+        raise ValueError(f"{error}, expected what a TOML file can hold") from error
+    try:
+        settings: T = _adapter(settings_type).validate_json(written, strict=True)
+    except ValidationError as error:
+        raise ValueError(_explain(settings_type, error.errors()[0], given)) from error
+    return settings
+
+
+def defaults_as_toml(settings_type: type, hidden: frozenset[str]) -> str:
+    """The fields of settings with their defaults as TOML, those without a value as comments.
+
+    Parameters
+    ----------
+    settings_type
+        A dataclass.
+    hidden
+        Fields that are no options.
+    """
+    import tomlkit
+
+    comments, defaults = [], {}
+    for field in fields(settings_type):
+        value = field.default if field.default_factory is MISSING else field.default_factory()
+        if value is MISSING or value is None:
+            comments.append(f"# {field.name} = ... ({'required' if value is MISSING else 'optional'})\n")
+        else:
+            defaults[field.name] = value
+    shown = [comment for comment in comments if comment.split()[1] not in hidden]
+    plain = json.loads(json.dumps(defaults, default=_plain))
+    return ("".join(shown) + tomlkit.dumps(plain)).rstrip()
+
+
+def change_paths(
+    settings_type: type, options: Mapping[str, object], change: Callable[[Path | PathTemplate], str]
+) -> dict[str, object]:
+    """Return options with every path replaced. Paths are found from the types of the fields.
+
+    Parameters
+    ----------
+    settings_type
+        A dataclass, whose paths are of the type `Path` or `PathTemplate`, alone or in unions, lists and nested
+        settings.
+    options
+        Values of its fields, as a file has them. Unknown names and wrong types are left as they are.
+    change
+        Called for each path.
+    """
+    hints = get_type_hints(settings_type)
+    return {name: _changed(hints.get(name), value, change) for name, value in options.items()}
+
+
+def find_paths(settings_type: type, options: Mapping[str, object]) -> list[Path | PathTemplate]:
+    """The paths among options, in order: see `change_paths`."""
+    found: list[Path | PathTemplate] = []
+
+    def note(path: Path | PathTemplate) -> str:
+        found.append(path)
+        return str(path)
+
+    change_paths(settings_type, options, note)
+    return found
+
+
+def _changed(hint: Any, value: object, change: Callable[[Path | PathTemplate], str]) -> object:
+    parts = list(_parts(hint))
+    if isinstance(value, list | tuple):
+        return [_changed(hint, item, change) for item in value]
+    if isinstance(value, Mapping):
+        nested = _settings_in(hint)
+        return value if nested is None else change_paths(nested, value, change)
+    if isinstance(value, str | Path) and PathTemplate in parts:
+        return change(PathTemplate(str(value)))
+    if isinstance(value, str | Path) and Path in parts:
+        return change(Path(value))
+    return value
+
+
+def _parts(hint: Any) -> Iterator[Any]:
+    """A type and all types that it is made of."""
+    yield hint
+    for part in get_args(hint):
+        yield from _parts(part)
+
+
+@cache
+def _adapter(settings_type: type[T]) -> "TypeAdapter[T]":
+    from pydantic import TypeAdapter
+
+    _refuse_unknown(settings_type)
+    return TypeAdapter(settings_type)
+
+
+def _refuse_unknown(settings_type: type) -> None:
+    """Make pydantic refuse unknown keys in a dataclass and in all dataclasses that are its fields."""
+    from pydantic import ConfigDict, with_config
+
+    with_config(ConfigDict(extra="forbid"))(settings_type)
+    for nested in _nested(settings_type).values():
+        _refuse_unknown(nested)
+
+
+def _nested(settings_type: type) -> dict[str, type]:
+    """Fields that are settings themselves, or may be."""
+    found = ((name, _settings_in(hint)) for name, hint in get_type_hints(settings_type).items())
+    return {name: kind for name, kind in found if kind is not None}
+
+
+def _settings_in(hint: Any) -> type | None:
+    return next((part for part in _parts(hint) if isinstance(part, type) and is_dataclass(part)), None)
+
+
+def _plain(value: object) -> object:
+    """What a TOML file holds in place of a path or of nested settings."""
+    if isinstance(value, PurePath):
+        return str(value)
+    if is_dataclass(value) and not isinstance(value, type):
+        return asdict(value)
+    raise TypeError(f"found {value!r}")
+
+
+def _explain(settings_type: type, error: "ErrorDetails", given: Mapping[str, object]) -> str:
+    place = ".".join(str(part) for part in error["loc"])
+    if error["type"] == "unexpected_keyword_argument":
+        return f"{place}: unknown setting{_known(settings_type, error['loc'], given)}"
+    if error["type"] == "value_error":
+        return f"{place}{'.' if place else ''}{error['ctx']['error']}"
+    if error["type"] == "missing":
+        return f"{place}: missing, expected a value"
+    return f"{place or 'settings'}: {error['msg'].replace('Input should be', 'expected')}, found {error['input']!r}"
+
+
+def _known(settings_type: type, location: tuple[Any, ...], given: Mapping[str, object]) -> str:
+    """The known names beside an unknown one, and the likeliest."""
+    for part in location[:-1]:
+        settings_type = _nested(settings_type).get(part, settings_type)
+    known = sorted(field.name for field in fields(settings_type) if field.name not in given)
+    close = get_close_matches(str(location[-1]), known, n=1)
+    hint = f" (did you mean {close[0]!r}?)" if close else ""
+    return f"{hint}; known: {', '.join(known) or 'none'}"

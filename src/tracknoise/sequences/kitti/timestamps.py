@@ -1,0 +1,57 @@
+"""Times of a drive's images: a line ``2011-09-26 13:02:25.964389445`` for each frame, from frame 0 on."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import DataError
+
+_FORMAT = "a time such as 2011-09-26 13:02:25.964389445"
+
+
+def read_timestamps(path: Path, numbers: range) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
+    """Read the times of a drive's frames.
+
+    Parameters
+    ----------
+    path
+        The file; it may be missing.
+    numbers
+        Of the frames.
+
+    Returns
+    -------
+    timestamps_s : (n,) float64 or None
+        Seconds since the first frame; None where the file is missing or its times do not increase.
+    notes : tuple of str
+        A sentence in the latter case.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read, or a frame has no time in it.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except FileNotFoundError:
+        return None, ()
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError(path, "unreadable file", f"in each line {_FORMAT}") from error
+    if len(lines) < numbers.stop:
+        raise DataError(path, f"{len(lines)} lines", f"at least {numbers.stop}, one for each image")
+    times = np.array([_time(f"{path}:{number + 1}", lines[number]) for number in numbers])
+    timestamps_s: NDArray[np.float64] = (times - times[0]) / np.timedelta64(1, "s")
+    if not np.all(np.diff(timestamps_s) > 0.0):
+        return None, (f"{path}: the times do not increase, so they are not used",)
+    return timestamps_s, ()
+
+
+def _time(place: str, line: str) -> np.datetime64:
+    try:
+        time = np.datetime64(line.strip(), "ns")
+    except ValueError as error:
+        raise DataError(place, repr(line), _FORMAT) from error
+    if np.isnat(time):
+        raise DataError(place, repr(line), _FORMAT)
+    return time

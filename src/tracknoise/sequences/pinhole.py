@@ -1,0 +1,21 @@
+"""The camera of a sequence, for formats that can hold only one, and only a pinhole camera."""
+
+from tracknoise.exceptions import DataError
+from tracknoise.geometry.camera import Camera
+from tracknoise.sequences.sequence import Sequence
+
+
+def pinhole_of(sequence: Sequence) -> Camera:
+    """The pinhole camera of all frames.
+
+    Raises
+    ------
+    DataError
+        If the camera is of another model, or changes from frame to frame.
+    """
+    camera = sequence.camera
+    if not isinstance(camera, Camera):
+        raise DataError(sequence.source, f"a camera of the model {type(camera).__name__}", "a pinhole camera")
+    if any(sequence.camera_at(index) != camera for index in range(len(sequence))):
+        raise DataError(sequence.source, "a camera that changes from frame to frame", "one camera for all frames")
+    return camera

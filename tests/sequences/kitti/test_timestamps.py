@@ -1,0 +1,60 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tracknoise.exceptions import DataError
+from tracknoise.sequences.kitti.reader import Kitti
+from tracknoise.sequences.kitti.timestamps import read_timestamps
+
+LINES = [
+    "2011-09-26 23:59:59.900000000",
+    "2011-09-26 23:59:59.999999999",
+    "2011-09-27 00:00:00.103400001",
+    "2011-09-27 00:00:00.206800000",
+]
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "timestamps.txt"
+    path.write_text("\n".join(LINES) + "\n")
+    return path
+
+
+def test_times_count_from_the_first_frame_to_the_nanosecond(file):
+    times, notes = read_timestamps(file, range(1, 4))
+    np.testing.assert_allclose(times, [0.0, 0.103400002, 0.206800001], rtol=0, atol=1e-15)
+    assert times.dtype == np.float64
+    assert notes == ()
+
+
+def test_without_a_file_times_are_unknown(tmp_path):
+    assert read_timestamps(tmp_path / "timestamps.txt", range(3)) == (None, ())
+
+
+def test_times_that_do_not_increase_are_unknown_and_said_to_be(file):
+    file.write_text("\n".join([*LINES[:2], LINES[0], *LINES[3:]]))
+    times, (note,) = read_timestamps(file, range(4))
+    assert times is None
+    assert note == f"{file}: the times do not increase, so they are not used"
+
+
+@pytest.mark.parametrize("line", ["soon", "", "2011-09-26 25:00:00"])
+def test_a_line_that_is_no_time_is_named(file, line):
+    file.write_text("\n".join([LINES[0], line, *LINES[2:]]))
+    with pytest.raises(DataError, match=f":2: '{line}', expected a time such as 2011-09-26 13:02:25"):
+        read_timestamps(file, range(3))
+
+
+def test_too_few_lines_are_counted(file):
+    with pytest.raises(DataError, match="4 lines, expected at least 5, one for each image"):
+        read_timestamps(file, range(5))
+
+
+def test_the_reader_has_them(tmp_path, write_drive):
+    drive = write_drive(tmp_path)
+    drive.timestamps.write_text("\n".join(LINES[:3]))
+    reader = Kitti(tmp_path)
+    (listed,) = reader.sequences()
+    np.testing.assert_allclose(reader.open(listed).timestamps_s, [0.0, 0.099999999, 0.203400001], atol=1e-15)

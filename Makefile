@@ -14,8 +14,8 @@ test: lint
 coverage: $(STAMP)
 	$(BIN)/python -m pytest --numprocesses auto --dist worksteal --cov
 
-wheel: $(STAMP)
-	$(BIN)/python -m tests.clean_install
+wheel:
+	PYTHON=$(PYTHON) .ci/wheel
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
@@ -36,5 +36,6 @@ $(STAMP): pyproject.toml constraints.txt
 	touch $@
 
 clean:
-	rm -rf $(VENV) runs dist .coverage .coverage.* .mypy_cache .ruff_cache .pytest_cache .hypothesis .benchmarks .import_linter_cache
+	rm -rf $(VENV) runs dist .coverage .coverage.* .mypy_cache .ruff_cache .pytest_cache .hypothesis .benchmarks
+	rm -rf .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -14,7 +14,7 @@ from tracknoise.tables.store import FailureEntry, SequenceEntry
 
 RETRIES = 2
 """How often a batch is tried again where that can help."""
-_PACKAGE = Path(__file__).parents[1]
+_PACKAGE = Path(__file__).parents[2]
 _TRANSIENT = {
     getattr(errno, name)
     for name in (

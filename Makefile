@@ -3,13 +3,19 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test bench lint clean install
+.PHONY: demo test coverage wheel bench lint clean install
 
 demo: $(STAMP)
 	$(BIN)/tracknoise demo
 
 test: lint
-	$(BIN)/python -m pytest --numprocesses auto --dist loadfile
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal
+
+coverage: $(STAMP)
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal --cov
+
+wheel:
+	PYTHON=$(PYTHON) .ci/wheel
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
@@ -30,5 +36,6 @@ $(STAMP): pyproject.toml constraints.txt
 	touch $@
 
 clean:
-	rm -rf $(VENV) runs dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .benchmarks .import_linter_cache
+	rm -rf $(VENV) runs dist .coverage .coverage.* .mypy_cache .ruff_cache .pytest_cache .hypothesis .benchmarks
+	rm -rf .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

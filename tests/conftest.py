@@ -1,6 +1,8 @@
-"""Where the real samples lie: `TRACKNOISE_DATA`, or ``../shared/data`` beside the repository."""
+"""Where the real samples lie (`TRACKNOISE_DATA`, or ``../shared/data``), and folders that many tests begin with."""
 
+import fcntl
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -24,5 +26,29 @@ def sample(data_root: Path) -> Callable[[str], Path]:
         if not (data_root / name).is_dir():
             pytest.skip(f"no real sample {name!r} in {data_root} (TRACKNOISE_DATA names another place)")
         return data_root / name
+
+    return folder
+
+
+@pytest.fixture(scope="session")
+def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[Path], object]], Path]:
+    """Writes a folder once for all processes of a test session; whoever changes something changes a copy.
+
+    The first process that asks for a name writes the folder; another that asks meanwhile waits. The lock goes with the
+    process that holds it, and what a process that died left unfinished is written again.
+    """
+    base = tmp_path_factory.getbasetemp()
+    shared = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "made-once"
+    shared.mkdir(exist_ok=True)
+
+    def folder(name: str, write: Callable[[Path], object]) -> Path:
+        original, written = shared / name, shared / f"{name}.written"
+        with (shared / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not written.exists():
+                shutil.rmtree(original, ignore_errors=True)
+                write(original)
+                written.touch()
+        return original
 
     return folder

@@ -1,5 +1,6 @@
 """Small scenes on disk that are measured in a moment, and what a run of them left."""
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from tracknoise.experiments.load import load_experiment
+from tracknoise.experiments.running.execute import execute
 from tracknoise.experiments.settings import Experiment
 from tracknoise.tables.store import RunFolder
 
@@ -53,21 +55,47 @@ def told() -> Callable[[], Told]:
 @pytest.fixture
 def experiment_file(tmp_path) -> Callable[..., Path]:
     """Writes so many scenes in 7-Scenes' layout, ``seq-01`` and so on, and an experiment on them."""
+    return lambda *arguments: write_experiment(tmp_path, *arguments)
 
-    def write(count: int, n_frames: int = 4) -> Path:
-        for number in range(1, count + 1):
-            write_scene(tmp_path / "data" / f"seq-{number:02d}", n_frames, number)
-        path = tmp_path / "x.toml"
-        path.write_text(TEXT)
-        return path
 
-    return write
+@pytest.fixture
+def shared_file(made_once) -> Callable[..., Path]:
+    """As `experiment_file`, but written once for all tests, none of which may change the scenes."""
+
+    def written(count: int, n_frames: int = 4) -> Path:
+        folder = made_once(f"scenes-{count}-{n_frames}", lambda path: write_experiment(path, count, n_frames))
+        return folder / "x.toml"
+
+    return written
+
+
+@pytest.fixture
+def finished(made_once, shared_file, tmp_path) -> Callable[..., tuple[Experiment, RunFolder]]:
+    """Gives an experiment on so many scenes, and a finished run of it for the test to change, measured only once."""
+
+    def copy(
+        count: int, n_frames: int = 4, *, keep: str = "observations", most: int | None = None
+    ) -> tuple[Experiment, RunFolder]:
+        experiment = load_experiment(shared_file(count, n_frames)).model_copy(update={"keep": keep}).with_scenes(most)
+        name = f"run-{count}-{n_frames}-{keep}-{most}"
+        original = made_once(name, lambda path: execute(experiment, RunFolder(path), listener=Told()))
+        return experiment, RunFolder(shutil.copytree(original, tmp_path / name / "run"))
+
+    return copy
 
 
 @pytest.fixture
 def scenes(experiment_file) -> Callable[..., Experiment]:
     """Writes so many scenes and gives the experiment on them."""
     return lambda *arguments: load_experiment(experiment_file(*arguments))
+
+
+def write_experiment(folder: Path, count: int, n_frames: int = 4) -> Path:
+    for number in range(1, count + 1):
+        write_scene(folder / "data" / f"seq-{number:02d}", n_frames, number)
+    path = folder / "x.toml"
+    path.write_text(TEXT)
+    return path
 
 
 def write_scene(folder: Path, n_frames: int, seed: int) -> None:

@@ -65,11 +65,9 @@ class Killer:
 
 
 @pytest.fixture
-def long_scenes(scenes, tmp_path, told):
+def long_scenes(finished):
     """Six scenes of some tenths of a second each, and the run of them in peace."""
-    experiment, whole = scenes(6, 60), RunFolder(tmp_path / "whole")
-    execute(experiment, whole, listener=told())
-    return experiment, whole
+    return finished(6, 60)
 
 
 def test_a_scheduler_with_two_workers_one_of_which_is_killed(scheduler, long_scenes, tmp_path, told, files):

@@ -1,5 +1,6 @@
 """Whole runs on small simulated scenes: repeatable to the byte, resumable, and independent of how they are spread."""
 
+import shutil
 from pathlib import Path
 
 import cv2
@@ -57,26 +58,25 @@ def experiment() -> Experiment:
 
 
 @pytest.fixture(scope="module")
-def finished(experiment, tmp_path_factory) -> RunFolder:
-    run = RunFolder(tmp_path_factory.mktemp("runs") / "run")
-    outcome = execute(experiment, run, listener=Silent())
-    assert outcome.measured == ["arvr-00@default", "sideways-00@default"]
-    return run
+def finished(experiment, made_once) -> RunFolder:
+    """The whole run, which no test changes."""
+
+    def write(path: Path) -> None:
+        outcome = execute(experiment, RunFolder(path), listener=Silent())
+        assert outcome.measured == ["arvr-00@default", "sideways-00@default"]
+
+    return RunFolder(made_once("small-run", write))
 
 
 def tables(run: RunFolder) -> dict[Path, bytes]:
     return {path.relative_to(run.path): path.read_bytes() for path in sorted(run.path.rglob("*.parquet"))}
 
 
-def test_two_runs_of_one_experiment_are_identical_to_the_byte(experiment, finished, tmp_path):
-    again = RunFolder(tmp_path / "again")
-    execute(experiment, again, listener=Silent())
-    assert len(tables(finished)) == 2 * len(SEQUENCE_TABLES) + len(STATISTICS_TABLES) + len(FINDINGS_TABLES)
-    assert tables(again) == tables(finished)
-
-
 @pytest.mark.parametrize("threads", [1, 2])
-def test_the_count_of_opencv_threads_changes_nothing(experiment, finished, tmp_path, threads):
+def test_a_second_run_is_identical_to_the_byte_whatever_the_count_of_opencv_threads(
+    experiment, finished, tmp_path, threads
+):
+    assert len(tables(finished)) == 2 * len(SEQUENCE_TABLES) + len(STATISTICS_TABLES) + len(FINDINGS_TABLES)
     before = cv2.getNumThreads()
     cv2.setNumThreads(threads)
     try:
@@ -86,15 +86,8 @@ def test_the_count_of_opencv_threads_changes_nothing(experiment, finished, tmp_p
     assert tables(RunFolder(tmp_path / "run")) == tables(finished)
 
 
-def test_two_workers_change_nothing(experiment, finished, tmp_path):
-    run = RunFolder(tmp_path / "run")
-    execute(experiment, run, listener=Silent(), workers=2)
-    assert tables(run) == tables(finished)
-
-
 def test_a_run_that_lost_a_sequence_is_completed_without_the_others(experiment, finished, tmp_path):
-    run = RunFolder(tmp_path / "run")
-    execute(experiment, run, listener=Silent())
+    run = RunFolder(shutil.copytree(finished.path, tmp_path / "run"))
     manifest = run.manifest()
     del manifest.sequences["arvr-00@default"]
     run.write_manifest(manifest)
@@ -162,12 +155,12 @@ def test_the_percentile_of_trimming_may_be_of_the_tracks_that_were_followed(expe
     assert expected.height == run.statistics("trims").height
 
 
-def test_the_record_holds_every_setting_and_runs_as_the_same_experiment(finished, tmp_path):
+def test_the_record_holds_every_setting_and_two_workers_run_it_as_the_same_experiment(finished, tmp_path):
     recorded = parse_experiment(finished.experiment_toml(), place="recorded")
     assert recorded.trackers[0].options["window_px"] == 15
     assert recorded.trackers[0].options["rejection"]["consensus"] == "hypothesis"
     assert recorded.dataset.options["noise_sigma"] == 2.0
     again = RunFolder(tmp_path / "again")
-    execute(recorded, again, listener=Silent())
+    execute(recorded, again, listener=Silent(), workers=2)
     assert again.manifest().settings_hash == finished.manifest().settings_hash
     assert tables(again) == tables(finished)

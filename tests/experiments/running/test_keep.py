@@ -28,9 +28,8 @@ def lean(experiment):
     return experiment.model_copy(update={"keep": "statistics"})
 
 
-def test_to_keep_statistics_alone_changes_no_other_file(scenes, tmp_path, told, files):
-    experiment, run, small = scenes(2), RunFolder(tmp_path / "run"), RunFolder(tmp_path / "small")
-    execute(experiment, run, listener=told())
+def test_to_keep_statistics_alone_changes_no_other_file(finished, tmp_path, told, files):
+    (experiment, run), small = finished(2), RunFolder(tmp_path / "small")
     execute(lean(experiment), small, listener=told())
     expected = {name: content for name, content in files(run).items() if name.split("/")[0] not in OBSERVED}
     expected["experiment.toml"] = expected["experiment.toml"].replace(b'"observations"', b'"statistics"')
@@ -44,9 +43,8 @@ def test_statistics_are_made_without_a_look_at_observations_or_tracks(scenes, tm
     assert not read & set(OBSERVED)
 
 
-def test_a_run_that_keeps_statistics_alone_is_whole_and_repaired_like_any_other(scenes, tmp_path, told, files):
-    experiment, run = lean(scenes(2)), RunFolder(tmp_path / "run")
-    execute(experiment, run, listener=told())
+def test_a_run_that_keeps_statistics_alone_is_whole_and_repaired_like_any_other(finished, told, files):
+    experiment, run = finished(2, keep="statistics")
     before, again, repaired = files(run), told(), told()
     execute(experiment, run, listener=again)
     assert again.keys == []
@@ -56,24 +54,19 @@ def test_a_run_that_keeps_statistics_alone_is_whole_and_repaired_like_any_other(
     assert files(run) == before
 
 
-@pytest.mark.parametrize("first", ["observations", "statistics"])
-def test_what_is_kept_cannot_change_within_a_run(scenes, tmp_path, told, first):
-    experiment, run = scenes(1), RunFolder(tmp_path / "run")
-    there, wanted = (experiment, lean(experiment)) if first == "observations" else (lean(experiment), experiment)
-    execute(there, run, listener=told())
+@pytest.mark.parametrize(("first", "other"), [("observations", "statistics"), ("statistics", "observations")])
+def test_what_is_kept_cannot_change_within_a_run(finished, told, first, other):
+    experiment, run = finished(1, keep=first)
+    wanted = experiment.model_copy(update={"keep": other})
     with pytest.raises(StoreError, match=f"holds a run with keep = '{first}', expected"):
         execute(wanted, run, listener=told())
 
 
 @pytest.mark.parametrize("most", [3, None])
 @pytest.mark.parametrize("keep", ["observations", "statistics"])
-def test_more_scenes_are_added_to_a_run_as_if_they_had_always_been_there(
-    scenes, tmp_path, told, files, read, keep, most
-):
-    experiment = scenes(3).model_copy(update={"keep": keep})
-    wanted, run, whole = experiment.with_scenes(most), RunFolder(tmp_path / "run"), RunFolder(tmp_path / "whole")
-    execute(wanted, whole, listener=told())
-    execute(experiment.with_scenes(2), run, listener=told())
+def test_more_scenes_are_added_to_a_run_as_if_they_had_always_been_there(finished, told, files, read, keep, most):
+    _, run = finished(3, keep=keep, most=2)
+    wanted, whole = finished(3, keep=keep, most=most)
     read.clear()
     listener = told()
     execute(wanted, run, listener=listener)
@@ -83,7 +76,7 @@ def test_more_scenes_are_added_to_a_run_as_if_they_had_always_been_there(
     assert run.manifest().settings_hash == whole.manifest().settings_hash == wanted.digest()
 
 
-def test_data_that_gained_a_scene_are_measured_there_alone(experiment_file, scenes, tmp_path, told, files, read):
+def test_data_that_gained_a_scene_are_measured_there_alone(scenes, tmp_path, told, files, read):
     experiment, run, whole = scenes(3), RunFolder(tmp_path / "run"), RunFolder(tmp_path / "whole")
     execute(experiment, whole, listener=told())
     scene = tmp_path / "data" / "seq-01"
@@ -98,11 +91,10 @@ def test_data_that_gained_a_scene_are_measured_there_alone(experiment_file, scen
     assert files(run) == files(whole)
 
 
-def test_other_questions_are_answered_without_measuring_again(scenes, tmp_path, told, files, read):
+def test_other_questions_are_answered_without_measuring_again(finished, tmp_path, told, files, read):
     asked = FindingsSettings(margin=0.5, level=0.8, intervals="percentile")
-    experiment, run, whole = scenes(2), RunFolder(tmp_path / "run"), RunFolder(tmp_path / "whole")
+    (experiment, run), whole = finished(2), RunFolder(tmp_path / "whole")
     execute(experiment.with_findings(asked), whole, listener=told())
-    execute(experiment, run, listener=told())
     read.clear()
     listener = told()
     execute(experiment.with_findings(asked), run, listener=listener)
@@ -117,9 +109,8 @@ def test_other_questions_are_answered_without_measuring_again(scenes, tmp_path, 
         assert all(set(found[kind]) == {"percentile"} for kind in kinds)
 
 
-def test_what_was_found_before_is_gone_when_other_questions_are_interrupted(scenes, tmp_path, told, monkeypatch):
-    experiment, run = scenes(2), RunFolder(tmp_path / "run")
-    execute(experiment, run, listener=told())
+def test_what_was_found_before_is_gone_when_other_questions_are_interrupted(finished, told, monkeypatch):
+    experiment, run = finished(2)
     (run.path / "report").mkdir()
     monkeypatch.setattr(
         "tracknoise.experiments.running.execute.compute_findings", lambda *_: pytest.fail("interrupted")
@@ -130,22 +121,20 @@ def test_what_was_found_before_is_gone_when_other_questions_are_interrupted(scen
     assert not (run.path / "report").exists()
 
 
-def test_a_start_that_is_refused_changes_nothing(scenes, tmp_path, told, files):
-    experiment, run = scenes(3), RunFolder(tmp_path / "run")
-    execute(experiment.with_scenes(2), run, listener=told())
+def test_a_start_that_is_refused_changes_nothing(finished, told, files):
+    experiment, run = finished(3, most=2)
     manifest = run.manifest()
     manifest.versions["numpy"] = "1.0.0"
     run.write_manifest(manifest)
     before, settings = files(run), run.experiment_toml()
     with pytest.raises(TracknoiseError, match=r"expected 1\.0\.0"):
-        execute(experiment, run, listener=told())
+        execute(experiment.with_scenes(None), run, listener=told())
     assert run.experiment_toml() == settings
     assert files(run) == before
 
 
-def test_fewer_scenes_are_another_experiment(scenes, tmp_path, told):
-    experiment, run = scenes(2), RunFolder(tmp_path / "run")
-    execute(experiment.with_scenes(2), run, listener=told())
+def test_fewer_scenes_are_another_experiment(finished, told):
+    experiment, run = finished(2, most=2)
     with pytest.raises(StoreError, match=r"dataset.max_scenes = 2, expected 1"):
         execute(experiment.with_scenes(1), run, listener=told())
     before = run.experiment_toml()
@@ -155,8 +144,7 @@ def test_fewer_scenes_are_another_experiment(scenes, tmp_path, told):
     assert run.experiment_toml() == before
 
 
-def test_statistics_have_every_table(scenes, tmp_path, told):
-    run = RunFolder(tmp_path / "run")
-    execute(lean(scenes(1)), run, listener=told())
+def test_statistics_have_every_table(finished):
+    _, run = finished(1, keep="statistics")
     for name in STATISTICS_TABLES:
         assert run.statistics(name).height or name == "effects", name

@@ -11,7 +11,6 @@ import sys
 import pytest
 
 from tracknoise.exceptions import SettingsError
-from tracknoise.experiments.load import load_experiment
 from tracknoise.experiments.running.execute import execute
 from tracknoise.tables.store import RunFolder
 
@@ -64,14 +63,11 @@ while True:
 
 
 @pytest.mark.parametrize(("over", "step"), [("nothing", 23), ("another run", 37)])
-def test_killed_before_any_change_on_disk_and_started_again(over, step, experiment_file, tmp_path, told, files):
-    path, there = experiment_file(2), RunFolder(tmp_path / "there")
-    whole = RunFolder(tmp_path / "whole")
-    execute(load_experiment(path), whole, listener=told())
+def test_killed_before_any_change_on_disk_and_started_again(over, step, finished, shared_file, tmp_path, told, files):
+    (experiment, whole), there = finished(2), RunFolder(tmp_path / "there")
     if over == "another run":
-        other = load_experiment(path).with_limits(scenes=None, frames=3)
-        execute(other, there, listener=told())
-    command = [sys.executable, "-c", KILLER, path, tmp_path / "killed", there.path, str(step)]
+        execute(experiment.with_limits(scenes=None, frames=3), there, listener=told())
+    command = [sys.executable, "-c", KILLER, shared_file(2), tmp_path / "killed", there.path, str(step)]
     ended = subprocess.run(command, capture_output=True, text=True)
     assert ended.returncode == 0, ended.stderr
     runs = [RunFolder(folder) for folder in sorted((tmp_path / "killed").iterdir())]
@@ -90,10 +86,9 @@ def same(run: RunFolder) -> dict:
 
 
 @pytest.mark.parametrize("name", ["observations", "moments", "snapshots", "statistics"])
-def test_a_damaged_bit_is_repaired_by_the_next_start(name, scenes, tmp_path, told, files):
+def test_a_damaged_bit_is_repaired_by_the_next_start(name, finished, told, files):
     """A damaged sequence is measured again, and that one alone; damaged statistics are computed again."""
-    experiment, run = scenes(2), RunFolder(tmp_path / "run")
-    execute(experiment, run, listener=told())
+    experiment, run = finished(2)
     before = files(run)
     path = sorted((run.path / name).iterdir())[0]
     content = bytearray(path.read_bytes())
@@ -105,9 +100,8 @@ def test_a_damaged_bit_is_repaired_by_the_next_start(name, scenes, tmp_path, tol
     assert files(run) == before
 
 
-def test_a_run_goes_on_with_the_libraries_it_was_begun_with(scenes, tmp_path, told):
-    experiment, run = scenes(2), RunFolder(tmp_path / "run")
-    execute(experiment, run, listener=told())
+def test_a_run_goes_on_with_the_libraries_it_was_begun_with(finished, told):
+    experiment, run = finished(2)
     manifest = run.manifest()
     manifest.versions["polars"] = "1.0"
     run.write_manifest(manifest)

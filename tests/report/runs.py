@@ -1,0 +1,33 @@
+"""Run folders of made-up measurements, written once for all processes that run the tests."""
+
+import shutil
+from collections.abc import Callable
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.report.synthetic import SMALL, World, write_run
+
+from tracknoise.tables.store import RunFolder
+
+
+@pytest.fixture(scope="session")
+def make_run(
+    made_once: Callable[[str, Callable[[Path], object]], Path], tmp_path_factory: pytest.TempPathFactory
+) -> Callable[..., RunFolder]:
+    """Writes a run folder of a `World` of the given settings; the small one where nothing is given.
+
+    Tests of one process share the folder of the same settings; every process has a copy of its own.
+    """
+    made: dict[str, RunFolder] = {}
+
+    def make(**settings: Any) -> RunFolder:
+        world = World(**{**SMALL, **settings})
+        name = sha256(repr(world).encode()).hexdigest()[:16]
+        if name not in made:
+            original = made_once(name, lambda path: write_run(path, world))
+            made[name] = RunFolder(shutil.copytree(original, tmp_path_factory.mktemp("run") / "run"))
+        return made[name]
+
+    return make

@@ -23,7 +23,8 @@ AFFECTED = {
     "statistics alone are kept": (*READ_IMAGES_OR_POSES, "feature-counts"),
     "two lightings": ("example-frames", "lifetimes", "outlier-ratio", "error-by-tracker", "error-by-lighting"),
     "turned, and played backward": (
-        *READ_IMAGES_OR_POSES, "feature-counts", "error-by-tracker", "error-by-rotation", "error-by-direction", "occlusion",
+        *READ_IMAGES_OR_POSES, "feature-counts", "occlusion",
+        "error-by-tracker", "error-by-rotation", "error-by-direction",
     ),
     "many conditions": (*READ_IMAGES_OR_POSES, "lifetimes", "outlier-ratio", "error-by-tracker", "error-by-lighting"),
 }  # fmt: skip

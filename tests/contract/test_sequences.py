@@ -34,7 +34,7 @@ from tracknoise.sequences.kitti.reader import Kitti
 from tracknoise.sequences.kitti.rig import CAMERA_FROM_IMU, write_calibration
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.registry import READERS, reader_defaults
-from tracknoise.sequences.sequence import Reader, Sequence
+from tracknoise.sequences.sequence import Reader, Sequence, camera_at
 from tracknoise.sequences.sevenscenes import SevenScenes
 from tracknoise.sequences.simulated import Simulated
 from tracknoise.sequences.tartanair import TartanAir
@@ -338,9 +338,9 @@ def test_images_poses_and_depths_have_the_types_and_shapes_they_promise(write):
 
 def test_the_camera_is_a_camera_model_and_has_one_size(write):
     sequence = write(3).open()
-    assert sequence.camera_at(0) == sequence.camera
+    assert camera_at(sequence, 0) == sequence.camera
     for index in range(3):
-        camera = sequence.camera_at(index)
+        camera = camera_at(sequence, index)
         assert isinstance(camera, CameraModel)
         assert camera.is_invertible
         assert (camera.width, camera.height) == (sequence.camera.width, sequence.camera.height)

@@ -39,9 +39,6 @@ class Made:
     def __len__(self) -> int:
         return len(self.world_from_camera)
 
-    def camera_at(self, index: int) -> Camera:
-        return self.camera
-
     def image(self, index: int) -> np.ndarray:
         return np.random.default_rng(index).integers(0, 256, (HEIGHT, WIDTH), dtype=np.uint8)
 

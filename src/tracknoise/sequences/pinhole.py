@@ -2,7 +2,7 @@
 
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
-from tracknoise.sequences.sequence import Sequence
+from tracknoise.sequences.sequence import Sequence, camera_at
 
 
 def pinhole_of(sequence: Sequence) -> Camera:
@@ -16,6 +16,6 @@ def pinhole_of(sequence: Sequence) -> Camera:
     camera = sequence.camera
     if not isinstance(camera, Camera):
         raise DataError(sequence.source, f"a camera of the model {type(camera).__name__}", "a pinhole camera")
-    if any(sequence.camera_at(index) != camera for index in range(len(sequence))):
+    if any(camera_at(sequence, index) != camera for index in range(len(sequence))):
         raise DataError(sequence.source, "a camera that changes from frame to frame", "one camera for all frames")
     return camera

@@ -77,7 +77,7 @@ class Sequence(Protocol):
 
     @property
     def camera(self) -> CameraModel:
-        """Intrinsics of the first frame. All frames have the same image size; see `camera_at` for their intrinsics."""
+        """Intrinsics of all images; of the first where they change (`ChangingCamera`). All have the same size."""
         ...
 
     @property
@@ -112,10 +112,6 @@ class Sequence(Protocol):
 
     def __len__(self) -> int:
         """Count of frames, at least 1."""
-        ...
-
-    def camera_at(self, index: int) -> CameraModel:
-        """Intrinsics of one frame; those of `camera` where they do not change."""
         ...
 
     def image(self, index: int) -> NDArray[np.uint8]:
@@ -153,6 +149,20 @@ class Sequence(Protocol):
             If its file is missing or damaged.
         """
         ...
+
+
+@runtime_checkable
+class ChangingCamera(Protocol):
+    """A `Sequence` whose intrinsics change from frame to frame, such as those of a camera with autofocus."""
+
+    def camera_at(self, index: int) -> CameraModel:
+        """Intrinsics of one frame."""
+        ...
+
+
+def camera_at(sequence: Sequence, index: int) -> CameraModel:
+    """Intrinsics of one frame of a sequence; those of `Sequence.camera` where they do not change."""
+    return sequence.camera_at(index) if isinstance(sequence, ChangingCamera) else sequence.camera
 
 
 class Reader(Protocol):

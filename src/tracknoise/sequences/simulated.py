@@ -253,10 +253,6 @@ class SimulatedSequence:
         """Which models are in the world, and which of their parts are not rendered as in Gazebo."""
         return self._scenery.notes
 
-    def camera_at(self, index: int) -> Camera:
-        """The camera, which is the same for all frames."""
-        return self.camera
-
     def image(self, index: int) -> NDArray[np.uint8]:
         """(height, width) uint8: one frame. It does not depend on the order in which frames are read."""
         noise = _generator(self.settings.seed, _NOISE, f"{self.id.scene} {self.id.lighting}", index)

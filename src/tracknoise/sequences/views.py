@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.sequences.sequence import Scan, Sequence, Surface
+from tracknoise.sequences.sequence import Scan, Sequence, Surface, camera_at
 from tracknoise.tables.identity import Direction, SequenceId
 
 QUARTER_DEG = 90
@@ -122,8 +122,8 @@ class View:
         return None if self.sequence.surface is None else self
 
     def camera_at(self, index: int) -> CameraModel:
-        """Intrinsics of one frame: see `Sequence.camera_at`."""
-        return self.sequence.camera_at(index)
+        """Intrinsics of one frame: see `tracknoise.sequences.sequence.camera_at`."""
+        return camera_at(self.sequence, index)
 
     def image(self, index: int) -> NDArray[np.uint8]:
         """(height, width) uint8: see `Sequence.image`."""
@@ -201,8 +201,8 @@ class Backward(View):
         return None if scan is None else replace(scan, key_frame=self._mirrored(scan.key_frame))
 
     def camera_at(self, index: int) -> CameraModel:
-        """Intrinsics of one frame: see `Sequence.camera_at`."""
-        return self.sequence.camera_at(self._mirrored(index))
+        """Intrinsics of one frame: see `tracknoise.sequences.sequence.camera_at`."""
+        return camera_at(self.sequence, self._mirrored(index))
 
     def image(self, index: int) -> NDArray[np.uint8]:
         """(height, width) uint8: see `Sequence.image`."""
@@ -242,7 +242,7 @@ class Turned(View):
 
     def camera_at(self, index: int) -> CameraModel:
         """The camera of one turned image."""
-        return self.sequence.camera_at(index).turned()
+        return camera_at(self.sequence, index).turned()
 
     @property
     def world_from_camera(self) -> NDArray[np.float64]:

@@ -47,7 +47,7 @@ def anchor_points(
     status : (n,) int8
         As given.
     """
-    points_world = geometry.to_world(index, geometry.camera.unproject(uv, depth_m))
+    points_world = geometry.to_world(index, geometry.camera_at(index).unproject(uv, depth_m))
     points_world[status != TruthStatus.valid] = np.nan
     return points_world, status
 

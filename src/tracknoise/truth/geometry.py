@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import invert, transform
-from tracknoise.sequences.sequence import Sequence
+from tracknoise.sequences.sequence import Sequence, camera_at
 
 
 class SequenceGeometry:
@@ -25,10 +25,9 @@ class SequenceGeometry:
         self._index: int | None = None
         self._depth: DepthMap | None = None
 
-    @property
-    def camera(self) -> CameraModel:
-        """Intrinsics of all frames."""
-        return self.sequence.camera
+    def camera_at(self, index: int) -> CameraModel:
+        """Camera of one frame."""
+        return camera_at(self.sequence, index)
 
     def depth(self, index: int) -> DepthMap | None:
         """Depth of one frame, or None where it has none. Repeated calls for one frame read it once.
@@ -52,4 +51,4 @@ class SequenceGeometry:
 
     def project(self, index: int, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n, 2) float64, px: world points in one frame; NaN behind the camera and where distortion has no image."""
-        return self.camera.project(self.to_camera(index, points_world))
+        return self.camera_at(index).project(self.to_camera(index, points_world))

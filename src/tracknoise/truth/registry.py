@@ -1,13 +1,13 @@
 """Kinds of truth by name: the built-in ones, and those of other packages' entry points ``tracknoise.truths``."""
 
 from collections.abc import Sequence as Items
+from dataclasses import asdict
 
 import numpy as np
 
 from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.plugins import Plugins
-from tracknoise.sequences.sequence import Sequence, TruthKind
-from tracknoise.truth.scan import KeyFrameScan
+from tracknoise.sequences.sequence import Sequence, TruthKind, camera_at
 from tracknoise.truth.scan_rule import SCAN_RULE, ScanRule
 from tracknoise.truth.truth import Truth, TruthSource
 
@@ -45,7 +45,8 @@ def make_truth(sequence: Sequence, kind: str | None = None, *, scan_rule: ScanRu
         If there is no such kind.
     """
     kind = _offered(sequence, kind)
-    source = KeyFrameScan(scan_rule) if kind == TruthKind.scan else TRUTHS.load(kind)()
+    options = {"rule": asdict(scan_rule)} if kind == TruthKind.scan else {}
+    source = TRUTHS.make(kind, options) if options else TRUTHS.load(kind)()
     return source.open(sequence)
 
 
@@ -79,7 +80,9 @@ def _offered(sequence: Sequence, kind: str | None) -> str:
 
 def _is_same_scan(one: Sequence, other: Sequence) -> bool:
     """Whether the only truth that both sequences offer is the same scan, seen by one camera from the same poses."""
-    if one.truths != (TruthKind.scan,) or other.truths != one.truths or one.camera != other.camera:
+    if one.truths != (TruthKind.scan,) or other.truths != one.truths or len(one) != len(other):
+        return False
+    if any(camera_at(one, index) != camera_at(other, index) for index in range(len(one))):
         return False
     scan, scanned = one.scan, other.scan
     if scan is None or scanned is None or scan.points_world is not scanned.points_world:

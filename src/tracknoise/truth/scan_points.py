@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.truth.anchored import Anchors, anchor_points
 from tracknoise.truth.geometry import SequenceGeometry
@@ -43,7 +44,7 @@ class ScanPoints:
 
     def _nearest(self, index: int, uv: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.int8]]:
         """Row of the scan point nearest to each feature (0 where none is near enough), and the status."""
-        seen, rows = self._near(*self._seen(index), uv)
+        seen, rows = self._near(self._geometry.camera_at(index), *self._seen(index), uv)
         if not len(seen) or not len(uv):
             return np.zeros(len(uv), np.intp), np.full(len(uv), TruthStatus.no_depth, np.int8)
         distance, found = KDTree(seen).query(uv)
@@ -55,15 +56,15 @@ class ScanPoints:
         """Projections of the scan points that lie in the image, and their rows; kept for the latest frame only."""
         if index != self._index:
             uv = self._geometry.project(index, self._points_world)
-            rows = np.flatnonzero(self._geometry.camera.contains(uv))
+            rows = np.flatnonzero(self._geometry.camera_at(index).contains(uv))
             self._projected, self._index = (uv[rows], rows), index
         return self._projected
 
     def _near(
-        self, seen: NDArray[np.float64], rows: NDArray[np.intp], uv: NDArray[np.float64]
+        self, camera: CameraModel, seen: NDArray[np.float64], rows: NDArray[np.intp], uv: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
         """The few scan points in pixels around the features, so that not all need to be searched."""
-        camera, reach = self._geometry.camera, int(np.ceil(self._rule.radius_px))
+        reach = int(np.ceil(self._rule.radius_px))
         wanted = np.zeros((camera.height, camera.width), np.bool_)
         centre = np.rint(uv).astype(np.intp)
         for down in range(-reach, reach + 1):

@@ -90,9 +90,10 @@ def locate(
         `TruthStatus`: behind_camera, out_of_image, occluded or valid; arbitrary where the point is unknown.
     """
     points = geometry.to_camera(index, points_world)
-    uv = geometry.camera.project(points)
+    camera = geometry.camera_at(index)
+    uv = camera.project(points)
     ahead = points[:, 2] > 0
-    inside = np.flatnonzero(ahead & geometry.camera.contains(uv))
+    inside = np.flatnonzero(ahead & camera.contains(uv))
     surface_m, known = surface.depths(index, uv[inside])
     behind_m = points[inside, 2] - surface_m
     occluded = known & (behind_m > np.maximum(OCCLUSION_RELATIVE * surface_m, OCCLUSION_LEAST_M))

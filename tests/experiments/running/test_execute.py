@@ -9,6 +9,7 @@ import pytest
 
 from tracknoise.experiments.running.execute import execute
 from tracknoise.experiments.settings import Experiment, parse_experiment
+from tracknoise.tables.enumerations import TrimAmong
 from tracknoise.tables.store import FINDINGS_TABLES, SEQUENCE_TABLES, STATISTICS_TABLES, RunFolder
 
 TEXT = """
@@ -138,7 +139,7 @@ def test_tables_of_one_condition_agree_with_each_other(finished):
 
 
 def test_the_percentile_of_trimming_may_be_of_the_tracks_that_were_followed(experiment, finished, tmp_path):
-    changed = experiment.statistics.model_copy(update={"trim_among": "followed"})
+    changed = experiment.statistics.model_copy(update={"trim_among": TrimAmong.followed})
     run = RunFolder(tmp_path / "run")
     small = experiment.with_limits(scenes=1, frames=5).model_copy(update={"statistics": changed})
     execute(small, run, listener=Silent())

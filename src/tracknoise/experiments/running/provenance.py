@@ -10,6 +10,7 @@ from tracknoise.experiments.settings import Experiment
 from tracknoise.sequences.registry import READERS
 from tracknoise.tables.manifest import Manifest
 from tracknoise.trackers.registry import TRACKERS
+from tracknoise.truth.registry import TRUTHS
 
 _PYTHON = "python"
 _LIBRARIES = ("tracknoise", "numpy", "scipy", "opencv-contrib-python-headless", "polars", "embreex")
@@ -55,7 +56,7 @@ def _versions(experiment: Experiment) -> dict[str, str]:
     versions = {name: version(name) for name in _LIBRARIES} | READERS.versions(experiment.dataset.reader)
     for choice in experiment.trackers:
         versions |= TRACKERS.versions(choice.kind)
-    return versions
+    return versions | (TRUTHS.versions(experiment.truth.kind) if experiment.truth.kind else {})
 
 
 def _installed(name: str) -> str:

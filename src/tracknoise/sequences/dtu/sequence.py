@@ -72,10 +72,6 @@ class LitSequence:
         """None: a scan is no exact surface."""
         return None
 
-    def camera_at(self, index: int) -> Camera:
-        """The camera, which is the same for all frames."""
-        return self.camera
-
     def image(self, index: int) -> NDArray[np.uint8]:
         """(height, width) uint8, read-only: one frame in 8-bit grayscale.
 

@@ -64,7 +64,7 @@ def _condition(
     seen = {"frame": np.arange(n_seen) * speed, "outliers": offered // rng.integers(5, 50, n_seen)}
     seen |= dict.fromkeys(("offered", "matched", "alive", "new"), offered)
     origin = {"dataset": "made up", "scene": scene, "lighting": "default", "rotation": 0}
-    same = {**origin, "direction": "forward", "tracker": tracker, "speed": speed, "kept": True}
+    same = {**origin, "direction": "forward", "camera": "", "tracker": tracker, "speed": speed, "kept": True}
     return [
         _table(observed, same | {"truth": "valid"}, schema.OBSERVATIONS),
         _table(lived, same | {"end": "lost"}, schema.TRACKS),

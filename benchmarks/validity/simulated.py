@@ -8,7 +8,14 @@ import polars as pl
 from tracknoise.statistics.trimming import trim
 from tracknoise.tables.schema import OBSERVATIONS, TRACKS, Schema
 
-CONDITION = {"dataset": "d", "lighting": "nominal", "rotation": 0, "direction": "forward", "tracker": "lk"}
+CONDITION = {
+    "dataset": "d",
+    "lighting": "nominal",
+    "rotation": 0,
+    "direction": "forward",
+    "camera": "",
+    "tracker": "lk",
+}
 
 
 def tables(

@@ -127,7 +127,7 @@ def test_unknown_statistics_tables_and_categories_list_the_known_ones(run):
         run.table("curve")
     with pytest.raises(UnknownNameError, match=r"unknown trimming 'no'; known: trimmed, untrimmed$"):
         run.table("curves", trimming="no")
-    with pytest.raises(UnknownNameError, match="unknown column 'tracker'; known: dataset"):
+    with pytest.raises(UnknownNameError, match="unknown column 'tracker'; known: camera, dataset"):
         run.table("poses", tracker="lucas-kanade")
 
 

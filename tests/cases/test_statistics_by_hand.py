@@ -43,7 +43,7 @@ OFFERED = [(0, 0, 0), (2, 3, 0), (4, 2, 1)]  # frame, F(t-1), f1
 
 def table(schema: Schema, names: list[str], rows: list[tuple[object, ...]], scene: str = "a") -> pl.DataFrame:
     """A table of one scene at speed 2; columns that are not given are null, kept is true."""
-    origin = dict(zip(ORIGIN, ("paper", scene, "nominal", 0, "forward", "tracker", 2), strict=True))
+    origin = dict(zip(ORIGIN, ("paper", scene, "nominal", 0, "forward", "", "tracker", 2), strict=True))
     given = {name: [row[place] for row in rows] for place, name in enumerate(names)}
     values = {"kept": True} | origin | given
     filled = {name: values.get(name) for name in schema}

@@ -25,7 +25,7 @@ def see_errors() -> SeeErrors:
 
 def _scene(name: str, errors: np.ndarray, speed: int) -> tuple[pl.DataFrame, pl.DataFrame]:
     n, ages, _ = errors.shape
-    where = {"dataset": "d", "scene": name, "lighting": "nominal", "rotation": 0, "direction": "forward"}
+    where = {"dataset": "d", "scene": name, "lighting": "nominal", "rotation": 0, "direction": "forward", "camera": ""}
     labels = {**where, "tracker": "lk", "speed": speed, "kept": True}
     age = np.tile(np.arange(ages) * speed, n)
     positions = dict.fromkeys(("u_px", "v_px", "u_true_px", "v_true_px"), 0.0)

@@ -12,6 +12,7 @@ CONDITION = {
     "lighting": "nominal",
     "rotation": 0,
     "direction": "forward",
+    "camera": "",
     "tracker": "a",
     "speed": 1,
     "population": "visible",

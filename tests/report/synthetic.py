@@ -115,7 +115,7 @@ def write_run(path: Path, world: World, *, seed: int = 0) -> RunFolder:
     run.create(_toml(world), manifest)
     rng = np.random.default_rng(seed)
     for scene, lighting, (rotation, direction) in product(world.scenes, world.lightings, world.views):
-        origin = [world.dataset, scene, lighting, rotation, direction]
+        origin = [world.dataset, scene, lighting, rotation, direction, ""]
         entry = _entry(origin, world)
         tables = _sequence(rng, origin, world)
         kept = [name for name in tables if name not in OBSERVED or world.keep == "observations"]
@@ -187,7 +187,7 @@ def _condition(
     What drifts to the right in the upright image goes up in one that is turned by 90 degrees, and to the left where
     the sequence is played backward.
     """
-    _, scene, _, rotation, direction, tracker, speed = origin
+    _, scene, _, rotation, direction, _, tracker, speed = origin
     seen = len(range(0, world.n_frames, speed))
     born = 0 if tracker in world.featureless else world.born
     depth = world.depth and not {scene, tracker} & {*world.depthless}

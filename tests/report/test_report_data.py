@@ -98,7 +98,7 @@ def test_lightings_that_nobody_names_are_in_the_order_of_their_numbers_and_diffu
 def test_the_view_is_upright_and_forward_whatever_else_there_is(make_run: Callable[..., RunFolder]) -> None:
     views = ((90, "forward"), (0, "backward"), (0, "forward"))
     data = ReportData.of(make_run(scenes=("seen",), trackers=("one",), speeds=(1,), views=views))
-    assert data.view == {"lighting": "default", "rotation": 0, "direction": "forward"}
+    assert data.view == {"lighting": "default", "rotation": 0, "direction": "forward", "camera": ""}
     assert data.where == " at rotation 0° played forward"
     assert data.elsewhere("rotation") == " played forward"
     assert list(data.sequences) == ["seen@default"]

@@ -13,6 +13,7 @@ ORIGIN = {
     "lighting": "nominal",
     "rotation": 0,
     "direction": "forward",
+    "camera": "",
     "tracker": "lk",
     "speed": 1,
 }

@@ -191,9 +191,9 @@ def test_nothing_seen_has_no_aspects_and_wrong_tables_are_refused(many) -> None:
     nothing = aspects(prepare_sequence(empty(OBSERVATIONS), empty(TRACKS)))
     assert nothing.equals(empty(ASPECTS))
     assert aspect_curves(nothing).equals(empty(ASPECT_CURVES))
-    with pytest.raises(SchemaError, match="observations: column 8"):
+    with pytest.raises(SchemaError, match="observations: column 9"):
         aspects(prepare_sequence(lived, seen))
-    with pytest.raises(SchemaError, match="tracks: column 13"):
+    with pytest.raises(SchemaError, match="tracks: column 14"):
         aspects(prepare_sequence(seen, lived.drop("gradient_rad")))
     with pytest.raises(SchemaError, match="aspects: column 0"):
         aspect_curves(scene_moments(prepare_observations(seen)))

@@ -10,7 +10,7 @@ COUNTED = {**ORIGIN, "n": pl.Int64}
 
 
 def counted(scene: str, *, n: int, tracker: str = "a", dataset: str = "one") -> pl.DataFrame:
-    view = {"lighting": "default", "rotation": 0, "direction": "forward", "speed": 1}
+    view = {"lighting": "default", "rotation": 0, "direction": "forward", "camera": "", "speed": 1}
     row = {"dataset": dataset, "scene": scene, "tracker": tracker, "n": n, **view}
     return pl.DataFrame([row], schema=dict(COUNTED))
 
@@ -49,7 +49,7 @@ def test_no_rows_are_of_no_condition_and_wrong_tables_are_refused(tables) -> Non
     assert by_condition((), COUNTED, "counted") == {}
     wrong = tables[0].drop("n")
     for given in (wrong, [wrong], {("one",): wrong}):
-        with pytest.raises(SchemaError, match="counted: column 7"):
+        with pytest.raises(SchemaError, match="counted: column 8"):
             by_condition(given, COUNTED, "counted")
 
 

@@ -10,7 +10,15 @@ from tracknoise.statistics.effects import effects
 from tracknoise.statistics.factors import FACTORS, ReferenceCondition
 from tracknoise.tables.schema import CURVES, EFFECTS, LIFETIMES, OUTLIERS, empty
 
-CONDITION = {"dataset": "d", "lighting": "day", "rotation": 0, "direction": "forward", "tracker": "lk", "speed": 1}
+CONDITION = {
+    "dataset": "d",
+    "lighting": "day",
+    "rotation": 0,
+    "direction": "forward",
+    "camera": "",
+    "tracker": "lk",
+    "speed": 1,
+}
 POINT = {
     "population": "visible", "trimming": "trimmed", "weighting": "features", "statistic": "eta", "axis": "age",
     "n": 500, "n_scenes": 3, "unit": "px", "uv": None, "cut": False,

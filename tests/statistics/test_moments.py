@@ -134,7 +134,7 @@ def test_occluded_observations_alone_make_no_visible_rows(observations) -> None:
 
 
 def test_the_wrong_tables_are_refused(many) -> None:
-    with pytest.raises(SchemaError, match="observations: column 7"):
+    with pytest.raises(SchemaError, match="observations: column 8"):
         scene_moments(prepare_observations(many.drop("track")))
     with pytest.raises(SchemaError, match="moments: column 0 is mean_u"):
         merge(scene_moments(prepare_observations(many)).drop("n"), by=["at"])

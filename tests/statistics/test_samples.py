@@ -87,5 +87,5 @@ def test_scenes_and_conditions_have_caps_of_their_own(observations, tracks) -> N
 
 def test_no_observations_give_no_samples_and_wrong_tables_are_refused() -> None:
     assert samples(prepare_sequence(empty(OBSERVATIONS), empty(TRACKS))).equals(empty(SAMPLES))
-    with pytest.raises(SchemaError, match="observations: column 7"):
+    with pytest.raises(SchemaError, match="observations: column 8"):
         prepare_sequence(empty(OBSERVATIONS).drop("track"), empty(TRACKS))

@@ -101,7 +101,7 @@ def test_a_condition_without_a_feature_has_no_tracks_and_nothing_else(frames) ->
     offered = outlier_ratios(frames(frame=[0, 1], offered=[0, 0], tracker="blind"))
     row = summary(empty(CURVES), empty(LIFETIMES), offered).row(0, named=True)
     assert {name: row[name] for name in row if row[name] is not None} == {
-        "dataset": "d", "lighting": "nominal", "rotation": 0, "direction": "forward",
+        "dataset": "d", "lighting": "nominal", "rotation": 0, "direction": "forward", "camera": "",
         "tracker": "blind", "speed": 1, "n_tracks": 0,
     }  # fmt: skip
 

@@ -134,7 +134,7 @@ class Run:
         ----------
         **wanted
             Only rows that have these values: statistic, aspect, population, trimming, weighting, axis, at, coordinate,
-            tracker, speed, lighting, rotation, direction. Each is one value or several.
+            tracker, speed, lighting, rotation, direction, camera. Each is one value or several.
 
         Returns
         -------
@@ -219,8 +219,8 @@ class Run:
         Parameters
         ----------
         **wanted
-            Only these: scene, lighting, rotation, direction, tracker, speed. Each is one value or several. Only the
-            files of the sequences that are asked for are read.
+            Only these: scene, lighting, rotation, direction, camera, tracker, speed. Each is one value or several.
+            Only the files of the chosen sequences are read.
 
         Returns
         -------

@@ -20,6 +20,7 @@ class ConditionColumns(TypedDict, total=False):
     lighting: Names
     rotation: Numbers
     direction: Names
+    camera: Names
     tracker: Names
     speed: Numbers
 

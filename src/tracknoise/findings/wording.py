@@ -9,7 +9,12 @@ from tracknoise.tables.enumerations import Axis, Resampled, Shape
 
 SPACE = "\N{NO-BREAK SPACE}"
 MINUS, DASH, TIMES = "\N{MINUS SIGN}", "\N{EN DASH}", "\N{MULTIPLICATION SIGN}"
-_VIEW = {"lighting": "under lighting {}", "rotation": "at rotation {}°", "direction": "played {}"}
+_VIEW = {
+    "lighting": "under lighting {}",
+    "rotation": "at rotation {}°",
+    "direction": "played {}",
+    "camera": "of camera {}",
+}
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 SHAPES: Mapping[str, str] = {
@@ -112,7 +117,7 @@ def place(axis: str, since: int) -> str:
 
 
 def view_text(view: Mapping[str, object], names: Iterable[str]) -> str:
-    """Write which lighting, rotation or direction something was seen with, for those in `names`; blank first."""
+    """Write the lighting, rotation, direction and camera of a view, those in `names` only; starts with a blank."""
     return "".join(f" {_VIEW[name].format(view[name])}" for name in names)
 
 

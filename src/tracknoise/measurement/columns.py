@@ -85,18 +85,9 @@ def _frames(recording: Recording) -> dict[str, pl.Series]:
 def _table(
     columns: dict[str, pl.Series], layout: schema.Schema, sequence: SequenceId, setup: TrackerSetup
 ) -> pl.DataFrame:
-    origin = {
-        "dataset": sequence.dataset,
-        "scene": sequence.scene,
-        "lighting": sequence.lighting,
-        "rotation": sequence.rotation,
-        "direction": str(sequence.direction),
-        "tracker": setup.tracker,
-        "speed": setup.speed,
-    }
-    literals = [
-        pl.lit(value, dtype=pl.Int16 if name == "rotation" else None).alias(name) for name, value in origin.items()
-    ]
+    names = {name: getattr(sequence, name) for name in schema.SEQUENCE}
+    origin = {**names, "tracker": setup.tracker, "speed": setup.speed}
+    literals = [pl.lit(value, dtype=schema.ORIGIN[name]).alias(name) for name, value in origin.items()]
     table = pl.DataFrame(columns).with_columns(literals)
     return schema.check(table.select(list(schema.layout_of(layout, table.columns))), layout, setup.tracker)
 

@@ -42,10 +42,13 @@ def scenes(data: ReportData) -> Cells:
         "lighting": data.lightings,
         "rotation": data.rotations,
         "direction": data.directions,
+        "camera": data.cameras,
     }
     direction = {"direction": "direction"} if len(data.directions) > 1 else {}
+    camera = {"camera": "camera"} if len(data.cameras) > 1 else {}
     columns = {
-        "dataset": "dataset", "scene": "scene", "lighting": "lighting", "rotation": "rotation (°)", **direction,
+        "dataset": "dataset", "scene": "scene", "lighting": "lighting", "rotation": "rotation (°)",
+        **direction, **camera,
         "n_frames": "frames", "size": "image (px)", "truth": "truth", "seconds": "time to measure (s)",
     }  # fmt: skip
     rows = [
@@ -188,7 +191,7 @@ def _pivot(data: ReportData, kind: str, names: Mapping[str, str], caption: str) 
     wide = data.in_order(every.join(wide, on=list(keys), how="left").fill_null(0))
     shown = [_with_share(pl.col(name), pl.col("all")).alias(name) for name in names]
     result = cells(wide.with_columns(shown), {**keys, "all": "all", **names}, caption + _chosen(data))
-    words = ("tracker", "lighting", "direction")
+    words = ("tracker", "lighting", "direction", "camera")
     return replace(result, numeric=[name not in words for name in (*keys, "all", *names)])
 
 

@@ -40,4 +40,5 @@ def condition_name(names: Mapping[str, Any]) -> str:
     lighting = f" under lighting {names['lighting']}" if "lighting" in names else ""
     rotation = f" at rotation {names['rotation']}°" if "rotation" in names else ""
     direction = f" played {names['direction']}" if "direction" in names else ""
-    return f"{names['tracker']} at speed {names['speed']}{lighting}{rotation}{direction}"
+    camera = f" of camera {names['camera']}" if "camera" in names else ""
+    return f"{names['tracker']} at speed {names['speed']}{lighting}{rotation}{direction}{camera}"

@@ -189,11 +189,16 @@ class ReportData:
         return _ordered(self._measured("direction"), _DIRECTIONS)
 
     @cached_property
-    def view(self) -> dict[str, Any]:
-        """The view that figures show unless they compare views: lighting, rotation and direction.
+    def cameras(self) -> list[str]:
+        """Cameras with results, by name."""
+        return sorted(self._measured("camera"))
 
-        It is the first lighting, upright and forward, if there is such a view. Otherwise it is the nearest to it, in
-        this order: played forward, least rotation, first lighting.
+    @cached_property
+    def view(self) -> dict[str, Any]:
+        """The view that figures show unless they compare views: lighting, rotation, direction and camera.
+
+        It is the first lighting, upright and forward, of the first camera, if there is such a view. Otherwise it is the
+        nearest to it, in this order: played forward, least rotation, first lighting, first camera.
         """
         parts = [table.select(*VIEW) for table in (self.counts, self.outliers, self.lifetimes, self.curves)]
         views = pl.concat(parts).unique().to_dicts()
@@ -233,7 +238,7 @@ class ReportData:
         return self.reference(table).filter(pl.col("speed") == self.slowest)
 
     def across(self, table: pl.DataFrame, factor: str) -> pl.DataFrame:
-        """Rows of every lighting, rotation or direction, whichever `factor` names, and otherwise of the `view`."""
+        """Rows of every lighting, rotation, direction or camera, as `factor` names, and otherwise of the `view`."""
         if not self.lightings:
             return table.clear()
         return table.filter(*(pl.col(name) == value for name, value in self.view.items() if name != factor))
@@ -248,7 +253,7 @@ class ReportData:
 
     @property
     def where(self) -> str:
-        """Which of several lightings, rotations or directions the `view` has. Empty where there is only one of each."""
+        """Lighting, rotation, direction and camera of the `view`, where there are several. Empty otherwise."""
         return self.elsewhere("")
 
     def elsewhere(self, factor: str) -> str:
@@ -257,6 +262,7 @@ class ReportData:
             "lighting": self.lightings,
             "rotation": self.rotations,
             "direction": self.directions,
+            "camera": self.cameras,
         }
         chosen = [name for name, values in several.items() if len(values) > 1 and name != factor]
         return view_text(self.view, chosen)
@@ -278,16 +284,17 @@ class ReportData:
         lighting = {"lighting": "lighting"} if len(self.lightings) > 1 else {}
         rotation = {"rotation": "rotation (°)"} if len(self.rotations) > 1 else {}
         direction = {"direction": "direction"} if len(self.directions) > 1 else {}
-        return {"tracker": "tracker", "speed": "speed", **lighting, **rotation, **direction}
+        camera = {"camera": "camera"} if len(self.cameras) > 1 else {}
+        return {"tracker": "tracker", "speed": "speed", **lighting, **rotation, **direction, **camera}
 
     def in_order(self, table: pl.DataFrame) -> pl.DataFrame:
-        """Sort conditions by tracker, speed, lighting, rotation and direction, in the order of the experiment."""
+        """Sort conditions by tracker, speed, lighting, rotation, direction and camera, as in the experiment."""
         order = {"tracker": self.trackers, "lighting": self.lightings, "direction": self.directions}
         keys = [
             pl.col(name).replace_strict(list(order[name]), range(len(order[name])), return_dtype=pl.Int64)
             if name in order
             else pl.col(name)
-            for name in ("tracker", "speed", "lighting", "rotation", "direction")
+            for name in ("tracker", "speed", "lighting", "rotation", "direction", "camera")
             if name in table.columns
         ]
         return table.sort(keys)
@@ -301,9 +308,9 @@ class ReportData:
         """Rows of the conditions that the page lists: all, or those of the `view` where there are too many."""
         return self.reference(table) if self.is_large else table
 
-    def _remoteness(self, view: Mapping[str, Any]) -> tuple[int, int, int]:
+    def _remoteness(self, view: Mapping[str, Any]) -> tuple[int, int, int, str]:
         direction, lighting = self.directions.index(view["direction"]), self.lightings.index(view["lighting"])
-        return direction, view["rotation"], lighting
+        return direction, view["rotation"], lighting, view["camera"]
 
     def _measured(self, column: str) -> list[Any]:
         tables = (self.counts, self.outliers, self.lifetimes, self.curves)

@@ -24,7 +24,7 @@ class ReferenceCondition:
 
     Parameters
     ----------
-    lighting, direction
+    lighting, direction, camera
         Names as in the tables.
     rotation
         Degrees.
@@ -39,3 +39,4 @@ class ReferenceCondition:
     direction: str = "forward"
     speed: int = 1
     key_frames: Mapping[str, int] = field(default_factory=dict)
+    camera: str = ""

@@ -55,7 +55,7 @@ WEIGHTING = pl.Enum(Weighting)
 VERDICT = pl.Enum(Verdict)
 ASPECT = pl.Enum(Aspect)
 
-VIEW: Schema = {"lighting": pl.String, "rotation": pl.Int16, "direction": pl.String}
+VIEW: Schema = {"lighting": pl.String, "rotation": pl.Int16, "direction": pl.String, "camera": pl.String}
 """How a scene was seen: under which lighting, turned by how many degrees, and played forward or backward."""
 SEQUENCE: Schema = {"dataset": pl.String, "scene": pl.String, **VIEW}
 CONDITION: Schema = {**VIEW, "tracker": pl.String, "speed": pl.Int32}

@@ -15,7 +15,15 @@ from tracknoise.statistics.outliers import outlier_ratios
 from tracknoise.tables.findings_schema import DEPENDENCE
 from tracknoise.tables.schema import CURVES, EFFECTS, ENDS, FRAME_COUNTS, LIFETIMES, MOMENTS, TRACKS, empty
 
-CONDITION = {"dataset": "d", "lighting": "day", "rotation": 0, "direction": "forward", "tracker": "lk", "speed": 1}
+CONDITION = {
+    "dataset": "d",
+    "lighting": "day",
+    "rotation": 0,
+    "direction": "forward",
+    "camera": "",
+    "tracker": "lk",
+    "speed": 1,
+}
 REFERENCE = ReferenceCondition("day")
 AGES = 5
 TRACKS_OF_A_SCENE = 400

@@ -20,7 +20,15 @@ from tracknoise.tables.findings_schema import (
 )
 from tracknoise.tables.schema import EFFECTS, SUMMARY, Schema, check, empty
 
-CONDITION = {"dataset": "d", "lighting": "l", "rotation": 0, "direction": "forward", "tracker": "lk", "speed": 1}
+CONDITION = {
+    "dataset": "d",
+    "lighting": "l",
+    "rotation": 0,
+    "direction": "forward",
+    "camera": "",
+    "tracker": "lk",
+    "speed": 1,
+}
 SCOPE = ReportedConditions(ReferenceCondition("l"), ("lk",), percentile=90.0)
 SCHEMAS: Mapping[str, Schema] = {
     "summary": SUMMARY,

@@ -16,7 +16,7 @@ from tracknoise.statistics.prepared import prepare_observations, prepare_sequenc
 from tracknoise.tables.enumerations import Aspect
 from tracknoise.tables.schema import ASPECT, FRAME_COUNTS, OBSERVATIONS, TRACKS, Schema
 
-VIEW = {"dataset": "d", "lighting": "nominal", "rotation": 0, "direction": "forward"}
+VIEW = {"dataset": "d", "lighting": "nominal", "rotation": 0, "direction": "forward", "camera": ""}
 POINT = ["lighting", "tracker", "speed", "trimming", "weighting", "statistic", "axis", "at"]
 Tables = dict[str, pl.DataFrame]
 

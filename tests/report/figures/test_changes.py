@@ -57,7 +57,9 @@ def test_the_sentence_quotes_the_change_that_ends_at_the_reference_age(data: Rep
 
 def test_bounds_stand_where_their_values_do_and_those_of_variances_are_roots(data: ReportData) -> None:
     table = nominal(data).filter(lag=0, tracker="lucas-kanade")
-    labels = {name: table[name] for name in ("dataset", "tracker", "speed", "lighting", "rotation", "direction")}
+    labels = {
+        name: table[name] for name in ("dataset", "tracker", "speed", "lighting", "rotation", "direction", "camera")
+    }
     kind = {
         "aspect": "change",
         "at_least": None,

@@ -24,7 +24,7 @@ def first_lighting(lightings: Collection[str], experiment: Experiment) -> str:
 
 
 def reference_condition(manifest: Manifest, experiment: Experiment, outliers: pl.DataFrame) -> ReferenceCondition:
-    """The view that comes first in a run: forward, upright, and under the first lighting, at the lowest speed.
+    """The first view of a run: forward, upright, under the first lighting, of the first camera, at the lowest speed.
 
     Parameters
     ----------
@@ -43,4 +43,5 @@ def reference_condition(manifest: Manifest, experiment: Experiment, outliers: pl
         direction=str(max(sequence.direction for sequence in sequences)),
         speed=int(outliers["speed"].min()),  # type: ignore[arg-type]
         key_frames={str(entry.sequence.direction): entry.key_frame for entry in entries if entry.key_frame is not None},
+        camera=min(sequence.camera for sequence in sequences),
     )

@@ -83,15 +83,16 @@ def excluded_scenes(experiment: Experiment) -> dict[str, str]:
 
 
 def batches(tasks: list[Task]) -> list[list[Task]]:
-    """Put together the tasks whose sequences share what they read: those of one scene, played alike.
+    """Group the tasks whose sequences share what they read: those of one scene, camera and direction of play.
 
-    Readers that share nothing get a batch a task, so that more can go on at the same time.
+    Readers that share nothing get one batch per task, so that more tasks can run at the same time.
     """
     if not tasks or not isinstance(make_reader(*_reader_arguments(tasks[0].experiment.dataset)), SharingReader):
         return [[task] for task in tasks]
-    together: dict[tuple[str, str, tuple[int, ...]], list[Task]] = {}
+    together: dict[tuple[str, str, str, tuple[int, ...]], list[Task]] = {}
     for task in tasks:
-        together.setdefault((task.sequence.scene, task.sequence.direction, task.speeds), []).append(task)
+        name = task.sequence
+        together.setdefault((name.scene, name.camera, name.direction, task.speeds), []).append(task)
     return list(together.values())
 
 

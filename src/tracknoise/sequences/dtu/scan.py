@@ -14,7 +14,7 @@ _PARTS = ("pts3D_near", "pts3D_far")
 
 
 def read_scan(path: Path) -> tuple[Scan, tuple[str, ...]]:
-    """Read ``pts3D_near`` and ``pts3D_far``: a column a point, of which the first three rows are x, y, z, metres.
+    """Read ``pts3D_near`` and ``pts3D_far``: each column is a point, its first three rows are x, y, z in metres.
 
     Returns
     -------

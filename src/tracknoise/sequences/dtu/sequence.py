@@ -69,7 +69,7 @@ class LitSequence:
 
     @property
     def surface(self) -> None:
-        """None: a scan is no exact surface."""
+        """None: a scan is not an exact surface."""
         return None
 
     def image(self, index: int) -> NDArray[np.uint8]:

@@ -23,14 +23,7 @@ ROOMS_PENDING: frozenset[str] = frozenset(
         "docs/differences-from-the-paper.md",
         "docs/paper.md",
         "findings",
-        "geometry",
-        "measurement",
         "report",
-        "sequences",
-        "statistics",
-        "tables",
-        "trackers",
-        "truth",
         "a report",
     }
 )

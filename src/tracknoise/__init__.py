@@ -1,4 +1,4 @@
-"""Measure how wrong feature tracks are: bias, covariance, drift, outlier ratio and lifetime.
+"""Measure the errors of feature tracks: bias, covariance, drift, outlier ratio and lifetime.
 
 `open_sequence` opens images of known geometry. `measure` runs trackers over them and returns tables of errors, and
 `analyse` works out findings from several measurements. `open_run` reads what `tracknoise run` has measured. Names are

@@ -22,7 +22,7 @@ def validated(settings_type: type[T], options: Mapping[str, object], given: Mapp
     """Make settings from options, types checked.
 
     Options are what a TOML or JSON file can hold: nested settings are mappings, members of enumerations their names,
-    tuples lists, paths strings. Types must fit as they are: "12" is no number.
+    tuples lists, paths strings. Types must fit as they are: "12" is not a number.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def validated(settings_type: type[T], options: Mapping[str, object], given: Mapp
     options
         Values of its fields, by name.
     given
-        Values of fields that are no options.
+        Values of fields that are not options.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def defaults_as_toml(settings_type: type, hidden: frozenset[str]) -> str:
     settings_type
         A dataclass.
     hidden
-        Fields that are no options.
+        Fields that are not options.
     """
     import tomlkit
 
@@ -159,7 +159,7 @@ def _settings_in(hint: Any) -> type | None:
 
 
 def _plain(value: object) -> object:
-    """What a TOML file holds in place of a path or of nested settings."""
+    """A path or nested settings, as a TOML file holds them."""
     if isinstance(value, PurePath):
         return str(value)
     if is_dataclass(value) and not isinstance(value, type):

@@ -1,4 +1,4 @@
-"""Trackers and readers are chosen by name: those of this package, and those of other packages' entry points."""
+"""Trackers, readers and truths by name: those of this package, and those of other packages, by entry point."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,18 +15,18 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Plugins(Generic[T]):
-    """Settings dataclasses by name, each imported only when asked for.
+    """Settings dataclasses by name, each imported only when requested.
 
     Parameters
     ----------
     what
-        What they make, for messages.
+        What is chosen, for messages: "tracker" or "reader".
     group
-        Entry point group under which other packages offer more.
+        Entry point group for other packages.
     built_in
         ``module:attribute`` of those that come with this package, by name; these take precedence.
     given
-        Fields that are no options, because they are given in another way.
+        Fields that are not options, because they are set in another way.
     """
 
     what: str
@@ -65,11 +65,11 @@ class Plugins(Generic[T]):
         Parameters
         ----------
         name
-            Which class.
+            Name of the class.
         options
             Values of its fields that are not the defaults.
         given
-            Values of those fields that are no options.
+            Values of the fields that are not options.
 
         Raises
         ------
@@ -85,7 +85,7 @@ class Plugins(Generic[T]):
             raise SettingsError(f"{self.what} {name!r}: {error}") from error
 
     def with_paths_from(self, folder: Path, name: str, options: Mapping[str, object]) -> dict[str, object]:
-        """Options whose relative paths start from a folder, made absolute.
+        """Options with relative paths made absolute, starting from a folder.
 
         Raises
         ------

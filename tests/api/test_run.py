@@ -148,7 +148,7 @@ def test_a_folder_without_a_run_is_refused(tmp_path):
 def test_a_run_that_is_not_finished_is_refused(run, tmp_path):
     unfinished = RunFolder(tmp_path / "run")
     unfinished.create("name = 'x'", Manifest("hash", {}, {}, 0))
-    with pytest.raises(StoreError, match="holds no finished run"):
+    with pytest.raises(StoreError, match="no finished run"):
         tn.open_run(unfinished.path)
 
 

@@ -1,5 +1,7 @@
 """The commands, as a user types them."""
 
+import tomllib
+
 import pytest
 
 from tracknoise.cli.app import main
@@ -25,10 +27,33 @@ def test_datasets_lists_the_readers(tracknoise):
     assert names == ["dtu", "folder", "kitti", "sevenscenes", "simulated", "tartanair"]
 
 
-def test_datasets_lists_the_sequences_of_one(tracknoise):
-    code, out, _ = tracknoise("datasets", "simulated")
+def test_datasets_shows_the_options_of_a_reader_as_an_experiment_file_has_them(tracknoise):
+    code, out, _ = tracknoise("datasets", "kitti")
     assert code == 0
-    assert [line.split()[0] for line in out.splitlines()] == ["arvr-00", "fixating-00", "forward-00", "sideways-00"]
+    assert out.splitlines()[0] == "# depth_root = ... (optional)"
+    assert tomllib.loads(out) == {"radius_px": 1.0, "keep_still": False, "still_frames": 10, "still_m": 0.02}
+    assert tracknoise("datasets", "sevenscenes")[1] == "# the reader sevenscenes has no options\n"
+
+
+def test_datasets_lists_the_options_and_sequences_of_a_reader_that_needs_no_data(tracknoise):
+    code, out, _ = tracknoise("datasets", "simulated")
+    options, sequences = out.split("\n\n")
+    assert code == 0
+    assert tomllib.loads(options)["motions"] == ["sideways", "fixating", "forward", "arvr"]
+    assert [line.split()[0] for line in sequences.splitlines()] == [
+        "arvr-00",
+        "fixating-00",
+        "forward-00",
+        "sideways-00",
+    ]
+
+
+def test_datasets_lists_the_sequences_of_the_data_and_no_options(tracknoise, tmp_path):
+    for scene in ("b", "a"):
+        (tmp_path / scene / "images").mkdir(parents=True)
+        (tmp_path / scene / "poses.txt").touch()
+    code, out, _ = tracknoise("datasets", "folder", "--data", str(tmp_path))
+    assert (code, out) == (0, "a  default\nb  default\n")
 
 
 def test_trackers_lists_the_trackers(tracknoise):

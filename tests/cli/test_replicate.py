@@ -50,7 +50,7 @@ def test_one_experiment_that_fails_does_not_stop_the_others(tracknoise, small, t
     code, printed, err = tracknoise("replicate", "--out", str(out), *ONCE)
     assert code == 2
     assert "dtu: No data folder was given (--data)." in err
-    assert f"gazebo-linear: {out / 'gazebo-linear'}: holds files that are no run" in err
+    assert f"gazebo-linear: {out / 'gazebo-linear'}: contains files that are not a run" in err
     assert f"replication: {(out / 'index.html').resolve()}" in printed
     runs = {path.parent.name for path in out.glob("*/manifest.json")}
     assert runs == {"gazebo-linear-differences", "gazebo-arvr", "gazebo-arvr-differences"}

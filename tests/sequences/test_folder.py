@@ -377,9 +377,9 @@ def test_depth_without_an_image_is_named(scene: Path) -> None:
 
 
 def test_nothing_is_overwritten(scene: Path) -> None:
-    with pytest.raises(DataError, match="something is there already, expected a new or empty folder"):
+    with pytest.raises(DataError, match="already exists, expected a new or empty folder"):
         write_folder(Made(), scene)
-    with pytest.raises(DataError, match="something is there already, expected a new or empty folder"):
+    with pytest.raises(DataError, match="already exists, expected a new or empty folder"):
         write_folder(Made(), scene / "poses.txt")
 
 

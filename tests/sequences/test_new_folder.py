@@ -43,6 +43,6 @@ def test_errors_of_the_system_name_the_place(tmp_path):
 
 def test_what_is_there_stays(tmp_path):
     (tmp_path / "made").write_text("mine")
-    with pytest.raises(DataError, match="something is there already, expected a new or empty folder"):
+    with pytest.raises(DataError, match="already exists, expected a new or empty folder"):
         interrupted(tmp_path / "made", lambda folder: None)
     assert (tmp_path / "made").read_text() == "mine"

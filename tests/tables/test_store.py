@@ -80,7 +80,7 @@ def test_what_is_no_manifest_is_not_cleared(run, content):
 
 def test_a_folder_that_is_no_run_is_not_written_into(tmp_path):
     (tmp_path / "holiday.jpg").write_bytes(b"")
-    with pytest.raises(StoreError, match="holds files that are no run"):
+    with pytest.raises(StoreError, match="contains files that are not a run"):
         RunFolder(tmp_path).require_empty()
 
 
@@ -129,7 +129,7 @@ def test_keys_are_file_names_and_differ():
 
 
 def test_statistics_of_a_run_that_is_not_finished_say_so(run):
-    with pytest.raises(StoreError, match="holds no finished run"):
+    with pytest.raises(StoreError, match="no finished run"):
         run.statistics("summary")
 
 

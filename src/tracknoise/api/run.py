@@ -164,7 +164,7 @@ class Run:
         Parameters
         ----------
         name
-            Id of a figure, or of a section, which stands for its first figure that can be drawn.
+            Id of a figure, or of a section: its first figure that can be drawn is used.
 
         Returns
         -------
@@ -190,8 +190,7 @@ class Run:
         Parameters
         ----------
         name
-            One of `tables`. A table that is stored by sequence is put together; one that also exists for the whole run
-            is the latter.
+            One of `tables`. A table that exists for each sequence only is concatenated from its parts.
         **wanted
             Only rows that have these values: one value or several, by column; None for a missing value.
 

@@ -11,7 +11,7 @@ from tracknoise.tables.schema import ORIGIN
 Names: TypeAlias = str | Collection[str]
 Numbers: TypeAlias = int | Collection[int]
 Wanted: TypeAlias = str | float | Collection[str | float | None] | None
-"""One value, or several; None stands for a missing one."""
+"""One value, or several; None means a missing value."""
 
 
 class ConditionColumns(TypedDict, total=False):

@@ -20,7 +20,7 @@ _INTERRUPTED = 130
 
 app = typer.Typer(
     name="tracknoise",
-    help="Measure how wrong feature tracks are: bias, covariance, drift, outlier ratio and lifetime.",
+    help="Measure the errors of feature tracks: bias, covariance, drift, outlier ratio and lifetime.",
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode="markdown",
@@ -42,7 +42,7 @@ def _root(
         bool, typer.Option("--version", help="Print the version.", callback=_print_version, is_eager=True)
     ] = False,
 ) -> None:
-    """Measure how wrong feature tracks are: bias, covariance, drift, outlier ratio and lifetime."""
+    """Measure the errors of feature tracks: bias, covariance, drift, outlier ratio and lifetime."""
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -56,7 +56,7 @@ def main(arguments: list[str] | None = None) -> None:
     terminal = Terminal()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # one character that a terminal cannot show must not hide the rest
+            stream.reconfigure(errors="replace")  # one unprintable character must not hide the rest
     try:
         status = typer.main.get_command(app).main(
             args=arguments, prog_name="tracknoise", standalone_mode=False, obj=terminal

@@ -25,7 +25,7 @@ QuietOption = Annotated[
 WorkersOption = Annotated[
     int | None, typer.Option("--workers", "-w", min=1, help="Worker processes (default: one per core).")
 ]
-ScenesOption = Annotated[int | None, typer.Option("--scenes", min=1, help="Maximum number of scenes, by name.")]
+ScenesOption = Annotated[int | None, typer.Option("--scenes", min=1, help="Maximum number of scenes, sorted by name.")]
 FramesOption = Annotated[int | None, typer.Option("--frames", min=2, help="Maximum number of frames per scene.")]
 ModelsOption = Annotated[
     Path | None, typer.Option("--models", help="Folder of Gazebo models, for simulated worlds that use them.")

@@ -76,13 +76,13 @@ def verdict_text(verdict: "Verdict") -> str:
     from tracknoise.experiments.validation.selfcheck import furthest
     from tracknoise.tables.defaults import LEVEL
 
-    limit = f"more than {furthest(verdict.n_numbers):.1f} standard errors between expected and measured"
+    limit = f"more than {furthest(verdict.n_numbers):.1f} standard errors from the expected value"
     missing = f" {verdict.n_missing} more are missing." if verdict.n_missing else ""
     return "\n".join(
         [
             f"{verdict.n_off} of {verdict.n_numbers} numbers are off ({limit}).{missing}",
-            f"{verdict.n_within} of {verdict.n_intervals} intervals ({100 * LEVEL:.0f} %) contain the expected value "
-            f"(about {LEVEL * verdict.n_intervals:.0f} should, at least {verdict.n_least} must).",
+            f"{verdict.n_within} of {verdict.n_intervals} intervals ({100 * LEVEL:.0f} %) contain the expected value. "
+            f"The self-test requires {verdict.n_least}; about {LEVEL * verdict.n_intervals:.0f} are likely.",
             "Self-test passed." if verdict.passes else "Self-test FAILED.",
         ]
     )

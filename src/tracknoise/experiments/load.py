@@ -34,7 +34,7 @@ def load_experiment(
     root
         Folder of the data, instead of the one that the file names.
     scenes, frames
-        Only so many scenes, and frames of each, instead of what the file says.
+        Maximum number of scenes, and of frames per scene, instead of those in the file.
     options
         Options of the reader, instead of what the file says.
 

@@ -30,15 +30,15 @@ class DatasetSettings(_Section):
     root: Annotated[Path | None, Field(strict=False)] = None
     """Folder of the data, relative to the experiment file; `--data` takes precedence."""
     scenes: list[str] | None = None
-    """Only these scenes; by default all."""
+    """Measure only these scenes. Default: all."""
     lightings: list[str] | None = None
-    """Only these lightings; by default all."""
+    """Measure only these lightings. Default: all."""
     max_frames: Annotated[int, Field(ge=2)] | None = None
-    """Most frames of each sequence, from the first; by default all."""
+    """Maximum number of frames of each sequence, from the first. Default: all."""
     max_scenes: Annotated[int, Field(ge=1)] | None = None
-    """Most scenes, the first by name; by default all."""
+    """Maximum number of scenes, sorted by name. Default: all."""
     options: dict[str, Any] = {}
-    """The reader's own settings."""
+    """Options of the reader: see `tracknoise datasets NAME`."""
 
 
 class ViewSettings(_Section):
@@ -49,20 +49,20 @@ class ViewSettings(_Section):
     direction: Annotated[Direction, Field(strict=False)] = Direction.forward
     """Whether frames are played in the order of their recording, or in reverse."""
     lightings: list[str] | None = None
-    """Only under these lightings; by default all of the experiment."""
+    """Measure only these lightings. Default: all lightings of the experiment."""
     speeds: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1)] | None = None
-    """Only at these speeds; by default all of the experiment."""
+    """Measure only these speeds. Default: all speeds of the experiment."""
 
 
 class TrackerChoice(_Section):
     """One tracker to measure."""
 
     kind: str
-    """Which tracker: see `tracknoise trackers`."""
+    """Kind of tracker: see `tracknoise trackers`."""
     name: Annotated[str, Field(min_length=1)] | None = None
-    """Its name in tables and figures; by default its kind."""
+    """Name of the tracker in tables and figures. Default: its kind."""
     options: dict[str, Any] = {}
-    """Its own settings that differ from the defaults."""
+    """Options of the tracker that differ from the defaults: see `tracknoise trackers KIND`."""
 
     @property
     def label(self) -> str:
@@ -74,13 +74,13 @@ class TruthSettings(_Section):
     """How true positions of features are computed."""
 
     kind: str | None = None
-    """Kind of truth: `birth`, `raycast`, `scan`, or one of another package; by default the best that the data offer."""
+    """Kind of truth: `birth`, `raycast`, `scan`, or one of another package. Default: the best that the data allow."""
     population: Annotated[Population, Field(strict=False)] = defaults.POPULATION
-    """Which observations errors are of: `visible` ones, or all that can be `projected`, occluded ones included."""
+    """Observations whose errors are used: only `visible` ones, or all with a true position (`projected`)."""
     scan_radius_px: Annotated[float, Field(gt=0)] = defaults.SCAN_RADIUS_PX
-    """Largest distance of a feature in the key frame to the projection of the scan point associated with it."""
+    """Largest distance in the key frame between a feature and the projection of its scan point, px."""
     scan_anchoring: Annotated[ScanAnchoring, Field(strict=False)] = ScanAnchoring.ray
-    """What a feature takes from its scan point: the depth along its own `ray`, or the `point` itself."""
+    """World point of a feature: on its own `ray` at the depth of the scan point, or the scan `point` itself."""
 
 
 class StatisticsSettings(_Section):
@@ -89,41 +89,41 @@ class StatisticsSettings(_Section):
     trim_percentile: Annotated[float, Field(gt=0, le=100)] = defaults.TRIM_PERCENTILE
     """Drop tracks whose largest error is above this percentile of their scene and condition; 100 drops none."""
     trim_among: Annotated[TrimAmong, Field(strict=False)] = defaults.TRIM_AMONG
-    """Tracks of which that percentile is taken: `all` that have an error, as in the paper, or those `followed`, which
-    have an error in another frame than the one that fixes their true position, where it is zero by construction."""
+    """Tracks from which the percentile is computed: `all` that have an error, as in the paper, or those that were
+    `followed` beyond their anchor, where the error is zero by construction."""
     min_features: Annotated[int, Field(ge=2)] = defaults.MIN_FEATURES
     """Curves are cut where fewer features than this remain."""
 
 
 class FindingsSettings(_Section):
-    """Margin, level and intervals of findings; they may change when a run is resumed."""
+    """Margin, level and intervals of findings. They can be changed without measuring again."""
 
     margin: Annotated[float, Field(gt=0, allow_inf_nan=False)] = defaults.MARGIN
-    """Largest relative effect of a factor that does not matter."""
+    """Largest relative effect of a factor that counts as no effect."""
     level: Annotated[float, Field(ge=0.5, le=0.99)] = defaults.LEVEL
     """Probability that an interval contains the true value."""
     intervals: Annotated[IntervalKind, Field(strict=False)] = defaults.KIND_OF_INTERVAL
-    """How intervals are made: see docs/findings.md, which names the findings that need another kind."""
+    """Method of intervals. docs/findings.md names the findings that use another method."""
 
 
 class Experiment(_Section):
-    """All settings that decide the numbers of an experiment."""
+    """All settings of an experiment that affect its results."""
 
     name: Annotated[str, Field(pattern=r"^[^/\\]*[^/\\.][^/\\]*$")]
-    """Its name in the report and of its run folder: a file name."""
+    """Name of the experiment in the report, and of its run folder."""
     dataset: DatasetSettings
     trackers: Annotated[list[TrackerChoice], Field(min_length=1)]
     speeds: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1)] = [1]
-    """Speeds: at speed s a tracker sees every s-th frame."""
+    """At speed s, a tracker sees every s-th frame."""
     views: Annotated[list[ViewSettings], Field(min_length=1)] = [ViewSettings()]
-    """Views of the scenes: by default as they were recorded."""
+    """Views of the scenes. Default: as recorded."""
     paper: str | None = None
-    """Experiment of the paper that this one repeats: the report compares the findings of both."""
+    """Experiment of the paper that this one repeats. The report compares both."""
     seed: Annotated[int, Field(ge=0)] = 0
-    """Random seed of trackers such as the oracle. Simulations and outlier rejection have seeds of their own."""
+    """Random seed of trackers such as the oracle. Simulation and outlier rejection have their own seeds."""
     keep: Keep = "observations"
-    """What the run folder keeps of a sequence: all `observations` and tracks, or only `statistics`. These are smaller.
-    Figures of single errors need observations; all other figures, and all tables, are the same."""
+    """What the run folder keeps: all `observations` and tracks, or only `statistics`, which need less space. Figures of
+    single errors require observations. All other figures and tables are the same."""
     truth: TruthSettings = TruthSettings()
     statistics: StatisticsSettings = StatisticsSettings()
     findings: FindingsSettings = FindingsSettings()
@@ -142,24 +142,24 @@ class Experiment(_Section):
         return self
 
     def with_limits(self, *, scenes: int | None, frames: int | None) -> "Experiment":
-        """Return the same experiment on so many scenes, and frames of each; None leaves it as it is."""
+        """Return a copy with a maximum number of scenes, and of frames per scene; None changes nothing."""
         limits = {"max_scenes": scenes, "max_frames": frames}
         return self._with_dataset({name: value for name, value in limits.items() if value is not None})
 
     def with_scenes(self, most: int | None) -> "Experiment":
-        """Return the same experiment on at most so many scenes; None is for all."""
+        """Return a copy with a maximum number of scenes; None means all."""
         return self._with_dataset({"max_scenes": most})
 
     def with_findings(self, settings: FindingsSettings) -> "Experiment":
-        """Return the same experiment of which other things are asked."""
+        """Return a copy with other settings of findings."""
         return self.model_copy(update={"findings": settings})
 
     def with_option(self, name: str, value: object) -> "Experiment":
-        """Return the same experiment with another value of an option of its reader."""
+        """Return a copy with another value of one option of the reader."""
         return self._with_dataset({"options": {**self.dataset.options, name: value}})
 
     def with_root(self, root: Path | None) -> "Experiment":
-        """Return the same experiment on data in another folder."""
+        """Return a copy with another data folder."""
         return self._with_dataset({"root": root})
 
     def _with_dataset(self, changes: dict[str, Any]) -> "Experiment":
@@ -170,7 +170,7 @@ class Experiment(_Section):
         return tomlkit.dumps(self.model_dump(mode="json", exclude_none=True))
 
     def digest(self) -> str:
-        """Hash of every setting but the place of the data, which may move. Hexadecimal SHA-256."""
+        """Hexadecimal SHA-256 of all settings except the folder of the data, which may move."""
         return hashlib.sha256(self.with_root(None).to_toml().encode()).hexdigest()
 
 
@@ -182,7 +182,7 @@ def parse_experiment(text: str, *, place: str) -> Experiment:
     text
         TOML.
     place
-        What to call it in errors.
+        Its name in errors.
 
     Raises
     ------
@@ -207,7 +207,7 @@ def _first_problem(error: ValidationError) -> str:
     problem = error.errors()[0]
     key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in problem["loc"]).lstrip(".")
     if problem["type"] == "extra_forbidden":
-        return str(UnknownNameError("key", key.split(".")[-1], _known_keys(problem["loc"]))) + f" (in {_parent(key)})"
+        return str(UnknownNameError("key", key.split(".")[-1], _known_keys(problem["loc"]))) + f" ({_parent(key)})"
     if problem["type"] == "missing":
         return f"{key}: missing, expected a value"
     if problem["type"] == "value_error":
@@ -217,7 +217,7 @@ def _first_problem(error: ValidationError) -> str:
 
 
 def _parent(key: str) -> str:
-    return f"section {key.rpartition('.')[0]!r}" if "." in key else "the top level"
+    return f"in section {key.rpartition('.')[0]!r}" if "." in key else "at the top level"
 
 
 def _known_keys(location: tuple[int | str, ...]) -> list[str]:

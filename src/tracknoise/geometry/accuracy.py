@@ -1,4 +1,4 @@
-"""How exact a recording's poses and depths are, as stated by whoever made it."""
+"""Stated uncertainty of the poses and depths of a recording."""
 
 from dataclasses import dataclass
 
@@ -28,7 +28,7 @@ class DepthAccuracy:
     constant_m
         The part that does not depend on the depth, metres.
     relative
-        The part that grows with the depth, as a share of it, no unit.
+        The part that is proportional to the depth, no unit.
     """
 
     constant_m: float

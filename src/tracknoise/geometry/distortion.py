@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 _STEPS = 100
 _SOLVED = 1e-13
-"""Residual at which a position counts as found, at depth 1; where double precision allows it, steps go on below it."""
+"""Residual, at depth 1, at which a position counts as found. Iteration continues below it if precision allows."""
 
 Coefficients = tuple[float, ...]
 """k1, k2, p1, p2, then k3, then k4, k5, k6, in OpenCV's order; those that are missing are 0."""

@@ -19,7 +19,7 @@ Quality = Mapping[str, NDArray[np.float32]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """All observations of one tracker setup, in the order of frames.
+    """All observations of one tracker at one speed, in the order of frames.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class _Observed:
 
 
 class Recorder:
-    """Collects the steps of one tracker setup; tracks are numbered without gaps in the order of their birth."""
+    """Collects the steps of one tracker at one speed, and numbers the tracks without gaps as they begin."""
 
     def __init__(self) -> None:
         self._live_ids: NDArray[np.int64] = np.empty(0, np.int64)  # sorted, so that it can be searched

@@ -39,7 +39,7 @@ class TrackerSetup:
 
 @dataclass(frozen=True, slots=True)
 class TrackingResult:
-    """What one pass over a sequence yields.
+    """Result of one pass over a sequence.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ def run_trackers(
     TrackerError
         If a tracker contradicts itself.
     SettingsError
-        If a tracker needs a truth that can place points, and this one cannot.
+        If a tracker needs a truth that can compute world points, and this one cannot.
     """
     snapshot_frame = _snapshot_frame(n_frames, conditions, truths[0].key_frame)
     passes = [

@@ -47,7 +47,7 @@ class Folder:
     Parameters
     ----------
     root
-        Folder of one sequence, or one that holds several at any depth.
+        Folder of one sequence, or a folder that contains several at any depth.
     depth_radius_px
         None for dense depth, which is interpolated. For sparse depth (lidar), the largest distance from a feature to
         the nearest pixel with depth, px.
@@ -132,7 +132,7 @@ def write_folder(sequence: Sequence, path: Path, *, progress: Callable[[int, int
     Raises
     ------
     DataError
-        If the camera is no pinhole camera or changes, or the folder is neither new nor empty, or cannot be written.
+        If the camera is not a pinhole camera or changes, or the folder is neither new nor empty, or cannot be written.
     """
     with new_folder(path) as unfinished:
         _write_files(sequence, unfinished, progress)

@@ -106,7 +106,7 @@ def read_depth_png16(
     metres_per_unit
         Depth of the integer 1, metres.
     invalid
-        Integers that mean that there is no depth.
+        Integers that mean no depth.
 
     Raises
     ------

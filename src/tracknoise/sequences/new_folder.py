@@ -29,7 +29,7 @@ def new_folder(path: Path) -> Iterator[Path]:
     """
     path = Path(path).absolute()
     if path.exists() and not (path.is_dir() and not any(path.iterdir())):
-        raise DataError(path, "something is there already", "a new or empty folder")
+        raise DataError(path, "already exists", "a new or empty folder")
     try:
         with atomic.new_folder(path) as unfinished:
             yield unfinished

@@ -14,7 +14,7 @@ RIGID_TOLERANCE = 0.05
 """Largest deviation of a rotation's singular values, or of a quaternion's norm, from 1.
 
 Poses rounded to two decimals stay below it, and 7-Scenes deviates by 6e-5; matrices with a scale, swapped columns of
-a file and numbers that are no pose at all do not.
+a file and numbers that are not a pose do not.
 """
 
 CORRECTION_NOTED = 1e-3
@@ -24,14 +24,14 @@ Place = str | Path
 
 
 def read_rows(path: Path, columns: str) -> tuple[NDArray[np.float64], list[str]]:
-    """Read a text file of numbers, the same count in each row; blank lines and ``#`` comments are skipped.
+    """Read a text file of numbers, the same number in each row. Blank lines and ``#`` comments are skipped.
 
     Parameters
     ----------
     path
         The file.
     columns
-        Names of the columns, separated by spaces: their count is the count of fields in a row.
+        Names of the columns, separated by spaces: each row has this many fields.
 
     Returns
     -------
@@ -42,7 +42,7 @@ def read_rows(path: Path, columns: str) -> tuple[NDArray[np.float64], list[str]]
     Raises
     ------
     DataError
-        If the file is missing or unreadable, or a row has another count of fields or something else than numbers.
+        If the file is missing or unreadable, or a row has a different number of fields or a field that is not a number.
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
@@ -70,7 +70,7 @@ def read_matrix(path: Path, *, size: int) -> NDArray[np.float64]:
     Raises
     ------
     DataError
-        If the file is missing, has another count of rows or fields, or something else than numbers.
+        If the file is missing, has a different number of rows or fields, or a field that is not a number.
     """
     rows, _ = read_rows(path, " ".join(f"column{column}" for column in range(1, size + 1)))
     if len(rows) != size:
@@ -124,7 +124,7 @@ def checked_poses(poses: NDArray[np.float64], places: Sequence[Place]) -> tuple[
     poses : (n, 4, 4) float64
         With the nearest rotations.
     notes : tuple of str
-        One sentence if the correction is above `CORRECTION_NOTED`, of which there is a `DataWarning` as well.
+        One sentence if the correction is above `CORRECTION_NOTED`. A `DataWarning` is issued too.
 
     Raises
     ------

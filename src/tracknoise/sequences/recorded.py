@@ -1,4 +1,4 @@
-"""A sequence that was recorded: its images and depths are read, one frame at a time, from files or anything else."""
+"""A recorded sequence. Its images and depths are read one frame at a time, from files or any other source."""
 
 from collections.abc import Callable, Iterator, Sized
 from dataclasses import dataclass
@@ -19,14 +19,14 @@ DepthSource = Callable[[int], DepthMap | None]
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RecordedSequence:
-    """A `tracknoise.sequences.sequence.Sequence` whose frames are read when asked for, and not kept.
+    """A `tracknoise.sequences.sequence.Sequence` whose frames are read when requested, and not kept.
 
     Parameters
     ----------
     id
         Which sequence.
     source
-        Where it comes from, for messages: a folder, a bag, an archive.
+        Origin of the data, for messages: a folder, a bag, an archive.
     camera
         Intrinsics of all images; where they change, of the first.
     world_from_camera
@@ -86,12 +86,12 @@ class RecordedSequence:
 
     @property
     def surface(self) -> None:
-        """None: a recording knows no exact surface."""
+        """None: the exact surface of a recording is unknown."""
         return None
 
     @property
     def scan(self) -> None:
-        """None: its truth lies in depth maps."""
+        """None: its truth is computed from depth maps."""
         return None
 
     def camera_at(self, index: int) -> CameraModel:
@@ -128,7 +128,7 @@ class RecordedSequence:
         return depth
 
     def _counts(self) -> Iterator[tuple[str, int]]:
-        """How many there are of what must be there once for each frame, by name."""
+        """Number of items of everything that each frame must have one of, by name."""
         parts = (
             ("images", self.images),
             ("depth maps", self.depths),

@@ -37,7 +37,7 @@ def make_reader(name: str, root: Path | None = None, options: Mapping[str, objec
     if not READERS.load(name).needs_root:
         return READERS.make(name, options)
     if root is None:
-        raise SettingsError(f"reader {name!r} needs the folder of its data")
+        raise SettingsError(f"reader {name!r} needs the folder of its data: `root` or --data")
     return READERS.make(name, options, given={"root": Path(root)})
 
 
@@ -53,7 +53,7 @@ def reader_defaults(name: str) -> str:
 
 
 def select(reader: Reader, scene: str | None = None, lighting: str | None = None) -> SequenceId:
-    """The first sequence of a reader that has the given scene and lighting; None stands for any.
+    """The first sequence of a reader that has the given scene and lighting; None means any.
 
     Raises
     ------
@@ -123,12 +123,12 @@ def open_sequences(reader: str, root: str | Path | None = None, **options: objec
     root
         Folder of the data; None for ``simulated``.
     **options
-        The reader's own settings.
+        Options of the reader.
 
     Yields
     ------
     Sequence
-        Each is opened when it is asked for.
+        Each is opened when it is requested.
 
     Raises
     ------

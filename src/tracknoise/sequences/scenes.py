@@ -30,7 +30,7 @@ def find_scenes(root: Path, is_scene: Callable[[list[str], list[str]], bool], *,
     Raises
     ------
     DataError
-        If the root is no folder, or there is no scene.
+        If the root is not a folder, or there is no scene.
     """
     scenes: dict[str, Path] = {}
     visited: set[str] = set()

@@ -1,4 +1,4 @@
-"""Interfaces of readers and sequences: images with cameras, poses and, where there is one, depth."""
+"""Interfaces of readers and sequences: images with cameras, poses and, if available, depth."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -16,7 +16,7 @@ from tracknoise.tables.identity import SequenceId
 
 
 class TruthKind(StrEnum):
-    """Kinds of truth that rest on data which a sequence must have: depth maps, an exact surface or a scan."""
+    """Kinds of truth that require data of the sequence: depth maps, an exact surface or a scan."""
 
     birth = "birth"
     raycast = "raycast"
@@ -25,14 +25,14 @@ class TruthKind(StrEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scan:
-    """Points of a scene's surface, measured once, for features that are visible in one frame.
+    """Points on the surface of a scene, from a single scan, for features that are visible in one frame.
 
     Parameters
     ----------
     points_world
         (n, 3) float64, metres, world frame, finite.
     key_frame
-        The frame in which features are associated with them.
+        The frame in which features are associated with the points.
     """
 
     points_world: NDArray[np.float64]
@@ -63,21 +63,21 @@ class Surface(Protocol):
 
 @runtime_checkable
 class Sequence(Protocol):
-    """A camera path through one place, with images loaded one at a time and only when asked for."""
+    """A camera path through one place. Each image is loaded when it is requested."""
 
     @property
     def id(self) -> SequenceId:
-        """Which sequence this is."""
+        """Identity of the sequence."""
         ...
 
     @property
     def source(self) -> str:
-        """Where it comes from, for messages: a folder, an archive, or the name of a simulated scene."""
+        """Origin of the data, for messages: a folder, an archive, or the name of a simulated scene."""
         ...
 
     @property
     def camera(self) -> CameraModel:
-        """Intrinsics of all images; of the first where they change (`ChangingCamera`). All have the same size."""
+        """Intrinsics of all images, or of the first if they change (`ChangingCamera`). All have the same size."""
         ...
 
     @property
@@ -102,16 +102,16 @@ class Sequence(Protocol):
 
     @property
     def truths(self) -> tuple[str, ...]:
-        """The kinds of truth whose data this sequence has, best first: those of `TruthKind`, or a plug-in's."""
+        """Kinds of truth for which this sequence has the data, best first: of `TruthKind` or of a plug-in."""
         ...
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was corrected or assumed while reading, one sentence each."""
+        """Corrections and assumptions of the reader, one sentence each."""
         ...
 
     def __len__(self) -> int:
-        """Count of frames, at least 1."""
+        """Number of frames, at least 1."""
         ...
 
     def image(self, index: int) -> NDArray[np.uint8]:
@@ -120,7 +120,7 @@ class Sequence(Protocol):
         Raises
         ------
         DataError
-            If the image is missing, truncated or of another size than the camera's.
+            If the image is missing or truncated, or its size differs from that of the camera.
         """
         ...
 
@@ -130,18 +130,18 @@ class Sequence(Protocol):
         Raises
         ------
         DataError
-            If the file is missing, truncated or of another size than the camera's.
+            If the file is missing or truncated, or its size differs from that of the camera.
         """
         ...
 
     @property
     def surface(self) -> Surface | None:
-        """The exact surface, where the sequence is simulated."""
+        """The exact surface of a simulated sequence; None for others."""
         ...
 
     @property
     def scan(self) -> Scan | None:
-        """Points of the surface and the key frame, where there is a scan.
+        """Points of the surface and the key frame, if there is a scan; None otherwise.
 
         Raises
         ------
@@ -161,7 +161,7 @@ class ChangingCamera(Protocol):
 
 
 def camera_at(sequence: Sequence, index: int) -> CameraModel:
-    """Intrinsics of one frame of a sequence; those of `Sequence.camera` where they do not change."""
+    """Intrinsics of one frame of a sequence; those of `Sequence.camera` if they do not change."""
     return sequence.camera_at(index) if isinstance(sequence, ChangingCamera) else sequence.camera
 
 
@@ -224,7 +224,7 @@ class FilteringReader(Protocol):
         Raises
         ------
         DataError
-            If the files that decide it cannot be read.
+            If the files that determine it cannot be read.
         """
         ...
 

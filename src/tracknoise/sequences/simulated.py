@@ -307,7 +307,7 @@ class SimulatedSequence:
 
 
 def _generator(seed: int, stream: int, name: str, index: int = 0) -> np.random.Generator:
-    """A generator that depends on nothing but its arguments, so that frames can be made in any order."""
+    """A generator that depends only on its arguments, so that frames can be rendered in any order."""
     return np.random.default_rng([seed, stream, zlib.crc32(name.encode()), index])
 
 

@@ -15,12 +15,12 @@ QUARTER_DEG = 90
 
 
 def view(sequence: Sequence, *, n_frames: int | None, direction: Direction, rotation: int) -> Sequence:
-    """The view of a sequence that an experiment asks for.
+    """Make the view of a sequence that an experiment requires.
 
     Parameters
     ----------
     sequence
-        As its reader opened it.
+        The sequence as opened by its reader.
     n_frames
         At most this many frames, from the first; None for all.
     direction
@@ -41,7 +41,7 @@ def turned(sequence: Sequence, degrees: int) -> Sequence:
     Raises
     ------
     ValueError
-        If `degrees` is no multiple of 90.
+        If `degrees` is not a multiple of 90.
     """
     quarters, rest = divmod(degrees % 360, QUARTER_DEG)
     if rest:
@@ -217,7 +217,7 @@ class Backward(View):
         return View.cast(self, self._mirrored(index), uv)
 
     def _mirrored(self, index: int) -> int:
-        """The frame of the sequence shown that stands at `index` from its end."""
+        """Index in the sequence shown, counted from its end."""
         return len(self.sequence) - 1 - index
 
 
@@ -225,8 +225,8 @@ class Backward(View):
 class Turned(View):
     """A sequence whose images, and the camera with them, are turned a quarter counter-clockwise.
 
-    The pixel (u, v) of the upright image becomes (v, width - 1 - u), and the camera's axes turn likewise: what was up
-    in the upright image now lies to the left.
+    The pixel (u, v) of the upright image becomes (v, width - 1 - u), and the camera's axes turn likewise: up
+    in the upright image is now left.
     """
 
     @property
@@ -246,7 +246,7 @@ class Turned(View):
 
     @property
     def world_from_camera(self) -> NDArray[np.float64]:
-        """(n, 4, 4) float64: the same places, with the camera's axes turned."""
+        """(n, 4, 4) float64: the same positions, with the axes of the camera turned."""
         upright_from_turned = np.diag([0.0, 0.0, 1.0, 1.0])
         upright_from_turned[0, 1], upright_from_turned[1, 0] = -1.0, 1.0
         turned: NDArray[np.float64] = self.sequence.world_from_camera @ upright_from_turned

@@ -4,14 +4,13 @@ With e = (du, dv) and a unit vector d in the image,
 
 - along = d . e, across = (-d_v, d_u) . e: to the right of d, since v points down
 
-`motion`: d is the direction in which the true position moved since the previous frame that the tracker saw. Where the
-direction of motion turns, an error that follows it averages out in u and v, and does not along d. `gradient`: d is the
-dominant gradient where the feature was first seen. It is an axis without sign: absolute errors and second moments along
-it are defined, mean errors are not.
+`motion`: d is the direction in which the true position moved since the previous frame that the tracker saw. If that
+direction turns, an error along it averages out in u and v, but not along d. `gradient`: d is the
+dominant gradient in the first frame of the feature. It is an axis without a sign: absolute errors and second moments
+along it are defined, mean errors are not.
 
-`long_lived`: errors in image axes of the tracks that were seen at the age `at_least` or later. Where they are smaller
-than the errors of all tracks at the same age, curves over all tracks show some survivorship bias: tracks with large
-errors are lost earlier.
+`long_lived`: errors in image axes of the tracks that were seen at the age `at_least` or later. If they are smaller than
+the errors of all tracks at the same age, there is survivorship bias: tracks with large errors are lost earlier.
 
 `change`: changes of the errors of every track, in image axes, by the age at which they end.
 """
@@ -50,7 +49,7 @@ class _Errors:
 
 @dataclass(frozen=True, slots=True)
 class _Keys:
-    """By what errors are grouped, besides condition and trimming.
+    """Columns by which errors are grouped, besides condition and trimming.
 
     Attributes
     ----------
@@ -80,8 +79,7 @@ def aspects(sequence: PreparedSequence) -> pl.DataFrame:
     polars.DataFrame
         Schema `ASPECTS`, sorted by its columns before `n`, with one row for each combination that has an observation.
         `motion` has the observations whose true position in the previous frame of the tracker is known and at least
-        `LEAST_MOTION_PX` away, and so none at age 0. `gradient` has those of tracks that began where one gradient
-        dominates.
+        `LEAST_MOTION_PX` away, and therefore none at age 0. `gradient` has those of tracks with a dominant gradient.
     """
     keys = _Keys({"at": sequence.seen.at}, sequence.seen.axis, FOURTH)
     parts = _of_errors(sequence, keys, np.ones(sequence.observations.height, dtype=bool))

@@ -60,5 +60,5 @@ def scenes_by_dataset(conditions: Iterable[tuple[Condition, pl.DataFrame]]) -> d
 
 
 def names(key: Condition, schema: Schema) -> list[pl.Expr]:
-    """The names of a condition as literals, of which a table holds one each, however many rows it has."""
+    """The names of a condition as literal columns, which are stored once however many rows a table has."""
     return [pl.lit(value, dtype=schema[name]).alias(name) for name, value in zip(POOLED, key, strict=True)]

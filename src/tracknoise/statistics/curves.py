@@ -7,10 +7,10 @@ With n the features at age k (the paper's Psi(k)) and du_i, dv_i their errors:
 - Phi_uv(k) = sum(du_i dv_i) / (n - 1), px^2 (Phi): the second moment about zero, which the paper calls covariance
 - central_uv(k) = sum((du_i - nu_u) (dv_i - nu_v)) / (n - 1), px^2: the covariance in the usual sense
 
-Where a single scan fixes the features that are visible in its key frame, the same of the M features in frame t are
-called mu_u(t), kappa_u(t) and Sigma_uv(t) (mu), (kappa), (Sigma).
+If a single scan anchors the features that are visible in its key frame, the same values of the M features in frame t
+are called mu_u(t), kappa_u(t) and Sigma_uv(t) (mu), (kappa), (Sigma).
 
-Differences from the paper: its printed sum limit of nu is a slip for Psi(k), and it has no central covariance.
+Differences from the paper: its printed sum limit of nu is a misprint for Psi(k), and it has no central covariance.
 """
 
 from collections.abc import Iterable, Sequence
@@ -36,7 +36,7 @@ _SUMS = {statistic: [f"{statistic} {column}" for column in columns] for statisti
 _SCENES = {statistic: f"{statistic} scenes" for statistic in _COLUMNS}
 
 _Values = dict[str, tuple[NDArray[np.float64], NDArray[np.int64]]]
-"""For each statistic: its values, (points, 2 or 3), NaN where undefined; and the scenes it rests on, (points,)."""
+"""For each statistic: its values, (points, 2 or 3), NaN where undefined; and the number of its scenes, (points,)."""
 _SIGNLESS = {names[role] for names in NAMES.values() for role in ("absolute", "second")}
 """Statistics that do not change with the sign of an axis."""
 
@@ -48,19 +48,19 @@ def curves(moments: pl.DataFrame | Iterable[pl.DataFrame], *, min_features: int 
     ----------
     moments
         A moments table with one row per scene, condition, population, trimming and age or frame; or any number of such
-        tables, of which a few at a time are read. A scene that a bootstrap drew twice occurs twice and counts twice.
+        tables, which are read a few at a time. A scene that a bootstrap drew twice occurs and counts twice.
         The order of rows does not matter. The order of tables affects the rounding of sums only.
     min_features
-        `cut` is set from the first age on, of those that a condition has, at which its scenes together have fewer
-        features than this; with frames, from the frame of most features outwards, on either side.
+        `cut` is set from the first age of a condition at which its scenes together have fewer features than this. On
+        an axis of frames it is set outwards from the frame with the most features, on both sides.
 
     Returns
     -------
     polars.DataFrame
         Schema `CURVES`, sorted by all columns that come before `n`. Weighting `features` pools all features of all
         scenes as the paper does; `scenes` is the mean over scenes of each scene's own statistic. `n` counts the
-        features of all scenes in both, `n_scenes` the scenes that the value rests on. Second moments are null where
-        n is 1; with weighting `scenes` a scene with one feature does not enter them.
+        features of all scenes in both, `n_scenes` the scenes of the value. Second moments are null if
+        n is 1. With weighting `scenes`, they exclude scenes with a single feature.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def aspect_curves(aspects: pl.DataFrame | Iterable[pl.DataFrame], *, min_feature
     -------
     polars.DataFrame
         Schema `ASPECT_CURVES`, sorted by aspect, `at_least`, and then as curves are. u is along and v across the motion
-        or the gradient. Along the gradient, an axis without sign, there are no means and no central moments.
+        or the gradient. The gradient has no sign, so that there are no means and central moments along it.
 
     Raises
     ------

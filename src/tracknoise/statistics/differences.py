@@ -7,7 +7,7 @@ For curves c_l and c_m of one statistic and coordinate:
 - effect = difference / common (effect.pair)
 
 Curves are compared in pairs because at different speeds they do not have the same ages: each pair is judged where both
-were seen, and one that shares nothing is left out.
+were seen, and a pair that shares nothing is left out.
 """
 
 from collections.abc import Mapping

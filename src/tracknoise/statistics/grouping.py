@@ -144,7 +144,7 @@ def reduce_each(
 def in_chunks(
     tables: pl.DataFrame | Iterable[pl.DataFrame], schema: Schema, name: str, *, rows: int = _ROWS_AT_ONCE
 ) -> Iterator[pl.DataFrame]:
-    """Stack tables into fewer, larger ones, each of which can be reduced before the next is read.
+    """Concatenate tables into fewer, larger ones. Each can be reduced before the next is read.
 
     How they are stacked depends only on their sizes and order.
 

@@ -1,4 +1,4 @@
-"""Histogram of the tracks' largest errors in bins that never change, so that histograms can be added."""
+"""Histogram of the tracks' largest errors in fixed bins, so that histograms can be added."""
 
 from collections.abc import Iterable
 
@@ -10,7 +10,7 @@ from tracknoise.statistics.grouping import add_up, group_runs
 from tracknoise.tables.schema import ERRORS, TRACKS, check
 
 BINS_PER_DECADE = 10
-# Rounded, so that they are the same numbers on every machine.
+# Rounded to be the same on every machine.
 _BOUNDS_PX = [
     float(f"{10 ** (step / BINS_PER_DECADE):.6g}") for step in range(-3 * BINS_PER_DECADE, 3 * BINS_PER_DECADE + 1)
 ]
@@ -18,7 +18,7 @@ BINS = pl.DataFrame(
     {"bin": range(len(_BOUNDS_PX) + 1), "bin_low_px": [0.0, *_BOUNDS_PX], "bin_high_px": [*_BOUNDS_PX, None]},
     schema={"bin": pl.Int64, "bin_low_px": pl.Float64, "bin_high_px": pl.Float64},
 )
-"""[0, 0.001) px, ten bins a decade up to 1000 px, then all from 1000 px on (no upper bound: null)."""
+"""[0, 0.001) px, ten bins per decade up to 1000 px, then one bin from 1000 px on, whose upper bound is null."""
 
 
 def error_histogram(tracks: pl.DataFrame) -> pl.DataFrame:
@@ -34,7 +34,7 @@ def error_histogram(tracks: pl.DataFrame) -> pl.DataFrame:
     -------
     polars.DataFrame
         Schema `ERRORS`, sorted by condition and bin: every bin of `BINS` for every condition that has tracks. A bin
-        holds its lower bound and not its upper one.
+        includes its lower bound but not its upper one.
 
     Raises
     ------

@@ -117,7 +117,7 @@ def _centre(
 
 
 def _columns(values: Sequence[NDArray[Any]], count: int) -> NDArray[np.float64]:
-    """Arrays of (count,) side by side, of which there may be none."""
+    """Arrays of (count,) side by side; there may be none."""
     return np.array(values, dtype=np.float64).reshape(len(values), count).T
 
 

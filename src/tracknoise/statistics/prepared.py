@@ -36,7 +36,7 @@ class PreparedObservations:
     kept : (rows,) bool
         False for observations of tracks that trimming dropped.
     axis
-        Whether errors start at zero when a feature is first seen (``age``) or in a key frame (``frame``).
+        Whether errors are zero in the first frame of a feature (``age``) or in a key frame (``frame``).
     """
 
     conditions: pl.DataFrame
@@ -52,7 +52,7 @@ class PreparedObservations:
 
     @property
     def at(self) -> NDArray[np.int64]:
-        """Place of each observation on the axis, (rows,)."""
+        """Age or frame of each observation, (rows,)."""
         return self.age if self.axis == "age" else self.frame
 
     @property
@@ -68,7 +68,7 @@ class PreparedObservations:
 
 @dataclass(frozen=True, slots=True)
 class PreparedSequence:
-    """What every statistic of a sequence is computed from.
+    """Input of all statistics of a sequence.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class PreparedSequence:
     ordered : (rows,) intp
         Rows of the observations, sorted by condition, track and frame.
     key_frame
-        Frame in which a scan makes errors zero; None where they are zero when a feature is first seen.
+        Frame in which a scan makes errors zero; None if they are zero in the first frame of each feature.
     populations
         Populations that are resampled in blocks.
     slowest
@@ -120,7 +120,7 @@ class PreparedSequence:
 
 
 def prepare_observations(observations: pl.DataFrame, *, axis: Axis = "age") -> PreparedObservations:
-    """Check an observations table and make arrays of it.
+    """Check an observations table and convert it to arrays.
 
     Raises
     ------

@@ -107,7 +107,7 @@ def _one_per_track(sequence: PreparedSequence, rows: NDArray[np.intp], band: NDA
 
 
 def _scattered(numbers: NDArray[np.integer[Any]]) -> NDArray[np.uint64]:
-    """Numbers that look random, of which no two are the same: the finaliser of SplitMix64 (Steele et al. 2014)."""
+    """Distinct pseudo-random numbers: the finaliser of SplitMix64 (Steele et al. 2014)."""
     mixed = numbers.astype(np.uint64) + np.uint64(0x9E3779B97F4A7C15)
     for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
         mixed = (mixed ^ (mixed >> np.uint64(shift))) * np.uint64(factor)

@@ -41,7 +41,7 @@ def statistics_of(sequence: PreparedSequence, names: Collection[str] = tuple(STA
     sequence
         Trimmed.
     names
-        Of `STATISTICS`; by default all.
+        Names of `STATISTICS`. Default: all.
     """
     return {name: STATISTICS[name](sequence) for name in names}
 
@@ -72,7 +72,7 @@ def summarise_sequence(
     trim_percentile, trim_among
         See `tracknoise.statistics.trimming.trim_sequence`; by default every track is kept.
     slowest
-        Speed at which the blocks of aspects are measured; by default at all.
+        Speed at which the blocks of aspects are computed. Default: all speeds.
     statistics
         Names in `STATISTICS` to compute.
 

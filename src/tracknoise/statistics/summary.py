@@ -30,17 +30,17 @@ def summary(
         neither its trimmed nor its untrimmed curves are cut. It differs between speeds whose frames do not coincide.
         At age 0 errors are zero by construction.
     key_frame
-        Where curves run along frames: the one in which errors are zero. The reference frame is then the last one up to
-        `age` frames after it.
+        If the axis of the curves is the frame: the frame in which errors are zero. The reference frame is then the last
+        one up to `age` frames after it.
     population
-        Which observations the errors are of: `visible` or `projected`.
+        Observations whose errors are used: `visible` or `projected`.
 
     Returns
     -------
     polars.DataFrame
-        Schema `SUMMARY`, sorted by condition: every condition of any of the three tables, and so, by `outliers`, every
-        one that was measured. One without a feature has 0 tracks. Whatever else a table does not have, or errors where
-        every age is cut, is null. Features are pooled over scenes.
+        Schema `SUMMARY`, sorted by condition: every condition of any of the three tables. `outliers` has every
+        condition that was measured. A condition without features has 0 tracks. Other missing values are null, and so
+        are errors if every age is cut. Features are pooled over scenes.
 
     Raises
     ------

@@ -1,12 +1,12 @@
-"""Names that tables, settings and code share: one enumeration for each column that holds one of a few words."""
+"""Enumerations that tables, settings and code share: one for each column with a fixed set of values."""
 
 from enum import StrEnum
 
 
 class Population(StrEnum):
-    """Which observations errors are of.
+    """Observations whose errors are used.
 
-    visible: the feature could be seen. projected: all whose true position is known, the occluded ones included.
+    visible: the true position is known and visible. projected: the true position is known, visible or not.
     """
 
     visible = "visible"
@@ -14,7 +14,7 @@ class Population(StrEnum):
 
 
 class Axis(StrEnum):
-    """What curves run along: the age of a track, or the frame of the sequence."""
+    """Axis of curves: the age of a track, or the frame of the sequence."""
 
     age = "age"
     frame = "frame"
@@ -28,9 +28,9 @@ class Trimming(StrEnum):
 
 
 class TrimAmong(StrEnum):
-    """Of which tracks the trimming percentile is taken.
+    """Tracks from which the trimming percentile is computed.
 
-    all: of all that have an error. followed: of those that have an error away from the frame that fixes their truth.
+    all: tracks that have an error. followed: tracks that have an error in a frame other than that of their anchor.
     """
 
     all = "all"
@@ -38,7 +38,7 @@ class TrimAmong(StrEnum):
 
 
 class Weighting(StrEnum):
-    """What counts equally in a mean: each feature, or each scene."""
+    """What has equal weight in a mean: each feature, or each scene."""
 
     features = "features"
     scenes = "scenes"
@@ -53,9 +53,9 @@ class Verdict(StrEnum):
 
 
 class IntervalKind(StrEnum):
-    """How intervals are made.
+    """Method of intervals.
 
-    student: from the jackknife, with Student's distribution. percentile, bca: from the bootstrap.
+    student: jackknife with Student's distribution. percentile, bca: bootstrap.
     """
 
     student = "student"
@@ -64,13 +64,13 @@ class IntervalKind(StrEnum):
 
 
 class EffectIntervalKind(StrEnum):
-    """How intervals of effects of factors are made: from Fieller's tests and random rotations."""
+    """Method of intervals of factor effects: Fieller's tests with random rotations."""
 
     fieller = "fieller"
 
 
 class Resampled(StrEnum):
-    """What intervals resample: scenes or, where these are too few, blocks of tracks within them."""
+    """Units that intervals resample: scenes or, if there are too few, blocks of tracks within scenes."""
 
     scenes = "scenes"
     blocks = "blocks"
@@ -87,7 +87,7 @@ class Behaviour(StrEnum):
 
 
 class Shape(StrEnum):
-    """What distribution errors have."""
+    """Distribution of errors."""
 
     gaussian = "Gaussian"
     heavy_tailed = "heavy-tailed"
@@ -98,11 +98,11 @@ class Shape(StrEnum):
 
 
 class Aspect(StrEnum):
-    """Which errors, and in which axes, a row is about.
+    """Errors that a row describes, and their axes.
 
     all: errors of all tracks in image axes. change: their changes from one frame of the tracker to the next. gradient
-    and motion: errors along and across the dominant image gradient where the feature was first seen, or the motion of
-    its true position. long_lived: errors in image axes of tracks that were seen at some age or later.
+    and motion: errors along and across the dominant image gradient in the first frame of the feature, or the motion of
+    its true position. long_lived: errors in image axes of tracks that were seen at a given age or later.
     """
 
     all = "all"

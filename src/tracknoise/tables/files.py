@@ -1,4 +1,4 @@
-"""Files of a run folder: each appears whole or not at all, and can be checked against its hash."""
+"""Files of a run folder. Each is written completely or not at all, and can be checked against its hash."""
 
 import hashlib
 import io
@@ -63,7 +63,7 @@ _REMEDY = "`tracknoise run` makes it again"
 
 
 def is_intact(path: Path, sha256: str) -> bool:
-    """Whether a file is there and has this hash. Reads it in pieces."""
+    """Whether a file exists and has this hash. It is read in pieces."""
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest() == sha256
@@ -72,7 +72,7 @@ def is_intact(path: Path, sha256: str) -> bool:
 
 
 def remove(path: Path) -> None:
-    """Remove a file, or a folder and all in it; one that is not there is fine.
+    """Remove a file, or a folder with its contents, if it exists.
 
     Raises
     ------

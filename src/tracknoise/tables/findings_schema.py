@@ -1,8 +1,8 @@
 """Columns of the tables that hold findings: intervals, tests, verdicts, and the sentences made of them.
 
-Every interval states its level, how it was made (`kind`), and what was resampled: `scenes` or, where scenes are too
-few, `blocks` of tracks within them, so that it is conditional on those scenes. `kind` is the one that the experiment
-asks for, with two exceptions. Shape, and what is fitted to growth, have `bca` in place of `student`
+Every interval states its level, its method (`kind`), and what was resampled: `scenes` or, if there are too few scenes,
+`blocks` of tracks within them. An interval from blocks holds for these scenes only. `kind` is the one that the
+experiment asks for, with two exceptions. Shape, and what is fitted to growth, have `bca` instead of `student`
 (`tracknoise.findings.sampling.bounds.Method`). Effects of factors always have `fieller`.
 """
 
@@ -42,10 +42,10 @@ INTERVALS: Schema = {
 }
 """One row per number that has an interval: every point of every curve, and every scalar of every condition.
 
-aspect `all` is every track in image axes; `change` the changes of their errors from frame to frame, whose
-`autocorrelation` runs along the axis `lag`; the others, and `at_least`, are as in `ASPECTS`. Outlier ratios and
-lifetimes have no population, trimming, weighting or coordinate; `survival` runs along the axis `lifetime`. Bounds are
-null where nothing can be resampled.
+The aspect `all` has the errors of every track in image axes. `change` has their changes from frame to frame; the axis
+of `autocorrelation` is `lag`. The other aspects, and `at_least`, are as in `ASPECTS`. Outlier ratios and lifetimes have
+no population, trimming, weighting or coordinate. The axis of `survival` is `lifetime`. Bounds are null if nothing can
+be resampled.
 """
 
 ZERO_MEAN: Schema = {
@@ -70,9 +70,9 @@ ZERO_MEAN: Schema = {
 """Is the mean error zero: one row per age (or frame), and one for all together where `at` is null.
 
 effect_px is the length of the mean, share_of_second its square over the trace of the second moment about zero. Adjusted
-p-values are over the ages of a condition: Hotelling's by Holm, the flips' by their own largest. iid_p is what a test
-that takes every feature for independent says. verdict `yes` means that the mean differs from zero; `undecided` that it
-may or may not.
+p-values are over the ages of a condition: Hotelling's by Holm, that of the sign flips by the largest statistic of each
+flip. iid_p is the p-value of a test that assumes independent features. The verdict `yes` means that the mean differs
+from zero, `undecided` that it may or may not.
 """
 
 GAUSSIANITY: Schema = {
@@ -144,9 +144,9 @@ TIME_STRUCTURE: Schema = {
 }
 """How errors grow with age: the second moment about zero fitted as white^2 + walk^2 k + drift^2 k^2.
 
-autocorrelation is that of the increments at one step of the tracker, about zero. coordinate is u or v. white_px is the
-root of the constant, which errors reach at the first age: sqrt(2) times that of one position where the first is as
-wrong as the others.
+autocorrelation is that of the changes at one step of the tracker, about zero. coordinate is u or v. white_px is the
+root of the constant term: sqrt(2) times the noise of a single position, if the first position is as noisy as the
+others.
 """
 
 DEPENDENCE: Schema = {
@@ -172,10 +172,10 @@ DEPENDENCE: Schema = {
     "verdict": VERDICT,
     "why": pl.String,
 }
-"""Does a factor matter, with an interval: the rows of `EFFECTS`, by the same keys.
+"""Effects of factors with intervals: the rows of `EFFECTS`, by the same keys.
 
-p_yes is of the hypothesis that the effect is at most the margin, p_no that it is at least that; q are Benjamini and
-Hochberg's over the rows of a factor.
+p_yes is the p-value of the hypothesis that the effect is at most the margin, p_no of the hypothesis that it is at least
+the margin. The q-values are Benjamini and Hochberg's, over the rows of a factor.
 """
 
 FINDINGS: Schema = {
@@ -189,4 +189,4 @@ FINDINGS: Schema = {
     "high": pl.Float64,
     "unit": pl.String,
 }
-"""What was found, in sentences, the most important first; `figure` is the anchor of the section that shows it."""
+"""Findings as sentences, the most important first. `figure` is the anchor of the section that shows it."""

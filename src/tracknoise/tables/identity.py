@@ -56,15 +56,15 @@ class SequenceId:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def expand(self, template: str, *, speed: int) -> Path:
-        """The path that a template stands for at one speed: see `PLACEHOLDERS`.
+        """Replace the placeholders of a path for one speed: see `PLACEHOLDERS`.
 
         Raises
         ------
         LookupError, ValueError, AttributeError
-            If there is another placeholder, or a brace without its partner.
+            If there is an unknown placeholder or an unmatched brace.
         """
         return Path(template.format(**self.placeholders(), speed=speed))
 
 
 PLACEHOLDERS = (*(field.name for field in fields(SequenceId)), "speed")
-"""What may stand in braces in the path of a file that belongs to one sequence, or to one sequence and speed."""
+"""Names that can be in braces in the path of a file that belongs to one sequence, or to one sequence and speed."""

@@ -1,4 +1,4 @@
-"""The manifest of a run: what it was made with, which sequences are measured, and which failed."""
+"""The manifest of a run: versions and settings, the sequences that were measured, and those that failed."""
 
 import json
 from dataclasses import asdict, dataclass, field
@@ -19,19 +19,19 @@ class SequenceEntry:
     sequence
         Its identity.
     n_frames, width, height
-        Count and size (px) of its images.
+        Number and size (px) of its images.
     truth
         Kind of truth used.
     snapshot_frame
-        Frame whose image lies in ``snapshots/``.
+        Frame whose image is in ``snapshots/``.
     seconds
-        Wall time of the measurement; where several sequences were measured together, an equal share of it.
+        Wall time of the measurement. Sequences that were measured together have equal shares of it.
     notes
         What was corrected or assumed while reading, one sentence each.
     inputs
-        Hash of the files besides the images that the numbers depend on.
+        Hash of the files, other than images, on which the results depend.
     key_frame
-        Where truth is a scan, the frame in which features were associated with it.
+        If the truth is a scan, the frame in which features were associated with it.
     sha256
         Hash of each of its files, by the folder that holds it.
     """
@@ -63,7 +63,7 @@ class FailureEntry:
     cause
         One line.
     place
-        The file, the line of the program, or the worker that it happened at; None if unknown.
+        The file, line of the program, or worker where it happened; None if unknown.
     attempts
         Number of attempts.
     """
@@ -75,24 +75,24 @@ class FailureEntry:
 
 @dataclass(slots=True)
 class Manifest:
-    """State of a run, and what it was made with.
+    """State of a run, and the software and machine that measured it.
 
     Attributes
     ----------
     settings_hash
-        Of every setting of the experiment but the place of its data.
+        Hash of all settings of the experiment except the folder of its data.
     versions
-        Of tracknoise, Python, the libraries that decide the numbers, and the packages that offer trackers or a reader.
+        Of tracknoise, Python, the libraries that affect results, and the packages of plug-ins.
     machine
-        System, processor and count of cores.
+        System, processor and number of cores.
     seed
-        Of everything random.
+        Random seed of the experiment.
     sequences
-        What was measured, by key.
+        Measured sequences, by key.
     failures
-        Cause of what was not, by key.
+        Cause of each failure, by key of the sequence.
     excluded_scenes
-        Why scenes of the data set are not measured, by scene.
+        Reasons why scenes of the data set are not measured, by scene.
     statistics
         Hash of each table of the whole run, by its name.
     """
@@ -107,7 +107,7 @@ class Manifest:
     statistics: dict[str, str] = field(default_factory=dict)
 
     def to_json(self) -> str:
-        """All of it as text, the sequences in the order of their keys."""
+        """The manifest as JSON, with the sequences in the order of their keys."""
         document = {"format": FORMAT, **asdict(self)}
         document["sequences"] = dict(sorted(document["sequences"].items()))
         return json.dumps(document, indent=2) + "\n"
@@ -119,7 +119,7 @@ class Manifest:
         Raises
         ------
         StoreError
-            If `text` is no manifest at all.
+            If `text` is not a manifest.
         """
         try:
             is_manifest = isinstance(json.loads(text)["format"], int)
@@ -131,7 +131,7 @@ class Manifest:
 
     @classmethod
     def from_json(cls, text: str, *, place: str) -> Self:
-        """Read what `to_json` wrote; `place` is what errors call it.
+        """Read the text that `to_json` returned; `place` is its name in errors.
 
         Raises
         ------

@@ -1,6 +1,7 @@
 """Columns of every table, their types, and the enumerations in them.
 
-A missing number is null, never 0, -1 or NaN. Columns that identify a row's origin hold the names that the user wrote.
+A missing number is null, never 0, -1 or NaN. Columns that identify the origin of a row hold the names from the
+settings.
 """
 
 import re
@@ -15,7 +16,7 @@ from tracknoise.tables.enumerations import Aspect, Axis, Population, TrimAmong, 
 
 
 class TruthStatus(IntEnum):
-    """Whether an observation's true position is known, and if it could be seen.
+    """Whether the true position of an observation is known and visible.
 
     The true position of `valid`, `occluded` and `out_of_image` observations is known; that of the others is not.
     """
@@ -31,9 +32,9 @@ class TruthStatus(IntEnum):
 class TrackEnd(IntEnum):
     """Why a track ended.
 
-    lost: the tracker did not find it. outlier: rejected as inconsistent with the others. displaced: it moved
-    farther in one step than the tracker allows. masked: it landed in the border margin or on another feature.
-    sequence_end: it was alive in the last frame, so its lifetime is censored.
+    lost: the tracker did not find the feature. outlier: it was rejected as inconsistent with the others. displaced:
+    it moved farther in one step than the tracker allows. masked: it moved into the border margin or onto another
+    feature. sequence_end: it was alive in the last frame, so that its lifetime is censored.
     """
 
     lost = 0
@@ -56,30 +57,30 @@ VERDICT = pl.Enum(Verdict)
 ASPECT = pl.Enum(Aspect)
 
 VIEW: Schema = {"lighting": pl.String, "rotation": pl.Int16, "direction": pl.String, "camera": pl.String}
-"""How a scene was seen: under which lighting, turned by how many degrees, and played forward or backward."""
+"""View of a scene: lighting, rotation of the images in degrees, direction of play, and camera of a rig."""
 SEQUENCE: Schema = {"dataset": pl.String, "scene": pl.String, **VIEW}
 CONDITION: Schema = {**VIEW, "tracker": pl.String, "speed": pl.Int32}
 ORIGIN: Schema = {**SEQUENCE, "tracker": pl.String, "speed": pl.Int32}
 
 QUALITY_PREFIX = "quality_"
-"""How the names of columns begin that hold what trackers report about single observations."""
+"""Prefix of the columns with what trackers report about single observations."""
 QUALITY_NAME = "[a-z][a-z0-9_]*"
 """Regular expression of what follows `QUALITY_PREFIX`."""
 
 
 @dataclass(frozen=True, slots=True)
 class OpenSchema(Mapping[str, pl.DataType | type[pl.DataType]]):
-    """Columns that every table of a kind has, and rules for those that only some have, at its end.
+    """Columns that every table of a kind has, and rules for further columns at its end.
 
-    The mapping is that of the columns that every table has. A table may have more after them: all of `group`, in its
-    order, or none; then any number of columns whose names match `pattern`, in alphabetical order.
+    The mapping contains the columns that every table has. After them, a table has either all of `group`, in its order,
+    or none. Any number of columns follow whose names match `pattern`, in alphabetical order.
 
     Parameters
     ----------
     columns
-        What every table has.
+        Columns that every table has.
     group
-        What a table has completely or not at all.
+        Columns that a table has all together or not at all.
     pattern, dtype
         Regular expression of the names of further columns, and their type.
     """
@@ -134,10 +135,10 @@ TRACKS: Schema = {
     "max_error_px": pl.Float64,
     "kept": pl.Boolean,
 }
-"""One row a track; lifetime in frames that its tracker saw, the first included.
+"""One row per track. The lifetime counts frames that its tracker saw, including the first.
 
-gradient_rad is the orientation of the image's dominant gradient where the track began, an axis without sign, from u
-towards v; null where none dominates.
+gradient_rad is the angle of the dominant image gradient in the first frame of the track, from u towards v. It is an
+axis without a sign, and null if no gradient dominates.
 """
 
 FRAME_COUNTS: Schema = {
@@ -149,14 +150,14 @@ FRAME_COUNTS: Schema = {
     "new": pl.UInt32,
     "alive": pl.UInt32,
 }
-"""One row a frame that a tracker saw: F(t-1), found again, f1, f2 and F(t)."""
+"""One row per frame that a tracker saw: F(t-1), the features found again, f1, f2 and F(t)."""
 
 POSES: Schema = {
     **SEQUENCE,
     "frame": pl.UInt32,
     **dict.fromkeys(("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"), pl.Float64),
 }
-"""One row a frame: world_from_camera as the camera's place in the world and a unit quaternion with qw >= 0."""
+"""One row per frame: world_from_camera as the position of the camera and a unit quaternion with qw >= 0."""
 
 MOMENTS: Schema = {
     **ORIGIN,
@@ -188,14 +189,14 @@ BLOCKS: Schema = {
     "n": pl.Int64,
     **dict.fromkeys(("mean_u", "mean_v", "m_uu", "m_uv", "m_vv", "mean_abs_u", "mean_abs_v"), pl.Float64),
 }
-"""Moments as in `MOMENTS`, by blocks of tracks that were born next to each other in time."""
+"""Moments as in `MOMENTS`, by blocks of tracks that began at similar times."""
 
 ASPECTS: Schema = {"aspect": ASPECT, "at_least": pl.UInt32, **MOMENTS}
-"""Moments of visible errors along (u) and across (v) something, or of long-lived tracks.
+"""Moments of visible errors along (u) and across (v) a direction, or of long-lived tracks.
 
-aspect `gradient` has them along and across the dominant gradient at the feature's birth, `motion` along and across the
-image motion. `long_lived` has those of tracks that were seen at the age `at_least` (frames) or later, in image axes;
-`at_least` is null for the other aspects.
+The direction is the dominant gradient in the first frame of the feature (aspect `gradient`) or the image motion (aspect
+`motion`). The aspect `long_lived` has the errors, in u and v, of tracks that were seen at age `at_least` (frames) or
+later. `at_least` is null for the other aspects.
 """
 
 ASPECT_BLOCKS: Schema = {"aspect": ASPECT, "at_least": pl.UInt32, **BLOCKS}
@@ -208,7 +209,7 @@ ENDS: Schema = {
     "n_ended": pl.Int64,
     "n_censored": pl.Int64,
 }
-"""How many tracks of a block ended, or were censored, at each lifetime, in frames that their tracker saw."""
+"""Number of tracks of a block that ended or were censored, by lifetime in frames that their tracker saw."""
 
 INCREMENTS: Schema = {
     **ORIGIN,
@@ -222,10 +223,10 @@ INCREMENTS: Schema = {
 }
 """Changes of visible errors from one frame that the tracker saw to the next.
 
-Rows of lag 0 hold their means and central sums by the age at which they end, of all blocks together, block null. Rows
-of lag l >= 1 are of all ages together, age null, and hold for the n pairs of a change with that of l steps before:
-lagged, the sum of products, and squares, half the sum of the squares of both. Without a birth-anchored truth there are
-rows too: a change does not depend on where the error is zero.
+Rows of lag 0 hold the means and central sums of all blocks together (block is null), by the age at which changes end.
+Rows of lag l >= 1 hold sums over all ages together (age is null), over the n pairs of changes that are l steps apart:
+lagged is the sum of their products, squares half the sum of their squares. If the truth is a scan, these rows exist
+too, because a change does not depend on where the error is zero.
 """
 
 SAMPLES: Schema = {
@@ -239,7 +240,7 @@ SAMPLES: Schema = {
     "dv_px": pl.Float64,
     "kept": pl.Boolean,
 }
-"""Single visible errors, at most one of a track in each band of ages, for what moments cannot tell."""
+"""Single visible errors, at most one per track and band of ages, for statistics that moments do not give."""
 
 CURVES: Schema = {
     "dataset": pl.String,
@@ -260,11 +261,11 @@ CURVES: Schema = {
 }
 """nu (px), eta (px), Phi (px^2) and central covariance (px^2) by age, or mu, kappa, Sigma and central by frame.
 
-cut marks ages, or frames, with too few features.
+cut marks ages or frames with too few features.
 """
 
 ASPECT_CURVES: Schema = {"aspect": ASPECT, "at_least": pl.UInt32, **CURVES}
-"""Curves of each aspect of `ASPECTS`; u is along and v across. `gradient`, an axis without sign, has no mean."""
+"""Curves of each aspect of `ASPECTS`. u is along and v across the direction. `gradient` has no sign, so no mean."""
 
 CHANGES: Schema = {
     "dataset": pl.String,
@@ -278,9 +279,9 @@ CHANGES: Schema = {
     **dict.fromkeys(("covariance_uu", "covariance_uv", "covariance_vv"), pl.Float64),
     **dict.fromkeys(("autocorrelation_u", "autocorrelation_v"), pl.Float64),
 }
-"""Changes of visible errors from frame to frame; lag 0 has their mean and covariance (px^2) by the age at their end.
+"""Changes of visible errors from frame to frame: at lag 0, their mean and covariance (px^2) by the age at their end.
 
-Lags from 1 on, in frames that the tracker saw, have the autocorrelation of changes of all ages together.
+Lags of 1 and more, in frames that the tracker saw, have the autocorrelation of changes over all ages.
 """
 
 LIFETIMES: Schema = {
@@ -293,7 +294,7 @@ LIFETIMES: Schema = {
     "survival": pl.Float64,
     "n_scenes": pl.Int32,
 }
-"""One row a lifetime: how many tracks ended or were censored then, and the Kaplan-Meier survival beyond it."""
+"""One row per lifetime: number of tracks that ended or were censored, and the Kaplan-Meier survival beyond it."""
 
 OUTLIERS: Schema = {
     "dataset": pl.String,
@@ -324,10 +325,10 @@ TRIMS: Schema = {
     "n_followed_dropped": pl.Int64,
     "dropped_share": pl.Float64,
 }
-"""What trimming did to each scene and condition: the cut on a track's largest error and what it dropped.
+"""Trimming of each scene and condition: the threshold of the largest error, and the tracks that it dropped.
 
-Of the n_measured tracks with a largest error, n_anchor_only have no error but that in the frame that fixes their truth,
-where it is zero by construction. The others were followed; n_followed_dropped of these were dropped.
+n_measured tracks have a largest error. n_anchor_only of them have only the error at their anchor, which is zero by
+construction. The others were followed, and n_followed_dropped of these were dropped.
 """
 
 ERRORS: Schema = {
@@ -337,10 +338,10 @@ ERRORS: Schema = {
     "bin_high_px": pl.Float64,
     "n": pl.Int64,
 }
-"""Histogram of the tracks' largest L2 error in logarithmic bins, before trimming; the first bin starts at 0."""
+"""Histogram of the largest errors of tracks, in logarithmic bins, before trimming. The first bin starts at 0."""
 
 COUNTS: Schema = {"dataset": pl.String, **CONDITION, "kind": pl.String, "name": pl.String, "n": pl.Int64}
-"""How many observations have each truth status (kind `truth`) and tracks each end (kind `end`)."""
+"""Number of observations by truth status (kind `truth`), and of tracks by end (kind `end`)."""
 
 SUMMARY: Schema = {
     "dataset": pl.String,
@@ -358,10 +359,10 @@ SUMMARY: Schema = {
         for value in ("n", *(f"{statistic}_{axis}_px" for statistic in ("nu", "eta", "rms") for axis in "uv"))
     },
 }
-"""One row a condition: lifetimes (frames its tracker saw), pooled outlier ratio, and errors at one age or frame.
+"""One row per condition: lifetimes (frames its tracker saw), outlier ratio, and errors at one age or frame.
 
-rms is the square root of Phi or Sigma; ages and frames are those of the nominal sequence; n the features there; nu and
-eta stand for mu and kappa where the axis is the frame.
+rms is the square root of Phi or Sigma. Ages and frames are those of the nominal sequence, and n is the number of
+features there. If the axis is the frame, nu and eta are mu and kappa.
 """
 
 EFFECTS: Schema = {
@@ -386,15 +387,15 @@ EFFECTS: Schema = {
     "verdict": VERDICT,
     "why": pl.String,
 }
-"""Whether a factor matters to a statistic: the pair of levels that differ most, where, and by how much.
+"""Effect of a factor on a statistic: the two levels that differ most, at which age or frame, and by how much.
 
-Of the condition's columns the factor's own is null, and the others say where they were held. `at` is an age, or frames
-since the key frame.
+The column of the factor itself is null. The other columns of the condition state the levels that were held fixed. `at`
+is an age, or a number of frames since the key frame.
 """
 
 
 def layout_of(schema: Schema, names: Iterable[str]) -> Schema:
-    """All columns that a table with the given column names should have, in order: `schema` unless it is open."""
+    """Columns, in order, that a table with these column names must have: `schema`, unless it is open."""
     if not isinstance(schema, OpenSchema):
         return schema
     found = set(names)
@@ -415,7 +416,7 @@ def check(table: pl.DataFrame, schema: Schema, name: str) -> pl.DataFrame:
     schema
         Column names and types, in order.
     name
-        What to call the table in the error.
+        Name of the table in the error.
 
     Raises
     ------

@@ -1,10 +1,11 @@
-"""The run folder: what an experiment measured, as Parquet beside a manifest.
+"""The run folder: what an experiment measured, as Parquet files and a manifest.
 
-``experiment.toml`` (the resolved settings), ``manifest.json``, a Parquet file a sequence in each folder of
-`SEQUENCE_TABLES` (without those of `OBSERVED` where only statistics are kept), an image a sequence in ``snapshots/``,
-tables of the whole run in ``statistics/``, ``failures.jsonl``, and ``report/``. Every file appears by atomic rename; a
-sequence counts as measured only once the manifest, written last, says so; it holds the hash of each of its files.
-While a run goes on, ``.lock`` says whose it is.
+It holds ``experiment.toml`` (the resolved settings), ``manifest.json``, one Parquet file per sequence in each folder of
+`SEQUENCE_TABLES`, one image per sequence in ``snapshots/``, tables of the whole run in ``statistics/``,
+``failures.jsonl``, and ``report/``. If only statistics are kept, the folders of `OBSERVED` are missing.
+
+Every file is written completely and then renamed. A sequence counts as measured once it is in the manifest, which is
+written last and holds the hash of each of its files. During a run, ``.lock`` names the process that writes here.
 """
 
 import json
@@ -42,7 +43,7 @@ SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "samples": schema.SAMPLES,
 }
 OBSERVED = ("observations", "tracks")
-"""Tables of a sequence that grow with its observations; none of the whole run's is made from them."""
+"""Tables of a sequence that grow with its observations. No table of the whole run is computed from them."""
 STATISTICS_TABLES: Mapping[str, schema.Schema] = {
     "curves": schema.CURVES,
     "lifetimes": schema.LIFETIMES,
@@ -64,7 +65,7 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "dependence": findings_schema.DEPENDENCE,
     "findings": findings_schema.FINDINGS,
 }
-"""Tables of the whole run that rest on the others; they are empty if they were not computed."""
+"""Tables of the whole run that are computed from the others. They are empty if they were not computed."""
 _RUN_TABLES: Mapping[str, schema.Schema] = {**STATISTICS_TABLES, **FINDINGS_TABLES}
 
 
@@ -74,7 +75,7 @@ class RunFolder:
     Parameters
     ----------
     path
-        Of the folder; it need not exist yet.
+        Path of the folder. It need not exist yet.
     """
 
     def __init__(self, path: Path) -> None:
@@ -83,12 +84,12 @@ class RunFolder:
 
     @property
     def lock_path(self) -> Path:
-        """The file that says who is measuring into the folder."""
+        """The file that names the process that measures into this folder."""
         return self.path / _LOCK
 
     @property
     def exists(self) -> bool:
-        """Whether a run was begun here."""
+        """Whether a run was started here."""
         return (self.path / _MANIFEST).is_file()
 
     @property
@@ -97,22 +98,22 @@ class RunFolder:
         return self.exists and not (self.path / _SETTINGS).exists() and not self.manifest().sequences
 
     def require_empty(self) -> None:
-        """Refuse a folder that holds anything but its lock, and what a start that was killed at once has left.
+        """Refuse a folder that holds anything but its lock and unfinished files of a killed start.
 
         Raises
         ------
         StoreError
-            If it does, or is no folder.
+            If it does, or is not a folder.
         """
         if self.path.exists() and not self.path.is_dir():
             raise StoreError(f"{self.path}: is a file, expected a new or empty folder")
         if not self.path.is_dir():
             return
         if set(self.path.iterdir()) - {self.lock_path, *unfinished(self.path)}:
-            raise StoreError(f"{self.path}: holds files that are no run, expected a new or empty folder")
+            raise StoreError(f"{self.path}: contains files that are not a run, expected a new or empty folder")
 
     def create(self, experiment_toml: str, manifest: Manifest) -> None:
-        """Begin a run: write an empty manifest, then the settings.
+        """Start a run: write an empty manifest, then the settings.
 
         Raises
         ------
@@ -163,12 +164,12 @@ class RunFolder:
         write_atomically(self.path / _MANIFEST, manifest.to_json().encode(), durably=True)
 
     def write_sequence(self, key: str, tables: Mapping[str, pl.DataFrame], snapshot_png: bytes) -> dict[str, str]:
-        """Write the tables of `SEQUENCE_TABLES`, of `OBSERVED` those that are given, and the image of one sequence.
+        """Write the tables and the image of one sequence. Only the tables of `OBSERVED` may be missing.
 
         Returns
         -------
         dict
-            The `SequenceEntry.sha256` of what was written.
+            Hash of each written file, as in `SequenceEntry.sha256`.
 
         Raises
         ------
@@ -185,14 +186,14 @@ class RunFolder:
         return {**hashes, _SNAPSHOTS: write_atomically(self.snapshot_path(key), snapshot_png)}
 
     def has_sequence(self, entry: SequenceEntry) -> bool:
-        """Whether all files of one sequence are there, and as they were written; reads them all."""
+        """Whether all files of one sequence exist and have the recorded hashes. Reads all of them."""
         kept = [name for name in SEQUENCE_TABLES if name in entry.sha256 or name not in OBSERVED]
         paths = {name: self._table_path(name, entry.key) for name in kept}
         paths[_SNAPSHOTS] = self.snapshot_path(entry.key)
         return all(is_intact(path, entry.sha256.get(name, "")) for name, path in paths.items())
 
     def discard_unfinished(self) -> None:
-        """Remove files and folders that a process had begun and not finished when it was killed.
+        """Remove unfinished files and folders of a killed process.
 
         Raises
         ------
@@ -204,7 +205,7 @@ class RunFolder:
                 remove(path)
 
     def discard_results(self) -> None:
-        """Remove what was derived from the sequences, which is stale as soon as one is added.
+        """Remove the report and the tables of the whole run, which are outdated once a sequence is added.
 
         Raises
         ------
@@ -215,14 +216,15 @@ class RunFolder:
             remove(self.path / name)
 
     def clear(self) -> None:
-        """Remove the run and nothing else that may lie in its folder.
+        """Remove the run, but no other files in its folder.
 
-        The manifest goes last and says at once that nothing is measured, so that half a run is one that can go on.
+        The manifest is emptied first and removed last. A process that is killed in between therefore leaves a run that
+        can be resumed.
 
         Raises
         ------
         StoreError
-            If the manifest is not one of a run, or the folder cannot be written.
+            If the manifest is not that of a run, or the folder cannot be written.
         """
         self.write_manifest(Manifest.emptied(self._read_text(_MANIFEST), place=str(self.path / _MANIFEST)))
         self.discard_results()
@@ -247,12 +249,12 @@ class RunFolder:
         return read_parquet(self._table_path(name, key), SEQUENCE_TABLES[name], hashes.get(name))
 
     def sequence_tables(self, name: str) -> Iterator[pl.DataFrame]:
-        """One table of every measured sequence in turn, in the order of their keys."""
+        """One table of each measured sequence, in the order of their keys."""
         for key in sorted(self.manifest().sequences):
             yield self.sequence_table(name, key)
 
     def write_statistics(self, tables: Mapping[str, pl.DataFrame]) -> None:
-        """Write tables of `STATISTICS_TABLES` or `FINDINGS_TABLES`, by name, and then the manifest, which is long.
+        """Write tables of `STATISTICS_TABLES` or `FINDINGS_TABLES` by name, then the manifest with their hashes.
 
         Raises
         ------
@@ -268,7 +270,7 @@ class RunFolder:
     def statistics(self, name: str) -> pl.DataFrame:
         """One table of `STATISTICS_TABLES` or `FINDINGS_TABLES`.
 
-        One of the latter that was never written is empty: runs of earlier versions have no findings.
+        A table of `FINDINGS_TABLES` that was never written is empty.
 
         Raises
         ------
@@ -276,7 +278,7 @@ class RunFolder:
             If the run is not finished, or the file is missing or damaged, or has other columns.
         """
         if not (self.path / "statistics").is_dir():
-            raise StoreError(f"{self.path}: holds no finished run, expected one; `tracknoise run` resumes it")
+            raise StoreError(f"{self.path}: no finished run, expected one; `tracknoise run` starts or resumes a run")
         hashes = self.manifest().statistics
         if name in FINDINGS_TABLES and name not in hashes:
             return schema.empty(FINDINGS_TABLES[name])
@@ -311,7 +313,7 @@ class RunFolder:
         return self.path / name / f"{key}.parquet"
 
     def _hashes_of(self, key: str) -> dict[str, str]:
-        """What the manifest says of the files of a sequence, if it does; read once a manifest, as it can be large."""
+        """Hashes of the files of a sequence, from the manifest. It can be large, so each version is read once."""
         try:
             status = (self.path / _MANIFEST).stat()
         except OSError:

@@ -34,7 +34,7 @@ class Correspondence:
     max_features
         Unmatched keypoints become new features up to this number.
     max_missed_frames
-        For how many frames in a row a feature is kept without a match; 0 drops it at once.
+        Number of consecutive frames for which a feature is kept without a match; 0 drops it at once.
     """
 
     kind: ClassVar[str] = "correspondence"

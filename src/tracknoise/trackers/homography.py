@@ -69,7 +69,7 @@ class Homography:
         model
             (3, 3) float64.
         source, target
-            (n, 2) float64, n >= 4, all of which `model` explains roughly.
+            (n, 2) float64, n >= 4; `model` fits all of them roughly.
 
         Returns
         -------

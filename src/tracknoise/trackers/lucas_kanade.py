@@ -32,7 +32,7 @@ class LucasKanade:
     extra_levels
         Levels of the image pyramid above the full resolution.
     iterations, epsilon
-        Convergence: at most so many iterations, or until the update is smaller than `epsilon` px.
+        Convergence: at most this many iterations, or until the update is smaller than `epsilon` px.
     max_displacement_px
         A feature that moved this far or farther in one step is dropped.
     min_features, max_features

@@ -77,7 +77,7 @@ class Oracle:
         Raises
         ------
         SettingsError
-            If the kind of truth cannot place points.
+            If the kind of truth cannot compute world points.
         """
         if context.truth is None:
             found = "a kind of truth that cannot place points"

@@ -94,7 +94,7 @@ def best_hypothesis(
 
 
 def hypotheses_needed(inlier_share: float, sample_size: int, confidence: float, most: int) -> int:
-    """Number of samples of which one has no outliers, with this confidence: log(1 - p) / log(1 - share^size).
+    """Number of samples that contain one without outliers, with this confidence: log(1 - p) / log(1 - share^size).
 
     Rounded to the nearest whole number, and never more than `most`.
     """

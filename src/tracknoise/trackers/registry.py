@@ -21,7 +21,7 @@ def make_tracker(kind: str, options: Mapping[str, object] | None = None) -> Trac
     """Make a tracker's settings from its name and options, types checked.
 
     Options are what a TOML or JSON file can hold: nested settings (``detection``, ``rejection``) are mappings, the
-    members of enumerations their names, tuples lists. Types must fit as they are: "12" is no number.
+    members of enumerations their names, tuples lists. Types must fit as they are: "12" is not a number.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a tracker is: settings that start it, and one step per frame."""
+"""Interfaces of trackers: settings that start a tracker, and one step per frame."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,22 +13,22 @@ from tracknoise.trackers.frame import Frame
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """What a tracker reports of one frame.
+    """What a tracker reports about one frame.
 
     Attributes
     ----------
     ids : (n,) int64
-        The features found or begun in this frame, in any order. An id is never reused.
+        Ids of the features that were found or began in this frame, in any order. An id is never reused.
     uv : (n, 2) float64
         Their positions, px.
     born : (n,) bool
-        Which of them begin in this frame.
+        Whether each of them begins in this frame.
     response : (n,) float32
-        Detector response at the feature's birth; NaN where unknown. Only read where `born`.
+        Detector response of new features; NaN where unknown. Read only where `born`.
     ended_ids : (m,) int64
-        The features that ended in this frame.
+        Ids of the features that ended in this frame.
     ended : (m,) int8
-        Why: `tracknoise.tables.schema.TrackEnd` values.
+        Why each ended: `tracknoise.tables.schema.TrackEnd` values.
     offered, matched, outliers, alive
         Number of features before the step, F(t-1); how many of them were found again; how many of those were
         rejected as outliers, f1(t); number of features after the step, F(t), including new ones.
@@ -99,14 +99,14 @@ class OracleTruth(Protocol):
         Returns
         -------
         (n, 2) float64
-            px; NaN behind the camera, and where its distortion has no image.
+            px; NaN behind the camera, and where the distortion model has no image point.
         """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class SequenceContext:
-    """The sequence and condition for which a tracker is started, and what only some trackers need.
+    """The sequence and condition for which a tracker is started, and further inputs of some trackers.
 
     Parameters
     ----------

@@ -67,7 +67,7 @@ class AnchoredTruth:
     anchor
         Finds the world points of features.
     surface
-        What occludes points behind it.
+        Surface that can occlude points.
     """
 
     __slots__ = ("_anchor", "_geometry", "_surface", "kind")

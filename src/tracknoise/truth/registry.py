@@ -38,7 +38,7 @@ def make_truth(sequence: Sequence, kind: str | None = None, *, scan_rule: ScanRu
     Raises
     ------
     DataError
-        If the sequence offers no truth, or lacks what the kind needs.
+        If the sequence offers no truth, or lacks what this kind needs.
     SettingsError
         If the sequence does not offer this kind.
     UnknownNameError
@@ -67,12 +67,12 @@ def make_truths(sequences: Items[Sequence], kind: str | None = None, *, scan_rul
 
 
 def _offered(sequence: Sequence, kind: str | None) -> str:
-    """The kind asked for, or the best; an error if it is one that sequences offer and this one does not."""
+    """The requested kind, or the best; an error if it needs data that this sequence does not offer."""
     place, offered = sequence.source, sequence.truths
     if kind is not None and (kind in offered or kind not in tuple(TruthKind)):
         return kind
     if not offered:
-        raise DataError(place, "no depth, scan or exact surface", "one of them, to know where features really are")
+        raise DataError(place, "no depth, scan or exact surface", "one of them to compute true positions")
     if kind is not None:
         raise SettingsError(f"{place}: found truth = {str(kind)!r}, expected one of: {', '.join(offered)}")
     return offered[0]

@@ -1,4 +1,4 @@
-"""What a truth is: a session per tracker setup that is shown observations and resolves their true positions."""
+"""Interfaces of truths: a session per tracker and condition receives observations and returns their true positions."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
@@ -11,10 +11,10 @@ from tracknoise.sequences.sequence import Sequence
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TruePositions:
-    """True positions of all observations of one tracker setup.
+    """True positions of all observations of one tracker under one condition.
 
-    Observations are in the order in which the session was shown them: n in all. Tracks are in the order of their
-    numbers: m in all.
+    The n observations are in the order in which the session received them. The m tracks are in the order of their
+    numbers.
 
     Attributes
     ----------
@@ -23,9 +23,9 @@ class TruePositions:
     status : (n,) int8
         `tracknoise.tables.schema.TruthStatus` of each observation.
     depth_m : (m,) float64
-        Depth of each track's point in the track's first frame, metres; NaN where it is unknown.
+        Depth of the point of each track in its first frame, metres; NaN where it is unknown.
     covariance : (n, 2, 2) float64, or None
-        Covariance of each true position, px^2; NaN where it is unknown. None if this kind of truth states none.
+        Covariance of each true position, px^2; NaN where it is unknown. None if this kind of truth has no covariances.
     """
 
     uv: NDArray[np.float64]
@@ -35,13 +35,13 @@ class TruePositions:
 
 
 class TruthSession(Protocol):
-    """The true positions of one tracker setup while its observations stream."""
+    """Receives the observations of one tracker under one condition, and computes their true positions."""
 
     def observe(self, index: int, tracks: NDArray[np.uint32], uv: NDArray[np.float64], born: NDArray[np.bool_]) -> None:
-        """Take note of all observations in one frame.
+        """Receive all observations in one frame.
 
-        It is called once per frame that the tracker sees, in order. Tracks are numbered from 0 in the order of their
-        birth, so that ``tracks[born]`` continues the numbers seen so far.
+        Called once per frame that the tracker sees, in order. Tracks are numbered from 0 in the order in which they
+        begin: ``tracks[born]`` continues the numbers so far.
 
         Parameters
         ----------
@@ -62,7 +62,7 @@ class TruthSession(Protocol):
         ...
 
     def resolve(self) -> TruePositions:
-        """True positions of all observations so far; called once, after the last frame.
+        """Return the true positions of all observations. Called once, after the last frame.
 
         Raises
         ------
@@ -73,9 +73,10 @@ class TruthSession(Protocol):
 
 
 class Truth(Protocol):
-    """One kind of truth for one sequence. Several tracker setups share it; each has its own session.
+    """One kind of truth for one sequence. All trackers and speeds share it; each combination has its own session.
 
-    A truth that can also place points is a `tracknoise.trackers.tracker.OracleTruth`; the oracle tracker needs one.
+    A truth that can also compute world points is a `tracknoise.trackers.tracker.OracleTruth`; the oracle tracker needs
+    one.
     """
 
     @property
@@ -85,11 +86,11 @@ class Truth(Protocol):
 
     @property
     def key_frame(self) -> int | None:
-        """The one frame in which features get their world points; None if there is no such frame."""
+        """The frame in which a scan anchors all features; None if features are anchored in their first frames."""
         ...
 
     def start(self) -> TruthSession:
-        """Start a session for one tracker setup."""
+        """Start a session for one tracker under one condition."""
         ...
 
 

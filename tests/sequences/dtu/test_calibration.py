@@ -75,7 +75,7 @@ def test_positions_of_other_arcs_are_not_needed_nor_looked_at(path, calibration)
         ("fc", np.ones(3), "fc of 3 numbers, expected 2 finite numbers"),
         ("kc", np.zeros((4, 1)), "kc of 4 numbers, expected 5 finite numbers"),
         ("cc", np.array([1.0, np.nan]), "NaN or infinity in cc, expected 2 finite numbers"),
-        ("cc", "words", "cc that is no array of real numbers, expected cc: 2 finite numbers"),
+        ("cc", "words", "cc that is not an array of real numbers, expected cc: 2 finite numbers"),
         ("cc", np.array([40.0, 12.0]), "cc = 40, 12, expected a principal point within the image of 32x24"),
         ("fc", np.array([-50.0, 50.0]), "fc = -50, 50, expected focal lengths above 0"),
         ("alpha_c", 0.01, "a skew of alpha_c = 0.01, expected 0: pixels with right angles"),

@@ -45,7 +45,7 @@ def test_one_part_may_be_empty(path) -> None:
         ({"pts3D_near": NEAR}, "no pts3D_far, expected pts3D_far: numbers"),
         ({"pts3D_far": NEAR}, "no pts3D_near, expected pts3D_near: numbers"),
         ({"pts3D_near": NEAR.T, "pts3D_far": NEAR.T}, "pts3D_near of shape 2x3, expected a column a point"),
-        ({"pts3D_near": "points", "pts3D_far": NEAR}, "pts3D_near that is no array of real numbers"),
+        ({"pts3D_near": "points", "pts3D_far": NEAR}, "pts3D_near that is not an array of real numbers"),
     ],
 )
 def test_wrong_scans_are_one_clear_line(path, variables, message) -> None:

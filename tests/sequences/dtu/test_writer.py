@@ -66,7 +66,7 @@ def test_scenes_and_progress(tmp_path, stage) -> None:
 
 def test_what_is_there_already_is_not_overwritten(tmp_path, stage) -> None:
     (tmp_path / "mine").touch()
-    with pytest.raises(DataError, match="something is there already, expected a new or empty folder"):
+    with pytest.raises(DataError, match="already exists, expected a new or empty folder"):
         write_dtu(tmp_path, stage=lambda scene: Blank(stage, scene))
     with pytest.raises(ValueError, match="image_format must be one of png, bmp, not 'jpg'"):
         write_dtu(tmp_path / "x", stage=lambda scene: Blank(stage, scene), image_format="jpg")

@@ -53,7 +53,7 @@ def test_projection_is_p_rect_times_r_rect_times_velo_to_cam(day):
     [
         ("cam_to_cam", "P_rect_02", "P_rect_03", ": no P_rect_02, expected a line of P_rect_02 and 12 numbers"),
         ("cam_to_cam", "R_rect_00", "R_rect", ": no R_rect_00, expected a line of R_rect_00 and 9 numbers"),
-        ("cam_to_cam", "3.75", "3x75", ":2: S_rect_02 of something else than numbers, expected 2 numbers"),
+        ("cam_to_cam", "3.75", "3x75", ":2: S_rect_02 with fields that are not numbers, expected 2 numbers"),
         ("cam_to_cam", "0.003", "", ":4: P_rect_02 of 11 numbers, expected 12"),
         (
             "cam_to_cam",

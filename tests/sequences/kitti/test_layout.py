@@ -70,7 +70,7 @@ def test_no_drive_and_a_drive_twice(tmp_path, write_drive):
     write_drive(tmp_path / "2011_09_26")
     write_drive(tmp_path / "copy/2011_09_26")
     with pytest.raises(
-        DataError, match=r"the drive 2011_09_26_drive_0001_sync again, which lies in .* too, expected it once"
+        DataError, match=r"the drive 2011_09_26_drive_0001_sync again, which is also in .*, expected it once"
     ):
         find_drives(tmp_path, None)
 

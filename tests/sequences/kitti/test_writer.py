@@ -91,7 +91,7 @@ def test_what_cannot_be_written(tmp_path, change, found):
 
 def test_nothing_is_overwritten(tmp_path):
     (tmp_path / "file").write_text("mine")
-    with pytest.raises(DataError, match="something is there already, expected a new or empty folder"):
+    with pytest.raises(DataError, match="already exists, expected a new or empty folder"):
         write_kitti([tiny(1)], tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 

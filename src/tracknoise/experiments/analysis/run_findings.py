@@ -103,7 +103,7 @@ def _tables(
 
 
 def _keeping(tables: Iterable[pl.DataFrame], kept: list[pl.DataFrame], rows: pl.Expr) -> Iterator[pl.DataFrame]:
-    """Tables as they come, of each of which some rows are kept."""
+    """Selected rows of each table, one table at a time."""
     for table in tables:
         kept.append(table.filter(rows))
         yield table

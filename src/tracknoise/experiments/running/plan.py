@@ -85,7 +85,7 @@ def excluded_scenes(experiment: Experiment) -> dict[str, str]:
 def batches(tasks: list[Task]) -> list[list[Task]]:
     """Group the tasks whose sequences share what they read: those of one scene, camera and direction of play.
 
-    Readers that share nothing get one batch per task, so that more tasks can run at the same time.
+    Readers that share nothing get one batch per task, so that more batches run at the same time.
     """
     if not tasks or not isinstance(make_reader(*_reader_arguments(tasks[0].experiment.dataset)), SharingReader):
         return [[task] for task in tasks]

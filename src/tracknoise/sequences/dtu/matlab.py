@@ -62,7 +62,7 @@ def numbers(path: Path, variables: dict[str, Any], name: str, *, count: int | No
         raise DataError(path, f"no {name}", f"{name}: {expected}")
     array = np.asarray(value)
     if array.dtype.kind not in "fiu":
-        raise DataError(path, f"{name} that is no array of real numbers", f"{name}: {expected}")
+        raise DataError(path, f"{name} that is not an array of real numbers", f"{name}: {expected}")
     if count is not None and array.size != count:
         raise DataError(path, f"{name} of {array.size} number{'s' if array.size != 1 else ''}", expected)
     if count is not None and not np.isfinite(array).all():

@@ -14,7 +14,7 @@ _PARTS = ("pts3D_near", "pts3D_far")
 
 
 def read_scan(path: Path) -> tuple[Scan, tuple[str, ...]]:
-    """Read ``pts3D_near`` and ``pts3D_far``: a column a point, of which the first three rows are x, y, z, metres.
+    """Read ``pts3D_near`` and ``pts3D_far``: each column is a point, its first three rows are x, y, z in metres.
 
     Returns
     -------
@@ -26,7 +26,7 @@ def read_scan(path: Path) -> tuple[Scan, tuple[str, ...]]:
     Raises
     ------
     DataError
-        If the file is missing or damaged, one of the two is missing or no such array, or there is no finite point.
+        If the file is missing or damaged, one of the two arrays is missing or malformed, or no point is finite.
     """
     variables = read_mat(path, list(_PARTS))
     points = np.concatenate([_points(path, name, numbers(path, variables, name)) for name in _PARTS])

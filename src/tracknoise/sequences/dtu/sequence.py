@@ -24,7 +24,7 @@ class LitSequence:
     camera
         Intrinsics of all images.
     world_from_camera
-        (n, 4, 4) float64, rigid: one pose a frame.
+        (n, 4, 4) float64, rigid: one pose per frame.
     scan
         Of its scene.
     shots
@@ -69,7 +69,7 @@ class LitSequence:
 
     @property
     def surface(self) -> None:
-        """None: a scan is no exact surface."""
+        """None: a scan is not an exact surface."""
         return None
 
     def image(self, index: int) -> NDArray[np.uint8]:

@@ -115,7 +115,7 @@ def _numbers(place: str, key: str, fields: list[str], count: int) -> NDArray[np.
     try:
         numbers = np.array([float(field) for field in fields])
     except ValueError as error:
-        raise DataError(place, f"{key} of something else than numbers", f"{count} numbers") from error
+        raise DataError(place, f"{key} with fields that are not numbers", f"{count} numbers") from error
     if not np.isfinite(numbers).all():
         raise DataError(place, f"NaN or infinity in {key}", "finite numbers")
     return numbers

@@ -17,7 +17,7 @@ UNITS_PER_METRE = 256
 """What a depth-completion map holds for a depth of 1 m; it holds 0 where there is none."""
 
 NEAREST_M = 0.5
-"""Points of less depth are no part of the scene: the scanner itself measures from 0.9 m on."""
+"""Points with less depth are not part of the scene: the scanner measures from 0.9 m on."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -118,7 +118,7 @@ def find_drives(root: Path, depth_root: Path | None) -> dict[str, Drive]:
     for scene, folder in folders.items():
         name = scene.rpartition("/")[2]
         if name in drives:
-            raise DataError(folder, f"the drive {name} again, which lies in {drives[name].folder} too", "it once")
+            raise DataError(folder, f"the drive {name} again, which is also in {drives[name].folder}", "it once")
         drives[name] = Drive(folder, None if depth_root is None else _split_of(depth_root, name))
     if depth_root is not None and not any(drive.depth_folder.exists() for drive in drives.values()):
         example = Drive(Path(), Path(_SPLITS[0], min(drives))).depth_folder

@@ -25,7 +25,7 @@ def lidar_sweep(
     camera
         That sees the points.
     camera_from_velodyne
-        (4, 4) float64, of which only the rotation counts.
+        (4, 4) float64. Only the rotation is used.
     rng
         Decides by how little the scanner is turned and tilted, so that no two turns hit the same points.
 

@@ -22,7 +22,7 @@ def read_scan(path: Path) -> NDArray[np.float64]:
     Raises
     ------
     DataError
-        If the file is missing, empty or truncated, or has points that are no numbers.
+        If the file is missing, empty or truncated, or has points that are not numbers.
     """
     try:
         data = path.read_bytes()

@@ -28,7 +28,7 @@ def few_scenes(tables: RunTables, _conditions: ReportedConditions) -> Headline |
     else:
         limits = (
             f"With fewer than {MIN_SCENES} scenes, intervals come from blocks of tracks within the scenes. They hold "
-            "for these scenes only. Tests at 5 % of the mean error and of factors are then not possible."
+            "for these scenes only. Tests of the mean error and of factors at the 5 % level are then not possible."
         )
     text = f"{whose} only {there}. {limits}"
     return Headline("scenes", text, "measured", "summary", Estimate(numbers[0], unit="scenes"))

@@ -77,10 +77,8 @@ def _look_for(data: ReportData, table: pl.DataFrame) -> str:
     for tracker in data.trackers:
         rows = table.filter(tracker=tracker).sort("speed").to_dicts()
         shares = [f"{_with_interval(row)} at speed {row['speed']}" for row in rows]
-        parts += [f"{tracker} rejected {listing(shares)}"] if shares else []
-    return (
-        f"Of all features carried into a frame, {'; '.join(parts)}. A mean above the median indicates a few bad frames."
-    )
+        parts += [f"Of the features carried into a frame, {tracker} rejected {listing(shares)}."] if shares else []
+    return f"{' '.join(parts)} A mean above the median indicates a few bad frames."
 
 
 def _with_interval(row: Mapping[str, Any]) -> str:

@@ -13,7 +13,7 @@ ENOUGH_SCENES = 8
 
 
 def few_scenes(tables: RunTables, _conditions: ReportedConditions) -> Headline | None:
-    """Warn where intervals hold for these scenes alone, or are less reliable, as scenes are few."""
+    """Warn if there are so few scenes that intervals are less reliable, or hold for these scenes only."""
     measured = tables["summary"].drop_nulls("n_scenes")
     few = measured.filter(pl.col("n_scenes") < ENOUGH_SCENES)
     if few.is_empty():

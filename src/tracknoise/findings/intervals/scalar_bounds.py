@@ -162,7 +162,7 @@ def _quantile(
     share: float,
     reached: Callable[[NDArray[np.float64], NDArray[np.float64], float], float],
 ) -> EstimateArray:
-    """Where a survival curve and its bounds come down to a share."""
+    """Where a survival curve and its bounds reach a share."""
     value, low, high = (
         np.array([[reached(values[0], lifetimes, share)]]) for values in (curve.value, curve.low, curve.high)
     )

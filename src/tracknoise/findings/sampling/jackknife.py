@@ -1,7 +1,7 @@
 """Student's intervals from the jackknife, on a scale on which a statistic has no limits: arrays only.
 
-The standard error of a statistic g is that of its jackknife (Efron and Stein 1981), from g_i, that of all n units but
-the i-th. Where unit i holds a share w_i of all that is counted, it is
+The standard error of a statistic g is that of its jackknife (Efron and Stein 1981). It uses g_i, the statistic of all n
+units but the i-th. If unit i has a share w_i of the observations, it is
 
     se^2 = sum of (1 - w_i)^2 / (1 - 2 w_i + sum of w_j^2) (g - g_i)^2    (spread)
 
@@ -91,9 +91,9 @@ def student_interval(
     Returns
     -------
     low, high : (...) float64
-        NaN where the estimate is NaN or rests on fewer than two units, and of a share of 0 or 1: that it was never seen
-        does not show how rare it is among other units. A size of 0, and a correlation of -1 or 1, which chance alone
-        does not give, have both bounds there.
+        NaN where the estimate is NaN or comes from fewer than two units. Also NaN for a share of 0 or 1, which does not
+        show how rare an event is in other units. Both bounds of a size of 0, or of a correlation of -1 or 1, are equal
+        to it, because these do not occur by chance.
     """
     value, to = np.asarray(estimate, dtype=np.float64), SCALES[scale]
     n = np.broadcast_to(len(jackknife) if n_units is None else np.asarray(n_units), value.shape)

@@ -60,8 +60,8 @@ def _shows(data: ReportData, tracker: str) -> str:
         "directions are compared. The first is u and v. The second is along and across the motion of the true position "
         f"since the previous frame that the tracker saw, if it moved by {_LEAST} or more. Along the motion, an error "
         "is negative if the feature lags behind. Across it, an error to the right is positive. The third is along and "
-        "across the dominant image gradient where the feature was first seen, if there was one. A gradient has no sign, "
-        "so there is no mean error along it. Dashed: covariance about the mean."
+        "across the dominant image gradient where the feature was first seen, if there was one. A gradient has no "
+        "sign, so there is no mean error along it. Dashed: covariance about the mean."
     )
 
 

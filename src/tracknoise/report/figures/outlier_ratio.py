@@ -96,7 +96,7 @@ def _range(tracker: str, table: pl.DataFrame) -> str:
     ordered = table.sort("pooled_ratio")
     low, high = ordered.row(0, named=True), ordered.row(-1, named=True)
     ends = [f"{percent(row['pooled_ratio'])} under {row['lighting']}" for row in (low, high)]
-    return f"{tracker} rejected from {ends[0]} to {ends[1]}"
+    return f"{tracker} rejected between {ends[0]} and {ends[1]}"
 
 
 def _panel(data: ReportData, table: pl.DataFrame, field: str, colours: Mapping[str, str], tracker: str) -> Panel:

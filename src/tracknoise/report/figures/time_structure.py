@@ -90,7 +90,7 @@ def tables(data: ReportData) -> Sequence[Cells]:
     ]
     parts = [name for name, _ in _PARTS.values()]
     headings = ["tracker", "speed", "", *parts, "autocorrelation", "verdict", "why"]
-    caption = f"Fitted error growth, trimmed{data.where}"
+    caption = f"Fitted error growth{data.where}, trimmed"
     return [Cells(caption, headings, rows, [False, True, False, *[True] * 4, False, False])] if rows else []
 
 

@@ -1,9 +1,7 @@
 """The words that docs/glossary.md forbids occur nowhere: documentation, help, source code, templates and a report."""
 
 import ast
-import importlib.util
 import re
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from html.parser import HTMLParser
@@ -11,6 +9,7 @@ from pathlib import Path
 
 import pytest
 import typer
+from tests.report import synthetic
 
 from tracknoise.cli.app import app
 from tracknoise.report.page import write_report
@@ -18,16 +17,6 @@ from tracknoise.report.page import write_report
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "tracknoise"
 GLOSSARY = ROOT / "docs" / "glossary.md"
-ROOMS_PENDING: frozenset[str] = frozenset(
-    {
-        "docs/differences-from-the-paper.md",
-        "docs/paper.md",
-        "findings",
-        "report",
-        "a report",
-    }
-)
-"""Places that still have to be rewritten. They are skipped until they are."""
 TEMPLATES = {".j2", ".js", ".toml"}
 
 
@@ -103,14 +92,6 @@ def files_of(room: str) -> list[Path]:
     return sorted(path for path in found if path.is_file() and "__pycache__" not in path.parts)
 
 
-def places(candidates: list[str]) -> list:
-    """Parameters for places to check; pending ones are skipped."""
-    skip = pytest.mark.skip(reason="pending: see ROOMS_PENDING")
-    return [
-        pytest.param(name, id=name or "package", marks=skip if name in ROOMS_PENDING else ()) for name in candidates
-    ]
-
-
 DOCUMENTS = ["README.md", "CONTRIBUTING.md", *sorted(str(path.relative_to(ROOT)) for path in ROOT.glob("docs/*.md"))]
 ROOMS = ["", *sorted(path.name for path in SOURCE.iterdir() if (path / "__init__.py").exists())]
 COMMANDS = sorted(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
@@ -121,23 +102,23 @@ def require_clean(texts: Iterator[Text]) -> None:
     assert not found, "\n" + "\n".join(found)
 
 
-@pytest.mark.parametrize("document", places(DOCUMENTS))
+@pytest.mark.parametrize("document", DOCUMENTS)
 def test_documents(document):
     require_clean(markdown(ROOT / document))
 
 
-@pytest.mark.parametrize("room", places(ROOMS))
+@pytest.mark.parametrize("room", ROOMS, ids=lambda room: room or "package")
 def test_strings_and_docstrings_of_the_source(room):
     require_clean(text for path in files_of(room) if path.suffix == ".py" for text in python_text(path))
 
 
-@pytest.mark.parametrize("room", places(ROOMS))
+@pytest.mark.parametrize("room", ROOMS, ids=lambda room: room or "package")
 def test_templates_and_presets(room):
     paths = [path for path in files_of(room) if path.suffix in TEMPLATES]
     require_clean(Text(str(path.relative_to(ROOT)), path.read_text()) for path in paths)
 
 
-@pytest.mark.parametrize("room", places(ROOMS))
+@pytest.mark.parametrize("room", ROOMS, ids=lambda room: room or "package")
 def test_names_of_the_source(room):
     found = [
         f"{path.relative_to(ROOT)}:{line}: name {name!r}; write: {NAMES[name.lstrip('_')]}"
@@ -186,25 +167,13 @@ class Prose(HTMLParser):
             self.parts.append(data)
 
 
-@pytest.fixture(scope="module")
-def synthetic():
-    """The module that writes run folders of made-up measurements for the tests of the report."""
-    path = ROOT / "tests" / "report" / "synthetic.py"
-    spec = importlib.util.spec_from_file_location("tracknoise_synthetic_for_glossary", path)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-@pytest.mark.parametrize("place", places(["a report"]))
-def test_a_report(place, synthetic, tmp_path):
+def test_a_report(tmp_path):
     small = {"scenes": ("one", "two"), "n_frames": 14, "born": 20, "min_features": 20}
     page = write_report(synthetic.write_run(tmp_path / "run", synthetic.World(**{**synthetic.SMALL, **small})))
     prose = Prose()
     prose.feed(page.read_text())
     assert "error" in " ".join(prose.parts)
-    require_clean(iter([Text(place, "\n".join(prose.parts))]))
+    require_clean(iter([Text("a report", "\n".join(prose.parts))]))
 
 
 def test_the_tables_are_read_and_phrases_are_found_across_lines_but_not_within_words():
@@ -212,7 +181,3 @@ def test_the_tables_are_read_and_phrases_are_found_across_lines_but_not_within_w
     assert NAMES["Setting"] == "`SequenceContext`"
     text = Text("x.md", "One.\nIt is Tried\n  again. It is untried again.")
     assert list(violations(text)) == ["x.md:2: 'Tried again'; write: retry, retrying"]
-
-
-def test_pending_places_exist():
-    assert set(DOCUMENTS) | set(ROOMS) | {"a report"} >= ROOMS_PENDING

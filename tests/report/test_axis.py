@@ -8,9 +8,9 @@ from tracknoise.statistics.definitions import NAMES
     ("axis", "since", "written"),
     [
         (AGE, 10, "at age 10"),
-        (FRAME, 10, "at 10 frames after the key frame"),
-        (FRAME, 1, "at 1 frame after the key frame"),
-        (FRAME, -8, "at 8 frames before the key frame"),
+        (FRAME, 10, "10 frames after the key frame"),
+        (FRAME, 1, "1 frame after the key frame"),
+        (FRAME, -8, "8 frames before the key frame"),
     ],
 )
 def test_places_are_told_from_where_errors_are_zero(axis, since, written) -> None:

@@ -58,8 +58,8 @@ def test_curves_draw_their_bounds(data: ReportData) -> None:
     expected = expected.drop_nulls("u_low")
     assert band.height == expected.height
     np.testing.assert_allclose(sorted(band["u_low"]), sorted(expected["u_low"]), rtol=1e-3, atol=1e-12)
-    assert "95\N{NO-BREAK SPACE}% intervals, blocks of tracks resampled within" in figure.shows
-    assert "hold for these scenes only" in figure.shows
+    assert "95\N{NO-BREAK SPACE}% intervals from blocks of tracks resampled within" in figure.shows
+    assert "They hold only for the scenes of this run." in figure.shows
 
 
 def test_selections_live_where_the_legend_is(data: ReportData) -> None:

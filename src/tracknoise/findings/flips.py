@@ -1,19 +1,19 @@
-"""Tests of a zero mean that take the scene, not the feature, for the sampling unit: arrays only.
+"""Tests of a zero mean whose sampling unit is the scene, not the feature: arrays only.
 
-Every scene counts once, by its own mean error (x_i, a pair u and v) at an age, so that what is tested is the mean that
-curves of weighting `scenes` have. With n scenes, Q = sum x_i x_i' and s = sum x_i:
+Every scene counts once, by its mean error (x_i, a pair u and v) at an age. The tested mean is therefore that of curves
+with weighting `scenes`. With n scenes, Q = sum x_i x_i' and s = sum x_i:
 
-- q = s' Q^-1 s / n, from 0 to 1 (q), grows with Hotelling's T2 = (n - 1) q / (1 - q), and for Gaussian scene means
-  P(q) = (1 - q)^((n - 2) / 2) is its p-value (hotelling): that of F with 2 and n - 2 degrees of freedom.
-- Signs of whole scenes are flipped, at all ages together, which changes s but not Q. The p-value is the share of
-  flips whose q is as large as that found (flips), exact if scene means are as likely above zero as below by as much,
-  whatever else their distribution, and however ages depend on each other. All 2^n flips are used up to `EXACT`
-  scenes, otherwise `FLIPS`, that without any flip among them.
+- q = s' Q^-1 s / n, from 0 to 1 (q), grows with Hotelling's T2 = (n - 1) q / (1 - q). For Gaussian scene means its
+  p-value is P(q) = (1 - q)^((n - 2) / 2) (hotelling), that of F with 2 and n - 2 degrees of freedom.
+- Signs of whole scenes are flipped, at all ages together, which changes s but not Q. The p-value is the share of flips
+  whose q is at least as large as the measured one (flips). It is exact if the distribution of scene means is symmetric
+  about zero, for any dependence between ages. All 2^n flips are used up to `EXACT` scenes, otherwise `FLIPS`. One of
+  them is the data without any flip.
 - All ages together: the largest of -log P(q) over the ages, under the same flips (overall).
-- An age among all: the share of flips whose largest -log P(q) over the ages is as large as that found at this one
-  (adjusted). To reject where it is at most alpha keeps the probability of any false rejection under alpha, whichever
-  ages differ from zero and however they depend on each other (Westfall and Young 1993). Holm's adjustment does, too,
-  but no p-value is less than 2 / 2^n: with nine scenes and twenty ages it never rejects, however large the mean.
+- One age among all: the share of flips whose largest -log P(q) over the ages is at least as large as the measured one
+  at this age (adjusted). Rejecting where it is at most alpha keeps the probability of any false rejection below alpha,
+  for any set of ages that differ from zero and any dependence between them (Westfall and Young 1993). Holm's
+  adjustment does so too, but no p-value is less than 2 / 2^n: with nine scenes and twenty ages it never rejects.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from tracknoise.findings.sampling.units import MIN_SCENES
 
 EXACT = 12
-"""Most scenes of which all flips are used."""
+"""Largest number of scenes for which all flips are used."""
 FLIPS = 2**EXACT
 
 _SAME = 1e-9
@@ -44,7 +44,7 @@ class FlipTest:
     n_scenes : (ages,) intp
         Scenes that have a mean there.
     hotelling_p, sign_flip_p : (ages,) float64
-        By (hotelling) and (flips); Hotelling's wants means that vary in both directions.
+        By (hotelling) and (flips). Hotelling's requires means that vary in both directions.
     adjusted_p : (ages,) float64
         By (adjusted).
     overall_p

@@ -93,6 +93,11 @@ def scenes_counted(column: str) -> pl.Expr:
     return pl.format("{} {}", column, noun)
 
 
+def sentence_case(text: str) -> str:
+    """Write the first letter as a capital, and the rest as it is."""
+    return f"{text[:1].upper()}{text[1:]}"
+
+
 def listing(items: Iterable[str], *, joint: str = "and") -> str:
     """Join items as prose does: ``a``, ``a and b``, ``a, b and c``."""
     parts: Sequence[str] = list(items)
@@ -102,7 +107,7 @@ def listing(items: Iterable[str], *, joint: str = "and") -> str:
 def place(axis: str, since: int) -> str:
     """Write a place on an axis by its distance from where errors are zero.
 
-    ``at age 10``, or ``at 8 frames after the key frame``.
+    ``at age 10``, or ``8 frames after the key frame``.
 
     Parameters
     ----------
@@ -113,7 +118,7 @@ def place(axis: str, since: int) -> str:
     """
     if axis == Axis.age:
         return f"at age {since}"
-    return f"at {count(abs(since), 'frame')} {'before' if since < 0 else 'after'} the key frame"
+    return f"{count(abs(since), 'frame')} {'before' if since < 0 else 'after'} the key frame"
 
 
 def view_text(view: Mapping[str, object], names: Iterable[str]) -> str:
@@ -135,5 +140,5 @@ def interval_text(level: float, resampled: str, n_scenes: Sequence[int]) -> str:
     """
     least, most = min(n_scenes), max(n_scenes)
     scenes = count(most, "scene") if least == most else f"{least} to {count(most, 'scene')}"
-    what = f" over {scenes}" if resampled == Resampled.scenes else f", blocks of tracks resampled within {scenes}"
+    what = f" over {scenes}" if resampled == Resampled.scenes else f" from blocks of tracks resampled within {scenes}"
     return f"{100 * level:g}{SPACE}% intervals{what}"

@@ -1,8 +1,8 @@
-"""Is the mean error zero? At every age, and at all ages together.
+"""Tests of whether the mean error is zero, at every age and at all ages together.
 
-The test takes scenes for sampling units (`tracknoise.findings.flips`), each of which counts once. The table also has
-the p-value of Hotelling's test that takes every feature for a sampling unit (iid). Errors of the features of a scene
-are correlated, so that it rejects most true zeros.
+The sampling units of the test are scenes (`tracknoise.findings.flips`). Each counts once. The table also has the
+p-value of Hotelling's test with features as sampling units (iid). Errors of the features of a scene are correlated, so
+this test rejects most true zeros.
 """
 
 from collections.abc import Iterator, Mapping

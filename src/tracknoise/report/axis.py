@@ -39,7 +39,7 @@ class Axis:
         return {name: role for role, name in NAMES[self.name].items()}
 
     def place(self, since: int) -> str:
-        """Write a place by its distance from where errors are zero: ``at age 10``, ``at 8 frames after the key frame``.
+        """Write a place by its distance from where errors are zero: ``at age 10``, ``8 frames after the key frame``.
 
         Parameters
         ----------

@@ -106,5 +106,5 @@ def describe_intervals(points: pl.DataFrame, *, of: str, marks: str = "Bands aro
     if not kinds:
         return f"No intervals were computed for {of}."
     which = "Those from blocks" if known["resampled"].n_unique() > 1 else "They"
-    only = f" {which} hold for these scenes only." if "blocks" in known["resampled"] else ""
+    only = f" {which} hold only for the scenes of this run." if "blocks" in known["resampled"] else ""
     return f"{marks} {of}: {kinds}.{only}"

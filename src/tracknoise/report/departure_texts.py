@@ -14,7 +14,7 @@ python -m tracknoise.report.departure_texts > docs/differences-from-the-paper.md
 
 The presets `dtu`, `kitti`, `gazebo-linear` and `gazebo-arvr` repeat the experiments of S. Tsuei, W. Mo and S. Soatto,
 "Feature Tracks are not Zero-Mean Gaussian", 2022 ([arXiv 2303.14315](https://arxiv.org/abs/2303.14315)). This page
-lists every difference from the paper, and why there is one. No preset is tuned to agree with the paper.
+lists every difference from the paper and its reason. No preset is tuned to agree with the paper.
 
 `tracknoise replicate --out FOLDER` measures what the differences change. It writes `FOLDER/differences.html`: this list
 with the numbers of its runs. Curves are compared by the rule of the verdicts (see [Effects](statistics.md#effects)).

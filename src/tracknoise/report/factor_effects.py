@@ -36,7 +36,7 @@ def verdicts(data: ReportData) -> Cells:
     rows = list(zip(*columns.values(), strict=True))
     marks = [] if table.width == len(columns) else [f"{mark} {word}" for word, mark in _MARKS.items()]
     asks = any("?" in cell for name in columns if name.endswith(": here") for cell in columns[name])
-    marks += ["yes? or no?: the effect alone says so, the interval is undecided"] if asks else []
+    marks += ["yes? or no?: verdict of the effect alone, undecided with its interval"] if asks else []
     legend = f" ({', '.join(marks)})" if marks else ""
     return Cells(
         f"Does the factor change the statistic?{legend}",
@@ -101,7 +101,7 @@ def _question(row: Mapping[str, Any]) -> list[str]:
 def details(data: ReportData) -> Cells:
     """What decided the point rule: one row per factor, tracker and statistic."""
     headings = ["factor", "tracker", "statistic", "point rule", "levels", "where", "pairs"]
-    headings += ["difference", "variation", "effect", "of mean |error|"]
+    headings += ["difference", "variation", "effect", "share of mean |error|"]
     rows = [_detail(data, row) for row in data.comparison.to_dicts()]
     return Cells("Point rule: the largest difference of each factor", headings, rows, [False] * 6 + [True] * 5)
 

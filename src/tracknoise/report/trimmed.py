@@ -1,4 +1,4 @@
-"""What the report says about trimming: the tracks its percentile is taken of, and where it drops nearly all of them."""
+"""What the report says about trimming: the tracks that its percentile includes, and where it drops nearly all."""
 
 import polars as pl
 
@@ -9,7 +9,7 @@ from tracknoise.report.report_data import ReportData
 
 
 def percentile_of(data: ReportData) -> str:
-    """The tracks that the percentile is taken of, as part of a sentence."""
+    """The tracks over which the percentile is taken, as part of a sentence."""
     if "followed" not in data.trims["among"]:
         return "all tracks of the same scene and condition"
     return f"those tracks of the same scene and condition that were followed beyond {_anchor(data)}"
@@ -43,7 +43,7 @@ def _warning(data: ReportData, decided: pl.DataFrame, trims: pl.DataFrame) -> st
         f"where the error is zero by construction. This affects {scenes}. The percentile falls among these tracks, so "
         f"trimming cuts at about 0 px. Of the {count(n_followed, 'track')} seen for longer, "
         f"{number(n_followed - n_dropped)} are kept. The trimmed errors mean little here. Set "
-        'statistics.trim_among = "followed" to take the percentile of the tracks seen for longer.'
+        'statistics.trim_among = "followed" to take the percentile over the tracks seen for longer.'
     )
 
 

@@ -24,7 +24,7 @@ def growth(term: str | None, *, related: float = 0.0, mean: float = 0.0, misfit:
         (growth("white", related=-0.25), "white", "0.200 px (0.190 to 0.210)"),
         (growth("walk"), "random walk", "random walk: 0.0900 px per sqrt(frame) (0.0800 to 0.100)"),
         (growth("drift", mean=0.01), "drift", "0.0300 px per frame (0.0200 to 0.0400); the mean changes by 0.0100 px"),
-        (growth(None), "undecided", "no term is certainly more than half of the second moment"),
+        (growth(None), "undecided", "the intervals do not show which term dominates the second moment"),
         (growth("walk", misfit=0.4), "none", "misses the second moment by 40.0 %"),
     ],
 )

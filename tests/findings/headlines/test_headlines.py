@@ -75,11 +75,11 @@ def test_noise_is_the_root_of_the_second_moment_with_its_interval() -> None:
     point = {**POINT, "value": 0.1681, "low": 0.1444, "high": 0.2025}
     noise = read(intervals=table(INTERVALS, point))["noise"]
     assert noise["text"].startswith(
-        "Noise to assume at speed 1, as root mean square error. lk at age 10, trimmed: 0.410 px (0.380 to 0.450) in u "
-        "and 0.300 px in v. lk at age 10, untrimmed: 1.200 px in u and 0.900 px in v."
+        "Measurement noise at speed 1, as root mean square error. After trimming, the error of lk at age 10 is "
+        "0.410 px (0.380 to 0.450) in u and 0.300 px in v. Without trimming it is 1.200 px in u and 0.900 px in v."
     )
     assert "above the 90th percentile" in noise["text"]
-    assert noise["text"].endswith("Brackets: 95 % intervals over 8 scenes.")
+    assert noise["text"].endswith("In brackets: 95 % intervals over 8 scenes.")
     assert (noise["value"], noise["low"], noise["high"]) == pytest.approx((0.41, 0.38, 0.45))
     assert (noise["figure"], noise["table"], noise["unit"]) == ("error-by-tracker", "intervals", "px")
 
@@ -104,7 +104,7 @@ def test_errors_by_frame_are_placed_from_the_key_frame() -> None:
     noise = read(
         scope, summary=table(SUMMARY, {**SUMMED, "axis": "frame", "at": 34}), intervals=table(INTERVALS, point)
     )
-    assert "lk at 10 frames after the key frame, trimmed: 0.410 px (0.380 to 0.450)" in noise["noise"]["text"]
+    assert "the error of lk 10 frames after the key frame is 0.410 px (0.380 to 0.450) in u" in noise["noise"]["text"]
 
 
 @pytest.mark.parametrize(
@@ -142,17 +142,17 @@ def test_a_bias_that_was_shown_is_reported_with_its_size() -> None:
     mean = {**POINT, "statistic": "nu", "weighting": "scenes", "value": 0.12, "low": 0.05, "high": 0.19}
     whole = {**OVERALL, "verdict": "yes", "sign_flip_p": 0.012}
     bias = read(zero_mean=table(ZERO_MEAN, whole, AT_TEN), intervals=table(INTERVALS, mean))["bias"]
-    assert "lk: no (p = 0.012, 8 scenes)." in bias["text"]
-    assert "Its mean error at age 10 is 0.120 px (0.050 to 0.190) in u and −0.040 px in v." in bias["text"]
-    assert "The square of the mean is 6.2 % of the second moment." in bias["text"]
+    assert "The mean trimmed error of lk is not zero (p = 0.012, 8 scenes)." in bias["text"]
+    assert "At age 10, the mean is 0.120 px (0.050 to 0.190) in u and −0.040 px in v." in bias["text"]
+    assert "Its square is 6.2 % of the second moment." in bias["text"]
     assert (bias["value"], bias["low"], bias["high"]) == (0.12, 0.05, 0.19)
 
 
 def test_too_few_scenes_decide_no_bias() -> None:
     why = "a test at 5 % needs at least 6 scenes; found 4 scenes"
     bias = read(zero_mean=table(ZERO_MEAN, {**OVERALL, "verdict": "undecided", "why": why}))["bias"]
-    assert f"lk: undecided ({why})." in bias["text"]
-    assert "lk: no" not in bias["text"]
+    assert f"It is undecided whether the mean trimmed error of lk is zero: {why}." in bias["text"]
+    assert "is not zero" not in bias["text"]
 
 
 def test_the_shape_is_that_of_the_band_which_holds_the_reference_age() -> None:
@@ -203,17 +203,20 @@ def factor_rows(*verdicts: str) -> dict[str, pl.DataFrame]:
 
 def test_factors_are_counted_and_the_clearest_are_named() -> None:
     found = read(**factor_rows("yes", "no", "undecided"))["factors"]
-    assert "Answers to 3 questions: 1 yes, 1 no and 1 undecided." in found["text"]
-    assert "Clearest yes: speed, mean error of lk, 45 % (30 % to 60 %)." in found["text"]
-    assert "Clearest no: speed, mean absolute error of lk, 40 % (25 % to 55 %)." in found["text"]
+    assert "Verdicts on whether the speed changes a statistic: 1 yes, 1 no and 1 undecided." in found["text"]
+    assert "Effects with the highest lower bounds: speed on mean error of lk, 45 % (30 % to 60 %)." in found["text"]
+    assert (
+        "Effects with the lowest upper bounds: speed on mean absolute error of lk, 40 % (25 % to 55 %)."
+        in found["text"]
+    )
     assert (found["value"], found["low"], found["high"]) == pytest.approx((0.45, 0.3, 0.6))
 
 
 def test_what_is_undecided_is_called_so() -> None:
     text = read(**factor_rows("undecided", "undecided"))["factors"]["text"]
-    assert "Answers to 2 questions: 2 undecided." in text
-    assert "which may be chance: speed, mean error of lk" in text
-    assert "Clearest" not in text
+    assert "Verdicts on whether the speed changes a statistic: 2 undecided." in text
+    assert "which may be chance: speed on mean error of lk" in text
+    assert "bounds" not in text
 
 
 def test_other_speeds_and_what_was_not_varied_are_no_questions() -> None:
@@ -241,7 +244,7 @@ def test_a_bound_that_lies_beyond_the_data_is_open() -> None:
 
 def test_tracks_that_outlive_the_data_have_no_median() -> None:
     text = read(summary=table(SUMMARY, {**SUMMED, "median_lifetime": None}))["lifetimes"]["text"]
-    assert "lk: unknown, as more than half of the tracks are alive when the data end." in text
+    assert "lk: unknown, because more than half of the tracks are alive at the end of the data." in text
 
 
 def test_tracks_that_live_long_are_compared_with_all() -> None:
@@ -250,7 +253,8 @@ def test_tracks_that_live_long_are_compared_with_all() -> None:
         for aspect, age, value in (("all", None, 0.1681), ("long_lived", 5, 0.16), ("long_lived", 20, 0.09))
     ]
     text = read(intervals=table(INTERVALS, *rows))["survivorship"]["text"]
-    assert "lk at age 10: 0.300 px (0.268 to 0.329) for tracks that live to age 20, 0.410 px" in text
+    assert "At age 10, the error of lk in u is 0.300 px (0.268 to 0.329) for tracks that live to age 20." in text
+    assert "For all tracks it is 0.410 px" in text
 
 
 def test_many_trackers_are_not_all_named() -> None:
@@ -286,4 +290,4 @@ def test_the_document_is_json_even_where_effects_are_infinite() -> None:
     document = json.loads(findings_json(tables))
     assert document["dependence"][0]["high"] == "Infinity"
     assert [row["at"] for row in document["zero_mean"]] == [None]
-    assert document["findings"][0]["text"].startswith("Noise to assume")
+    assert document["findings"][0]["text"].startswith("Measurement noise")

@@ -34,17 +34,17 @@ def figure(data: ReportData) -> Figure:
 
 
 def test_the_mean_error_is_told_in_u_and_v_and_along_and_across_the_motion(figure: Figure) -> None:
-    age = int(re.match(r"At age (\d+) the mean error is ", figure.look_for).group(1))
+    age = int(re.match(r"At age (\d+), the mean error is ", figure.look_for).group(1))
     u, v = age * DRIFT_PX
     d_u, d_v = MOTION_PX / np.hypot(*MOTION_PX)
     image, motion = f"{px(u)} in u and {px(v)} in v", f"{px(d_u * u + d_v * v)} along the motion"
-    told = f"the mean error is {image}, {motion} and {px(d_u * v - d_v * u)} across it."
+    told = f"the mean error is {image}. It is {motion} and {px(d_u * v - d_v * u)} across it."
     assert told in figure.look_for
     assert re.search(r"px along the gradient and \S+\spx across it\. Number", figure.look_for)
 
 
 def test_features_without_a_direction_are_said_to_be_left_out(data: ReportData, figure: Figure) -> None:
-    age = int(re.match(r"At age (\d+) ", figure.look_for).group(1))
+    age = int(re.match(r"At age (\d+), ", figure.look_for).group(1))
     observed = data.run.sequence_table("observations", next(iter(data.sequences))).filter(speed=1, age=age)
     n = number(observed.height)
     assert f"Number of features: {n} for u and v, {n} for motion and {n} for gradient." in figure.look_for

@@ -59,7 +59,7 @@ def test_the_reference_is_black_and_ramps_go_from_dark_to_light(data: ReportData
 
 
 def test_of_many_curves_the_extremes_are_told_and_only_one_moment_is_drawn(data: ReportData, figure: Figure) -> None:
-    age = int(re.match(r"At age (\d+) ", figure.look_for).group(1))
+    age = int(re.match(r"At age (\d+), ", figure.look_for).group(1))
     here = {"tracker": "one", "speed": 1, "population": "visible", "trimming": "trimmed", "role": "second", "at": age}
     rows = data.points.filter(**here).sort("u")
     low, high = rows.row(0, named=True), rows.row(-1, named=True)
@@ -93,7 +93,7 @@ def test_outlier_ratios_by_lighting_are_the_pooled_ones(data: ReportData, boxes:
     frames = pl.concat(data.run.sequence_tables("frames")).filter(speed=1)
     ratios = frames.group_by("lighting").agg(r=pl.col("outliers").sum() / pl.col("offered").sum()).sort("r").rows()
     ends = [f"{percent(ratios[place][1])} under {ratios[place][0]}" for place in (0, -1)]
-    assert f"one rejected from {ends[0]} to {ends[1]}." in boxes.look_for
+    assert f"one rejected between {ends[0]} and {ends[1]}." in boxes.look_for
 
 
 def test_boxes_have_a_panel_a_sweep_that_begins_with_the_reference(boxes: Figure) -> None:

@@ -44,7 +44,7 @@ def test_curves_quote_the_summary(data: ReportData) -> None:
     figure = _by_id(curves.figures(data))["error-by-age"]
     rows = data.summary.filter(speed=1)
     assert rows["at"].n_unique() == 1
-    assert f"At age {rows['at'][0]} " in figure.look_for
+    assert f"At age {rows['at'][0]}, " in figure.look_for
     for row in rows.to_dicts():
         bias = f"{px(row['trimmed_nu_u_px'])} in u and {px(row['trimmed_nu_v_px'])} in v"
         spread = f"{px(row['trimmed_rms_u_px'])} in u and {px(row['trimmed_rms_v_px'])} in v"
@@ -76,18 +76,18 @@ def test_without_trimming_one_figure_shows_all_tracks(make_run: Callable[..., Ru
 
 def test_speeds_are_read_at_an_age_that_all_have(data: ReportData) -> None:
     figure = _by_id(speeds.figures(data))["error-by-speed-lucas-kanade"]
-    age = int(re.match(r"At age (\d+) ", figure.look_for).group(1))
+    age = int(re.match(r"At age (\d+), ", figure.look_for).group(1))
     assert age % 2 == 0
     for speed in (1, 2):
         where = {"tracker": "lucas-kanade", "speed": speed, "population": "visible", "trimming": "trimmed", "at": age}
         row = data.points.filter(**where, role="second").row(0, named=True)
-        assert f"{px(row['u'])} in u and {px(row['v'])} in v for speed {speed}" in figure.look_for
+        assert re.search(f"(?i)for speed {speed} (it )?is {px(row['u'])} in u and {px(row['v'])} in v", figure.look_for)
 
 
 def test_speeds_that_share_no_age_are_read_at_the_nearest_to_ten(make_run: Callable[..., RunFolder]) -> None:
     (figure,) = speeds.figures(ReportData.of(make_run(scenes=("only",), trackers=("one",), speeds=(7, 9), born=60)))
     assert figure.look_for.startswith(
-        "At age 10 or the nearest available (7 for speed 7 and 9 for speed 9), the root second moment is "
+        "At age 10 or the nearest available (7 for speed 7 and 9 for speed 9), the root second moment for "
     )
 
 
@@ -150,9 +150,12 @@ def test_errors_quote_the_cut_and_single_sightings(data: ReportData, run: RunFol
     (figure,) = trimming.figures(data)
     tracks = pl.concat(run.sequence_tables("tracks")).filter(tracker="lucas-kanade", speed=1)
     once = tracks.filter(lifetime=1).height
-    assert f"lucas-kanade has {tracks.height} tracks. {once} of them have only their first frame" in figure.look_for
+    assert (
+        f"lucas-kanade has {tracks.height} tracks. {once} of them were seen only in their first frame"
+        in figure.look_for
+    )
     cuts = data.trims.filter(tracker="lucas-kanade", speed=1)["threshold_px"]
-    assert f"The threshold is from {px(cuts.min())} to {px(cuts.max())}, depending on the scene." in figure.look_for
+    assert f"The threshold is between {px(cuts.min())} and {px(cuts.max())}, depending on the scene." in figure.look_for
     kept = tracks.drop_nulls("max_error_px")["kept"]
     assert f"drops {percent(1 - kept.mean())} of the tracks with a known error" in figure.look_for
 
@@ -236,4 +239,4 @@ def test_many_scenes_are_not_all_drawn(make_run: Callable[..., RunFolder]) -> No
     names = tuple(f"scene-{i}" for i in range(8))
     items = example_frames.figures(ReportData.of(make_run(scenes=names, trackers=("one",), speeds=(1,), n_frames=6)))
     assert len(items) == example_frames.MOST_SCENES + 1
-    assert items[-1].why == "Only the first 6 of 8 scenes are drawn. The numbers below are of all scenes."
+    assert items[-1].why == "Only the first 6 of 8 scenes are drawn. The statistics below cover all scenes."

@@ -25,16 +25,18 @@ def test_the_longest_lived_are_told_beside_all_at_an_age_before_they_are_all(dat
     (figure,) = survivorship_bias.figures(data)
     assert isinstance(figure, Figure)
     told = re.match(
-        r"At age (\d+) the root .* for those that live to age (\d+) \((\S+) of (\S+) features\)\.", figure.look_for
+        r"At age (\d+), the root .* that live to age (\d+) it is .* These are (\S+) of (\S+) features\.",
+        figure.look_for,
     )
     age, longest = int(told.group(1)), int(told.group(2))
     assert 0 < age < longest
     observed = data.run.sequence_table("observations", next(iter(data.sequences)))
     oldest = pl.col("age").max().over("track")
     every = observed.with_columns(oldest=oldest).filter(pl.col("truth") == "valid", pl.col("age") == age)
-    for errors in (every, every.filter(pl.col("oldest") >= longest)):
+    parts = {"all tracks is": every, f"to age {longest} it is": every.filter(pl.col("oldest") >= longest)}
+    for subject, errors in parts.items():
         u, v = (np.sqrt(np.sum(errors[name].to_numpy() ** 2) / (errors.height - 1)) for name in ("du_px", "dv_px"))
-        assert f"{px(u)} in u and {px(v)} in v for " in figure.look_for
+        assert f"{subject} {px(u)} in u and {px(v)} in v." in figure.look_for
     survivors = every.filter(pl.col("oldest") >= longest).height
     assert (told.group(3), told.group(4)) == (number(survivors), number(every.height))
     assert survivors < every.height

@@ -23,7 +23,7 @@ def test_moving_and_turning_are_told_with_the_share_of_turning(figure: Figure) -
     # 19 steps: 1.9 m at 3 m depth are 1.9 / 3 rad = 36.3 degrees; 19 / (19 + 36.3) = 34.4 %.
     told = f"In total, fixating moves 1.90{SPACE}m and rotates 19.0°. At the median feature depth of 3.00{SPACE}m,"
     assert told in figure.look_for
-    assert f"by up to 36.3°. Rotation is then 34.4{SPACE}% or more of the total." in figure.look_for
+    assert f"by up to 36.3°. Rotation is then 34.4{SPACE}% or more of the total shift." in figure.look_for
 
 
 def test_what_is_drawn_is_the_path(figure: Figure) -> None:

@@ -33,7 +33,7 @@ def test_errors_in_turned_images_are_told_in_the_axes_of_the_upright_one(data: R
     rows = {row["rotation"]: row for row in table.filter(at=4).to_dicts()}
     assert (rows[90]["u"], rows[90]["v"]) == pytest.approx((-0.5 * 4 * DRIFT_PX, -4 * DRIFT_PX))  # as measured
     (figure,) = views.rotations(data)
-    told = re.findall(r"is (.*) in v upright and (.*) in v sideways\.", _told(figure))
+    told = re.findall(r"in upright images is (.*) in v\. In sideways images it is (.*) in v\.", _told(figure))
     ((upright, sideways),) = told
     assert upright == sideways  # the same path was made up for both
 
@@ -54,9 +54,10 @@ def test_both_rotations_draw_the_same_signed_curve(data: ReportData) -> None:
 
 def test_a_bias_that_follows_the_motion_is_told_with_both_signs(data: ReportData) -> None:
     (figure,) = views.directions(data)
-    age = int(re.match(r"At age (\d+) the mean error is", _told(figure)).group(1))
+    age = int(re.match(r"At age (\d+), the mean error when played forward is", _told(figure)).group(1))
     u, v = age * DRIFT_PX, age * DRIFT_PX / 2
-    assert f"{px(u)} in u and {px(-v)} in v forward and {px(-u)} in u and {px(v)} in v backward." in _told(figure)
+    told = f"{px(u)} in u and {px(-v)} in v. When played backward it is {px(-u)} in u and {px(v)} in v."
+    assert told in _told(figure)
 
 
 def test_one_view_leaves_nothing_to_compare(run: RunFolder) -> None:

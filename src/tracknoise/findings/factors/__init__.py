@@ -1,1 +1,1 @@
-"""Does a factor matter: paired within scenes, the largest of many differences, with a verdict."""
+"""Factor effects: differences paired within scenes, the largest of them, and a verdict."""

@@ -1,13 +1,13 @@
-"""Does a factor matter: the effects of `tracknoise.statistics.effects` with intervals, tests and verdicts.
+"""Factor effects: the effects of `tracknoise.statistics.effects` with intervals, tests and verdicts.
 
-Scenes are what is sampled, and a scene is seen at all levels of a factor: what its levels share cancels in their
-difference. For every row of the table of effects, the levels' curves are compared at the same points
-(`tracknoise.findings.factors.paired`), and the largest effect gets an interval and two p-values
-(`tracknoise.findings.factors.largest`). q-values are taken over the cells of a factor's table, those of all trackers
-and speeds together; central covariances are in no table, and have q-values among themselves.
+Scenes are the sampling units. A scene is seen at all levels of a factor, so what the levels have in common cancels in
+their difference. For every row of the table of effects, the curves of the levels are compared at the same points
+(`tracknoise.findings.factors.paired`). The largest effect gets an interval and two p-values
+(`tracknoise.findings.factors.largest`). q-values are computed over the cells of a factor's table, for all trackers and
+speeds together. Central covariances are in no table. They get q-values among themselves.
 
-A factor matters (`yes`) if the interval is above the margin, and q_yes is at most 1 - level. It does not (`no`) if the
-interval is below the margin, q_no is at most 1 - level, and every pair of levels is in it. All else is `undecided`.
+The verdict is `yes` if the interval is above the margin and q_yes is at most 1 - level. It is `no` if the interval is
+below the margin, q_no is at most 1 - level, and every pair of levels was compared. Otherwise it is `undecided`.
 """
 
 from collections.abc import Iterator, Mapping
@@ -64,7 +64,7 @@ def dependence(
     n_draws: int = N_DRAWS,
     seed: int = 0,
 ) -> pl.DataFrame:
-    """Intervals of all effects, and whether factors matter.
+    """Intervals and verdicts of all effects.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def dependence(
         Schema `DEPENDENCE`: the rows of `effects`, in their order. `n_scenes` is the fewest that two levels share.
         `at_low` to `at_high` are the ages (or frames from the key frame on) that the interval holds for, `n_places`
         of them: where fewer than `MIN_SCENES` scenes have data at both levels of a pair, their scatter is
-        unknown. The interval is widened to hold the effect where that rests on other scenes or places, too.
+        unknown. The interval is widened to contain the effect if that uses other scenes or places too.
         Bounds and p-values are null where no two levels share enough scenes; `high` is infinite where what the effect
         is relative to may be zero.
 
@@ -173,7 +173,7 @@ def _levels(cell: pl.DataFrame, factor: str, columns: list[str], n_scenes: int) 
 
 
 def _judged(table: pl.DataFrame, level: float) -> pl.DataFrame:
-    """Answers with intervals that hold the effect, q-values, verdicts, and why there is none."""
+    """Rows with intervals that contain the effect, q-values, verdicts, and why one is undecided."""
     bounded = pl.col("low").is_not_null()
     table = table.with_columns(
         pl.lit(level).alias("level"),

@@ -1,12 +1,12 @@
 """The largest of many relative differences: an interval for it, and tests of whether it exceeds a margin.
 
-Of points k (pairs of levels, coordinates, ages) there are differences d(k) and what is common c(k) >= 0, both
-estimated from scenes. Sought is E = max over k of |d(k)| / c(k). The largest of many noisy values is too large, and it
-is not fit to be resampled where it is near zero. But at a single point, for a ratio e, the studentised
+At points k (pairs of levels, coordinates, ages) there are differences d(k) and common variations c(k) >= 0, both
+estimated from scenes. The effect is E = max over k of |d(k)| / c(k). The largest of many noisy values is biased
+upwards, and it cannot be resampled where it is near zero. But at a single point, for a ratio e, the studentised
 
     t(k, e) = (|d(k)| - e c(k)) / se(|d(k)| - e c(k))
 
-has about Student's distribution if e is the ratio there, even where c(k) is so ill known that |d(k)| / c(k) has no
+has about Student's distribution if e is the ratio there, even where c(k) is so uncertain that |d(k)| / c(k) has no
 standard error (Fieller 1954). From that:
 
 - E is more than e if a single point's ratio is. The best point's p-value counts only as far as the best of as many
@@ -77,9 +77,9 @@ def largest(ratios: Ratios, directions: NDArray[np.float64], *, margin: float, l
     directions : (draws, scenes)
         See `tracknoise.findings.factors.rotation.rotations`.
     margin
-        Largest relative difference that does not matter.
+        Largest relative difference that counts as no effect.
     level
-        Probability that the interval holds the true value, at least.
+        Minimum probability that the interval contains the true value.
     """
     points = _points(ratios)
     low, p_yes = _from_below(ratios, points, directions, margin, 1 - level)

@@ -1,11 +1,11 @@
 """Differences between the levels of a factor, paired by scene: from sums by scene, level and place, to `Ratios`.
 
 Two levels are compared in the scenes that were measured at both, at the places where at least `MIN_SCENES` of these
-have something at both. What a scene adds to the error of a statistic is how far the statistic moves when the scene is
-left out (jackknife).
+have data at both. The contribution of a scene to the error of a statistic is how far the statistic moves when the scene
+is left out (jackknife).
 
-What is common to two curves is the range of their middle, the zero at age 0 included (effect.common); its highest and
-lowest place are taken as found. What is common to the levels of a number is its mean over all of them (effect.scalar).
+The common variation of two curves is the range of their mean, including zero at age 0 (effect.common). Its highest and
+lowest place are taken as measured. For a single number per level it is the mean over all levels (effect.scalar).
 """
 
 from collections.abc import Callable

@@ -1,7 +1,7 @@
-"""What chance alone makes of the best of many tests: the tests of random rotations of the data.
+"""Distribution of the best of many tests by chance alone, from random rotations of the data.
 
-What scenes add to an error, as a vector e over n scenes, is multiplied with a random direction w in place of that of
-equal weights. The cosine r of their angle makes t = r sqrt(n - 1) / sqrt(1 - r^2), which has exactly Student's
+The contributions of n scenes to an error form a vector e. It is multiplied with a random direction w, where the test
+uses equal weights. The cosine r of their angle makes t = r sqrt(n - 1) / sqrt(1 - r^2), which has exactly Student's
 distribution of n - 1 degrees of freedom for each e, while those of all e together depend on each other as the data do.
 With few scenes and many tests the best of them tends to Scheffé's bound.
 

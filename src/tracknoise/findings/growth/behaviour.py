@@ -1,8 +1,8 @@
 """How errors behave over time: a verdict from how their second moment grows, and the reason in words.
 
-The verdict (behaviour) is `none` where (growth) misses the second moment by a quarter of it or more, so that it neither
-stays, nor grows as any of the three does; otherwise the term whose share of the fitted second moment is above a half,
-and whose size is above zero, with all of their intervals; otherwise `undecided`.
+The verdict (behaviour) is `none` where (growth) misses the second moment by a quarter of it or more: it is then neither
+constant nor does it grow as any of the three terms. Otherwise the verdict is the term whose share of the fitted second
+moment is above a half, and whose size is above zero, with all of their intervals. Otherwise it is `undecided`.
 
 What each means:
 
@@ -75,11 +75,11 @@ def behaves(growth: Growth) -> tuple[Behaviour, str]:
             others = [f"; also {_BESIDES[other]} of {_size(growth, other)}" for other in _besides(growth, term)]
             return _BEHAVIOURS[term], _REASONS[term](growth) + "".join(others)
     shares = ", ".join(f"{_BEHAVIOURS[term]} {format_as(growth.shares[term], percent)}" for term in TERMS)
-    return Behaviour.undecided, f"no term is certainly more than half of the second moment: {shares}"
+    return Behaviour.undecided, f"the intervals do not show which term dominates the second moment: {shares}"
 
 
 def _besides(growth: Growth, term: str) -> list[str]:
-    """The other terms that are certainly there."""
+    """The other terms whose intervals exclude zero."""
     return [other for other in TERMS if other != term and growth.sizes[other].above(0.0)]
 
 

@@ -1,12 +1,12 @@
-"""How a second moment grows with age: a constant, what accumulates at random, and what accumulates steadily.
+"""How a second moment grows with age: a constant part, a random walk, and a drift.
 
 Over the ages k of a condition the second moment about zero M(k) is fitted by
 
     M(k) = white^2 + walk^2 k + drift^2 k^2,  none of the three negative (growth)
 
-with weighted least squares. Three columns have only seven subsets, so that the least squares without bounds is solved
-for each, and the best of those that come out without a negative number is the answer (Lawson and Hanson 1974, for so
-few columns without a search): linear in M, and thus one matrix product for any number of draws.
+with weighted least squares. Three columns have only seven subsets. Unbounded least squares is solved for each, and the
+best solution without a negative number is used (Lawson and Hanson 1974, without the search that more columns need).
+The solutions are linear in M, so any number of draws takes one matrix product.
 """
 
 from itertools import combinations

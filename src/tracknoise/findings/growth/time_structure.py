@@ -3,13 +3,13 @@
 The second moment about zero is fitted over the ages by (growth), and the changes of errors from one frame that the
 tracker saw to the next are correlated by (autocorrelation) of `tracknoise.statistics.increments`.
 
-Errors are zero at birth (or in the key frame) by construction: what is measured at age k is n_k - n_0, where n_0 is how
-far from the feature the detector put it. Where n_0 is of the same kind as the later n_k, independent and of variance
-s^2, the second moment is 2 s^2 from the first age on. `white_px` is the root of the constant, and thus sqrt(2) s then;
-it is s where the first position has no error, as with the template of a tracker, or with the oracle.
+Errors are zero at birth (or in the key frame) by construction. What is measured at age k is n_k - n_0, where n_0 is the
+error of the detected position. If n_0 is independent of the later n_k and has the same variance s^2, the second moment
+is 2 s^2 from the first age on. `white_px` is the root of the constant, here sqrt(2) s. It is s if the first position
+has no error, as with the template of a tracker, or with the oracle.
 
-As variances at all ages come from the same tracks, each age is weighted by how much its second moment varies when
-scenes are drawn again, and a twentieth of itself besides, so that no age decides alone.
+The moments at all ages come from the same tracks. Each age is weighted by how much its second moment varies when scenes
+are resampled. A twentieth of the moment is added to this spread, so that no single age dominates.
 """
 
 from collections.abc import Iterable, Iterator, Mapping

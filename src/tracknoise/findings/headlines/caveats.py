@@ -13,7 +13,7 @@ ENOUGH_SCENES = 8
 
 
 def few_scenes(tables: RunTables, _conditions: ReportedConditions) -> Headline | None:
-    """Warn where intervals hold for these scenes alone, or are less reliable, as scenes are few."""
+    """Warn if there are so few scenes that intervals are less reliable, or hold for these scenes only."""
     measured = tables["summary"].drop_nulls("n_scenes")
     few = measured.filter(pl.col("n_scenes") < ENOUGH_SCENES)
     if few.is_empty():
@@ -28,7 +28,7 @@ def few_scenes(tables: RunTables, _conditions: ReportedConditions) -> Headline |
     else:
         limits = (
             f"With fewer than {MIN_SCENES} scenes, intervals come from blocks of tracks within the scenes. They hold "
-            "for these scenes only. Tests at 5 % of the mean error and of factors are then not possible."
+            "for these scenes only. Tests of the mean error and of factors at the 5 % level are then not possible."
         )
     text = f"{whose} only {there}. {limits}"
     return Headline("scenes", text, "measured", "summary", Estimate(numbers[0], unit="scenes"))

@@ -9,7 +9,7 @@ from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
 from tracknoise.findings.headlines.headline import Headline, Part, RunTables, by_tracker
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions, curve_bounds
-from tracknoise.findings.wording import SHAPES, SPACE, chance, interval_text, listing, number, percent
+from tracknoise.findings.wording import SHAPES, SPACE, chance, interval_text, listing, number, percent, sentence_case
 from tracknoise.statistics.definitions import NAMES, POOLED
 from tracknoise.tables.enumerations import Aspect, Axis, Behaviour, Population, Verdict, Weighting
 
@@ -24,20 +24,19 @@ _RISING = ("walk_px_per_sqrt_frame", "drift_px_per_frame")
 
 def noise(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """Root mean square errors at the reference age: the noise that an estimator should assume."""
-    opening = f"Noise to assume {conditions.where(tables['summary'])}, as root mean square error."
+    opening = f"Measurement noise {conditions.where(tables['summary'])}, as root mean square error."
     closing = f"{_population(conditions)} {_brackets(tables, conditions, 'second')}".strip()
 
     def describe(tracker: str) -> Part | None:
         row = _first(conditions.of(tables["summary"], tracker))
         if row is None or row["at"] is None:
             return None
-        intervals, sentences, estimates = conditions.of(tables["intervals"], tracker), [], []
-        for trimming in conditions.trimmings:
-            pair = [_rms(intervals, conditions, row, coordinate, trimming) for coordinate in "uv"]
-            estimates += pair
-            which = f", {trimming}" if len(conditions.trimmings) > 1 else ""
-            sentences.append(f"{tracker} {conditions.place(row['at'])}{which}: {_in_u_and_v(pair)}.")
-        return " ".join(sentences), estimates
+        intervals = conditions.of(tables["intervals"], tracker)
+        pairs = [[_rms(intervals, conditions, row, axis, name) for axis in "uv"] for name in conditions.trimmings]
+        trimmed = "After trimming, the error" if len(pairs) > 1 else "The error"
+        sentences = [f"{trimmed} of {tracker} {conditions.place(row['at'])} is {_in_u_and_v(pairs[0])}."]
+        sentences += [f"Without trimming it is {_in_u_and_v(pair)}." for pair in pairs[1:]]
+        return " ".join(sentences), [estimate for pair in pairs for estimate in pair]
 
     return by_tracker(
         conditions.trackers,
@@ -55,7 +54,7 @@ def _population(conditions: ReportedConditions) -> str:
     text = ""
     if conditions.percentile is not None:
         text += (
-            "Trimmed errors leave out the tracks whose largest error is above the "
+            "Trimming drops the tracks whose largest error is above the "
             f"{conditions.percentile:g}th percentile. An estimator that keeps these tracks must assume the untrimmed "
             "errors."
         )
@@ -76,7 +75,7 @@ def _brackets(tables: RunTables, conditions: ReportedConditions, role: str) -> s
     if known.is_empty():
         return ""
     kinds = known.group_by("level", "resampled").agg(pl.col("n_scenes").unique()).sort("level", "resampled")
-    return f"Brackets: {listing(interval_text(*row) for row in kinds.iter_rows())}."
+    return f"In brackets: {listing(interval_text(*row) for row in kinds.iter_rows())}."
 
 
 def _rms(
@@ -91,15 +90,12 @@ def _in_u_and_v(pair: list[Estimate]) -> str:
 
 
 def bias(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
-    """Is the mean error zero."""
-    opening = (
-        f"Is the mean {_trimmed(conditions)}error zero {conditions.where(tables['summary'])}? The test takes all "
-        f"{conditions.axis}s together and weights scenes equally."
-    )
+    """Whether the mean error is zero."""
     return by_tracker(
         conditions.trackers,
         lambda tracker: _bias_of(tables, conditions, tracker),
-        opening=opening,
+        opening=f"Bias {conditions.where(tables['summary'])}.",
+        closing=f"The test takes all {conditions.axis}s together and weights scenes equally.",
         topic="bias",
         figure="error-by-tracker",
         table="zero_mean",
@@ -114,21 +110,21 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
     at = None if summary is None else summary["at"]
     there = None if at is None else _first(rows.filter(at=at))
     estimates = [] if there is None else _means(conditions.of(tables["intervals"], tracker), conditions, there)
-    text = f"{tracker}: {_zero_or_not(overall)}."
+    text = _zero_or_not(f"the mean {_trimmed(conditions)}error of {tracker}", overall)
     if there is not None and len(estimates) == 2:
-        text += f" Its mean error {conditions.place(there['at'])} is {_in_u_and_v(estimates)}."
+        text += f" {sentence_case(conditions.place(there['at']))}, the mean is {_in_u_and_v(estimates)}."
         if there["share_of_second"] is not None:
-            text += f" The square of the mean is {percent(there['share_of_second'])} of the second moment."
+            text += f" Its square is {percent(there['share_of_second'])} of the second moment."
     return text, estimates
 
 
-def _zero_or_not(overall: Mapping[str, Any]) -> str:
+def _zero_or_not(mean: str, overall: Mapping[str, Any]) -> str:
     p = overall["sign_flip_p"] if overall["sign_flip_p_adjusted"] is None else overall["sign_flip_p_adjusted"]
     test = "" if p is None else f" ({chance(p)}, {overall['n_scenes']} scenes)"
     if overall["verdict"] == Verdict.yes:
-        return f"no{test}"
-    why = f" ({overall['why']})" if overall["why"] and p is None else ""
-    return f"undecided{test}{why}"
+        return f"{sentence_case(mean)} is not zero{test}."
+    why = f": {overall['why']}" if overall["why"] and p is None else ""
+    return f"It is undecided whether {mean} is zero{test}{why}."
 
 
 def _means(intervals: pl.DataFrame, conditions: ReportedConditions, row: Mapping[str, Any]) -> list[Estimate]:
@@ -142,11 +138,11 @@ def _means(intervals: pl.DataFrame, conditions: ReportedConditions, row: Mapping
 
 
 def shape(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
-    """Are errors Gaussian, in the band of ages that holds the reference age."""
+    """Whether errors are Gaussian, in the band of ages that contains the reference age."""
     return by_tracker(
         conditions.trackers,
         lambda tracker: _shape_of(tables, conditions, tracker),
-        opening=f"Are errors Gaussian {conditions.where(tables['summary'])}?",
+        opening=f"Shape of the error distribution {conditions.where(tables['summary'])}.",
         topic="shape",
         figure="gaussianity",
         table="gaussianity",
@@ -168,7 +164,7 @@ def _shape_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -
             gain = [] if row["gain_student_nats"] is None else [_gain(row)]
             estimates += gain
             which = f"{trimming} errors" if len(conditions.trimmings) > 1 else "errors"
-            whose = f"{which[:1].upper()}{which[1:]} of {tracker} at {_band(conditions, low, high)}"
+            whose = f"{sentence_case(which)} of {tracker} at {_band(conditions, low, high)}"
             sentences += [f"{whose} are {SHAPES[row['verdict']]}.", *_tails(row, gain)]
     return " ".join(sentences), estimates
 
@@ -180,7 +176,10 @@ def _gain(row: Mapping[str, Any]) -> Estimate:
 def _tails(row: Mapping[str, Any], gain: list[Estimate]) -> list[str]:
     tail = row["tail_99"]
     share = f"The share of errors beyond the 99{SPACE}% ellipse is {number(tail)} times that of a Gaussian."
-    gains = [f"Student's t gains {format_estimate(one)} per observation over a Gaussian." for one in gain]
+    gains = [
+        f"The log-likelihood gain of Student's t over a Gaussian is {format_estimate(one)} per observation."
+        for one in gain
+    ]
     return [*([] if tail is None else [share]), *gains]
 
 
@@ -194,7 +193,7 @@ def growth(tables: RunTables, conditions: ReportedConditions) -> Headline | None
     return by_tracker(
         conditions.trackers,
         lambda tracker: _growth_of(tables, conditions, tracker),
-        opening=f"How do {_trimmed(conditions)}errors grow {conditions.where(tables['summary'])}?",
+        opening=f"Growth of {_trimmed(conditions)}errors {conditions.where(tables['summary'])}.",
         topic="growth",
         figure="time-structure",
         table="time_structure",
@@ -227,11 +226,12 @@ def _behaviour(row: Mapping[str, Any]) -> tuple[str, list[Estimate]]:
 
 
 def survivorship(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
-    """Whether tracks that live long are the ones with small errors."""
+    """Whether long-lived tracks have smaller errors than all tracks."""
+    trimmed = _trimmed(conditions)
     return by_tracker(
         conditions.trackers,
         lambda tracker: _survivorship_of(tables, conditions, tracker),
-        opening=f"Survivorship bias: {_trimmed(conditions)}root mean square errors in u.",
+        opening=f"Survivorship bias {conditions.where(tables['summary'])}, in {trimmed}root mean square errors.",
         topic="survivorship",
         figure="survivorship-bias",
         table="intervals",
@@ -250,10 +250,11 @@ def _survivorship_of(tables: RunTables, conditions: ReportedConditions, tracker:
         )
         if age > since and long:
             every = _rms(intervals, conditions, row, "u", trimming)
-            sizes = (
-                f"{format_estimate(long)} for tracks that live to age {age}, {format_estimate(every)} for all tracks"
+            text = (
+                f"{sentence_case(conditions.place(row['at']))}, the error of {tracker} in u is {format_estimate(long)} "
+                f"for tracks that live to age {age}. For all tracks it is {format_estimate(every)}."
             )
-            return f"{tracker} {conditions.place(row['at'])}: {sizes}.", [long, every]
+            return text, [long, every]
     return None
 
 

@@ -1,4 +1,4 @@
-"""The headline about factors: which matter, which do not, and which are undecided."""
+"""The headline about factors: which have an effect, which have none, and which are undecided."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,13 +9,18 @@ from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.headlines.headline import Headline, RunTables, leading
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.roles import ROLES
-from tracknoise.findings.wording import SPACE, STATISTICS, count, effect_text, listing
+from tracknoise.findings.wording import SPACE, STATISTICS, effect_text, listing
 from tracknoise.statistics.factors import FACTORS
 from tracknoise.tables.enumerations import Verdict
 from tracknoise.tables.schema import CONDITION
 
 _KEYS = ["dataset", "factor", *CONDITION, "statistic"]
 _MOST_NAMED = 3
+_CLEAREST = {
+    Verdict.yes: "Effects with the highest lower bounds",
+    Verdict.no: "Effects with the lowest upper bounds",
+}
+"""How the effects are introduced whose verdicts are the clearest."""
 
 
 def asked(dependence: pl.DataFrame, effects: pl.DataFrame, conditions: ReportedConditions) -> pl.DataFrame:
@@ -48,7 +53,7 @@ def asked(dependence: pl.DataFrame, effects: pl.DataFrame, conditions: ReportedC
 
 
 def factors(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
-    """How many factors matter to how many statistics, the largest effects that do, and the smallest that do not."""
+    """How many effects of factors exceed the margin, the largest of these, and the smallest of the others."""
     rows = asked(tables["dependence"], tables["effects"], conditions)
     if rows.is_empty():
         return None
@@ -58,10 +63,10 @@ def factors(tables: RunTables, conditions: ReportedConditions) -> Headline | Non
     clearest = {Verdict.yes: yes.head(_MOST_NAMED).to_dicts(), Verdict.no: no.head(_MOST_NAMED).to_dicts()}
     margin = f"{100 * rows['margin'].item(0):g}{SPACE}%"
     sentences = [
-        f"Does {listing(_names(rows), joint='or')} change a statistic by more than {margin}?",
-        f"Answers to {count(rows.height, 'question')}: {listing(counts)}.",
-        f"Factors other than the speed are compared at speed {conditions.reference.speed}.",
-        *(f"Clearest {answer}: {_effects(found)}." for answer, found in clearest.items() if found),
+        f"Verdicts on whether {listing(_names(rows), joint='or')} changes a statistic: {listing(counts)}.",
+        f"The margin is {margin}.",
+        f"Factors other than speed are compared at speed {conditions.reference.speed}.",
+        *(f"{_CLEAREST[answer]}: {_effects(found)}." for answer, found in clearest.items() if found),
     ]
     decided = clearest[Verdict.yes] or clearest[Verdict.no]
     sentences += [] if decided else _undecided(rows)
@@ -79,7 +84,7 @@ def _undecided(rows: pl.DataFrame) -> list[str]:
     reasons = rows["why"].drop_nulls().unique(maintain_order=True).to_list()
     known = rows.drop_nulls("effect").sort("effect", descending=True, maintain_order=True).head(1).to_dicts()
     sentences = [f"Reason: {reasons[0]}."] if len(reasons) == 1 else []
-    return [*sentences, *(f"The largest effect measured, which may be chance: {_effects([row])}." for row in known)]
+    return [*sentences, *(f"Largest measured effect, which may be chance: {_effects([row])}." for row in known)]
 
 
 def _effects(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -88,7 +93,7 @@ def _effects(rows: Sequence[Mapping[str, Any]]) -> str:
 
 def _effect(row: Mapping[str, Any]) -> str:
     whose = f" of {row['tracker']}" if row["tracker"] else ""
-    return f"{row['factor']}, {STATISTICS[row['role']]}{whose}, {effect_interval(row)}"
+    return f"{row['factor']} on {STATISTICS[row['role']]}{whose}, {effect_interval(row)}"
 
 
 def effect_interval(row: Mapping[str, Any]) -> str:

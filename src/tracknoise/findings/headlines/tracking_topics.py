@@ -47,7 +47,7 @@ def _lifetime_of(tables: RunTables, conditions: ReportedConditions, tracker: str
         return None
     median = _value(rows, "median_lifetime")
     if median is None:
-        return f"{tracker}: unknown, as more than half of the tracks are alive when the data end.", []
+        return f"{tracker}: unknown, because more than half of the tracks are alive at the end of the data.", []
     bounds = scalar_bounds(conditions.of(tables["intervals"], tracker), "median_lifetime")
     estimate = Estimate.of(median, bounds, "frames")
     return f"{tracker}: {format_estimate(estimate)}.", [estimate]

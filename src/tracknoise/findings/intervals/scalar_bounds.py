@@ -1,11 +1,10 @@
 """Bounds of lifetimes, survival and outlier ratio of one condition.
 
-The lifetime that a share of the tracks exceeds is where the survival curve comes down to that share; its bounds are
-where the bounds of the survival curve do (Brookmeyer and Crowley 1982), so that they are lifetimes, too. Lifetimes are
-whole frames, and whole frames are too coarse for an interval that contains the true value as often as its level says:
-a value, or a bound, between two of them is rounded up to the next one. The same lifetimes interpolated, where
-the line from each whole frame's survival to the next one's comes down to the share (the median of a life table), stand
-beside them.
+The lifetime that a share of the tracks exceeds is where the survival curve reaches that share. Its bounds are where the
+bounds of the survival curve reach it (Brookmeyer and Crowley 1982). Lifetimes are whole frames: a value or a bound
+between two frames is rounded up. Such intervals are too coarse to contain the true value as often as their level says.
+The table therefore has interpolated lifetimes too, where the line between the survival of successive frames reaches the
+share (the median of a life table).
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -163,7 +162,7 @@ def _quantile(
     share: float,
     reached: Callable[[NDArray[np.float64], NDArray[np.float64], float], float],
 ) -> EstimateArray:
-    """Where a survival curve and its bounds come down to a share."""
+    """Where a survival curve and its bounds reach a share."""
     value, low, high = (
         np.array([[reached(values[0], lifetimes, share)]]) for values in (curve.value, curve.low, curve.high)
     )

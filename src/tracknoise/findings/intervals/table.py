@@ -1,10 +1,10 @@
 """Confidence intervals of every point of every curve, and of lifetimes, survival and outlier ratio.
 
-What is left out in turn, or resampled, are scenes; where they are too few, blocks of tracks within them
-(`tracknoise.findings.sampling.units`). Intervals of `blocks` say what these scenes would have given with other tracks,
-not what other scenes would give. The default kind, `student` (`tracknoise.findings.sampling.jackknife`), holds the true
-value at least as often as either kind of bootstrap (`tracknoise.findings.sampling.resampling`) with any number of
-scenes that was tried, and most of all with few.
+Scenes are left out in turn, or resampled. If there are too few, blocks of tracks within them are used
+(`tracknoise.findings.sampling.units`). Intervals of `blocks` cover other tracks in the same scenes, but not other
+scenes. The default kind is `student` (`tracknoise.findings.sampling.jackknife`). It contains the true value at least as
+often as either kind of bootstrap (`tracknoise.findings.sampling.resampling`), with any number of scenes that was tried.
+The advantage is largest with few scenes.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -103,7 +103,7 @@ def interval_table(
     polars.DataFrame
         Schema `INTERVALS`, sorted. `value` is that of the tables of curves and of the summary. Bounds are null where
         the value is, where fewer than `MIN_SCENES` scenes of a condition that has as many take part, and for
-        quantiles of lifetimes where the bounds of the survival curve do not come down as far. `n_units` and
+        quantiles of lifetimes that the bounds of the survival curve do not reach. `n_units` and
         `n_scenes` count what takes part. Blocks of the outlier ratio are of frames that follow one another.
 
     Raises

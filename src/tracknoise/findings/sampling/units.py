@@ -1,8 +1,8 @@
-"""What is resampled, as arrays of sums that add up: scenes, or blocks of tracks within them where scenes are few.
+"""The units that are resampled, as arrays of sums: scenes, or blocks of tracks within them if there are few scenes.
 
 Scenes are the sampling units: findings about a condition hold for scenes like those that were measured. With fewer
-than `MIN_SCENES` of them no such finding is possible. Blocks are then resampled within each scene, and the findings
-hold for these scenes only: they do not include how much another scene would differ.
+than `MIN_SCENES` scenes no such finding is possible. Blocks are then resampled within each scene. The findings hold
+for these scenes only, because they do not include the variation between scenes.
 """
 
 from collections.abc import Sequence

@@ -1,11 +1,11 @@
-"""Are errors Gaussian: by condition, in bands of ages, before and after trimming.
+"""Whether errors are Gaussian: by condition, in bands of ages, before and after trimming.
 
-Skewness and kurtosis come from the moments of all errors, tails, quantiles and likelihoods from single ones
-(`tracknoise.statistics.samples`). All are of errors in units of their age (`tracknoise.findings.shape.standard`), so
-that the ages of a band can be put together. Scenes are put together, too: that errors are larger in one scene than in
-another makes those of all scenes heavy-tailed, and is part of what is found.
+Skewness and kurtosis come from the moments of all errors. Tails, quantiles and likelihoods come from a sample of errors
+(`tracknoise.statistics.samples`). Errors are standardised at each age (`tracknoise.findings.shape.standard`), so that
+the ages of a band can be pooled. Scenes are pooled too. Errors that are larger in one scene than in another make the
+pooled distribution heavy-tailed, and this is part of the result.
 
-At a million errors every test rejects; what is reported is how far from Gaussian they are
+With a million errors every test rejects. The result is therefore how far from Gaussian errors are
 (`tracknoise.findings.shape.verdict`).
 """
 

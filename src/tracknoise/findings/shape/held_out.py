@@ -63,7 +63,7 @@ def gains(pairs: Array, sample: Rows, fold: Rows, count: int) -> Gains:
 
 
 def _scored(every: Array, parts: list[tuple[Rows, Rows]], start: Student) -> tuple[Student, Mixture, Array]:
-    """Fits to all but each fold, of which the t begins at `start`, and their (gain) on it, (2, folds, most errors)."""
+    """Fits to all folds but one, and their (gain) on that fold, (2, folds, most errors). The t starts at `start`."""
     fitted = gathered(every, [_thinned(rest) for _, rest in parts])
     heavy, mixed = fit_student(fitted, rounds=ROUNDS, start=start), fit_mixture(fitted)
     scored = gathered(every, [rows for rows, _ in parts])

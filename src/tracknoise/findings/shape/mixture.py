@@ -96,7 +96,7 @@ def _step(points: Array, total: Array, fit: Mixture) -> tuple[Mixture, Array]:
 def _expected(distance: Array, share: Array, ratio: Array) -> tuple[Array, Array]:
     """Probability that each point is of the wider component, and its log density, less that of the core at its mean.
 
-    This is where the time of a fit goes, and most of it to new memory: hence in place.
+    Most of the time of a fit is spent here, mainly on allocations. It therefore works in place.
     """
     odds = distance * (-0.5 * (1 - 1 / ratio))[:, None]
     odds += np.log((1 - share) / share * ratio)[:, None]

@@ -1,7 +1,7 @@
-"""What shape errors have: a verdict from effect sizes, all of them in nats per error.
+"""The shape of errors: a verdict from effect sizes, all of them in nats per error.
 
-Nats are what an estimator loses by assuming Gaussian errors, so that one margin serves all. With the bounds of each
-interval, the first of these that holds is the verdict (shape):
+An effect size is what an estimator loses by assuming Gaussian errors, so one margin applies to all. The verdict is the
+first of these that is true for the bounds of the intervals (shape):
 
 1. undecided: there are no intervals.
 2. contaminated: the mixture's gain lies above the margin and above Student's gain.
@@ -22,7 +22,7 @@ from tracknoise.findings.wording import DASH, MINUS, number
 from tracknoise.tables.enumerations import Shape
 
 MARGIN_NATS = 0.01
-"""Smaller distances from the Gaussian do not matter, nats per error."""
+"""Smaller distances from the Gaussian count as none, nats per error."""
 _FEW_DECIDE = 16.0
 
 
@@ -64,7 +64,7 @@ def judge(evidence: ShapeEvidence, *, margin: float = MARGIN_NATS) -> tuple[Shap
     evidence
         Of one condition, trimming and band of ages.
     margin
-        Largest distance from the Gaussian that does not matter, nats per error.
+        Largest distance from the Gaussian that counts as none, nats per error.
     """
     student, mixture, kurtosis = evidence.student, evidence.mixture, evidence.kurtosis
     if None in (student.low, mixture.low, kurtosis.low):

@@ -1,4 +1,4 @@
-"""Curves of one tracker for every value of a factor, with box plots. Several families show this."""
+"""Curves of one tracker for every level of a factor, with box plots. Several families show this."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -6,7 +6,7 @@ from dataclasses import asdict
 import altair as alt
 import polars as pl
 
-from tracknoise.findings.wording import listing, px
+from tracknoise.findings.wording import listing, px, sentence_case
 from tracknoise.report.figures.box_plot import box_plot
 from tracknoise.report.figures.curve_grid import HEIGHT, describe_bands, grid
 from tracknoise.report.figures.figure import Absence, Figure
@@ -98,8 +98,10 @@ def _numbers(data: ReportData, found: list[Reading], series: Series, role: str) 
     """A statistic of every curve, or of the two that differ most where there are many."""
     place = when(found, data.axis, phrase=series.phrase)
     if len(found) <= MANY:
-        values = listing(f"{one.describe(role)} {series.phrase.format(one.name)}" for one in found)
-        return f"{place} the {_NAMES[role]} is {values}."
+        values = [f"{series.phrase.format(one.name)} {{}} {one.describe(role)}." for one in found]
+        first, *others = values
+        rest = [f" {sentence_case(text.format('it is'))}" for text in others]
+        return f"{place} the {_NAMES[role]} {first.format('is')}{''.join(rest)}"
     if len({reading.since for reading in found}) > 1:
         place = f"At the available {data.axis.name} nearest to {data.axis.place(REFERENCE_AGE).removeprefix('at ')},"
     ends = " and ".join(_range(data, found, series, role, coordinate) for coordinate in (0, 1))

@@ -11,8 +11,8 @@ from tracknoise.report.figures.series import Series
 from tracknoise.report.report_data import ReportData
 
 _LAYOUT = (
-    "Rows: mean error, mean absolute error, and root of the second moment. Solid lines are about zero, dashed lines "
-    "about the mean. Columns: u and v."
+    "Rows: mean error, mean absolute error, and root of the second moment. In the third row, the second moment is "
+    "about zero for solid lines and about the mean for dashed lines. Columns: u and v."
 )
 
 

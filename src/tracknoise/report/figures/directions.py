@@ -58,16 +58,16 @@ def _shows(data: ReportData, tracker: str) -> str:
     return (
         f"{data.errors_kept} of {tracker} at speed {data.slowest}{data.where}, of visible features. Three pairs of "
         "directions are compared. The first is u and v. The second is along and across the motion of the true position "
-        f"since the previous frame that the tracker saw, if it moved by {_LEAST} or more. Behind the true position is "
-        "negative, and right of its motion is positive. The third is along and across the dominant image gradient "
-        "where the feature was first seen, if there was one. A gradient has no sign, so there is no mean error along "
-        "it. Dashed: covariance about the mean."
+        f"since the previous frame that the tracker saw, if it moved by {_LEAST} or more. Along the motion, an error "
+        "is negative if the feature lags behind. Across it, an error to the right is positive. The third is along and "
+        "across the dominant image gradient where the feature was first seen, if there was one. A gradient has no "
+        "sign, so there is no mean error along it. Dashed: covariance about the mean."
     )
 
 
 def _look_for(data: ReportData, points: pl.DataFrame, found: Sequence[Reading]) -> str:
-    means = ", ".join(_values(one, "mean") for one in found if "mean" in one.values)
-    roots = ", ".join(_values(one, "second") for one in found)
+    means = ". It is ".join(_values(one, "mean") for one in found if "mean" in one.values)
+    roots = ". It is ".join(_values(one, "second") for one in found)
     counts = listing(f"{number(_features(points, one))} for {one.name}" for one in found)
     return (
         f"{when(found, data.axis)} the mean error is {means}. The root second moment is {roots}. Number of "

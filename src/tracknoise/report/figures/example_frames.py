@@ -62,7 +62,7 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
         _figure(data, entry, place) for place, entry in enumerate(entries[:MOST_SCENES], start=1)
     ]
     if len(entries) > MOST_SCENES:
-        why = f"Only the first {MOST_SCENES} of {len(entries)} scenes are drawn. The numbers below are of all scenes."
+        why = f"Only the first {MOST_SCENES} of {len(entries)} scenes are drawn. The statistics below cover all scenes."
         made.append(Absence(f"{_ID}-others", "Other scenes", why))
     return made
 

@@ -63,8 +63,8 @@ FAMILIES: tuple[Family, ...] = (
     Family(
         "trajectory",
         "Camera path",
-        "The camera motion determines how features move. Rotation moves all image points alike. Translation moves near "
-        "points more than far ones.",
+        "The camera motion determines how features move. Rotation shifts image points regardless of their depth. "
+        "Translation shifts near points more than far ones.",
         ("trajectory:figures",),
     ),
     Family(
@@ -97,9 +97,9 @@ FAMILIES: tuple[Family, ...] = (
     Family(
         "error-by-tracker",
         "Error by tracker",
-        "How the error grows with the distance from where it is zero by construction. Usually that is the frame in "
-        "which a feature was first seen, and the distance is its age. Where one scan gives the true positions of all "
-        "features, it is the key frame of that scan.",
+        "This section shows how the error grows from the frame where it is zero by construction. Usually that is the "
+        "frame in which a feature was first seen. If one scan gives the true positions of all features, it is the key "
+        "frame of that scan.",
         ("curves:figures",),
     ),
     Family(
@@ -129,8 +129,8 @@ FAMILIES: tuple[Family, ...] = (
     Family(
         "along-and-across",
         "Error along motion and gradient",
-        "The causes of errors do not depend on the directions u and v. An error along the motion or along an edge is "
-        "easier to see in that direction.",
+        "Errors are caused by motion and image structure, not by the directions u and v. An error along the motion or "
+        "along an edge is easier to see in that direction.",
         ("directions:figures",),
     ),
     Family(
@@ -143,32 +143,33 @@ FAMILIES: tuple[Family, ...] = (
     Family(
         "error-by-speed",
         "Error by speed",
-        "What changes when the camera moves faster, or the tracker sees fewer frames.",
+        "This section shows what changes when the camera moves faster, or the tracker sees fewer frames.",
         ("speeds:figures",),
     ),
     Family(
         "error-by-lighting",
         "Error by lighting",
-        "What changes when the same camera path is seen under different lighting.",
+        "This section shows what changes when the same camera path is seen under different lighting.",
         ("lightings:figures",),
     ),
     Family(
         "error-by-rotation",
         "Error in rotated images",
-        "What changes when the trackers see the same images rotated. The camera axes are rotated with them.",
+        "This section shows what changes when the trackers see the same images rotated. The camera axes are rotated "
+        "too.",
         ("views:rotations",),
     ),
     Family(
         "error-by-direction",
         "Error by direction",
-        "What changes when the same frames are played backward, as if the camera moved in reverse.",
+        "This section shows what changes when the same frames are played backward, as if the camera moved in reverse.",
         ("views:directions",),
     ),
     Family(
         "occlusion",
         "Occlusion",
         "When a point becomes occluded, a tracker may continue its track on the object in front. The paper counts "
-        "such features. Whether they are counted changes the error.",
+        "such features. Counting them changes the error.",
         ("occlusion:figures",),
     ),
 )

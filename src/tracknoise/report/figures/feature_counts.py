@@ -77,7 +77,7 @@ def _shows(data: ReportData) -> str:
         )
     return (
         f"Number of features still tracked at each age{data.where} (logarithmic), over all scenes. Solid: all tracks, "
-        "by the number of frames in which they were found. A track found again after a gap is older than that. Dashed: "
+        "by the number of frames in which they were found. A track that was found again after a gap is older. Dashed: "
         "tracks that trimming kept and whose error is known, by their age."
     )
 
@@ -113,10 +113,10 @@ def _sentence_by_frame(data: ReportData, tracker: str, table: pl.DataFrame) -> s
     if known.is_empty():
         return f"{tracker} has {count(alive, 'feature')} in the key frame {key_frame}. No error is known."
     fixed = int(known.filter(at=key_frame)["n"].sum())
-    ends = [f"{number(row['n'])} in frame {row['at']}" for row in (known.row(0, named=True), known.row(-1, named=True))]
+    first, last = (f"{number(row['n'])} in frame {row['at']}" for row in known[[0, -1]].to_dicts())
     return (
-        f"{tracker} has {count(alive, 'feature')} in the key frame {key_frame}. The error of {number(fixed)} of them "
-        f"counts. So does that of {' and '.join(ends)}."
+        f"{tracker} has {count(alive, 'feature')} in the key frame {key_frame}. The trimmed curves contain "
+        f"{number(fixed)} of them. They begin with {first} and end with {last}."
     )
 
 

@@ -60,7 +60,7 @@ def tables(data: ReportData) -> Sequence[Cells]:
     headings += ["gain of Student-t (nat)", "gain of mixture (nat)", f"{NU} of Student-t", "verdict"]
     caption = (
         f"Error distribution at speed {data.slowest}{data.where}. A Gaussian has skewness 0 and kurtosis 8. P is the "
-        "share outside an ellipse, relative to a Gaussian's."
+        "share of errors outside an ellipse, relative to that of a Gaussian."
     )
     numeric = [False, False, False, *[True] * 8, False]
     return [Cells(caption, headings, rows, numeric)] if rows else []
@@ -141,8 +141,8 @@ def _look_for(data: ReportData) -> str:
     for tracker in data.trackers:
         own = rows.filter(tracker=tracker, trimming="untrimmed")
         verdicts = [_sentence(data, bands) for _, bands in own.group_by("verdict", maintain_order=True)]
-        parts += [f"errors of {tracker} are {listing(verdicts)}"] if verdicts else []
-    numbers = f"Before trimming, {'; '.join(parts)}. " if parts else ""
+        parts += [f"Before trimming, errors of {tracker} are {listing(verdicts)}. "] if verdicts else []
+    numbers = "".join(parts)
     return (
         f"{numbers}Dots above the grey line on the right show tails heavier than those of a Gaussian. An estimator "
         "that assumes Gaussian errors gives such observations too much weight. Trimming moves dots below the line."
@@ -157,7 +157,7 @@ def _sentence(data: ReportData, bands: pl.DataFrame) -> str:
         if tails.len()
         else []
     )
-    tail = f" ({' to '.join(ends)} times a Gaussian's share beyond its 99{SPACE}% ellipse)" if ends else ""
+    tail = f" ({' to '.join(ends)} times the share of a Gaussian beyond the 99{SPACE}% ellipse)" if ends else ""
     what = "ages" if data.axis is AGE else "distances"
     verdict = bands["verdict"][0]
     return f"{_SHAPES.get(verdict, verdict)} at {what} {listing(bands['band'])}{tail}"

@@ -16,7 +16,7 @@ from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
 from tracknoise.tables.schema import LIFETIMES
 
 _SIZE: dict[str, Any] = {"width": 385, "height": 240}
-_LIFETIME = alt.X("lifetime:Q", title="lifetime (frames its tracker saw)", axis=alt.Axis(tickMinStep=1))
+_LIFETIME = alt.X("lifetime:Q", title="lifetime (frames that the tracker saw)", axis=alt.Axis(tickMinStep=1))
 _SHARE = alt.Y("survival:Q", scale=alt.Scale(domain=[0, 1]), title="share of tracks that live longer")
 
 
@@ -55,7 +55,7 @@ def _by_speed(data: ReportData, table: pl.DataFrame, tracker: str) -> Figure | A
         id=name,
         title=title,
         shows=f"The same for {tracker} at every speed{data.where}. Lifetimes count the frames that the tracker saw. "
-        f"At speed 2, each of these is two frames of the sequence. {_describe_bands(table)}",
+        f"At speed 2, one of these frames is two frames of the sequence. {_describe_bands(table)}",
         look_for=_numbers(table, {speed: f"At speed {speed}, {tracker}" for speed in map(str, data.speeds)}),
         spec=_pair(table, data.speed_colours(tracker), "speed"),
     )

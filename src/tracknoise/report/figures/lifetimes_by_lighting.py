@@ -22,7 +22,7 @@ def figures(data: ReportData) -> list[Figure]:
     table = boxes(data)
     longest = max([2.0, *table["upper_whisker"], *table["mean"]])
     scale = alt.Scale(type="log", domain=[0.9, 1.1 * longest], nice=False)
-    y = alt.Y("median:Q", scale=scale, title="lifetime (frames its tracker saw)", axis=_FRAMES)
+    y = alt.Y("median:Q", scale=scale, title="lifetime (frames that the tracker saw)", axis=_FRAMES)
     figure = Figure(
         id="lifetimes-by-lighting",
         title="Lifetimes by lighting",

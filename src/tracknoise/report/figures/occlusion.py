@@ -75,9 +75,8 @@ def _look_for(data: ReportData, table: pl.DataFrame) -> str:
 def _sentences(axis: Axis, name: str, row: dict[str, float]) -> str:
     occluded = int(row["n_projected"] - row["n_visible"])
     share = percent(occluded / row["n_projected"])
-    change = f"{px(row['u_projected'])} with them and {px(row['u_visible'])} without"
-    where, sign = axis.place(int(row["since"])), axis.signs["second"]
-    return f"{name} has {count(occluded, 'occluded feature')} ({share}) {where}. Its {sign} in u is {change}."
+    change = f"Its root second moment in u is {px(row['u_projected'])} with them and {px(row['u_visible'])} without."
+    return f"{name} has {count(occluded, 'occluded feature')} ({share}) {axis.place(int(row['since']))}. {change}"
 
 
 def _panel(data: ReportData, table: pl.DataFrame, key: tuple[str, str]) -> Panel:

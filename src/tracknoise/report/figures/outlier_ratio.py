@@ -77,10 +77,8 @@ def _look_for(data: ReportData, table: pl.DataFrame) -> str:
     for tracker in data.trackers:
         rows = table.filter(tracker=tracker).sort("speed").to_dicts()
         shares = [f"{_with_interval(row)} at speed {row['speed']}" for row in rows]
-        parts += [f"{tracker} rejected {listing(shares)}"] if shares else []
-    return (
-        f"Of all features carried into a frame, {'; '.join(parts)}. A mean above the median indicates a few bad frames."
-    )
+        parts += [f"Of the features carried into a frame, {tracker} rejected {listing(shares)}."] if shares else []
+    return f"{' '.join(parts)} A mean above the median indicates a few bad frames."
 
 
 def _with_interval(row: Mapping[str, Any]) -> str:
@@ -98,7 +96,7 @@ def _range(tracker: str, table: pl.DataFrame) -> str:
     ordered = table.sort("pooled_ratio")
     low, high = ordered.row(0, named=True), ordered.row(-1, named=True)
     ends = [f"{percent(row['pooled_ratio'])} under {row['lighting']}" for row in (low, high)]
-    return f"{tracker} rejected from {ends[0]} to {ends[1]}"
+    return f"{tracker} rejected between {ends[0]} and {ends[1]}"
 
 
 def _panel(data: ReportData, table: pl.DataFrame, field: str, colours: Mapping[str, str], tracker: str) -> Panel:

@@ -1,4 +1,4 @@
-"""Error of the tracks that live long, compared with that of all tracks."""
+"""Error of long-lived tracks, compared with that of all tracks."""
 
 from collections.abc import Sequence
 
@@ -67,8 +67,8 @@ def _longest_beside_all(data: ReportData, points: pl.DataFrame) -> list[Reading]
 def _shows(data: ReportData, tracker: str) -> str:
     joined = "" if data.axis is FRAME else " From that age on, the curve is the same as that of all tracks."
     return (
-        f"{data.errors_kept} of {tracker} at speed {data.slowest}{data.where}, of visible features. One curve is of "
-        "all tracks. The others are of those tracks that reach the stated age, in frames of the sequence."
+        f"{data.errors_kept} of {tracker} at speed {data.slowest}{data.where}, of visible features. One curve is "
+        "for all tracks. The others are for tracks that reach the stated age, in frames of the sequence."
         f"{joined}"
     )
 
@@ -77,8 +77,8 @@ def _look_for(data: ReportData, points: pl.DataFrame, found: Sequence[Reading]) 
     every, longest = found
     n, n_all = (int(points.filter(tracks=one.name, since=one.since, role="second")["n"].sum()) for one in found[::-1])
     return (
-        f"{when(found, data.axis)} the root second moment is {every.describe('second')} for all tracks, and "
-        f"{longest.describe('second')} for those that live {longest.name} ({number(n)} of {number(n_all)} features). "
-        "If long-lived tracks have smaller errors than all tracks at the same age, a curve that flattens later does so "
-        "partly because bad tracks were lost. The error of a single track need not flatten."
+        f"{when(found, data.axis)} the root second moment of all tracks is {every.describe('second')}. For tracks that "
+        f"live {longest.name} it is {longest.describe('second')}. These are {number(n)} of {number(n_all)} features. "
+        "Long-lived tracks may have smaller errors than all tracks at the same age. The curve of all tracks then "
+        "flattens partly because bad tracks were lost. The error of a single track need not flatten."
     )

@@ -9,7 +9,7 @@ import polars as pl
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
-from tracknoise.findings.wording import DASH, MINUS, listing
+from tracknoise.findings.wording import DASH, MINUS, listing, sentence_case
 from tracknoise.report import bands, style
 from tracknoise.report.cells import Cells
 from tracknoise.report.figures import marks
@@ -90,7 +90,7 @@ def tables(data: ReportData) -> Sequence[Cells]:
     ]
     parts = [name for name, _ in _PARTS.values()]
     headings = ["tracker", "speed", "", *parts, "autocorrelation", "verdict", "why"]
-    caption = f"Fitted error growth, trimmed{data.where}"
+    caption = f"Fitted error growth{data.where}, trimmed"
     return [Cells(caption, headings, rows, [False, True, False, *[True] * 4, False, False])] if rows else []
 
 
@@ -186,7 +186,7 @@ def _correlation(data: ReportData, table: pl.DataFrame, coordinate: str) -> Pane
 
 def _look_for(data: ReportData, nominal: pl.DataFrame) -> str:
     parts = [_sentences(row) for tracker in data.trackers for row in nominal.filter(tracker=tracker).to_dicts()]
-    numbers = f"At speed {data.slowest}, {' '.join(parts)} " if parts else ""
+    numbers = f"At speed {data.slowest}, {' '.join([*parts[:1], *map(sentence_case, parts[1:])])} " if parts else ""
     return (
         f"{numbers}A flat line is a constant error. It is white noise if the autocorrelation of its changes is near "
         f"{MINUS}0.5, and a filter can average it out. Otherwise it is an offset. A straight rise is a random walk, "

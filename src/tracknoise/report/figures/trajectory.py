@@ -119,7 +119,7 @@ def _sentence(path: Path) -> str:
     share = percent(path.turned_deg / (path.turned_deg + seen_deg))
     return (
         f"{moves}. At the median feature depth of {number(path.depth_m)}{SPACE}m, this translation shifts the view by "
-        f"up to {number(seen_deg)}°. Rotation is then {share} or more of the total."
+        f"up to {number(seen_deg)}°. Rotation is then {share} or more of the total shift."
     )
 
 

@@ -27,8 +27,8 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
     figure = Figure(
         id="trimming",
         title=_TITLE,
-        shows="Distribution of the largest error of each track, which is the largest distance between its observed and "
-        f"its true position{data.where}. Both axes are logarithmic. The leftmost bin contains all errors below "
+        shows=f"Distribution of the largest error of each track{data.where}. The error is the distance between "
+        "observed and true position. Both axes are logarithmic. The leftmost bin contains all errors below "
         f"{_first_bound(table)}. {_cut_explained(data)}",
         look_for=_look_for(data, trackers),
         spec=arranged(panels, columns=2, independent=["color"]),
@@ -44,8 +44,8 @@ def _cut_explained(data: ReportData) -> str:
     if data.percentile is None:
         return "Nothing was trimmed in this run."
     return (
-        f"Dashed lines mark the threshold of trimming. It is the {number(int(data.percentile))}th percentile of each "
-        "scene, and the line is the median over scenes."
+        f"Dashed lines mark the threshold of trimming. It is the {number(int(data.percentile))}th percentile in each "
+        "scene. The line shows the median over scenes."
     )
 
 
@@ -66,13 +66,13 @@ def _sentences(data: ReportData, tracker: str) -> str:
     counted += (
         f"{number(measured)} of them are alive in the key frame and have a known error."
         if data.axis is FRAME
-        else f"{number(once)} of them have only their first frame, where the error is zero."
+        else f"{number(once)} of them were seen only in their first frame, where the error is zero."
     )
     cuts = trims["threshold_px"].drop_nulls().sort().to_list()
     if data.percentile is None or not cuts:
         return counted
     low, high = px(cuts[0]), px(cuts[-1])
-    where = low if low == high else f"from {low} to {high}, depending on the scene"
+    where = low if low == high else f"between {low} and {high}, depending on the scene"
     share = percent(dropped / measured)
     return f"{counted} The threshold is {where}. Trimming drops {share} of the tracks with a known error."
 

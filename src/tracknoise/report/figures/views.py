@@ -39,7 +39,7 @@ def _rotations_of(data: ReportData, tracker: str) -> Figure | Absence:
         upright_bounds(points, signed=pl.col("role") == "mean").with_columns(
             rotation=pl.col("rotation").replace_strict(_ROTATED, return_dtype=pl.String)
         ),
-        Series("rotation", _two(data, tracker, names), "{}"),
+        Series("rotation", _two(data, tracker, names), "in {} images"),
         id=f"error-by-rotation-{data.slug(tracker)}",
         title=f"{tracker}, {listing(names, joint='and')}",
         shows=f"{data.errors_kept} of {tracker} at speed {data.slowest}{data.elsewhere('rotation')} in "
@@ -54,7 +54,7 @@ def _directions_of(data: ReportData, tracker: str) -> Figure | Absence:
     return comparison(
         data,
         data.across(data.points, "direction").filter(tracker=tracker, speed=data.slowest),
-        Series("direction", _two(data, tracker, data.directions), "{}"),
+        Series("direction", _two(data, tracker, data.directions), "when played {}"),
         id=f"error-by-direction-{data.slug(tracker)}",
         title=f"{tracker}, {listing(data.directions, joint='and')}",
         shows=f"{data.errors_kept} of {tracker} at speed {data.slowest}{data.elsewhere('direction')} with "

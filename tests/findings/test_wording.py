@@ -16,8 +16,8 @@ from tracknoise.findings.wording import count, listing, number, percent, pixels,
         (-0.5, "−0.500"),
         (999.6, "1000"),
         (123456.7, "123,457"),
-        (0.00012, "1.2 × 10⁻⁴"),
-        (-3e-12, "−3.0 × 10⁻¹²"),
+        (0.00012, "1.2\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10⁻⁴"),
+        (-3e-12, "−3.0\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10⁻¹²"),
     ],
 )
 def test_numbers_have_three_significant_digits(value: float | None, written: str) -> None:

@@ -44,7 +44,7 @@ def number(value: float | None, *, digits: int = 3) -> str:
         return f"{round(value):,}".replace("-", MINUS)
     if value != 0 and abs(value) < 1e-3:
         mantissa, exponent = f"{value:.{digits - 2}e}".split("e")
-        return f"{mantissa} {TIMES} 10{str(int(exponent)).translate(_SUPERSCRIPT)}".replace("-", MINUS)
+        return f"{mantissa}{SPACE}{TIMES}{SPACE}10{str(int(exponent)).translate(_SUPERSCRIPT)}".replace("-", MINUS)
     if value == 0:
         return "0"
     decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))

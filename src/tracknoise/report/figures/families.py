@@ -122,7 +122,8 @@ FAMILIES: tuple[Family, ...] = (
         "gaussianity",
         "Error distribution",
         "Most estimators assume Gaussian errors. This section compares the shape of the distribution with a Gaussian "
-        "of the same covariance.",
+        "of the same covariance. In the table, a Gaussian has skewness 0 and kurtosis 8. P(99 %) is the share of "
+        "errors outside the 99 % ellipse, relative to that of a Gaussian.",
         ("gaussianity:figures",),
         "gaussianity:tables",
     ),

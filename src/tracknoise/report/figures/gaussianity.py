@@ -56,12 +56,9 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
 def tables(data: ReportData) -> Sequence[Cells]:
     """Shape and tails at the lowest speed: one row per tracker, band of ages and trimming."""
     rows = [_row(row) for row in _ordered(data).to_dicts()]
-    headings = ["tracker", data.axis.distance, "", "n", "skewness", "kurtosis", "P(99 %)", "P(99.9 %)"]
+    headings = ["tracker", data.axis.distance, "trimming", "n", "skewness", "kurtosis", "P(99 %)", "P(99.9 %)"]
     headings += ["gain of Student-t (nat)", "gain of mixture (nat)", f"{NU} of Student-t", "verdict"]
-    caption = (
-        f"Error distribution at speed {data.slowest}{data.where}. A Gaussian has skewness 0 and kurtosis 8. P is the "
-        "share of errors outside an ellipse, relative to that of a Gaussian."
-    )
+    caption = f"Error distribution at speed {data.slowest}{data.where}"
     numeric = [False, False, False, *[True] * 8, False]
     return [Cells(caption, headings, rows, numeric)] if rows else []
 
@@ -75,7 +72,13 @@ def _row(row: Mapping[str, Any]) -> list[str]:
         number(row["student_nu"]),
     ]
     why = f": {row['why']}" if row["verdict"] == "undecided" and row["why"] else ""
-    asked = [row["tracker"], row["band"], row["trimming"], number(row["n"]), number(row["skewness"])]
+    asked = [
+        row["tracker"],
+        row["band"].replace(" ", SPACE),
+        row["trimming"],
+        number(row["n"]),
+        number(row["skewness"]),
+    ]
     return [*asked, *estimates, row["verdict"] + why]
 
 

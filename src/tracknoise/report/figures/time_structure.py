@@ -89,7 +89,7 @@ def tables(data: ReportData) -> Sequence[Cells]:
         for row in _fitted(data).to_dicts()
     ]
     parts = [name for name, _ in _PARTS.values()]
-    headings = ["tracker", "speed", "", *parts, "autocorrelation", "verdict", "why"]
+    headings = ["tracker", "speed", "coordinate", *parts, "autocorrelation", "verdict", "why"]
     caption = f"Fitted error growth{data.where}, trimmed"
     return [Cells(caption, headings, rows, [False, True, False, *[True] * 4, False, False])] if rows else []
 

@@ -7,6 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+settings.register_profile("tracknoise", deadline=None)  # how long an example takes depends on what else runs
+settings.load_profile("tracknoise")
 
 
 @pytest.fixture(scope="session")

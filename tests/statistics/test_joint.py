@@ -76,14 +76,14 @@ def test_pooled_moments_agree_with_rational_arithmetic(offset: float) -> None:
     assert np.all(np.abs(found.central[0] - sums) <= 1e-9 * scale(np.concatenate(samples)))
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(SAMPLES)
 def test_pooling_equals_measuring_all_at_once(samples: list[np.ndarray]) -> None:
     together = np.concatenate(samples)
     assert_same(pool_moments(of_each(samples), np.zeros(len(samples), dtype=np.intp), 1), of_one(together), together)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(SAMPLES, st.integers(0, 5), st.randoms(use_true_random=False))
 def test_order_and_grouping_of_pooling_do_not_matter(samples: list[np.ndarray], cut: int, random) -> None:
     parts, count = of_each(samples), len(samples)

@@ -49,7 +49,7 @@ def test_by_hand(lived) -> None:
     assert table["n_scenes"].to_list() == [1] * 4
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(LIVES)
 def test_survival_is_that_of_scipy(lived, lives: list[tuple[int, bool]]) -> None:
     # SciPy lets an event precede a censoring at the same time. Here a censored track was not looked for in the next
@@ -61,7 +61,7 @@ def test_survival_is_that_of_scipy(lived, lives: list[tuple[int, bool]]) -> None
     np.testing.assert_allclose(table["survival"], expected.evaluate(table["lifetime"].to_numpy()), atol=1e-12)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.lists(st.integers(1, 9), min_size=1, max_size=50))
 def test_without_censoring_everything_is_the_plain_sample(lived, lengths: list[int]) -> None:
     table = lifetimes(lived([(length, False) for length in lengths]))

@@ -121,7 +121,7 @@ def test_rows_stay_in_the_order_given(observations, tracks) -> None:
     assert result.observations["kept"].to_list() == [value < 100 for value in order]
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.lists(st.floats(0, 1e3), min_size=1, max_size=40), st.floats(0, 100))
 def test_what_is_dropped_exceeds_the_percentile_and_what_is_kept_does_not(observations, tracks, errors, q) -> None:
     numbers = list(range(len(errors)))

@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Any
 
 import altair as alt
@@ -46,8 +47,12 @@ def _renumbered(svg: str) -> str:
     return re.sub(r"\bclip\d+\b", lambda match: names[match.group()], svg)
 
 
+@cache
 def scripts() -> str:
-    """Vega, Vega-Lite and Vega-Embed as one self-contained script that can be part of a page."""
+    """Vega, Vega-Lite and Vega-Embed as one self-contained script that can be part of a page.
+
+    It is the same for all reports, and takes as long as drawing several figures.
+    """
     bundle: str = vlc.javascript_bundle("window.vegaEmbed = vegaEmbed;", vl_version=_version())
     return bundle.replace("</script", "<\\/script")
 

@@ -1,11 +1,14 @@
 """Measured by several processes, some of which are killed: a run ends as if one had done it all in peace."""
 
 import os
+import queue
 import signal
 import socket
 import subprocess
 import sys
+import threading
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import psutil
@@ -49,45 +52,58 @@ def scheduler(tmp_path):
         process.wait()
 
 
-class Killer:
-    """Listens to a run, and kills a process when the first sequence is measured and others are under way."""
-
-    def __init__(self, told, victim):
-        self.told, self.victim = told, victim
-
-    def __getattr__(self, name):
-        return getattr(self.told, name)
-
-    def measured(self, key, entry):
-        if not self.told.keys:
-            os.kill(self.victim(), signal.SIGKILL)
-        self.told.measured(key, entry)
+@pytest.fixture
+def peaceful(scenes, tmp_path, told):
+    """Six scenes, and the run of them in peace."""
+    experiment, whole = scenes(6), RunFolder(tmp_path / "whole")
+    execute(experiment, whole, listener=told())
+    return experiment, whole
 
 
 @pytest.fixture
-def long_scenes(finished):
-    """Six scenes of some tenths of a second each, and the run of them in peace."""
-    return finished(6, 60)
+def killed(peaceful, tmp_path):
+    """The worker that is killed in the middle of the third scene, as soon as it is known.
+
+    An image is a pipe until it is opened. The worker that opened it waits for bytes when it is killed.
+    """
+    image, content, victims = tmp_path / "data/seq-03/frame-000002.color.png", tmp_path / "image.png", queue.Queue()
+    image.rename(content)
+    os.mkfifo(image)
+
+    def kill():
+        with image.open("wb"):
+            (victim,) = [child for child in psutil.Process().children(recursive=True) if reads(child, image)]
+            content.rename(image)
+            victim.kill()
+        victims.put(victim.pid)
+
+    threading.Thread(target=kill, daemon=True).start()
+    return lambda: victims.get(timeout=60)
 
 
-def test_a_scheduler_with_two_workers_one_of_which_is_killed(scheduler, long_scenes, tmp_path, told, files):
-    (address, workers), (experiment, whole) = scheduler, long_scenes
-    run, listener = RunFolder(tmp_path / "run"), Killer(told(), lambda: workers[0].pid)
+def reads(process: psutil.Process, path: Path) -> bool:
+    return str(path) in map(os.path.realpath, Path(f"/proc/{process.pid}/fd").iterdir())
+
+
+def test_a_scheduler_with_two_workers_one_of_which_is_killed(scheduler, peaceful, killed, tmp_path, told, files):
+    (address, workers), (experiment, whole) = scheduler, peaceful
+    run, listener = RunFolder(tmp_path / "run"), told()
     outcome = execute(experiment, run, listener=listener, scheduler=address)
-    assert workers[0].wait(timeout=60) == -signal.SIGKILL
+    assert {worker.pid: worker for worker in workers}[killed()].wait(timeout=60) == -signal.SIGKILL
     assert outcome.failures == {}
     assert files(run) == files(whole)
-    assert listener.told.remarks[0] == f"scheduler {address}: 2 workers"
+    assert listener.remarks[0] == f"scheduler {address}: 2 workers"
 
 
-def test_a_local_worker_that_is_killed(long_scenes, tmp_path, told, files):
-    experiment, whole = long_scenes
-    run, listener = RunFolder(tmp_path / "run"), Killer(told(), lambda: spawned()[0].pid)
+def test_a_local_worker_that_is_killed(peaceful, killed, tmp_path, told, files):
+    experiment, whole = peaceful
+    run, listener = RunFolder(tmp_path / "run"), told()
     outcome = execute(experiment, run, listener=listener, workers=2)
+    assert not psutil.pid_exists(killed())
     assert outcome.failures == {}
     assert files(run) == files(whole)
-    (retried,) = [text for text in listener.told.remarks if not text.startswith("dashboard")]
-    assert "the worker died while measuring it (killed, or out of memory); retrying" in retried
+    (retried,) = [text for text in listener.remarks if not text.startswith("dashboard")]
+    assert retried == "seq-03@default: the worker died while measuring it (killed, or out of memory); retrying"
     assert spawned() == []
 
 

@@ -51,7 +51,7 @@ def box_plot(
     across = min(_WIDEST, 0.6 * width / max(1, len(order)) / (1 if places is None else len(colours)))
     box = base.mark_bar(size=across, fillOpacity=0.25, strokeWidth=min(1.2, across / 4)).encode(
         y=marks.on(y, "lower_quartile"),
-        y2="upper_quartile:Q",
+        y2=alt.Y2("upper_quartile:Q"),
         fill=alt.Fill(f"{field}:N", scale=marks.scale(colours), legend=None),
         stroke=alt.Stroke(f"{field}:N", scale=marks.scale(colours), legend=None),
     )
@@ -74,8 +74,8 @@ def _whiskers(base: alt.Chart, y: alt.Y, across: float) -> list[alt.Chart]:
     line = base.mark_rule(color=style.QUIET)
     cap = base.mark_tick(color=style.QUIET, thickness=1, size=across / 2, orient="horizontal")
     return [
-        line.encode(y=marks.on(y, "lower_whisker"), y2="lower_quartile:Q"),
-        line.encode(y=marks.on(y, "upper_quartile"), y2="upper_whisker:Q"),
+        line.encode(y=marks.on(y, "lower_whisker"), y2=alt.Y2("lower_quartile:Q")),
+        line.encode(y=marks.on(y, "upper_quartile"), y2=alt.Y2("upper_whisker:Q")),
         cap.encode(y=marks.on(y, "lower_whisker")),
         cap.encode(y=marks.on(y, "upper_whisker")),
     ]
@@ -93,7 +93,7 @@ def _interval(base: alt.Chart, y: alt.Y, across: float, value: str, low: str, hi
     known = base.transform_filter(f"isValid(datum[{low!r}]) && isValid(datum[{high!r}])")
     tips = [alt.Tooltip(f"{name}:Q", format=".4~g", title=name.replace("_", " ")) for name in (value, low, high)]
     line = known.mark_rule(color=style.INK, strokeWidth=min(3.0, across / 3), opacity=1, xOffset=aside).encode(
-        y=marks.on(y, low), y2=f"{high}:Q", tooltip=tips
+        y=marks.on(y, low), y2=alt.Y2(f"{high}:Q"), tooltip=tips
     )
     dot = known.mark_point(color=style.INK, size=min(30.0, 3 + across**2), opacity=1, xOffset=aside).encode(
         y=marks.on(y, value), tooltip=tips

@@ -106,10 +106,8 @@ def _panel(data: ReportData, points: pl.DataFrame, statistic: str, coordinate: s
         x=x, y=y, color=hue, opacity=opacity, tooltip=tips
     )
     band = marks.band(table, "tracker", data.colour, coordinate, x, y)
-    zero = (
-        alt.Chart(alt.InlineData(values=[{"zero": 0}])).mark_rule(color=style.QUIET, strokeWidth=0.8).encode(y="zero:Q")
-    )
-    chart = alt.layer(*band, lines, zero, *(_references(x, y) if correlation else []))
+    zero = alt.Chart(alt.InlineData(values=[{"zero": 0}])).mark_rule(color=style.QUIET, strokeWidth=0.8)
+    chart = alt.layer(*band, lines, zero.encode(y=alt.Y("zero:Q")), *(_references(x, y) if correlation else []))
     selections = (marks.shown("tracker", data.colour),)
     return Panel(chart.properties(title=title, **_SIZE), selections, layer=len(band))
 
@@ -118,7 +116,7 @@ def _references(x: alt.X, y: alt.Y) -> list[alt.Chart]:
     """Expected values for white noise and, at zero, for a random walk."""
     white = alt.Chart(marks.rows(_WHITE)).mark_line(color=style.QUIET, strokeDash=[3, 3], clip=True)
     names = alt.Chart(marks.rows(_REFERENCES)).mark_text(color=style.QUIET, fontSize=10, align="left", dx=14, dy=-6)
-    return [white.encode(x=x, y=marks.on(y, "white")), names.encode(x=x, y=marks.on(y, "value"), text="of:N")]
+    return [white.encode(x=x, y=marks.on(y, "white")), names.encode(x=x, y=marks.on(y, "value"), text=alt.Text("of:N"))]
 
 
 def _domain(table: pl.DataFrame, *, references: bool) -> list[float]:

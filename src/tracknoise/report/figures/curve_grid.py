@@ -103,7 +103,7 @@ def _lines(table: pl.DataFrame, series: Series, axis: Axis, x: alt.X, y: alt.Y) 
     curve = lines.mark_line(strokeWidth=1.2 if len(series.colours) > MANY else 1.8).encode(strokeDash=dash)
     size = 6 if len(series.colours) > MANY else 14
     dots = lines.mark_point(size=size, opacity=1).transform_filter("datum.of != 'about the mean'")
-    zero = alt.Chart(alt.InlineData(values=[{"zero": 0}])).mark_rule(color="#9aa5b1").encode(y="zero:Q")
+    zero = alt.Chart(alt.InlineData(values=[{"zero": 0}])).mark_rule(color="#9aa5b1").encode(y=alt.Y("zero:Q"))
     frames = set(table["at"].cast(pl.Int64) - table["since"])
     vertical = marks.key_frames(frames, style.QUIET) if axis is FRAME else []
     return [curve, dots, zero, *vertical]

@@ -181,7 +181,7 @@ def _background(scene: Scene) -> alt.Chart:
     """The image. The centre of its first pixel is at 0, and its border half a pixel outside."""
     chart = alt.Chart(alt.NamedData("image")).mark_image(aspect=False, clip=True)
     x, y = _x("left:Q", scene), _y("top:Q", scene)
-    encoded: alt.Chart = chart.encode(x=x, x2="right:Q", y=y, y2="bottom:Q", url="url:N")
+    encoded: alt.Chart = chart.encode(x=x, x2=alt.X2("right:Q"), y=y, y2=alt.Y2("bottom:Q"), url=alt.Url("url:N"))
     return encoded
 
 
@@ -192,7 +192,7 @@ def _trails(scene: Scene, tracker: str) -> alt.Chart:
     ordered = pl.concat([table, breaks.cast(table.schema)]).sort("track", "frame").with_row_index("place")
     chart = alt.Chart(marks.rows(ordered.select("place", "u", "v")))
     line = chart.mark_line(clip=True, color="#ffffff", strokeWidth=0.9, opacity=0.6, invalid="break-paths-show-domains")
-    encoded: alt.Chart = line.encode(x=_x("u:Q", scene), y=_y("v:Q", scene), order="place:Q")
+    encoded: alt.Chart = line.encode(x=_x("u:Q", scene), y=_y("v:Q", scene), order=alt.Order("place:Q"))
     return encoded
 
 
@@ -223,7 +223,7 @@ def _errors(scene: Scene, tracker: str) -> list[alt.Chart]:
         color=alt.Color("error:Q", scale=scale, title="error (px)"),
     )
     return [
-        base.mark_rule(clip=True, strokeWidth=1.4).encode(x2="u_tip:Q", y2="v_tip:Q"),
+        base.mark_rule(clip=True, strokeWidth=1.4).encode(x2=alt.X2("u_tip:Q"), y2=alt.Y2("v_tip:Q")),
         base.mark_point(clip=True, size=9, opacity=1),
     ]
 

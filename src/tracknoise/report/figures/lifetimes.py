@@ -123,7 +123,7 @@ def _band(table: pl.DataFrame) -> list[alt.Chart]:
         return []
     area = alt.Chart(marks.rows(known.sort("series", "lifetime"))).mark_area(interpolate="step-after", tooltip=None)
     y, opacity = marks.on(_SHARE, "low"), marks.faint("series")
-    encoded: alt.Chart = area.encode(x=_LIFETIME, y=y, y2="high:Q", opacity=opacity)
+    encoded: alt.Chart = area.encode(x=_LIFETIME, y=y, y2=alt.Y2("high:Q"), opacity=opacity)
     return [encoded]
 
 

@@ -91,7 +91,7 @@ def band(
     if known.is_empty():
         return []
     area = alt.Chart(rows(known)).mark_area(clip=True, tooltip=None)
-    return [area.encode(x=x, y=on(y, low), y2=f"{high}:Q", fill=fill(field, colours), opacity=faint(field))]
+    return [area.encode(x=x, y=on(y, low), y2=alt.Y2(f"{high}:Q"), fill=fill(field, colours), opacity=faint(field))]
 
 
 def along(places: pl.Series, *, title: str, from_zero: bool) -> alt.X:
@@ -105,8 +105,8 @@ def along(places: pl.Series, *, title: str, from_zero: bool) -> alt.X:
 def key_frames(frames: Iterable[int], colour: str) -> list[alt.Chart]:
     """A labelled line at each key frame."""
     base = alt.Chart(alt.InlineData(values=[{"at": frame} for frame in sorted(set(frames))]))
-    rule = base.mark_rule(color=colour, strokeWidth=0.8).encode(x="at:Q")
-    label = base.mark_text(text="key frame", color=colour, fontSize=9, dy=-6).encode(x="at:Q", y=alt.value(0))
+    rule = base.mark_rule(color=colour, strokeWidth=0.8).encode(x=alt.X("at:Q"))
+    label = base.mark_text(text="key frame", color=colour, fontSize=9, dy=-6).encode(x=alt.X("at:Q"), y=alt.YValue(0))
     return [rule, label]
 
 

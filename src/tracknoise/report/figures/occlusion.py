@@ -96,8 +96,8 @@ def _panel(data: ReportData, table: pl.DataFrame, key: tuple[str, str]) -> Panel
     )
     title = f"{data.axis.signs[role]} in {coordinate} (px)"
     x = alt.X(f"{coordinate}_visible:Q", title=title, scale=alt.Scale(zero=True), axis=alt.Axis(tickCount=4))
-    link = base.mark_rule(strokeWidth=1.5).encode(x=x, x2=f"{coordinate}_projected:Q")
-    ring = base.mark_point(filled=False, size=60, strokeWidth=1.5).encode(x=f"{coordinate}_projected:Q")
+    link = base.mark_rule(strokeWidth=1.5).encode(x=x, x2=alt.X2(f"{coordinate}_projected:Q"))
+    ring = base.mark_point(filled=False, size=60, strokeWidth=1.5).encode(x=alt.X(f"{coordinate}_projected:Q"))
     dot = base.mark_point(filled=True, size=45, opacity=1).encode(x=x)
     rows = table["condition"].n_unique()
     return Panel(alt.layer(link, ring, dot).properties(width=175, height=max(60, 26 * rows)))

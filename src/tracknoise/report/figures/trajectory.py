@@ -135,12 +135,12 @@ def _row(path: Path) -> list[Panel]:
         y=alt.Y("moved:Q", title="moved (m)"),
         color=marks.colour("axis", _COLOURS, "axis"),
         opacity=marks.opacity("axis"),
-        tooltip=["frame:Q", "axis:N", alt.Tooltip("moved:Q", title="moved (m)")],
+        tooltip=[alt.Tooltip("frame:Q"), alt.Tooltip("axis:N"), alt.Tooltip("moved:Q", title="moved (m)")],
     )  # fmt: skip
     angle = alt.Chart(marks.rows(turned)).mark_line(color=style.INK).encode(
         x=x,
         y=alt.Y("turned:Q", title="rotated (°)", scale=alt.Scale(domain=[0, 1.05 * path.angles_deg.max() or 1.0])),
-        tooltip=["frame:Q", alt.Tooltip("turned:Q", title="rotated (°)")],
+        tooltip=[alt.Tooltip("frame:Q"), alt.Tooltip("turned:Q", title="rotated (°)")],
     )  # fmt: skip
     return [
         Panel(_top_view(path, shown).properties(title=path.scene, **_SIZE)),
@@ -171,8 +171,8 @@ def _top_view(path: Path, shown: NDArray[np.intp]) -> Chart:
         color=style.INK, size=45, opacity=1
     )
     return alt.layer(
-        line.encode(x=x, y=y, order="frame:Q", tooltip=["frame:Q"]),
-        strokes.encode(x=x, y=y, x2="x_ahead:Q", y2="y_ahead:Q", tooltip=["frame:Q"]),
+        line.encode(x=x, y=y, order=alt.Order("frame:Q"), tooltip=[alt.Tooltip("frame:Q")]),
+        strokes.encode(x=x, y=y, x2=alt.X2("x_ahead:Q"), y2=alt.Y2("y_ahead:Q"), tooltip=[alt.Tooltip("frame:Q")]),
         start.encode(x=x, y=y),
     )
 

@@ -116,5 +116,5 @@ def _cuts(data: ReportData, tracker: str, hue: alt.Color) -> alt.Chart:
     table = data.cuts(tracker).filter(pl.col("cut") > 0).with_columns(pl.col("speed").cast(pl.String))
     tips = [alt.Tooltip("speed:N"), alt.Tooltip("cut:Q", title="threshold (px)")]
     chart = alt.Chart(marks.rows(table)).mark_rule(strokeDash=[5, 3], strokeWidth=1.5, color=style.INK)
-    encoded: alt.Chart = chart.encode(x="cut:Q", color=hue, opacity=marks.opacity("speed"), tooltip=tips)
+    encoded: alt.Chart = chart.encode(x=alt.X("cut:Q"), color=hue, opacity=marks.opacity("speed"), tooltip=tips)
     return encoded

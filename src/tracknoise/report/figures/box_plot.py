@@ -7,7 +7,7 @@ import polars as pl
 
 from tracknoise.report import style
 from tracknoise.report.figures import marks
-from tracknoise.report.figures.layout import Chart
+from tracknoise.report.figures.layout import Chart, layered
 
 _VALUES = ("upper_whisker", "upper_quartile", "mean", "median", "lower_quartile", "lower_whisker")
 _WIDEST, _LETTER = 34, 7
@@ -58,7 +58,7 @@ def box_plot(
     layers = [*_whiskers(base, y, across), box, *_middles(base, y, across)]
     if interval is not None:
         layers += _interval(base, y, across, *interval)
-    return alt.layer(*layers).properties(width=width, height=height)
+    return layered(*layers).properties(width=width, height=height)
 
 
 def _across(column: str, order: Sequence[str], width: int) -> alt.X:

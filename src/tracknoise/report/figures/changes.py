@@ -11,7 +11,7 @@ from tracknoise.report import bands, style
 from tracknoise.report.bands import BOUNDS
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
-from tracknoise.report.figures.layout import Panel, arranged
+from tracknoise.report.figures.layout import Panel, arranged, layered
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import LAGS, NAMES, REFERENCE_AGE
 from tracknoise.tables.enumerations import Aspect
@@ -107,7 +107,7 @@ def _panel(data: ReportData, points: pl.DataFrame, statistic: str, coordinate: s
     )
     band = marks.band(table, "tracker", data.colour, coordinate, x, y)
     zero = alt.Chart(alt.InlineData(values=[{"zero": 0}])).mark_rule(color=style.QUIET, strokeWidth=0.8)
-    chart = alt.layer(*band, lines, zero.encode(y=alt.Y("zero:Q")), *(_references(x, y) if correlation else []))
+    chart = layered(*band, lines, zero.encode(y=alt.Y("zero:Q")), *(_references(x, y) if correlation else []))
     selections = (marks.shown("tracker", data.colour),)
     return Panel(chart.properties(title=title, **_SIZE), selections, layer=len(band))
 

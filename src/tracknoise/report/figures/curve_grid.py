@@ -9,7 +9,7 @@ from tracknoise.report import bands, style
 from tracknoise.report.axis import AGE, FRAME, Axis
 from tracknoise.report.bands import BOUNDS
 from tracknoise.report.figures import marks
-from tracknoise.report.figures.layout import Panel, Spec, arranged
+from tracknoise.report.figures.layout import Panel, Spec, arranged, layered
 from tracknoise.report.figures.series import MANY, Series
 
 _ROWS = {
@@ -67,7 +67,7 @@ def _row(points: pl.DataFrame, role: str, series: Series, axis: Axis, beside: Be
         heading = _ROWS[role].format(axis.signs[role]) if coordinate == "u" else None
         y = alt.Y(f"{coordinate}:Q", scale=alt.Scale(domain=bounds, nice=False), title=heading)
         band = marks.band(banded, series.field, series.colours, coordinate, x, y)
-        chart = alt.layer(*band, *_lines(table, series, axis, x, y))
+        chart = layered(*band, *_lines(table, series, axis, x, y))
         selections = marks.shown(series.field, series.colours), marks.zoom("x")
         panels.append(Panel(chart.properties(title=title, width=width, height=HEIGHT), selections, layer=len(band)))
         panels += [beside(table.filter(role=role), coordinate, series, bounds)] if beside else []

@@ -11,7 +11,7 @@ import polars as pl
 from tracknoise.findings.wording import count, px
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
-from tracknoise.report.figures.layout import Panel, Spec, arranged
+from tracknoise.report.figures.layout import Panel, Spec, arranged, layered
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.manifest import SequenceEntry
 
@@ -162,7 +162,7 @@ def _chart(data: ReportData, scene: Scene) -> Spec:
 
 def _panel(data: ReportData, scene: Scene, tracker: str, width: int) -> Panel:
     height = round(width * scene.entry.height / scene.entry.width)
-    layers = alt.layer(_background(scene), _trails(scene, tracker), *_errors(scene, tracker))
+    layers = layered(_background(scene), _trails(scene, tracker), *_errors(scene, tracker))
     title = alt.Title(tracker, color=data.colour[tracker])
     return Panel(layers.properties(width=width, height=height, title=title), (marks.zoom("x", "y"),))
 

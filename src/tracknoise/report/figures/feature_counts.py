@@ -10,7 +10,7 @@ from tracknoise.report import style
 from tracknoise.report.axis import FRAME
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
-from tracknoise.report.figures.layout import Panel, arranged
+from tracknoise.report.figures.layout import Panel, arranged, layered
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.lifetimes import surviving
 
@@ -146,5 +146,5 @@ def _panel(counts: pl.DataFrame, field: str, colours: Mapping[str, str], data: R
     limit = alt.Chart(alt.InlineData(values=[{"drawn": data.min_features}])).mark_rule(color=style.QUIET, clip=True)
     key_frame = data.key_frame(data.view["direction"])
     vertical = [] if key_frame is None else marks.key_frames([key_frame], style.QUIET)
-    layers = alt.layer(lines, limit.encode(y=alt.Y("drawn:Q")), *vertical)
+    layers = layered(lines, limit.encode(y=alt.Y("drawn:Q")), *vertical)
     return Panel(layers.properties(width=385, height=230, title=title), (marks.shown(field, colours),))

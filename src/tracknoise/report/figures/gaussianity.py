@@ -14,7 +14,7 @@ from tracknoise.report.axis import AGE, NU
 from tracknoise.report.cells import Cells
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
-from tracknoise.report.figures.layout import Panel, arranged
+from tracknoise.report.figures.layout import Panel, arranged, layered
 from tracknoise.report.report_data import ReportData
 
 _TITLE = "Error quantiles compared with a Gaussian"
@@ -128,7 +128,7 @@ def _panel(data: ReportData, radii: pl.DataFrame, tracker: str, trimming: str) -
         tooltip=tips,
     )
     same = alt.Chart(marks.rows(known.select("expected"))).mark_line(color="#9aa5b1", strokeWidth=1)
-    chart = alt.layer(base.mark_line(point=True), same.encode(x=x, y=marks.on(y, "expected")))
+    chart = layered(base.mark_line(point=True), same.encode(x=x, y=marks.on(y, "expected")))
     return Panel(chart.properties(title=f"{tracker}, {trimming}", **_SIZE), (marks.shown("band", hues),))
 
 

@@ -10,7 +10,7 @@ from tracknoise.findings.wording import count, number, percent
 from tracknoise.report.bands import describe_intervals, of_scalar
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
-from tracknoise.report.figures.layout import Panel, Spec, arranged
+from tracknoise.report.figures.layout import Panel, Spec, arranged, layered
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
 from tracknoise.tables.schema import LIFETIMES
@@ -83,7 +83,7 @@ def _pair(table: pl.DataFrame, colours: Mapping[str, str], title: str) -> Spec:
     lines = [chart.encode(color=hue, opacity=opacity) for chart in (_histogram(table), _survival(table))]
     band = [area.encode(fill=marks.fill("series", colours)) for area in _band(table)]
     shown = (marks.shown("series", colours),)
-    survival = alt.layer(*band, lines[1]).properties(**_SIZE)
+    survival = layered(*band, lines[1]).properties(**_SIZE)
     panels = [Panel(lines[0].properties(**_SIZE), shown), Panel(survival, shown, layer=len(band))]
     return arranged(panels, columns=2, independent=["fill"])
 

@@ -9,7 +9,7 @@ from tracknoise.findings.wording import count, percent, px
 from tracknoise.report.axis import Axis
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
-from tracknoise.report.figures.layout import Panel, arranged
+from tracknoise.report.figures.layout import Panel, arranged, layered
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import REFERENCE_AGE
 
@@ -100,4 +100,4 @@ def _panel(data: ReportData, table: pl.DataFrame, key: tuple[str, str]) -> Panel
     ring = base.mark_point(filled=False, size=60, strokeWidth=1.5).encode(x=alt.X(f"{coordinate}_projected:Q"))
     dot = base.mark_point(filled=True, size=45, opacity=1).encode(x=x)
     rows = table["condition"].n_unique()
-    return Panel(alt.layer(link, ring, dot).properties(width=175, height=max(60, 26 * rows)))
+    return Panel(layered(link, ring, dot).properties(width=175, height=max(60, 26 * rows)))

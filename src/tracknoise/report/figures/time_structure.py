@@ -14,7 +14,7 @@ from tracknoise.report import bands, style
 from tracknoise.report.cells import Cells
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
-from tracknoise.report.figures.layout import Panel, arranged
+from tracknoise.report.figures.layout import Panel, arranged, layered
 from tracknoise.report.report_data import ReportData
 
 _TITLE = "Error growth"
@@ -137,7 +137,7 @@ def _growth(data: ReportData, points: pl.DataFrame, fits: pl.DataFrame, coordina
     whiskers = whiskers.mark_rule(strokeWidth=1, clip=True).encode(
         x=x, y=marks.on(y, "low"), y2=alt.Y2("high:Q"), color=hue, opacity=opacity
     )
-    chart = alt.layer(dots.mark_point(size=16, clip=True), lines, whiskers).properties(**_SIZE)
+    chart = layered(dots.mark_point(size=16, clip=True), lines, whiskers).properties(**_SIZE)
     return Panel(chart, (marks.shown("tracker", data.colour),))
 
 
@@ -178,9 +178,9 @@ def _correlation(data: ReportData, table: pl.DataFrame, coordinate: str) -> Pane
     references = alt.Chart(marks.rows(_REFERENCES))
     rules = references.mark_rule(color=style.QUIET, strokeDash=[3, 3]).encode(y=marks.on(y, "at"))
     labels = references.mark_text(color=style.QUIET, fontSize=10, align="left", dx=3, dy=-6).encode(
-        y=marks.on(y, "at"), x=alt.XValue(0), text=alt.Text("of:N")
+        y=marks.on(y, "at"), x=alt.value(0), text=alt.Text("of:N")
     )
-    chart = alt.layer(dots, bars.encode(y=marks.on(y, "low"), y2=alt.Y2("high:Q")), rules, labels)
+    chart = layered(dots, bars.encode(y=marks.on(y, "low"), y2=alt.Y2("high:Q")), rules, labels)
     return Panel(chart.properties(**_SIZE), (marks.shown("tracker", data.colour),))
 
 

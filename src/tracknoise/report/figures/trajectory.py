@@ -14,7 +14,7 @@ from tracknoise.findings.wording import SPACE, count, number, percent
 from tracknoise.report import style
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
-from tracknoise.report.figures.layout import Chart, Panel, arranged
+from tracknoise.report.figures.layout import Chart, Panel, arranged, layered
 from tracknoise.report.report_data import ReportData
 
 MOST = 4
@@ -170,7 +170,7 @@ def _top_view(path: Path, shown: NDArray[np.intp]) -> Chart:
     start = alt.Chart(_table(path.frame[:1], path.places_m[:1][:, widest])).mark_point(
         color=style.INK, size=45, opacity=1
     )
-    return alt.layer(
+    return layered(
         line.encode(x=x, y=y, order=alt.Order("frame:Q"), tooltip=[alt.Tooltip("frame:Q")]),
         strokes.encode(x=x, y=y, x2=alt.X2("x_ahead:Q"), y2=alt.Y2("y_ahead:Q"), tooltip=[alt.Tooltip("frame:Q")]),
         start.encode(x=x, y=y),

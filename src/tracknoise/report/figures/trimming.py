@@ -10,7 +10,7 @@ from tracknoise.report import style
 from tracknoise.report.axis import FRAME
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
-from tracknoise.report.figures.layout import Panel, arranged
+from tracknoise.report.figures.layout import Panel, arranged, layered
 from tracknoise.report.report_data import ReportData
 
 _TITLE = "Errors before trimming"
@@ -85,7 +85,7 @@ def _panel(data: ReportData, tracker: str, errors: pl.DataFrame, *, width: int) 
     bins = errors.filter(tracker=tracker).with_columns(speed=pl.col("speed").cast(pl.String))
     hue = marks.colour("speed", data.speed_colours(tracker), "speed", legend=len(data.speeds) > 1)
     title = alt.Title(tracker, color=data.colour[tracker])
-    chart = alt.layer(_histogram(bins, hue), _cuts(data, tracker, hue))
+    chart = layered(_histogram(bins, hue), _cuts(data, tracker, hue))
     chart = chart.properties(width=width, height=230, title=title)
     return Panel(chart, (marks.shown("speed", data.speed_colours(tracker)),))
 

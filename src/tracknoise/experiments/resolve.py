@@ -52,7 +52,11 @@ def _errors_of(section: str) -> Iterator[None]:
 
 
 def _plain(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings as a TOML file can hold them: a setting that is None is left out."""
-    present = {name: value for name, value in settings.items() if value is not None}
-    plain: dict[str, Any] = json.loads(json.dumps(present, default=str))
+    """Settings as a TOML file can hold them: a setting that is None is left out, in nested settings too."""
+    written = json.dumps(settings, default=str)
+    plain: dict[str, Any] = json.loads(written, object_pairs_hook=_present)
     return plain
+
+
+def _present(settings: list[tuple[str, Any]]) -> dict[str, Any]:
+    return {name: value for name, value in settings if value is not None}

@@ -9,7 +9,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, SettingsError
-from tracknoise.measurement.columns import joined, setup_tables
+from tracknoise.measurement.columns import setup_tables
 from tracknoise.measurement.tracking import Progress, TrackerSetup, TrackingResult, run_trackers
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.tables import schema
@@ -126,9 +126,9 @@ def _sequence_tables(
         for setup, recording, positions in zip(setups, result.recordings, result.positions, strict=True)
     ]
     return SequenceTables(
-        observations=joined([part[0] for part in parts], schema.OBSERVATIONS),
-        tracks=joined([part[1] for part in parts], schema.TRACKS),
-        frames=joined([part[2] for part in parts], schema.FRAME_COUNTS),
+        observations=schema.joined([part[0] for part in parts], schema.OBSERVATIONS),
+        tracks=schema.joined([part[1] for part in parts], schema.TRACKS),
+        frames=schema.joined([part[2] for part in parts], schema.FRAME_COUNTS),
         truth=known.kind,
         key_frame=known.key_frame,
         n_frames=n_frames,

@@ -70,7 +70,7 @@ def curves(moments: pl.DataFrame | Iterable[pl.DataFrame], *, min_features: int 
     return check(_curves(in_chunks(moments, MOMENTS, "moments"), MOMENTS, [], min_features), CURVES, "curves")
 
 
-def aspect_curves(aspects: pl.DataFrame | Iterable[pl.DataFrame], *, min_features: int = 100) -> pl.DataFrame:
+def aspect_curves(aspects: pl.DataFrame | Iterable[pl.DataFrame], *, min_features: int = MIN_FEATURES) -> pl.DataFrame:
     """Curves of every aspect, pooled over scenes: see `curves`.
 
     Parameters

@@ -171,7 +171,8 @@ class OracleTracker:
 def _generator(seed: int, context: SequenceContext) -> np.random.Generator:
     """Independent for every sequence and speed, and the same in every process, unlike `hash`."""
     sequence = context.sequence
-    names = (zlib.crc32(name.encode()) for name in (sequence.scene, sequence.lighting, sequence.direction))
+    camera = [sequence.camera] if sequence.camera else []
+    names = [zlib.crc32(name.encode()) for name in (sequence.scene, sequence.lighting, sequence.direction, *camera)]
     return np.random.default_rng([seed, context.seed, *names, sequence.rotation % 360, context.speed])
 
 

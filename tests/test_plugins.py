@@ -233,6 +233,7 @@ def test_a_foreign_reader_is_listed_and_opened(experiment):
     with pytest.raises(SettingsError, match=r"reader 'tape': brightnes: unknown setting \(did you mean 'brightness'"):
         tn.open_sequence("tape", experiment.parent / "data", brightnes="x")
     assert plugin_defaults(TRACKERS, "fixed").splitlines()[0] == "# points = ... (required)"
+    assert "most" not in plugin_defaults(TRACKERS, "fixed")
 
 
 def test_files_that_foreign_options_name_are_inputs(experiment):
@@ -279,8 +280,8 @@ def test_a_run_uses_a_foreign_truth_and_keeps_its_covariance(experiment):
     (entry,) = folder.manifest().sequences.values()
     assert (entry.truth, entry.key_frame) == ("stated", None)
     observations = folder.sequence_table("observations", entry.key)
-    assert observations.select(TRUE_COVARIANCE).unique().rows() == [(0.25, 0.0, 0.25)]
-    page = (folder.path / "report" / "index.html").read_text(encoding="utf-8")
+    assert observations.select(*TRUE_COVARIANCE).unique().rows() == [(0.25, 0.0, 0.25)]
+    page = " ".join((folder.path / "report" / "index.html").read_text(encoding="utf-8").split())
     assert "<td>stated</td>" in page
     assert "Poses, depth and calibration of this data are recorded." in page
 

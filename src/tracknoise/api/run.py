@@ -28,7 +28,8 @@ SEQUENCES: Schema = {
 }
 """One row per measured sequence: its key, its name, count and size (px) of its images, and the kind of its truth.
 
-camera is empty where there is only one. key_frame is null where truth is not a scan. notes are what its reader corrected or assumed.
+camera is empty where there is only one. key_frame is null where truth is not a scan. notes are what its reader
+corrected or assumed.
 """
 FAILURES: Schema = {"sequence": pl.String, "cause": pl.String}
 """One row per sequence that could not be measured."""
@@ -301,9 +302,8 @@ class Run:
         select(self._conditions, condition)  # a name may be missing from one sequence, but not from the run
         parts = (filtered(self._folder.sequence_table(name, key), condition) for key in keys)
         table = joined(parts, SEQUENCE_TABLES[name])
-        return select(
-            table, {column: value for column, value in wanted.items() if column not in (*_IDENTITY, *_CONDITION)}
-        )
+        chosen = (*_IDENTITY, *_CONDITION)
+        return select(table, {column: value for column, value in wanted.items() if column not in chosen})
 
     @cached_property
     def _conditions(self) -> pl.DataFrame:

@@ -46,23 +46,6 @@ class SequenceTables:
     snapshot: NDArray[np.uint8]
 
 
-def measure_sequence(
-    sequence: Sequence,
-    setups: Items[TrackerSetup],
-    *,
-    truth: str | None = None,
-    scan_rule: ScanRule = SCAN_RULE,
-    max_frames: int | None = None,
-    seed: int = 0,
-    progress: Progress | None = None,
-) -> SequenceTables:
-    """Run trackers on one sequence and compute the error of each observation: see `measure_sequences`."""
-    measured = measure_sequences(
-        [sequence], setups, truth=truth, scan_rule=scan_rule, max_frames=max_frames, seed=seed, progress=progress
-    )
-    return next(measured)
-
-
 def measure_sequences(
     sequences: Items[Sequence],
     setups: Items[TrackerSetup],

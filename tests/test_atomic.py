@@ -78,7 +78,7 @@ def test_a_file_is_not_replaced_by_a_folder(tmp_path):
     assert (tmp_path / "folder").read_text() == "a file"
 
 
-@pytest.mark.parametrize("kind", ["new_folder", "replaced_folder"])
+@pytest.mark.parametrize("kind", ["created_folder", "replaced_folder"])
 def test_what_a_killed_process_left_is_removed_by_the_next_one(tmp_path, kind):
     path = tmp_path / "report [1]"
     assert [leftover.name.endswith(atomic.UNFINISHED) for leftover in kill_while_writing(kind, path)] == [True]
@@ -96,6 +96,6 @@ def test_what_a_running_process_is_writing_stays(tmp_path):
 
 def test_unfinished_files_of_other_names_are_not_those_of_a_folder(tmp_path):
     path = tmp_path / "report"
-    kill_while_writing("new_folder", tmp_path / "reports")
+    kill_while_writing("created_folder", tmp_path / "reports")
     assert not list(atomic.unfinished(tmp_path, of=path.name))
     assert len(list(atomic.unfinished(tmp_path))) == 1

@@ -17,9 +17,11 @@ from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.experiments.load import load_experiment
 from tracknoise.experiments.running.inputs import with_inputs
 from tracknoise.experiments.running.plan import plan
+from tracknoise.experiments.settings import parse_experiment
 from tracknoise.options import PathTemplate, change_paths, find_paths
 from tracknoise.plugins import Plugins, plugin_defaults
 from tracknoise.sequences.registry import READERS
+from tracknoise.tables.schema import TRUE_COVARIANCE
 from tracknoise.tables.store import RunFolder
 from tracknoise.trackers.registry import TRACKERS
 
@@ -189,6 +191,7 @@ def installed(tmp_path, monkeypatch) -> Iterator[None]:
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: tapes\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text(
         "[tracknoise.sequences]\ntape = tapes:Tape\n[tracknoise.trackers]\nfixed = tapes:Fixed\n"
+        "[tracknoise.truths]\nstated = tapes:Stated\n"
     )
     monkeypatch.syspath_prepend(tmp_path / "site")
     yield
@@ -229,7 +232,8 @@ def test_a_foreign_reader_is_listed_and_opened(experiment):
     assert sequence.timestamps_s.tolist() == [0.0, 1.0, 2.0, 3.0]
     with pytest.raises(SettingsError, match=r"reader 'tape': brightnes: unknown setting \(did you mean 'brightness'"):
         tn.open_sequence("tape", experiment.parent / "data", brightnes="x")
-    assert plugin_defaults(TRACKERS, "fixed") == "# points = ... (required)"
+    assert plugin_defaults(TRACKERS, "fixed").splitlines()[0] == "# points = ... (required)"
+    assert "most" not in plugin_defaults(TRACKERS, "fixed")
 
 
 def test_files_that_foreign_options_name_are_inputs(experiment):
@@ -267,3 +271,24 @@ def test_a_run_uses_a_foreign_reader_and_tracker_and_is_resumed_with_their_versi
     assert status == 1
     assert "tapes 1.0 is installed, expected 0.9 as the run was begun with" in capsys.readouterr().err
     assert list(folder.manifest().sequences) == [entry.key]
+
+
+def test_a_run_uses_a_foreign_truth_and_keeps_its_covariance(experiment):
+    experiment.write_text(experiment.read_text() + '[truth]\nkind = "stated"\n')
+    status, folder = run(experiment)
+    assert status == 0
+    (entry,) = folder.manifest().sequences.values()
+    assert (entry.truth, entry.key_frame) == ("stated", None)
+    observations = folder.sequence_table("observations", entry.key)
+    assert observations.select(*TRUE_COVARIANCE).unique().rows() == [(0.25, 0.0, 0.25)]
+    page = " ".join((folder.path / "report" / "index.html").read_text(encoding="utf-8").split())
+    assert "<td>stated</td>" in page
+    assert "Poses, depth and calibration of this data are recorded." in page
+
+
+def test_settings_within_settings_may_be_missing(experiment):
+    """A file has no word for a value that is None: it is left out, and the default is used when it is read again."""
+    text = load_experiment(experiment).to_toml()
+    assert "most" not in text
+    assert parse_experiment(text, place="again") == load_experiment(experiment)
+    assert TRACKERS.make("fixed", {"points": "x", "limits": {"least": 2}}).limits.most is None

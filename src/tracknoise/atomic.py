@@ -44,7 +44,7 @@ def write_file(path: Path, content: bytes, *, durably: bool = False) -> None:
 
 
 @contextmanager
-def new_folder(path: Path) -> Iterator[Path]:
+def created_folder(path: Path) -> Iterator[Path]:
     """Give a folder to write into. It gets its name when the block ends without an error, and is removed otherwise.
 
     Parameters
@@ -69,7 +69,7 @@ def new_folder(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def replaced_folder(path: Path) -> Iterator[Path]:
-    """As `new_folder`, but a folder that is there already is replaced.
+    """As `created_folder`, but a folder that is there already is replaced.
 
     Raises
     ------

@@ -38,7 +38,7 @@ class UnknownNameError(TracknoiseError):
     """A name (tracker, reader, scene, preset, ...) is unknown."""
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
-        self.kind, self.name, self.known = kind, name, sorted(known)
+        self.kind, self.name, self.known = kind, name, sorted(map(str, known))  # members of enumerations too
         super().__init__(kind, name, self.known)
 
     def __str__(self) -> str:

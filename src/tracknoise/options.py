@@ -75,8 +75,13 @@ def defaults_as_toml(settings_type: type, hidden: frozenset[str]) -> str:
         else:
             defaults[field.name] = value
     shown = [comment for comment in comments if comment.split()[1] not in hidden]
-    plain = json.loads(json.dumps(defaults, default=_plain))
-    return ("".join(shown) + tomlkit.dumps(plain)).rstrip()
+    return ("".join(shown) + tomlkit.dumps(as_toml_values(defaults))).rstrip()
+
+
+def as_toml_values(settings: Mapping[str, object]) -> dict[str, Any]:
+    """Settings as a TOML file can hold them. A setting that is None is left out, in nested settings too."""
+    plain: dict[str, Any] = json.loads(json.dumps(settings, default=_plain), object_pairs_hook=_present)
+    return plain
 
 
 def change_paths(
@@ -165,6 +170,10 @@ def _plain(value: object) -> object:
     if is_dataclass(value) and not isinstance(value, type):
         return asdict(value)
     raise TypeError(f"found {value!r}")
+
+
+def _present(settings: list[tuple[str, Any]]) -> dict[str, Any]:
+    return {name: value for name, value in settings if value is not None}
 
 
 def _explain(settings_type: type, error: "ErrorDetails", given: Mapping[str, object]) -> str:

@@ -1,11 +1,14 @@
 """A finished run, read from its folder."""
 
+from dataclasses import replace
+
 import numpy as np
 import polars as pl
 import pytest
 
 import tracknoise as tn
 from tracknoise.exceptions import DataError, SettingsError, StoreError, UnknownNameError
+from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.tables.findings_schema import INTERVALS
 from tracknoise.tables.manifest import FailureEntry, Manifest
 from tracknoise.tables.schema import OBSERVATIONS, POSES, TRACKS
@@ -129,6 +132,48 @@ def test_unknown_statistics_tables_and_categories_list_the_known_ones(run):
         run.table("curves", trimming="no")
     with pytest.raises(UnknownNameError, match="unknown column 'tracker'; known: camera, dataset"):
         run.table("poses", tracker="lucas-kanade")
+
+
+def test_a_choice_that_no_sequence_has_gives_no_rows(run):
+    found = run.observations(scene=[])
+    assert found.is_empty()
+    assert list(found.columns) == list(OBSERVATIONS)
+
+
+def test_observations_of_trackers_that_report_other_qualities_are_put_together(tmp_path):
+    """Only one of two sequences has been measured with a tracker that reports a quality."""
+    options = {"frames": 4, "width": 64, "height": 48, "supersampling": 1}
+    trackers = {"forward": tn.LucasKanade(), "sideways": tn.Oracle(n_features=20, margin_px=2)}
+    measured = [
+        tn.measure(tn.open_sequence("simulated", motions=[motion], **options), {"one": tracker})
+        for motion, tracker in trackers.items()
+    ]
+    observations = tn.analyse(measured).observations()
+    assert observations.height == sum(one.observations.height for one in measured)
+    assert observations["quality_lk_residual"].is_null().sum() >= measured[1].observations.height
+    assert observations.columns == measured[0].observations.columns
+
+
+def test_the_cameras_of_a_rig_are_chosen_by_their_names():
+    sequence = tn.open_sequence("simulated", frames=4, width=64, height=48, supersampling=1)
+    rig = [
+        RecordedSequence(
+            id=replace(sequence.id, camera=name),
+            source=name,
+            camera=sequence.camera,
+            world_from_camera=sequence.world_from_camera,
+            images=sequence.image,
+            depths=sequence.depth,
+        )
+        for name in ("left", "right")
+    ]
+    measured = [tn.measure(one, tn.Oracle(n_features=20, margin_px=2)) for one in rig]
+    run = tn.analyse(measured)
+    assert run.sequences()["camera"].to_list() == ["left", "right"]
+    for name, one in zip(("left", "right"), measured, strict=True):
+        assert run.observations(camera=name).equals(one.observations)
+    with pytest.raises(SettingsError, match=r"several values of camera match \(left, right\), expected one"):
+        run.track(0)
 
 
 def test_a_track_needs_one_sequence_and_condition(run):

@@ -17,11 +17,11 @@ import math
 import polars as pl
 import pytest
 
-from tracknoise.statistics.cells import merge
 from tracknoise.statistics.counts import counts
 from tracknoise.statistics.curves import curves
 from tracknoise.statistics.histogram import error_histogram
 from tracknoise.statistics.lifetimes import lifetimes, mean_lifetime, median_survival, surviving
+from tracknoise.statistics.moment_cells import merge
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.outliers import outlier_ratios
 from tracknoise.statistics.prepared import prepare_observations

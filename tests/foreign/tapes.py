@@ -1,9 +1,9 @@
-"""What another package may hold: a reader of NumPy archives and a tracker of fixed points, both with files as options.
+"""What another package may hold: a reader of NumPy archives, a tracker of fixed points and a truth with a covariance.
 
 No file of tracknoise knows of it. `tests/test_plugins.py` installs it with entry points.
 """
 
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -13,9 +13,12 @@ from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.recorded import RecordedSequence
+from tracknoise.sequences.sequence import Sequence
 from tracknoise.tables.identity import DEFAULT_LIGHTING, SequenceId
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.tracker import SequenceContext, Step
+from tracknoise.truth.birth import BirthDepth
+from tracknoise.truth.truth import TruePositions, Truth, TruthSession
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
 
@@ -84,6 +87,14 @@ class Tape:
 
 
 @dataclass(frozen=True, slots=True)
+class Limits:
+    """Settings within settings."""
+
+    most: int | None = None
+    least: int = 1
+
+
+@dataclass(frozen=True, slots=True)
 class Fixed:
     """Tracker that takes features to stay where a file says that they are."""
 
@@ -91,6 +102,7 @@ class Fixed:
     description: ClassVar[str] = "points that never move"
 
     points: Path
+    limits: Limits = Limits()
 
     def start(self, context: SequenceContext) -> "FixedTracker":
         return FixedTracker(np.loadtxt(self.points, ndmin=2))
@@ -115,3 +127,35 @@ class FixedTracker:
             outliers=0,
             alive=n,
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Stated:
+    """Truth from depth whose uncertainty is known."""
+
+    kind: ClassVar[str] = "stated"
+
+    sigma_px: float = 0.5
+
+    def open(self, sequence: Sequence) -> Truth:
+        return StatedTruth(BirthDepth().open(sequence), self.sigma_px)
+
+
+@dataclass(frozen=True, slots=True)
+class StatedTruth:
+    depth: Truth
+    sigma_px: float
+    kind: str = "stated"
+    key_frame: None = None
+
+    def start(self) -> TruthSession:
+        return StatedSession(self.depth.start(), self.sigma_px)
+
+
+class StatedSession:
+    def __init__(self, depth: TruthSession, sigma_px: float) -> None:
+        self.observe, self._depth, self._sigma_px = depth.observe, depth, sigma_px
+
+    def resolve(self) -> TruePositions:
+        found = self._depth.resolve()
+        return replace(found, covariance=np.tile(self._sigma_px**2 * np.eye(2), (len(found.uv), 1, 1)))

@@ -6,7 +6,7 @@ import tracknoise
 from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.measurement.sequence_tables import measure_sequence
+from tracknoise.measurement.sequence_tables import SequenceTables, measure_sequences
 from tracknoise.measurement.tracking import TrackerSetup
 from tracknoise.sequences.sequence import Scan, TruthKind
 from tracknoise.sequences.views import view
@@ -37,10 +37,14 @@ class Wall:
         return DepthMap(np.full((30, 40), 2.0), np.full((30, 40), fill_value=True))
 
 
+def measure_one(sequence: object, setups: list[TrackerSetup], **options: object) -> SequenceTables:
+    return next(measure_sequences([sequence], setups, **options))
+
+
 def measured(tmp_path, last_frame: int):
     path = tmp_path / "tracks.csv"
     path.write_text("track,frame,u_px,v_px\n" + "".join(f"0,{k},9.0,9.0\n" for k in range(last_frame + 1)))
-    return measure_sequence(Wall(), [TrackerSetup("imported", Imported(str(path)), 1)], max_frames=2)
+    return measure_one(Wall(), [TrackerSetup("imported", Imported(str(path)), 1)], max_frames=2)
 
 
 def test_a_tracker_is_told_the_length_of_the_sequence_not_of_the_part_that_is_read(tmp_path):
@@ -60,8 +64,8 @@ def test_the_frame_kept_for_drawing_is_not_the_key_frame_but_half_way_from_it_to
     path = tmp_path / "tracks.csv"
     path.write_text("track,frame,u_px,v_px\n" + "".join(f"0,{k},9.0,9.0\n" for k in range(5)))
     conditions = [TrackerSetup("imported", Imported(str(path)), 1)]
-    assert measure_sequence(Scanned(), conditions).snapshot_frame == 3
-    assert measure_sequence(Wall(), conditions).snapshot_frame == 2
+    assert measure_one(Scanned(), conditions).snapshot_frame == 3
+    assert measure_one(Wall(), conditions).snapshot_frame == 2
 
 
 def test_a_speed_that_passes_over_the_key_frame_and_a_run_that_ends_before_it_are_refused(tmp_path):
@@ -71,14 +75,14 @@ def test_a_speed_that_passes_over_the_key_frame_and_a_run_that_ends_before_it_ar
     with pytest.raises(
         SettingsError, match="the wall: found speed 2, which skips the key frame 1, expected a speed that divides 1"
     ):
-        measure_sequence(Scanned(), [TrackerSetup("imported", imported, 2)])
+        measure_one(Scanned(), [TrackerSetup("imported", imported, 2)])
     late = Scanned()
     late.scan = Scan(Scanned.scan.points_world, 3)
     with pytest.raises(DataError, match="the wall: 3 frames, expected at least 4, to reach the key frame"):
-        measure_sequence(late, [TrackerSetup("imported", imported, 1)], max_frames=3)
+        measure_one(late, [TrackerSetup("imported", imported, 1)], max_frames=3)
     backward = view(late, n_frames=3, direction=Direction.backward, rotation=0)
     with pytest.raises(DataError, match="the wall: 3 frames, expected at least 4, to reach the key frame"):
-        measure_sequence(backward, [TrackerSetup("imported", imported, 1)])
+        measure_one(backward, [TrackerSetup("imported", imported, 1)])
 
 
 def test_a_scan_that_no_feature_lies_on_is_said_to_be_the_reason(tmp_path):
@@ -87,7 +91,7 @@ def test_a_scan_that_no_feature_lies_on_is_said_to_be_the_reason(tmp_path):
     elsewhere = Scanned()
     elsewhere.scan = Scan(-Scanned.scan.points_world, 1)
     with pytest.raises(DataError, match=r"the wall: no feature of the key frame 1 on the scan, expected .* in metres"):
-        measure_sequence(elsewhere, [TrackerSetup("imported", Imported(str(path)), 1)])
+        measure_one(elsewhere, [TrackerSetup("imported", Imported(str(path)), 1)])
 
 
 class Striped(Wall):
@@ -103,7 +107,7 @@ def test_tracks_know_the_gradient_of_the_image_in_their_first_frame(tmp_path):
     rows = [(0, 0, 9, 9), (0, 1, 9, 9), (0, 2, 9, 9), (1, 2, 20, 15), (1, 3, 20, 15), (2, 2, 3, 15), (3, 4, 20, 9)]
     path.write_text("track,frame,u_px,v_px\n" + "".join(f"{t},{k},{u},{v}\n" for t, k, u, v in rows))
     conditions = [TrackerSetup("imported", Imported(str(path)), speed) for speed in (1, 2)]
-    tracks = measure_sequence(Striped(), conditions).tracks
+    tracks = measure_one(Striped(), conditions).tracks
     across, down = 0.0, float(np.float32(np.pi / 2))
     for speed in (1, 2):
         assert tracks.filter(speed=speed)["gradient_rad"].to_list() == [across, down, None, down]
@@ -115,13 +119,13 @@ def test_observations_have_the_union_of_what_their_trackers_report_and_null_else
         (tmp_path / f"{name}.csv").write_text(f"track,frame,u_px,v_px,quality_{name}\n" + rows)
     (tmp_path / "plain.csv").write_text("track,frame,u_px,v_px\n0,0,9.0,9.0\n0,1,9.0,9.0\n")
     setups = [TrackerSetup(name, Imported(str(tmp_path / f"{name}.csv")), 1) for name in ("sure", "plain", "apt")]
-    found = measure_sequence(Wall(), setups).observations
+    found = measure_one(Wall(), setups).observations
     assert found.columns[-3:] == ["kept", "quality_apt", "quality_sure"]
     assert found["tracker"].to_list() == ["sure"] * 2 + ["plain"] * 2 + ["apt"] * 2
     assert found["quality_sure"].to_list() == [0.5, None, None, None, None, None]
     assert found["quality_apt"].to_list() == [None, None, None, None, 0.5, None]
     assert found["quality_apt"].dtype == pl.Float32
-    alone = measure_sequence(Wall(), setups[1:2]).observations
+    alone = measure_one(Wall(), setups[1:2]).observations
     assert alone.equals(found.filter(tracker="plain").select(alone.columns))
 
 

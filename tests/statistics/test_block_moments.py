@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import polars as pl
 import pytest
@@ -42,7 +44,7 @@ def test_blocks_pooled_are_the_moments_of_the_scene(tracks, observations):
 
 def test_hidden_features_count_where_they_are_asked_for(tracks, observations):
     table, seen = _scene(tracks, observations)
-    both = block_moments(prepare_sequence(seen, table, populations=["visible", "projected"]))
+    both = block_moments(replace(prepare_sequence(seen, table), populations=("visible", "projected")))
     counts = both.filter(trimming="untrimmed", at=3).group_by("population").agg(pl.col("n").sum()).sort("population")
     assert counts.rows() == [("visible", 30), ("projected", 40)]
     assert both.filter(population="visible").equals(block_moments(prepare_sequence(seen, table)))

@@ -4,7 +4,7 @@ import pytest
 from polars.testing import assert_frame_equal
 
 from tracknoise.exceptions import SchemaError
-from tracknoise.statistics.cells import KEYS, merge
+from tracknoise.statistics.moment_cells import KEYS, merge
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.prepared import prepare_observations
 from tracknoise.tables.schema import MOMENTS, OBSERVATIONS, ORIGIN, empty

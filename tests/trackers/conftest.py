@@ -31,11 +31,15 @@ def sideways() -> list[Frame]:
 @pytest.fixture
 def setting() -> Callable[..., SequenceContext]:
     def make(
-        size: tuple[int, int] = SIZE, n_frames: int = 6, speed: int = 1, scene: str = "scene", truth: object = None
+        size: tuple[int, int] = SIZE,
+        n_frames: int = 6,
+        speed: int = 1,
+        scene: str = "scene",
+        camera: str = "",
+        truth: object = None,
     ) -> SequenceContext:
-        return SequenceContext(
-            SequenceId("data", scene), size, n_frames, speed, 0, truth if truth is not None else FlatTruth(size)
-        )
+        known = truth if truth is not None else FlatTruth(size)
+        return SequenceContext(SequenceId("data", scene, camera=camera), size, n_frames, speed, 0, known)
 
     return make
 

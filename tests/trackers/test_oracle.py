@@ -89,6 +89,7 @@ def test_scenes_speeds_and_seeds_are_independent_and_each_is_repeatable(setting)
 
     assert first(Oracle()) == first(Oracle())
     assert len({first(Oracle()), first(Oracle(seed=1)), first(Oracle(), scene="b"), first(Oracle(), speed=2)}) == 4
+    assert len({first(Oracle(), camera=name) for name in ("", "left", "right")}) == 3
 
 
 @pytest.mark.parametrize("covariance", [((1.0, 0.0), (0.0, 0.0)), ((0.0, 0.0), (0.0, 1.0)), ((4.0, 2.0), (2.0, 1.0))])

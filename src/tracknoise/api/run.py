@@ -9,7 +9,7 @@ import polars as pl
 
 from tracknoise.api.selection import IntervalColumns, OriginColumns, Wanted, filtered, select
 from tracknoise.exceptions import DataError, SettingsError, StoreError, UnknownNameError
-from tracknoise.tables.schema import ORIGIN, SEQUENCE, Schema
+from tracknoise.tables.schema import SEQUENCE, Schema, joined
 from tracknoise.tables.store import FINDINGS_TABLES, SEQUENCE_TABLES, STATISTICS_TABLES, RunFolder
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 SEQUENCES: Schema = {
     "sequence": pl.String,
     **SEQUENCE,
+    "camera": pl.String,
     "n_frames": pl.Int64,
     "width": pl.Int64,
     "height": pl.Int64,
@@ -27,10 +28,12 @@ SEQUENCES: Schema = {
 }
 """One row per measured sequence: its key, its name, count and size (px) of its images, and the kind of its truth.
 
-key_frame is null where truth is not a scan. notes are what its reader corrected or assumed.
+camera is empty where there is only one. key_frame is null where truth is not a scan. notes are what its reader
+corrected or assumed.
 """
 FAILURES: Schema = {"sequence": pl.String, "cause": pl.String}
 """One row per sequence that could not be measured."""
+_IDENTITY = (*SEQUENCE, "camera")
 _CONDITION = ("tracker", "speed")
 
 
@@ -94,7 +97,7 @@ class Run:
             (
                 key,
                 *(
-                    getattr(entry.sequence if name in SEQUENCE else entry, name)
+                    getattr(entry.sequence if name in _IDENTITY else entry, name)
                     for name in SEQUENCES
                     if name != "sequence"
                 ),
@@ -280,7 +283,7 @@ class Run:
         UnknownNameError, StoreError, SchemaError
             As for `observations`.
         """
-        _require_one(self._chosen(wanted), SEQUENCE, track=track)
+        _require_one(self._chosen(wanted), _IDENTITY, track=track)
         observations = self.observations(**wanted)
         _require_one(observations, _CONDITION, track=track)
         found = observations.filter(pl.col("track") == track).sort("frame")
@@ -290,14 +293,16 @@ class Run:
 
     def _chosen(self, wanted: Mapping[str, Any]) -> pl.DataFrame:
         """Rows of `sequences` whose names are wanted."""
-        return select(self.sequences(), _part(wanted, SEQUENCE))
+        return select(self.sequences(), _part(wanted, _IDENTITY))
 
     def _of_sequences(self, name: str, wanted: Mapping[str, Any]) -> pl.DataFrame:
         """One table of the sequences that are wanted; each is cut down as it is read, so that little is held."""
         keys, condition = self._chosen(wanted)["sequence"], _part(wanted, _CONDITION)
         select(self._conditions, condition)  # a name may be missing from one sequence, but not from the run
-        table = pl.concat(filtered(self._folder.sequence_table(name, key), condition) for key in keys)
-        return select(table, {column: value for column, value in wanted.items() if column not in ORIGIN})
+        parts = (filtered(self._folder.sequence_table(name, key), condition) for key in keys)
+        table = joined(parts, SEQUENCE_TABLES[name])
+        chosen = (*_IDENTITY, *_CONDITION)
+        return select(table, {column: value for column, value in wanted.items() if column not in chosen})
 
     @cached_property
     def _conditions(self) -> pl.DataFrame:

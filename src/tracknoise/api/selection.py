@@ -26,9 +26,10 @@ class ConditionColumns(TypedDict, total=False):
 
 
 class OriginColumns(ConditionColumns, total=False):
-    """Columns of a condition and its scenes."""
+    """Columns of a condition and its sequences."""
 
     scene: Names
+    camera: Names
 
 
 class IntervalColumns(ConditionColumns, total=False):

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import polars as pl
 
     from tracknoise.cli.terminal import Terminal
-    from tracknoise.experiments.validation.selfcheck import Verdict
+    from tracknoise.experiments.validation.selfcheck import SelfTestResult
     from tracknoise.tables.store import RunFolder
 
 _HEADINGS = ("setting", "speed", "statistic", "at", "expected", "measured", "95 % interval", "")
@@ -71,7 +71,7 @@ def comparison_text(comparison: "pl.DataFrame") -> str:
     return "\n".join([lines[0], "-" * len(lines[0]), *lines[1:]])
 
 
-def verdict_text(verdict: "Verdict") -> str:
+def verdict_text(verdict: "SelfTestResult") -> str:
     """The result of the self-test, in three lines."""
     from tracknoise.experiments.validation.selfcheck import furthest
     from tracknoise.tables.defaults import LEVEL

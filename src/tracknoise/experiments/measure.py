@@ -13,8 +13,8 @@ from tracknoise.measurement.sequence_tables import SequenceTables, measure_seque
 from tracknoise.measurement.tracking import Progress, TrackerSetup
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.statistics.moments import scene_moments
-from tracknoise.statistics.prepared import PreparedSequence, prepare_sequence
-from tracknoise.statistics.trimming import trim_sequence
+from tracknoise.statistics.prepared import PreparedSequence
+from tracknoise.statistics.trimming import trim
 from tracknoise.tables.defaults import POPULATION, TRIM_AMONG, TRIM_PERCENTILE
 from tracknoise.trackers.tracker import TrackerSettings
 from tracknoise.truth.scan_rule import SCAN_RULE, ScanRule
@@ -166,8 +166,14 @@ def complete(
     population: str = POPULATION,
 ) -> Measurement:
     """Trim what was measured in a sequence, and compute its moments; see `measure_together` for the parameters."""
-    prepared = prepare_sequence(measured.observations, measured.tracks, key_frame=measured.key_frame)
-    trimmed = trim_sequence(prepared, percentile=trim_percentile, population=population, among=trim_among)
+    trimmed = trim(
+        measured.observations,
+        measured.tracks,
+        percentile=trim_percentile,
+        population=population,
+        among=trim_among,
+        key_frame=measured.key_frame,
+    )
     return Measurement(
         sequence=sequence,
         observations=trimmed.observations,

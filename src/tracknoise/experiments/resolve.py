@@ -1,13 +1,12 @@
 """Write out every option that an experiment leaves to its defaults, so that its record does not depend on them."""
 
-import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
-from typing import Any
 
 from tracknoise.exceptions import SettingsError, TracknoiseError
 from tracknoise.experiments.settings import Experiment, TrackerChoice
+from tracknoise.options import as_toml_values
 from tracknoise.sequences.registry import make_reader
 from tracknoise.trackers.registry import make_tracker
 from tracknoise.truth.registry import TRUTHS
@@ -24,7 +23,7 @@ def resolve(experiment: Experiment) -> Experiment:
     """
     dataset = experiment.dataset
     with _errors_of("dataset"):
-        reader = _plain(asdict(make_reader(dataset.reader, dataset.root, dataset.options)))  # type: ignore[call-overload]
+        reader = as_toml_values(asdict(make_reader(dataset.reader, dataset.root, dataset.options)))  # type: ignore[call-overload]
     reader.pop("root", None)
     if experiment.truth.kind is not None:
         with _errors_of("truth.kind"):
@@ -39,7 +38,7 @@ def resolve(experiment: Experiment) -> Experiment:
 
 def _resolved(choice: TrackerChoice, section: str) -> TrackerChoice:
     with _errors_of(section):
-        options = _plain(asdict(make_tracker(choice.kind, choice.options)))  # type: ignore[call-overload]
+        options = as_toml_values(asdict(make_tracker(choice.kind, choice.options)))  # type: ignore[call-overload]
     return choice.model_copy(update={"options": options})
 
 
@@ -49,10 +48,3 @@ def _errors_of(section: str) -> Iterator[None]:
         yield
     except TracknoiseError as error:
         raise SettingsError(f"{section}: {error}") from error
-
-
-def _plain(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings as a TOML file can hold them: a setting that is None is left out."""
-    present = {name: value for name, value in settings.items() if value is not None}
-    plain: dict[str, Any] = json.loads(json.dumps(present, default=str))
-    return plain

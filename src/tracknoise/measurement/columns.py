@@ -30,12 +30,6 @@ def setup_tables(sequence: SequenceId, setup: TrackerSetup, recording: Recording
     )
 
 
-def joined(tables: list[pl.DataFrame], layout: schema.Schema) -> pl.DataFrame:
-    """One table of several; a column that only some have is null in the others."""
-    together = pl.concat(tables, how="diagonal", rechunk=True)
-    return together.select(list(schema.layout_of(layout, together.columns)))
-
-
 def _observations(recording: Recording, positions: TruePositions) -> dict[str, pl.Series]:
     error = recording.uv - positions.uv
     return {

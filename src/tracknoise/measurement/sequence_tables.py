@@ -9,7 +9,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, SettingsError
-from tracknoise.measurement.columns import joined, setup_tables
+from tracknoise.measurement.columns import setup_tables
 from tracknoise.measurement.tracking import Progress, TrackerSetup, TrackingResult, run_trackers
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.tables import schema
@@ -44,23 +44,6 @@ class SequenceTables:
     n_frames: int
     snapshot_frame: int
     snapshot: NDArray[np.uint8]
-
-
-def measure_sequence(
-    sequence: Sequence,
-    setups: Items[TrackerSetup],
-    *,
-    truth: str | None = None,
-    scan_rule: ScanRule = SCAN_RULE,
-    max_frames: int | None = None,
-    seed: int = 0,
-    progress: Progress | None = None,
-) -> SequenceTables:
-    """Run trackers on one sequence and compute the error of each observation: see `measure_sequences`."""
-    measured = measure_sequences(
-        [sequence], setups, truth=truth, scan_rule=scan_rule, max_frames=max_frames, seed=seed, progress=progress
-    )
-    return next(measured)
 
 
 def measure_sequences(
@@ -126,9 +109,9 @@ def _sequence_tables(
         for setup, recording, positions in zip(setups, result.recordings, result.positions, strict=True)
     ]
     return SequenceTables(
-        observations=joined([part[0] for part in parts], schema.OBSERVATIONS),
-        tracks=joined([part[1] for part in parts], schema.TRACKS),
-        frames=joined([part[2] for part in parts], schema.FRAME_COUNTS),
+        observations=schema.joined([part[0] for part in parts], schema.OBSERVATIONS),
+        tracks=schema.joined([part[1] for part in parts], schema.TRACKS),
+        frames=schema.joined([part[2] for part in parts], schema.FRAME_COUNTS),
         truth=known.kind,
         key_frame=known.key_frame,
         n_frames=n_frames,

@@ -116,7 +116,7 @@ def provenance(data: ReportData) -> Cells:
 def truth_was_read(data: ReportData) -> bool:
     """Whether any true positions come from recorded poses and depth."""
     entries = data.manifest.sequences.values()
-    return any(entry.truth in ("birth", "scan") and entry.sequence.dataset != "simulated" for entry in entries)
+    return any(entry.truth != "raycast" and entry.sequence.dataset != "simulated" for entry in entries)
 
 
 def without_truth(data: ReportData) -> list[tuple[str, str]]:

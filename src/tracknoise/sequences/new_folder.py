@@ -10,7 +10,7 @@ from tracknoise.exceptions import DataError
 
 @contextmanager
 def new_folder(path: Path) -> Iterator[Path]:
-    """As `tracknoise.atomic.new_folder`.
+    """As `tracknoise.atomic.created_folder`.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def new_folder(path: Path) -> Iterator[Path]:
     if path.exists() and not (path.is_dir() and not any(path.iterdir())):
         raise DataError(path, "already exists", "a new or empty folder")
     try:
-        with atomic.new_folder(path) as unfinished:
+        with atomic.created_folder(path) as unfinished:
             yield unfinished
     except OSError as error:
         raise DataError(path, f"cannot be written ({error.strerror})", "a folder that can be written") from error

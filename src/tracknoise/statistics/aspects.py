@@ -22,12 +22,12 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.statistics.cells import SECOND, Cells, by_trimming, measure_cells, tabulate
 from tracknoise.statistics.definitions import LEAST_MOTION_PX, LONG_LIVED_AGES
 from tracknoise.statistics.joint import FOURTH, Order
+from tracknoise.statistics.moment_cells import SECOND, MomentCells, by_trimming, measure_cells, tabulate
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.steps import changes, followers
-from tracknoise.tables.enumerations import Aspect
+from tracknoise.tables.enumerations import Aspect, Axis, Population
 from tracknoise.tables.schema import ASPECT, ASPECT_BLOCKS, ASPECTS, check
 
 
@@ -101,7 +101,7 @@ def aspect_blocks(sequence: PreparedSequence) -> pl.DataFrame:
         Pooled over the blocks of a scene they are the scene's moments.
     """
     seen, block = sequence.seen, sequence.block
-    by_age = _Keys({"block": block, "at": seen.age}, "age", SECOND)
+    by_age = _Keys({"block": block, "at": seen.age}, Axis.age, SECOND)
     changed = _moments(sequence, _changes(sequence, sequence.at_slowest), by_age, Aspect.change)
     by_place = _Keys({"block": block, "at": seen.at}, seen.axis, SECOND)
     parts = (changed, *_of_errors(sequence, by_place, sequence.at_slowest))
@@ -139,7 +139,7 @@ def _long_lived(sequence: PreparedSequence, keys: _Keys, chosen: NDArray[np.bool
 def _table(
     sequence: PreparedSequence,
     keys: _Keys,
-    cells: Cells,
+    cells: MomentCells,
     chosen: NDArray[np.bool_],
     kept: NDArray[np.bool_],
     aspect: Aspect,
@@ -147,7 +147,7 @@ def _table(
     at_least: int | None = None,
 ) -> pl.DataFrame:
     """Moments of an aspect from chosen cells, all and kept."""
-    selections = by_trimming(cells, "visible", by=1 + len(keys.columns), chosen=chosen, kept=kept)
+    selections = by_trimming(cells, Population.visible, by=1 + len(keys.columns), chosen=chosen, kept=kept)
     table = tabulate(selections, sequence.seen.conditions, names=[*keys.columns], axis=keys.axis)
     return table.with_columns(aspect=pl.lit(aspect, dtype=ASPECT), at_least=pl.lit(at_least, dtype=pl.UInt32))
 

@@ -3,7 +3,7 @@
 import numpy as np
 import polars as pl
 
-from tracknoise.statistics.cells import SECOND, Cells, by_trimming, measure_cells, tabulate
+from tracknoise.statistics.moment_cells import SECOND, MomentCells, by_trimming, measure_cells, tabulate
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.schema import BLOCKS, check
 
@@ -22,14 +22,14 @@ def block_moments(sequence: PreparedSequence) -> pl.DataFrame:
         Schema `BLOCKS`, sorted by its columns before `n`, with one row for each combination that has an observation.
         Pooled over the blocks of a scene they are the scene's moments.
     """
-    selections: dict[tuple[str, str], Cells] = {}
+    selections: dict[tuple[str, str], MomentCells] = {}
     for population in sequence.populations:
         selections |= _of_population(sequence, population)
     table = tabulate(selections, sequence.seen.conditions, names=["block", "at"], axis=sequence.seen.axis)
     return check(table.select(*BLOCKS), BLOCKS, "blocks")
 
 
-def _of_population(sequence: PreparedSequence, population: str) -> dict[tuple[str, str], Cells]:
+def _of_population(sequence: PreparedSequence, population: str) -> dict[tuple[str, str], MomentCells]:
     seen = sequence.seen
     chosen = seen.members(population)
     keys = (seen.condition, sequence.block, seen.at, seen.kept)

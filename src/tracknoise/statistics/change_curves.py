@@ -7,9 +7,9 @@ from collections.abc import Iterable
 
 import polars as pl
 
-from tracknoise.statistics.cells import ABOUT_ZERO
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import group_rows, in_chunks
+from tracknoise.statistics.moment_cells import ABOUT_ZERO
 from tracknoise.tables.schema import CHANGES, INCREMENTS, check
 
 _KEYS = [*POOLED, "trimming", "lag", "age"]

@@ -19,11 +19,11 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.statistics.cells import KEYS, merge
 from tracknoise.statistics.definitions import NAMES, POOLED, UNITS
 from tracknoise.statistics.grouping import group_rows, in_chunks
+from tracknoise.statistics.moment_cells import KEYS, merge
 from tracknoise.tables.defaults import MIN_FEATURES
-from tracknoise.tables.enumerations import Aspect
+from tracknoise.tables.enumerations import Aspect, Axis, Weighting
 from tracknoise.tables.schema import ASPECT_CURVES, ASPECTS, CURVES, MOMENTS, WEIGHTING, Schema, check, empty
 
 _CURVE = [*POOLED, "population", "trimming", "axis"]
@@ -70,7 +70,7 @@ def curves(moments: pl.DataFrame | Iterable[pl.DataFrame], *, min_features: int 
     return check(_curves(in_chunks(moments, MOMENTS, "moments"), MOMENTS, [], min_features), CURVES, "curves")
 
 
-def aspect_curves(aspects: pl.DataFrame | Iterable[pl.DataFrame], *, min_features: int = 100) -> pl.DataFrame:
+def aspect_curves(aspects: pl.DataFrame | Iterable[pl.DataFrame], *, min_features: int = MIN_FEATURES) -> pl.DataFrame:
     """Curves of every aspect, pooled over scenes: see `curves`.
 
     Parameters
@@ -100,7 +100,7 @@ def _curves(chunks: Iterable[pl.DataFrame], schema: Schema, labels: Sequence[str
     """Curves for each combination of the columns `labels`, which come first."""
     points = _pooled(chunks, schema, [*labels, *_POINT])
     keys = _with_cuts(points.select(*labels, *_POINT, "n"), [*labels, *_CURVE], min_features)
-    weightings = {"features": _by_features(points), "scenes": _by_scenes(points)}
+    weightings = {Weighting.features: _by_features(points), Weighting.scenes: _by_scenes(points)}
     columns = [*labels, *CURVES]
     tables = [
         _table(keys, weighting, statistic, *values[statistic]).select(columns)
@@ -140,7 +140,7 @@ def _added(points: pl.DataFrame, point: list[str]) -> pl.DataFrame:
 def _with_cuts(points: pl.DataFrame, curve: list[str], min_features: int) -> pl.DataFrame:
     """Mark where too few features remain, on the way from where the features begin."""
     fullest = pl.col("at").get(pl.col("n").arg_max())
-    origin = pl.when(pl.col("axis") == "frame").then(fullest).otherwise(pl.col("at").min()).over(curve)
+    origin = pl.when(pl.col("axis") == Axis.frame).then(fullest).otherwise(pl.col("at").min()).over(curve)
     away = pl.col("at").cast(pl.Int64) - origin.cast(pl.Int64)
     few = (pl.col("n") < min_features).cast(pl.UInt8).cum_max().over([*curve, "side"], order_by="distance")
     sided = points.with_columns(distance=away.abs(), side=away >= 0)

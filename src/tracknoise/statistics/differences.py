@@ -14,6 +14,8 @@ from collections.abc import Mapping
 
 import polars as pl
 
+from tracknoise.tables.enumerations import Axis
+
 
 def comparable(curves: pl.DataFrame, key_frames: Mapping[str, int]) -> pl.DataFrame:
     """The points of curves at which they may be compared: not cut, and where errors are not zero by construction.
@@ -31,7 +33,7 @@ def comparable(curves: pl.DataFrame, key_frames: Mapping[str, int]) -> pl.DataFr
         The same columns; `at` is an age, or counts frames from the key frame on (Int64).
     """
     key = pl.col("direction").replace_strict(dict(key_frames), default=0, return_dtype=pl.Int64)
-    away = pl.col("at").cast(pl.Int64) - pl.when(pl.col("axis") == "frame").then(key).otherwise(0)
+    away = pl.col("at").cast(pl.Int64) - pl.when(pl.col("axis") == Axis.frame).then(key).otherwise(0)
     return curves.with_columns(at=away).filter(pl.col("at") != 0, ~pl.col("cut"))
 
 

@@ -15,6 +15,7 @@ from tracknoise.statistics.factors import FACTORS, SCALARS, ReferenceCondition
 from tracknoise.statistics.lifetimes import mean_lifetime
 from tracknoise.statistics.upright import upright
 from tracknoise.tables.defaults import MARGIN, POPULATION
+from tracknoise.tables.enumerations import Axis, Trimming, Verdict, Weighting
 from tracknoise.tables.schema import AXIS, CONDITION, CURVES, EFFECTS, LIFETIMES, OUTLIERS, VERDICT, Schema, check
 
 
@@ -71,7 +72,7 @@ def effects(
 
 def _points(curves: pl.DataFrame, population: str, reference: ReferenceCondition) -> pl.DataFrame:
     """The points of curves at which levels may be compared."""
-    chosen = {"population": population, "trimming": "trimmed", "weighting": "features"}
+    chosen = {"population": population, "trimming": Trimming.trimmed, "weighting": Weighting.features}
     signed = pl.col("statistic").is_in([names["mean"] for names in NAMES.values()])
     points = upright(comparable(curves.filter(**chosen), reference.key_frames), signed=signed)
     return points.select(*POOLED, "statistic", "axis", "at", "u", "v")
@@ -98,7 +99,7 @@ def _held(table: pl.DataFrame, factor: str, reference: ReferenceCondition) -> pl
 
 def _questions(curves: pl.DataFrame, *tables: pl.DataFrame) -> pl.DataFrame:
     """Every measured condition with every statistic: POOLED, statistic, its axis and unit, and its place in order."""
-    axes = curves["axis"].unique().sort().to_list() or ["age"]
+    axes = curves["axis"].unique().sort().to_list() or [Axis.age]
     curved = [(name, axis, UNITS[role]) for axis in axes for role, name in NAMES[axis].items()]
     single = [(name, None, unit) for name, unit in SCALARS.items()]
     kinds: Schema = {"statistic": pl.String, "axis": AXIS, "unit": pl.String}
@@ -161,14 +162,14 @@ def _missing() -> pl.Expr:
 
 
 def _verdict() -> pl.Expr:
-    matters = pl.when(pl.col("effect") > pl.col("margin")).then(pl.lit("yes"))
-    known = matters.when((pl.col("effect") <= pl.col("margin")) & (_missing().list.len() == 0)).then(pl.lit("no"))
-    return known.otherwise(pl.lit("undecided")).cast(VERDICT)
+    matters = pl.when(pl.col("effect") > pl.col("margin")).then(pl.lit(Verdict.yes))
+    known = matters.when((pl.col("effect") <= pl.col("margin")) & (_missing().list.len() == 0)).then(pl.lit(Verdict.no))
+    return known.otherwise(pl.lit(Verdict.undecided)).cast(VERDICT)
 
 
 def _why() -> pl.Expr:
     """What is missing for a verdict where it is undecided; null elsewhere."""
-    decided = _verdict() != "undecided"
+    decided = _verdict() != Verdict.undecided
     alone = pl.format("only one {} was measured: {}", "factor", pl.col("levels").list.first())
     nothing = pl.lit("no two levels have a point in common")
     missing = pl.format("nothing to compare {} {} by", "factor", _missing().list.join(", "))

@@ -17,12 +17,13 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.statistics.cells import SECOND
 from tracknoise.statistics.definitions import LAGS
 from tracknoise.statistics.grouping import number_combinations
 from tracknoise.statistics.joint import measure_moments
+from tracknoise.statistics.moment_cells import SECOND
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.steps import changes, followers
+from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.schema import INCREMENTS, TRIMMING, Schema, check
 
 _SORTED = ["condition", "block", "trimming", "lag", "age"]
@@ -62,8 +63,8 @@ def increments(sequence: PreparedSequence) -> pl.DataFrame:
     late, change_px = changes(seen.error_px[rows], sequence.track_row[rows], seen.frame[rows], seen.speed[rows])
     kept = seen.kept[rows[late]]
     selections = {
-        "untrimmed": _Changes(rows[late], change_px),
-        "trimmed": _Changes(rows[late][kept], change_px[kept]),
+        Trimming.untrimmed: _Changes(rows[late], change_px),
+        Trimming.trimmed: _Changes(rows[late][kept], change_px[kept]),
     }
     parts = [
         table.with_columns(trimming=pl.lit(trimming, dtype=TRIMMING))

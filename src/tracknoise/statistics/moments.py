@@ -7,8 +7,9 @@ without reading the observations again.
 import numpy as np
 import polars as pl
 
-from tracknoise.statistics.cells import by_trimming, measure_cells, tabulate
+from tracknoise.statistics.moment_cells import by_trimming, measure_cells, tabulate
 from tracknoise.statistics.prepared import PreparedObservations
+from tracknoise.tables.enumerations import Population
 from tracknoise.tables.schema import MOMENTS, check
 
 
@@ -31,8 +32,8 @@ def scene_moments(seen: PreparedObservations) -> pl.DataFrame:
     cells = measure_cells(seen.error_px[known], [key[known] for key in keys])
     visible, kept = (key.astype(bool) for key in cells.keys[2:])
     selections = {
-        **by_trimming(cells, "visible", by=2, chosen=visible, kept=kept),
-        **by_trimming(cells, "projected", by=2, chosen=np.ones_like(kept), kept=kept),
+        **by_trimming(cells, Population.visible, by=2, chosen=visible, kept=kept),
+        **by_trimming(cells, Population.projected, by=2, chosen=np.ones_like(kept), kept=kept),
     }
     table = tabulate(selections, seen.conditions, names=["at"], axis=seen.axis)
     return check(table.select(*MOMENTS), MOMENTS, "moments")

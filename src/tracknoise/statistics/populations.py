@@ -1,5 +1,6 @@
 """Which observations a statistic is about."""
 
+from collections.abc import Mapping
 from types import MappingProxyType
 
 import numpy as np
@@ -7,9 +8,12 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import SchemaError, UnknownNameError
+from tracknoise.tables.enumerations import Population
 
 VISIBLE = ("valid",)
-POPULATIONS = MappingProxyType({"visible": VISIBLE, "projected": (*VISIBLE, "occluded", "out_of_image")})
+POPULATIONS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {Population.visible: VISIBLE, Population.projected: (*VISIBLE, "occluded", "out_of_image")}
+)
 """Truth statuses of each population.
 
 visible: the true position is known and was visible. projected: it is known, whether or not it was visible, which is

@@ -1,8 +1,6 @@
 """The observations and tracks of a sequence, checked and grouped once for all of its statistics."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import polars as pl
@@ -11,10 +9,9 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import SchemaError
 from tracknoise.statistics.blocks import blocks_of
 from tracknoise.statistics.grouping import Groups, group_runs
-from tracknoise.statistics.populations import check_population, in_population
+from tracknoise.statistics.populations import in_population
+from tracknoise.tables.enumerations import Axis, Population
 from tracknoise.tables.schema import OBSERVATIONS, ORIGIN, TRACKS, check
-
-Axis = Literal["age", "frame"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +50,7 @@ class PreparedObservations:
     @property
     def at(self) -> NDArray[np.int64]:
         """Age or frame of each observation, (rows,)."""
-        return self.age if self.axis == "age" else self.frame
+        return self.age if self.axis == Axis.age else self.frame
 
     @property
     def speed(self) -> NDArray[np.int64]:
@@ -63,7 +60,7 @@ class PreparedObservations:
 
     def members(self, population: str) -> NDArray[np.bool_]:
         """Whether each observation belongs to a population, (rows,)."""
-        return self.visible if population == "visible" else self.projected
+        return self.visible if population == Population.visible else self.projected
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +86,7 @@ class PreparedSequence:
     populations
         Populations that are resampled in blocks.
     slowest
-        Speed at which the blocks of aspects are measured.
+        Speed at which the blocks of aspects are measured; None for all speeds.
     """
 
     observations: pl.DataFrame
@@ -100,8 +97,8 @@ class PreparedSequence:
     track_row: NDArray[np.intp]
     ordered: NDArray[np.intp]
     key_frame: int | None
-    populations: tuple[str, ...]
-    slowest: int | None
+    populations: tuple[str, ...] = (Population.visible,)
+    slowest: int | None = None
 
     @property
     def block(self) -> NDArray[np.uint8]:
@@ -119,7 +116,7 @@ class PreparedSequence:
         return self.ordered[chosen[self.ordered]]
 
 
-def prepare_observations(observations: pl.DataFrame, *, axis: Axis = "age") -> PreparedObservations:
+def prepare_observations(observations: pl.DataFrame, *, axis: Axis = Axis.age) -> PreparedObservations:
     """Check an observations table and convert it to arrays.
 
     Raises
@@ -137,8 +134,6 @@ def prepare_sequence(
     *,
     key_frame: int | None = None,
     axis: Axis | None = None,
-    populations: Sequence[str] = ("visible",),
-    slowest: int | None = None,
 ) -> PreparedSequence:
     """Check the tables of any number of sequences and group their rows.
 
@@ -150,13 +145,9 @@ def prepare_sequence(
         Frame in which a scan makes errors zero.
     axis
         By default ``frame`` with a key frame and ``age`` without.
-    populations, slowest
-        See `PreparedSequence`; by default aspects are measured in blocks at every speed.
 
     Raises
     ------
-    UnknownNameError
-        If there is no such population.
     SchemaError
         If a table has other columns, an error is missing where the true position is known, or an observation does not
         belong to exactly one track.
@@ -164,7 +155,7 @@ def prepare_sequence(
     check(observations, OBSERVATIONS, "observations")
     check(tracks, TRACKS, "tracks")
     of_observations, of_tracks = group_runs([observations, tracks], list(ORIGIN))
-    seen = _as_arrays(observations, of_observations, axis or ("age" if key_frame is None else "frame"))
+    seen = _as_arrays(observations, of_observations, axis or (Axis.age if key_frame is None else Axis.frame))
     numbers, track_row = _rows_of_tracks(seen, tracks["track"].to_numpy().astype(np.int64), of_tracks)
     return PreparedSequence(
         observations=observations,
@@ -175,8 +166,6 @@ def prepare_sequence(
         track_row=track_row,
         ordered=np.argsort(numbers * (seen.frame.max(initial=0) + 1) + seen.frame, kind="stable"),
         key_frame=key_frame,
-        populations=tuple(check_population(population) for population in populations),
-        slowest=slowest,
     )
 
 
@@ -186,8 +175,8 @@ def _as_arrays(observations: pl.DataFrame, groups: Groups, axis: Axis) -> Prepar
         condition=groups.index,
         **{name: observations[name].to_numpy().astype(np.int64) for name in ("track", "frame", "age")},
         error_px=observations.select("du_px", "dv_px").to_numpy(),
-        visible=in_population(observations, "visible"),
-        projected=in_population(observations, "projected"),
+        visible=in_population(observations, Population.visible),
+        projected=in_population(observations, Population.projected),
         kept=observations["kept"].to_numpy(),
         axis=axis,
     )

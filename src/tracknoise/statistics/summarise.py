@@ -1,6 +1,7 @@
 """All statistics of a sequence, from its observations and tracks in one pass."""
 
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
 from types import MappingProxyType
 
 import polars as pl
@@ -12,9 +13,11 @@ from tracknoise.statistics.histogram import error_histogram
 from tracknoise.statistics.increments import increments
 from tracknoise.statistics.lifetimes import count_ends
 from tracknoise.statistics.moments import scene_moments
-from tracknoise.statistics.prepared import PreparedSequence, prepare_sequence
+from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.samples import samples
-from tracknoise.statistics.trimming import trim_sequence
+from tracknoise.statistics.trimming import trim
+from tracknoise.tables.defaults import POPULATION, TRIM_AMONG
+from tracknoise.tables.enumerations import Population
 from tracknoise.tables.schema import FRAME_COUNTS, check
 
 STATISTICS: Mapping[str, Callable[[PreparedSequence], pl.DataFrame]] = MappingProxyType(
@@ -33,7 +36,13 @@ STATISTICS: Mapping[str, Callable[[PreparedSequence], pl.DataFrame]] = MappingPr
 """Tables of a sequence that are computed from its trimmed observations and tracks, by name."""
 
 
-def statistics_of(sequence: PreparedSequence, names: Collection[str] = tuple(STATISTICS)) -> dict[str, pl.DataFrame]:
+def statistics_of(
+    sequence: PreparedSequence,
+    names: Collection[str] = tuple(STATISTICS),
+    *,
+    population: str = POPULATION,
+    slowest: int | None = None,
+) -> dict[str, pl.DataFrame]:
     """Tables of statistics by name.
 
     Parameters
@@ -42,8 +51,14 @@ def statistics_of(sequence: PreparedSequence, names: Collection[str] = tuple(STA
         Trimmed.
     names
         Names of `STATISTICS`. Default: all.
+    population
+        Blocks hold this one and the visible observations.
+    slowest
+        Speed at which the blocks of aspects are measured. Default: all speeds.
     """
-    return {name: STATISTICS[name](sequence) for name in names}
+    populations = tuple(dict.fromkeys([Population.visible, population]))
+    asked = replace(sequence, populations=populations, slowest=slowest)
+    return {name: STATISTICS[name](asked) for name in names}
 
 
 def summarise_sequence(
@@ -52,9 +67,9 @@ def summarise_sequence(
     frames: pl.DataFrame,
     *,
     key_frame: int | None = None,
-    population: str = "visible",
+    population: str = POPULATION,
     trim_percentile: float | None = None,
-    trim_among: str = "all",
+    trim_among: str = TRIM_AMONG,
     slowest: int | None = None,
     statistics: Collection[str] = tuple(STATISTICS),
 ) -> dict[str, pl.DataFrame]:
@@ -92,13 +107,13 @@ def summarise_sequence(
         If a table has other columns, an error is missing where the true position is known, or an observation does not
         belong to exactly one track.
     """
-    populations = tuple(dict.fromkeys(["visible", population]))
-    sequence = prepare_sequence(observations, tracks, key_frame=key_frame, populations=populations, slowest=slowest)
-    trimmed = trim_sequence(sequence, percentile=trim_percentile, population=population, among=trim_among)
+    trimmed = trim(
+        observations, tracks, percentile=trim_percentile, population=population, among=trim_among, key_frame=key_frame
+    )
     return {
         "observations": trimmed.observations,
         "tracks": trimmed.tracks,
         "frames": check(frames, FRAME_COUNTS, "frames"),
         "trims": trimmed.trims,
-        **statistics_of(trimmed.sequence, statistics),
+        **statistics_of(trimmed.sequence, statistics, population=population, slowest=slowest),
     }

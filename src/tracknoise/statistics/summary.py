@@ -7,6 +7,7 @@ from tracknoise.statistics.definitions import NAMES, POOLED, REFERENCE_AGE
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
 from tracknoise.statistics.populations import POPULATIONS
 from tracknoise.tables.defaults import POPULATION
+from tracknoise.tables.enumerations import Axis, Weighting
 from tracknoise.tables.schema import CURVES, OUTLIERS, SUMMARY, TRIMMING, check
 
 
@@ -51,9 +52,9 @@ def summary(
     """
     if population not in POPULATIONS:
         raise UnknownNameError("population", population, POPULATIONS)
-    zero = pl.when(pl.col("axis") == "frame").then(key_frame).otherwise(0)
+    zero = pl.when(pl.col("axis") == Axis.frame).then(key_frame).otherwise(0)
     chosen = (pl.col("at") > zero) & (pl.col("at") <= zero + age)
-    points = check(curves, CURVES, "curves").filter(chosen, weighting="features", population=population)
+    points = check(curves, CURVES, "curves").filter(chosen, weighting=Weighting.features, population=population)
     lived = mean_lifetime(lifetimes).join(median_survival(lifetimes), on=POOLED)
     rejected = check(outliers, OUTLIERS, "outliers").select(*POOLED, outlier_ratio="pooled_ratio")
     scenes = lifetimes.group_by(POOLED).agg(pl.col("n_scenes").max())

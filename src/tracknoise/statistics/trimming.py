@@ -10,6 +10,7 @@ from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.statistics.populations import check_population
 from tracknoise.statistics.prepared import PreparedSequence, prepare_sequence
 from tracknoise.tables.defaults import POPULATION, TRIM_AMONG
+from tracknoise.tables.enumerations import TrimAmong
 from tracknoise.tables.schema import AMONG, TRIMS, check
 
 
@@ -83,7 +84,7 @@ def trim(
 
 
 def trim_sequence(
-    sequence: PreparedSequence, *, percentile: float | None, population: str = "visible", among: str = "all"
+    sequence: PreparedSequence, *, percentile: float | None, population: str = POPULATION, among: str = TRIM_AMONG
 ) -> Trimmed:
     """Mark as dropped the tracks whose largest error exceeds a percentile of their scene and condition.
 
@@ -118,7 +119,7 @@ def trim_sequence(
     if among not in AMONG.categories:
         raise UnknownNameError("choice of tracks", among, AMONG.categories)
     largest = _largest(sequence, check_population(population))
-    counted = largest.followed if among == "followed" else largest.measured
+    counted = largest.followed if among == TrimAmong.followed else largest.measured
     threshold_px = _thresholds(sequence, largest.error_px, counted, percentile)
     kept = ~(largest.error_px > threshold_px[sequence.track_condition])
     return Trimmed(_marked(sequence, largest, kept), _account(sequence, largest, kept, threshold_px, percentile, among))

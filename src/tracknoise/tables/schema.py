@@ -436,6 +436,20 @@ def check(table: pl.DataFrame, schema: Schema, name: str) -> pl.DataFrame:
     return table
 
 
+def joined(tables: Iterable[pl.DataFrame], schema: Schema) -> pl.DataFrame:
+    """One table of several that have the columns of `schema`; a column that only some of them have is null elsewhere.
+
+    Parameters
+    ----------
+    tables
+        Any number.
+    schema
+        Column names and types, in order.
+    """
+    together = pl.concat([empty(schema), *tables], how="diagonal", rechunk=True)
+    return together.select(list(layout_of(schema, together.columns)))
+
+
 def empty(schema: Schema) -> pl.DataFrame:
     """A table with the columns of `schema` and no rows."""
     return pl.DataFrame(schema=dict(schema))

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.truth.anchored_tracks import AnchoredTracks
-from tracknoise.truth.geometry import SequenceGeometry
+from tracknoise.truth.sequence_geometry import SequenceGeometry
 from tracknoise.truth.truth import TruePositions, TruthSession
 from tracknoise.truth.visibility import Located, VisibleSurface, locate
 

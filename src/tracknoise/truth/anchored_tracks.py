@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.truth.geometry import SequenceGeometry
+from tracknoise.truth.sequence_geometry import SequenceGeometry
 from tracknoise.truth.truth import TruePositions
 from tracknoise.truth.visibility import Located
 

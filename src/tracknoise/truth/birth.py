@@ -10,7 +10,7 @@ from tracknoise.geometry.depth import sample
 from tracknoise.sequences.sequence import Sequence, TruthKind
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.truth.anchored import AnchoredTruth, Anchors, anchor_points
-from tracknoise.truth.geometry import SequenceGeometry
+from tracknoise.truth.sequence_geometry import SequenceGeometry
 from tracknoise.truth.visibility import DepthMapSurface
 
 

@@ -10,7 +10,7 @@ from tracknoise.exceptions import DataError
 from tracknoise.sequences.sequence import Sequence, Surface, TruthKind
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.truth.anchored import AnchoredTruth, Anchors, anchor_points
-from tracknoise.truth.geometry import SequenceGeometry
+from tracknoise.truth.sequence_geometry import SequenceGeometry
 from tracknoise.truth.visibility import Depths
 
 

@@ -46,8 +46,7 @@ def make_truth(sequence: Sequence, kind: str | None = None, *, scan_rule: ScanRu
     """
     kind = _offered(sequence, kind)
     options = {"rule": asdict(scan_rule)} if kind == TruthKind.scan else {}
-    source = TRUTHS.make(kind, options) if options else TRUTHS.load(kind)()
-    return source.open(sequence)
+    return TRUTHS.make(kind, options).open(sequence)
 
 
 def make_truths(sequences: Items[Sequence], kind: str | None = None, *, scan_rule: ScanRule) -> list[Truth]:

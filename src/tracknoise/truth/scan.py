@@ -10,9 +10,9 @@ from tracknoise.exceptions import DataError
 from tracknoise.sequences.sequence import Sequence, TruthKind
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.truth.anchored import Anchor, AnchoredTruth
-from tracknoise.truth.geometry import SequenceGeometry
 from tracknoise.truth.scan_points import ScanPoints
 from tracknoise.truth.scan_rule import SCAN_RULE, ScanRule
+from tracknoise.truth.sequence_geometry import SequenceGeometry
 from tracknoise.truth.truth import TruePositions
 from tracknoise.truth.visibility import DepthMapSurface
 

@@ -7,8 +7,8 @@ from scipy.spatial import KDTree
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.truth.anchored import Anchors, anchor_points
-from tracknoise.truth.geometry import SequenceGeometry
 from tracknoise.truth.scan_rule import ScanAnchoring, ScanRule
+from tracknoise.truth.sequence_geometry import SequenceGeometry
 
 
 class ScanPoints:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from tracknoise.geometry.depth import farthest_neighbour
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.truth.geometry import SequenceGeometry
+from tracknoise.truth.sequence_geometry import SequenceGeometry
 
 OCCLUSION_RELATIVE = 0.02
 """A point that lies farther behind the visible surface than this share of the surface's depth is occluded."""

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -61,7 +62,7 @@ def _tables(n_scenes: int) -> Tables:
     return {
         "tracks": tracks,
         "moments": scene_moments(prepare_observations(observations)),
-        "blocks": block_moments(prepare_sequence(observations, tracks, populations=["visible", "projected"])),
+        "blocks": block_moments(replace(prepare_sequence(observations, tracks), populations=("visible", "projected"))),
         "ends": count_ends(tracks),
         "frames": frames,
     }

@@ -47,7 +47,7 @@ class FindingInputs:
     frames: TablesByCondition
 
     @classmethod
-    def read(cls, run: RunFolder, population: str, view: ReferenceCondition) -> "FindingInputs":
+    def read(cls, run: RunFolder, population: str, reference: ReferenceCondition) -> "FindingInputs":
         """Read them from a run.
 
         Parameters
@@ -56,8 +56,8 @@ class FindingInputs:
             With at least one measured sequence.
         population
             Which observations the experiment is about.
-        view
-            The view that figures show.
+        reference
+            The condition that figures show.
 
         Raises
         ------
@@ -66,8 +66,8 @@ class FindingInputs:
         """
         entries = run.manifest().sequences
         every = sorted(entries)
-        shown = [key for key in every if _is_seen(entries[key].sequence, view)]
-        slowest = pl.col("speed") == view.speed
+        shown = [key for key in every if _is_seen(entries[key].sequence, reference)]
+        slowest = pl.col("speed") == reference.speed
 
         def read(name: str, keys: list[str], reduce: Callable[[pl.DataFrame], pl.DataFrame]) -> TablesByCondition:
             tables = (run.sequence_table(name, key) for key in keys)
@@ -90,8 +90,8 @@ class FindingInputs:
         )
 
 
-def _is_seen(sequence: SequenceId, view: ReferenceCondition) -> bool:
-    return all(getattr(sequence, name) == getattr(view, name) for name in VIEW)
+def _is_seen(sequence: SequenceId, reference: ReferenceCondition) -> bool:
+    return all(getattr(sequence, name) == getattr(reference, name) for name in VIEW)
 
 
 def _of(conditions: pl.DataFrame, table: pl.DataFrame) -> pl.DataFrame:

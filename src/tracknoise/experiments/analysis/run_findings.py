@@ -41,14 +41,15 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
     StoreError, SchemaError
         If a table is damaged, or the folder cannot be written.
     """
-    view = reference_condition(run.manifest(), experiment, statistics["outliers"])
-    tables = _tables(run, experiment, statistics, view)
-    tables["findings"] = headline_table({**statistics, **tables}, _reported(run, experiment, statistics["trims"], view))
+    reference = reference_condition(run.manifest(), experiment, statistics["outliers"])
+    tables = _tables(run, experiment, statistics, reference)
+    reported = _reported(run, experiment, statistics["trims"], reference)
+    tables["findings"] = headline_table({**statistics, **tables}, reported)
     run.write_statistics(tables)
     run.write_findings(findings_json({**statistics, **tables}))
 
 
-class _Options(TypedDict):
+class _CurveOptions(TypedDict):
     key_frames: Mapping[str, int]
     min_features: int
     kind: str
@@ -56,7 +57,7 @@ class _Options(TypedDict):
 
 
 def _tables(
-    run: RunFolder, experiment: Experiment, statistics: Mapping[str, pl.DataFrame], view: ReferenceCondition
+    run: RunFolder, experiment: Experiment, statistics: Mapping[str, pl.DataFrame], reference: ReferenceCondition
 ) -> dict[str, pl.DataFrame]:
     population, least = experiment.truth.population, experiment.statistics.min_features
     neighbours: list[pl.DataFrame] = []
@@ -65,41 +66,57 @@ def _tables(
         "aspect_curves": aspect_curves(run.sequence_tables("aspects"), min_features=least),
         "changes": change_curves(moved),
     }
-    finding_inputs = FindingInputs.read(run, population, view)
-    moments, ends, frames = finding_inputs.moments, finding_inputs.ends, finding_inputs.frames
-    blocks, curves, zeros = finding_inputs.blocks, statistics["curves"], view.key_frames
-    asked = experiment.findings
-    options: _Options = {"key_frames": zeros, "min_features": least, "kind": asked.intervals, "level": asked.level}
-    shapes = gaussianity(moments, run.sequence_tables("samples"), **options)
+    read = FindingInputs.read(run, population, reference)
+    asked, zeros = experiment.findings, reference.key_frames
+    options: _CurveOptions = {
+        "key_frames": zeros,
+        "min_features": least,
+        "kind": asked.intervals,
+        "level": asked.level,
+    }
+    shapes = gaussianity(read.moments, run.sequence_tables("samples"), **options)
     return {
         **pooled,
-        "intervals": interval_table(
-            moments,
-            ends,
-            frames,
-            blocks=blocks,
-            aspects=finding_inputs.aspects,
-            changes=finding_inputs.changes,
-            aspect_blocks=finding_inputs.aspect_blocks,
-            population=population,
-            kind=asked.intervals,
-            level=asked.level,
-        ),
-        "zero_mean": zero_mean(moments, curves, key_frames=zeros, population=population),
+        "intervals": _intervals(read, experiment),
+        "zero_mean": zero_mean(read.moments, statistics["curves"], key_frames=zeros, population=population),
         "gaussianity": shapes.gaussianity,
         "radii": shapes.radii,
-        "time_structure": time_structure(moments, neighbours, blocks=blocks, **options),
-        "dependence": dependence(
-            moments,
-            ends,
-            frames,
-            curves,
-            statistics["effects"],
-            key_frames=zeros,
-            population=population,
-            level=asked.level,
-        ),
+        "time_structure": time_structure(read.moments, neighbours, blocks=read.blocks, **options),
+        "dependence": _dependence(read, experiment, statistics, zeros),
     }
+
+
+def _intervals(read: FindingInputs, experiment: Experiment) -> pl.DataFrame:
+    return interval_table(
+        read.moments,
+        read.ends,
+        read.frames,
+        blocks=read.blocks,
+        aspects=read.aspects,
+        changes=read.changes,
+        aspect_blocks=read.aspect_blocks,
+        population=experiment.truth.population,
+        kind=experiment.findings.intervals,
+        level=experiment.findings.level,
+    )
+
+
+def _dependence(
+    read: FindingInputs,
+    experiment: Experiment,
+    statistics: Mapping[str, pl.DataFrame],
+    key_frames: Mapping[str, int],
+) -> pl.DataFrame:
+    return dependence(
+        read.moments,
+        read.ends,
+        read.frames,
+        statistics["curves"],
+        statistics["effects"],
+        key_frames=key_frames,
+        population=experiment.truth.population,
+        level=experiment.findings.level,
+    )
 
 
 def _keeping(tables: Iterable[pl.DataFrame], kept: list[pl.DataFrame], rows: pl.Expr) -> Iterator[pl.DataFrame]:
@@ -110,11 +127,11 @@ def _keeping(tables: Iterable[pl.DataFrame], kept: list[pl.DataFrame], rows: pl.
 
 
 def _reported(
-    run: RunFolder, experiment: Experiment, trims: pl.DataFrame, view: ReferenceCondition
+    run: RunFolder, experiment: Experiment, trims: pl.DataFrame, reference: ReferenceCondition
 ) -> ReportedConditions:
     truths = {entry.truth for entry in run.manifest().sequences.values()}
     return ReportedConditions(
-        view,
+        reference,
         [tracker.label for tracker in experiment.trackers],
         population=experiment.truth.population,
         percentile=dropped_above(trims),

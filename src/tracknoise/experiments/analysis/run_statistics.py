@@ -46,19 +46,19 @@ def compute_statistics(run: RunFolder, experiment: Experiment) -> dict[str, pl.D
         "errors": merge_errors(run.sequence_tables("errors")),
         "counts": merge_counts(run.sequence_tables("counts")),
     }
-    view = reference_condition(run.manifest(), experiment, tables["outliers"])
+    reference = reference_condition(run.manifest(), experiment, tables["outliers"])
     tables["summary"] = summary(
         tables["curves"],
         tables["lifetimes"],
         tables["outliers"],
-        key_frame=view.key_frames.get(view.direction, 0),
+        key_frame=reference.key_frames.get(reference.direction, 0),
         population=experiment.truth.population,
     )
     tables["effects"] = effects(
         tables["curves"],
         tables["lifetimes"],
         tables["outliers"],
-        reference=view,
+        reference=reference,
         population=experiment.truth.population,
         margin=experiment.findings.margin,
     )

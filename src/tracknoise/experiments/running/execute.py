@@ -24,7 +24,7 @@ from tracknoise.experiments.running.inputs import with_inputs
 from tracknoise.experiments.running.lock import hold
 from tracknoise.experiments.running.manifest_writer import ManifestWriter
 from tracknoise.experiments.running.plan import batches, excluded_scenes, plan
-from tracknoise.experiments.running.resume import begin, due, prepare
+from tracknoise.experiments.running.resume import begin, due, forget_outdated
 from tracknoise.experiments.running.task import attempt
 from tracknoise.experiments.settings import Experiment
 from tracknoise.tables.manifest import SequenceEntry
@@ -118,7 +118,7 @@ def execute(
         manifest, changed = begin(experiment, run, fresh=fresh)
         manifest.excluded_scenes = excluded_scenes(experiment)
         todo = due(tasks, run, manifest)
-        prepare(todo, run, manifest, experiment, changed=changed)
+        forget_outdated(todo, run, manifest, experiment, changed=changed)
         listener.planned([task.key for task in todo], len(tasks) - len(todo))
         job = Job(RunFolder(run.path.absolute()), claim, manifest.versions, debug)
         together = batches(todo)

@@ -50,7 +50,9 @@ def due(tasks: list[Task], run: RunFolder, manifest: Manifest) -> list[Task]:
     return [task for task in tasks if not is_measured(task)]
 
 
-def prepare(todo: list[Task], run: RunFolder, manifest: Manifest, experiment: Experiment, *, changed: bool) -> None:
+def forget_outdated(
+    todo: list[Task], run: RunFolder, manifest: Manifest, experiment: Experiment, *, changed: bool
+) -> None:
     """Remove from the manifest the sequences to be measured, earlier failures, and statistics that become outdated.
 
     Nothing is written: a start that is refused leaves the run unchanged.

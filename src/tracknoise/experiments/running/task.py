@@ -3,7 +3,6 @@
 import time
 import warnings
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 import polars as pl
@@ -123,9 +122,10 @@ def _measure(task: Task, sequences: list[Sequence], progress: Progress | None) -
 def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Measurement) -> dict[str, pl.DataFrame]:
     """The tables of a sequence by name, those of single observations and tracks only if the experiment keeps them."""
     observed = {"observations": measurement.observations, "tracks": measurement.tracks}
-    asked = replace(
+    statistics = statistics_of(
         measurement.prepared,
-        populations=tuple(dict.fromkeys(["visible", experiment.truth.population])),
+        [name for name in STATISTICS if name != "moments"],
+        population=experiment.truth.population,
         slowest=min(experiment.speeds),  # which figures show
     )
     return {
@@ -134,7 +134,7 @@ def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Meas
         "poses": _poses(sequence, measurement.n_frames),
         "moments": measurement.moments,
         "trims": measurement.trims,
-        **statistics_of(asked, [name for name in STATISTICS if name != "moments"]),
+        **statistics,
     }
 
 

@@ -27,7 +27,7 @@ from tracknoise.experiments.settings import (
 )
 from tracknoise.experiments.validation.known_errors import Known, curve_point, mean_lifetime, share, survival
 from tracknoise.tables.defaults import LEVEL
-from tracknoise.tables.enumerations import Aspect
+from tracknoise.tables.enumerations import Aspect, Trimming, Weighting
 from tracknoise.tables.identity import Direction
 from tracknoise.tables.schema import Schema, check
 from tracknoise.tables.store import RunFolder
@@ -83,7 +83,7 @@ _KEY = ["setting", "speed", "statistic", "coordinate", "at"]
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class SelfTestResult:
     """Result of a self-test.
 
     Attributes
@@ -185,7 +185,7 @@ def furthest(n_numbers: int) -> float:
     return float(norm.isf(ALARM / n_numbers / 2))
 
 
-def judge(comparison: pl.DataFrame) -> Verdict:
+def judge(comparison: pl.DataFrame) -> SelfTestResult:
     """Decide whether the self-test passes, for the experiment of `selfcheck_experiment`.
 
     Numbers of one setting, speed and age are computed from the same features. The allowed number of intervals that miss
@@ -200,7 +200,7 @@ def judge(comparison: pl.DataFrame) -> Verdict:
     together = judged.group_by("setting", "speed", "at").len()["len"].to_list()
     spread = math.sqrt(LEVEL * (1 - LEVEL) * sum(count * count for count in together))
     most_missed = (1 - LEVEL) * judged.height + float(norm.isf(ALARM)) * spread
-    return Verdict(
+    return SelfTestResult(
         n_numbers=comparison.height,
         n_off=int(comparison["off"].sum()),
         n_missing=max(N_NUMBERS - comparison.height, 0),
@@ -212,7 +212,10 @@ def judge(comparison: pl.DataFrame) -> Verdict:
 
 def _curve_rows(curves: pl.DataFrame, oracles: Mapping[str, Oracle]) -> Iterator[dict[str, Any]]:
     points = curves.filter(
-        pl.col("tracker").is_in(list(oracles)), pl.col("n") > 1, trimming="untrimmed", weighting="features"
+        pl.col("tracker").is_in(list(oracles)),
+        pl.col("n") > 1,
+        trimming=Trimming.untrimmed,
+        weighting=Weighting.features,
     )
     for point in points.iter_rows(named=True):
         statistic, age, oracle = point["statistic"], point["at"], oracles[point["tracker"]]
@@ -250,8 +253,8 @@ def _intervals(run: RunFolder) -> pl.DataFrame:
     """Intervals of the run: columns of `_KEY`, `low` and `high`."""
     chosen = run.statistics("intervals").filter(
         pl.col("aspect") == Aspect.all,
-        pl.col("trimming").fill_null("untrimmed") == "untrimmed",
-        pl.col("weighting").fill_null("features") == "features",
+        pl.col("trimming").fill_null(Trimming.untrimmed) == Trimming.untrimmed,
+        pl.col("weighting").fill_null(Weighting.features) == Weighting.features,
     )
     return chosen.select(pl.col("tracker").alias("setting"), *_KEY[1:], "low", "high")
 

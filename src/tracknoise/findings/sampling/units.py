@@ -13,8 +13,8 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.statistics.blocks import BLOCKS
-from tracknoise.statistics.cells import ABOUT_ZERO
 from tracknoise.statistics.grouping import group_rows
+from tracknoise.statistics.moment_cells import ABOUT_ZERO
 from tracknoise.tables.enumerations import Resampled
 
 MIN_SCENES = 6

@@ -18,6 +18,7 @@ from tracknoise.statistics.joint import (
     pool_moments,
     stack_moments,
 )
+from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.schema import AXIS, BLOCKS, MOMENTS, ORIGIN, POPULATION, TRIMMING, Schema, check
 
 SECOND: tuple[Order, ...] = ((2, 0), (1, 1), (0, 2))
@@ -40,7 +41,7 @@ _LABELS: Schema = {"population": POPULATION, "trimming": TRIMMING}
 
 
 @dataclass(frozen=True, slots=True)
-class Cells:
+class MomentCells:
     """Moments of the errors of observations that agree in all keys.
 
     Attributes
@@ -55,7 +56,7 @@ class Cells:
     signed: JointMoments
     absolute: JointMoments
 
-    def union(self, chosen: NDArray[np.bool_], *, by: int) -> "Cells":
+    def union(self, chosen: NDArray[np.bool_], *, by: int) -> "MomentCells":
         """Moments of all chosen cells that agree in the first keys.
 
         Parameters
@@ -69,12 +70,12 @@ class Cells:
         signed, absolute = (
             pool_moments(moments.of(chosen), index, len(keys[0])) for moments in (self.signed, self.absolute)
         )
-        return Cells(keys, signed, absolute)
+        return MomentCells(keys, signed, absolute)
 
 
 def by_trimming(
-    cells: Cells, population: str, *, by: int, chosen: NDArray[np.bool_], kept: NDArray[np.bool_]
-) -> dict[tuple[str, str], Cells]:
+    cells: MomentCells, population: str, *, by: int, chosen: NDArray[np.bool_], kept: NDArray[np.bool_]
+) -> dict[tuple[str, str], MomentCells]:
     """Moments of the chosen cells, and of those of them that trimming kept: what `tabulate` needs.
 
     Parameters
@@ -88,13 +89,13 @@ def by_trimming(
     chosen, kept : (cells,) bool
         Which cells.
     """
-    selections = {"untrimmed": chosen, "trimmed": chosen & kept}
+    selections = {Trimming.untrimmed: chosen, Trimming.trimmed: chosen & kept}
     return {(population, trimming): cells.union(selected, by=by) for trimming, selected in selections.items()}
 
 
 def measure_cells(
     error_px: NDArray[np.float64], keys: Sequence[IntegerArray], *, orders: Sequence[Order] = FOURTH
-) -> Cells:
+) -> MomentCells:
     """Moments of the errors of each cell, added up in the order of rows.
 
     Parameters
@@ -110,11 +111,11 @@ def measure_cells(
     signed = measure_moments(error_px, index, len(found[0]), orders=orders)
     variances = VARIANCES if len(orders) > len(SECOND) else ()
     absolute = measure_moments(np.abs(error_px), index, len(found[0]), orders=variances)
-    return Cells(found, signed, absolute)
+    return MomentCells(found, signed, absolute)
 
 
 def tabulate(
-    selections: Mapping[tuple[str, str], Cells], conditions: pl.DataFrame, *, names: Sequence[str], axis: str
+    selections: Mapping[tuple[str, str], MomentCells], conditions: pl.DataFrame, *, names: Sequence[str], axis: str
 ) -> pl.DataFrame:
     """Moments of selections of observations as a table.
 
@@ -187,9 +188,11 @@ def _joint(table: pl.DataFrame, orders: Sequence[Order], means: list[str], prefi
     )
 
 
-def _stacked(parts: Sequence[Cells]) -> Cells:
+def _stacked(parts: Sequence[MomentCells]) -> MomentCells:
     keys = tuple(np.concatenate(key) for key in zip(*(part.keys for part in parts), strict=True))
-    return Cells(keys, *(stack_moments([getattr(part, name) for part in parts]) for name in ("signed", "absolute")))
+    return MomentCells(
+        keys, *(stack_moments([getattr(part, name) for part in parts]) for name in ("signed", "absolute"))
+    )
 
 
 def _values(signed: JointMoments, absolute: JointMoments) -> pl.DataFrame:

@@ -6,7 +6,8 @@
 
 The runs are the demo, 7-Scenes, KITTI and a small simulated light stage. `compare` reads every Parquet table of every
 run. Columns of one name must hold the same bytes, row by row. A table, or a column, that only one side has is listed.
-Aspects that were text are typed before they are compared. Exit status 1 if a number differs.
+Aspects that were text are typed before they are compared, and sentences may be reworded. Exit status 1 if another
+column differs.
 """
 
 import argparse
@@ -21,6 +22,8 @@ import polars as pl
 from tracknoise.tables.schema import ASPECT
 
 DATA = Path(os.environ.get("TRACKNOISE_DATA", "../shared/data"))
+SENTENCES = ("text", "topic", "figure", "why")
+"""Columns for readers: sentences, and the section of the report that they belong to."""
 STAGE = ["simulate", "--layout", "dtu", "--scenes", "2", "--width", "400", "--height", "300", "--image-format", "bmp"]
 
 
@@ -74,7 +77,7 @@ def _differences(before: Path, after: Path) -> Iterator[str]:
         if name not in old.columns or name not in new.columns:
             yield f"column {name} only {'before' if name in old.columns else 'after'}"
         elif not _same_bytes(old[name], new[name]):
-            yield f"column {name} differs"
+            yield f"column {name} {'reworded' if name in SENTENCES else 'differs'}"
 
 
 def with_typed_aspects(table: pl.DataFrame) -> pl.DataFrame:

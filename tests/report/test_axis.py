@@ -15,6 +15,7 @@ from tracknoise.statistics.definitions import NAMES
 )
 def test_places_are_told_from_where_errors_are_zero(axis, since, written) -> None:
     assert axis.place(since) == written
+    assert axis.opening_place(since) == f"At {written.removeprefix('at ')}"
 
 
 @pytest.mark.parametrize("axis", [AGE, FRAME], ids=lambda axis: axis.name)

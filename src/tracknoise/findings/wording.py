@@ -121,6 +121,11 @@ def place(axis: str, since: int) -> str:
     return f"{count(abs(since), 'frame')} {'before' if since < 0 else 'after'} the key frame"
 
 
+def opening_place(axis: str, since: int) -> str:
+    """Write a place as `place` does, as the start of a sentence: ``At 8 frames after the key frame``."""
+    return f"At {place(axis, since).removeprefix('at ')}"
+
+
 def view_text(view: Mapping[str, object], names: Iterable[str]) -> str:
     """Write the lighting, rotation, direction and camera of a view, those in `names` only; starts with a blank."""
     return "".join(f" {_VIEW[name].format(view[name])}" for name in names)

@@ -48,6 +48,16 @@ class Axis:
         """
         return wording.place(self.name, since)
 
+    def opening_place(self, since: int) -> str:
+        """Write a place as `place` does, as the start of a sentence.
+
+        Parameters
+        ----------
+        since
+            As in `place`.
+        """
+        return wording.opening_place(self.name, since)
+
 
 AGE = Axis("age", "age (frames of the sequence)", "age 0", "age", {"mean": NU, "absolute": "η", "second": "√Φ"})
 FRAME = Axis(

@@ -50,7 +50,7 @@ def test_curves_quote_the_summary_at_ten_frames_after_the_key_frame(data: Report
     assert trimmed.title == "Error by frame at speed 1, trimmed"
     rows = data.summary.filter(speed=1).to_dicts()
     assert [row["at"] for row in rows] == [KEY_FRAME + 10] * 2
-    assert trimmed.look_for.startswith("10 frames after the key frame, ")
+    assert trimmed.look_for.startswith("At 10 frames after the key frame, ")
     for row in rows:
         assert f"{px(row['trimmed_rms_u_px'])} in u and {px(row['trimmed_rms_v_px'])} in v" in trimmed.look_for
 
@@ -82,7 +82,7 @@ def test_boxes_leave_the_key_frame_out(data: ReportData, by_speed: Figure) -> No
 
 
 def test_speeds_are_read_at_the_last_frame_up_to_ten_after_the_key_frame_that_all_have(by_speed: Figure) -> None:
-    assert by_speed.look_for.startswith("8 frames after the key frame, the root second moment for ")
+    assert by_speed.look_for.startswith("At 8 frames after the key frame, the root second moment for ")
 
 
 def test_features_are_counted_by_frame(data: ReportData) -> None:

@@ -112,7 +112,7 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
     estimates = [] if there is None else _means(conditions.of(tables["intervals"], tracker), conditions, there)
     text = _zero_or_not(f"the mean {_trimmed(conditions)}error of {tracker}", overall)
     if there is not None and len(estimates) == 2:
-        text += f" {sentence_case(conditions.place(there['at']))}, the mean is {_in_u_and_v(estimates)}."
+        text += f" {conditions.opening_place(there['at'])}, the mean is {_in_u_and_v(estimates)}."
         if there["share_of_second"] is not None:
             text += f" Its square is {percent(there['share_of_second'])} of the second moment."
     return text, estimates
@@ -251,7 +251,7 @@ def _survivorship_of(tables: RunTables, conditions: ReportedConditions, tracker:
         if age > since and long:
             every = _rms(intervals, conditions, row, "u", trimming)
             text = (
-                f"{sentence_case(conditions.place(row['at']))}, the error of {tracker} in u is {format_estimate(long)} "
+                f"{conditions.opening_place(row['at'])}, the error of {tracker} in u is {format_estimate(long)} "
                 f"for tracks that live to age {age}. For all tracks it is {format_estimate(every)}."
             )
             return text, [long, every]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import polars as pl
 
 from tracknoise.findings.estimate import Estimate
-from tracknoise.findings.wording import place, view_text
+from tracknoise.findings.wording import opening_place, place, view_text
 from tracknoise.statistics.definitions import NAMES
 from tracknoise.statistics.factors import ReferenceCondition
 from tracknoise.tables.defaults import POPULATION
@@ -60,6 +60,10 @@ class ReportedConditions:
     def place(self, at: int) -> str:
         """Write an age or a frame by its distance from where errors are zero."""
         return place(self.axis, self.since(at))
+
+    def opening_place(self, at: int) -> str:
+        """Write an age or a frame as `place` does, as the start of a sentence."""
+        return opening_place(self.axis, self.since(at))
 
     def where(self, conditions: pl.DataFrame) -> str:
         """Write the speed, and the parts of the view of which `conditions` have several."""

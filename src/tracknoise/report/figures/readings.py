@@ -53,9 +53,9 @@ def when(found: Sequence[Reading], axis: Axis, *, phrase: str = "for {}") -> str
     """Say where curves were read, as the start of a sentence. Each curve is named as in a `Series`."""
     places = {reading.since for reading in found}
     if len(places) == 1:
-        return f"{axis.place(places.pop()).capitalize()},"
+        return f"{axis.opening_place(places.pop())},"
     each = listing(f"{number(reading.since)} {phrase.format(reading.name)}" for reading in found)
-    return f"{axis.place(REFERENCE_AGE).capitalize()} or the nearest available ({each}),"
+    return f"{axis.opening_place(REFERENCE_AGE)} or the nearest available ({each}),"
 
 
 def _nearest(places: set[int]) -> int:

@@ -1,7 +1,7 @@
 """Measure the errors of feature tracks: bias, covariance, drift, outlier ratio and lifetime.
 
 `open_sequence` opens images of known geometry. `measure` runs trackers over them and returns tables of errors, and
-`analyse` works out findings from several measurements. `open_run` reads what `tracknoise run` has measured. Names are
+`analyse` computes findings from several measurements. `open_run` reads what `tracknoise run` has measured. Names are
 loaded when first used, so that importing the package is quick.
 """
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from tracknoise.statistics.curves import curves
     from tracknoise.statistics.lifetimes import lifetimes
     from tracknoise.statistics.outliers import outlier_ratios
+    from tracknoise.statistics.summarise import summarise_sequence
     from tracknoise.statistics.summary import summary
     from tracknoise.trackers.correspondence import Correspondence
     from tracknoise.trackers.detection import Detection
@@ -45,6 +46,7 @@ __all__ = [
     "open_sequence",
     "open_sequences",
     "outlier_ratios",
+    "summarise_sequence",
     "summary",
 ]
 
@@ -66,6 +68,7 @@ _HOMES = {
     "open_sequence": "sequences.registry",
     "open_sequences": "sequences.registry",
     "outlier_ratios": "statistics.outliers",
+    "summarise_sequence": "statistics.summarise",
     "summary": "statistics.summary",
 }
 

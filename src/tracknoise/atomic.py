@@ -119,11 +119,12 @@ def _discard_abandoned(path: Path) -> None:
     """Remove the unfinished folders of processes that were killed. Those of running processes stay."""
     for leftover in unfinished(path.parent, of=path.name):
         pid = leftover.name.removeprefix(f".{path.name}.").partition(".")[0]
-        if leftover.is_dir() and pid.isdecimal() and not _is_running(int(pid)):
+        if leftover.is_dir() and pid.isdecimal() and not is_running(int(pid)):
             shutil.rmtree(leftover, ignore_errors=True)
 
 
-def _is_running(pid: int) -> bool:
+def is_running(pid: int) -> bool:
+    """Whether a process of this machine runs, as far as can be seen."""
     try:
         os.kill(pid, 0)
     except ProcessLookupError:

@@ -38,17 +38,11 @@ def scenes(data: ReportData) -> Cells:
     """One row per sequence. Where these are too many, only those of the view shown in the figures."""
     many = len(data.manifest.sequences) > MOST_CONDITIONS
     entries = data.sequences.values() if many else [e for _, e in sorted(data.manifest.sequences.items())]
-    several: dict[str, list[Any]] = {
-        "lighting": data.lightings,
-        "rotation": data.rotations,
-        "direction": data.directions,
-        "camera": data.cameras,
-    }
-    direction = {"direction": "direction"} if len(data.directions) > 1 else {}
-    camera = {"camera": "camera"} if len(data.cameras) > 1 else {}
-    columns = {
+    varied = data.varied
+    played: dict[str, str] = {name: name for name in ("direction", "camera") if name in varied}
+    columns: dict[str, str] = {
         "dataset": "dataset", "scene": "scene", "lighting": "lighting", "rotation": "rotation (°)",
-        **direction, **camera,
+        **played,
         "n_frames": "frames", "size": "image (px)", "truth": "truth", "seconds": "time to measure (s)",
     }  # fmt: skip
     rows = [
@@ -59,7 +53,7 @@ def scenes(data: ReportData) -> Cells:
     kinds = dict.fromkeys(columns, pl.String) | {"rotation": pl.Int64, "n_frames": pl.Int64}
     caption = "Sequences"
     if many:
-        others = listing(f"{len(values)} {name}s" for name, values in several.items() if len(values) > 1)
+        others = listing(f"{len(values)} {name}s" for name, values in varied.items())
         caption = f"Sequences,{data.where}, of {count(len(data.manifest.sequences), 'sequence')} in all"
         caption += f" ({others})" if others else ""
     return cells(pl.DataFrame(rows, schema=kinds), columns, caption)

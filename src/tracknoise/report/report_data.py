@@ -258,14 +258,18 @@ class ReportData:
 
     def elsewhere(self, factor: str) -> str:
         """As `where`, without the factor that a figure or table compares."""
-        several: dict[str, list[Any]] = {
+        return view_text(self.view, [name for name in self.varied if name != factor])
+
+    @property
+    def varied(self) -> dict[str, list[Any]]:
+        """Values of those parts of the view that have several: lighting, rotation, direction, camera."""
+        parts: dict[str, list[Any]] = {
             "lighting": self.lightings,
             "rotation": self.rotations,
             "direction": self.directions,
             "camera": self.cameras,
         }
-        chosen = [name for name, values in several.items() if len(values) > 1 and name != factor]
-        return view_text(self.view, chosen)
+        return {name: values for name, values in parts.items() if len(values) > 1}
 
     @cached_property
     def comparison(self) -> pl.DataFrame:
@@ -281,11 +285,8 @@ class ReportData:
         """Headings of the columns that distinguish the listed conditions, by their names."""
         if self.is_large:
             return {"tracker": "tracker", "speed": "speed"}
-        lighting = {"lighting": "lighting"} if len(self.lightings) > 1 else {}
-        rotation = {"rotation": "rotation (°)"} if len(self.rotations) > 1 else {}
-        direction = {"direction": "direction"} if len(self.directions) > 1 else {}
-        camera = {"camera": "camera"} if len(self.cameras) > 1 else {}
-        return {"tracker": "tracker", "speed": "speed", **lighting, **rotation, **direction, **camera}
+        varied = {name: "rotation (°)" if name == "rotation" else name for name in self.varied}
+        return {"tracker": "tracker", "speed": "speed", **varied}
 
     def in_order(self, table: pl.DataFrame) -> pl.DataFrame:
         """Sort conditions by tracker, speed, lighting, rotation, direction and camera, as in the experiment."""

@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from tracknoise.atomic import is_running
 from tracknoise.exceptions import StoreError
 from tracknoise.tables.store import RunFolder
 
@@ -123,7 +124,7 @@ def _require_free(path: Path, descriptor: int) -> None:
         raise StoreError(f"{path.parent}: in use by {who}, expected a folder that is not in use")
     if holder is None:
         return
-    if holder.host != socket.gethostname() or (locked is None and _is_running(holder.pid)):
+    if holder.host != socket.gethostname() or (locked is None and is_running(holder.pid)):
         raise StoreError(
             f"{path.parent}: in use by process {holder.pid} on {holder.host}, expected a folder that is not in use; "
             f"if that process no longer runs, delete {path}"
@@ -160,13 +161,3 @@ def _parse(content: bytes) -> _Holder | None:
         return _Holder(**json.loads(content))
     except (ValueError, TypeError):
         return None
-
-
-def _is_running(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True

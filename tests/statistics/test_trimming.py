@@ -69,7 +69,7 @@ def test_a_condition_without_any_measured_track_has_no_threshold_and_no_share(tr
 
 
 def test_tracks_seen_once_lower_the_threshold_as_in_the_paper(observations, tracks) -> None:
-    long_lived, asked = [float(value) for value in range(1, 11)], {"percentile": 90, "among": "all"}
+    long_lived = [float(value) for value in range(1, 11)]
     alone = trim(
         observations(track=list(range(10)), du_px=long_lived), tracks(track=list(range(10))), percentile=90, among="all"
     )

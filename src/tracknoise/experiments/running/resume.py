@@ -55,7 +55,9 @@ def forget_outdated(
 ) -> None:
     """Remove from the manifest the sequences to be measured, earlier failures, and statistics that become outdated.
 
-    Nothing is written: a start that is refused leaves the run unchanged.
+    Statistics are outdated once they include a sequence that is measured again, or settings changed. A sequence that is
+    new makes them outdated when it has been measured (`ManifestWriter.measured`). Nothing is written: a start that is
+    refused leaves the run unchanged.
 
     Raises
     ------
@@ -63,9 +65,9 @@ def forget_outdated(
         If sequences that are kept were measured with other versions of the libraries.
     """
     manifest.failures.clear()
-    for task in todo:  # an outdated measurement must not remain if the new one fails
-        manifest.sequences.pop(task.key, None)
-    if todo or changed:
+    # An outdated measurement must not remain if the new one fails.
+    outdated = [manifest.sequences.pop(task.key) for task in todo if task.key in manifest.sequences]
+    if outdated or changed:
         manifest.statistics.clear()
     if not manifest.sequences:
         now = new_manifest(experiment)

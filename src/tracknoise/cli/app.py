@@ -8,6 +8,7 @@ import io
 import sys
 from contextlib import suppress
 
+from tracknoise import signals
 from tracknoise.cli.interruption import Interruption
 from tracknoise.cli.terminal import Terminal
 from tracknoise.exceptions import TracknoiseError
@@ -33,6 +34,8 @@ def main(arguments: list[str] | None = None) -> None:
             status = interruption.status
             with suppress(OSError):  # the terminal may be closed
                 terminal.error(interruption.text)
+    if arguments is None:
+        signals.ignore()  # while the interpreter exits, it would give them their default effect again
     sys.exit(status)
 
 

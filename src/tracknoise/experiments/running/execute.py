@@ -1,7 +1,7 @@
 """Run an experiment: measure its sequences, in this process or in several, then compute the statistics."""
 
 from contextlib import AbstractContextManager, closing, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol
 
@@ -120,19 +120,21 @@ def execute(
         manifest, changed = begin(experiment, run, fresh=fresh)
         manifest.excluded_scenes = excluded_scenes(experiment)
         todo = due(tasks, run, manifest)
-        forget_outdated(todo, run, manifest, experiment, changed=changed)
+        forget_outdated(todo, run, manifest, experiment)
         listener.planned([task.key for task in todo], len(tasks) - len(todo))
         together = batches(todo)
-        job = Job(RunFolder(run.path.absolute()), claim, manifest.versions, debug, one_thread=len(together) > 1)
+        shown = claim if scheduler else replace(claim, patience_s=0.0)  # this machine sees the folder as it is
+        job = Job(RunFolder(run.path.absolute()), shown, manifest.versions, debug, one_thread=len(together) > 1)
 
         def retrying(batch: Batch, cause: str) -> None:
             listener.remark(f"{batch[0].key}: {cause}; retrying")
 
         with _crew(job, together, listener, workers=workers, scheduler=scheduler) as measure:
+            if changed:
+                run.write_manifest(manifest)  # first: statistics of other settings of findings are outdated
+                run.write_experiment(experiment.to_toml())
             results = with_retries(measure, together, retries=retries, retrying=retrying)
             with ManifestWriter(run, manifest, claim) as manifest_writer, closing(results):
-                if changed:  # after the manifest, in which earlier statistics are outdated
-                    run.write_experiment(experiment.to_toml())
                 for batch, result in results:
                     _settle(batch, result, manifest_writer, listener)
                     manifest_writer.write_if_due()
@@ -167,7 +169,7 @@ def _crew(
 def _here(job: Job, listener: Listener, together: list[Batch]) -> Results:
     for batch in together:
         progress = partial(listener.frame, batch[0].key)
-        yield batch, attempt(batch, job.run, progress=progress, debug=job.debug)
+        yield batch, attempt(batch, job.run, claim=job.claim, progress=progress, debug=job.debug)
 
 
 def _settle(batch: Batch, result: Result, manifest_writer: ManifestWriter, listener: Listener) -> None:

@@ -50,14 +50,12 @@ def due(tasks: list[Task], run: RunFolder, manifest: Manifest) -> list[Task]:
     return [task for task in tasks if not is_measured(task)]
 
 
-def forget_outdated(
-    todo: list[Task], run: RunFolder, manifest: Manifest, experiment: Experiment, *, changed: bool
-) -> None:
+def forget_outdated(todo: list[Task], run: RunFolder, manifest: Manifest, experiment: Experiment) -> None:
     """Remove from the manifest the sequences to be measured, earlier failures, and statistics that become outdated.
 
-    Statistics are outdated once they include a sequence that is measured again, or settings changed. A sequence that is
-    new makes them outdated when it has been measured (`ManifestWriter.measured`). Nothing is written: a start that is
-    refused leaves the run unchanged.
+    Statistics are outdated if they include a sequence that is measured again. A new sequence makes them outdated when
+    it has been measured (`ManifestWriter.measured`). Nothing is written: a start that is refused leaves the run
+    unchanged.
 
     Raises
     ------
@@ -67,7 +65,7 @@ def forget_outdated(
     manifest.failures.clear()
     # An outdated measurement must not remain if the new one fails.
     outdated = [manifest.sequences.pop(task.key) for task in todo if task.key in manifest.sequences]
-    if outdated or changed:
+    if outdated:
         manifest.statistics.clear()
     if not manifest.sequences:
         now = new_manifest(experiment)
@@ -85,6 +83,8 @@ def _resume(experiment: Experiment, run: RunFolder) -> tuple[Manifest, bool]:
     run.discard_unfinished()
     manifest = run.manifest()
     manifest.settings_hash = experiment.digest()
+    if there.findings != experiment.findings:
+        manifest.statistics.clear()
     return manifest, adapted != there
 
 

@@ -81,7 +81,10 @@ class _Pool:
         while self._busy:
             self._end_the_largest()
             for worker in self._ready():
-                if (result := self._receive(worker)) is not None:
+                result = self._receive(worker)
+                if isinstance(result, Note):
+                    self._pass_on(result)
+                else:
                     batch = self._busy.pop(worker)
                     error = self._assign()
                     yield batch, result
@@ -108,8 +111,8 @@ class _Pool:
         connections = {worker.connection: worker for worker in self._busy}
         return (connections[item] for item in wait(list(connections), _PAUSE_S))  # type: ignore[index]
 
-    def _receive(self, worker: Worker) -> Result | None:
-        """The result of a worker's batch; None if it sent a note."""
+    def _receive(self, worker: Worker) -> Result | Note:
+        """The result of a worker's batch, or a note that it sent before."""
         try:
             answer: Result | Note = worker.receive()
         except WorkerDiedError as death:
@@ -120,14 +123,16 @@ class _Pool:
                 FailureKind.transient,
             )
         if isinstance(answer, Note):
-            if self._frame:
-                self._frame(*answer.values)
-            return None
+            return answer
         if self._waiting:
             self._idle.append(worker)
         else:
             worker.close()  # it would keep its memory
         return answer
+
+    def _pass_on(self, note: Note) -> None:
+        if self._frame:
+            self._frame(*note.values)
 
     def _cause(self, worker: Worker, death: WorkerDiedError) -> str:
         status = death.exit_status

@@ -16,17 +16,15 @@ from pathlib import Path
 
 import psutil
 
-SCENES, FRAMES, WORKERS = 6, 12, 2
+SCENES, FRAMES, WORKERS = 4, 8, 2
 EXPERIMENT = """
 name = "attack"
-speeds = [1, 2]
+speeds = [1]
 [dataset]
 reader = "folder"
 root = "data"
 [[trackers]]
 kind = "lucas-kanade"
-[[trackers]]
-kind = "oracle"
 [statistics]
 min_features = 5
 """
@@ -103,7 +101,7 @@ def subject() -> Iterator[Subject]:
         phases_s = {phase: max(0.0, times[i + 1] - times[i]) for i, phase in enumerate(PHASES)}
         text = ", ".join(f"{phase} {duration_s:.2f} s" for phase, duration_s in phases_s.items())
         expected = _contents(folder / "alone")
-        print(f"left alone: {len(expected)} files; {text}")
+        print(f"left alone: {len(expected)} files; {text}", flush=True)
         yield Subject(folder, expected, phases_s)
 
 

@@ -13,6 +13,9 @@ from tracknoise.cli.interruption import Interruption
 from tracknoise.cli.terminal import Terminal
 from tracknoise.exceptions import TracknoiseError
 
+_INTERRUPTED = 130
+"""What typer returns if a command raised KeyboardInterrupt."""
+
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit with its status.
@@ -71,6 +74,8 @@ def _status(terminal: Terminal, arguments: list[str] | None) -> int:
         return 1
     except typer.Abort as error:
         raise KeyboardInterrupt from error
+    if status == _INTERRUPTED:
+        raise KeyboardInterrupt
     return status
 
 

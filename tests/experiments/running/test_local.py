@@ -241,3 +241,13 @@ def as_stranger(addresses: list[str]) -> list[str]:
     """What a client of another user finds at each address; of this user where no other can be taken on."""
     command = [sys.executable, "-c", STRANGER, *addresses]
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+
+
+def test_a_worker_that_is_left_does_not_keep_its_program_from_ending():
+    script = (
+        "import time; from tracknoise.experiments.running.worker import Worker\n"
+        "if __name__ == '__main__':\n"
+        "    worker = Worker({}); worker.call(time.sleep, 600)\n"
+        "    assert worker.connection.poll(0.5) is False"
+    )
+    subprocess.run([sys.executable, "-c", script], check=True, timeout=60)

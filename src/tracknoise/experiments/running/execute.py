@@ -140,6 +140,8 @@ def execute(
                     manifest_writer.write_if_due()
         if manifest.sequences:
             _replace_results(run, experiment)
+        else:
+            run.discard_results()
     return Outcome(sorted(manifest.sequences), dict(manifest.failures))
 
 

@@ -92,7 +92,10 @@ class _Pool:
         yield from ((batch, failure) for batch in self._waiting)
 
     def close(self) -> None:
-        for worker in [*self._busy, *self._idle]:
+        left = [*self._busy, *self._idle]
+        for worker in left:
+            worker.kill()
+        for worker in left:
             worker.close()
 
     def _assign(self) -> OSError | None:

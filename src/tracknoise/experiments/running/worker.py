@@ -1,5 +1,6 @@
 """A process that calls functions for this one. The two share a pair of sockets that no other process can reach."""
 
+import atexit
 import os
 import pickle
 import sys
@@ -11,8 +12,10 @@ from ctypes import Array, c_char
 from dataclasses import dataclass
 from multiprocessing import get_context, parent_process, resource_tracker
 from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import Any, TypeVar
+from weakref import WeakSet
 
 from tracknoise import signals
 
@@ -24,6 +27,7 @@ _PATIENCE_S = 5.0
 
 _Result = TypeVar("_Result")
 
+_started: "WeakSet[SpawnProcess]" = WeakSet()
 _program: Connection | None = None
 """In a worker: the connection to the process that started it."""
 
@@ -82,6 +86,7 @@ class Worker:
         self._opened: Array[c_char] = _SPAWN.RawArray("c", _PATH_BYTES)
         self._process = _SPAWN.Process(target=_serve, args=(theirs, self._opened), daemon=True)
         resource_tracker.ensure_running()  # otherwise started below, and it unblocks signals
+        _started.add(self._process)
         with theirs, signals.delayed(), _added_to_environment(environment):
             self._process.start()
 
@@ -122,13 +127,13 @@ class Worker:
         return answer
 
     def kill(self) -> None:
-        """End the process at once."""
+        """End the process, without waiting for its end."""
         self._process.kill()
-        self._process.join(_PATIENCE_S)
 
     def close(self) -> None:
         """End the process and release what is left of it."""
         self.kill()
+        self._process.join(_PATIENCE_S)
         self.connection.close()
 
 
@@ -147,6 +152,14 @@ def notify(*values: object) -> None:
     """Send a `Note` to the process that started this one, if this is a worker."""
     if _program is not None:
         _program.send(Note(values))
+
+
+@atexit.register
+def _kill_started() -> None:
+    """End workers that an interruption left. Python would wait for them at its exit."""
+    for process in _started:
+        if process.pid is not None:
+            process.kill()
 
 
 @contextmanager

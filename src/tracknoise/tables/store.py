@@ -207,8 +207,19 @@ class RunFolder:
             for path in unfinished(self.path / folder):
                 remove(path)
 
+    def discard_documents(self) -> None:
+        """Remove the report and ``findings.json``, which are outdated once other statistics are written.
+
+        Raises
+        ------
+        StoreError
+            If the folder cannot be written.
+        """
+        for path in (self.path / "report", self.path / "statistics" / "findings.json"):
+            remove(path)
+
     def discard_results(self) -> None:
-        """Remove the report and the tables of the whole run, which are outdated once a sequence is added.
+        """Remove the report and the tables of the whole run.
 
         Raises
         ------
@@ -280,9 +291,9 @@ class RunFolder:
         StoreError, SchemaError
             If the run is not finished, or the file is missing or damaged, or has other columns.
         """
-        if not (self.path / "statistics").is_dir():
-            raise StoreError(f"{self.path}: no finished run, expected one; `tracknoise run` starts or resumes a run")
         hashes = self.manifest().statistics
+        if not hashes or not (self.path / "statistics").is_dir():
+            raise StoreError(f"{self.path}: no finished run, expected one; `tracknoise run` starts or resumes a run")
         if name in FINDINGS_TABLES and name not in hashes:
             return schema.empty(FINDINGS_TABLES[name])
         return read_parquet(self.path / "statistics" / f"{name}.parquet", _RUN_TABLES[name], hashes.get(name))

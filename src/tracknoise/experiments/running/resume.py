@@ -50,12 +50,12 @@ def due(tasks: list[Task], run: RunFolder, manifest: Manifest) -> list[Task]:
     return [task for task in tasks if not is_measured(task)]
 
 
-def forget_outdated(
-    todo: list[Task], run: RunFolder, manifest: Manifest, experiment: Experiment, *, changed: bool
-) -> None:
+def forget_outdated(todo: list[Task], run: RunFolder, manifest: Manifest, experiment: Experiment) -> None:
     """Remove from the manifest the sequences to be measured, earlier failures, and statistics that become outdated.
 
-    Nothing is written: a start that is refused leaves the run unchanged.
+    Statistics are outdated if they include a sequence that is measured again. A new sequence makes them outdated when
+    it has been measured (`ManifestWriter.measured`). Nothing is written: a start that is refused leaves the run
+    unchanged.
 
     Raises
     ------
@@ -63,9 +63,9 @@ def forget_outdated(
         If sequences that are kept were measured with other versions of the libraries.
     """
     manifest.failures.clear()
-    for task in todo:  # an outdated measurement must not remain if the new one fails
-        manifest.sequences.pop(task.key, None)
-    if todo or changed:
+    # An outdated measurement must not remain if the new one fails.
+    outdated = [manifest.sequences.pop(task.key) for task in todo if task.key in manifest.sequences]
+    if outdated:
         manifest.statistics.clear()
     if not manifest.sequences:
         now = new_manifest(experiment)
@@ -83,6 +83,8 @@ def _resume(experiment: Experiment, run: RunFolder) -> tuple[Manifest, bool]:
     run.discard_unfinished()
     manifest = run.manifest()
     manifest.settings_hash = experiment.digest()
+    if there.findings != experiment.findings:
+        manifest.statistics.clear()
     return manifest, adapted != there
 
 

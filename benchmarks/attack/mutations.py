@@ -16,10 +16,46 @@ _NUMBERS = (
 )
 _TEXTS = (
     *("\0", "\x1b[31m", "\r", "\n", "\u2028", "\x7f", "\ufeff", "\u202e", "\U0001f600", "e\u0301", "\x85", "\t"),
-    *("{scene}", "{scene.__class__}", "{scene:d}", "{0}", "{", "}", "%s", "../../../etc/passwd", "/dev/zero", "/dev/stdin"),
-    *("true", "null", "NaN", "[]", "{}", '""', "'", '"', "#", "&amp;", "&lol;", "<!--", "<![CDATA[", "model://", "a" * 5000),
+    *(
+        "{scene}",
+        "{scene.__class__}",
+        "{scene:d}",
+        "{0}",
+        "{",
+        "}",
+        "%s",
+        "../../../etc/passwd",
+        "/dev/zero",
+        "/dev/stdin",
+    ),
+    *(
+        "true",
+        "null",
+        "NaN",
+        "[]",
+        "{}",
+        '""',
+        "'",
+        '"',
+        "#",
+        "&amp;",
+        "&lol;",
+        "<!--",
+        "<![CDATA[",
+        "model://",
+        "a" * 5000,
+    ),
 )
-_BYTES = (b"\xff", b"\xfe\xff", b"\xff\xfe", b"\xc0\x80", b"\xed\xa0\x80", b"\0\0\0\0", b"PK\x03\x04", b"\x89HDF\r\n\x1a\n")
+_BYTES = (
+    b"\xff",
+    b"\xfe\xff",
+    b"\xff\xfe",
+    b"\xc0\x80",
+    b"\xed\xa0\x80",
+    b"\0\0\0\0",
+    b"PK\x03\x04",
+    b"\x89HDF\r\n\x1a\n",
+)
 _NESTS = (b"[", b"{", b"(", b"<a>", b'{"a":', b"a.", b"[[", b"<model name='m'>", b"<node>", b"((", b"a={")
 _PACKED = [
     *(struct.pack(order + kind, value) for order in "<>" for kind, value in (("I", 2**31), ("I", 2**32 - 1), ("I", 0))),
@@ -135,7 +171,9 @@ def _nest(content: bytes, rng: Random, others: Sequence[bytes]) -> bytes:
 def _repeat(content: bytes, rng: Random, others: Sequence[bytes]) -> bytes:
     """One character or short piece, very often: what makes a quadratic parser slow."""
     at = rng.randrange(len(content) + 1)
-    piece = rng.choice((b" ", b"\n", b"\t", b"0", b"1 ", b"/", b".", b"-", b'"', b"#", content[at : at + rng.randrange(1, 6)]))
+    piece = rng.choice(
+        (b" ", b"\n", b"\t", b"0", b"1 ", b"/", b".", b"-", b'"', b"#", content[at : at + rng.randrange(1, 6)])
+    )
     return content[:at] + piece * rng.choice((100, 5_000, 100_000)) + content[at:]
 
 
@@ -146,5 +184,16 @@ def _span(content: bytes, rng: Random) -> tuple[int, int]:
 
 _MUTATIONS: tuple[Mutation, ...] = (
     *(_flip_bit, _flip_bit, _set_byte, _set_byte, _set_header_byte, _overwrite, _overwrite, _truncate, _remove),
-    *(_duplicate, _splice, _swap_lines, _edit_number, _edit_number, _edit_number, _insert_text, _insert_text, _nest, _repeat),
+    *(
+        _duplicate,
+        _splice,
+        _swap_lines,
+        _edit_number,
+        _edit_number,
+        _edit_number,
+        _insert_text,
+        _insert_text,
+        _nest,
+        _repeat,
+    ),
 )

@@ -200,7 +200,9 @@ def tracks(folder: Path) -> None:
     table.write_csv(folder / "tracks.csv")
     for compression in ("zstd", "snappy", "uncompressed"):
         table.write_parquet(folder / f"{compression}.parquet", compression=compression)
-    table.with_columns(pl.col("track").cast(pl.String), response=pl.lit(None, pl.Float32)).write_parquet(folder / "text.parquet")
+    table.with_columns(pl.col("track").cast(pl.String), response=pl.lit(None, pl.Float32)).write_parquet(
+        folder / "text.parquet"
+    )
 
 
 def images(folder: Path) -> None:
@@ -232,7 +234,9 @@ def folder(root: Path) -> None:
     camera = {"width": SIZE[0], "height": SIZE[1], "fx": 20.0, "fy": 20.0, "cx": 11.5, "cy": 7.5}
     camera |= {"distortion": [0.01, -0.001, 1e-4, 0.0], "depth_unit_m": 0.001, "source": "attack"}
     (root / "camera.json").write_text(json.dumps(camera, indent=2))
-    (root / "poses.txt").write_text("# tx ty tz qx qy qz qw\n" + "".join(f"{i} 0 0 0 0 0.6 0.8\n" for i in range(FRAMES)))
+    (root / "poses.txt").write_text(
+        "# tx ty tz qx qy qz qw\n" + "".join(f"{i} 0 0 0 0 0.6 0.8\n" for i in range(FRAMES))
+    )
 
 
 def sevenscenes(root: Path) -> None:
@@ -277,7 +281,12 @@ def kitti_poses(root: Path) -> None:
 def dtu(root: Path) -> None:
     """What DTU's scenes share, and a scan."""
     root.mkdir()
-    variables: dict[str, Any] = {"fc": [2892.0, 2883.0], "cc": [800.0, 600.0], "kc": [0.01, 0.0, 0.0, 0.0, 0.0], "nx": 1600.0}
+    variables: dict[str, Any] = {
+        "fc": [2892.0, 2883.0],
+        "cc": [800.0, 600.0],
+        "kc": [0.01, 0.0, 0.0, 0.0, 0.0],
+        "nx": 1600.0,
+    }
     variables |= {"ny": 1200.0, "alpha_c": 0.0}
     for position in POSITIONS:
         variables |= {f"Rc_{position}": np.eye(3), f"Tc_{position}": np.array([[0.0], [0.0], [0.01 * position]])}
@@ -311,7 +320,9 @@ def run(root: Path) -> None:
     folder = RunFolder(root)
     sequence = SequenceId("folder", "scene")
     entry = SequenceEntry(sequence, FRAMES, *SIZE, truth="birth", snapshot_frame=0, seconds=1.5, notes=("a note",))
-    folder.create("name = 'attack'\n", Manifest("0" * 64, {"tracknoise": "0.1.0"}, {"cores": "2"}, 0, {sequence.key: entry}))
+    folder.create(
+        "name = 'attack'\n", Manifest("0" * 64, {"tracknoise": "0.1.0"}, {"cores": "2"}, 0, {sequence.key: entry})
+    )
     (root / "moments").mkdir()
     _filled(MOMENTS).write_parquet(root / "moments" / f"{sequence.key}.parquet", compression="zstd")
     (root / "report").mkdir()

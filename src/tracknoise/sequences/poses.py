@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, DataWarning
+from tracknoise.foreign.files import read_text
 from tracknoise.geometry.pose import from_quaternion, nearest_rigid
 
 RIGID_TOLERANCE = 0.05
@@ -44,16 +45,8 @@ def read_rows(path: Path, columns: str) -> tuple[NDArray[np.float64], list[str]]
     DataError
         If the file is missing or unreadable, or a row has a different number of fields or a field that is not a number.
     """
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except FileNotFoundError as error:
-        raise DataError(path, "no such file", f"rows of {columns}") from error
-    except OSError as error:
-        raise DataError(path, f"unreadable ({error.strerror})", f"text of rows of {columns}") from error
-    except UnicodeDecodeError as error:
-        raise DataError(path, "unreadable file", f"text of rows of {columns}") from error
     rows, places = [], []
-    for number, line in enumerate(lines, start=1):
+    for number, line in enumerate(read_text(path, f"rows of {columns}").splitlines(), start=1):
         if line.strip() and not line.lstrip().startswith("#"):
             places.append(f"{path}:{number}")
             rows.append(_numbers(line.split(), columns, places[-1]))

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.foreign.files import read_text
 
 _FORMAT = "a time such as 2011-09-26 13:02:25.964389445"
 
@@ -32,12 +33,9 @@ def read_timestamps(path: Path, numbers: range) -> tuple[NDArray[np.float64] | N
     DataError
         If the file cannot be read, or a frame has no time in it.
     """
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except FileNotFoundError:
+    if not path.exists():
         return None, ()
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(path, "unreadable file", f"in each line {_FORMAT}") from error
+    lines = read_text(path, f"in each line {_FORMAT}").splitlines()
     if len(lines) < numbers.stop:
         raise DataError(path, f"{len(lines)} lines", f"at least {numbers.stop}, one for each image")
     times = np.array([_time(f"{path}:{number + 1}", lines[number]) for number in numbers])

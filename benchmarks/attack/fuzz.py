@@ -1,4 +1,4 @@
-"""Damaged files for every parser: ``python -m benchmarks.attack fuzz [--count N] [--seed N] [--only NAME] [--out FOLDER]``.
+"""Damaged files for every parser: ``python -m benchmarks.attack fuzz [--count N] [--seed N] [--only NAME]``.
 
 Every input is a valid file with one to four random changes, which depend only on the seed, the parser's name and the
 input's number. A parser must accept it or raise one of tracknoise's own exceptions, of one line. Inputs are read in
@@ -26,7 +26,7 @@ from random import Random
 
 from benchmarks.attack.mutations import mutated
 from benchmarks.attack.parsers import PARSERS, Parser
-from tracknoise.exceptions import TracknoiseError
+from tracknoise.exceptions import DataWarning, TracknoiseError
 
 BATCH, TIMEOUT_S, MEMORY = 500, 10.0, 1 << 30
 
@@ -224,10 +224,11 @@ _STDERR = os.dup(2)
 
 
 def _be_silent() -> None:
-    """Decoders and libraries print to these."""
+    """Decoders and libraries print. A warning that is not tracknoise's own counts as an exception."""
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    warnings.simplefilter("ignore")
+    warnings.simplefilter("error")
+    warnings.simplefilter("ignore", DataWarning)
     nothing = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nothing, 1)
     os.dup2(nothing, 2)

@@ -18,6 +18,7 @@ from tracknoise.sequences.kitti.oxts import write_record
 from tracknoise.sequences.kitti.rig import write_calibration
 from tracknoise.sequences.kitti.velodyne import write_scan
 from tracknoise.simulation.light_stage.leds import led_positions
+from tracknoise.tables.files import write_parquet
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.schema import MOMENTS
@@ -165,7 +166,8 @@ _WORLD = """<?xml version="1.0"?>
 <include><uri>model://obj</uri><name>a</name><pose>1 2 3 0 0 1.57</pose></include>
 <include><uri>model://dae</uri></include>
 <model name='m'><pose>0 0 5 0 0 0</pose><link name='l'><pose degrees='true'>0 0 0 0 90 0</pose>
-<visual name='v1'><geometry><box><size>1 2 3</size></box></geometry><material><diffuse>1 0 0 1</diffuse></material></visual>
+<visual name='v1'><geometry><box><size>1 2 3</size></box></geometry>
+<material><diffuse>1 0 0 1</diffuse></material></visual>
 <visual name='v2'><pose rotation_format='quat_xyzw'>1 0 0 0 0 0 1</pose><transparency>0</transparency>
 <geometry><sphere><radius>1.5</radius></sphere></geometry></visual>
 <visual name='v3'><geometry><cylinder><radius>1</radius><length>2</length></cylinder></geometry></visual>
@@ -317,14 +319,11 @@ def world(root: Path) -> None:
 
 def run(root: Path) -> None:
     """A run folder of one sequence; only one of its tables has rows."""
-    folder = RunFolder(root)
     sequence = SequenceId("folder", "scene")
-    entry = SequenceEntry(sequence, FRAMES, *SIZE, truth="birth", snapshot_frame=0, seconds=1.5, notes=("a note",))
-    folder.create(
-        "name = 'attack'\n", Manifest("0" * 64, {"tracknoise": "0.1.0"}, {"cores": "2"}, 0, {sequence.key: entry})
-    )
-    (root / "moments").mkdir()
-    _filled(MOMENTS).write_parquet(root / "moments" / f"{sequence.key}.parquet", compression="zstd")
+    hashes = {"moments": write_parquet(root / "moments" / f"{sequence.key}.parquet", _filled(MOMENTS))}
+    entry = SequenceEntry(sequence, FRAMES, *SIZE, "birth", snapshot_frame=0, seconds=1.5, notes=("a",), sha256=hashes)
+    manifest = Manifest("0" * 64, {"tracknoise": "0.1.0"}, {"cores": "2"}, 0, {sequence.key: entry})
+    RunFolder(root).create("name = 'attack'\n", manifest)
     (root / "report").mkdir()
     contents = {"format": 1, "figures": [{"id": "a", "title": "A", "files": ["figures/a.svg"]}], "tables": []}
     (root / "report" / "contents.json").write_text(json.dumps(contents))

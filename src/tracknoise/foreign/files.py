@@ -5,7 +5,7 @@ import os
 import stat
 from pathlib import Path
 
-from tracknoise.exceptions import DataError
+from tracknoise.exceptions import DataError, first_line
 
 MIB = 1 << 20
 MOST_BYTES = 512 * MIB
@@ -33,16 +33,41 @@ def read_bytes(path: Path, expected: str, *, most: int = MOST_BYTES, readable: s
     DataError
         If it is missing, unreadable, larger, or not a regular file.
     """
+    require_regular(path, expected, most=most, readable=readable)
     try:
-        _require_regular(path, expected, most=most)
         return path.read_bytes()
-    except FileNotFoundError as error:
-        raise DataError(path, "no such file", expected) from error
     except OSError as error:
         raise DataError(path, f"unreadable ({error.strerror})", readable or expected) from error
 
 
-def read_text(path: Path, expected: str) -> str:
+def require_regular(path: Path, expected: str, *, most: int = MOST_BYTES, readable: str | None = None) -> int:
+    """Check that a file is regular and not too large, without opening it: opening a pipe would wait for a writer.
+
+    Returns
+    -------
+    int
+        Its size, bytes.
+
+    Raises
+    ------
+    DataError
+        As `read_bytes`.
+    """
+    try:
+        status = path.stat()
+    except (FileNotFoundError, ValueError) as error:  # ValueError: a null character in its name
+        raise DataError(path, "no such file", expected) from error
+    except OSError as error:
+        raise DataError(path, f"unreadable ({error.strerror})", readable or expected) from error
+    if not stat.S_ISREG(status.st_mode):
+        found = os.strerror(errno.EISDIR) if stat.S_ISDIR(status.st_mode) else "not a regular file"
+        raise DataError(path, f"unreadable ({found})", readable or expected)
+    if status.st_size > most:
+        raise DataError(path, f"a file of {status.st_size} bytes", f"{expected} of at most {most} bytes")
+    return status.st_size
+
+
+def read_text(path: Path, expected: str, *, most: int = MOST_TEXT_BYTES) -> str:
     """Read a regular file of UTF-8 text, with or without a byte order mark.
 
     Raises
@@ -52,7 +77,7 @@ def read_text(path: Path, expected: str) -> str:
     """
     readable = f"text of {expected}"
     try:
-        return read_bytes(path, expected, most=MOST_TEXT_BYTES, readable=readable).decode("utf-8-sig")
+        return read_bytes(path, expected, most=most, readable=readable).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise DataError(path, "unreadable file", readable) from error
 
@@ -76,15 +101,23 @@ def is_regular_file(path: Path) -> bool:
         return False
 
 
-def _require_regular(path: Path, expected: str, *, most: int) -> None:
-    """Check that a file is regular and not too large, without opening it: opening a pipe would wait for a writer."""
+def is_folder(path: Path) -> bool:
+    """Whether there is a folder of this name; names that no folder can have are allowed."""
     try:
-        status = path.stat()
-    except ValueError as error:  # a null character in its name
-        raise DataError(path, "no such file", expected) from error
-    if stat.S_ISDIR(status.st_mode):
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-    if not stat.S_ISREG(status.st_mode):
-        raise DataError(path, "not a regular file", expected)
-    if status.st_size > most:
-        raise DataError(path, f"a file of {status.st_size} bytes", f"{expected} of at most {most} bytes")
+        return stat.S_ISDIR(path.stat().st_mode)
+    except (OSError, ValueError):
+        return False
+
+
+def absolute(folder: Path, path: Path) -> Path:
+    """A path that starts from a folder, with all links resolved.
+
+    Raises
+    ------
+    DataError
+        If it contains a null character, is too long, or its links lead in a circle.
+    """
+    try:
+        return (folder / path).resolve()
+    except (OSError, ValueError, RuntimeError) as error:
+        raise DataError(str(path), f"no usable path ({first_line(error)})", "the path of a file or folder") from error

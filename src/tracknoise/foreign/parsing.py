@@ -8,14 +8,7 @@ from tracknoise.exceptions import DataError, TracknoiseError, first_line
 
 
 @contextmanager
-def damage_reported(
-    place: str | Path,
-    found: str,
-    expected: str,
-    *,
-    with_reason: bool = False,
-    panics: tuple[type[BaseException], ...] = (),
-) -> Iterator[None]:
+def damage_reported(place: str | Path, found: str, expected: str, *, with_reason: bool = False) -> Iterator[None]:
     """Turn all exceptions of a parser into one that names the file.
 
     Parsers raise exceptions of many types for damaged files, and new versions raise others. Therefore the block must
@@ -29,8 +22,6 @@ def damage_reported(
         For the error.
     with_reason
         Add the first line of what the parser said to `found`.
-    panics
-        Exceptions of the parser that are no `Exception`, such as those of Polars.
 
     Raises
     ------
@@ -41,5 +32,5 @@ def damage_reported(
         yield
     except (TracknoiseError, MemoryError):
         raise
-    except (Exception, *panics) as error:
+    except Exception as error:
         raise DataError(place, f"{found} ({first_line(error)})" if with_reason else found, expected) from error

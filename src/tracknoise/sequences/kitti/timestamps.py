@@ -1,5 +1,6 @@
 """Times of a drive's images: a line ``2011-09-26 13:02:25.964389445`` for each frame, from frame 0 on."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,9 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.files import read_text
+from tracknoise.foreign.parsing import damage_reported
 
+_TIME = re.compile(r"(?:19|20|21)[0-9]{2}-[0-9]{2}-[0-9]{2}(?:[ T][0-9:.]+)?")  # a century that 64 bits of ns can hold
 _FORMAT = "a time such as 2011-09-26 13:02:25.964389445"
 
 
@@ -46,10 +49,7 @@ def read_timestamps(path: Path, numbers: range) -> tuple[NDArray[np.float64] | N
 
 
 def _time(place: str, line: str) -> np.datetime64:
-    try:
-        time = np.datetime64(line.strip(), "ns")
-    except ValueError as error:
-        raise DataError(place, repr(line), _FORMAT) from error
-    if np.isnat(time):
+    if _TIME.fullmatch(line.strip()) is None:
         raise DataError(place, repr(line), _FORMAT)
-    return time
+    with damage_reported(place, repr(line), _FORMAT):  # a month 13
+        return np.datetime64(line.strip(), "ns")

@@ -59,7 +59,7 @@ class Fault:
     @property
     def summary(self) -> str:
         """The first line of its record."""
-        return self.saved.with_suffix(".txt").read_text().partition("\n")[0]
+        return record_of(self.saved).read_text().partition("\n")[0]
 
 
 def main(arguments: list[str]) -> int:
@@ -179,7 +179,12 @@ class _Cases:
         """Save an input, and what happened, beside it."""
         self._out.mkdir(parents=True, exist_ok=True)
         self.saved(number).write_bytes(self.input(number)[1])
-        self.saved(number).with_suffix(".txt").write_text(record, errors="backslashreplace")
+        record_of(self.saved(number)).write_text(record, errors="backslashreplace")
+
+
+def record_of(saved: Path) -> Path:
+    """The file, beside a saved input, that says what happened."""
+    return saved.with_name(f"{saved.name}.fault")
 
 
 def _batch(cases: _Cases, outcomes: mmap.mmap, start: int, stop: int) -> int:

@@ -24,8 +24,9 @@ from tracknoise.sequences.images import (
     read_depth_png_float32,
     read_gray,
 )
+from tracknoise.sequences.kitti.depth import KittiDepth
 from tracknoise.sequences.kitti.reader import Kitti
-from tracknoise.sequences.kitti.velodyne import read_scan as read_velodyne
+from tracknoise.sequences.kitti.rig import CAMERA_FROM_VELODYNE
 from tracknoise.sequences.registry import make_reader
 from tracknoise.sequences.sequence import Reader
 from tracknoise.sequences.sevenscenes import SevenScenes
@@ -36,6 +37,7 @@ from tracknoise.trackers.registry import make_tracker
 from tracknoise.trackers.track_file import read_tracks
 
 CAMERA = Camera(*samples.SIZE, 20.0, 20.0, 11.5, 7.5)
+_VELODYNE = KittiDepth(1.0, CAMERA_FROM_VELODYNE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +148,7 @@ PARSERS: tuple[Parser, ...] = (
     Parser("kitti oxts", samples.kitti, "*/*/oxts/data/*.txt", partial(_open, Kitti, 4)),
     Parser("kitti timestamps", samples.kitti, "*/*/image_02/timestamps.txt", partial(_open, Kitti, 3)),
     Parser("kitti poses", samples.kitti_poses, "*/*/poses_image_02.txt", partial(_open, Kitti, 2)),
-    Parser("velodyne", samples.kitti, "*/*/velodyne_points/data/*.bin", read_velodyne),
+    Parser("velodyne", samples.kitti, "*/*/velodyne_points/data/*.bin", partial(_VELODYNE, camera=CAMERA)),
     Parser("dtu calibration", samples.dtu, "Calib*.mat", read_calibration),
     Parser("dtu scan", samples.dtu, "Clean*.mat", read_dtu_scan),
     Parser("dtu leds", samples.dtu, "leds.csv", read_leds),

@@ -34,9 +34,9 @@ def require_share(field: str, value: float) -> None:
     require(0 <= value <= 1, field, value, "a number from 0 to 1")
 
 
-def require_within(field: str, value: float, least: float, most: float) -> None:
-    """Raise ValueError unless `value` is from `least` to `most`."""
-    require(least <= value <= most, field, value, f"a number from {least} to {most}")
+def require_at_most(field: str, value: float, most: float) -> None:
+    """Raise ValueError if `value` is above `most`."""
+    require(value <= most, field, value, f"a number not above {most}")
 
 
 def require_storable(value: object) -> None:

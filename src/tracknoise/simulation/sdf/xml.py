@@ -12,7 +12,7 @@ from tracknoise.exceptions import DataError
 from tracknoise.foreign.files import MOST_TEXT_BYTES, read_bytes
 
 Element = ET.Element
-_MOST_LEVELS = 64
+_MOST_LEVELS = 32
 _LARGEST, _SHORTEST = 1e9, 1e-9
 """Largest number in a file, and smallest length of a quaternion that has a direction."""
 

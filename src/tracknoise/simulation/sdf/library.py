@@ -61,9 +61,9 @@ class Library:
         """
         name = unquote(name).replace("\\", "/")
         last = name.rsplit("/", 1)[-1]
-        folders = ("", "../materials/textures", "../textures", "textures")
-        roots = (beside.parent, *self.roots)
-        candidates = [self.find(name, beside), *(_existing(beside / folder / last, roots) for folder in folders)]
+        folders = [beside / folder for folder in ("", "../materials/textures", "../textures", "textures")]
+        named = (_existing(folder / last, (folder, *self.roots)) for folder in folders)
+        candidates = [self.find(name, beside), *named]
         return next((path for path in candidates if path and is_regular_file(path)), None)
 
 

@@ -24,9 +24,11 @@ from tracknoise.sequences.images import (
     read_depth_png_float32,
     read_gray,
 )
+from tracknoise.sequences.kitti.calibration import read_camera, read_camera_from_velodyne
 from tracknoise.sequences.kitti.depth import KittiDepth
 from tracknoise.sequences.kitti.reader import Kitti
 from tracknoise.sequences.kitti.rig import CAMERA_FROM_VELODYNE
+from tracknoise.sequences.poses import checked_poses, quaternion_poses, read_matrix, read_rows
 from tracknoise.sequences.registry import make_reader
 from tracknoise.sequences.sequence import Reader
 from tracknoise.sequences.sevenscenes import SevenScenes
@@ -119,6 +121,35 @@ def _image(path: Path) -> None:
     read_gray(path, CAMERA)
 
 
+def _matrix_pose(path: Path) -> None:
+    checked_poses(read_matrix(path, size=4)[None], [path])
+
+
+def _quaternion_poses(path: Path) -> None:
+    rows, places = read_rows(path, "x y z qx qy qz qw")
+    quaternion_poses(rows[:, :3], rows[:, 3:], places)
+
+
+def _kitti_calibration(path: Path) -> None:
+    read_camera(path.parent)
+    read_camera_from_velodyne(path.parent)
+
+
+_KINECT = Camera(640, 480, 585.0, 585.0, 320.0, 240.0)
+_REAL = (
+    Parser("real model", samples.real_model, "mailbox/**/*.*", _model, with_png_checksums),
+    Parser("real kitti calibration", samples.real_files, "calib*.txt", _kitti_calibration),
+    Parser("real matrix pose", samples.real_files, "*.pose.txt", _matrix_pose),
+    Parser("real quaternion poses", samples.real_files, "pose_left.txt", _quaternion_poses),
+    Parser("real jpeg", samples.real_files, "*.color.jpg", partial(read_gray, camera=_KINECT)),
+    Parser(
+        "real depth map",
+        samples.real_files,
+        "*.depth.png",
+        partial(read_depth_png16, camera=_KINECT, metres_per_unit=0.001),
+        with_png_checksums,
+    ),
+)
 PARSERS: tuple[Parser, ...] = (
     Parser("experiment", samples.experiments, "*.toml", load_experiment),
     Parser("options", samples.options, "*.json", _read_options),
@@ -163,4 +194,5 @@ PARSERS: tuple[Parser, ...] = (
     Parser("manifest of a cleared run", samples.run, "manifest.json", _clear_run),
     Parser("table", samples.run, "moments/*.parquet", _read_table),
     Parser("contents of a report", samples.run, "report/contents.json", lambda path: read_contents(path.parent)),
+    *(_REAL if samples.has_real_samples() else ()),
 )

@@ -1,6 +1,8 @@
 """Small valid files of every kind that tracknoise reads, written by its own writers where it has them."""
 
 import json
+import os
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -327,6 +329,32 @@ def run(root: Path) -> None:
     (root / "report").mkdir()
     contents = {"format": 1, "figures": [{"id": "a", "title": "A", "files": ["figures/a.svg"]}], "tables": []}
     (root / "report" / "contents.json").write_text(json.dumps(contents))
+
+
+def real_model(root: Path) -> None:
+    """A model of the Gazebo library."""
+    shutil.copytree(_real() / "gazebo_models" / "mailbox", root / "mailbox", copy_function=shutil.copyfile)
+    for folder in (root, *root.rglob("*")):
+        folder.chmod(0o755)
+
+
+def real_files(root: Path) -> None:
+    """Calibrations, poses, images and depth maps of the real samples."""
+    root.mkdir()
+    frame = _real() / "sevenscenes" / "seq-01" / "frame-000000"
+    trajectory = _real() / "tartanair_v1" / "P000" / "pose_left.txt"
+    calibration = _real() / "kitti" / "2011_09_26"
+    for path in (*calibration.glob("calib*.txt"), *frame.parent.glob(f"{frame.name}*"), trajectory):
+        shutil.copyfile(path, root / path.name)
+
+
+def has_real_samples() -> bool:
+    """Whether the environment names the folder of the real samples."""
+    return bool(os.environ.get("TRACKNOISE_DATA")) and _real().is_dir()
+
+
+def _real() -> Path:
+    return Path(os.environ["TRACKNOISE_DATA"])
 
 
 def _model(name: str) -> str:

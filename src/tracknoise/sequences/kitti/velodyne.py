@@ -29,10 +29,10 @@ def read_scan(path: Path) -> NDArray[np.float64]:
     data = read_bytes(path, "a Velodyne scan", most=_MOST_BYTES)
     if not data or len(data) % _POINT_BYTES:
         raise DataError(path, f"{len(data)} bytes", f"a multiple of {_POINT_BYTES} (float32 x y z reflectance), not 0")
-    points = np.frombuffer(data, "<f4").reshape(-1, 4)[:, :3].astype(np.float64)
+    points = np.frombuffer(data, "<f4").reshape(-1, 4)[:, :3]
     if not np.isfinite(points).all():
         raise DataError(path, "NaN or infinity among the points", "finite x y z")
-    return points
+    return points.astype(np.float64)
 
 
 def write_scan(path: Path, points: NDArray[np.float64]) -> None:

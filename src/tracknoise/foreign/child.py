@@ -5,6 +5,7 @@ serves all calls of this process, one after another, and is started again after 
 """
 
 import atexit
+import math
 import os
 import pickle
 import resource
@@ -26,8 +27,10 @@ T = TypeVar("T")
 _READY = b"ready"
 _LENGTH_BYTES = 8
 _PROGRAM = "from tracknoise.foreign.child import serve; serve()"
-_START_S = 120.0
-_SECONDS, _BYTES_PER_SECOND = 5.0, 1 << 20
+_START_S = 600.0
+_CPU_S, _BYTES_PER_SECOND = 5, 1 << 20
+_WALL_PER_CPU = 60.0
+"""Limits of CPU time, so that no result depends on what else a machine does, and of time for a child that waits."""
 _MEMORY_BYTES = 1 << 30
 _MEMORY_PER_BYTE = 32
 
@@ -56,7 +59,8 @@ def call_in_child(function: Callable[..., T], *arguments: object, size: int) -> 
         As the function. Its other exceptions become a `LostError` too, with the first line of their message.
     """
     with _lock:
-        answer = _child().ask(pickle.dumps((function, arguments, size)), _SECONDS + size / _BYTES_PER_SECOND)
+        cpu_s = _CPU_S + size // _BYTES_PER_SECOND
+        answer = _child().ask(pickle.dumps((function, arguments, size, cpu_s)), _WALL_PER_CPU * cpu_s)
     succeeded, value = pickle.loads(answer)
     if not succeeded:
         raise value
@@ -74,7 +78,7 @@ class _Child:
     @classmethod
     def started(cls) -> "_Child":
         """A new child, once it can be asked."""
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path or str(Path.cwd()) for path in sys.path)}
         process = subprocess.Popen(
             [sys.executable, "-c", _PROGRAM],
             stdin=subprocess.PIPE,
@@ -101,6 +105,8 @@ class _Child:
             return self._receive(length, deadline)
         except BaseException as error:  # an interrupt too: a late answer must not become that of the next request
             self.close()
+            if self.process.returncode == -signal.SIGXCPU:
+                raise LostError("its parser takes too long") from error
             if isinstance(error, OSError):
                 raise LostError("its parser ended") from error
             raise
@@ -112,11 +118,13 @@ class _Child:
             self.process.communicate()
 
     def _receive(self, count: int, deadline: float) -> bytes:
-        pipe, received = self._pipe(self.process.stdout), bytearray()
+        descriptor, received = self._pipe(self.process.stdout).fileno(), bytearray()
+        poller = select.poll()
+        poller.register(descriptor, select.POLLIN)
         while len(received) < count:
-            if not select.select([pipe], [], [], max(0.0, deadline - time.monotonic()))[0]:
+            if not poller.poll(max(0.0, 1e3 * (deadline - time.monotonic()))):
                 raise LostError("its parser takes too long")
-            part = os.read(pipe.fileno(), count - len(received))
+            part = os.read(descriptor, count - len(received))
             if not part:
                 raise LostError("its parser ended")
             received += part
@@ -158,8 +166,9 @@ def serve() -> None:
 
 
 def _answer(request: bytes) -> bytes:
-    function, arguments, size = pickle.loads(request)
+    function, arguments, size, cpu_s = pickle.loads(request)
     _limit_memory(_MEMORY_BYTES + _MEMORY_PER_BYTE * size)
+    _limit_time(cpu_s)
     answer: tuple[bool, Any]
     try:
         answer = True, function(*arguments)
@@ -170,9 +179,18 @@ def _answer(request: bytes) -> bytes:
     return pickle.dumps(answer)
 
 
+def _limit_time(more_s: int) -> None:
+    """Limit this process to the CPU time that it has used, and so many seconds more."""
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    _set_soft_limit(resource.RLIMIT_CPU, math.ceil(used.ru_utime + used.ru_stime) + more_s)
+
+
 def _limit_memory(more: int) -> None:
     """Limit this process to what it uses now, and so many bytes more."""
     used = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
-    hard = resource.getrlimit(resource.RLIMIT_AS)[1]
-    soft = used + more if hard == resource.RLIM_INFINITY else min(used + more, hard)
-    resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+    _set_soft_limit(resource.RLIMIT_AS, used + more)
+
+
+def _set_soft_limit(kind: int, soft: int) -> None:
+    hard = resource.getrlimit(kind)[1]
+    resource.setrlimit(kind, (soft if hard == resource.RLIM_INFINITY else min(soft, hard), hard))

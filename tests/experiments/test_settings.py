@@ -1,6 +1,8 @@
 """Experiment files: what is read, and what is said about what cannot be."""
 
+import os
 import re
+import time
 from pathlib import Path
 
 import pytest
@@ -164,3 +166,41 @@ def test_the_documented_schema_is_that_of_the_program():
     assert documented.read_text() == experiment_schema(), (
         "renew it: tracknoise run --schema > docs/experiment.schema.json"
     )
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (f"seed = {'9' * 5000}", "attack.toml: "),
+        (f"a = {'[' * 900}{']' * 900}", "attack.toml: lists in lists, expected at most 16 levels"),
+        (f"a = {'{b = ' * 20}1{'}' * 20}", "lists and tables more than 16 deep, expected fewer levels"),
+        ("a." * 40_000 + "b = 1", "attack.toml: line 1: a key of 40001 parts, expected at most 16"),
+        (f"seed = {2**64}", "attack.toml: a whole number of 65 bits, expected at most 64 bits"),
+        ('name = "a\\u0000b"', r"expected a text without null characters"),
+    ],
+)
+def test_toml_that_no_experiment_needs_is_refused_quickly(text, message):
+    started = time.monotonic()
+    with pytest.raises(SettingsError) as caught:
+        parse_experiment(text, place="attack.toml")
+    assert message in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
+    assert time.monotonic() - started < 5
+
+
+def test_long_lists_of_names_with_dots_are_fine():
+    scenes = ", ".join(f'"a.b.c.{number}"' for number in range(100))
+    numbers = ", ".join(f"{number}.5" for number in range(100))
+    text = f'name = "x"\n[[trackers]]\nkind = "oracle"\noptions.x = [{numbers}]\n[dataset]\nreader = "folder"\n'
+    assert len(parse_experiment(f"{text}scenes = [\n{scenes}\n]", place="x").dataset.scenes) == 100
+
+
+def test_an_experiment_is_a_regular_file_of_moderate_size(tmp_path):
+    os.mkfifo(tmp_path / "pipe.toml")
+    with pytest.raises(UnknownNameError):
+        load_experiment(tmp_path / "pipe.toml")
+    (tmp_path / "large.toml").write_bytes(b"#" * (2 << 20))
+    with pytest.raises(SettingsError, match=r"large\.toml: cannot be read"):
+        load_experiment(tmp_path / "large.toml")
+    with pytest.raises(SettingsError, match="expected the path of a file or folder"):
+        load_experiment("demo", root=tmp_path / "a\0b")

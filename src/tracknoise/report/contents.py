@@ -98,7 +98,7 @@ def read_contents(report: Path) -> dict[str, Any] | None:
         document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise StoreError(f"{path}: damaged ({error}), expected a table of contents; {_REMEDY}") from error
     if document.get("format") != FORMAT:
         raise StoreError(f"{path}: found format {document.get('format')!r}, expected {FORMAT}; {_REMEDY}")

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, fields
 from enum import StrEnum
 from pathlib import Path
+from string import Formatter
 from urllib.parse import quote
 
 DEFAULT_LIGHTING = "default"
@@ -60,10 +61,14 @@ class SequenceId:
 
         Raises
         ------
-        LookupError, ValueError, AttributeError
-            If there is an unknown placeholder or an unmatched brace.
+        ValueError
+            If there is an unmatched brace, or anything but the name of a placeholder between braces.
         """
-        return Path(template.format(**self.placeholders(), speed=speed))
+        values = {**self.placeholders(), "speed": speed}
+        for _, name, form, conversion in Formatter().parse(template):
+            if name is not None and (name not in values or form or conversion):
+                raise ValueError(f"{{{name}}} is not a placeholder, expected {', '.join(PLACEHOLDERS)}")
+        return Path(template.format(**values))
 
 
 PLACEHOLDERS = (*(field.name for field in fields(SequenceId)), "speed")

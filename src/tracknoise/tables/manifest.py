@@ -123,7 +123,7 @@ class Manifest:
         """
         try:
             is_manifest = isinstance(json.loads(text)["format"], int)
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, RecursionError) as error:
             raise StoreError(f"{place}: damaged ({error}), expected a run's manifest") from error
         if not is_manifest:
             raise StoreError(f"{place}: damaged, expected a run's manifest")
@@ -146,7 +146,7 @@ class Manifest:
                 raise StoreError(f"{place}: format {found}, expected {FORMAT}: {remedy}")
             raw["sequences"] = {key: _entry(**entry) for key, entry in raw["sequences"].items()}
             return cls(**raw)
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise StoreError(f"{place}: damaged ({error}), expected a run's manifest") from error
 
 

@@ -73,6 +73,7 @@ class ReportData:
             If there is no run, or one of its files is missing or damaged.
         """
         tables = {name: run.statistics(name) for name in (*STATISTICS_TABLES, *FINDINGS_TABLES)}
+        run.findings_json()  # the same findings for other programs, which must not be damaged either
         return cls(run=run, manifest=run.manifest(), settings=_settings(run), **tables)
 
     @property

@@ -115,7 +115,7 @@ def execute(
     experiment = resolve(experiment)
     tasks = with_inputs(plan(experiment))
     with hold(run) as claim:
-        manifest, changed = begin(experiment, run, fresh=fresh)
+        manifest, changed = begin(experiment, run, fresh=fresh, remark=listener.remark)
         manifest.excluded_scenes = excluded_scenes(experiment)
         todo = due(tasks, run, manifest)
         forget_outdated(todo, run, manifest, experiment, changed=changed)
@@ -130,7 +130,7 @@ def execute(
             if todo or changed:
                 run.discard_results()
             if changed:
-                run.write_experiment(experiment.to_toml())
+                run.replace_experiment(experiment.to_toml(), manifest)
             results = with_retries(measure, together, retries=retries, retrying=retrying)
             with ManifestWriter(run, manifest) as manifest_writer, closing(results):
                 for batch, result in results:

@@ -8,7 +8,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from tracknoise.exceptions import SchemaError, StoreError
+from tracknoise.exceptions import DataError, SchemaError, StoreError
 from tracknoise.tables import schema
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import FailureEntry, Manifest, SequenceEntry
@@ -139,6 +139,28 @@ def test_keys_are_file_names_and_differ():
     }
     assert len(keys) == 7
     assert not any("/" in key for key in keys)
+
+
+def test_keys_of_long_and_odd_names_are_short_file_names_and_differ():
+    odd = ["x" * 5000, "x" * 5001, "\U0001f600" * 60, "\U0001f600" * 61, "/".join("deep" for _ in range(900))]
+    odd += ["\udcff", "\udcfe", "%FF", "\u00ff", "a\nb", "a\x00b", ".", "..", "-rf", "con", "", "=", "x" * 160 + "="]
+    ids = [SequenceId("d", name) for name in odd] + [SequenceId("d", "s", "x" * 999, camera=name) for name in odd]
+    keys = {name.key for name in ids}
+    assert len(keys) == len(ids)
+    assert max(map(len, keys)) <= 160
+    assert all(key.isascii() and key.isprintable() and "/" not in key for key in keys)
+    whole = SequenceId("d", "x" * 152).key
+    assert len(whole) == 160
+    assert "=" not in whole
+    longer = SequenceId("d", "x" * 153).key
+    assert len(longer) == 160
+    assert longer[-21] == "="
+
+
+def test_a_name_that_is_not_utf8_cannot_be_stored():
+    SequenceId("d", "\U0001f600").require_utf8()
+    with pytest.raises(DataError, match=r"scene '\\udcff': not UTF-8, expected a name"):
+        SequenceId("d", "\udcff").require_utf8()
 
 
 def test_statistics_of_a_run_that_is_not_finished_say_so(run):

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -10,6 +11,7 @@ import tomlkit
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.printable import is_printable
 from tracknoise.tables import defaults
 from tracknoise.tables.enumerations import IntervalKind, Population, TrimAmong
 from tracknoise.tables.identity import Direction
@@ -141,6 +143,24 @@ class Experiment(_Section):
             raise ValueError(f"views must differ in rotation or direction, found {ways}")
         return self
 
+    @model_validator(mode="after")
+    def _texts_are_printable(self) -> Self:
+        self.require_printable()
+        return self
+
+    def require_printable(self) -> None:
+        """Refuse control characters in any text: a name, a path or an option.
+
+        Raises
+        ------
+        ValueError
+            Naming the key.
+        """
+        for key, value in dotted(self.model_dump()):
+            texts = [str(item) for item in (value if isinstance(value, list) else [value])]
+            if not all(map(is_printable, (key, *texts))):
+                raise ValueError(f"{key}: found {value!r}, expected UTF-8 without control characters")
+
     def with_limits(self, *, scenes: int | None, frames: int | None) -> "Experiment":
         """Return a copy with a maximum number of scenes, and of frames per scene; None changes nothing."""
         limits = {"max_scenes": scenes, "max_frames": frames}
@@ -195,6 +215,18 @@ def parse_experiment(text: str, *, place: str) -> Experiment:
         raise SettingsError(f"{place}: {error}, expected TOML") from error
     except ValidationError as error:
         raise SettingsError(f"{place}: {_first_problem(error)}") from error
+
+
+def dotted(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """Every setting with its dotted name."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from dotted(inner, f"{key}.{name}".lstrip("."))
+    elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
+        for position, inner in enumerate(value):
+            yield from dotted(inner, f"{key}[{position}]")
+    else:
+        yield key, value
 
 
 def experiment_schema() -> str:

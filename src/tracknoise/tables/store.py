@@ -16,7 +16,7 @@ from pathlib import Path
 
 import polars as pl
 
-from tracknoise.atomic import unfinished
+from tracknoise.atomic import discard_abandoned, unfinished
 from tracknoise.exceptions import StoreError
 from tracknoise.tables import findings_schema, schema
 from tracknoise.tables.files import (
@@ -219,16 +219,18 @@ class RunFolder:
         return all(is_intact(path, entry.sha256.get(name, "")) for name, path in paths.items())
 
     def discard_unfinished(self) -> None:
-        """Remove unfinished files and folders of a killed process.
+        """Remove unfinished files, and unfinished folders of processes that were killed.
 
         Raises
         ------
         StoreError
             If one cannot be removed.
         """
+        discard_abandoned(self.path)  # reports are written without the lock of the run
         for folder in (".", "statistics", _SNAPSHOTS, *SEQUENCE_TABLES):
             for path in unfinished(self.path / folder):
-                remove(path)
+                if path.is_file():
+                    remove(path)
 
     def discard_results(self) -> None:
         """Remove the report and the tables of the whole run, which are outdated once a sequence is added.

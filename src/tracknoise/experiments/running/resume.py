@@ -1,12 +1,11 @@
 """Start or resume a run: check the run folder, and find the sequences that are still to be measured."""
 
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable
 
 from tracknoise.exceptions import StoreError
 from tracknoise.experiments.running.plan import Task
 from tracknoise.experiments.running.provenance import new_manifest, require_versions
-from tracknoise.experiments.settings import Experiment, parse_experiment
+from tracknoise.experiments.settings import Experiment, dotted, parse_experiment
 from tracknoise.tables.files import digest
 from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.store import RunFolder
@@ -115,7 +114,7 @@ def _has_grown(there: Experiment, wanted: Experiment) -> bool:
 def _check_same(experiment: Experiment, there: Experiment, run: RunFolder) -> None:
     if _has_moved(there, experiment):
         there = there.with_root(experiment.dataset.root)
-    written, wanted = dict(_flat(there.model_dump(mode="json"))), dict(_flat(experiment.model_dump(mode="json")))
+    written, wanted = dict(dotted(there.model_dump(mode="json"))), dict(dotted(experiment.model_dump(mode="json")))
     for key in [*wanted, *written]:
         if written.get(key) != wanted.get(key):
             raise StoreError(
@@ -127,15 +126,3 @@ def _check_same(experiment: Experiment, there: Experiment, run: RunFolder) -> No
 def _has_moved(there: Experiment, wanted: Experiment) -> bool:
     """Whether the data folder of an earlier start no longer exists: the data may have been moved."""
     return there.dataset.root is not None and wanted.dataset.root is not None and not there.dataset.root.exists()
-
-
-def _flat(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
-    """Every setting with its dotted name."""
-    if isinstance(value, dict):
-        for name, inner in value.items():
-            yield from _flat(inner, f"{key}.{name}".lstrip("."))
-    elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
-        for position, inner in enumerate(value):
-            yield from _flat(inner, f"{key}[{position}]")
-    else:
-        yield key, value

@@ -70,7 +70,10 @@ def _objects(body: bytes) -> Iterator[tuple[int, bytes, bytes]]:
 
 
 def _in_order(described: bytes) -> bytes:
-    return _RESOURCES.sub(lambda found: b"".join(sorted(found[0].splitlines(keepends=True), key=_natural)), described)
+    def in_order(found: re.Match[bytes]) -> bytes:
+        return b"".join(sorted(found[0].splitlines(keepends=True), key=_natural))
+
+    return _RESOURCES.sub(in_order, described)
 
 
 def _natural(line: bytes) -> tuple[int, bytes]:

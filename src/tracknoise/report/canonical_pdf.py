@@ -71,7 +71,8 @@ def _objects(body: bytes) -> Iterator[tuple[int, bytes, bytes]]:
 
 def _in_order(described: bytes) -> bytes:
     def in_order(found: re.Match[bytes]) -> bytes:
-        return b"".join(sorted(found[0].splitlines(keepends=True), key=_natural))
+        lines: list[bytes] = bytes(found[0]).splitlines(keepends=True)
+        return b"".join(sorted(lines, key=_natural))
 
     return _RESOURCES.sub(in_order, described)
 

@@ -71,8 +71,8 @@ def _objects(body: bytes) -> Iterator[tuple[int, bytes, bytes]]:
 
 def _in_order(described: bytes) -> bytes:
     def in_order(found: re.Match[bytes]) -> bytes:
-        lines: list[bytes] = bytes(found[0]).splitlines(keepends=True)
-        return b"".join(sorted(lines, key=_natural))
+        lines = sorted(found[0].splitlines(keepends=True), key=_natural)
+        return b"".join(lines)
 
     return _RESOURCES.sub(in_order, described)
 

@@ -66,6 +66,27 @@ def test_mistakes_name_file_key_found_and_expected(text, message):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (MINIMAL + 'name = "a\\u001b[31m"\n', r"x.toml: trackers[0].name: found 'a\x1b[31m', expected UTF-8 without"),
+        (MINIMAL.replace('"x"', '"x\\ny"'), r"x.toml: name: found 'x\ny', expected UTF-8 without control characters"),
+        (MINIMAL + 'options = { "a\\u0000" = 1 }\n', "expected UTF-8 without control characters"),
+        (MINIMAL.replace("[[", 'scenes = ["a", "b\\u202e"]\n[['), r"dataset.scenes: found ['a', 'b\u202e'], expected"),
+    ],
+)
+def test_control_characters_are_refused(text, message):
+    with pytest.raises(SettingsError, match=re.escape(message)):
+        parse_experiment(text, place="x.toml")
+
+
+@pytest.mark.parametrize("root", ["/da\nta", "/data\udcff"])
+def test_a_folder_that_cannot_be_recorded_is_refused(root):
+    experiment = parse_experiment(MINIMAL, place="x.toml").with_root(Path(root))
+    with pytest.raises(SettingsError, match=r"dataset\.root: found .*, expected UTF-8 without control characters"):
+        resolve(experiment)
+
+
 def test_an_unknown_kind_of_truth_lists_the_known_ones():
     experiment = parse_experiment(MINIMAL + '[truth]\nkind = "raycats"\n', place="x.toml")
     expected = r"^truth\.kind: unknown kind of truth 'raycats' \(did you mean 'raycast'\?\); known: birth"

@@ -4,6 +4,7 @@ import hashlib
 import json
 import re
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -12,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from tracknoise.checks import MOST_LEVELS, require_storable
 from tracknoise.exceptions import SettingsError, UnknownNameError, first_line
+from tracknoise.printable import is_printable
 from tracknoise.tables import defaults
 from tracknoise.tables.enumerations import IntervalKind, Population, TrimAmong, Trimming
 from tracknoise.tables.identity import Direction
@@ -149,6 +151,24 @@ class Experiment(_Section):
             raise ValueError(f"views must differ in rotation or direction, found {ways}")
         return self
 
+    @model_validator(mode="after")
+    def _texts_are_printable(self) -> Self:
+        self.require_printable()
+        return self
+
+    def require_printable(self) -> None:
+        """Refuse control characters in any text: a name, a path or an option.
+
+        Raises
+        ------
+        ValueError
+            Naming the key.
+        """
+        for key, value in dotted(self.model_dump()):
+            texts = [str(item) for item in (value if isinstance(value, list) else [value])]
+            if not all(map(is_printable, (key, *texts))):
+                raise ValueError(f"{key}: found {value!r}, expected UTF-8 without control characters")
+
     def with_limits(self, *, scenes: int | None, frames: int | None) -> "Experiment":
         """Return a copy with a maximum number of scenes, and of frames per scene; None changes nothing."""
         limits = {"max_scenes": scenes, "max_frames": frames}
@@ -225,6 +245,18 @@ def _require_short_keys(text: str) -> None:
         for part in _NO_KEY.split(_QUOTED.sub("", line)):
             if part.count(".") > _MOST_DOTS:
                 raise ValueError(f"line {number}: a key of {part.count('.') + 1} parts, expected at most {MOST_LEVELS}")
+
+
+def dotted(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """Every setting with its dotted name."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from dotted(inner, f"{key}.{name}".lstrip("."))
+    elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
+        for position, inner in enumerate(value):
+            yield from dotted(inner, f"{key}[{position}]")
+    else:
+        yield key, value
 
 
 def experiment_schema() -> str:

@@ -117,7 +117,7 @@ def execute(
     experiment = resolve(experiment)
     tasks = with_inputs(plan(experiment))
     with hold(run) as claim, claim.explained():
-        manifest, changed = begin(experiment, run, fresh=fresh)
+        manifest, changed = begin(experiment, run, fresh=fresh, remark=listener.remark)
         manifest.excluded_scenes = excluded_scenes(experiment)
         todo = due(tasks, run, manifest)
         forget_outdated(todo, run, manifest, experiment)
@@ -131,8 +131,7 @@ def execute(
 
         with _crew(job, together, listener, workers=workers, scheduler=scheduler) as measure:
             if changed:
-                run.write_manifest(manifest)  # first: statistics of other settings of findings are outdated
-                run.write_experiment(experiment.to_toml())
+                run.replace_experiment(experiment.to_toml(), manifest)
             results = with_retries(measure, together, retries=retries, retrying=retrying)
             with ManifestWriter(run, manifest, claim) as manifest_writer, closing(results):
                 for batch, result in results:

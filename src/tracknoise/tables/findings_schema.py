@@ -99,6 +99,23 @@ GAUSSIANITY: Schema = {
     "student_scale_px": pl.Float64,
     "mixture_share": pl.Float64,
     "mixture_ratio": pl.Float64,
+    "skewness_within": pl.Float64,
+    "kurtosis_within": pl.Float64,
+    "kurtosis_within_low": pl.Float64,
+    "kurtosis_within_high": pl.Float64,
+    "tail_99_within": pl.Float64,
+    "gain_student_within_nats": pl.Float64,
+    "gain_student_within_low": pl.Float64,
+    "gain_student_within_high": pl.Float64,
+    "gain_mixture_within_nats": pl.Float64,
+    "gain_mixture_within_low": pl.Float64,
+    "gain_mixture_within_high": pl.Float64,
+    "gain_scales_nats": pl.Float64,
+    "gain_scales_low": pl.Float64,
+    "gain_scales_high": pl.Float64,
+    "student_nu_within": pl.Float64,
+    "mixture_share_within": pl.Float64,
+    "mixture_ratio_within": pl.Float64,
     "kind": INTERVAL_KIND,
     "level": pl.Float64,
     "resampled": RESAMPLED,
@@ -111,6 +128,9 @@ skewness and kurtosis are Mardia's b1 and b2 (0 and 8 for a Gaussian in two dime
 tail_999 P(d2 > 13.82) / 0.001. Gains are held-out log-likelihood per observation over a Gaussian, nats. All are of
 errors in units of the mean and covariance of their age. student_scale_px is the scale of one coordinate at a typical
 age; mixture_share is the share of the wider component, mixture_ratio how many times larger its covariance is.
+
+Columns with `_within` are of errors in units of the mean and covariance of their own scene, and the verdict is about
+these. gain_scales is what the different scales of scenes add: Student's gain less that within scenes.
 """
 
 RADII: Schema = {

@@ -82,9 +82,7 @@ def _tables(
     shapes = gaussianity(read.moments, run.sequence_tables("samples"), **options)
     return {
         **pooled,
-        "intervals": _intervals(
-            read, experiment, _keeping(read.aspects, lived, lambda table: table.filter(LONG_LIVED))
-        ),
+        "intervals": _intervals(read, experiment, aspects),
         "zero_mean": zero_mean(read.moments, statistics["curves"], key_frames=zeros, population=population),
         "gaussianity": shapes.gaussianity,
         "radii": shapes.radii,

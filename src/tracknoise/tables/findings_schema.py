@@ -63,6 +63,7 @@ ZERO_MEAN: Schema = {
     "hotelling_p_adjusted": pl.Float64,
     "sign_flip_p": pl.Float64,
     "sign_flip_p_adjusted": pl.Float64,
+    "sign_flip_p_family": pl.Float64,
     "iid_p": pl.Float64,
     "verdict": VERDICT,
     "why": pl.String,
@@ -71,8 +72,9 @@ ZERO_MEAN: Schema = {
 
 effect_px is the length of the mean, share_of_second its square over the trace of the second moment about zero. Adjusted
 p-values are over the ages of a condition: Hotelling's by Holm, that of the sign flips by the largest statistic of each
-flip. iid_p is the p-value of a test that assumes independent features. The verdict `yes` means that the mean differs
-from zero, `undecided` that it may or may not.
+flip. sign_flip_p_family is over all ages of all conditions of the dataset, and the verdict is about it. iid_p is the
+p-value of a test that assumes independent features. The verdict `yes` means that the mean differs from zero,
+`undecided` that it may or may not.
 """
 
 GAUSSIANITY: Schema = {

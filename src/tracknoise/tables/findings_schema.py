@@ -147,7 +147,8 @@ RADII: Schema = {
 """Radial QQ plot: quantiles of the Mahalanobis distance, observed and of a Gaussian of the same covariance."""
 
 _GROWTH = (
-    *("white_px", "walk_px_per_sqrt_frame", "drift_px_per_frame", "saturating_px", "saturating_frames"),
+    *("white_px", "walk_px_per_sqrt_frame", "drift_px_per_frame"),
+    *("saturating_white_px", "saturating_px", "saturating_frames"),
     *("white_px_geometric", "walk_px_per_sqrt_frame_geometric", "drift_px_per_frame_geometric"),
     *("autocorrelation", "autocorrelation_2", "autocorrelation_3", "autocorrelation_4", "autocorrelation_5"),
 )
@@ -169,8 +170,8 @@ TIME_STRUCTURE: Schema = {
 """How errors grow with age: the second moment about zero fitted as white^2 + walk^2 k + drift^2 k^2.
 
 white_px, walk_px_per_sqrt_frame and drift_px_per_frame are of all errors together, so that every feature counts alike.
-Those with `_geometric` are geometric means over scenes: the sizes in a scene of typical scale. saturating_px and
-saturating_frames are the size and the time constant of white^2 + size^2 (1 - exp(-k / tau)), and null where the
+Those with `_geometric` are geometric means over scenes: the sizes in a scene of typical scale. saturating_white_px,
+saturating_px and saturating_frames are white, size and tau of white^2 + size^2 (1 - exp(-k / tau)), and null where the
 polynomial agrees with the data. autocorrelation is that of the changes at one step of the tracker, about zero;
 autocorrelation_2 to autocorrelation_5 are those at 2 to 5 steps. coordinate is u or v. white_px is the root of the
 constant term: sqrt(2) times the noise of a single position, if the first position is as noisy as the others.

@@ -56,8 +56,8 @@ class Growth:
     Attributes
     ----------
     sizes
-        By term: white and saturating (px), walk (px per sqrt(frame)), drift (px per frame), and the time_constant
-        (frames), of all errors together. Those of (saturating) are there where it was fitted.
+        By term, of all errors together: white, saturating_white and saturating (px), walk (px per sqrt(frame)), drift
+        (px per frame), and time_constant (frames). Those of (saturating) are there where it was fitted.
     geometric
         Of the terms of the polynomial: geometric means over scenes.
     polynomial, saturating
@@ -103,24 +103,25 @@ def behaves(growth: Growth, changes: Changes) -> tuple[Behaviour, str]:
     if growth.loss is not None and growth.loss.refused:
         return Behaviour.undecided, _lost(growth.loss)
     if not growth.polynomial.agreement.refused:
-        return _dominated(growth, changes, growth.polynomial)
+        return _dominated(growth.sizes, changes, growth.polynomial)
     if growth.saturating is None or growth.saturating.agreement.refused:
         return Behaviour.none, f"none of the models fits: {_missed(growth.polynomial.agreement)}"
     constant = growth.sizes["time_constant"]
     if not constant.below(growth.longest):
         seen = f"the time constant is {format_estimate(constant)}, and ages are up to {number(int(growth.longest))}"
         return Behaviour.undecided, f"errors grow more slowly than a random walk, but not how: {seen}"
-    return _dominated(growth, changes, growth.saturating)
+    sizes = {**growth.sizes, "white": growth.sizes["saturating_white"]}
+    return _dominated(sizes, changes, growth.saturating)
 
 
-def _dominated(growth: Growth, changes: Changes, model: Model) -> tuple[Behaviour, str]:
+def _dominated(sizes: Mapping[str, Estimate], changes: Changes, model: Model) -> tuple[Behaviour, str]:
     """The term that dominates a model."""
     terms = list(model.shares)
     for term in terms:
-        if model.shares[term].above(MAJORITY) and growth.sizes[term].above(0.0):
-            besides = [other for other in terms if other != term and growth.sizes[other].above(0.0)]
-            others = [f"; also {_BESIDES[other]} of {_size(growth, other)}" for other in besides]
-            return _BEHAVIOURS[term], _reason(growth, changes, term, mostly=bool(besides)) + "".join(others)
+        if model.shares[term].above(MAJORITY) and sizes[term].above(0.0):
+            besides = [other for other in terms if other != term and sizes[other].above(0.0)]
+            others = [f"; also {_BESIDES[other]} of {format_estimate(sizes[other])}" for other in besides]
+            return _BEHAVIOURS[term], _reason(sizes, changes, term, mostly=bool(besides)) + "".join(others)
     shares = ", ".join(f"{_BEHAVIOURS[term]} {format_as(model.shares[term], percent)}" for term in terms)
     return Behaviour.undecided, f"the intervals do not show which term dominates the second moment: {shares}"
 
@@ -148,28 +149,24 @@ def _missed(agreement: Agreement) -> str:
     return "; ".join(parts)
 
 
-def _reason(growth: Growth, changes: Changes, term: str, *, mostly: bool) -> str:
+def _reason(sizes: Mapping[str, Estimate], changes: Changes, term: str, *, mostly: bool) -> str:
     if term == "white":
-        return _white(growth, changes.autocorrelation, mostly=mostly)
-    reason = f"{_BEHAVIOURS[term]}: {_size(growth, term)}"
+        return _white(sizes["white"], changes.autocorrelation, mostly=mostly)
+    reason = f"{_BEHAVIOURS[term]}: {format_estimate(sizes[term])}"
     if term == "saturating":
-        return f"{reason} with a time constant of {format_estimate(growth.sizes['time_constant'])}"
+        return f"{reason} with a time constant of {format_estimate(sizes['time_constant'])}"
     if term == "drift" and changes.mean_px_per_frame is not None:
         return f"{reason}; the mean changes by {number(changes.mean_px_per_frame)}{SPACE}px per frame"
     return reason
 
 
-def _white(growth: Growth, related: Estimate | None, *, mostly: bool) -> str:
-    reason = f"{'mostly ' if mostly else ''}constant: {_size(growth, 'white')}"
+def _white(size: Estimate, related: Estimate | None, *, mostly: bool) -> str:
+    reason = f"{'mostly ' if mostly else ''}constant: {format_estimate(size)}"
     if related is not None and related.below(_INDEPENDENT):
         return f"{reason}, independent from frame to frame"
     if related is not None and related.above(_INDEPENDENT):
         return f"{reason}, mostly the same offset from frame to frame"
     return reason
-
-
-def _size(growth: Growth, term: str) -> str:
-    return format_estimate(growth.sizes[term])
 
 
 def _two(value: float) -> str:

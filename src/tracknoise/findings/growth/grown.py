@@ -17,7 +17,7 @@ from tracknoise.findings.sampling.units import Units
 
 Array = NDArray[np.float64]
 Sizes = Mapping[str, Estimate]
-"""By term: white, saturating (px), walk (px per sqrt(frame)), drift (px per frame) and time_constant (frames)."""
+"""By term: white, saturating_white and saturating (px), walk, drift (`TERM_UNITS`), and time_constant (frames)."""
 
 MIN_AGES = 4
 """Fewest ages of a fit."""
@@ -64,7 +64,7 @@ def pooled_sizes(units: Units, weights: Array, ages: NDArray[np.bool_], method: 
 
 
 def pooled_saturating(units: Units, weights: Array, ages: NDArray[np.bool_], method: Method) -> tuple[Sizes, Sizes]:
-    """Size and time constant of (saturating) of u and of v, of all errors together.
+    """Sizes and time constant of (saturating) of u and of v, of all errors together.
 
     Parameters
     ----------
@@ -73,7 +73,12 @@ def pooled_saturating(units: Units, weights: Array, ages: NDArray[np.bool_], met
     """
 
     def named(found: list[Estimate]) -> Sizes:
-        return {"saturating": _root(found[1], found[1], unit="px"), "time_constant": replace(found[2], unit="frames")}
+        white, size, constant = found
+        return {
+            "saturating_white": _root(white, white, unit="px"),
+            "saturating": _root(size, size, unit="px"),
+            "time_constant": replace(constant, unit="frames"),
+        }
 
     u, v = _pooled(units, weights, ages, method, fit_saturating)
     return named(u), named(v)

@@ -46,6 +46,7 @@ _COLUMNS = {
     "white": "white_px",
     "walk": "walk_px_per_sqrt_frame",
     "drift": "drift_px_per_frame",
+    "saturating_white": "saturating_white_px",
     "saturating": "saturating_px",
     "time_constant": "saturating_frames",
 }

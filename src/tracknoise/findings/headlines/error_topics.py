@@ -53,7 +53,7 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
 
 
 def _zero_or_not(mean: str, overall: Mapping[str, Any]) -> str:
-    p = overall["sign_flip_p"] if overall["sign_flip_p_adjusted"] is None else overall["sign_flip_p_adjusted"]
+    p = overall["sign_flip_p_family"]
     test = "" if p is None else f" ({chance(p)}, {overall['n_scenes']} scenes)"
     if overall["verdict"] == Verdict.yes:
         return f"{sentence_case(mean)} is not zero{test}."

@@ -43,7 +43,6 @@ def intervals(tables: Mapping[str, pl.DataFrame], *, population: str) -> pl.Data
     scalars = {
         "outlier_ratio": (tables["outliers"].with_columns(value="pooled_ratio"), "share"),
         "median_lifetime": (halves, "frames"),
-        "interpolated_median_lifetime": (halves.with_columns(value=pl.col("value") - 0.25), "frames"),
         "mean_lifetime": (mean_lifetime(lifetimes).with_columns(value="mean_lifetime"), "frames"),
     }
     parts += [table.with_columns(statistic=pl.lit(name), unit=pl.lit(unit)) for name, (table, unit) in scalars.items()]

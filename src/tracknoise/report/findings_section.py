@@ -7,7 +7,6 @@ import polars as pl
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions, curve_bounds, scalar_bounds
-from tracknoise.findings.intervals.scalar_bounds import INTERPOLATED
 from tracknoise.findings.wording import DASH, SPACE, chance
 from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
@@ -33,7 +32,7 @@ def verdicts(data: ReportData) -> Cells:
     groups = [("", 3), ("rms (px)", 2), ("mean", 1), ("Gaussian?", 1 + dropped), ("growth", 2), ("", 2)]
     rows = [_row(data, tracker, speed) for tracker in data.trackers for speed in data.speeds]
     trimmed = "Errors are trimmed unless the heading says otherwise. " if dropped else ""
-    caption = f"Verdicts{data.where}. {trimmed}Median lifetimes are interpolated between whole frames."
+    caption = f"Verdicts{data.where}. {trimmed}Median lifetimes are Kaplan-Meier estimates in whole frames."
     shown = [row for row in rows if row]
     return Cells(caption, headings, shown, [False, True, True, *[False] * (len(headings) - 3)], groups)
 
@@ -106,10 +105,11 @@ def _outliers(data: ReportData, conditions: ReportedConditions, tracker: str) ->
 
 
 def _median_lifetime(data: ReportData, conditions: ReportedConditions, tracker: str) -> str:
-    """Interpolated, so that conditions differ visibly where they differ by less than a frame."""
-    rows = conditions.of(data.intervals, tracker).filter(statistic=f"{INTERPOLATED}median_lifetime")
-    row = _first(rows.drop_nulls("value"))
-    return DASH if row is None else format_estimate(Estimate.of_row(row, "value", "low", "high", "frames"))
+    value = conditions.of(data.summary, tracker)["median_lifetime"][0]
+    if value is None:
+        return DASH
+    bounds = scalar_bounds(conditions.of(data.intervals, tracker), "median_lifetime")
+    return format_estimate(Estimate.of(value, bounds, "frames"))
 
 
 def _first(rows: pl.DataFrame) -> dict[str, Any] | None:

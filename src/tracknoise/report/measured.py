@@ -196,6 +196,9 @@ def summary(data: ReportData) -> Cells:
         "n_tracks": "tracks",
         "mean_lifetime": "mean",
         "median_lifetime": "KM median",
+        "restricted_to": "horizon",
+        "restricted_mean_lifetime": "KM mean to horizon",
+        "median_until_failure": "KM median until failure",
         "outlier_ratio": "outliers",
         "at": axis.name,
     }
@@ -206,7 +209,7 @@ def summary(data: ReportData) -> Cells:
         for value, sign in signs.items()
         for coordinate in "uv"
     }
-    groups = [("", len(conditions) + 1), ("lifetime (frames)", 2), ("", 2), ("trimmed (px)", 6), ("untrimmed (px)", 6)]
+    groups = [("", len(conditions) + 1), ("lifetime (frames)", 5), ("", 2), ("trimmed (px)", 6), ("untrimmed (px)", 6)]
     table = data.in_order(data.listed(data.summary))
     caption = f"Key numbers of every condition{_chosen(data)}"
     return cells(table, {**conditions, **lived, **errors}, caption, groups=groups)

@@ -38,7 +38,7 @@ class ReportData:
         State of the run, and its resolved experiment.
     curves, lifetimes, outliers, trims, errors, counts, summary, effects, aspect_curves, changes
         Its pooled tables.
-    intervals, zero_mean, gaussianity, radii, time_structure, dependence, findings
+    intervals, incidence, zero_mean, gaussianity, radii, time_structure, dependence, findings
         Its findings. These tables have no rows where findings were not computed.
     """
 
@@ -56,6 +56,7 @@ class ReportData:
     aspect_curves: pl.DataFrame
     changes: pl.DataFrame
     intervals: pl.DataFrame
+    incidence: pl.DataFrame
     zero_mean: pl.DataFrame
     gaussianity: pl.DataFrame
     radii: pl.DataFrame

@@ -7,7 +7,7 @@ from typing import Any, Self
 from tracknoise.exceptions import StoreError
 from tracknoise.tables.identity import Direction, SequenceId
 
-FORMAT = 5
+FORMAT = 6
 
 
 @dataclass(frozen=True, slots=True)

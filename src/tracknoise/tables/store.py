@@ -58,6 +58,7 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "aspect_curves": schema.ASPECT_CURVES,
     "changes": schema.CHANGES,
     "intervals": findings_schema.INTERVALS,
+    "incidence": findings_schema.INCIDENCE,
     "zero_mean": findings_schema.ZERO_MEAN,
     "gaussianity": findings_schema.GAUSSIANITY,
     "radii": findings_schema.RADII,

@@ -13,6 +13,7 @@ from tracknoise.findings.growth.time_structure import ONE_STEP, time_structure
 from tracknoise.findings.headlines.document import findings_json
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.table import headline_table
+from tracknoise.findings.intervals.incidence import incidence_table
 from tracknoise.findings.intervals.table import interval_table
 from tracknoise.findings.shape.gaussianity import gaussianity
 from tracknoise.findings.zero_mean import zero_mean
@@ -78,6 +79,7 @@ def _tables(
     return {
         **pooled,
         "intervals": _intervals(read, experiment),
+        "incidence": incidence_table(read.ends, kind=asked.intervals, level=asked.level),
         "zero_mean": zero_mean(read.moments, statistics["curves"], key_frames=zeros, population=population),
         "gaussianity": shapes.gaussianity,
         "radii": shapes.radii,

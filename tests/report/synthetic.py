@@ -16,6 +16,7 @@ import polars as pl
 
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.statistics.change_curves import change_curves
+from tracknoise.statistics.cores import cores
 from tracknoise.statistics.counts import merge_counts
 from tracknoise.statistics.curves import aspect_curves, curves
 from tracknoise.statistics.effects import effects
@@ -31,7 +32,7 @@ from tracknoise.tables.schema import FRAME_COUNTS, OBSERVATIONS, ORIGIN, POSES, 
 from tracknoise.tables.store import OBSERVED, SEQUENCE_TABLES, RunFolder
 
 WIDTH, HEIGHT = 160, 120
-_UNREAD = ("blocks", "aspect_blocks", "samples")
+_UNREAD = ("blocks", "scale_blocks", "aspect_blocks", "samples")
 """Tables that only findings are made of, which are made up here."""
 SMALL: dict[str, object] = {
     "scenes": ("fixating", "forward"),
@@ -250,8 +251,10 @@ def _labelled(table: pl.DataFrame, origin: Sequence[Any]) -> pl.DataFrame:
 
 
 def _write_statistics(run: RunFolder, world: World) -> None:
+    pooled = curves(pl.concat(run.sequence_tables("moments")), min_features=world.min_features)
     made = {
-        "curves": curves(pl.concat(run.sequence_tables("moments")), min_features=world.min_features),
+        "curves": pooled,
+        "cores": cores(run.sequence_tables("scales"), pooled),
         "lifetimes": lifetimes_of_ends(run.sequence_tables("ends")),
         "outliers": outlier_ratios(run.sequence_tables("frames")),
         "trims": pl.concat(run.sequence_tables("trims")),
@@ -262,6 +265,7 @@ def _write_statistics(run: RunFolder, world: World) -> None:
         made["curves"],
         made["lifetimes"],
         made["outliers"],
+        cores=made["cores"],
         key_frame=world.key_frame or 0,
         population=world.population,
     )

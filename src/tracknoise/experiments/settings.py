@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.tables import defaults
-from tracknoise.tables.enumerations import IntervalKind, Population, TrimAmong
+from tracknoise.tables.enumerations import IntervalKind, Population, TrimAmong, Trimming
 from tracknoise.tables.identity import Direction
 from tracknoise.truth.scan_rule import ScanAnchoring
 
@@ -98,6 +98,9 @@ class StatisticsSettings(_Section):
 class FindingsSettings(_Section):
     """Margin, level and intervals of findings. They can be changed without measuring again."""
 
+    trimming: Annotated[Trimming, Field(strict=False)] = defaults.TRIMMING
+    """Errors that headlines and verdicts are about: of all tracks (`untrimmed`), or of those that trimming kept
+    (`trimmed`), as in the paper. Trimmed errors depend on how many tracks are lost, and on the length of sequences."""
     margin: Annotated[float, Field(gt=0, allow_inf_nan=False)] = defaults.MARGIN
     """Largest relative effect of a factor that counts as no effect."""
     level: Annotated[float, Field(ge=0.5, le=0.99)] = defaults.LEVEL

@@ -15,6 +15,7 @@ from tracknoise.statistics.lifetimes import count_ends
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.samples import samples
+from tracknoise.statistics.scales import scale_blocks, scales
 from tracknoise.statistics.trimming import trim
 from tracknoise.tables.defaults import POPULATION, TRIM_AMONG
 from tracknoise.tables.enumerations import Population
@@ -26,7 +27,9 @@ STATISTICS: Mapping[str, Callable[[PreparedSequence], pl.DataFrame]] = MappingPr
         "counts": counts,
         "ends": lambda sequence: count_ends(sequence.tracks),
         "errors": lambda sequence: error_histogram(sequence.tracks),
+        "scales": scales,
         "blocks": block_moments,
+        "scale_blocks": scale_blocks,
         "aspects": aspects,
         "aspect_blocks": aspect_blocks,
         "increments": increments,

@@ -8,7 +8,7 @@ from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
 from tracknoise.statistics.populations import POPULATIONS
 from tracknoise.tables.defaults import POPULATION
 from tracknoise.tables.enumerations import Axis, Weighting
-from tracknoise.tables.schema import CURVES, OUTLIERS, SUMMARY, TRIMMING, check
+from tracknoise.tables.schema import CORES, CURVES, OUTLIERS, SUMMARY, TRIMMING, check, empty
 
 
 def summary(
@@ -16,6 +16,7 @@ def summary(
     lifetimes: pl.DataFrame,
     outliers: pl.DataFrame,
     *,
+    cores: pl.DataFrame | None = None,
     age: int = REFERENCE_AGE,
     key_frame: int = 0,
     population: str = POPULATION,
@@ -26,6 +27,8 @@ def summary(
     ----------
     curves, lifetimes, outliers
         What the functions of these names (`outlier_ratios` for the last) returned for the same scenes.
+    cores
+        What `tracknoise.statistics.cores.cores` made of these scenes; without it there are no cores.
     age
         The reference age of a condition is the largest one from 1 to this, in frames of the nominal sequence, at which
         neither its trimmed nor its untrimmed curves are cut. It differs between speeds whose frames do not coincide.
@@ -41,7 +44,7 @@ def summary(
     polars.DataFrame
         Schema `SUMMARY`, sorted by condition: every condition of any of the three tables. `outliers` has every
         condition that was measured. A condition without features has 0 tracks. Other missing values are null, and so
-        are errors if every age is cut. Features are pooled over scenes.
+        are errors if every age is cut. Features are pooled over scenes, except for core and beyond, see `CORES`.
 
     Raises
     ------
@@ -58,7 +61,9 @@ def summary(
     lived = mean_lifetime(lifetimes).join(median_survival(lifetimes), on=POOLED)
     rejected = check(outliers, OUTLIERS, "outliers").select(*POOLED, outlier_ratio="pooled_ratio")
     scenes = lifetimes.group_by(POOLED).agg(pl.col("n_scenes").max())
-    parts = [scenes, lived, rejected, _at_reference(points)]
+    scales = check(empty(CORES) if cores is None else cores, CORES, "cores").filter(population=population)
+    errors = _with_cores(_at_reference(points), scales)
+    parts = [scenes, lived, rejected, errors]
     table = pl.concat([part.select(POOLED) for part in (*parts, curves)]).unique()
     for part in parts:
         table = table.join(part, on=POOLED, how="left")
@@ -72,6 +77,16 @@ def _at_reference(points: pl.DataFrame) -> pl.DataFrame:
     places = points.group_by(*POOLED, "axis", "at").agg(usable=usable).filter("usable")
     reference = places.group_by(*POOLED, "axis").agg(at=pl.col("at").max())
     return points.join(reference, on=[*POOLED, "axis", "at"]).group_by(*POOLED, "axis", "at").agg(**_columns())
+
+
+def _with_cores(errors: pl.DataFrame, cores: pl.DataFrame) -> pl.DataFrame:
+    """Errors at the reference, with the robust scales there."""
+    names = ("core_u_px", "core_v_px", "beyond_u", "beyond_v")
+    place = [*POOLED, "axis", "at"]
+    for trimming in TRIMMING.categories:
+        found = cores.filter(trimming=trimming).select(*place, pl.col(names).name.prefix(f"{trimming}_"))
+        errors = errors.join(found, on=place, how="left")
+    return errors
 
 
 def _columns() -> dict[str, pl.Expr]:

@@ -1,11 +1,13 @@
 """Defaults of what an experiment may set, each written once: settings, functions and the report all use these."""
 
-from tracknoise.tables.enumerations import IntervalKind, Population, TrimAmong
+from tracknoise.tables.enumerations import IntervalKind, Population, TrimAmong, Trimming
 
 POPULATION = Population.visible
 TRIM_PERCENTILE = 90.0
 """Percentile of the largest errors of tracks above which tracks are dropped."""
-TRIM_AMONG = TrimAmong.all
+TRIM_AMONG = TrimAmong.followed
+TRIMMING = Trimming.untrimmed
+"""Errors that headlines and verdicts are about."""
 MIN_FEATURES = 100
 """Curves are cut where fewer features than this remain."""
 SCAN_RADIUS_PX = 0.25

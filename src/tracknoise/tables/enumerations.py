@@ -38,10 +38,15 @@ class TrimAmong(StrEnum):
 
 
 class Weighting(StrEnum):
-    """What has equal weight in a mean: each feature, or each scene."""
+    """How scenes are combined.
+
+    features: pooled, so that every feature has the same weight. scenes: mean over scenes of each scene's own value.
+    geometric: geometric mean over scenes of each scene's own value, which is defined for scales only.
+    """
 
     features = "features"
     scenes = "scenes"
+    geometric = "geometric"
 
 
 class Verdict(StrEnum):
@@ -70,9 +75,16 @@ class EffectIntervalKind(StrEnum):
 
 
 class Resampled(StrEnum):
-    """Units that intervals resample: scenes or, if there are too few, blocks of tracks within scenes."""
+    """Units that intervals resample.
+
+    scenes: independent scenes. groups: groups of scenes that are not independent of each other. within: scenes within
+    their groups, so that intervals hold for these groups only. blocks: blocks of tracks within scenes, so that
+    intervals hold for these scenes only.
+    """
 
     scenes = "scenes"
+    groups = "groups"
+    within = "within"
     blocks = "blocks"
 
 

@@ -209,6 +209,28 @@ later. `at_least` is null for the other aspects.
 ASPECT_BLOCKS: Schema = {"aspect": ASPECT, "at_least": pl.UInt32, **BLOCKS}
 """Moments as in `ASPECTS`, and of changes (aspect `change`, see `INCREMENTS`), by blocks of tracks."""
 
+SCALES: Schema = {
+    **ORIGIN,
+    "population": POPULATION,
+    "trimming": TRIMMING,
+    "axis": AXIS,
+    "at": pl.UInt32,
+    "n": pl.Int64,
+    "core_u_px": pl.Float64,
+    "core_v_px": pl.Float64,
+    "beyond_u": pl.Int64,
+    "beyond_v": pl.Int64,
+}
+"""Robust scale of the errors of a scene at one age, or in one frame.
+
+core is 1.4826 times the median absolute error: the sigma of the Gaussian that has this median. beyond counts the errors
+that are larger than three cores. All are null where there are too few errors
+(`tracknoise.statistics.scales.LEAST_ERRORS`).
+"""
+
+SCALE_BLOCKS: Schema = {**SCALES, "block": pl.UInt8}
+"""Robust scales as in `SCALES`, by blocks of tracks that began at similar times."""
+
 ENDS: Schema = {
     **ORIGIN,
     "block": pl.UInt8,
@@ -273,6 +295,27 @@ CURVES: Schema = {
 """nu (px), eta (px), Phi (px^2) and central covariance (px^2) by age, or mu, kappa, Sigma and central by frame.
 
 cut marks ages or frames with too few features.
+"""
+
+CORES: Schema = {
+    "dataset": pl.String,
+    **CONDITION,
+    "population": POPULATION,
+    "trimming": TRIMMING,
+    "axis": AXIS,
+    "at": pl.UInt32,
+    "n": pl.Int64,
+    "n_scenes": pl.Int32,
+    "core_u_px": pl.Float64,
+    "core_v_px": pl.Float64,
+    "beyond_u": pl.Float64,
+    "beyond_v": pl.Float64,
+    "cut": pl.Boolean,
+}
+"""Robust scale of errors by age or frame: the geometric mean over scenes of each scene's own `SCALES`.
+
+beyond is the share of errors that are larger than three cores of their own scene, features pooled; that of a Gaussian
+is 0.0027. n and n_scenes count the features and scenes of these values. cut is that of `CURVES`.
 """
 
 ASPECT_CURVES: Schema = {"aspect": ASPECT, "at_least": pl.UInt32, **CURVES}
@@ -379,14 +422,16 @@ SUMMARY: Schema = {
     **{
         f"{trimming}_{value}": pl.Int64 if value == "n" else pl.Float64
         for trimming in TRIMMING.categories
-        for value in ("n", *(f"{statistic}_{axis}_px" for statistic in ("nu", "eta", "rms") for axis in "uv"))
+        for value in ("n", *(f"{statistic}_{axis}_px" for statistic in ("nu", "eta", "rms", "core") for axis in "uv"))
     },
+    **{f"{trimming}_beyond_{axis}": pl.Float64 for trimming in TRIMMING.categories for axis in "uv"},
 }
 """One row per condition: lifetimes (frames its tracker saw), outlier ratio, and errors at one age or frame.
 
 rms is the square root of Phi or Sigma. Ages and frames are those of the nominal sequence, and n is the number of
-features there. If the axis is the frame, nu and eta are mu and kappa. Restricted means are of min(lifetime,
-restricted_to). The horizon restricted_to is the same in all rows of a data set and speed.
+features there. If the axis is the frame, nu and eta are mu and kappa. nu, eta and rms are of all features pooled; core
+and beyond are those of `CORES`. Restricted means are of min(lifetime, restricted_to). The horizon restricted_to is the
+same in all rows of a data set and speed.
 """
 
 EFFECTS: Schema = {

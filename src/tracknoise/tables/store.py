@@ -36,7 +36,9 @@ SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "counts": schema.COUNTS,
     "ends": schema.ENDS,
     "errors": schema.ERRORS,
+    "scales": schema.SCALES,
     "blocks": schema.BLOCKS,
+    "scale_blocks": schema.SCALE_BLOCKS,
     "aspects": schema.ASPECTS,
     "aspect_blocks": schema.ASPECT_BLOCKS,
     "increments": schema.INCREMENTS,
@@ -46,6 +48,7 @@ OBSERVED = ("observations", "tracks")
 """Tables of a sequence that grow with its observations. No table of the whole run is computed from them."""
 STATISTICS_TABLES: Mapping[str, schema.Schema] = {
     "curves": schema.CURVES,
+    "cores": schema.CORES,
     "lifetimes": schema.LIFETIMES,
     "outliers": schema.OUTLIERS,
     "trims": schema.TRIMS,

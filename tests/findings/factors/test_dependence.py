@@ -14,7 +14,7 @@ from tracknoise.statistics.factors import ReferenceCondition
 from tracknoise.statistics.lifetimes import lifetimes_of_ends
 from tracknoise.statistics.outliers import outlier_ratios
 from tracknoise.tables.findings_schema import DEPENDENCE
-from tracknoise.tables.schema import CURVES, EFFECTS, ENDS, FRAME_COUNTS, MOMENTS, TRACKS, empty
+from tracknoise.tables.schema import CURVES, EFFECTS, ENDS, FRAME_COUNTS, LIFETIMES, MOMENTS, TRACKS, empty
 
 CONDITION = {
     "dataset": "d",

@@ -25,13 +25,13 @@ class FindingInputs:
 
     Attributes
     ----------
-    moments
+    moments, scales
         Of the visible observations, and of those that the experiment is about.
     aspects, changes
         Of the reference view at the lowest speed, which figures show; aspects are read on demand, once.
     aspect_blocks
         Of these, where scenes are too few to be resampled.
-    blocks
+    blocks, scale_blocks
         Where they are.
     ends
         By block there, otherwise of all blocks together, as block 0.
@@ -40,10 +40,12 @@ class FindingInputs:
     """
 
     moments: TablesByCondition
+    scales: TablesByCondition
     aspects: Iterator[pl.DataFrame]
     changes: TablesByCondition
     aspect_blocks: TablesByCondition
     blocks: TablesByCondition
+    scale_blocks: TablesByCondition
     ends: TablesByCondition
     frames: TablesByCondition
 
@@ -80,12 +82,14 @@ class FindingInputs:
         few = pl.DataFrame(of_few, schema={name: ORIGIN[name] for name in POOLED}, orient="row")
         return cls(
             moments=read("moments", every, lambda table: table.filter(seen)),
+            scales=read("scales", every, lambda table: table.filter(seen, pl.col("core_u_px").is_not_null())),
             aspects=(run.sequence_table("aspects", key).filter(slowest) for key in shown),
             changes=read("increments", shown, lambda table: table.filter(slowest)),
             aspect_blocks=read(
                 "aspect_blocks", [] if few.is_empty() else shown, lambda table: _of(few, table.filter(slowest))
             ),
             blocks=read("blocks", [] if few.is_empty() else every, lambda table: _of(few, table)),
+            scale_blocks=read("scale_blocks", [] if few.is_empty() else every, lambda table: _of(few, table)),
             ends=read("ends", every, lambda table: _ends(table, few)),
             frames=frames,
         )

@@ -4,6 +4,7 @@ import polars as pl
 
 from tracknoise.experiments.analysis.reference_condition import reference_condition
 from tracknoise.experiments.settings import Experiment
+from tracknoise.statistics.cores import cores
 from tracknoise.statistics.counts import merge_counts
 from tracknoise.statistics.curves import curves
 from tracknoise.statistics.effects import effects
@@ -38,8 +39,10 @@ def compute_statistics(run: RunFolder, experiment: Experiment) -> dict[str, pl.D
     StoreError, SchemaError
         If a table is damaged, or the folder cannot be written.
     """
+    pooled = curves(run.sequence_tables("moments"), min_features=experiment.statistics.min_features)
     tables = {
-        "curves": curves(run.sequence_tables("moments"), min_features=experiment.statistics.min_features),
+        "curves": pooled,
+        "cores": cores(run.sequence_tables("scales"), pooled),
         "lifetimes": lifetimes_of_ends(run.sequence_tables("ends")),
         "outliers": outlier_ratios(run.sequence_tables("frames")),
         "trims": pl.concat(run.sequence_tables("trims")),
@@ -51,6 +54,7 @@ def compute_statistics(run: RunFolder, experiment: Experiment) -> dict[str, pl.D
         tables["curves"],
         tables["lifetimes"],
         tables["outliers"],
+        cores=tables["cores"],
         key_frame=reference.key_frames.get(reference.direction, 0),
         population=experiment.truth.population,
     )

@@ -36,7 +36,7 @@ class ReportData:
         The run folder, which has the tables of single sequences.
     manifest, settings
         State of the run, and its resolved experiment.
-    curves, lifetimes, outliers, trims, errors, counts, summary, effects, aspect_curves, changes
+    curves, cores, lifetimes, outliers, trims, errors, counts, summary, effects, aspect_curves, changes
         Its pooled tables.
     intervals, incidence, zero_mean, gaussianity, radii, time_structure, dependence, findings
         Its findings. These tables have no rows where findings were not computed.
@@ -46,6 +46,7 @@ class ReportData:
     manifest: Manifest
     settings: Mapping[str, Any]
     curves: pl.DataFrame
+    cores: pl.DataFrame
     lifetimes: pl.DataFrame
     outliers: pl.DataFrame
     trims: pl.DataFrame

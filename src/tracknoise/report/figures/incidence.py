@@ -35,8 +35,8 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
     figure = Figure(
         id=_ID,
         title=_TITLE,
-        shows="Share of all tracks that have ended by each cause up to a lifetime, "
-        f"at speed {data.slowest}{data.where} (cumulative incidence by Aalen and Johansen). A track ends by one cause only. At every lifetime, the four "
+        shows=f"Cumulative incidence (Aalen and Johansen) at speed {data.slowest}{data.where}: share of tracks that "
+        "have ended by each cause up to a lifetime. A track ends by one cause only. At every lifetime, the four "
         "curves and the share of tracks that live longer add up to 1. Masked tracks moved into the border or onto "
         f"another feature. Displaced tracks moved farther in one step than the tracker allows. {bands}",
         look_for=" ".join(_sentence(tracker, table.filter(tracker=tracker)) for tracker in trackers)

@@ -68,6 +68,23 @@ At every lifetime, the incidences of all causes and the survival of `LIFETIMES` 
 incidence is 0 or 1, or nothing can be resampled.
 """
 
+SEED_SPREAD: Schema = {
+    **_POOLED,
+    **{
+        name: INTERVALS[name]
+        for name in ("population", "trimming", "weighting", "statistic", "axis", "at", "coordinate", "unit")
+    },
+    "mean": pl.Float64,
+    "standard_deviation": pl.Float64,
+    "n_seeds": pl.Int32,
+    "widens_interval": pl.Boolean,
+}
+"""How much a number differs between random seeds of the trackers, in its own unit.
+
+The table has rows if an experiment has several seeds. widens_interval states whether the standard deviation was added
+to the interval of the number in `INTERVALS`. Intervals that resample scenes include this chance already.
+"""
+
 ZERO_MEAN: Schema = {
     **_POOLED,
     "trimming": TRIMMING,

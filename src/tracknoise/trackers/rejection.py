@@ -1,7 +1,7 @@
 """Outlier rejection: the matches of a step that do not agree with a common motion of the image."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -98,6 +98,10 @@ class Rejection:
         require(0 < self.confidence < 1, "confidence", self.confidence, "a number between 0 and 1")
         require_at_least("max_hypotheses", self.max_hypotheses, 1)
         require_at_least("seed", self.seed, 0)
+
+    def repeated(self, repeat: int) -> "Rejection":
+        """The same rejection with another random seed, for each repetition of a measurement; 0 changes nothing."""
+        return replace(self, seed=self.seed + repeat)
 
     def inliers(self, source: Floats, target: Floats, frame: int) -> NDArray[np.bool_]:
         """Which matches stay.

@@ -15,6 +15,7 @@ from tracknoise.tables.findings_schema import (
     FINDINGS,
     GAUSSIANITY,
     INTERVALS,
+    SEED_SPREAD,
     TIME_STRUCTURE,
     ZERO_MEAN,
 )
@@ -34,6 +35,7 @@ SCHEMAS: Mapping[str, Schema] = {
     "summary": SUMMARY,
     "effects": EFFECTS,
     "intervals": INTERVALS,
+    "seed_spread": SEED_SPREAD,
     "zero_mean": ZERO_MEAN,
     "gaussianity": GAUSSIANITY,
     "time_structure": TIME_STRUCTURE,

@@ -15,12 +15,14 @@ from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.table import headline_table
 from tracknoise.findings.intervals.incidence import incidence_table
 from tracknoise.findings.intervals.table import interval_table
+from tracknoise.findings.seed_spread import Repeat, seed_spread, widened
 from tracknoise.findings.shape.gaussianity import gaussianity
 from tracknoise.findings.zero_mean import zero_mean
 from tracknoise.sequences.sequence import TruthKind
 from tracknoise.statistics.change_curves import change_curves
 from tracknoise.statistics.curves import aspect_curves
 from tracknoise.statistics.factors import ReferenceCondition
+from tracknoise.statistics.lifetimes import horizons
 from tracknoise.statistics.trims import dropped_above
 from tracknoise.tables.store import RunFolder
 
@@ -75,10 +77,14 @@ def _tables(
         "kind": asked.intervals,
         "level": asked.level,
     }
+    intervals = _intervals(read, experiment)
+    horizon = horizons(statistics["lifetimes"])
+    spread = seed_spread(intervals, _repeats(run, experiment), horizons=horizon, population=population)
     shapes = gaussianity(read.moments, run.sequence_tables("samples"), **options)
     return {
         **pooled,
-        "intervals": _intervals(read, experiment),
+        "intervals": widened(intervals, spread),
+        "seed_spread": spread,
         "incidence": incidence_table(read.ends, kind=asked.intervals, level=asked.level),
         "zero_mean": zero_mean(read.moments, statistics["curves"], key_frames=zeros, population=population),
         "gaussianity": shapes.gaussianity,
@@ -101,6 +107,17 @@ def _intervals(read: FindingInputs, experiment: Experiment) -> pl.DataFrame:
         kind=experiment.findings.intervals,
         level=experiment.findings.level,
     )
+
+
+def _repeats(run: RunFolder, experiment: Experiment) -> Iterator[Repeat]:
+    """Tables of the scenes measured with each further random seed."""
+    for seed in range(1, experiment.seeds):
+        yield Repeat(
+            **{
+                name: (table.filter(seed=seed).drop("seed") for table in run.sequence_tables(f"seed_{name}"))
+                for name in ("moments", "ends", "frames")
+            }
+        )
 
 
 def _dependence(

@@ -6,8 +6,9 @@ from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
 from tracknoise.findings.headlines.headline import Headline, Part, RunTables, by_tracker
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions, scalar_bounds
-from tracknoise.findings.wording import count
+from tracknoise.findings.wording import count, percent
 
+_ONE_SEED = "One random seed was used, so that the chance of the seed was not measured (seeds = 1)."
 _LIFETIMES = {
     "median_lifetime": "",
     "restricted_mean_lifetime": "The restricted mean is {}.",
@@ -26,6 +27,7 @@ def outliers(tables: RunTables, conditions: ReportedConditions) -> Headline | No
         conditions.trackers,
         lambda tracker: _outliers_of(tables, conditions, tracker),
         opening=f"Outlier ratio {conditions.where(tables['summary'])}.",
+        closing=_ONE_SEED if tables["seed_spread"].is_empty() else "",
         topic="outliers",
         figure="outlier-ratio",
         table="intervals",
@@ -38,7 +40,16 @@ def _outliers_of(tables: RunTables, conditions: ReportedConditions, tracker: str
         return None
     bounds = scalar_bounds(conditions.of(tables["intervals"], tracker), "outlier_ratio")
     estimate = Estimate.of(ratio, bounds, "share")
-    return f"{tracker} rejects {format_estimate(estimate)} of the features carried into a frame.", [estimate]
+    text = f"{tracker} rejects {format_estimate(estimate)} of the features carried into a frame."
+    return text + _between_seeds(conditions.of(tables["seed_spread"], tracker)), [estimate]
+
+
+def _between_seeds(spread: pl.DataFrame) -> str:
+    """How much the outlier ratio differs between seeds, as a sentence. Empty if there is one seed."""
+    for row in spread.filter(statistic="outlier_ratio").to_dicts():
+        deviation = f"a standard deviation of {percent(row['standard_deviation'])}"
+        return f" Between {row['n_seeds']} random seeds it has {deviation}."
+    return ""
 
 
 def lifetimes(tables: RunTables, conditions: ReportedConditions) -> Headline | None:

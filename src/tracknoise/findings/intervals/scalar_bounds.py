@@ -27,11 +27,12 @@ QUANTILES: Mapping[str, float] = {
     "upper_quartile_lifetime": 0.25,
 }
 """Lifetimes by the share of the tracks that live longer."""
+WHOLE_FRAMES = (*QUANTILES, "median_until_failure")
+"""Lifetimes that are whole frames, and so are their bounds."""
 SCALAR_UNITS: Mapping[str, str] = {
     "mean_lifetime": "frames",
     **dict.fromkeys(RESTRICTED, "frames"),
-    **dict.fromkeys(QUANTILES, "frames"),
-    "median_until_failure": "frames",
+    **dict.fromkeys(WHOLE_FRAMES, "frames"),
     "survival": "share",
     "survival_until_failure": "share",
     "outlier_ratio": "share",

@@ -67,6 +67,7 @@ def interval_table(
     aspects: Tables = (),
     changes: Tables = (),
     aspect_blocks: Tables = (),
+    restricted_to: pl.DataFrame | None = None,
     population: str = POPULATION,
     kind: str = KIND_OF_INTERVAL,
     level: float = LEVEL,
@@ -90,6 +91,9 @@ def interval_table(
         moments by age, and of their autocorrelation by lag.
     aspect_blocks
         Schema `ASPECT_BLOCKS`: what to resample of aspects and changes in conditions of too few scenes.
+    restricted_to
+        Horizons of restricted mean lifetimes, as `tracknoise.statistics.lifetimes.horizons` returns them; by default
+        those of `ends`.
     population
         Which observations the errors are of: `visible` or `projected`.
     kind
@@ -126,7 +130,7 @@ def interval_table(
         *_curve_rows(error_sums(errors, by_condition(blocks, BLOCKS, "blocks"), population), drawn, method),
         *_curve_rows(aspect_sums(by_condition(aspects, ASPECTS, "aspects", moments_to_order_2), within), drawn, method),
         *_curve_rows(aspect_sums(moments_of_changes(moved), within), drawn, method),
-        *_lifetime_rows(lived, drawn, method),
+        *_lifetime_rows(lived, drawn, method, restricted_to),
         *_scalar_rows(seen, outlier_bounds, drawn, method),
         *_scalar_rows(correlated_changes(moved), correlation_bounds, drawn, method),
     ]
@@ -196,9 +200,11 @@ def _scalar_rows(
             yield _rows(found).with_columns(named, unit=pl.col("statistic").replace_strict(_SCALARS))
 
 
-def _lifetime_rows(lived: TablesByCondition, drawn: Mapping[str, Draws], method: Method) -> Iterator[pl.DataFrame]:
+def _lifetime_rows(
+    lived: TablesByCondition, drawn: Mapping[str, Draws], method: Method, restricted_to: pl.DataFrame | None
+) -> Iterator[pl.DataFrame]:
     """Rows of the lifetimes of every condition. Those of a data set and speed share the horizon of restricted means."""
-    shared = horizons(lifetimes_of_ends(lived.values()))
+    shared = horizons(lifetimes_of_ends(lived.values())) if restricted_to is None else restricted_to
     horizon = {(dataset, speed): frames for dataset, speed, frames in shared.iter_rows()}
     for key, part in lived.items():
         here = (key[0], key[POOLED.index("speed")])

@@ -140,7 +140,7 @@ def _bounds(numbers: pl.DataFrame) -> Sequence[pl.Series]:
 
 
 def _scales(numbers: pl.DataFrame) -> NDArray[np.str_]:
-    """Scale of the interval of each row, as in `tracknoise.findings.intervals`."""
+    """Scale of the interval of each row, as in `tracknoise.findings.intervals`; the logarithm for restricted means."""
     linear = pl.col("statistic").is_in([*_SIGNED, *WHOLE_FRAMES]) | (pl.col("coordinate") == "uv").fill_null(
         value=False
     )

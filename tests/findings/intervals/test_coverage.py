@@ -97,15 +97,19 @@ def test_lifetimes_of_scenes_that_lose_tracks_at_different_rates(n_scenes):
         return curves(totals).reshape(1, LONGEST * RUNS, *totals.shape[2:])
 
     def mean(totals: np.ndarray) -> np.ndarray:
-        return area_under(np.moveaxis(curves(totals), 0, -1), lifetimes, HORIZON)[None]
+        return area_under(np.moveaxis(curves(totals), 0, -1), lifetimes, HORIZON)[None] / HORIZON
 
     units, weights = units_of_runs(by_lifetime), no_weights(n_scenes)
     sizes = np.ones((LONGEST * RUNS, n_scenes))
     bounds = pooled(units, weights, flat, STUDENT, scales=["logit"], sizes=sizes)
-    areas = pooled(units, weights, mean, STUDENT, scales=["log"], sizes=sizes[:RUNS])
+    areas = pooled(units, weights, mean, STUDENT, scales=["logit"], sizes=sizes[:RUNS])
     population = HAZARD * np.exp(0.3 * np.random.default_rng(0).normal(size=200_000))
     survives = np.array([np.mean((1 - population) ** k) for k in lifetimes])
-    assert 0.92 - 0.03 < share(areas.low, areas.high, float(area_under(survives, lifetimes, HORIZON))) < 0.97 + 0.015
+    assert (
+        0.92 - 0.03
+        < share(areas.low, areas.high, float(area_under(survives, lifetimes, HORIZON)) / HORIZON)
+        < 0.97 + 0.015
+    )
     low, high = (
         np.array([first_reached(values, lifetimes, 0.5) for values in bound.reshape(LONGEST, RUNS).T])
         for bound in (bounds.low, bounds.high)

@@ -2,7 +2,8 @@
 
 The lifetime that a share of the tracks exceeds is where the survival curve reaches that share. Its bounds are where the
 bounds of the survival curve reach it (Brookmeyer and Crowley 1982). Lifetimes are whole frames, and so are these
-quantiles and their bounds. Such intervals contain the true value more often than their level says.
+quantiles and their bounds. Such intervals contain the true value more often than their level says. A restricted mean
+has its interval on the logit scale of its share of the horizon.
 """
 
 from collections.abc import Iterator, Mapping
@@ -65,12 +66,13 @@ def lifetime_bounds(ends: pl.DataFrame, draws: Draws, method: Method, *, horizon
     sizes = np.broadcast_to(tracks, (len(lifetimes), len(tracks)))
     for survival_of, names in _CURVES.items():
         restricted = partial(_restricted, survival_of, lifetimes, horizon)
-        area = pooled(units, weights, restricted, method, scales=["log"], sizes=tracks[None])
-        yield LabelledEstimates(_labels(names.restricted_mean), area, units)
+        share = pooled(units, weights, restricted, method, scales=["logit"], sizes=tracks[None])
+        mean = replace(share, **{name: horizon * getattr(share, name) for name in ("value", "low", "high")})
+        yield LabelledEstimates(_labels(names.restricted_mean), mean, units)
         curve = pooled(units, weights, survival_of, method, scales=["logit"], sizes=sizes)
         yield LabelledEstimates(_labels(names.curve, lifetimes), _where_at_risk(curve, units), units)
-        for name, share in names.quantiles.items():
-            yield LabelledEstimates(_labels(name), _quantile(curve, lifetimes, share), units)
+        for name, left in names.quantiles.items():
+            yield LabelledEstimates(_labels(name), _quantile(curve, lifetimes, left), units)
 
 
 def outlier_bounds(frames: pl.DataFrame, draws: Draws, method: Method) -> Iterator[LabelledEstimates]:
@@ -120,9 +122,12 @@ def _product(sums: NDArray[np.float64], events: NDArray[np.float64]) -> NDArray[
 def _restricted(
     survival_of: Statistics, lifetimes: NDArray[np.float64], horizon: float, sums: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Restricted mean (1, 1, ...). Without a unit the follow-up can be shorter: the curve keeps its last value."""
+    """Restricted mean as a share of its horizon, which it cannot exceed, (1, 1, ...).
+
+    Without a unit the follow-up can be shorter than the horizon: the curve keeps its last value.
+    """
     area = area_under(np.moveaxis(survival_of(sums), 1, -1), lifetimes, horizon)
-    return np.where(sums[:2].sum(axis=(0, 1)) > 0, area, np.nan)[:, None]
+    return np.where(sums[:2].sum(axis=(0, 1)) > 0, area / horizon, np.nan)[:, None]
 
 
 def first_reached(curve: NDArray[np.float64], lifetimes: NDArray[np.float64], share: float) -> float:

@@ -48,7 +48,7 @@ def _between_seeds(spread: pl.DataFrame) -> str:
     """How much the outlier ratio differs between seeds, as a sentence. Empty if there is one seed."""
     for row in spread.filter(statistic="outlier_ratio").to_dicts():
         deviation = f"a standard deviation of {percent(row['standard_deviation'])}"
-        return f" Between {row['n_seeds']} random seeds it has {deviation}."
+        return f" Between {row['n_seeds']} random seeds the ratio has {deviation}."
     return ""
 
 

@@ -131,6 +131,9 @@ class Experiment(_Section):
     """Experiment of the paper that this one repeats. The report compares both."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Random seed of trackers such as the oracle. Simulation and outlier rejection have their own seeds."""
+    seeds: Annotated[int, Field(ge=1)] = 1
+    """Number of random seeds. With more than 1, the measurement is repeated to show how much results depend on the
+    seeds of outlier rejection and oracle. All results are those of the first seed."""
     keep: Keep = "observations"
     """What the run folder keeps: all `observations` and tracks, or only `statistics`, which need less space. Figures of
     single errors require observations. All other figures and tables are the same."""

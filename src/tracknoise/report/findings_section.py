@@ -12,7 +12,6 @@ from tracknoise.findings.headlines.reported_conditions import (
     scalar_bounds,
     scale_estimate,
 )
-from tracknoise.findings.intervals.scalar_bounds import INTERPOLATED
 from tracknoise.findings.wording import DASH, SPACE, chance
 from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
@@ -48,7 +47,8 @@ def verdicts(data: ReportData) -> Cells:
     rows = [_row(data, tracker, speed) for tracker in data.trackers for speed in data.speeds]
     which = f"Errors are {data.trimming} unless the heading says otherwise. " if dropped else ""
     combined = "Core: geometric mean over scenes. RMS: features pooled."
-    caption = f"Verdicts{data.where}. {which}{combined} Median lifetimes are interpolated between whole frames."
+    lifetimes = "Median lifetimes are Kaplan-Meier estimates in whole frames."
+    caption = f"Verdicts{data.where}. {which}{combined} {lifetimes}"
     shown = [row for row in rows if row]
     return Cells(caption, headings, shown, [False, True, True, *[False] * (len(headings) - 3)], groups)
 
@@ -132,10 +132,11 @@ def _outliers(data: ReportData, conditions: ReportedConditions, tracker: str) ->
 
 
 def _median_lifetime(data: ReportData, conditions: ReportedConditions, tracker: str) -> str:
-    """Interpolated, so that conditions differ visibly where they differ by less than a frame."""
-    rows = conditions.of(data.intervals, tracker).filter(statistic=f"{INTERPOLATED}median_lifetime")
-    row = _first(rows.drop_nulls("value"))
-    return DASH if row is None else format_estimate(Estimate.of_row(row, "value", "low", "high", "frames"))
+    value = conditions.of(data.summary, tracker)["median_lifetime"][0]
+    if value is None:
+        return DASH
+    bounds = scalar_bounds(conditions.of(data.intervals, tracker), "median_lifetime")
+    return format_estimate(Estimate.of(value, bounds, "frames"))
 
 
 def _first(rows: pl.DataFrame) -> dict[str, Any] | None:

@@ -41,7 +41,7 @@ class ReportData:
         State of the run, and its resolved experiment.
     curves, cores, lifetimes, outliers, trims, errors, counts, summary, effects, aspect_curves, changes
         Its pooled tables.
-    intervals, zero_mean, gaussianity, radii, time_structure, dependence, findings
+    intervals, incidence, seed_spread, zero_mean, gaussianity, radii, time_structure, dependence, findings
         Its findings. These tables have no rows where findings were not computed.
     """
 
@@ -60,6 +60,8 @@ class ReportData:
     aspect_curves: pl.DataFrame
     changes: pl.DataFrame
     intervals: pl.DataFrame
+    incidence: pl.DataFrame
+    seed_spread: pl.DataFrame
     zero_mean: pl.DataFrame
     gaussianity: pl.DataFrame
     radii: pl.DataFrame

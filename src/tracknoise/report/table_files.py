@@ -55,6 +55,12 @@ EXPORTS: tuple[Export, ...] = (
     Export("effects", "effects of factors", lambda data: data.effects),
     Export("findings", "findings", lambda data: data.findings),
     Export("intervals", "intervals, for the view shown in the figures", lambda data: data.reference(data.intervals)),
+    Export(
+        "incidence",
+        "causes of track ends, for the view shown in the figures",
+        lambda data: data.reference(data.incidence),
+    ),
+    Export("seed-spread", "differences between random seeds", lambda data: data.seed_spread),
     Export("zero-mean", "tests of zero mean error", lambda data: data.zero_mean),
     Export("gaussianity", "shape of the error distribution", lambda data: data.gaussianity),
     Export("time-structure", "error growth", lambda data: data.time_structure),

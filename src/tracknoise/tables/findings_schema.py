@@ -9,13 +9,14 @@ experiment asks for, with two exceptions. Shape, and what is fitted to growth, h
 import polars as pl
 
 from tracknoise.tables.enumerations import Behaviour, EffectIntervalKind, IntervalKind, Resampled, Shape
-from tracknoise.tables.schema import ASPECT, CONDITION, POPULATION, TRIMMING, VERDICT, WEIGHTING, Schema
+from tracknoise.tables.schema import ASPECT, CAUSES, CONDITION, POPULATION, TRIMMING, VERDICT, WEIGHTING, Schema
 
 RESAMPLED = pl.Enum(Resampled)
 INTERVAL_KIND = pl.Enum(IntervalKind)
 EFFECT_INTERVAL_KIND = pl.Enum(EffectIntervalKind)
 BEHAVIOUR = pl.Enum(Behaviour)
 SHAPE = pl.Enum(Shape)
+CAUSE = pl.Enum(CAUSES)
 
 _POOLED: Schema = {"dataset": pl.String, **CONDITION}
 
@@ -46,6 +47,42 @@ The aspect `all` has the errors of every track in image axes. `change` has their
 of `autocorrelation` is `lag`. The other aspects, and `at_least`, are as in `ASPECTS`. Outlier ratios and lifetimes have
 no population, trimming, weighting or coordinate. The axis of `survival` is `lifetime`. Bounds are null if nothing can
 be resampled.
+"""
+
+INCIDENCE: Schema = {
+    **_POOLED,
+    "cause": CAUSE,
+    "lifetime": pl.Int64,
+    "incidence": pl.Float64,
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "kind": INTERVAL_KIND,
+    "level": pl.Float64,
+    "resampled": RESAMPLED,
+    "n_units": pl.Int32,
+    "n_scenes": pl.Int32,
+}
+"""Share of all tracks that have ended by a cause up to and including a lifetime: one row per cause and lifetime.
+
+At every lifetime, the incidences of all causes and the survival of `LIFETIMES` add up to 1. Bounds are null where the
+incidence is 0 or 1, or nothing can be resampled.
+"""
+
+SEED_SPREAD: Schema = {
+    **_POOLED,
+    **{
+        name: INTERVALS[name]
+        for name in ("population", "trimming", "weighting", "statistic", "axis", "at", "coordinate", "unit")
+    },
+    "mean": pl.Float64,
+    "standard_deviation": pl.Float64,
+    "n_seeds": pl.Int32,
+    "widens_interval": pl.Boolean,
+}
+"""How much a number differs between random seeds of the trackers, in its own unit.
+
+The table has rows if an experiment has several seeds. widens_interval states whether the standard deviation was added
+to the interval of the number in `INTERVALS`. Intervals that resample scenes include this chance already.
 """
 
 ZERO_MEAN: Schema = {

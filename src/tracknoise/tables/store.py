@@ -55,6 +55,11 @@ SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "increments": schema.INCREMENTS,
     "samples": schema.SAMPLES,
 }
+SEED_TABLES: Mapping[str, schema.Schema] = {
+    f"seed_{name}": {"seed": pl.Int32, **SEQUENCE_TABLES[name]} for name in ("moments", "ends", "frames")
+}
+"""Tables of a sequence that was measured with further random seeds, which are numbered from 1."""
+_ALL_SEQUENCE_TABLES: Mapping[str, schema.Schema] = {**SEQUENCE_TABLES, **SEED_TABLES}
 OBSERVED = ("observations", "tracks")
 """Tables of a sequence that grow with its observations. No table of the whole run is computed from them."""
 STATISTICS_TABLES: Mapping[str, schema.Schema] = {
@@ -72,6 +77,8 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "aspect_curves": schema.ASPECT_CURVES,
     "changes": schema.CHANGES,
     "intervals": findings_schema.INTERVALS,
+    "seed_spread": findings_schema.SEED_SPREAD,
+    "incidence": findings_schema.INCIDENCE,
     "zero_mean": findings_schema.ZERO_MEAN,
     "gaussianity": findings_schema.GAUSSIANITY,
     "radii": findings_schema.RADII,
@@ -193,7 +200,7 @@ class RunFolder:
         write_atomically(self.path / _MANIFEST, manifest.to_json().encode(), durably=True)
 
     def write_sequence(self, key: str, tables: Mapping[str, pl.DataFrame], snapshot_png: bytes) -> dict[str, str]:
-        """Write the tables and the image of one sequence. Only the tables of `OBSERVED` may be missing.
+        """Write the tables and the image of one sequence. Only those of `OBSERVED` and `SEED_TABLES` may be missing.
 
         Returns
         -------
@@ -208,15 +215,16 @@ class RunFolder:
             If the folder cannot be written.
         """
         hashes = {}
-        for name, columns in SEQUENCE_TABLES.items():
-            if name in tables or name not in OBSERVED:
+        for name, columns in _ALL_SEQUENCE_TABLES.items():
+            if name in tables or name not in (*OBSERVED, *SEED_TABLES):
                 table = schema.check(tables[name], columns, name)
                 hashes[name] = write_parquet(self._table_path(name, key), table)
         return {**hashes, _SNAPSHOTS: write_atomically(self.snapshot_path(key), snapshot_png)}
 
     def has_sequence(self, entry: SequenceEntry) -> bool:
         """Whether all files of one sequence exist and have the recorded hashes. Reads all of them."""
-        kept = [name for name in SEQUENCE_TABLES if name in entry.sha256 or name not in OBSERVED]
+        optional = (*OBSERVED, *SEED_TABLES)
+        kept = [name for name in _ALL_SEQUENCE_TABLES if name in entry.sha256 or name not in optional]
         paths = {name: self._table_path(name, entry.key) for name in kept}
         paths[_SNAPSHOTS] = self.snapshot_path(entry.key)
         return all(is_intact(path, entry.sha256.get(name, "")) for name, path in paths.items())
@@ -230,7 +238,7 @@ class RunFolder:
             If one cannot be removed.
         """
         discard_abandoned(self.path)  # reports are written without the lock of the run
-        for folder in (".", "statistics", _SNAPSHOTS, *SEQUENCE_TABLES):
+        for folder in (".", "statistics", _SNAPSHOTS, *_ALL_SEQUENCE_TABLES):
             for path in unfinished(self.path / folder):
                 if path.is_file():
                     remove(path)
@@ -271,7 +279,7 @@ class RunFolder:
         self._require_run()
         self.write_manifest(Manifest.empty())
         self.discard_results()
-        for name in (*SEQUENCE_TABLES, _SNAPSHOTS, _FAILURES, _SETTINGS, _MANIFEST):
+        for name in (*_ALL_SEQUENCE_TABLES, _SNAPSHOTS, _FAILURES, _SETTINGS, _MANIFEST):
             remove(self.path / name)
 
     def snapshot_path(self, key: str) -> Path:
@@ -300,7 +308,7 @@ class RunFolder:
         hashes = self._hashes_of(key)
         if hashes and name in OBSERVED and name not in hashes:
             raise StoreError(f'{self.path}: keeps no {name}, expected a run with keep = "observations"')
-        return read_parquet(self._table_path(name, key), SEQUENCE_TABLES[name], hashes.get(name))
+        return read_parquet(self._table_path(name, key), _ALL_SEQUENCE_TABLES[name], hashes.get(name))
 
     def sequence_tables(self, name: str) -> Iterator[pl.DataFrame]:
         """One table of each measured sequence, in the order of their keys."""

@@ -13,14 +13,17 @@ from tracknoise.findings.growth.time_structure import LONG_LIVED, lagged, time_s
 from tracknoise.findings.headlines.document import findings_json
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.table import headline_table
+from tracknoise.findings.intervals.incidence import incidence_table
 from tracknoise.findings.intervals.table import interval_table
 from tracknoise.findings.sampling.units import MIN_SCENES
+from tracknoise.findings.seed_spread import Repeat, seed_spread, widened
 from tracknoise.findings.shape.gaussianity import gaussianity
 from tracknoise.findings.zero_mean import zero_mean
 from tracknoise.sequences.sequence import TruthKind
 from tracknoise.statistics.change_curves import change_curves
 from tracknoise.statistics.curves import aspect_curves
 from tracknoise.statistics.factors import ReferenceCondition
+from tracknoise.statistics.lifetimes import horizons
 from tracknoise.statistics.trims import dropped_above
 from tracknoise.tables.schema import SEQUENCE, VIEW
 from tracknoise.tables.store import RunFolder
@@ -79,10 +82,15 @@ def _tables(
         "level": asked.level,
     }
     aspects = _keeping(read.aspects, lived, lambda table: table.filter(LONG_LIVED))
+    intervals = _intervals(read, experiment, aspects)
+    horizon = horizons(statistics["lifetimes"])
+    spread = seed_spread(intervals, _repeats(run, experiment), horizons=horizon, population=population)
     shapes = gaussianity(read.moments, run.sequence_tables("samples"), **options)
     return {
         **pooled,
-        "intervals": _intervals(read, experiment, aspects),
+        "intervals": widened(intervals, spread),
+        "seed_spread": spread,
+        "incidence": incidence_table(read.ends, kind=asked.intervals, level=asked.level),
         "zero_mean": zero_mean(read.moments, statistics["curves"], key_frames=zeros, population=population),
         "gaussianity": shapes.gaussianity,
         "radii": shapes.radii,
@@ -106,6 +114,17 @@ def _intervals(read: FindingInputs, experiment: Experiment, aspects: Iterator[pl
         kind=experiment.findings.intervals,
         level=experiment.findings.level,
     )
+
+
+def _repeats(run: RunFolder, experiment: Experiment) -> Iterator[Repeat]:
+    """Tables of the scenes measured with each further random seed."""
+    for seed in range(1, experiment.seeds):
+        yield Repeat(
+            **{
+                name: (table.filter(seed=seed).drop("seed") for table in run.sequence_tables(f"seed_{name}"))
+                for name in ("moments", "ends", "frames")
+            }
+        )
 
 
 def _dependence(

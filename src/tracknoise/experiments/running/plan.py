@@ -11,7 +11,7 @@ from tracknoise.sequences.sequence import FilteringReader, Sequence, SharingRead
 from tracknoise.sequences.views import view
 from tracknoise.tables.identity import Direction, SequenceId
 from tracknoise.trackers.registry import make_tracker
-from tracknoise.trackers.tracker import TrackerSettings
+from tracknoise.trackers.tracker import RepeatedTracker, TrackerSettings
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,15 +108,16 @@ def batches(tasks: list[Task]) -> list[list[Task]]:
     return list(together.values())
 
 
-def make_trackers(experiment: Experiment) -> dict[str, TrackerSettings]:
-    """The settings of each tracker of an experiment, by name.
+def make_trackers(experiment: Experiment, *, repeat: int = 0) -> dict[str, TrackerSettings]:
+    """The settings of each tracker of an experiment, by name; with other random seeds in each repetition.
 
     Raises
     ------
     UnknownNameError, SettingsError
         If a tracker or an option is unknown, or a value is wrong.
     """
-    return {choice.label: make_tracker(choice.kind, choice.options) for choice in experiment.trackers}
+    trackers = {choice.label: make_tracker(choice.kind, choice.options) for choice in experiment.trackers}
+    return {name: RepeatedTracker(settings, repeat) if repeat else settings for name, settings in trackers.items()}
 
 
 def open_batch(tasks: list[Task]) -> list[Sequence]:

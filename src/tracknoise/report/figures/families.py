@@ -82,7 +82,7 @@ FAMILIES: tuple[Family, ...] = (
         "Lifetimes",
         "The lifetime of a track is the number of consecutive frames in which its tracker found it, including the "
         "first. A track that is alive in the last frame is censored: its lifetime is cut short by the data.",
-        ("lifetimes:figures", "lifetimes_by_lighting:figures"),
+        ("lifetimes:figures", "incidence:figures", "lifetimes_by_lighting:figures"),
     ),
     Family(
         "feature-counts",

@@ -56,8 +56,8 @@ def pool_checks(run: RunFolder, *, scenes: int) -> Iterator[pl.DataFrame]:
     polars.DataFrame
         Schema `CHECKS`.
     """
-    yield from _intervals(run.statistics("intervals"), scenes)
-    yield from _zero_mean(run.statistics("zero_mean").filter(trimming="untrimmed"))
+    yield from interval_checks(run.statistics("intervals"), scenes=scenes)
+    yield from zero_mean_checks(run.statistics("zero_mean").filter(trimming="untrimmed"))
     yield from _growth(run.statistics("time_structure").filter(trimming="untrimmed"))
     yield from _shape(run.statistics("gaussianity").filter(trimming="untrimmed"))
 
@@ -74,8 +74,16 @@ def factor_checks(run: RunFolder) -> Iterator[pl.DataFrame]:
     yield answer(Area.factors, "factors", "rotation, too few scenes", few, allowed=[Verdict.undecided])
 
 
-def _intervals(intervals: pl.DataFrame, scenes: int) -> Iterator[pl.DataFrame]:
-    """Coverage and width of the intervals of mean errors and second moments."""
+def interval_checks(intervals: pl.DataFrame, *, scenes: int) -> Iterator[pl.DataFrame]:
+    """Coverage and width of the intervals of mean errors and second moments.
+
+    Parameters
+    ----------
+    intervals
+        Statistics table of that name, of `pool`.
+    scenes
+        Its number of scenes.
+    """
     chosen = intervals.filter(
         pl.col("at") > 0, aspect="all", population="visible", trimming="untrimmed", weighting="features"
     )
@@ -112,8 +120,14 @@ def _width(quantity: str, half: pl.Series, apart: float, scenes: int, *, slack: 
     return within(Area.intervals, "pool", what, ratio, low=1 / limit, high=limit, n=n)
 
 
-def _zero_mean(tests: pl.DataFrame) -> Iterator[pl.DataFrame]:
-    """Verdicts of true zeros and of a mean that is not zero, and the distribution of p-values of true zeros."""
+def zero_mean_checks(tests: pl.DataFrame) -> Iterator[pl.DataFrame]:
+    """Verdicts of true zeros and of a mean that is not zero, and the distribution of p-values of true zeros.
+
+    Parameters
+    ----------
+    tests
+        Statistics table `zero_mean`, of `pool`, untrimmed.
+    """
     zeros = tests.filter(pl.col("tracker").is_in(_NULL))
     overall = zeros.filter(pl.col("at").is_null())["verdict"].cast(pl.String)
     yes, most = int((overall == Verdict.yes).sum()), int(binom.isf(ALARM, overall.len(), 1 - LEVEL))

@@ -81,7 +81,8 @@ def _walk(rng: np.random.Generator, shape: tuple[int, int]) -> Array:
 
 def _drift(rng: np.random.Generator, shape: tuple[int, int]) -> Array:
     steps = np.arange(shape[1], dtype=np.float64)[:, None]
-    return steps * DRIFT_PX + 0.05 * rng.standard_normal((*shape, 2))
+    errors: Array = steps * DRIFT_PX + 0.05 * rng.standard_normal((*shape, 2))
+    return errors
 
 
 def _heavy(rng: np.random.Generator, shape: tuple[int, int]) -> Array:

@@ -29,7 +29,7 @@ EXACT = [
 
 @pytest.fixture(scope="module")
 def clean(tmp_path_factory) -> pl.DataFrame:
-    """All checks of a self-test with as few scenes as verdicts allow. What needs luck is left to the benchmark."""
+    """All checks of a self-test as a user runs it, with a seed of its own."""
     return self_test(tmp_path_factory.mktemp("selfcheck"), scenes=12, seed=5)
 
 

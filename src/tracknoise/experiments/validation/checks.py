@@ -34,7 +34,7 @@ SUSPECTS: dict[Area, str] = {
     Area.geometry: "sequences, geometry, truth",
     Area.visibility: "truth/visibility",
     Area.errors: "measurement",
-    Area.trimming: "statistics/trimming",
+    Area.trimming: "statistics/trimming and populations",
     Area.curves: "statistics/curves, moments and populations",
     Area.changes: "statistics/increments and change_curves",
     Area.lifetimes: "statistics/lifetimes",

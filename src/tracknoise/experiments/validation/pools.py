@@ -129,7 +129,7 @@ def measure_pool(folder: Path, *, scenes: int, seed: int) -> RunFolder:
 
 
 def scene_name(number: int) -> str:
-    """Names without anything in common, so that nobody reads groups of scenes from them."""
+    """Names without anything in common, from which no groups of scenes can be read."""
     return "".join(chr(ord("a") + int(digit, 26)) for digit in np.base_repr(number, 26))
 
 

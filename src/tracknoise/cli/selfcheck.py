@@ -56,6 +56,7 @@ def selfcheck(
             scenes=scenes,
             seed=seed,
             workers=workers,
+            debug=debug,
             progress=lambda part: context.obj.say(f"self-test: {part}"),
         )
         checks.write_csv(folder / _FILE)

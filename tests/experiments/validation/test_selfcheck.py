@@ -92,6 +92,8 @@ def test_an_error_in_the_package_is_a_fault_and_a_full_disk_is_not(tmp_path, mon
     monkeypatch.setitem(selfcheck._PARTS, "exact", broken)
     result = self_test(tmp_path, scenes=12)
     assert result.select("quantity", "measured").rows() == [("measurement", "ZeroDivisionError: division by zero")]
+    with pytest.raises(ZeroDivisionError):
+        self_test(tmp_path, scenes=12, debug=True)
 
     def full(*_: object) -> pl.DataFrame:
         raise StoreError("no space left")

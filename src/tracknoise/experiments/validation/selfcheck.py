@@ -60,7 +60,13 @@ class SelfTestResult:
 
 
 def self_test(
-    folder: Path, *, scenes: int, seed: int = 0, workers: int = 1, progress: Callable[[str], None] | None = None
+    folder: Path,
+    *,
+    scenes: int,
+    seed: int = 0,
+    workers: int = 1,
+    debug: bool = False,
+    progress: Callable[[str], None] | None = None,
 ) -> pl.DataFrame:
     """Measure all worlds and compare.
 
@@ -75,6 +81,8 @@ def self_test(
         Random seed of tracks and errors.
     workers
         Processes that share the three parts.
+    debug
+        Raise the first error. By default an error is a check that failed: the worlds are valid.
     progress
         Called with the name of each part when its results are expected next.
 
@@ -83,9 +91,14 @@ def self_test(
     polars.DataFrame
         Schema `CHECKS`, sorted by area; in the order of measurement within one. Parts are left out after the first in
         which something is wrong.
+
+    Raises
+    ------
+    StoreError
+        If the folder cannot be written.
     """
     parts = list(_PARTS) if scenes >= MIN_SCENES else ["exact"]
-    jobs = [parts, repeat(folder), repeat(scenes), repeat(seed)]
+    jobs = [parts, repeat(folder), repeat(scenes), repeat(seed), repeat(debug)]
     if workers == 1:
         return _collected(map(_run, *jobs), parts, progress)
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
@@ -131,11 +144,13 @@ _FIRST: Mapping[str, Area] = {"exact": Area.geometry, "pool": Area.intervals, "f
 """First area that a part tests."""
 
 
-def _run(part: str, folder: Path, scenes: int, seed: int) -> pl.DataFrame:
-    """Checks of a part. An error is a check that failed: the worlds are valid, so that there should be none."""
+def _run(part: str, folder: Path, scenes: int, seed: int, debug: bool) -> pl.DataFrame:
+    """Checks of a part, or the check that it can be measured, if that ended in an error."""
     try:
         return _PARTS[part](folder, scenes, seed)
     except StoreError:
         raise
     except (Exception, pl.exceptions.PanicException) as error:
+        if debug:
+            raise
         return failed(_FIRST[part], part, error)

@@ -28,7 +28,7 @@ def register(app: typer.Typer) -> None:
 def selfcheck(
     context: typer.Context,
     scenes: Annotated[
-        int, typer.Option("--scenes", min=1, help="Number of scenes for intervals and verdicts, which need 6.")
+        int, typer.Option("--scenes", min=1, help="Number of scenes for intervals and verdicts, which need 12.")
     ] = 12,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Random seed of the tracks and their errors.")] = 0,
     out: Annotated[

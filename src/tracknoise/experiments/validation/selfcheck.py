@@ -25,11 +25,13 @@ from tracknoise.experiments.validation.checks import CHECKS, SUSPECTS, Area, fai
 from tracknoise.experiments.validation.exact_worlds import FOLDERS as EXACT_FOLDERS
 from tracknoise.experiments.validation.exact_worlds import exact_checks
 from tracknoise.experiments.validation.pools import measure_factors, measure_pool
-from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.tables.schema import check
 
 FOLDERS = (*EXACT_FOLDERS, "pool", "factors")
 """What `self_test` writes."""
+
+LEAST_SCENES = 12
+"""With fewer scenes a right verdict may be `undecided`: with 6, two of four self-tests had one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +77,7 @@ def self_test(
     folder
         New folder, for recordings and runs.
     scenes
-        Number of scenes of the pools. With fewer than `MIN_SCENES` the package makes no intervals over scenes and no
-        verdicts, so that only the part `exact` is tested.
+        Number of scenes of the pools. With fewer than `LEAST_SCENES` only the part `exact` is tested.
     seed
         Random seed of tracks and errors.
     workers
@@ -97,7 +98,7 @@ def self_test(
     StoreError
         If the folder cannot be written.
     """
-    parts = list(_PARTS) if scenes >= MIN_SCENES else ["exact"]
+    parts = list(_PARTS) if scenes >= LEAST_SCENES else ["exact"]
     jobs = [parts, repeat(folder), repeat(scenes), repeat(seed), repeat(debug)]
     if workers == 1:
         return _collected(map(_run, *jobs), parts, progress)

@@ -31,7 +31,7 @@ FOLDERS = (*EXACT_FOLDERS, "pool", "factors")
 """What `self_test` writes."""
 
 LEAST_SCENES = 12
-"""With fewer scenes a right verdict may be `undecided`: with 6, two of four self-tests had one."""
+"""With fewer scenes a right verdict may be `undecided`: with 6, two of two self-tests had one."""
 
 
 @dataclass(frozen=True, slots=True)

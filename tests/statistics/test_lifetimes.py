@@ -13,10 +13,12 @@ from tracknoise.statistics.lifetimes import (
     MEDIAN_SURVIVALS,
     SURVIVING,
     count_ends,
+    follow_up,
     lifetimes,
     lifetimes_of_ends,
     mean_lifetime,
     median_survival,
+    restricted_mean,
     surviving,
 )
 from tracknoise.tables.schema import ENDS, LIFETIMES, TRACKS, empty
@@ -163,6 +165,50 @@ def test_gaps_between_lifetimes_count_with_their_width(lived) -> None:
     row = mean_lifetime(lifetimes(lived([(3, False), (10, True)]))).row(0, named=True)
     assert row["restricted_mean_lifetime"] == pytest.approx(6.5)
     assert row["restricted_to"] == 10
+
+
+def test_the_restricted_mean_by_hand() -> None:
+    # As in test_by_hand: S is 1, 5/6, 5/12, 5/12, and 0 from lifetime 4.
+    ended, censored = [1, 2, 0, 1], [0, 1, 1, 0]
+    expected = [1, 1 + 5 / 6, 1 + 5 / 6 + 5 / 12, 1 + 5 / 6 + 5 / 6, 1 + 5 / 6 + 5 / 6]
+    assert restricted_mean(ended, censored, [1, 2, 3, 4, 9]).tolist() == pytest.approx(expected)
+    assert restricted_mean(ended, censored, 2.5) == pytest.approx(1 + 5 / 6 + 5 / 24)
+    assert follow_up(ended, censored) == np.inf
+
+
+def test_a_restricted_mean_beyond_the_follow_up_is_unknown() -> None:
+    ended, censored = [[0, 1, 0, 0], [0, 2, 0, 0], [0, 0, 0, 0]], [[0, 0, 1, 0], [0, 0, 0, 0], [0, 0, 0, 0]]
+    assert follow_up(ended, censored).tolist() == pytest.approx([3, np.inf, np.nan], nan_ok=True)
+    assert restricted_mean(ended, censored, 3).tolist() == pytest.approx([2.5, 2, np.nan], nan_ok=True)
+    assert restricted_mean(ended, censored, 4).tolist() == pytest.approx([np.nan, 2, np.nan], nan_ok=True)
+
+
+@settings(max_examples=50)
+@given(LIVES)
+def test_a_restricted_mean_is_the_same_from_few_lifetimes_along_any_axis(lived, lives: list[tuple[int, bool]]) -> None:
+    table = lifetimes(lived(lives))
+    expected = mean_lifetime(table).row(0, named=True)
+    ended, censored, lengths = (table[name].to_numpy() for name in ("n_ended", "n_censored", "lifetime"))
+    most = expected["restricted_to"]
+    found = restricted_mean(ended[:, None], censored[:, None], most, lifetimes=lengths, axis=0)
+    assert found.tolist() == pytest.approx([expected["restricted_mean_lifetime"]])
+    dense = np.zeros((2, most))
+    dense[:, lengths - 1] = ended, censored
+    np.testing.assert_allclose(restricted_mean(*dense, [most, 1]), [*found, 1.0])
+    assert follow_up(*dense) == follow_up(ended, censored, lifetimes=lengths)
+
+
+def test_a_mixture_of_hazards_has_one_restricted_mean_in_sequences_of_any_length() -> None:
+    # Half of the tracks have a hazard of 0.3, half of 0.02. Frames per end depend on the length of sequences.
+    rng = np.random.default_rng(13)
+    life = rng.geometric(np.where(rng.random(200_000) < 0.5, 0.3, 0.02))
+    expected = np.mean(np.minimum(life, 15))
+    for length in (120, 60, 30, 15):
+        counts = [
+            np.bincount(np.minimum(life, length)[part], minlength=length + 1)[1:]
+            for part in (life < length, life >= length)
+        ]
+        assert restricted_mean(*counts, 15) == pytest.approx(expected, rel=1e-12)
 
 
 def test_conditions_do_not_leak_into_one_another(lived) -> None:

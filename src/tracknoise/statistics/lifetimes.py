@@ -8,6 +8,7 @@ from collections.abc import Iterable
 
 import numpy as np
 import polars as pl
+from numpy.typing import ArrayLike, NDArray
 
 from tracknoise.statistics.blocks import blocks_of
 from tracknoise.statistics.definitions import POOLED
@@ -156,6 +157,69 @@ def mean_lifetime(lifetimes: pl.DataFrame) -> pl.DataFrame:
     return check(table.select(*MEAN_LIFETIMES), MEAN_LIFETIMES, "mean lifetimes")
 
 
+def restricted_mean(
+    n_ended: ArrayLike,
+    n_censored: ArrayLike,
+    horizon: ArrayLike,
+    *,
+    lifetimes: ArrayLike | None = None,
+    axis: int = -1,
+) -> NDArray[np.float64]:
+    """Restricted mean lifetime: the Kaplan-Meier estimate of the mean of min(lifetime, horizon), in frames.
+
+    It is the area under the survival curve from 0 to the horizon. Unlike a mean lifetime without a horizon, it does
+    not depend on where sequences end, as long as some tracks can be followed to the horizon. Compare lifetimes at a
+    common horizon only: the least `follow_up` of all scenes and levels that are compared. That is the largest lifetime
+    up to which each of them has follow-up.
+
+    Parameters
+    ----------
+    n_ended, n_censored : (..., lifetimes, ...)
+        Counts, or weighted counts, of the tracks that ended and that were censored at each lifetime.
+    horizon
+        Frames, above 0; any shape that broadcasts with the counts without their axis of lifetimes.
+    lifetimes : (lifetimes,)
+        Whole frames, ascending; 1, 2, 3 and so on by default.
+    axis
+        The axis of the counts along which lifetimes run.
+
+    Returns
+    -------
+    float64
+        Of the shape of the counts without the axis. NaN where there is no track, and where the follow-up does not reach
+        the horizon and the curve is not yet 0.
+    """
+    ended, censored = _along_last(n_ended, n_censored, axis)
+    curve = _survival(ended, censored)
+    level = np.concatenate([np.where(_has_tracks(ended, censored), 1.0, np.nan)[..., None], curve], axis=-1)
+    edges = np.concatenate([[0.0], _whole_frames(lifetimes, ended.shape[-1]), [np.inf]])
+    within = np.minimum(edges, np.asarray(horizon, dtype=np.float64)[..., None])
+    width = np.diff(within, axis=-1)
+    area: NDArray[np.float64] = np.where(width > 0, level * width, 0.0).sum(axis=-1)
+    return area
+
+
+def follow_up(
+    n_ended: ArrayLike, n_censored: ArrayLike, *, lifetimes: ArrayLike | None = None, axis: int = -1
+) -> NDArray[np.float64]:
+    """Largest horizon to which `restricted_mean` is known, in frames.
+
+    Parameters
+    ----------
+    n_ended, n_censored, lifetimes, axis
+        As in `restricted_mean`.
+
+    Returns
+    -------
+    float64
+        The longest lifetime; infinite where the survival curve reaches 0; NaN where there is no track.
+    """
+    ended, censored = _along_last(n_ended, n_censored, axis)
+    seen = (ended + censored > 0) * _whole_frames(lifetimes, ended.shape[-1])
+    longest = np.where((_survival(ended, censored) == 0).any(axis=-1), np.inf, seen.max(axis=-1, initial=0.0))
+    return np.where(_has_tracks(ended, censored), longest, np.nan)
+
+
 def median_survival(lifetimes: pl.DataFrame) -> pl.DataFrame:
     """Shortest lifetime that at most half of the tracks exceed, by the Kaplan-Meier estimate, of every condition.
 
@@ -218,3 +282,23 @@ def _pooled(ends: pl.DataFrame | Iterable[pl.DataFrame]) -> tuple[pl.DataFrame, 
 def _total_from(count: pl.Expr) -> pl.Expr:
     """Sum of a count over this and all longer lifetimes of a condition, in a table sorted by lifetime."""
     return count.cum_sum(reverse=True).over(POOLED)
+
+
+def _along_last(n_ended: ArrayLike, n_censored: ArrayLike, axis: int) -> list[NDArray[np.float64]]:
+    """Both counts with lifetimes along the last axis."""
+    return [np.moveaxis(np.asarray(count, dtype=np.float64), axis, -1) for count in (n_ended, n_censored)]
+
+
+def _whole_frames(lifetimes: ArrayLike | None, count: int) -> NDArray[np.float64]:
+    return np.arange(1.0, count + 1) if lifetimes is None else np.asarray(lifetimes, dtype=np.float64)
+
+
+def _has_tracks(ended: NDArray[np.float64], censored: NDArray[np.float64]) -> NDArray[np.bool_]:
+    return np.asarray((ended + censored).sum(axis=-1) > 0)
+
+
+def _survival(ended: NDArray[np.float64], censored: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Kaplan-Meier survival beyond each lifetime (..., lifetimes); NaN where no track is at risk and it is not 0."""
+    at_risk = np.cumsum((ended + censored)[..., ::-1], axis=-1)[..., ::-1] - censored
+    curve = np.cumprod(1 - ended / np.where(at_risk > 0, at_risk, 1.0), axis=-1)
+    return np.where((at_risk > 0) | (curve == 0), curve, np.nan)

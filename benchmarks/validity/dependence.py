@@ -17,9 +17,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-
 from tracknoise.findings.factors.largest import largest
 from tracknoise.findings.factors.paired import Levels, pair_curves
+
 from tracknoise.findings.factors.rotation import rotations
 
 MARGIN, LEVEL = 0.10, 0.95

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import stats
-
 from tracknoise.findings.factors.largest import Largest, largest
 from tracknoise.findings.factors.ratios import Ratios
+
 from tracknoise.findings.factors.rotation import rotations
 
 MARGIN, LEVEL = 0.1, 0.95

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from scipy import stats
-
 from tracknoise.findings.factors.largest import Largest, largest
 from tracknoise.findings.factors.paired import Levels, pair_curves, pair_numbers
+
 from tracknoise.findings.factors.rotation import rotations
 
 MARGIN, LEVEL = 0.1, 0.95

@@ -1,9 +1,9 @@
 """Distribution of the best of many tests by chance alone, from random rotations of the data.
 
-The contributions of n scenes to an error form a vector e. It is multiplied with a random direction w, where the test
-uses equal weights. The cosine r of their angle makes t = r sqrt(n - 1) / sqrt(1 - r^2), which has exactly Student's
-distribution of n - 1 degrees of freedom for each e, while those of all e together depend on each other as the data do.
-With few scenes and many tests the best of them tends to Scheffé's bound.
+The contributions of n scenes (or groups of scenes) to an error form a vector e. It is multiplied with a random
+direction w, where the test uses equal weights. The cosine r of their angle makes t = r sqrt(n - 1) / sqrt(1 - r^2),
+which has exactly Student's distribution of n - 1 degrees of freedom for each e, while those of all e together depend on
+each other as the data do. With few scenes and many tests the best of them tends to Scheffé's bound.
 
 Source: Ø. Langsrud, Statistics and Computing 15 (2005).
 """
@@ -52,49 +52,20 @@ def best_by_chance(parts: NDArray[np.float64], directions: NDArray[np.float64]) 
     return np.sort(2 * _upper_tail(cosine, len(parts)))
 
 
-def range_by_chance(parts: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """One-sided p-values of ranges whose ends are where chance put them.
-
-    Of curves that consist of error only, the highest and the lowest place are chosen in every rotation, and their
-    difference is tested as if they had been chosen beforehand.
+def students(parts: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Student's t of each vector in every rotation, (draws, vectors), with a sign; 0 for vectors of length 0.
 
     Parameters
     ----------
-    parts : (scenes, curves, places)
-        What each scene adds to the error of each place.
-    directions : (draws, scenes)
-        Rows of length 1.
-
-    Returns
-    -------
-    (curves, draws) float64
-        Sorted by draws.
+    parts, directions
+        As in `best_by_chance`.
     """
-    scenes, curves, places = parts.shape
-    draws = len(directions)
-    products = np.einsum("sck,scl->ckl", parts, parts, optimize=True)
-    squares = np.einsum("ckk->ck", products)
-    lengths = np.sqrt(np.maximum(squares[:, :, None] + squares[:, None] - 2 * products, 0.0))
-    cosine = np.zeros((curves, draws))
-    step = max(1, _CHUNK // places)
-    for start in range(0, curves, step):
-        some = slice(start, start + step)
-        count = min(step, curves - start)
-        turned = (directions @ parts[:, some].reshape(scenes, count * places)).reshape(draws, count, places)
-        top, bottom = turned.argmax(axis=2), turned.argmin(axis=2)
-        spread = np.take_along_axis(turned, top[..., None], 2) - np.take_along_axis(turned, bottom[..., None], 2)
-        length = lengths[some][np.arange(count), top, bottom]
-        cosine[some] = (spread[..., 0] / np.where(length > 0, length, 1.0)).T
-    return np.sort(_upper_tail(cosine, scenes), axis=1)
-
-
-def share_at_most(by_chance: NDArray[np.float64], p: float) -> float:
-    """P-value of a p-value, given those by chance, sorted: what share is at most that, its own counted, too."""
-    return (1 + int(np.searchsorted(by_chance, p, side="right"))) / (1 + len(by_chance))
+    length = np.linalg.norm(parts, axis=0)
+    return _student(directions @ (parts / np.where(length > 0, length, 1.0)), len(parts))
 
 
 def least_share(by_chance: NDArray[np.float64], share: float) -> NDArray[np.float64]:
-    """The p-value whose own p-value (`share_at_most`) is `share`, along the last axis; 0 with too few draws."""
+    """The p-value that a given share of p-values by chance, sorted along the last axis, is at most; 0 with too few."""
     rank = int(share * (by_chance.shape[-1] + 1) + 1e-9)
     return by_chance[..., rank - 1] if rank else np.zeros(by_chance.shape[:-1])
 
@@ -104,10 +75,13 @@ def _unit_rows(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     return unit
 
 
-def _upper_tail(cosine: NDArray[np.float64], n_scenes: int) -> NDArray[np.float64]:
+def _upper_tail(cosine: NDArray[np.float64], dimensions: int) -> NDArray[np.float64]:
     """Probability of a larger cosine."""
-    r, degrees = np.clip(np.round(cosine, _DECIMALS), 0.0, 1.0), max(n_scenes - 1.0, 1.0)  # none: no error at all
+    return np.asarray(special.stdtr(max(dimensions - 1.0, 1.0), -_student(cosine, dimensions)), dtype=np.float64)
+
+
+def _student(cosine: NDArray[np.float64], dimensions: int) -> NDArray[np.float64]:
+    """Student's t of cosines; no dimensions: no error at all."""
+    r = np.clip(np.round(cosine, _DECIMALS), -1.0, 1.0)
     with np.errstate(divide="ignore"):
-        student = r * np.sqrt(degrees) / np.sqrt(1 - r**2)
-    tail: NDArray[np.float64] = special.stdtr(degrees, -student)
-    return tail
+        return np.asarray(r * np.sqrt(max(dimensions - 1.0, 1.0)) / np.sqrt(1 - r**2), dtype=np.float64)

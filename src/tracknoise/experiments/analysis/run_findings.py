@@ -139,4 +139,5 @@ def _reported(
         population=experiment.truth.population,
         percentile=dropped_above(trims),
         recorded=truths != {TruthKind.raycast},
+        trimming=experiment.findings.trimming,
     )

@@ -9,7 +9,7 @@ from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.wording import opening_place, place, view_text
 from tracknoise.statistics.definitions import NAMES
 from tracknoise.statistics.factors import ReferenceCondition
-from tracknoise.tables.defaults import POPULATION
+from tracknoise.tables.defaults import POPULATION, TRIMMING
 from tracknoise.tables.enumerations import Aspect, Axis, Trimming, Weighting
 from tracknoise.tables.schema import VIEW
 
@@ -30,6 +30,8 @@ class ReportedConditions:
         Percentile of the largest errors of tracks above which tracks were dropped; None where none was.
     recorded
         Whether true positions come from recorded poses and depth, whose own errors are part of every number.
+    trimming
+        Errors that verdicts are about.
     """
 
     reference: ReferenceCondition
@@ -37,6 +39,7 @@ class ReportedConditions:
     population: str = POPULATION
     percentile: float | None = None
     recorded: bool = False
+    trimming: Trimming = TRIMMING
 
     @property
     def axis(self) -> Axis:
@@ -45,8 +48,10 @@ class ReportedConditions:
 
     @property
     def trimmings(self) -> tuple[Trimming, ...]:
-        """Trimmings that are reported, that of the experiment first."""
-        return (Trimming.untrimmed,) if self.percentile is None else (Trimming.trimmed, Trimming.untrimmed)
+        """Trimmings that are reported, that of the verdicts first."""
+        if self.percentile is None:
+            return (self.trimming,)
+        return (self.trimming, *(other for other in Trimming if other != self.trimming))
 
     def of(self, table: pl.DataFrame, tracker: str) -> pl.DataFrame:
         """Rows of a tracker's condition."""
@@ -79,7 +84,7 @@ def curve_bounds(
     at: int,
     coordinate: str,
     *,
-    trimming: str = Trimming.trimmed,
+    trimming: str | None = None,
     weighting: str = Weighting.features,
     aspect: Aspect = Aspect.all,
     at_least: int | None = None,
@@ -93,17 +98,17 @@ def curve_bounds(
     conditions
         Say which population and axis.
     role
-        Of the statistic, as in `tracknoise.statistics.curves.NAMES`.
+        Of the statistic, as in `tracknoise.statistics.definitions.NAMES`, or core.
     at, coordinate, trimming, weighting, aspect, at_least
-        As in the table.
+        As in the table; by default the trimming is that of the conditions.
     """
     found = intervals.filter(
         pl.col("at_least").eq_missing(at_least),
         aspect=aspect,
         population=conditions.population,
-        trimming=trimming,
+        trimming=conditions.trimming if trimming is None else trimming,
         weighting=weighting,
-        statistic=NAMES[conditions.axis][role],
+        statistic=NAMES[conditions.axis].get(role, role),
         axis=conditions.axis,
         at=at,
         coordinate=coordinate,
@@ -111,6 +116,32 @@ def curve_bounds(
     if role in ("second", "central"):
         found = found.with_columns(pl.col("value", "low", "high").clip(lower_bound=0.0).sqrt())
     return _estimate(found.with_columns(unit=pl.lit("px")))
+
+
+def scale_estimate(
+    intervals: pl.DataFrame,
+    conditions: ReportedConditions,
+    role: str,
+    at: int,
+    coordinate: str,
+    *,
+    trimming: str | None = None,
+) -> Estimate | None:
+    """Scale of the errors at a point of a curve, px, as the geometric mean over scenes of each scene's own.
+
+    Parameters
+    ----------
+    intervals
+        Rows of one condition.
+    conditions
+        Say which population and axis.
+    role
+        core, absolute or second, whose root is given.
+    at, coordinate, trimming
+        As in `curve_bounds`.
+    """
+    weighting = Weighting.geometric
+    return curve_bounds(intervals, conditions, role, at, coordinate, trimming=trimming, weighting=weighting)
 
 
 def scalar_bounds(intervals: pl.DataFrame, statistic: str) -> Estimate | None:

@@ -1,8 +1,9 @@
-"""Effects of factors: the largest difference between levels, relative to the variation common to them.
+"""Effects of factors by the paper's yardstick: the largest difference between levels, relative to what is common.
 
+The estimates are taken as they are, without intervals; `tracknoise.findings.factors` compares levels within scenes.
 All other factors are held at their reference. `tracknoise.statistics.differences` compares the curves of every pair of
-levels. The effect on a statistic is the largest over pairs and over the coordinates u and v (effect). The curves are
-trimmed, with features pooled, and not cut. Age 0 and the key frame are left out, because errors are zero there by
+levels. The effect on a statistic is the largest over pairs and over the coordinates u and v (effect). The curves have
+features pooled and are not cut. Age 0 and the key frame are left out, because errors are zero there by
 construction. A single number such as the lifetime has no curve. Its effect is the range over the levels, relative to
 their mean (effect.scalar).
 """
@@ -78,9 +79,8 @@ def effects(
 def _points(curves: pl.DataFrame, errors: Mapping[str, str], reference: ReferenceCondition) -> pl.DataFrame:
     """The points of curves at which levels may be compared."""
     signed = pl.col("statistic").is_in([names["mean"] for names in NAMES.values()])
-    points = upright(
-        comparable(curves.filter(**errors, weighting=Weighting.features), reference.key_frames), signed=signed
-    )
+    chosen = curves.filter(**errors, weighting=Weighting.features)
+    points = upright(comparable(chosen, reference.key_frames), signed=signed)
     return points.select(*POOLED, "statistic", "axis", "at", "u", "v")
 
 

@@ -143,7 +143,7 @@ def _rows(
             asked = differences(levels, measured, logarithms=role != SIGNED)
         margin = _margin_px(cell, values, options.margin) if role == SIGNED else float(np.log1p(options.margin))
         question = _question(asked, group, margin, options, cancels=role == SIGNED)
-        yield row_of(cell, role, name, places, asked, question, group)
+        yield row_of(cell, role, name, places, asked, question, margin, group)
 
 
 def _question(

@@ -34,6 +34,7 @@ def row_of(
     places: NDArray[np.int64],
     asked: Differences,
     question: Question | None,
+    margin: float,
     group: NDArray[np.intp],
 ) -> Row:
     """What is known about one statistic of a cell.
@@ -48,6 +49,8 @@ def row_of(
         Ages, or frames from the key frame on, of the points: each has two points, u and v.
     asked, question
         Differences between the levels, and what is asked of them; None where too few scenes were measured.
+    margin
+        Largest difference that counts as no effect: of logarithms, or in px; NaN where it is unknown.
     group
         Number of the group of each scene.
     """
@@ -61,10 +64,11 @@ def row_of(
         "n_levels": len(levels),
         "n_pairs": 0 if found is None else int(found.compared.any(axis=1).sum()),
         "n_scenes": int(shared.min(initial=shared.max(initial=0))),
+        "margin": None if np.isnan(margin) else _size(margin, role),
         "gap": _gap(cell.factor, levels, asked, found, group, question),
     }
     if question is not None:
-        row |= {"margin": _size(question.margin, role), "resampled": question.resampled}
+        row |= {"resampled": question.resampled}
     if found is not None:
         row |= _compared(found, places, asked) | _pair(found, levels, asked, role) | _point(found, places)
         row |= _sizes(found, role)

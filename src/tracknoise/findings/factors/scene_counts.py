@@ -58,7 +58,7 @@ def lifetime_differences(tables: Sequence[pl.DataFrame], scenes: Sequence[str]) 
     known = follow_up(ended, censored, lifetimes=lifetimes)
     measured = np.asarray(~np.isnan(known), dtype=np.bool_)
     pairs = pairs_of(len(tables))
-    both = measured[:, pairs].all(axis=2)
+    both = at_both(measured)
     limits = np.where(both[..., None], known[:, pairs], np.inf).min(axis=(0, 2), initial=np.inf)
     horizon = np.minimum(limits, lifetimes.max(initial=0))
     means = [_restricted(ended, censored, pair, until, lifetimes) for pair, until in zip(pairs, horizon, strict=True)]

@@ -104,7 +104,7 @@ def _with_figures(report: Path) -> list[tuple[str, str, int]]:
 def _ran(replicated: Sequence[Replicated], parts: Mapping[str, Part]) -> Cells:
     rows = [_row(item, parts.get(item.experiment)) for item in replicated]
     headings = ["experiment", "data", "sequences", "failed", "observations", "cells", *paper.AGREEMENTS * 2]
-    groups = [("", 6), ("verdicts", len(paper.AGREEMENTS)), ("by effects alone", len(paper.AGREEMENTS))]
+    groups = [("", 6), ("paper's yardstick", len(paper.AGREEMENTS)), ("paired verdicts", len(paper.AGREEMENTS))]
     return Cells("Runs", headings, rows, [False, False, *[True] * (len(headings) - 2)], groups)
 
 
@@ -112,8 +112,8 @@ def _row(item: Replicated, part: Part | None) -> list[str]:
     if part is None:
         return [paper.title(item.experiment), item.found, *[DASH] * (4 + 2 * len(paper.AGREEMENTS))]
     manifest, table = part.data.manifest, part.data.comparison
-    tally, alone = paper.tally(table), paper.tally(table, of="point_agreement")
+    yardstick, paired = paper.tally(table, of="yardstick_agreement"), paper.tally(table)
     observed = int(part.data.counts.filter(kind="truth")["n"].sum())
-    counts = [len(manifest.sequences), len(manifest.failures), observed, sum(tally.values()), *tally.values()]
-    counts += alone.values()
+    counts = [len(manifest.sequences), len(manifest.failures), observed, sum(paired.values()), *yardstick.values()]
+    counts += paired.values()
     return [part.title, item.found, *map(number, counts)]

@@ -93,9 +93,9 @@ def sentences(data: ReportData) -> list[str]:
     if slight.height:
         largest = percent(slight[share].max())  # type: ignore[arg-type]
         made.append(
-            f"Caution: by the paper's yardstick, the yes for the mean error of "
-            f"{listing(_asked(row) for row in slight.to_dicts())} may be chance. There is hardly any bias, so the common "
-            "variation is small. Even a small difference then exceeds the margin. "
+            "Caution: by the paper's yardstick, the yes for the mean error of "
+            f"{listing(_asked(row) for row in slight.to_dicts())} may be chance. There is hardly any bias, so the "
+            "common variation is small. Even a small difference then exceeds the margin. "
             f"These means differ by at most {largest} of the variation of the mean absolute error."
         )
     return made

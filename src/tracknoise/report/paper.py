@@ -93,9 +93,9 @@ def compare(effects: pl.DataFrame, dependence: pl.DataFrame, asked: Asked) -> pl
     -------
     polars.DataFrame
         Schema `COMPARISON`, sorted by factor, tracker and statistic. The columns of `DEPENDENCE` are of the comparison
-        paired by scene; `yardstick_` precedes those of the paper's yardstick, which the core has not. `paper` and the
-        agreements are null where the paper says nothing. Otherwise an agreement is one of `AGREEMENTS`: `agreement` that
-        of the paired verdict, `yardstick_agreement` that of the paper's yardstick.
+        paired by scene; those of the paper's yardstick begin with `yardstick_` and are null for the core. `paper`
+        and the agreements are null where the paper says nothing. Otherwise an agreement is one of `AGREEMENTS`:
+        `agreement` that of the paired verdict, `yardstick_agreement` that of the paper's yardstick.
     """
     rows = []
     nominal = pl.col("speed").is_null() | (pl.col("speed") == asked.speed)

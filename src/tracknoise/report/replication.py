@@ -60,8 +60,7 @@ def write_replication(folder: Path, replicated: Sequence[Replicated]) -> Path:
         If a run is damaged, or the folder cannot be written.
     """
     parts = {item.experiment: _part(item) for item in replicated if item.run}
-    intervals = any(not part.data.dependence.is_empty() for part in parts.values())
-    shown: dict[str, Any] = {"paper": paper, "parts": parts, "intervals": intervals}
+    shown: dict[str, Any] = {"paper": paper, "parts": parts}
     chapters = [_chapter(item, parts.get(item.experiment), folder) for item in replicated]
     total = {name: sum(chapter["tally"].get(name, 0) for chapter in chapters) for name in paper.AGREEMENTS}
     index = template("replication.html.j2").render(ran=_ran(replicated, parts), chapters=chapters, total=total, **shown)
@@ -86,7 +85,7 @@ def _chapter(item: Replicated, part: Part | None, folder: Path) -> Mapping[str, 
     return {
         **chapter,
         "part": part,
-        "tally": paper.tally(table),
+        "tally": paper.tally(table, of="yardstick_agreement"),
         "sentences": factor_effects.sentences(part.data),
         "verdicts": factor_effects.verdicts(part.data),
         "page": f"{os.path.relpath(item.run.path, folder)}/report/index.html",

@@ -64,8 +64,8 @@ def lifetime_differences(tables: Sequence[pl.DataFrame], scenes: Sequence[str]) 
     means = [_restricted(ended, censored, pair, until, lifetimes) for pair, until in zip(pairs, horizon, strict=True)]
     of_pairs = np.array(means).reshape(len(pairs), len(scenes), 2)
     usable = (both & (horizon >= _LEAST_HORIZON)).T
-    values = np.where(usable, np.log(of_pairs[..., 0]) - np.log(of_pairs[..., 1]), np.nan).T
-    return _of_numbers(values, measured, horizon)
+    logs = np.log(np.where(usable[..., None], of_pairs, np.nan))
+    return _of_numbers((logs[..., 0] - logs[..., 1]).T, measured, horizon)
 
 
 def _restricted(

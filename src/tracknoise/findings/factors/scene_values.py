@@ -97,10 +97,12 @@ def scene_values(
         (str(dataset), str(axis)): part["at"].unique().sort().to_numpy()
         for (dataset, axis), part in points.partition_by("dataset", "axis", as_dict=True).items()
     }
+    there = points.partition_by([*POOLED, "axis"], as_dict=True)
     found = {}
-    for (*names, axis), part in points.partition_by([*POOLED, "axis"], as_dict=True).items():
-        key, at = tuple(names), places[str(names[0]), str(axis)]
+    for *names, axis in known.select(*POOLED, "axis").unique().sort(*POOLED, "axis").rows():
+        key, at = tuple(names), places.get((str(names[0]), str(axis)), np.zeros(0, dtype=np.int64))
         rows = [table[key].filter(**errors, axis=axis) if key in table else None for table in (moments, scales)]
+        part = there.get((*key, axis), points.clear())
         numbered = part.select(at="there", place=pl.Series(np.searchsorted(at, part["at"].to_numpy())))
         found[key, str(axis)] = _of_condition(key, rows, numbered, scenes[str(key[0])], len(at))
     return AllValues(places, found)

@@ -109,11 +109,6 @@ class _Clearest:
         """Half width of the interval, which holds for all differences together."""
         return float(half_widths(self.found, question.directions, 1 - question.level)[self.chosen])
 
-    def exceeds(self, question: Question, weight: float) -> bool:
-        """Whether it is above the margin at this share of the level."""
-        clear = self.p <= weight * (1 - question.level)
-        return clear and abs(self.difference) - self.half_width(question) > question.margin
-
 
 def answer(asked: Differences, question: Question) -> Answer | None:
     """Compare all pairs; None where no point has enough scenes."""
@@ -152,8 +147,9 @@ def _of_two_stages(
     rest = 1 - OVERALL_SHARE
     p_overall = min(overall.p / OVERALL_SHARE, 1.0)
     single = _clearest_point(points, compared, question, needed=rest * p_overall)
-    at_point = single.p <= rest * (1 - question.level) and not overall.exceeds(question, OVERALL_SHARE)
-    return replace(single if at_point else overall, p=min(p_overall, single.p / rest))
+    p_single = single.p / rest
+    at_point = p_single <= 1 - question.level < p_overall
+    return replace(single if at_point else overall, p=min(p_overall, p_single))
 
 
 def _clearest_pair(values: NDArray[np.float64], compared: NDArray[np.bool_], question: Question) -> _Clearest:

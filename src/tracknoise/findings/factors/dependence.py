@@ -5,8 +5,8 @@ in their difference. Scales of errors, lifetimes and outlier ratios are compared
 difference of logarithms, and thus the geometric mean over scenes of the ratio. Every scene has the same weight. Mean
 errors have a sign; their differences are in px (`tracknoise.findings.factors.answers`).
 
-q-values are computed over the rows of a factor, for all trackers and speeds together. The verdict is `yes` if the
-interval of the reported difference is above the margin and q_yes is at most 1 - level. It is `no` if every difference
+q-values are computed over the rows of a factor, for all trackers and speeds together. The verdict is `yes` if q_yes
+is at most 1 - level. It is `no` if every difference
 at every age is below the margin: p_no is at most half of 1 - level, q_no is at most 1 - level, and every pair of levels
 was compared. Otherwise it is `undecided`.
 """

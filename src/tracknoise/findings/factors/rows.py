@@ -201,7 +201,7 @@ def _all_below(level: float) -> pl.Expr:
 
 def _verdict(level: float) -> pl.Expr:
     largest_q = 1 - level + _ROUNDING
-    exceeds = (pl.col("low") > pl.col("margin")) & (pl.col("q_yes") <= largest_q)
+    exceeds = pl.col("q_yes") <= largest_q
     none_does = pl.col("gap").is_null() & _all_below(level) & (pl.col("q_no") <= largest_q)
     answer = pl.when(exceeds).then(pl.lit(Verdict.yes)).when(none_does).then(pl.lit(Verdict.no))
     return answer.otherwise(pl.lit(Verdict.undecided)).cast(VERDICT)
@@ -209,7 +209,7 @@ def _verdict(level: float) -> pl.Expr:
 
 def _why(level: float) -> pl.Expr:
     """Why a verdict is undecided; null for the others."""
-    shown = (pl.col("low") > pl.col("margin")) | _all_below(level)
+    shown = (pl.col("p_yes") <= 1 - level) | _all_below(level)
     holds = (pl.col("low") <= pl.col("margin")) & (pl.col("high") >= pl.col("margin"))
     return (
         pl.when(~_is_open())

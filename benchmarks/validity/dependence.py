@@ -2,9 +2,9 @@
 
     python -m benchmarks.validity.dependence [--runs N] [--draws N] [--seed N] [--only WORLD]
 
-Printed is how often a single question is answered yes, as in the verdicts (p_yes <= 5 %), and no (p_no <= 2.5 %). `t test` is how often a plain paired t test of the log ratios (mean over ages and
-coordinates) finds a difference from 1, `covers` how often the interval of the overall ratio holds the true ratio. The
-margin is a ratio of 1.1.
+Printed is how often a single question is answered yes, as in the verdicts (p_yes <= 5 %), and no (p_no <= 2.5 %).
+`t test` is how often a plain paired t test of the log ratios (mean over ages and coordinates) finds a difference from
+1, `covers` how often the interval of the overall ratio holds the true ratio. The margin is a ratio of 1.1.
 
 Worlds: `independent` and `shared` have scenes whose scales differ (log sd 0.7), at each level anew or at all levels
 alike, and curves that wander with age. `crossing` has a ratio of 2 at young and of 1/2 at old ages; `one age` differs

@@ -23,6 +23,8 @@ from tracknoise.findings.factors.averages import Averages, average
 from tracknoise.findings.factors.differences import Differences
 from tracknoise.findings.factors.exceeding import best_of_few, best_of_many, half_widths, half_widths_alone, p_below
 from tracknoise.findings.factors.more_scenes import more_scenes
+from tracknoise.findings.sampling.groups import MIN_WITHIN
+from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.tables.enumerations import Resampled
 
 OVERALL_SHARE = 0.8
@@ -114,9 +116,10 @@ def answer(asked: Differences, question: Question) -> Answer | None:
     """Compare all pairs; None where no point has enough scenes."""
     n_scenes, n_pairs, n_points = asked.values.shape
     every = average(asked.values.reshape(n_scenes, n_pairs * n_points), question.group, question.resampled)
-    if not every.enough.any():
+    enough = _enough(every, question.resampled)
+    if not enough.any():
         return None
-    points, compared = every.of(every.enough), every.enough.reshape(n_pairs, n_points)
+    points, compared = every.of(enough), enough.reshape(n_pairs, n_points)
     if question.cancels:
         reported = _clearest_point(points, compared, question, needed=np.inf)
     else:
@@ -135,6 +138,12 @@ def answer(asked: Differences, question: Question) -> Answer | None:
         compared=compared,
         more_scenes=more_scenes(reported.found, reported.chosen, points, margin=question.margin, level=question.level),
     )
+
+
+def _enough(found: Averages, resampled: Resampled) -> NDArray[np.bool_]:
+    """Where there are enough scenes or groups for an interval, as in `tracknoise.findings.sampling.groups.scheme`."""
+    least = MIN_WITHIN if resampled == Resampled.within else 0
+    return np.asarray((found.n_units >= MIN_SCENES) & (found.degrees >= least), dtype=np.bool_)
 
 
 def _of_two_stages(

@@ -15,8 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from tracknoise.findings.sampling.groups import MIN_WITHIN
-from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.tables.enumerations import Resampled
 
 
@@ -32,8 +30,6 @@ class Averages:
         Scenes or groups that are averaged, and scenes in them.
     parts : (dimensions, points) float64
         What each scene, group, or direction within groups, adds to the error: the squares add up to that of `error`.
-    enough : (points,) bool
-        Where there are enough scenes, or groups, for an interval.
     """
 
     mean: NDArray[np.float64]
@@ -42,13 +38,12 @@ class Averages:
     n_units: NDArray[np.intp]
     n_scenes: NDArray[np.intp]
     parts: NDArray[np.float64]
-    enough: NDArray[np.bool_]
 
     def of(self, points: NDArray[np.bool_]) -> "Averages":
         """Some of the points."""
         mean, error, degrees = self.mean[points], self.error[points], self.degrees[points]
         n_units, n_scenes = self.n_units[points], self.n_scenes[points]
-        return Averages(mean, error, degrees, n_units, n_scenes, self.parts[:, points], self.enough[points])
+        return Averages(mean, error, degrees, n_units, n_scenes, self.parts[:, points])
 
 
 def average(values: NDArray[np.float64], group: NDArray[np.intp], resampled: Resampled) -> Averages:
@@ -75,7 +70,7 @@ def _between(units: NDArray[np.float64], n_scenes: NDArray[np.intp]) -> Averages
     n = there.sum(axis=0)
     mean = np.where(there, units, 0.0).sum(axis=0) / np.maximum(n, 1)
     parts = np.where(there, units - mean, 0.0) / np.sqrt(np.maximum(n * (n - 1), 1))
-    return Averages(mean, np.linalg.norm(parts, axis=0), np.maximum(n - 1.0, 1.0), n, n_scenes, parts, n >= MIN_SCENES)
+    return Averages(mean, np.linalg.norm(parts, axis=0), np.maximum(n - 1.0, 1.0), n, n_scenes, parts)
 
 
 def _group_means(values: NDArray[np.float64], group: NDArray[np.intp]) -> NDArray[np.float64]:
@@ -90,12 +85,11 @@ def _within(values: NDArray[np.float64], group: NDArray[np.intp]) -> Averages:
     """Means whose errors are of the scenes within their groups."""
     there, of_groups = ~np.isnan(values), _group_means(values, group)
     n = there.sum(axis=0)
-    degrees = n - (~np.isnan(of_groups)).sum(axis=0)
+    degrees = n - (~np.isnan(of_groups)).sum(axis=0).astype(np.float64)
     mean = np.where(there, values, 0.0).sum(axis=0) / np.maximum(n, 1)
-    residual = np.where(there, values - of_groups[group], 0.0) / np.sqrt(np.maximum(n * degrees, 1))
-    enough = (n >= MIN_SCENES) & (degrees >= MIN_WITHIN)
+    residual = np.where(there, values - of_groups[group], 0.0) / np.sqrt(np.maximum(n * degrees, 1.0))
     error = np.linalg.norm(residual, axis=0)
-    return Averages(mean, error, np.maximum(degrees, 1.0), n, n, _directions_within(group) @ residual, enough)
+    return Averages(mean, error, np.maximum(degrees, 1.0), n, n, _directions_within(group) @ residual)
 
 
 def _directions_within(group: NDArray[np.intp]) -> NDArray[np.float64]:

@@ -1,165 +1,214 @@
-"""How often a factor is said to matter, or not to, whose effect is known: worlds of scenes with effects of their own.
+"""How often a factor is said to change a statistic, or not to, where the truth is known.
 
     python -m benchmarks.validity.dependence [--runs N] [--draws N] [--seed N] [--only WORLD]
 
-Every scene has a bias and a scale of its own at all levels, another share of the features, and at each level something
-of its own that wanders with age. Between the levels the curves differ by `effect`, relative to their middle, at the
-oldest age. Printed is how often a world is said to have an effect above the margin of 10 % (yes), or below it (no), and
-how often the interval misses the effect to either side. `plug-in` is how often the estimate itself is above the margin.
-The verdicts are of a single question, so that no multiplicity is taken into account.
+Printed is how often a single question is answered yes, as in the verdicts (p_yes <= 5 %), and no (p_no <= 2.5 %).
+`t test` is how often a plain paired t test of the log ratios (mean over ages and coordinates) finds a difference from
+1, `covers` how often the interval of the overall ratio holds the true ratio. The margin is a ratio of 1.1.
 
-Two worlds have no bias: in `none` nothing is common to the levels' mean errors, so that their effect is 0 where they do
-not differ, and infinite where they do (`own`, by a hundredth of what scenes vary by).
+Worlds: `independent` and `shared` have scenes whose scales differ (log sd 0.7), at each level anew or at all levels
+alike, and curves that wander with age. `crossing` has a ratio of 2 at young and of 1/2 at old ages; `one age` differs
+at the last age only. `sizes` are errors of tracks in scenes of very unequal size, `lost` those of two trackers whose
+errors have one distribution and whose tracks are lost at different rates: `gauss` independent, `t3` heavy-tailed,
+`walk` random walks. Their statistics are second moment (2) and core (c). `hazards` and `mixture` are lifetimes with the
+same hazards in sequences of different length; `outliers` are outlier ratios of unequal numbers of features.
 """
 
 import argparse
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
+import polars as pl
+from scipy import stats
 
-from tracknoise.findings.factors.largest import largest
-from tracknoise.findings.factors.paired import Levels, pair_curves
-from tracknoise.findings.factors.rotation import rotations
+from tracknoise.findings.factors.answers import Question, answer
+from tracknoise.findings.factors.differences import Differences, differences
+from tracknoise.findings.factors.scene_counts import lifetime_differences, outlier_differences
+from tracknoise.findings.factors.scene_values import LEAST_FEATURES
+from tracknoise.findings.sampling.rotation import rotations
+from tracknoise.statistics.scales import PER_MEDIAN
+from tracknoise.tables.enumerations import Resampled
+from tracknoise.tables.schema import ENDS, FRAME_COUNTS
 
-MARGIN, LEVEL = 0.10, 0.95
-STATISTICS = ("nu", "eta", "Phi", "central")
+MARGIN, LEVEL, AGES = np.log(1.1), 0.95, 12
+Array = np.ndarray
+Draw = Callable[[np.random.Generator], Differences]
 
 
 @dataclass(frozen=True)
 class World:
-    """What differs between levels, and how scenes scatter."""
+    """What is drawn, and the true log ratio of the last to the first level (None: there is none overall)."""
 
-    effect: float
+    name: str
     scenes: int
-    levels: int = 2
-    ages: int = 25
-    bias: float = 0.5
-    """Of the oldest age, relative to the scale of errors there."""
-    scene_bias: float = 0.2
-    scene_scale: float = 0.3
-    """Standard deviations of the scenes' own bias and of the logarithm of their scale, the same at all levels."""
-    wandering: bool = False
-    """Whether a scene's own bias changes with age, or is the same at all."""
-    own: float = 0.05
-    """Standard deviation of what a scene has of its own at each level."""
-    sizes: float = 0.5
-    """Standard deviation of the logarithm of a scene's number of features."""
-    memory: float = 0.95
-    """Correlation of what is a level's own from one age to the next."""
-    shape: str = "growing"
-    """Of the curves: `growing` with the square root of age, or `flat`."""
-    everywhere: bool = True
-    """Whether the levels differ at every age and in both coordinates, or at the oldest age in u only."""
-    unbiased_difference: float = 0.0
-    """Constant difference of the mean error where there is no bias."""
+    levels: int
+    ratio: float | None
+    draw: Draw
 
 
-def simulate(world: World, rng: np.random.Generator) -> Levels:
-    """Sums of the scenes of one world."""
-    age = np.arange(1, world.ages + 1)
-    curve = np.sqrt(age / world.ages) if world.shape == "growing" else np.ones(world.ages)
-    factor = np.ones((2, world.levels, world.ages))
-    there = (slice(None), slice(None)) if world.everywhere else (0, -1)
-    factor[:, 0][there], factor[:, -1][there] = 1 - world.effect / 2, 1 + world.effect / 2
-    shape = (world.scenes, world.levels, world.ages)
-    n = np.ceil(500 * np.exp(world.sizes * rng.standard_normal((world.scenes, 1, 1)) - age / world.ages) + 20)
-    n = np.broadcast_to(n, shape)
-    scale = np.exp(world.scene_scale * rng.standard_normal((world.scenes, 1, 1)) - world.scene_scale**2 / 2)
-    columns = []
-    for coordinate in range(2):
-        of_scene = replace(world, levels=1, own=world.scene_bias, memory=world.memory if world.wandering else 1.0)
-        away = _wander(of_scene, rng) + _wander(world, rng)
-        apart = world.unbiased_difference * np.arange(world.levels)[:, None] * (coordinate == 0)
-        mean = (world.bias * factor[coordinate] + away) * curve + apart
-        absolute = (scale * (factor[coordinate] + _wander(world, rng))) * curve
-        second = (scale**2 * (factor[coordinate] + _wander(world, rng))) * curve**2
-        columns.append((mean, absolute, second))
-    sums = np.stack([columns[c][kind] for kind in range(3) for c in range(2)], axis=-1) * n[..., None]
-    return Levels(n.astype(np.float64), sums, np.ones((world.scenes, world.levels), dtype=np.bool_))
+def curves(scenes: int, levels: int, effect: Array, *, shared: bool, own: float = 0.1) -> Draw:
+    """Log curves (scenes, levels, ages, 2) of which the last level differs by `effect`, (ages,) or a number."""
+
+    def draw(rng: np.random.Generator) -> Differences:
+        scale = 0.7 * rng.standard_normal((scenes, 1 if shared else levels, 1, 1))
+        steps = own * rng.standard_normal((scenes, levels, AGES, 2))
+        values = scale + 0.3 * np.cumsum(steps, axis=2) + steps
+        values[:, -1] += np.broadcast_to(effect, AGES)[:, None]
+        return differences(values.reshape(scenes, levels, -1), np.ones((scenes, levels), bool), logarithms=True)
+
+    return draw
 
 
-def _wander(world: World, rng: np.random.Generator) -> np.ndarray:
-    """What is a level's own in each scene, with memory from age to age: (scenes, levels, ages)."""
-    steps = rng.standard_normal((world.ages, world.scenes, world.levels))
-    path = [steps[0]]
-    for step in steps[1:]:
-        path.append(world.memory * path[-1] + np.sqrt(1 - world.memory**2) * step)
-    return world.own * np.moveaxis(np.stack(path), 0, -1)
+def tracks(scenes: int, features: Array, losses: tuple[float, float], kind: str, statistic: str) -> Draw:
+    """Errors of tracks at two levels, lost at different rates, with one distribution; scenes differ (log sd 0.7)."""
+
+    def draw(rng: np.random.Generator) -> Differences:
+        values = np.full((scenes, 2, AGES, 2), np.nan)
+        for scene in range(scenes):
+            scale = np.exp(0.7 * rng.standard_normal())
+            for level, loss in enumerate(losses):
+                n = int(features[scene])
+                life = rng.geometric(loss, n)
+                noise = rng.standard_t(3, (n, AGES, 2)) if kind == "t3" else rng.standard_normal((n, AGES, 2))
+                error = scale * (np.cumsum(noise, axis=1) if kind == "walk" else noise)
+                for age in range(AGES):
+                    values[scene, level, age] = _log(error[life > age, age], statistic)
+        return differences(values.reshape(scenes, 2, -1), np.ones((scenes, 2), bool), logarithms=True)
+
+    return draw
 
 
-def rates(world: World, *, runs: int, draws: int, seed: int) -> dict[str, tuple[float, ...]]:
-    """For each statistic how often: yes, no, interval too high, too low, and plug-in above the margin."""
-    rng = np.random.default_rng([seed, world.scenes, world.levels, world.ages])
-    counts = {name: np.zeros(5) for name in STATISTICS}
+def _log(error: Array, statistic: str) -> Array | float:
+    if len(error) < LEAST_FEATURES["core" if statistic == "c" else "second"]:
+        return np.nan
+    if statistic == "c":
+        return np.log(PER_MEDIAN * np.median(np.abs(error), axis=0))
+    return np.log((error**2).sum(axis=0) / (len(error) - 1))
+
+
+def lifetimes(scenes: int, lengths: tuple[int, int], hazards: tuple[float, ...], factor: float = 1.0) -> Draw:
+    """Tracks whose hazards are a mixture, alike at both levels but for a factor, in sequences of two lengths."""
+    names = [f"s{scene:02}" for scene in range(scenes)]
+
+    def draw(rng: np.random.Generator) -> Differences:
+        columns: list[list[tuple[list[str], Array, Array, Array]]] = [[], []]
+        for name in names:
+            of_scene = np.exp(0.3 * rng.standard_normal())
+            for level, length in enumerate(lengths):
+                n = int(300 * np.exp(0.5 * rng.standard_normal()))
+                own = np.exp(0.05 * rng.standard_normal()) * of_scene * (factor if level else 1.0)
+                life = rng.geometric(np.minimum(rng.choice(hazards, n) * own, 0.9))
+                at_most = rng.integers(1, length + 1, n)
+                ended = np.bincount(life[life < at_most], minlength=length + 1)
+                alive = np.bincount(at_most[life >= at_most], minlength=length + 1)
+                there = np.flatnonzero(ended + alive)
+                columns[level].append(([name] * len(there), there, ended[there], alive[there]))
+        kinds = {column: ENDS[column] for column in ("scene", "lifetime", "n_ended", "n_censored")}
+        tables = [[np.concatenate(column) for column in zip(*level, strict=True)] for level in columns]
+        return lifetime_differences([pl.DataFrame(table, schema=[*kinds]).cast(kinds) for table in tables], names)
+
+    return draw
+
+
+def outliers(scenes: int, shares: tuple[float, float], offered: tuple[int, int]) -> Draw:
+    """Counts of outliers that scatter from scene to scene (log sd 0.7, and 0.2 at each level)."""
+    names = [f"s{scene:02}" for scene in range(scenes)]
+    kinds = {column: FRAME_COUNTS[column] for column in ("scene", "offered", "outliers")}
+
+    def draw(rng: np.random.Generator) -> Differences:
+        scale = np.exp(0.7 * rng.standard_normal(scenes))
+        tables = []
+        for share, n in zip(shares, offered, strict=True):
+            rate = np.minimum(share * scale * np.exp(0.2 * rng.standard_normal(scenes)), 0.9)
+            counts = {"scene": names, "offered": [n] * scenes, "outliers": rng.binomial(n, rate)}
+            tables.append(pl.DataFrame(counts).cast(kinds))
+        return outlier_differences(tables, names)
+
+    return draw
+
+
+def rates(world: World, *, runs: int, draws: int, seed: int) -> dict[str, float]:
+    """How often: yes, no, t test, and the interval of the overall ratio holds the true one."""
+    rng = np.random.default_rng([seed, world.scenes, world.levels, *map(ord, world.name)])
+    counts = np.zeros(5)
     for run in range(runs):
-        ratios = pair_curves(simulate(world, rng)).ratios
+        asked = world.draw(rng)
         directions = rotations(world.scenes, n_draws=draws, seed=seed + run)
-        for name, points in zip(STATISTICS, ratios, strict=True):
-            found = largest(points, directions, margin=MARGIN, level=LEVEL)
-            true = _true(world, name)
-            counts[name] += [
-                found.low > MARGIN, found.high < MARGIN, found.low > true, found.high < true, found.effect > MARGIN
-            ]  # fmt: skip
-    return {name: tuple(count / runs) for name, count in counts.items()}
+        question = Question(MARGIN, LEVEL, np.arange(world.scenes), Resampled.scenes, directions)
+        found = answer(asked, question)
+        if found is None:
+            continue
+        yes, no = found.p_yes <= 1 - LEVEL, found.p_no <= (1 - LEVEL) / 2
+        overall = world.ratio is not None and found.point is None
+        held = overall and found.low <= _signed(world, asked.pairs[found.pair]) <= found.high
+        counts += [yes, no, _t_test(asked), overall, held]
+    return {
+        "yes": counts[0] / runs,
+        "no": counts[1] / runs,
+        "t test": counts[2] / runs,
+        "covers": counts[4] / counts[3] if counts[3] else np.nan,
+    }
 
 
-def _true(world: World, statistic: str) -> float:
-    if statistic == "nu" and not world.bias:
-        return float("inf") if world.unbiased_difference else 0.0
-    if statistic != "central":
-        return world.effect
-    factors = (1 + world.effect / 2, 1 - world.effect / 2)
-    a, b = (np.exp(world.scene_scale**2) * factor - (world.bias * factor) ** 2 for factor in factors)
-    return abs(a - b) / ((a + b) / 2)
+def _signed(world: World, pair: Array) -> float:
+    """True difference of a pair of levels: the last level differs from all others, which are alike."""
+    last = world.levels - 1
+    return (world.ratio or 0.0) * (float(pair[0] == last) - float(pair[1] == last))
 
 
-def worlds() -> Iterator[tuple[str, World]]:
+def _t_test(asked: Differences) -> bool:
+    """Whether the first pair's log ratios, averaged over what each scene has, differ from 0."""
+    values = asked.values[:, 0]
+    known = values[~np.isnan(values).all(axis=1)]
+    return len(known) > 2 and stats.ttest_1samp(np.nanmean(known, axis=1), 0.0).pvalue <= 1 - LEVEL
+
+
+def worlds() -> Iterator[World]:
     """What is tried."""
-    for scenes in (6, 8, 11, 28, 60):
-        for effect in (0.0, MARGIN, 0.3):
-            yield "plain", World(effect, scenes)
-    for scenes in (6, 11, 28):
-        for levels in (5, 19):
-            yield f"{levels} levels", World(0.0, scenes, levels=levels)
-            yield f"{levels} levels", World(MARGIN, scenes, levels=levels)
-    for scenes in (6, 11, 28):
-        for effect in (0.0, MARGIN):
-            yield "one place", World(effect, scenes, everywhere=False)
-            yield "short memory", World(effect, scenes, memory=0.3)
-            yield "flat", World(effect, scenes, shape="flat")
-            yield "well paired", World(effect, scenes, own=0.005)
-            yield "flat, well paired", World(effect, scenes, own=0.005, shape="flat", memory=0.3)
-            yield "no scene effects", World(effect, scenes, own=0.1, scene_bias=0.0, scene_scale=0.0)
-            yield "sizes", World(effect, scenes, sizes=1.2)
-    for scenes in (6, 11, 28):
-        nothing = World(0.0, scenes, bias=0.0)
-        yield "none", nothing
-        yield "none, own", replace(nothing, own=0.0005, unbiased_difference=0.002)
-        for memory in (0.3, 0.95):
-            wandering = World(0.0, scenes, memory=memory, wandering=True, shape="flat")
-            yield "wandering", replace(wandering, effect=MARGIN)
-            yield "none, wandering", replace(wandering, bias=0.0, own=0.0005, unbiased_difference=0.002)
-            yield "wandering, well paired", replace(wandering, effect=MARGIN, own=0.0005)
+    crossing = np.where(np.arange(AGES) < AGES / 2, np.log(2), -np.log(2))
+    single = np.where(np.arange(AGES) == AGES - 1, np.log(2), 0.0)
+    for scenes in (8, 11, 28):
+        for name, shared in (("independent", False), ("shared", True)):
+            for effect in (0.0, MARGIN, np.log(2), np.log(4)):
+                yield World(name, scenes, 2, effect, curves(scenes, 2, effect, shared=shared))
+        for effect in (0.0, MARGIN, np.log(2)):
+            yield World("many levels", scenes, 10, effect, curves(scenes, 10, effect, shared=True))
+        yield World("exact", scenes, 2, 0.0, curves(scenes, 2, 0.0, shared=True, own=0.01))
+        yield World("exact", scenes, 2, MARGIN, curves(scenes, 2, MARGIN, shared=True, own=0.01))
+        yield World("crossing", scenes, 2, None, curves(scenes, 2, crossing, shared=True))
+        yield World("one age", scenes, 2, None, curves(scenes, 2, single, shared=True))
+        unequal = np.geomspace(60, 2000, scenes)
+        equal = np.full(scenes, 300)
+        for statistic in "2c":
+            yield World(f"sizes {statistic}", scenes, 2, 0.0, tracks(scenes, unequal, (0.05, 0.05), "walk", statistic))
+            for kind in ("gauss", "t3", "walk"):
+                lost = tracks(scenes, equal, (0.02, 0.2), kind, statistic)
+                yield World(f"lost {kind} {statistic}", scenes, 2, 0.0, lost)
+        yield World("hazards", scenes, 2, 0.0, lifetimes(scenes, (60, 15), (0.1,)))
+        yield World("mixture", scenes, 2, 0.0, lifetimes(scenes, (120, 15), (0.3, 0.02)))
+        yield World("hazards x 1.5", scenes, 2, None, lifetimes(scenes, (60, 60), (0.1,), 1.5))
+        yield World("outliers", scenes, 2, 0.0, outliers(scenes, (0.01, 0.01), (300, 5000)))
+        yield World("outliers x 2", scenes, 2, np.log(2), outliers(scenes, (0.01, 0.02), (5000, 5000)))
 
 
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=2000)
-    parser.add_argument("--draws", type=int, default=1000)
+    parser.add_argument("--runs", type=int, default=400)
+    parser.add_argument("--draws", type=int, default=499)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", help="worlds of this name")
     arguments = parser.parse_args()
-    columns = ("yes", "no", "too high", "too low", "plug-in")
-    print(f"{'world':<24}{'scenes':>7}{'levels':>7}{'effect':>7}  {'':<8}" + "".join(f"{name:>9}" for name in columns))
-    for name, world in worlds():
-        if arguments.only is not None and name != arguments.only:
+    columns = ("yes", "no", "t test", "covers")
+    print(f"{'world':<16}{'scenes':>7}{'levels':>7}{'ratio':>7}" + "".join(f"{name:>9}" for name in columns))
+    for world in worlds():
+        if arguments.only is not None and world.name != arguments.only:
             continue
         found = rates(world, runs=arguments.runs, draws=arguments.draws, seed=arguments.seed)
-        for statistic, values in found.items():
-            start = f"{name:<24}{world.scenes:>7}{world.levels:>7}{_true(world, statistic):>7.2f}  {statistic:<8}"
-            print(start + "".join(f"{value:>9.4f}" for value in values), flush=True)
+        ratio = "" if world.ratio is None else f"{np.exp(world.ratio):.2f}"
+        start = f"{world.name:<16}{world.scenes:>7}{world.levels:>7}{ratio:>7}"
+        print(start + "".join(f"{found[name]:>9.3f}" for name in columns), flush=True)
 
 
 if __name__ == "__main__":

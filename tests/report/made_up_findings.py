@@ -163,11 +163,20 @@ def time_structure(curves: pl.DataFrame) -> pl.DataFrame:
 
 def dependence(effects: pl.DataFrame, *, verdict: str = "undecided", n_scenes: int = 2) -> pl.DataFrame:
     enough = n_scenes >= 6
-    table = effects.with_columns(
-        low=pl.when(enough).then(0.8 * pl.col("effect")),
-        high=pl.when(enough).then(1.2 * pl.col("effect")),
+    asked = effects.filter(pl.col("statistic") != "central").drop("unit", "effect", "margin", "at", "coordinate")
+    core = asked.filter(pl.col("statistic").is_in(["eta", "kappa"])).with_columns(statistic=pl.lit("core"))
+    table = pl.concat([asked, core]).with_columns(
+        unit=pl.when(pl.col("statistic").is_in(["nu", "mu"])).then(pl.lit("px")).otherwise(pl.lit("ratio")),
+        larger="level_b",
+        better="level_a",
+        effect=pl.lit(1.5 if enough else None),
+        low=pl.lit(1.2 if enough else None),
+        high=pl.lit(1.9 if enough else None),
+        most=pl.lit(2.1 if enough else None),
+        margin=pl.lit(1.1),
         level=pl.lit(0.95),
         n_scenes=pl.lit(n_scenes),
+        n_places=pl.when(pl.col("axis").is_not_null()).then(5),
         verdict=pl.lit(verdict, dtype=DEPENDENCE["verdict"]),
         why=pl.lit(None if enough else f"only {n_scenes} scenes, at least 6 are needed"),
     )

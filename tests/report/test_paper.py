@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from tracknoise.experiments.load import load_experiment, preset_names
-from tracknoise.findings.wording import effect_text
+from tracknoise.findings.wording import SPACE, effect_text
 from tracknoise.report import factor_effects, paper
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
@@ -59,29 +59,38 @@ def with_effects(data: ReportData, **columns: object) -> ReportData:
 
 
 def without_intervals(data: ReportData) -> ReportData:
-    """The same data where verdicts are those of the point rule."""
+    """The same data without paired verdicts."""
     return dataclasses.replace(data, dependence=data.dependence.clear())
 
 
 @pytest.fixture
 def repeated(make_run: Callable[..., RunFolder]) -> ReportData:
-    return without_intervals(ReportData.of(make_run(paper="kitti")))
+    return ReportData.of(make_run(paper="kitti"))
 
 
-def test_verdicts_stand_beside_the_papers(repeated: ReportData) -> None:
+def test_the_papers_yardstick_stands_beside_the_papers_verdicts(repeated: ReportData) -> None:
     table = with_effects(repeated, verdict="yes").comparison
     assert table.select("factor", "tracker").unique(maintain_order=True).rows() == [
         ("tracker", None), ("speed", LK), ("speed", SIFT),
     ]  # fmt: skip
-    assert table.filter(tracker=SIFT)["agreement"].to_list() == ["agree", "disagree", "disagree", "agree", "agree"]
-    assert paper.tally(table) == {"agree": 12, "disagree": 3, "undecided": 0}
+    asked = table.filter(pl.col("role") != "core")
+    agreed = asked.filter(tracker=SIFT)["yardstick_agreement"].to_list()
+    assert agreed == ["agree", "disagree", "disagree", "agree", "agree"]
+    assert paper.tally(table, of="yardstick_agreement") == {"agree": 12, "disagree": 3, "undecided": 0}
     undecided = with_effects(repeated, verdict="undecided").comparison
-    assert paper.tally(undecided) == {"agree": 0, "disagree": 0, "undecided": 15}
+    assert paper.tally(undecided, of="yardstick_agreement") == {"agree": 0, "disagree": 0, "undecided": 15}
+
+
+def test_the_core_is_compared_although_the_paper_has_none(repeated: ReportData) -> None:
+    core = repeated.comparison.filter(role="core")
+    assert core.height == 3
+    assert core["yardstick_verdict"].null_count() == core["paper"].null_count() == 3
+    assert set(core["verdict"]) == {"undecided"}
 
 
 def test_what_was_measured_does_not_depend_on_the_paper(make_run: Callable[..., RunFolder]) -> None:
     runs = [ReportData.of(make_run(paper=name)) for name in ("kitti", "gazebo-linear", None)]
-    ours = [run.comparison.drop("paper", "agreement", "point_agreement") for run in runs]
+    ours = [run.comparison.drop("paper", "agreement", "yardstick_agreement") for run in runs]
     assert ours[0].equals(ours[1])
     assert ours[0].equals(ours[2])
 
@@ -90,32 +99,35 @@ def test_a_question_of_the_paper_is_kept_where_the_run_cannot_answer_it(make_run
     data = without_intervals(ReportData.of(make_run(paper="dtu", trackers=(LK,), speeds=(1,))))
     table = data.comparison
     assert table["factor"].unique(maintain_order=True).to_list() == ["tracker", "speed", "lighting"]
-    assert set(table["verdict"]) == {"undecided"}
+    assert set(table["yardstick_verdict"]) == {"undecided"}
+    assert set(table["verdict"]) == {None}
+    assert set(table["agreement"].drop_nulls()) == {"undecided"}
     rows = factor_effects.details(data).rows
     assert rows[0][4] == "only one tracker was measured: lucas-kanade"
 
 
 def test_other_factors_stand_there_without_the_papers_word(make_run: Callable[..., RunFolder]) -> None:
     data = ReportData.of(make_run(paper="kitti", views=((0, "forward"), (0, "backward"))))
-    grid = paper.side_by_side(data.comparison)
-    assert "direction, lucas-kanade: here" in grid.columns
+    grid = factor_effects.side_by_side(data.comparison)
+    assert "direction, lucas-kanade: paired" in grid.columns
     assert "direction, lucas-kanade: paper" not in grid.columns
-    assert data.comparison.filter(factor="direction")["agreement"].null_count() == 10
+    assert data.comparison.filter(factor="direction")["agreement"].null_count() == 12
 
 
 def test_the_table_has_the_papers_rows_and_our_effects(repeated: ReportData) -> None:
-    grid = paper.side_by_side(with_effects(repeated, verdict="no", effect=0.0512).comparison)
-    assert grid["statistic"].to_list() == [
-        "mean error", "mean absolute error", "second moment", "lifetime", "outlier ratio",
+    grid = factor_effects.side_by_side(with_effects(repeated, verdict="no", effect=0.0512).comparison)
+    assert [name.replace(SPACE, " ") for name in grid["statistic"]] == [
+        "mean error", "mean absolute error", "second moment", "core", "lifetime", "outlier ratio",
     ]  # fmt: skip
-    assert grid["speed, correspondence: here"].to_list() == ["no\N{NO-BREAK SPACE}(5.1\N{NO-BREAK SPACE}%)"] * 5
-    assert grid["speed, correspondence: paper"].to_list() == ["yes", "no", "no", "yes", "yes"]
-    cells = factor_effects.verdicts(with_effects(repeated, verdict="no"))
-    assert list(cells.groups) == [("", 1), ("tracker", 2), (f"speed, {LK}", 2), (f"speed, {SIFT}", 2)]
-    assert cells.headings == ["statistic", *["here", "paper"] * 3]
-    assert [row[-1] for row in cells.rows] == [
-        f"{said}\N{NO-BREAK SPACE}{mark}" for said, mark in zip(("yes", "no", "no", "yes", "yes"), "✗✓✓✗✗", strict=True)
+    said = ["yes", "no", "no", "–", "yes", "yes"]
+    assert grid["speed, correspondence: paper"].to_list() == said
+    marks = {"yes": "✗", "no": "✓"}
+    assert [cell.replace(SPACE, " ") for cell in grid["speed, correspondence: paper's yardstick"]] == [
+        f"no (5.1 %) {marks[one]}" if one in marks else "–" for one in said
     ]
+    cells = factor_effects.verdicts(repeated)
+    assert list(cells.groups) == [("", 1), ("tracker", 3), (f"speed, {LK}", 3), (f"speed, {SIFT}", 3)]
+    assert cells.headings == ["statistic", *["paper", "paper's yardstick", "paired"] * 3]
 
 
 @pytest.mark.parametrize(
@@ -129,9 +141,10 @@ def test_effects_are_written_with_the_digits_that_the_margin_needs(effect: float
 def test_the_sentence_counts_the_cells(repeated: ReportData) -> None:
     (sentence,) = factor_effects.sentences(with_effects(repeated, verdict="yes", share_of_absolute=0.5))
     cells = "The paper's table for KITTI has 15 cells that this run can be compared with."
-    assert sentence == f"{cells} Here 12 agree with the paper and 3 disagree."
-    (sentence,) = factor_effects.sentences(with_effects(repeated, verdict="undecided"))
-    assert sentence.endswith("Here 0 agree with the paper, 0 disagree and 15 are undecided.")
+    assert sentence.startswith(f"{cells} By the paper's yardstick, 12 agree with the paper and 3 disagree.")
+    assert sentence.endswith("By paired verdicts, 0 agree with the paper, 0 disagree and 15 are undecided.")
+    (sentence,) = factor_effects.sentences(with_dependence(repeated, verdict="yes"))
+    assert sentence.endswith("By paired verdicts, 12 agree with the paper and 3 disagree.")
 
 
 def test_a_yes_on_hardly_any_bias_is_put_into_proportion(repeated: ReportData) -> None:
@@ -140,7 +153,7 @@ def test_a_yes_on_hardly_any_bias_is_put_into_proportion(repeated: ReportData) -
     share = pl.when(row).then(0.04).otherwise("share_of_absolute")
     small = dataclasses.replace(small, effects=small.effects.with_columns(share_of_absolute=share))
     assert (
-        "Caution: the yes for the mean error of lucas-kanade by speed may be chance."
+        "Caution: by the paper's yardstick, the yes for the mean error of lucas-kanade by speed may be chance."
         in factor_effects.sentences(small)[1]
     )
     assert "by at most 4.0\N{NO-BREAK SPACE}% of" in factor_effects.sentences(small)[1]
@@ -180,49 +193,37 @@ def with_dependence(data: ReportData, **columns: object) -> ReportData:
 @pytest.fixture
 def judged(make_run: Callable[..., RunFolder]) -> ReportData:
     data = with_effects(ReportData.of(make_run(paper="kitti")), verdict="yes", effect=0.45)
-    return with_dependence(data, verdict="no", effect=0.45, low=0.02, high=0.08, n_scenes=9, why=None)
+    found = {"unit": "ratio", "level_a": "1", "level_b": "2", "better": "1", "effect": 13.2, "low": 9.04, "high": 19.3}
+    return with_dependence(data, verdict="no", **found, margin=1.1, n_scenes=9, why=None)
 
 
-def test_a_verdict_with_an_interval_takes_the_place_of_the_point_rules(judged: ReportData) -> None:
+def test_both_verdicts_are_labelled_and_judged(judged: ReportData) -> None:
     table = judged.comparison
     assert set(table["verdict"]) == {"no"}
-    assert set(table["point_verdict"]) == {"yes"}
-    assert table.filter(tracker=SIFT)["agreement"].to_list() == ["disagree", "agree", "agree", "disagree", "disagree"]
-    cell = paper.side_by_side(judged.comparison)["speed, correspondence: here"][0]
-    assert cell.replace("\N{NO-BREAK SPACE}", " ") == "no (45 %, 2.0 % to 8.0 %)"
+    assert set(table["yardstick_verdict"].drop_nulls()) == {"yes"}
+    agreed = table.filter(pl.col("role") != "core", tracker=SIFT)["agreement"].to_list()
+    assert agreed == ["disagree", "agree", "agree", "disagree", "disagree"]
+    row = factor_effects.verdicts(judged).rows[0]
+    assert [cell.replace(SPACE, " ") for cell in row[-3:]] == ["yes", "yes (45 %) ✓", "no (13 times, 9.0 to 19) ✗"]
 
 
-def test_agreement_is_for_what_is_decided(judged: ReportData) -> None:
+def test_intervals_name_the_better_level_and_what_is_missing(judged: ReportData) -> None:
+    cells = factor_effects.intervals(judged)
+    assert cells is not None
+    assert all(len(row) == len(cells.headings) == len(cells.numeric) for row in cells.rows)
+    row = [cell.replace(SPACE, " ") for cell in cells.rows[0]]
+    assert row[:7] == ["tracker", "–", "mean error", "no", "1 and 2", "13 times (9.0 to 19)", "1"]
+    assert row[8:] == ["1.10 times", "9", "–", ""]
+    nothing = {"level_a": None, "level_b": None, "better": None, "effect": None, "low": None, "high": None}
     why = "only 4 scenes, at least 6 are needed"
-    open_ = with_dependence(judged, verdict="undecided", low=None, high=None, n_scenes=4, why=why)
+    open_ = with_dependence(judged, verdict="undecided", **nothing, n_scenes=4, more_scenes=1200, why=why)
     assert paper.tally(open_.comparison) == {"agree": 0, "disagree": 0, "undecided": 15}
     cells = factor_effects.intervals(open_)
     assert cells is not None
-    assert all(len(row) == len(cells.headings) == len(cells.numeric) for row in cells.rows)
-    question = ["tracker", "–", "mean\N{NO-BREAK SPACE}error"]
-    assert cells.rows[0] == [
-        *question,
-        "undecided",
-        "45\N{NO-BREAK SPACE}%",
-        "–",
-        "4",
-        "yes (45\N{NO-BREAK SPACE}%)",
-        why,
-    ]
+    assert cells.rows[0][3:8] == ["undecided", "–", "–", "–", "–"]
+    assert cells.rows[0][9:] == ["4", "1,200", why]
 
 
-def test_what_the_effect_says_alone_stands_with_a_question_mark(judged: ReportData) -> None:
-    open_ = with_dependence(judged, verdict="undecided", low=None, high=None, n_scenes=4, why="only 4 scenes")
-    table = factor_effects.verdicts(open_)
-    space = "\N{NO-BREAK SPACE}"
-    assert {cell for row in table.rows for cell in row[1::2]} == {f"yes?{space}(45{space}%)"}
-    said = {cell for row in table.rows for cell in row[2::2]}
-    assert said == {f"yes{space}(✓)", f"no{space}(✗)"}
-    alone = paper.tally(open_.comparison, of="point_agreement")
-    (sentence,) = (text for text in factor_effects.sentences(open_) if "paper's table" in text)
-    assert f"Judged by the effects alone, {alone['agree']} agree" in sentence.replace(space, " ")
-
-
-def test_the_point_rule_keeps_its_own_table(judged: ReportData) -> None:
+def test_the_yardstick_keeps_its_own_table(judged: ReportData) -> None:
     assert {row[3] for row in factor_effects.details(judged).rows} == {"yes"}
     assert factor_effects.intervals(without_intervals(judged)) is None

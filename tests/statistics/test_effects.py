@@ -20,7 +20,7 @@ CONDITION = {
     "speed": 1,
 }
 POINT = {
-    "population": "visible", "trimming": "trimmed", "weighting": "features", "statistic": "eta", "axis": "age",
+    "population": "visible", "trimming": "untrimmed", "weighting": "features", "statistic": "eta", "axis": "age",
     "n": 500, "n_scenes": 3, "unit": "px", "uv": None, "cut": False,
 }  # fmt: skip
 REFERENCE = ReferenceCondition("day")
@@ -129,11 +129,16 @@ def test_frames_played_backward_are_compared_at_the_same_distance_from_the_key_f
 
 @pytest.mark.parametrize(
     "other",
-    [{"population": "projected"}, {"trimming": "untrimmed"}, {"weighting": "scenes"}, {"cut": True}],
+    [{"population": "projected"}, {"trimming": "trimmed"}, {"weighting": "scenes"}, {"cut": True}],
     ids=lambda other: next(iter(other)),
 )
 def test_only_the_experiments_own_curves_count(other: dict[str, object]) -> None:
     assert effect([SLOW, FAST, curve({1: 99.0}, speed=3, **other)])["level_b"] == "2"
+
+
+def test_the_trimmed_curves_are_compared_where_the_experiment_says_so() -> None:
+    trimmed = [curve({1: value}, speed=speed, trimming="trimmed") for speed, value in ((1, 1.0), (2, 3.0))]
+    assert effect([SLOW, FAST, *trimmed], trimming="trimmed")["effect"] == pytest.approx(1.0)
 
 
 def test_turned_images_are_compared_upright() -> None:

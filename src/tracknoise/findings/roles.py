@@ -7,6 +7,7 @@ from tracknoise.statistics.definitions import NAMES
 
 ROLES: Mapping[str, str] = {
     **{name: role for names in NAMES.values() for role, name in names.items() if role in STATISTICS},
+    "core": "core",
     "lifetime": "lifetime",
     "outlier_ratio": "outlier_ratio",
 }

@@ -30,6 +30,7 @@ STATISTICS: Mapping[str, str] = {
     "mean": "mean error",
     "absolute": "mean absolute error",
     "second": "second moment",
+    "core": "core",
     "lifetime": "lifetime",
     "outlier_ratio": "outlier ratio",
 }
@@ -75,6 +76,16 @@ def effect_text(effect: float | None) -> str:
     if effect >= 10:
         return f">{SPACE}1000{SPACE}%"
     return percent(effect) if effect < 0.2 else f"{100 * effect:.0f}{SPACE}%"
+
+
+def ratio(value: float) -> str:
+    """Write a ratio: to two digits, or three where it is near one."""
+    return number(value, digits=2 if value >= 2 else 3)
+
+
+def times(value: float) -> str:
+    """Write how many times as large something is: ``13 times``."""
+    return f"{ratio(value)}{SPACE}times"
 
 
 def chance(p: float) -> str:

@@ -1,12 +1,13 @@
 """The section on the effects of factors, compared with the paper where a run repeats one of its experiments."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from itertools import groupby
 from typing import Any
 
 import polars as pl
 
-from tracknoise.findings.wording import DASH, SPACE, count, effect_text, listing, number, percent
+from tracknoise.findings.factor_text import bound_text, size_text
+from tracknoise.findings.wording import DASH, SPACE, STATISTICS, count, effect_text, listing, number, percent
 from tracknoise.report import paper
 from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
@@ -20,38 +21,65 @@ def heading(data: ReportData) -> str:
     return "Comparison with the paper" if data.settings.get("paper") else "Factor effects"
 
 
+def side_by_side(table: pl.DataFrame) -> pl.DataFrame:
+    """Paired verdicts of every factor and tracker, one row per statistic: columns ``FACTOR, TRACKER: HEADING``.
+
+    Where the paper has verdicts, they stand before those of the run, by the paper's yardstick and paired. These have a
+    mark for their agreement with the paper.
+
+    Parameters
+    ----------
+    table
+        Schema `tracknoise.report.paper.COMPARISON`.
+    """
+    columns: dict[str, list[str]] = {"statistic": [_unbroken(name) for name in STATISTICS.values()]}
+    for asked, group in table.group_by("factor", "tracker", maintain_order=True):
+        rows = {row["role"]: row for row in group.to_dicts()}
+        name = ", ".join(str(part) for part in asked if part)
+        headings = list(_CELLS) if group["paper"].count() else ["paired"]
+        columns |= {f"{name}: {one}": [_CELLS[one](rows.get(role)) for role in STATISTICS] for one in headings}
+    return pl.DataFrame(columns)
+
+
 def verdicts(data: ReportData) -> Cells:
-    """One row per statistic: verdict and effect for every factor and tracker, and the paper's verdict with a mark."""
-    table = paper.side_by_side(data.comparison)
-    columns: dict[str, Sequence[str]] = {"statistic": [name.replace(" ", SPACE) for name in table["statistic"]]}
-    for name in table.columns[1:]:
-        group, _, heading = name.rpartition(": ")
-        if heading == "paper":
-            cells = zip(table[name], table[f"{group}: verdicts"], table[f"{group}: effects"], strict=True)
-            columns[name] = [f"{said}{SPACE}{_mark(verdict, effect)}" for said, verdict, effect in cells]
-        elif heading == "here":
-            columns[name] = table[name].to_list()
-    parts = [name.rpartition(": ") for name in columns]
+    """The table of `side_by_side`."""
+    table = side_by_side(data.comparison)
+    parts = [name.rpartition(": ") for name in table.columns]
     groups = [(group, len(list(names))) for group, names in groupby(group for group, _, _ in parts)]
-    rows = list(zip(*columns.values(), strict=True))
-    marks = [] if table.width == len(columns) else [f"{mark} {word}" for word, mark in _MARKS.items()]
-    asks = any("?" in cell for name in columns if name.endswith(": here") for cell in columns[name])
-    marks += ["yes? or no?: verdict of the effect alone, undecided with its interval"] if asks else []
-    legend = f" ({', '.join(marks)})" if marks else ""
-    return Cells(
-        f"Does the factor change the statistic?{legend}",
-        [name for _, _, name in parts],
-        rows,
-        [False] * len(parts),
-        groups,
-    )
+    marks = ", ".join(f"{mark} {word}" for word, mark in _MARKS.items()) if data.comparison["paper"].count() else ""
+    caption = f"Does the factor change the statistic?{f' ({marks})' if marks else ''}"
+    return Cells(caption, [name for _, _, name in parts], [*map(list, table.rows())], [False] * len(parts), groups)
 
 
-def _mark(agreement: str, point_agreement: str) -> str:
-    """Whether the verdict agrees with the paper's. In brackets if it rests on the effect alone."""
-    if agreement == "undecided" != point_agreement:
-        return f"({_MARKS[point_agreement]})"
-    return _MARKS.get(agreement, "")
+def _paper_cell(row: Mapping[str, Any] | None) -> str:
+    return str((row or {}).get("paper") or DASH)
+
+
+def _yardstick_cell(row: Mapping[str, Any] | None) -> str:
+    return _judged(row, "yardstick_", effect_text((row or {}).get("yardstick_effect")))
+
+
+def _paired_cell(row: Mapping[str, Any] | None) -> str:
+    return _judged(row, "", "" if row is None else size_text(row).replace(" (", ", ").replace(")", ""))
+
+
+def _judged(row: Mapping[str, Any] | None, prefix: str, size: str) -> str:
+    """A verdict with its size and mark."""
+    if row is None or row[f"{prefix}verdict"] is None:
+        return DASH
+    mark = _MARKS.get(row[f"{prefix}agreement"] or "", "")
+    return _unbroken(" ".join(filter(None, [row[f"{prefix}verdict"], f"({size})" if size else "", mark])))
+
+
+def _unbroken(text: str) -> str:
+    return text.replace(" ", SPACE)
+
+
+_CELLS: Mapping[str, Callable[[Mapping[str, Any] | None], str]] = {
+    "paper": _paper_cell,
+    "paper's yardstick": _yardstick_cell,
+    "paired": _paired_cell,
+}
 
 
 def sentences(data: ReportData) -> list[str]:
@@ -60,62 +88,79 @@ def sentences(data: ReportData) -> list[str]:
     made = [_tally(data, table)] if table["paper"].count() else []
     if table.is_empty():
         made.append("This run varies no factor, so there is nothing to compare.")
-    slight = table.filter(pl.col("share_of_absolute") <= pl.col("margin"), verdict="yes")
+    share = "yardstick_share_of_absolute"
+    slight = table.filter(pl.col(share) <= pl.col("yardstick_margin"), yardstick_verdict="yes")
     if slight.height:
-        largest = percent(slight["share_of_absolute"].max())  # type: ignore[arg-type]
+        largest = percent(slight[share].max())  # type: ignore[arg-type]
         made.append(
-            f"Caution: the yes for the mean error of {listing(_asked(row) for row in slight.to_dicts())} may be "
-            "chance. There is hardly any bias, so the common variation is small. Even a small difference then exceeds "
-            "the margin. "
+            "Caution: by the paper's yardstick, the yes for the mean error of "
+            f"{listing(_asked(row) for row in slight.to_dicts())} may be chance. There is hardly any bias, so the "
+            "common variation is small. Even a small difference then exceeds the margin. "
             f"These means differ by at most {largest} of the variation of the mean absolute error."
         )
     return made
 
 
 def intervals(data: ReportData) -> Cells | None:
-    """Interval of each effect, and why a verdict is undecided. None where there are no intervals."""
-    rows = [_interval(row) for row in data.comparison.to_dicts() if row["n_scenes"] is not None]
-    headings = ["factor", "tracker", "statistic", "verdict", "effect", "interval", "scenes", "by the point rule", "why"]
-    caption = "Verdicts with intervals"
-    return Cells(caption, headings, rows, [False] * 4 + [True] * 3 + [False] * 2) if rows else None
+    """Ratio or difference of each question with its interval, and why a verdict is undecided. None without any."""
+    rows = [_interval(data, row) for row in data.comparison.to_dicts() if row["verdict"] is not None]
+    headings = ["factor", "tracker", "statistic", "verdict", "levels", "ratio or difference", "better", "where"]
+    headings += ["margin", "scenes", "more scenes needed", "why"]
+    caption = "Differences between levels, paired by scene"
+    return Cells(caption, headings, rows, [False] * 8 + [True] * 3 + [False]) if rows else None
 
 
-def _interval(row: Mapping[str, Any]) -> list[str]:
-    ends = [effect_text(row[name]) for name in ("low", "high")]
-    point = f"{row['point_verdict']} ({effect_text(row['effect'])})" if row["effect"] is not None else DASH
+def _interval(data: ReportData, row: Mapping[str, Any]) -> list[str]:
     return [
         *_question(row),
         row["verdict"],
-        effect_text(row["interval_effect"]) or DASH,
-        " to ".join(ends) if all(ends) else DASH,
+        DASH if row["effect"] is None else f"{row['level_a']} and {row['level_b']}",
+        size_text(row) or DASH,
+        row["better"] or DASH,
+        _where(data, row),
+        bound_text(row["margin"], row["unit"]) or DASH,
         str(row["n_scenes"]),
-        point,
+        DASH if row["more_scenes"] is None else number(row["more_scenes"]),
         row["why"] or "",
     ]
 
 
+def _where(data: ReportData, row: Mapping[str, Any]) -> str:
+    """Where the levels were compared."""
+    if row["effect"] is None:
+        return DASH
+    if row["horizon"] is not None:
+        return f"to {number(int(row['horizon']))} frames"
+    if row["at"] is None:
+        return DASH if row["n_places"] is None else f"{count(row['n_places'], data.axis.name)}, u and v"
+    return _unbroken(f"{row['coordinate']}, {data.axis.place(row['at'])}")
+
+
 def _question(row: Mapping[str, Any]) -> list[str]:
-    return [row["factor"], row["tracker"] or DASH, paper.STATISTICS[row["role"]].replace(" ", SPACE)]
+    return [row["factor"], row["tracker"] or DASH, _unbroken(STATISTICS[row["role"]])]
 
 
 def details(data: ReportData) -> Cells:
-    """What decided the point rule: one row per factor, tracker and statistic."""
-    headings = ["factor", "tracker", "statistic", "point rule", "levels", "where", "pairs"]
+    """What decided the paper's yardstick: one row per factor, tracker and statistic."""
+    headings = ["factor", "tracker", "statistic", "verdict", "levels", "where", "pairs"]
     headings += ["difference", "variation", "effect", "share of mean |error|"]
-    rows = [_detail(data, row) for row in data.comparison.to_dicts()]
-    return Cells("Point rule: the largest difference of each factor", headings, rows, [False] * 6 + [True] * 5)
+    known = data.comparison.filter(pl.col("yardstick_verdict").is_not_null())
+    rows = [_detail(data, row) for row in known.to_dicts()]
+    caption = "The paper's yardstick: the largest difference of each factor, relative to the common variation"
+    return Cells(caption, headings, rows, [False] * 6 + [True] * 5)
 
 
 def _detail(data: ReportData, row: Mapping[str, Any]) -> list[str]:
-    asked = [*_question(row), row["point_verdict"]]
-    if row["effect"] is None:
-        return [*asked, row["point_why"], *[DASH] * 6]
-    where = "" if row["at"] is None else f"{row['coordinate']}, {data.axis.place(row['at'])}".replace(" ", SPACE)
-    pairs = f"{row['n_pairs']} of {row['n_levels'] * (row['n_levels'] - 1) // 2}"
-    compared = f"{row['level_a']} and {row['level_b']}" + (f" ({row['point_why']})" if row["point_why"] else "")
-    sizes = [_size(row["difference"], row["unit"]), _size(row["common"], row["unit"]), effect_text(row["effect"])]
-    share = DASH if row["share_of_absolute"] is None else percent(row["share_of_absolute"])
-    return [*asked, compared, where, pairs, *sizes, share]
+    found = {name.removeprefix("yardstick_"): value for name, value in row.items() if name.startswith("yardstick_")}
+    asked = [*_question(row), found["verdict"]]
+    if found["effect"] is None:
+        return [*asked, found["why"], *[DASH] * 6]
+    where = "" if found["at"] is None else _unbroken(f"{found['coordinate']}, {data.axis.place(found['at'])}")
+    pairs = f"{found['n_pairs']} of {found['n_levels'] * (found['n_levels'] - 1) // 2}"
+    compared = f"{found['level_a']} and {found['level_b']}" + (f" ({found['why']})" if found["why"] else "")
+    sizes = [_size(found["difference"], found["unit"]), _size(found["common"], found["unit"])]
+    share = DASH if found["share_of_absolute"] is None else percent(found["share_of_absolute"])
+    return [*asked, compared, where, pairs, *sizes, effect_text(found["effect"]), share]
 
 
 def _size(value: float, unit: str) -> str:
@@ -127,12 +172,11 @@ def _asked(row: Mapping[str, Any]) -> str:
 
 
 def _tally(data: ReportData, table: pl.DataFrame) -> str:
-    counts, alone = paper.tally(table), paper.tally(table, of="point_agreement")
-    effects = f" Judged by the effects alone, {_agreeing(alone)}." if alone != counts else ""
-    cells = count(sum(counts.values()), "cell")
+    yardstick, paired = paper.tally(table, of="yardstick_agreement"), paper.tally(table)
+    cells = count(sum(paired.values()), "cell")
     return (
         f"The paper's table for {paper.title(data.settings['paper'])} has {cells} that this run can be compared with. "
-        f"Here {_agreeing(counts)}.{effects}"
+        f"By the paper's yardstick, {_agreeing(yardstick)}. By paired verdicts, {_agreeing(paired)}."
     )
 
 

@@ -11,27 +11,23 @@ import polars as pl
 
 from tracknoise.findings import wording
 from tracknoise.findings.roles import ROLES
-from tracknoise.findings.wording import DASH, SPACE, effect_text
 from tracknoise.statistics.factors import FACTORS
+from tracknoise.tables.findings_schema import DEPENDENCE
 from tracknoise.tables.schema import CONDITION, EFFECTS, VERDICT, Schema
 
-STATISTICS: Mapping[str, str] = wording.STATISTICS
+STATISTICS: Mapping[str, str] = {role: name for role, name in wording.STATISTICS.items() if role != "core"}
 """Rows of the paper's summary tables: name of each statistic by its role."""
+_KEYS = ["dataset", "factor", *CONDITION, "statistic"]
+_YARDSTICK: Schema = {f"yardstick_{name}": kind for name, kind in EFFECTS.items() if name not in _KEYS}
 COMPARISON: Schema = {
-    **EFFECTS,
+    **DEPENDENCE,
+    **_YARDSTICK,
     "role": pl.String,
-    "point_verdict": VERDICT,
-    "point_why": pl.String,
-    "interval_effect": pl.Float64,
-    "low": pl.Float64,
-    "high": pl.Float64,
-    "n_scenes": pl.Int32,
     "paper": VERDICT,
     "agreement": pl.String,
-    "point_agreement": pl.String,
+    "yardstick_agreement": pl.String,
 }
 AGREEMENTS = ("agree", "disagree", "undecided")
-_KEYS = ["dataset", "factor", *CONDITION, "statistic"]
 
 
 @cache
@@ -84,7 +80,7 @@ class Asked:
 
 
 def compare(effects: pl.DataFrame, dependence: pl.DataFrame, asked: Asked) -> pl.DataFrame:
-    """The effects that the paper's tables ask for, and those of other factors that the run varies.
+    """The questions that the paper's tables ask, and those of other factors that the run varies.
 
     Parameters
     ----------
@@ -96,90 +92,43 @@ def compare(effects: pl.DataFrame, dependence: pl.DataFrame, asked: Asked) -> pl
     Returns
     -------
     polars.DataFrame
-        Schema `COMPARISON`, sorted by factor, tracker and statistic. `paper` and `agreement` are null where the paper
-        says nothing. Otherwise `agreement` is one of `AGREEMENTS`. Where verdicts have intervals, `verdict` and `why`
-        are theirs, and `interval_effect` lies between `low` and `high`. Otherwise they are those of the effect alone,
-        and the interval is null. `point_verdict`, `point_why` and `point_agreement` are always of the effect alone.
+        Schema `COMPARISON`, sorted by factor, tracker and statistic. The columns of `DEPENDENCE` are of the comparison
+        paired by scene; those of the paper's yardstick begin with `yardstick_` and are null for the core. `paper`
+        and the agreements are null where the paper says nothing. Otherwise an agreement is one of `AGREEMENTS`:
+        `agreement` that of the paired verdict, `yardstick_agreement` that of the paper's yardstick.
     """
     rows = []
     nominal = pl.col("speed").is_null() | (pl.col("speed") == asked.speed)
-    for row in _judged(effects, dependence).filter(nominal, pl.col("statistic").is_in(list(ROLES))).to_dicts():
+    for row in _joined(effects, dependence).filter(nominal, pl.col("statistic").is_in(list(ROLES))).to_dicts():
         role = ROLES[row["statistic"]]
         said = finding(asked.experiment, row["factor"], role, asked.trackers.get(row["tracker"]))
-        if row["n_levels"] > 1 or said:
-            agreements = {"agreement": row["verdict"], "point_agreement": row["point_verdict"]}
-            agreed = {name: _agreement(verdict, said) for name, verdict in agreements.items()}
+        if (row["n_levels"] or row["yardstick_n_levels"]) > 1 or said:
+            judged = {"agreement": row["verdict"], "yardstick_agreement": row["yardstick_verdict"]}
+            agreed = {name: _agreement(verdict, said) for name, verdict in judged.items()}
             rows.append({**row, "role": role, "paper": said, **agreed})
     rows.sort(key=lambda row: _order(list(asked.trackers), row))
     return pl.DataFrame(rows, schema=dict(COMPARISON))
 
 
-def _judged(effects: pl.DataFrame, dependence: pl.DataFrame) -> pl.DataFrame:
-    """Effects with the verdicts that come with an interval, where there are any."""
-    decided = dependence.select(
-        *_KEYS, "low", "high", "n_scenes", interval_effect="effect", decided="verdict", decided_why="why"
+def _joined(effects: pl.DataFrame, dependence: pl.DataFrame) -> pl.DataFrame:
+    """Both answers to each question; null where there is only one."""
+    yardstick = effects.select(*_KEYS, pl.exclude(_KEYS).name.prefix("yardstick_"))
+    return dependence.join(
+        yardstick, on=_KEYS, how="full", coalesce=True, nulls_equal=True, maintain_order="left_right"
     )
-    table = effects.join(decided, on=_KEYS, how="left", nulls_equal=True, maintain_order="left")
-    known = pl.col("decided").is_not_null()
-    return table.with_columns(
-        point_verdict="verdict",
-        point_why="why",
-        verdict=pl.when(known).then("decided").otherwise("verdict"),
-        why=pl.when(known).then("decided_why").otherwise("why"),
-    )
-
-
-def side_by_side(table: pl.DataFrame) -> pl.DataFrame:
-    """A comparison as the paper prints it: one row per statistic, columns ``FACTOR, TRACKER: HEADING``."""
-    columns: dict[str, list[str]] = {"statistic": list(STATISTICS.values())}
-    for asked, group in table.group_by("factor", "tracker", maintain_order=True):
-        cells = {row["role"]: row for row in group.to_dicts()}
-        heading = ", ".join(str(name) for name in asked if name)
-        columns[f"{heading}: here"] = [_here(cells.get(role)) for role in STATISTICS]
-        if group["paper"].count():
-            columns[f"{heading}: paper"] = [_text(cells.get(role), "paper") for role in STATISTICS]
-            columns[f"{heading}: verdicts"] = [_text(cells.get(role), "agreement") for role in STATISTICS]
-            columns[f"{heading}: effects"] = [_text(cells.get(role), "point_agreement") for role in STATISTICS]
-    return pl.DataFrame(columns)
 
 
 def tally(table: pl.DataFrame, *, of: str = "agreement") -> dict[str, int]:
-    """How many cells of a comparison fall to each of `AGREEMENTS`, by their verdicts, or `point_agreement`."""
+    """How many cells of a comparison fall to each of `AGREEMENTS`, by paired verdicts, or `yardstick_agreement`."""
     return {name: table.filter(pl.col(of) == name).height for name in AGREEMENTS}
 
 
-def interval_text(row: Mapping[str, Any]) -> str:
-    """Write the effect of a comparison's row, with its interval if it has one: ``45 %, 30 % to 60 %``."""
-    if row["low"] is None or row["high"] is None:
-        return effect_text(row["effect"])
-    ends = f"{effect_text(row['low'])} to {effect_text(row['high'])}".replace(" ", SPACE)
-    return f"{effect_text(row['interval_effect'])}, {ends}"
-
-
-def _agreement(ours: str, said: str | None) -> str | None:
+def _agreement(ours: str | None, said: str | None) -> str | None:
     if said is None:
         return None
-    return "undecided" if ours == "undecided" else "agree" if ours == said else "disagree"
+    return "undecided" if ours in (None, "undecided") else "agree" if ours == said else "disagree"
 
 
 def _order(trackers: Sequence[str], row: Mapping[str, Any]) -> tuple[int, int, int]:
     tracker = trackers.index(row["tracker"]) if row["tracker"] else 0
-    return list(FACTORS).index(row["factor"]), tracker, list(STATISTICS).index(row["role"])
-
-
-def _here(row: Mapping[str, Any] | None) -> str:
-    if row is None:
-        return DASH
-    effect = interval_text(row)
-    return f"{_verdict(row)}{SPACE}({effect})" if effect else str(row["verdict"])
-
-
-def _verdict(row: Mapping[str, Any]) -> str:
-    """The verdict; where its interval does not decide, that of the effect alone, with a question mark."""
-    if row["verdict"] == "undecided" and row["point_verdict"] != "undecided":
-        return f"{row['point_verdict']}?"
-    return str(row["verdict"])
-
-
-def _text(row: Mapping[str, Any] | None, column: str) -> str:
-    return str((row or {}).get(column) or DASH)
+    return list(FACTORS).index(row["factor"]), tracker, list(wording.STATISTICS).index(row["role"])

@@ -60,8 +60,7 @@ def write_replication(folder: Path, replicated: Sequence[Replicated]) -> Path:
         If a run is damaged, or the folder cannot be written.
     """
     parts = {item.experiment: _part(item) for item in replicated if item.run}
-    intervals = any(not part.data.dependence.is_empty() for part in parts.values())
-    shown: dict[str, Any] = {"paper": paper, "parts": parts, "intervals": intervals}
+    shown: dict[str, Any] = {"paper": paper, "parts": parts}
     chapters = [_chapter(item, parts.get(item.experiment), folder) for item in replicated]
     total = {name: sum(chapter["tally"].get(name, 0) for chapter in chapters) for name in paper.AGREEMENTS}
     index = template("replication.html.j2").render(ran=_ran(replicated, parts), chapters=chapters, total=total, **shown)
@@ -86,7 +85,7 @@ def _chapter(item: Replicated, part: Part | None, folder: Path) -> Mapping[str, 
     return {
         **chapter,
         "part": part,
-        "tally": paper.tally(table),
+        "tally": paper.tally(table, of="yardstick_agreement"),
         "sentences": factor_effects.sentences(part.data),
         "verdicts": factor_effects.verdicts(part.data),
         "page": f"{os.path.relpath(item.run.path, folder)}/report/index.html",
@@ -104,7 +103,7 @@ def _with_figures(report: Path) -> list[tuple[str, str, int]]:
 def _ran(replicated: Sequence[Replicated], parts: Mapping[str, Part]) -> Cells:
     rows = [_row(item, parts.get(item.experiment)) for item in replicated]
     headings = ["experiment", "data", "sequences", "failed", "observations", "cells", *paper.AGREEMENTS * 2]
-    groups = [("", 6), ("verdicts", len(paper.AGREEMENTS)), ("by effects alone", len(paper.AGREEMENTS))]
+    groups = [("", 6), ("paper's yardstick", len(paper.AGREEMENTS)), ("paired verdicts", len(paper.AGREEMENTS))]
     return Cells("Runs", headings, rows, [False, False, *[True] * (len(headings) - 2)], groups)
 
 
@@ -112,8 +111,8 @@ def _row(item: Replicated, part: Part | None) -> list[str]:
     if part is None:
         return [paper.title(item.experiment), item.found, *[DASH] * (4 + 2 * len(paper.AGREEMENTS))]
     manifest, table = part.data.manifest, part.data.comparison
-    tally, alone = paper.tally(table), paper.tally(table, of="point_agreement")
+    yardstick, paired = paper.tally(table, of="yardstick_agreement"), paper.tally(table)
     observed = int(part.data.counts.filter(kind="truth")["n"].sum())
-    counts = [len(manifest.sequences), len(manifest.failures), observed, sum(tally.values()), *tally.values()]
-    counts += alone.values()
+    counts = [len(manifest.sequences), len(manifest.failures), observed, sum(paired.values()), *yardstick.values()]
+    counts += paired.values()
     return [part.title, item.found, *map(number, counts)]

@@ -8,7 +8,7 @@ import polars.selectors as cs
 
 from tracknoise.findings.wording import DASH, MINUS, TIMES
 from tracknoise.printable import printable
-from tracknoise.report import paper
+from tracknoise.report import factor_effects
 from tracknoise.report.report_data import ReportData
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
@@ -51,8 +51,8 @@ EXPORTS: tuple[Export, ...] = (
     Export("lifetimes", "lifetimes and survival", lambda data: data.lifetimes),
     Export("outliers", "outlier ratios", lambda data: data.outliers),
     Export("trims", "tracks dropped by trimming", lambda data: data.trims),
-    Export("factor-effects", "verdicts on factors", lambda data: paper.side_by_side(data.comparison)),
-    Export("effects", "effects of factors", lambda data: data.effects),
+    Export("factor-effects", "verdicts on factors", lambda data: factor_effects.side_by_side(data.comparison)),
+    Export("effects", "effects of factors by the paper's yardstick", lambda data: data.effects),
     Export("findings", "findings", lambda data: data.findings),
     Export("intervals", "intervals, for the view shown in the figures", lambda data: data.reference(data.intervals)),
     Export(

@@ -1,11 +1,14 @@
-"""Effects of factors: the largest difference between levels, relative to the variation common to them.
+"""Effects of factors by the paper's yardstick: the largest difference between levels, relative to what is common.
 
+The estimates are taken as they are, without intervals; `tracknoise.findings.factors` compares levels within scenes.
 All other factors are held at their reference. `tracknoise.statistics.differences` compares the curves of every pair of
-levels. The effect on a statistic is the largest over pairs and over the coordinates u and v (effect). The curves are
-trimmed, with features pooled, and not cut. Age 0 and the key frame are left out, because errors are zero there by
+levels. The effect on a statistic is the largest over pairs and over the coordinates u and v (effect). The curves have
+features pooled and are not cut. Age 0 and the key frame are left out, because errors are zero there by
 construction. A single number such as the lifetime has no curve. Its effect is the range over the levels, relative to
 their mean (effect.scalar).
 """
+
+from collections.abc import Mapping
 
 import polars as pl
 
@@ -14,8 +17,8 @@ from tracknoise.statistics.differences import comparable, largest_differences, r
 from tracknoise.statistics.factors import FACTORS, SCALARS, ReferenceCondition
 from tracknoise.statistics.lifetimes import mean_lifetime
 from tracknoise.statistics.upright import upright
-from tracknoise.tables.defaults import MARGIN, POPULATION
-from tracknoise.tables.enumerations import Axis, Trimming, Verdict, Weighting
+from tracknoise.tables.defaults import MARGIN, POPULATION, TRIMMING
+from tracknoise.tables.enumerations import Axis, Verdict, Weighting
 from tracknoise.tables.schema import AXIS, CONDITION, CURVES, EFFECTS, LIFETIMES, OUTLIERS, VERDICT, Schema, check
 
 
@@ -26,6 +29,7 @@ def effects(
     *,
     reference: ReferenceCondition,
     population: str = POPULATION,
+    trimming: str = TRIMMING,
     margin: float = MARGIN,
 ) -> pl.DataFrame:
     """Effect of every factor on every statistic, and whether it matters.
@@ -38,6 +42,8 @@ def effects(
         Where the other factors are held.
     population
         Which observations the errors are of: `visible` or `projected`.
+    trimming
+        Which errors: `trimmed`, as in the paper, or `untrimmed`.
     margin
         The largest effect that does not matter.
 
@@ -54,7 +60,7 @@ def effects(
     SchemaError
         If a table has other columns.
     """
-    points = _points(check(curves, CURVES, "curves"), population, reference)
+    points = _points(check(curves, CURVES, "curves"), {"population": population, "trimming": trimming}, reference)
     scalars = _scalars(lifetimes, outliers)
     questions = _questions(curves, lifetimes, outliers)
     tables = []
@@ -70,11 +76,11 @@ def effects(
     return check(table.select(pl.col(name).cast(kind) for name, kind in EFFECTS.items()), EFFECTS, "effects")
 
 
-def _points(curves: pl.DataFrame, population: str, reference: ReferenceCondition) -> pl.DataFrame:
+def _points(curves: pl.DataFrame, errors: Mapping[str, str], reference: ReferenceCondition) -> pl.DataFrame:
     """The points of curves at which levels may be compared."""
-    chosen = {"population": population, "trimming": Trimming.trimmed, "weighting": Weighting.features}
     signed = pl.col("statistic").is_in([names["mean"] for names in NAMES.values()])
-    points = upright(comparable(curves.filter(**chosen), reference.key_frames), signed=signed)
+    chosen = curves.filter(**errors, weighting=Weighting.features)
+    points = upright(comparable(chosen, reference.key_frames), signed=signed)
     return points.select(*POOLED, "statistic", "axis", "at", "u", "v")
 
 

@@ -69,9 +69,9 @@ class IntervalKind(StrEnum):
 
 
 class EffectIntervalKind(StrEnum):
-    """Method of intervals of factor effects: Fieller's tests with random rotations."""
+    """Method of intervals of factor effects: Student's, from differences paired by scene, for all pairs together."""
 
-    fieller = "fieller"
+    paired = "paired"
 
 
 class Resampled(StrEnum):

@@ -3,7 +3,7 @@
 Every interval states its level, its method (`kind`), and what was resampled: `scenes` or, if there are too few scenes,
 `blocks` of tracks within them. An interval from blocks holds for these scenes only. `kind` is the one that the
 experiment asks for, with two exceptions. Shape, and what is fitted to growth, have `bca` instead of `student`
-(`tracknoise.findings.sampling.bounds.Method`). Effects of factors always have `fieller`.
+(`tracknoise.findings.sampling.bounds.Method`). Effects of factors always have `paired`.
 """
 
 import polars as pl
@@ -220,27 +220,54 @@ DEPENDENCE: Schema = {
     **CONDITION,
     "statistic": pl.String,
     "axis": pl.String,
+    "unit": pl.String,
+    "level_a": pl.String,
+    "level_b": pl.String,
+    "larger": pl.String,
+    "better": pl.String,
+    "coordinate": pl.String,
+    "at": pl.Int64,
     "effect": pl.Float64,
     "low": pl.Float64,
     "high": pl.Float64,
+    "most": pl.Float64,
     "kind": EFFECT_INTERVAL_KIND,
     "level": pl.Float64,
+    "resampled": RESAMPLED,
     "margin": pl.Float64,
     "p_yes": pl.Float64,
     "q_yes": pl.Float64,
     "p_no": pl.Float64,
     "q_no": pl.Float64,
+    "n_levels": pl.Int32,
+    "n_pairs": pl.Int32,
     "n_scenes": pl.Int32,
     "n_places": pl.Int32,
     "at_low": pl.Int64,
     "at_high": pl.Int64,
+    "horizon": pl.Float64,
+    "more_scenes": pl.Int32,
     "verdict": VERDICT,
     "why": pl.String,
 }
-"""Effects of factors with intervals: the rows of `EFFECTS`, by the same keys.
+"""Does a factor change a statistic: one row per factor, condition that was held, and statistic.
 
-p_yes is the p-value of the hypothesis that the effect is at most the margin, p_no of the hypothesis that it is at least
-the margin. The q-values are Benjamini and Hochberg's, over the rows of a factor.
+Levels are compared in pairs, within each scene. The row reports the pair level_a and level_b, and the size of its
+difference:
+
+- unit `ratio`: effect is the larger level over the smaller one, as geometric mean over scenes, ages (or frames) and
+  both coordinates. low and high are bounds of the same ratio, and below 1 if the order may be the other way round.
+- unit `px` (mean errors): effect is the size of the difference at one age and coordinate.
+
+coordinate and at are null unless a single age decides. most bounds the difference of any two levels at any age. margin
+is in the unit of the effect. larger is the level with the larger value, better that with smaller errors, fewer
+outliers or longer lifetimes; null for mean errors. n_pairs counts the pairs that were compared. n_scenes is the fewest
+scenes that two levels share, n_places the number of ages that were compared, from at_low to at_high. Lifetimes are
+restricted means to the common horizon (frames that the tracker saw). more_scenes is how many more scenes would settle
+an `undecided` with a probability of 80 %, if that can be told.
+
+p_yes is the p-value of the hypothesis that no difference exceeds the margin, p_no of the hypothesis that some
+difference is at least the margin. The q-values are Benjamini and Hochberg's, over the rows of a factor.
 """
 
 FINDINGS: Schema = {

@@ -1,20 +1,22 @@
 """Intervals and verdicts of effects, from scenes that scatter as wished."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import polars as pl
 import pytest
+from scipy import stats
 
 from tracknoise.exceptions import SchemaError
 from tracknoise.findings.factors.dependence import dependence
+from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.statistics.curves import curves
 from tracknoise.statistics.effects import effects
 from tracknoise.statistics.factors import ReferenceCondition
 from tracknoise.statistics.lifetimes import lifetimes_of_ends
 from tracknoise.statistics.outliers import outlier_ratios
 from tracknoise.tables.findings_schema import DEPENDENCE
-from tracknoise.tables.schema import CURVES, EFFECTS, ENDS, FRAME_COUNTS, LIFETIMES, MOMENTS, TRACKS, empty
+from tracknoise.tables.schema import CURVES, EFFECTS, ENDS, FRAME_COUNTS, LIFETIMES, MOMENTS, SCALES, TRACKS, empty
 
 CONDITION = {
     "dataset": "d",
@@ -51,12 +53,23 @@ def moments(
                     "m_uu": TRACKS_OF_A_SCENE * scale**2, "m_vv": 2 * TRACKS_OF_A_SCENE * scale**2,
                 }  # fmt: skip
                 rows.append(dict.fromkeys(MOMENTS, 0.0) | CONDITION | values | condition)
-    kinds = {"population": "visible", "trimming": "trimmed", "axis": "age"}
+    kinds = {"population": "visible", "trimming": "untrimmed", "axis": "age"}
     return pl.DataFrame([row | kinds for row in rows], schema=dict(MOMENTS))
 
 
+def scales(table: pl.DataFrame) -> pl.DataFrame:
+    """Scales whose cores are the mean absolute errors."""
+    cores = table.with_columns(core_u_px="mean_abs_u", core_v_px="mean_abs_v", beyond_u=0, beyond_v=0)
+    return cores.select(pl.col(name).cast(kind) for name, kind in SCALES.items())
+
+
 def asked(
-    table: pl.DataFrame, ends: pl.DataFrame | None = None, frames: pl.DataFrame | None = None, **options: object
+    table: pl.DataFrame,
+    ends: pl.DataFrame | None = None,
+    frames: pl.DataFrame | None = None,
+    *,
+    n_draws: int = 400,
+    **options: object,
 ) -> pl.DataFrame:
     """What `dependence` says after `curves` and `effects`."""
     ends = empty(ENDS) if ends is None else ends
@@ -64,7 +77,7 @@ def asked(
     bent = curves(table)
     lived = lifetimes_of_ends(ends)
     point = effects(bent, lived, outlier_ratios(frames), reference=REFERENCE)
-    return dependence(table, ends, frames, bent, point, n_draws=400, **options)
+    return dependence(table, scales(table), ends, frames, bent, point, n_draws=n_draws, **options)
 
 
 def answer(*args: object, statistic: str = "eta", factor: str = "speed", **options: object) -> dict[str, object]:
@@ -72,31 +85,68 @@ def answer(*args: object, statistic: str = "eta", factor: str = "speed", **optio
     return row
 
 
-def test_a_large_effect_is_said_to_matter() -> None:
+def test_a_large_effect_is_found_with_its_size_and_the_better_level() -> None:
     row = answer(moments({1: 1.0, 2: 1.5}))
     assert (row["verdict"], row["why"]) == ("yes", None)
-    assert row["margin"] < row["low"] < row["effect"] < row["high"]
+    assert (row["level_a"], row["level_b"], row["larger"], row["better"]) == ("1", "2", "2", "1")
+    assert row["effect"] == pytest.approx(1.5, rel=0.03)
+    assert row["margin"] == pytest.approx(1.1)
+    assert row["margin"] < row["low"] < row["effect"] < row["high"] < 1.6
     assert row["p_yes"] <= row["q_yes"] <= 0.05 < row["p_no"]
     assert (row["n_scenes"], row["n_places"], row["at_low"], row["at_high"], row["level"]) == (12, 5, 1, 5, 0.95)
-    assert row["kind"] == "fieller"
+    assert (row["kind"], row["unit"], row["at"], row["coordinate"], row["resampled"]) == (
+        "paired", "ratio", None, None, "scenes"
+    )  # fmt: skip
+
+
+def test_the_interval_of_two_levels_is_that_of_the_paired_log_ratios() -> None:
+    table = moments({1: 1.0, 2: 1.5}, own=0.1)
+    logs = table.filter(pl.col("at") > 0).with_columns(log=pl.col("mean_abs_u").log() + pl.col("mean_abs_v").log())
+    means = logs.group_by("scene", "speed").agg(pl.col("log").mean() / 2).pivot("speed", index="scene", values="log")
+    ratios = (means["2"] - means["1"]).to_numpy()
+    low, high = stats.t.interval(0.95, 11, ratios.mean(), ratios.std(ddof=1) / np.sqrt(12))
+    row = answer(table)
+    assert np.log([row["effect"], row["low"], row["high"]]) == pytest.approx([ratios.mean(), low, high])
+
+
+def test_second_moments_and_cores_are_compared_too() -> None:
+    table = moments({1: 1.0, 2: 1.5})
+    assert answer(table, statistic="Phi")["effect"] == pytest.approx(1.5**2, rel=0.05)
+    core, absolute = (answer(table, statistic=name) for name in ("core", "eta"))
+    assert core["effect"] == pytest.approx(absolute["effect"])
+    assert core["axis"] == "age"
+
+
+def test_means_differ_in_px_at_one_age_by_a_share_of_the_core() -> None:
+    table = moments({1: 1.0, 2: 1.5})
+    row = answer(table, statistic="nu")
+    assert (row["verdict"], row["unit"], row["coordinate"], row["better"]) == ("yes", "px", "u", None)
+    means = table.group_by("speed", "at").agg(pl.col("mean_u").mean()).pivot("speed", index="at", values="mean_u")
+    apart = means.filter(at=row["at"]).select((pl.col("2") - pl.col("1")).abs()).item()
+    assert row["effect"] == pytest.approx(apart)
+    cores = table.filter(pl.col("at") > 0).select(pl.col("mean_abs_u", "mean_abs_v").log().mean()).row(0)
+    assert row["margin"] == pytest.approx(0.1 * np.exp(np.mean(cores)))
+    assert row["margin"] < row["low"] < row["effect"] < row["high"]
 
 
 def test_what_scenes_share_cancels_between_levels() -> None:
     # scenes differ by 30 %, but what each has of its own at a level is 2 %
     row = answer(moments({1: 1.0, 2: 1.0}))
-    assert (row["verdict"], row["low"], row["why"]) == ("no", 0.0, None)
-    assert row["effect"] < row["high"] < 0.05
+    assert (row["verdict"], row["why"]) == ("no", None)
+    assert row["low"] < 1 < row["high"] <= row["most"] < 1.05
     assert row["p_no"] <= row["q_no"] <= 0.05 < row["p_yes"]
 
 
 def test_where_scenes_scatter_too_much_it_is_undecided() -> None:
-    row = answer(moments({1: 1.0, 2: 1.0}, own=0.3))
+    row = answer(moments({1: 1.0, 2: 1.0}, own=0.3, seed=2))
     assert (row["verdict"], row["why"]) == ("undecided", "the interval contains the margin")
     assert row["low"] <= row["margin"] <= row["high"]
+    assert row["more_scenes"] is None or row["more_scenes"] > 12
 
 
 def test_one_bad_level_of_many_is_found() -> None:
-    assert answer(moments({1: 1.0, 2: 1.0, 4: 1.0, 8: 1.4}))["verdict"] == "yes"
+    row = answer(moments({1: 1.0, 2: 1.0, 4: 1.0, 8: 1.4}))
+    assert (row["verdict"], row["larger"], row["n_pairs"], row["n_levels"]) == ("yes", "8", 6, 4)
     assert answer(moments({1: 1.0, 2: 1.0, 4: 1.0, 8: 1.0}))["verdict"] == "no"
 
 
@@ -104,8 +154,18 @@ def test_one_bad_level_of_many_is_found() -> None:
 def test_with_few_scenes_nothing_is_decided(factor: float) -> None:
     row = answer(moments({1: 1.0, 2: factor}, scenes=5))
     assert (row["verdict"], row["why"]) == ("undecided", "two levels share only 5 scenes; at least 6 are needed")
-    assert (row["low"], row["high"], row["p_yes"], row["q_yes"], row["p_no"]) == (None,) * 5
-    assert row["effect"] is not None
+    assert (row["low"], row["high"], row["p_yes"], row["q_yes"], row["p_no"], row["effect"]) == (None,) * 6
+
+
+def test_curves_that_cross_are_never_the_same() -> None:
+    table = moments({1: 1.0, 2: 1.0})
+    twice = pl.when(pl.col("speed") == 1).then(1.0).when(pl.col("at") < 3).then(2.0).when(pl.col("at") > 3).then(0.5)
+    names = ["mean_abs_u", "mean_abs_v"]
+    crossed = table.with_columns(pl.col(name) * twice.otherwise(1.0) for name in names)
+    row = answer(crossed)
+    assert (row["verdict"], row["effect"]) == ("yes", pytest.approx(2.0, rel=0.05))
+    assert row["at"] != 3
+    assert (row["better"], row["larger"]) == (("1", "2") if row["at"] < 3 else ("2", "1"))
 
 
 def test_scenes_that_one_level_lacks_do_not_count() -> None:
@@ -117,8 +177,11 @@ def test_scenes_that_one_level_lacks_do_not_count() -> None:
 
 
 def test_ages_that_few_scenes_reach_are_left_out() -> None:
-    table = moments({1: 1.0, 2: 1.5}).filter((pl.col("at") < 5) | (pl.col("scene") < "s05"))
-    row = answer(table)
+    table = moments({1: 1.0, 2: 1.5})
+    row = answer(table.filter((pl.col("at") < 5) | (pl.col("scene") < "s05")))
+    assert (row["n_scenes"], row["n_places"], row["at_low"], row["at_high"]) == (12, 4, 1, 4)
+    few = (pl.col("at") == 5) & (pl.col("scene") >= "s05")
+    row = answer(table.with_columns(n=pl.when(few).then(9).otherwise("n").cast(pl.Int64)))
     assert (row["n_scenes"], row["n_places"], row["at_low"], row["at_high"]) == (12, 4, 1, 4)
 
 
@@ -131,15 +194,6 @@ def test_a_no_needs_every_level() -> None:
     assert (row["verdict"], row["why"]) == ("undecided", "nothing to compare speed 4 by")
 
 
-def test_what_the_interval_cannot_use_cannot_make_a_no() -> None:
-    # the levels differ at an age that only three scenes reach
-    late = (pl.col("speed") == 2) & (pl.col("at") == 5)
-    table = moments({1: 1.0, 2: 1.0}).with_columns(mean_abs_u=pl.when(late).then(9.0).otherwise("mean_abs_u"))
-    row = answer(table.filter((pl.col("at") < 5) | (pl.col("scene") < "s03")))
-    assert row["verdict"] == "undecided"
-    assert row["high"] >= row["effect"] > row["margin"]
-
-
 def test_scenes_that_are_all_alike() -> None:
     table = moments({1: 1.0, 2: 1.2}, scenes=1)
     alike = pl.concat([table.with_columns(scene=pl.lit(f"s{number}")) for number in range(8)])
@@ -148,15 +202,26 @@ def test_scenes_that_are_all_alike() -> None:
     assert (row["low"], row["high"]) == (pytest.approx(row["effect"]), pytest.approx(row["effect"]))
     same = pl.concat([alike.filter(speed=1), alike.filter(speed=1).with_columns(speed=pl.lit(2, dtype=pl.Int32))])
     row = answer(same)
-    assert (row["effect"], row["low"], row["high"], row["verdict"]) == (0.0, 0.0, 0.0, "no")
+    assert (row["effect"], row["low"], row["high"], row["verdict"]) == (1.0, 1.0, 1.0, "no")
+    assert (row["larger"], row["better"]) == (None, None)
 
 
-def test_where_nothing_is_biased_a_difference_in_bias_has_no_upper_bound() -> None:
+def test_errors_of_zero_at_one_level_have_no_ratio() -> None:
+    table = moments({1: 1.0, 2: 1.0})
+    none = (pl.col("speed") == 2) & (pl.col("scene") == "s03")
+    row = answer(table.with_columns(mean_abs_u=pl.when(~none).then("mean_abs_u").otherwise(0.0)))
+    assert (row["verdict"], row["why"]) == ("undecided", "a value of 0 at one of two levels, which has no ratio")
+    both = pl.col("scene") == "s03"
+    assert answer(table.with_columns(mean_abs_u=pl.when(~both).then("mean_abs_u").otherwise(0.0)))["verdict"] == "no"
+
+
+def test_a_mean_error_that_scatters_around_zero_is_undecided_within_finite_bounds() -> None:
     rng = np.random.default_rng(3)
     table = moments({1: 1.0, 2: 1.0})
     noise = table.with_columns(pl.Series(name, rng.standard_normal(table.height)) for name in ("mean_u", "mean_v"))
     row = answer(noise, statistic="nu")
-    assert (row["verdict"], row["low"], row["high"]) == ("undecided", 0.0, float("inf"))
+    assert row["verdict"] == "undecided"
+    assert 0 <= row["low"] <= row["margin"] < row["high"] < 10
 
 
 def test_turned_images_are_compared_upright() -> None:
@@ -165,9 +230,50 @@ def test_turned_images_are_compared_upright() -> None:
     turned = table.rename(names).select(*MOMENTS).with_columns(
         mean_u=table["mean_v"], mean_v=-table["mean_u"], rotation=pl.lit(90, dtype=pl.Int16)
     )  # fmt: skip
-    for statistic in ("nu", "eta", "Phi"):
+    for statistic, same in (("nu", 0.0), ("eta", 1.0), ("Phi", 1.0), ("core", 1.0)):
         row = answer(pl.concat([table, turned]), factor="rotation", statistic=statistic)
-        assert (row["verdict"], row["effect"]) == ("no", pytest.approx(0.0, abs=1e-12))
+        assert (row["verdict"], row["effect"]) == ("no", pytest.approx(same, abs=1e-12))
+        assert row["n_places"] == 5
+
+
+def test_trimmed_errors_are_another_question() -> None:
+    table = moments({1: 1.0, 2: 1.5})
+    trimmed = moments({1: 1.0, 2: 1.0}).with_columns(trimming=pl.lit("trimmed", dtype=MOMENTS["trimming"]))
+    both = pl.concat([table, trimmed])
+    assert [answer(both, trimming=name)["verdict"] for name in ("untrimmed", "trimmed")] == ["yes", "no"]
+
+
+def groups_of(scenes: int, group: Callable[[int], int]) -> SceneGroups:
+    return SceneGroups({("d", f"s{scene:02}"): f"g{group(scene)}" for scene in range(scenes)})
+
+
+def test_groups_of_scenes_are_averaged_first() -> None:
+    table = moments({1: 1.0, 2: 1.5}, own=0.1)
+    pairs = groups_of(12, lambda scene: scene // 2)
+    row = answer(table, groups=pairs)
+    assert (row["resampled"], row["n_scenes"]) == ("groups", 12)
+    assert row["effect"] == pytest.approx(answer(table)["effect"])
+    copies = pl.concat([table, table.with_columns(scene=pl.col("scene").str.replace("s", "t"))])
+    names = {("d", f"{letter}{scene:02}"): f"g{scene}" for letter in "st" for scene in range(12)}
+    doubled = answer(copies, groups=SceneGroups(names))
+    alone = answer(table)
+    assert [doubled[name] for name in ("effect", "low", "high")] == pytest.approx(
+        [alone[name] for name in ("effect", "low", "high")]
+    )
+
+
+def test_few_groups_leave_the_variation_within_them() -> None:
+    table = moments({1: 1.0, 2: 1.5}, own=0.02)
+    away = pl.when((pl.col("scene") < "s06") & (pl.col("speed") == 2)).then(1.5).otherwise(1.0)
+    apart = table.with_columns(pl.col("mean_abs_u", "mean_abs_v") * away)
+    halves = groups_of(12, lambda scene: scene // 6)
+    row, plain = answer(apart, groups=halves), answer(apart)
+    assert (row["resampled"], plain["resampled"]) == ("within", "scenes")
+    assert row["effect"] == pytest.approx(plain["effect"])
+    assert row["high"] / row["low"] < 1.1 < plain["high"] / plain["low"]
+    row = answer(moments({1: 1.0, 2: 1.5}, scenes=7), groups=groups_of(7, lambda scene: min(scene, 4)))
+    assert row["verdict"] == "undecided"
+    assert row["why"].startswith("the scenes form only 5 groups; at least 6 are needed")
 
 
 def ends_of(levels: Mapping[int, float], *, scenes: int = 10) -> pl.DataFrame:
@@ -194,12 +300,40 @@ def frames_of(levels: Mapping[int, int], *, scenes: int = 10) -> pl.DataFrame:
     return pl.DataFrame(rows, schema=dict(FRAME_COUNTS))
 
 
-@pytest.mark.parametrize(("factor", "verdict"), [(1.0, "no"), (1.3, "yes")])
-def test_lifetimes(factor: float, verdict: str) -> None:
+@pytest.mark.parametrize(("factor", "verdict", "better"), [(1.0, "no", None), (1.3, "yes", "2")])
+def test_lifetimes(factor: float, verdict: str, better: str | None) -> None:
     row = answer(empty(MOMENTS), ends_of({1: 1.0, 2: factor, 4: 1.0}), statistic="lifetime")
     assert (row["verdict"], row["n_scenes"], row["at_low"], row["axis"]) == (verdict, 10, None, None)
     assert row["low"] <= row["effect"] <= row["high"]
-    assert row["effect"] == pytest.approx((factor - 1) / ((factor + 2) / 3), abs=0.02)
+    assert row["effect"] == pytest.approx(factor, rel=0.03)
+    assert better in (row["better"], None)
+    assert row["horizon"] > 1000
+
+
+def lives_of(lengths: Mapping[int, int], hazard: Callable[[np.random.Generator], np.ndarray]) -> pl.DataFrame:
+    """Ends of tracks with the same hazards at all speeds, in sequences of other lengths."""
+    rng = np.random.default_rng(4)
+    rows = []
+    for scene in range(11):
+        for speed, length in lengths.items():
+            life = rng.geometric(hazard(rng))
+            for number in range(1, length + 1):
+                n = int((life == number).sum()) * (number < length), int((life >= length).sum()) * (number == length)
+                rows.append(CONDITION | {"scene": f"s{scene:02}", "speed": speed, "block": 0, "lifetime": number}
+                            | {"n_ended": n[0], "n_censored": n[1]})  # fmt: skip
+    return pl.DataFrame(rows, schema=dict(ENDS)).filter(pl.col("n_ended") + pl.col("n_censored") > 0)
+
+
+def test_lifetimes_do_not_depend_on_the_length_of_sequences() -> None:
+    ends = lives_of({1: 60, 2: 15}, lambda rng: np.where(rng.random(2000) < 0.5, 0.3, 0.02))
+    row = answer(empty(MOMENTS), ends, statistic="lifetime")
+    assert (row["verdict"], row["horizon"]) == ("no", 15.0)
+
+
+def test_a_horizon_of_one_frame_compares_nothing() -> None:
+    ends = lives_of({1: 60, 2: 1}, lambda rng: np.full(2000, 0.1))
+    row = answer(empty(MOMENTS), ends, statistic="lifetime")
+    assert (row["verdict"], row["effect"]) == ("undecided", None)
 
 
 @pytest.mark.parametrize(("outliers", "verdict"), [(500, "no"), (800, "yes")])
@@ -207,28 +341,31 @@ def test_outlier_ratios(outliers: int, verdict: str) -> None:
     row = answer(empty(MOMENTS), None, frames_of({1: 500, 2: outliers}), statistic="outlier_ratio")
     assert (row["verdict"], row["n_scenes"]) == (verdict, 10)
     assert row["low"] <= row["effect"] <= row["high"]
+    assert row["effect"] == pytest.approx(outliers / 500, rel=0.03)
 
 
 def test_outliers_that_never_were_decide_nothing() -> None:
     row = answer(empty(MOMENTS), None, frames_of({1: 0, 2: 0}), statistic="outlier_ratio")
-    assert (row["effect"], row["verdict"], row["high"]) == (0.0, "undecided", float("inf"))
+    assert (row["effect"], row["verdict"], row["high"]) == (None, "undecided", None)
 
 
 def test_more_questions_make_a_weak_answer_weaker() -> None:
-    weak = moments({1: 1.0, 2: 1.16}, own=0.04)
+    weak = moments({1: 1.0, 2: 1.16}, own=0.05)
     alone = answer(weak)
-    others = [moments({1: 1.0, 2: 1.0}, own=0.5, seed=number, tracker=f"t{number}") for number in range(1, 8)]
+    others = [moments({1: 1.0, 2: 1.0}, own=0.2, seed=number, tracker=f"t{number}") for number in range(1, 8)]
     among = asked(pl.concat([weak, *others])).filter(factor="speed", statistic="eta", tracker="lk").to_dicts()[0]
     assert among["q_yes"] > alone["q_yes"]
 
 
-def test_the_rows_are_those_of_the_effects() -> None:
+def test_the_rows_are_those_of_the_effects_without_central_moments_and_with_the_core() -> None:
     table = moments({1: 1.0, 2: 1.2})
     bent = curves(table)
     point = effects(bent, empty(LIFETIMES), outlier_ratios(empty(FRAME_COUNTS)), reference=REFERENCE)
-    found = dependence(table, empty(ENDS), empty(FRAME_COUNTS), bent, point, n_draws=50)
-    keys = [name for name in DEPENDENCE if name in EFFECTS and name not in ("verdict", "why", "axis")]
-    assert found.select(keys).equals(point.select(keys))
+    found = dependence(table, scales(table), empty(ENDS), empty(FRAME_COUNTS), bent, point, n_draws=50)
+    keys = ["dataset", "factor", *(name for name in CONDITION if name != "dataset"), "statistic"]
+    expected = point.filter(pl.col("statistic") != "central").select(keys)
+    assert found.filter(pl.col("statistic") != "core").select(keys).equals(expected)
+    assert found.filter(statistic="core").height == found.filter(statistic="eta").height
 
 
 def test_the_same_whatever_the_order_of_rows_and_scenes() -> None:
@@ -246,12 +383,12 @@ def test_frames_are_counted_from_the_key_frame() -> None:
 
 
 def test_nothing_gives_nothing() -> None:
-    found = dependence(*map(empty, (MOMENTS, ENDS, FRAME_COUNTS, CURVES, EFFECTS)))
+    found = dependence(*map(empty, (MOMENTS, SCALES, ENDS, FRAME_COUNTS, CURVES, EFFECTS)))
     assert found.equals(empty(DEPENDENCE))
 
 
 def test_the_wrong_tables_are_refused() -> None:
-    right = [MOMENTS, ENDS, FRAME_COUNTS, CURVES, EFFECTS]
+    right = [MOMENTS, SCALES, ENDS, FRAME_COUNTS, CURVES, EFFECTS]
     for place in range(len(right)):
         tables = [empty(TRACKS if number == place else schema) for number, schema in enumerate(right)]
         with pytest.raises(SchemaError):

@@ -244,41 +244,69 @@ def test_of_two_coordinates_that_differ_each_has_its_own_words() -> None:
     assert "neither" not in text
 
 
+def factor_row(statistic: str, verdict: str, **values: object) -> dict[str, Any]:
+    """A row about the speed, of which the larger value is at speed 4."""
+    row = {"factor": "speed", "speed": None, "statistic": statistic, "axis": "age", "verdict": verdict, "n_levels": 2}
+    row |= {"unit": "ratio", "level_a": "1", "level_b": "4", "larger": "4", "better": "1", "margin": 1.1, "why": None}
+    return row | {"effect": 1.2, "low": 1.15, "high": 1.3, "most": 1.4} | values
+
+
 def factor_rows(*verdicts: str) -> dict[str, pl.DataFrame]:
-    """The dependence of as many statistics on the speed, and their effects."""
-    names = ["nu", "eta", "Phi", "lifetime", "outlier_ratio"]
+    """The dependence of as many statistics on the speed."""
+    mean = {"unit": "px", "better": None, "margin": 0.02, "effect": 0.12, "low": 0.05, "high": 0.19, "most": 0.2}
     rows = [
-        {"factor": "speed", "speed": None, "statistic": name, "verdict": verdict, "effect": 0.45 - 0.05 * place,
-         "low": 0.3 - 0.05 * place, "high": 0.6 - 0.05 * place, "margin": 0.1, "n_levels": 2, "why": None}
-        for place, (name, verdict) in enumerate(zip(names, verdicts, strict=False))
-    ]  # fmt: skip
-    dependence = [{name: value for name, value in row.items() if name != "n_levels"} for row in rows]
-    effects = [{name: row[name] for name in ("factor", "speed", "statistic", "n_levels")} for row in rows]
-    return {"dependence": table(DEPENDENCE, *dependence), "effects": table(EFFECTS, *effects)}
+        factor_row("outlier_ratio", "yes", effect=13.2, low=9.04, high=19.3, most=19.3),
+        factor_row("eta", "no", effect=1.01, low=0.99, high=1.03, most=1.043),
+        factor_row("nu", "undecided", **mean, coordinate="u", at=10),
+        factor_row("lifetime", "yes", better="4"),
+        factor_row("core", "no", most=1.05),
+    ]
+    chosen = [{**row, "verdict": verdict} for row, verdict in zip(rows, verdicts, strict=False)]
+    return {"dependence": table(DEPENDENCE, *chosen)}
 
 
 def test_factors_are_counted_and_the_clearest_are_named() -> None:
     found = read(**factor_rows("yes", "no", "undecided"))["factors"]
     assert "Verdicts on whether the speed changes a statistic: 1 yes, 1 no and 1 undecided." in found["text"]
-    assert "Effects with the highest lower bounds: speed on mean error of lk, 45 % (30 % to 60 %)." in found["text"]
+    assert "The margin is a ratio of 1.10." in found["text"]
     assert (
-        "Effects with the lowest upper bounds: speed on mean absolute error of lk, 40 % (25 % to 55 %)."
+        "The outlier ratio of lk is 13 times (9.0 to 19) as high at speed 4 as at speed 1; speed 1 is better."
         in found["text"]
     )
-    assert (found["value"], found["low"], found["high"]) == pytest.approx((0.45, 0.3, 0.6))
+    assert "Smallest effects: mean absolute error of lk by speed, at most 1.04 times." in found["text"]
+    assert (found["value"], found["low"], found["high"]) == pytest.approx((13.2, 9.04, 19.3))
+    assert found["unit"] == "ratio"
+
+
+def test_what_decides_at_one_age_is_said_to() -> None:
+    found = read(**factor_rows("no", "no", "yes"))["factors"]
+    assert (
+        "The mean error of lk in u at age 10 differs by 0.120 px (0.050 to 0.190) between speed 1 and speed 4."
+        in found["text"]
+    )
+    row = factor_row("eta", "yes", effect=2.0, low=1.5, high=2.7, coordinate="v", at=3, larger="1", better="4")
+    text = read(dependence=table(DEPENDENCE, row))["factors"]["text"]
+    assert "of lk in v at age 3 is 2.0 times (1.50 to 2.7) as large at speed 1 as at speed 4; speed 4 is" in text
+
+
+def test_the_better_of_two_trackers_is_named() -> None:
+    pair = {"factor": "tracker", "tracker": None, "level_a": "lk", "level_b": "sift", "larger": "sift", "better": "lk"}
+    row = factor_row("core", "yes", **pair, speed=1)
+    text = read(dependence=table(DEPENDENCE, row))["factors"]["text"]
+    assert "The core is 1.20 times (1.15 to 1.30) as large for sift as for lk; lk is better." in text
 
 
 def test_what_is_undecided_is_called_so() -> None:
     text = read(**factor_rows("undecided", "undecided"))["factors"]["text"]
     assert "Verdicts on whether the speed changes a statistic: 2 undecided." in text
-    assert "which may be chance: speed on mean error of lk" in text
-    assert "bounds" not in text
+    assert "which may be chance: the outlier ratio of lk is 13 times" in text
+    assert "Smallest" not in text
 
 
 def test_other_speeds_and_what_was_not_varied_are_no_questions() -> None:
     tables = factor_rows("yes", "yes")
-    single = tables["effects"].with_columns(n_levels=pl.lit(1, dtype=pl.Int32))
-    assert "factors" not in read(**{**tables, "effects": single})
+    single = tables["dependence"].with_columns(n_levels=pl.lit(1, dtype=pl.Int32))
+    assert "factors" not in read(dependence=single)
     faster = {name: part.with_columns(speed=pl.lit(2, dtype=pl.Int32)) for name, part in tables.items()}
     assert "factors" not in read(**faster)
 
@@ -341,14 +369,14 @@ def test_the_order_of_rows_changes_nothing() -> None:
     assert read(**tables) == read(**turned)
 
 
-def test_the_document_is_json_even_where_effects_are_infinite() -> None:
+def test_the_document_is_json_even_where_numbers_are_infinite() -> None:
     import json
 
     tables = {**{name: empty(schema) for name, schema in SCHEMAS.items()}, **factor_rows("yes")}
-    tables["dependence"] = tables["dependence"].with_columns(high=pl.lit(float("inf")))
+    tables["dependence"] = tables["dependence"].with_columns(horizon=pl.lit(float("inf")))
     tables["zero_mean"] = table(ZERO_MEAN, OVERALL, AT_TEN)
     tables["findings"] = headline_table({**tables, "summary": table(SUMMARY, SUMMED)}, SCOPE)
     document = json.loads(findings_json(tables))
-    assert document["dependence"][0]["high"] == "Infinity"
+    assert document["dependence"][0]["horizon"] == "Infinity"
     assert [row["at"] for row in document["zero_mean"]] == [None]
     assert document["findings"][0]["text"].startswith("Error size")

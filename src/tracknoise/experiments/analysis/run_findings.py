@@ -135,12 +135,15 @@ def _dependence(
 ) -> pl.DataFrame:
     return dependence(
         read.moments,
+        read.scales,
         read.ends,
         read.frames,
         statistics["curves"],
         statistics["effects"],
         key_frames=key_frames,
         population=experiment.truth.population,
+        trimming=experiment.findings.trimming,
+        margin=experiment.findings.margin,
         level=experiment.findings.level,
     )
 

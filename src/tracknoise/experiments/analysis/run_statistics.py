@@ -64,6 +64,7 @@ def compute_statistics(run: RunFolder, experiment: Experiment) -> dict[str, pl.D
         tables["outliers"],
         reference=reference,
         population=experiment.truth.population,
+        trimming=experiment.findings.trimming,
         margin=experiment.findings.margin,
     )
     run.write_statistics(tables)

@@ -1,58 +1,52 @@
-"""Factor effects: the effects of `tracknoise.statistics.effects` with intervals, tests and verdicts.
+"""Factor effects: differences between the levels of a factor, paired by scene, with intervals, tests and verdicts.
 
-Scenes are the sampling units. A scene is seen at all levels of a factor, so what the levels have in common cancels in
-their difference. For every row of the table of effects, the curves of the levels are compared at the same points
-(`tracknoise.findings.factors.paired`). The largest effect gets an interval and two p-values
-(`tracknoise.findings.factors.largest`). q-values are computed over the cells of a factor's table, for all trackers and
-speeds together. Central covariances are in no table. They get q-values among themselves.
+Scenes are the sampling units. A scene is seen at all levels of a factor, so that what the levels have in common cancels
+in their difference. Scales of errors, lifetimes and outlier ratios are compared as ratios: the mean over scenes of the
+difference of logarithms, and thus the geometric mean over scenes of the ratio. Every scene has the same weight. Mean
+errors have a sign; their differences are in px (`tracknoise.findings.factors.answers`).
 
-The verdict is `yes` if the interval is above the margin and q_yes is at most 1 - level. It is `no` if the interval is
-below the margin, q_no is at most 1 - level, and every pair of levels was compared. Otherwise it is `undecided`.
+q-values are computed over the rows of a factor, for all trackers and speeds together. The verdict is `yes` if q_yes
+is at most 1 - level. It is `no` if every difference
+at every age is below the margin: p_no is at most half of 1 - level, q_no is at most 1 - level, and every pair of levels
+was compared. Otherwise it is `undecided`.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.factors.largest import largest
-from tracknoise.findings.factors.paired import Levels, Paired, pair_curves, pair_numbers
-from tracknoise.findings.factors.paired_sums import CURVE_SUMS, curve_sums, lifetime_sums, outlier_sums
-from tracknoise.findings.factors.rotation import rotations
-from tracknoise.findings.sampling.multiplicity import benjamini_hochberg
-from tracknoise.findings.sampling.units import MIN_SCENES
-from tracknoise.findings.wording import scenes_counted
-from tracknoise.statistics.conditions import Tables, by_condition
-from tracknoise.statistics.definitions import NAMES, POOLED
-from tracknoise.statistics.factors import SCALARS
-from tracknoise.statistics.grouping import group_rows
-from tracknoise.tables.defaults import LEVEL, POPULATION
-from tracknoise.tables.enumerations import EffectIntervalKind, Verdict
-from tracknoise.tables.findings_schema import DEPENDENCE
-from tracknoise.tables.schema import EFFECTS, ENDS, FRAME_COUNTS, MOMENTS, VERDICT, Schema, check
+from tracknoise.findings.factors.answers import Question
+from tracknoise.findings.factors.differences import Differences, differences
+from tracknoise.findings.factors.questions import Cell, cells
+from tracknoise.findings.factors.rows import Row, judged, row_of
+from tracknoise.findings.factors.scene_counts import lifetime_differences, outlier_differences
+from tracknoise.findings.factors.scene_values import SIGNED, AllValues, scene_values
+from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups, scheme
+from tracknoise.findings.sampling.rotation import rotations
+from tracknoise.statistics.conditions import Tables, TablesByCondition, by_condition, scenes_by_dataset
+from tracknoise.tables.defaults import LEVEL, MARGIN, POPULATION, TRIMMING
+from tracknoise.tables.enumerations import Resampled
+from tracknoise.tables.schema import ENDS, FRAME_COUNTS, MOMENTS, SCALES, Schema, empty
 
 N_DRAWS = 499
 """Rotations: enough to distinguish p-values of a few percent."""
-_FOUND: Schema = {
-    "order": pl.UInt32,
-    **{column: DEPENDENCE[column] for column in ("low", "high", "p_yes", "p_no")},
-    **{column: DEPENDENCE[column] for column in ("n_scenes", "n_places", "at_low", "at_high")},
-    "n_bounded": pl.Int32,
-}
-"""What is found for each row of the effects; n_bounded counts the pairs of levels in the interval."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Test:
-    directions: NDArray[np.float64]
+class _Options:
+    groups: SceneGroups
     margin: float
     level: float
+    n_draws: int
+    seed: int
 
 
 def dependence(
     moments: Tables,
+    scales: Tables,
     ends: Tables,
     frames: Tables,
     curves: pl.DataFrame,
@@ -60,170 +54,137 @@ def dependence(
     *,
     key_frames: Mapping[str, int] | None = None,
     population: str = POPULATION,
+    trimming: str = TRIMMING,
+    groups: SceneGroups = NO_GROUPS,
+    margin: float = MARGIN,
     level: float = LEVEL,
     n_draws: int = N_DRAWS,
     seed: int = 0,
 ) -> pl.DataFrame:
-    """Intervals and verdicts of all effects.
+    """Ratios and differences between the levels of all factors, with intervals and verdicts.
 
     Parameters
     ----------
-    moments, ends, frames
-        Of all sequences: `MOMENTS`, `ENDS` and `FRAME_COUNTS`.
+    moments, scales, ends, frames
+        Of all sequences: `MOMENTS`, `SCALES`, `ENDS` and `FRAME_COUNTS`.
     curves, effects
-        What the functions of these names made of them; `curves` says where they are cut.
+        What the functions of these names made of them. `curves` says where they are cut, `effects` which factors are
+        asked about, and where the others are held.
     key_frames
         Where curves run along frames: the one in which errors are zero, by direction.
-    population
-        That of `effects`.
+    population, trimming
+        Which errors.
+    groups
+        Scenes that are not independent of each other.
+    margin
+        Largest relative difference that counts as no effect: 0.1 for ratios of 1.1, and for differences of means that
+        are 10 % of the core (geometric mean over levels, ages and scenes; of the rms where there is no core).
     level
-        Probability that an interval contains the effect; q-values may be at most 1 - level.
+        Probability that an interval contains the true difference; q-values may be at most 1 - level.
     n_draws, seed
         Number of rotations, and their seed.
 
     Returns
     -------
     polars.DataFrame
-        Schema `DEPENDENCE`: the rows of `effects`, in their order. `n_scenes` is the fewest that two levels share.
-        `at_low` to `at_high` are the ages (or frames from the key frame on) that the interval holds for, `n_places`
-        of them: where fewer than `MIN_SCENES` scenes have data at both levels of a pair, their scatter is
-        unknown. The interval is widened to contain the effect if that uses other scenes or places too.
-        Bounds and p-values are null where no two levels share enough scenes; `high` is infinite where what the effect
-        is relative to may be zero.
+        Schema `DEPENDENCE`: for each cell of `effects`, all of its statistics but central covariances, and the core.
+        Ages (or frames) at which fewer than `MIN_SCENES` scenes have values at both levels are left out. Bounds and
+        p-values are null where no two levels share enough scenes, or too few groups of scenes.
 
     Raises
     ------
     SchemaError
         If a table has other columns.
     """
-    questions = check(effects, EFFECTS, "effects").with_row_index("order")
-    errors = by_condition(moments, MOMENTS, "moments")
-    sums = {
-        None: curve_sums(errors, curves, population=population, key_frames=key_frames or {}),
-        "lifetime": lifetime_sums(by_condition(ends, ENDS, "ends")),
-        "outlier_ratio": outlier_sums(by_condition(frames, FRAME_COUNTS, "frames")),
+    tables = {
+        name: by_condition(given, schema, name)
+        for name, given, schema in (
+            ("moments", moments, MOMENTS),
+            ("scales", scales, SCALES),
+            ("ends", ends, ENDS),
+            ("frames", frames, FRAME_COUNTS),
+        )
     }
-    answers: list[tuple[object, ...]] = []
-    for (dataset,), asked in questions.partition_by("dataset", as_dict=True, maintain_order=True).items():
-        placed, n_scenes = _placed(sums, str(dataset))
-        test = _Test(rotations(n_scenes, n_draws=n_draws, seed=seed), asked["margin"].item(0), level)
-        for (factor,), rows in asked.partition_by("factor", as_dict=True, maintain_order=True).items():
-            answers.extend(_answers(rows, str(factor), placed, test))
-    found = pl.DataFrame(answers, schema=dict(_FOUND), orient="row")
-    return _judged(questions.join(found, on="order", how="left", maintain_order="left"), level)
-
-
-def _placed(sums: Mapping[str | None, pl.DataFrame], dataset: str) -> tuple[dict[str | None, pl.DataFrame], int]:
-    """Sums of one dataset, with the place of each scene among all of its scenes, and how many there are."""
-    chosen = {name: table.filter(dataset=dataset) for name, table in sums.items()}
-    scenes = pl.concat([table.select("scene") for table in chosen.values()]).unique().sort("scene")
-    places = scenes.with_row_index("place")
-    return {
-        name: table.join(places, on="scene", maintain_order="left") for name, table in chosen.items()
-    }, places.height
-
-
-def _answers(
-    rows: pl.DataFrame, factor: str, sums: Mapping[str | None, pl.DataFrame], test: _Test
-) -> Iterator[tuple[object, ...]]:
-    """What was found (`_FOUND`) for rows of the effects of one factor."""
-    others = [column for column in POOLED if column != factor]
-    single = pl.when(pl.col("statistic").is_in(list(SCALARS))).then("statistic")  # null: curves
-    for keys, asked in rows.group_by([single.alias("single"), "axis", *others], maintain_order=True):
-        conditions = dict(zip(["axis", *others], keys[1:], strict=True))
-        table = sums[keys[0]]
-        cell = table.filter(**{name: value for name, value in conditions.items() if name in table.columns})
-        if not cell.is_empty():
-            yield from _cell(cell, factor, asked, test)
-
-
-def _cell(cell: pl.DataFrame, factor: str, asked: pl.DataFrame, test: _Test) -> Iterator[tuple[object, ...]]:
-    """What was found for all statistics that come from the same sums."""
-    curved = "total" not in cell.columns
-    levels, at = _levels(cell, factor, CURVE_SUMS if curved else ["total"], len(test.directions[0]))
-    paired = pair_curves(levels) if curved else pair_numbers(levels)
-    names = [*NAMES[asked["axis"].item(0)].values()] if curved else asked["statistic"].to_list()
-    places = at[paired.places] if curved else at[:0]
-    span = (int(places.min()), int(places.max())) if len(places) else (None, None)
-    for order, statistic in asked.select("order", "statistic").rows():
-        bounds = _bounds(paired, names.index(statistic), test)
-        n_places = int(paired.places.sum())
-        yield order, *bounds, paired.n_scenes, n_places, *span, paired.n_pairs
-
-
-def _bounds(paired: Paired, statistic: int, test: _Test) -> tuple[float | None, ...]:
-    if not paired.ratios:
-        return (None,) * 4
-    found = largest(paired.ratios[statistic], test.directions, margin=test.margin, level=test.level)
-    return found.low, found.high, found.p_yes, found.p_no
-
-
-def _levels(cell: pl.DataFrame, factor: str, columns: list[str], n_scenes: int) -> tuple[Levels, NDArray[np.int64]]:
-    """Sums of a cell as arrays, and where their places are."""
-    level, at = group_rows(cell, [factor]), group_rows(cell.filter(pl.col("at").is_not_null()), ["at"])
-    measured = np.zeros((n_scenes, level.count), dtype=np.bool_)
-    measured[cell["place"].to_numpy(), level.index] = True
-    there = cell["at"].is_not_null().to_numpy()
-    rows = (cell["place"].to_numpy()[there], level.index[there], at.index)
-    n = np.zeros((n_scenes, level.count, at.count))
-    sums = np.zeros((*n.shape, len(columns)))
-    n[rows] = cell["n"].to_numpy()[there]
-    sums[rows] = cell.select(columns).to_numpy()[there]
-    return Levels(n, sums, measured), at.keys["at"].to_numpy()
-
-
-def _judged(table: pl.DataFrame, level: float) -> pl.DataFrame:
-    """Rows with intervals that contain the effect, q-values, verdicts, and why one is undecided."""
-    bounded = pl.col("low").is_not_null()
-    table = table.with_columns(
-        pl.lit(level).alias("level"),
-        kind=pl.lit(EffectIntervalKind.fieller),
-        low=pl.when(bounded).then(pl.min_horizontal("low", "effect")),
-        high=pl.when(bounded).then(pl.max_horizontal("high", "effect")),
-        **{f"q_{name}": _q(table, f"p_{name}") for name in ("yes", "no")},
+    found = scenes_by_dataset(item for each in tables.values() for item in each.items())
+    scenes = {dataset: sorted(names) for dataset, names in found.items()}
+    values = scene_values(
+        tables["moments"],
+        tables["scales"],
+        curves,
+        errors={"population": population, "trimming": trimming},
+        key_frames=key_frames or {},
+        scenes=scenes,
     )
-    table = table.with_columns(verdict=_verdict(level)).with_columns(why=_why())
-    return check(table.select(pl.col(name).cast(kind) for name, kind in DEPENDENCE.items()), DEPENDENCE, "dependence")
+    options = _Options(groups, margin, level, n_draws, seed)
+    rows: list[Row] = []
+    for cell in cells(effects, sorted({key for table in tables.values() for key in table})):
+        names = scenes.get(cell.dataset, [])
+        rows.extend(_rows(cell, tables, values, names, groups.of(cell.dataset, names), options))
+    return judged(rows, level)
 
 
-def _q(table: pl.DataFrame, p: str) -> pl.Series:
-    """q-values over the cells of the table of each dataset and factor, and over what is in no table."""
-    values = table[p].to_numpy().astype(np.float64)
-    families = group_rows(
-        table.with_columns(is_cell=pl.col("statistic") != "central"), ["dataset", "factor", "is_cell"]
-    )
-    for family in range(families.count):
-        rows = families.index == family
-        values[rows] = benjamini_hochberg(values[rows])
-    return pl.Series(values).fill_nan(None)
+def _rows(
+    cell: Cell,
+    tables: Mapping[str, TablesByCondition],
+    values: AllValues,
+    scenes: Sequence[str],
+    group: NDArray[np.intp],
+    options: _Options,
+) -> Iterator[Row]:
+    """Rows of all statistics of a cell."""
+    places = values.places.get((cell.dataset, str(cell.axis)), np.zeros(0, dtype=np.int64))
+    for role, name in cell.statistics.items():
+        if role == "lifetime":
+            asked = lifetime_differences(_tables(cell, tables["ends"], ENDS), scenes)
+        elif role == "outlier_ratio":
+            asked = outlier_differences(_tables(cell, tables["frames"], FRAME_COUNTS), scenes)
+        else:
+            levels, measured = _levels(cell, role, values, (len(scenes), len(places)))
+            asked = differences(levels, measured, logarithms=role != SIGNED)
+        margin = _margin_px(cell, values, options.margin) if role == SIGNED else float(np.log1p(options.margin))
+        question = _question(asked, group, margin, options, cancels=role == SIGNED)
+        yield row_of(cell, role, name, places, asked, question, margin, group)
 
 
-def _verdict(level: float) -> pl.Expr:
-    largest_q = 1 - level + 1e-12
-    matters = (pl.col("low") > pl.col("margin")) & (pl.col("q_yes") <= largest_q)
-    complete = pl.col("why").is_null() & (pl.col("n_bounded") == pl.col("n_pairs"))
-    not_so = complete & (pl.col("high") < pl.col("margin")) & (pl.col("q_no") <= largest_q)
-    answer = pl.when(matters).then(pl.lit(Verdict.yes)).when(not_so).then(pl.lit(Verdict.no))
-    return answer.otherwise(pl.lit(Verdict.undecided)).cast(VERDICT)
+def _question(
+    asked: Differences, group: NDArray[np.intp], margin: float, options: _Options, *, cancels: bool
+) -> Question | None:
+    """What is asked of differences; None where scenes or groups are too few, or the margin is unknown."""
+    resampled = scheme(group[asked.both.any(axis=1)])
+    if resampled is None or not np.isfinite(margin):
+        return None
+    n_groups = len(np.unique(group))
+    within = len(group) - n_groups + 1
+    dimensions = {Resampled.scenes: len(group), Resampled.groups: n_groups}.get(resampled, within)
+    directions = rotations(dimensions, n_draws=options.n_draws, seed=options.seed)
+    return Question(margin, options.level, group, resampled, directions, cancels=cancels)
 
 
-def _why() -> pl.Expr:
-    """Why a verdict is undecided; null for the others."""
-    few = pl.format(f"two levels share only {{}}; at least {MIN_SCENES} are needed", scenes_counted("n_scenes"))
-    nowhere = pl.lit(f"no age or frame has {MIN_SCENES} scenes with data at two levels")
-    holds = (pl.col("low") <= pl.col("margin")) & (pl.col("high") >= pl.col("margin"))
-    return (
-        pl.when(pl.col("verdict") != Verdict.undecided)
-        .then(None)
-        .when(pl.col("why").is_not_null())
-        .then("why")
-        .when((pl.col("n_scenes") < MIN_SCENES) & (pl.col("n_bounded") < pl.col("n_pairs")))
-        .then(few)
-        .when(pl.col("n_bounded") == 0)
-        .then(nowhere)
-        .when(holds)
-        .then(pl.lit("the interval contains the margin"))
-        .when(pl.col("n_bounded") < pl.col("n_pairs"))
-        .then(pl.lit("some pairs of levels have too few scenes with data at both levels"))
-        .otherwise(pl.lit("not significant after the correction for multiple tests"))
-    )
+def _tables(cell: Cell, tables: TablesByCondition, schema: Schema) -> list[pl.DataFrame]:
+    """The table of each level, without rows where it has none."""
+    return [tables.get(key, empty(schema)) for key in cell.levels.values()]
+
+
+def _levels(
+    cell: Cell, role: str, values: AllValues, shape: tuple[int, int]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Values of all levels, (scenes, levels, places x 2), and which scenes were measured at them, (scenes, levels)."""
+    levels = np.full((shape[0], len(cell.levels), shape[1], 2), np.nan)
+    measured = np.zeros(levels.shape[:2], dtype=np.bool_)
+    for number, key in enumerate(cell.levels.values()):
+        found = values.conditions.get((key, str(cell.axis)))
+        if found is not None:
+            measured[:, number] = found.measured
+            levels[:, number] = found.values.get(role, np.nan)
+    return levels.reshape(*measured.shape, -1), measured
+
+
+def _margin_px(cell: Cell, values: AllValues, margin: float) -> float:
+    """Margin of mean errors: a share of the core, geometric mean over levels, ages and scenes; else of the rms."""
+    for role, power in (("core", 1), ("second", 2)):
+        found = [values.conditions.get((key, str(cell.axis))) for key in cell.levels.values()]
+        logs = [one.values[role].ravel() for one in found if one is not None and role in one.values]
+        finite = [each[np.isfinite(each)] for each in logs]
+        if sum(map(len, finite)):
+            return margin * float(np.exp(np.concatenate(finite).mean() / power))
+    return float("nan")

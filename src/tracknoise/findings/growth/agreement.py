@@ -3,7 +3,7 @@
 What the model misses is taken along a few directions: of the curve, weighted as in the fit, along powers of the age;
 of the autocorrelations, at each lag, on average, and from early to late lags. Each is divided by its standard error,
 from the jackknife over units, with the model fitted anew to all units but one. The largest of them is compared with
-the largest that chance alone leads to (`tracknoise.findings.factors.rotation`). This is the p-value of (agreement).
+the largest that chance alone leads to (`tracknoise.findings.sampling.rotation`). This is the p-value of (agreement).
 
 With many scenes every model fails. A model is therefore refused if p is at most `ALPHA`, and it misses the curve by
 more than `CURVE_TOLERANCE` or an autocorrelation by more than `LAG_TOLERANCE`.
@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from tracknoise.findings.factors.rotation import best_by_chance, rotations, share_at_most
 from tracknoise.findings.sampling.jackknife import degrees, parts
+from tracknoise.findings.sampling.rotation import best_by_chance, rotations, share_at_most
 
 Array = NDArray[np.float64]
 

@@ -2,12 +2,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tracknoise.findings.factors.rotation import (
+from tracknoise.findings.sampling.rotation import (
     best_by_chance,
     least_share,
-    range_by_chance,
     rotations,
-    share_at_most,
+    students,
     within,
 )
 
@@ -55,39 +54,16 @@ def test_a_test_without_error_does_not_count() -> None:
     assert best_by_chance(np.zeros((8, 1)), DIRECTIONS).tolist() == [1.0] * 3999
 
 
-def test_a_range_of_one_place_and_zero_has_its_sign_chosen() -> None:
-    parts = np.zeros((8, 1, 2))
-    parts[:, 0, 0] = np.random.default_rng(2).standard_normal(8)
-    (found,) = range_by_chance(parts, DIRECTIONS)
-    assert found == pytest.approx(best_by_chance(parts[:, 0, :1], DIRECTIONS) / 2)
-
-
-def test_ends_chosen_from_more_places_are_farther_apart_by_chance() -> None:
-    parts = np.random.default_rng(2).standard_normal((8, 1, 20))
-    medians = [np.median(range_by_chance(parts[:, :, :places], DIRECTIONS)) for places in (2, 5, 20)]
-    assert medians[0] > 2 * medians[1] > 4 * medians[2]
-
-
-def test_curves_are_apart_and_may_be_many() -> None:
-    parts = np.random.default_rng(2).standard_normal((8, 700, 9))
-    found = range_by_chance(parts, DIRECTIONS[:50])
-    assert found.shape == (700, 50)
-    assert np.array_equal(found[[650]], range_by_chance(parts[:, [650]], DIRECTIONS[:50]))
-
-
-def test_a_range_without_error_is_a_coin_toss() -> None:
-    assert range_by_chance(np.zeros((0, 2, 3)), np.zeros((4, 0))).tolist() == [[0.5] * 4] * 2
+def test_students_are_students_and_have_signs() -> None:
+    parts = np.random.default_rng(1).standard_normal((8, 2)) * [1.0, 0.0]
+    found = students(parts, DIRECTIONS)
+    assert stats.kstest(found[:, 0], stats.t(7).cdf).pvalue > 0.01
+    assert np.all(found[:, 1] == 0)
+    smallest = np.sort(2 * stats.t(7).sf(np.abs(found[:, 0])))
+    assert smallest == pytest.approx(best_by_chance(parts, DIRECTIONS))
 
 
 def test_shares_by_hand() -> None:
     by_chance = np.arange(1, 20) / 20
-    assert share_at_most(by_chance, 0.01) == 1 / 20
-    assert share_at_most(by_chance, 0.05) == 2 / 20
     assert least_share(by_chance, 0.1) == pytest.approx(0.1)
     assert least_share(by_chance[:5], 0.1) == 0.0
-
-
-def test_less_than_the_least_share_has_at_most_that_share() -> None:
-    by_chance = best_by_chance(np.random.default_rng(1).standard_normal((8, 5)), DIRECTIONS[:199])
-    alone = float(least_share(by_chance, 0.05))
-    assert share_at_most(by_chance, np.nextafter(alone, 0)) <= 0.05 < share_at_most(by_chance, alone)

@@ -1,0 +1,116 @@
+"""Differences between levels in what single scenes counted: outlier ratios, and lifetimes to a common horizon.
+
+- An outlier ratio is (outliers + 1/2) / (offered + 1) (scene ratio), and levels differ by its logarithm. A scene takes
+  no part in a pair if its counts are too small: if both levels had the same ratio, at least `LEAST_OUTLIERS` outliers
+  must be expected at each of them.
+- A lifetime is the mean of min(lifetime, horizon) by Kaplan and Meier, in frames that the tracker saw (scene lifetime),
+  and levels differ by its logarithm. The horizon is the largest lifetime up to which all scenes of a pair have
+  follow-up at both levels. Without it, a lifetime would depend on where sequences end.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.findings.factors.differences import Differences, at_both, pairs_of
+from tracknoise.statistics.lifetimes import follow_up, restricted_mean
+
+LEAST_OUTLIERS = 2.0
+_LEAST_HORIZON = 2.0
+"""Every track has a lifetime of one frame, so that a horizon of one frame compares nothing."""
+
+
+def outlier_differences(tables: Sequence[pl.DataFrame], scenes: Sequence[str]) -> Differences:
+    """Differences between the logarithms of (scene ratio), with a single point.
+
+    Parameters
+    ----------
+    tables
+        `FRAME_COUNTS` of each level.
+    scenes
+        Names of all scenes of the dataset, sorted.
+    """
+    sums = [table.group_by("scene").agg(pl.col("offered", "outliers").cast(pl.Int64).sum()) for table in tables]
+    offered, outliers = (_of_scenes(sums, name, scenes) for name in ("offered", "outliers"))
+    pairs = pairs_of(len(tables))
+    log_ratio = np.log((outliers + 0.5) / (offered + 1))
+    ratio = outliers[:, pairs].sum(axis=2) / np.maximum(offered[:, pairs].sum(axis=2), 1)
+    expected = ratio * offered[:, pairs].min(axis=2)
+    values = np.where(expected >= LEAST_OUTLIERS, log_ratio[:, pairs[:, 0]] - log_ratio[:, pairs[:, 1]], np.nan)
+    measured = np.stack([_are_in(table, scenes) for table in tables], axis=1)
+    return _of_numbers(values, measured, np.full(len(pairs), np.nan))
+
+
+def lifetime_differences(tables: Sequence[pl.DataFrame], scenes: Sequence[str]) -> Differences:
+    """Differences between the logarithms of (scene lifetime), with a single point.
+
+    Parameters
+    ----------
+    tables
+        `ENDS` of each level.
+    scenes
+        Names of all scenes of the dataset, sorted.
+    """
+    lifetimes = np.unique(np.concatenate([table["lifetime"].to_numpy() for table in tables]))
+    ended, censored = (_by_lifetime(tables, name, scenes, lifetimes) for name in ("n_ended", "n_censored"))
+    known = follow_up(ended, censored, lifetimes=lifetimes)
+    measured = np.asarray(~np.isnan(known), dtype=np.bool_)
+    pairs = pairs_of(len(tables))
+    both = at_both(measured)
+    limits = np.where(both[..., None], known[:, pairs], np.inf).min(axis=(0, 2), initial=np.inf)
+    horizon = np.minimum(limits, lifetimes.max(initial=0))
+    means = [_restricted(ended, censored, pair, until, lifetimes) for pair, until in zip(pairs, horizon, strict=True)]
+    of_pairs = np.array(means).reshape(len(pairs), len(scenes), 2)
+    usable = (both & (horizon >= _LEAST_HORIZON)).T
+    logs = np.log(np.where(usable[..., None], of_pairs, np.nan))
+    return _of_numbers((logs[..., 0] - logs[..., 1]).T, measured, horizon)
+
+
+def _restricted(
+    ended: NDArray[np.float64],
+    censored: NDArray[np.float64],
+    pair: NDArray[np.intp],
+    horizon: float,
+    lifetimes: NDArray[np.integer],
+) -> NDArray[np.float64]:
+    """Restricted means of the scenes at two levels, (scenes, 2)."""
+    return restricted_mean(ended[:, pair], censored[:, pair], horizon, lifetimes=lifetimes)
+
+
+def _of_numbers(values: NDArray[np.float64], measured: NDArray[np.bool_], horizon: NDArray[np.float64]) -> Differences:
+    """Differences (scenes, pairs) that have a single point."""
+    pairs = pairs_of(measured.shape[1])
+    return Differences(values[..., None], pairs, at_both(measured), np.zeros((len(pairs), 1), dtype=np.bool_), horizon)
+
+
+def _numbers(table: pl.DataFrame, scenes: Sequence[str]) -> NDArray[np.int64]:
+    """Place of the scene of each row."""
+    return table["scene"].cast(pl.Enum(scenes)).to_physical().to_numpy().astype(np.int64)
+
+
+def _are_in(table: pl.DataFrame, scenes: Sequence[str]) -> NDArray[np.bool_]:
+    found = np.zeros(len(scenes), dtype=np.bool_)
+    found[_numbers(table, scenes)] = True
+    return found
+
+
+def _of_scenes(tables: Sequence[pl.DataFrame], column: str, scenes: Sequence[str]) -> NDArray[np.float64]:
+    """Counts of a column, (scenes, levels)."""
+    counts = np.zeros((len(scenes), len(tables)))
+    for level, table in enumerate(tables):
+        counts[_numbers(table, scenes), level] = table[column].to_numpy()
+    return counts
+
+
+def _by_lifetime(
+    tables: Sequence[pl.DataFrame], column: str, scenes: Sequence[str], lifetimes: NDArray[np.integer]
+) -> NDArray[np.float64]:
+    """Counts of a column, (scenes, levels, lifetimes), blocks added up."""
+    shape = len(scenes), len(lifetimes)
+    counts = np.empty((shape[0], len(tables), shape[1]))
+    for level, table in enumerate(tables):
+        place = _numbers(table, scenes) * shape[1] + np.searchsorted(lifetimes, table["lifetime"].to_numpy())
+        counts[:, level] = np.bincount(place, table[column].to_numpy(), shape[0] * shape[1]).reshape(shape)
+    return counts

@@ -107,5 +107,6 @@ def test_moments_hold_every_joint_central_sum_of_orders_two_to_four() -> None:
 
 def test_summary_has_the_same_values_trimmed_and_untrimmed() -> None:
     names = [name.removeprefix("trimmed_") for name in schema.SUMMARY if name.startswith("trimmed_")]
-    assert names == ["n", "nu_u_px", "nu_v_px", "eta_u_px", "eta_v_px", "rms_u_px", "rms_v_px"]
+    scales = [f"{name}_{axis}_px" for name in ("nu", "eta", "rms", "core") for axis in "uv"]
+    assert names == ["n", *scales, "beyond_u", "beyond_v"]
     assert [f"untrimmed_{name}" for name in names] == [name for name in schema.SUMMARY if name.startswith("untrimmed_")]

@@ -16,9 +16,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.tables.enumerations import Resampled
 
+MIN_SCENES = 6
+"""Fewest scenes, or groups of scenes, that are resampled as such, and that a test at 5 % can do with."""
 MIN_WITHIN = 3
 """Fewest scenes more than groups: the degrees of freedom of the variation within groups."""
 

@@ -27,7 +27,7 @@ def begin(experiment: Experiment, run: RunFolder, *, fresh: bool) -> tuple[Manif
     ------
     StoreError
         If the folder holds other files, or the run of another experiment; the message names the first setting that
-        differs. More scenes and other settings of findings are allowed: such a run is resumed.
+        differs. More scenes, other groups of them and other settings of findings are allowed: such a run is resumed.
     """
     if run.exists and not fresh and not run.is_unstarted:
         return _resume(experiment, run)
@@ -77,6 +77,7 @@ def forget_outdated(
 def _resume(experiment: Experiment, run: RunFolder) -> tuple[Manifest, bool]:
     there = parse_experiment(run.experiment_toml(), place=str(run.path / "experiment.toml"))
     adapted = there.with_findings(experiment.findings)  # computed from tables that are kept
+    adapted = adapted.with_groups(experiment.dataset.groups)
     if _has_grown(there, experiment):
         adapted = adapted.with_scenes(experiment.dataset.max_scenes)
     _check_same(experiment, adapted, run)

@@ -58,7 +58,7 @@ def observed(rows: list[tuple[object, ...]], scene: str = "a") -> pl.DataFrame:
 @pytest.fixture(scope="module")
 def trimmed() -> Trimmed:
     """Cut at the median largest error, which is that of track 0: only track 1 exceeds it."""
-    return trim(observed(SEEN), table(TRACKS, ["track", "lifetime", "end"], LIVED), percentile=50)
+    return trim(observed(SEEN), table(TRACKS, ["track", "lifetime", "end"], LIVED), percentile=50, among="all")
 
 
 def at(curve_table: pl.DataFrame, statistic: str, trimming: str = "untrimmed") -> dict[int, tuple[float | None, ...]]:

@@ -26,6 +26,7 @@ from tracknoise.statistics.lifetimes import lifetimes_of_ends
 from tracknoise.statistics.outliers import outlier_ratios
 from tracknoise.statistics.summarise import STATISTICS, summarise_sequence
 from tracknoise.statistics.summary import summary
+from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.schema import FRAME_COUNTS, OBSERVATIONS, ORIGIN, POSES, SEQUENCE, TRACKS, TrackEnd, empty
@@ -91,6 +92,7 @@ class World:
     hidden: float = 0.02
     percentile: float | None = 90.0
     trim_among: str = "all"
+    trimming: str = "trimmed"
     min_features: int = 100
     population: str = "visible"
     depth: bool = True
@@ -140,6 +142,7 @@ def _toml(world: World) -> str:
             *trackers,
             f'[truth]\npopulation = "{world.population}"',
             f"[statistics]\ntrim_percentile = {world.percentile or 100.0}\nmin_features = {world.min_features}",
+            f'[findings]\ntrimming = "{world.trimming}"',
         ]
     )
 
@@ -306,6 +309,7 @@ def _scope(world: World) -> ReportedConditions:
         world.trackers,
         population=world.population,
         percentile=world.percentile,
+        trimming=Trimming(world.trimming),
         recorded=world.dataset != "simulated",
     )
 

@@ -60,10 +60,11 @@ def test_verdicts_quote_the_tables(data: ReportData) -> None:
     point = {"speed": 2, "statistic": "Phi", "coordinate": "u", "trimming": "trimmed", "weighting": "features"}
     interval = data.intervals.filter(**point, at=summary["at"]).row(0, named=True)
     low, high = (pixels(interval[end] ** 0.5) for end in ("low", "high"))
-    assert cells.rows[1][3] == f"{pixels(summary['trimmed_rms_u_px'])} ({low} to {high})"
-    assert cells.rows[1][5] == "no (p = 0.024)"
-    assert cells.rows[1][6:10] == ["heavy-tailed", "light-tailed", "random walk", "random walk"]
-    assert cells.rows[1][10].startswith(percent(summary["outlier_ratio"]))
+    assert cells.rows[1][3] == pixels(summary["trimmed_core_u_px"])
+    assert cells.rows[1][5] == f"{pixels(summary['trimmed_rms_u_px'])} ({low} to {high})"
+    assert cells.rows[1][7] == "no (p = 0.024)"
+    assert cells.rows[1][8:12] == ["light-tailed", "heavy-tailed", "random walk", "random walk"]
+    assert cells.rows[1][12].startswith(percent(summary["outlier_ratio"]))
 
 
 def test_what_was_not_worked_out_has_a_dash(data: ReportData) -> None:
@@ -72,14 +73,16 @@ def test_what_was_not_worked_out_has_a_dash(data: ReportData) -> None:
         **{name: getattr(data, name).clear() for name in ("intervals", "zero_mean", "gaussianity", "time_structure")},
     )
     row = findings_section.verdicts(bare).rows[0]
-    assert row[5:10] == ["–"] * 5
-    assert "(" not in row[3]
+    assert row[7:12] == ["–"] * 5
+    assert "(" not in row[3] + row[5]
 
 
 def test_an_untrimmed_run_has_one_shape(make_run: Callable[..., RunFolder]) -> None:
-    cells = findings_section.verdicts(ReportData.of(make_run(percentile=None, scenes=("only",), trackers=("one",))))
+    cells = findings_section.verdicts(
+        ReportData.of(make_run(percentile=None, trimming="untrimmed", scenes=("only",), trackers=("one",)))
+    )
     assert len(cells.rows[0]) == len(cells.headings) == sum(span for _, span in cells.groups)
-    assert cells.rows[0][6] == "heavy-tailed"
+    assert cells.rows[0][8] == "heavy-tailed"
 
 
 def test_conditions_without_a_feature_are_no_trouble(make_run: Callable[..., RunFolder]) -> None:

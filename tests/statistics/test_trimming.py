@@ -3,6 +3,7 @@ import math
 import numpy as np
 import polars as pl
 import pytest
+from benchmarks.validity.trimming import RMS_PX, sizes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -27,7 +28,7 @@ def test_the_largest_error_is_the_l2_norm_over_the_observations_of_the_populatio
 def test_tracks_above_the_percentile_are_dropped_with_all_their_observations(observations, tracks) -> None:
     errors = [float(value) for value in range(11)]  # the 90th percentile of 0..10 is 9: only 10 exceeds it
     table = observations(track=[*range(11), 10], du_px=[*errors, 0.0], frame=[0] * 11 + [1])
-    result = trim(table, tracks(track=list(range(11))), percentile=90)
+    result = trim(table, tracks(track=list(range(11))), percentile=90, among="all")
     assert result.tracks["kept"].to_list() == [True] * 10 + [False]
     assert result.observations["kept"].to_list() == [True] * 10 + [False, False]
     row = result.trims.row(0, named=True)
@@ -38,7 +39,9 @@ def test_tracks_above_the_percentile_are_dropped_with_all_their_observations(obs
 def test_each_scene_and_condition_has_its_own_threshold(observations, tracks) -> None:
     # The same track numbers everywhere: only the whole key tells the tracks apart.
     key = {"scene": ["a", "a", "b", "b", "a", "a"], "speed": [1, 1, 1, 1, 2, 2], "track": [0, 1] * 3}
-    result = trim(observations(**key, du_px=[1.0, 2.0, 30.0, 20.0, 0.1, 0.2]), tracks(**key), percentile=50)
+    result = trim(
+        observations(**key, du_px=[1.0, 2.0, 30.0, 20.0, 0.1, 0.2]), tracks(**key), percentile=50, among="all"
+    )
     assert result.tracks["kept"].to_list() == [True, False, False, True, True, False]
     assert result.trims["threshold_px"].to_list() == pytest.approx([1.5, 0.15, 25.0])
     assert result.trims.select("scene", "speed").rows() == [("a", 1), ("a", 2), ("b", 1)]
@@ -55,7 +58,7 @@ def test_no_percentile_keeps_everything_and_still_measures(observations, tracks)
 
 def test_a_track_without_a_measured_error_is_kept_and_does_not_move_the_threshold(observations, tracks) -> None:
     table = observations(track=[0, 1, 2], truth=["valid", "valid", "edge"], du_px=[1.0, 3.0, None], dv_px=[0, 0, None])
-    result = trim(table, tracks(track=[0, 1, 2, 3]), percentile=50)
+    result = trim(table, tracks(track=[0, 1, 2, 3]), percentile=50, among="all")
     assert result.tracks["kept"].to_list() == [True, False, True, True]
     row = result.trims.row(0, named=True)
     assert (row["threshold_px"], row["n_tracks"], row["n_measured"], row["dropped_share"]) == (2.0, 4, 2, 0.5)
@@ -68,9 +71,13 @@ def test_a_condition_without_any_measured_track_has_no_threshold_and_no_share(tr
 
 def test_tracks_seen_once_lower_the_threshold_as_in_the_paper(observations, tracks) -> None:
     long_lived = [float(value) for value in range(1, 11)]
-    alone = trim(observations(track=list(range(10)), du_px=long_lived), tracks(track=list(range(10))), percentile=90)
+    alone = trim(
+        observations(track=list(range(10)), du_px=long_lived), tracks(track=list(range(10))), percentile=90, among="all"
+    )
     errors = [*long_lived, *[0.0] * 90]
-    among = trim(observations(track=list(range(100)), du_px=errors), tracks(track=list(range(100))), percentile=90)
+    among = trim(
+        observations(track=list(range(100)), du_px=errors), tracks(track=list(range(100))), percentile=90, among="all"
+    )
     assert alone.trims["threshold_px"][0] == pytest.approx(9.1)
     assert among.trims["threshold_px"][0] == pytest.approx(0.1)
 
@@ -115,7 +122,7 @@ def test_an_unknown_choice_of_tracks_is_refused() -> None:
 def test_rows_stay_in_the_order_given(observations, tracks) -> None:
     order = np.random.default_rng(0).permutation(200).tolist()
     table = observations(track=order, du_px=[float(value) for value in order])
-    result = trim(table, tracks(track=order[::-1]), percentile=50)
+    result = trim(table, tracks(track=order[::-1]), percentile=50, among="all")
     assert result.observations.drop("kept").equals(table.drop("kept"))
     assert result.tracks["track"].to_list() == order[::-1]
     assert result.observations["kept"].to_list() == [value < 100 for value in order]
@@ -125,7 +132,7 @@ def test_rows_stay_in_the_order_given(observations, tracks) -> None:
 @given(st.lists(st.floats(0, 1e3), min_size=1, max_size=40), st.floats(0, 100))
 def test_what_is_dropped_exceeds_the_percentile_and_what_is_kept_does_not(observations, tracks, errors, q) -> None:
     numbers = list(range(len(errors)))
-    result = trim(observations(track=numbers, du_px=errors), tracks(track=numbers), percentile=q)
+    result = trim(observations(track=numbers, du_px=errors), tracks(track=numbers), percentile=q, among="all")
     norms = np.sqrt(np.square(errors))
     expected = norms <= np.percentile(norms, q)
     assert result.tracks["kept"].to_list() == expected.tolist()
@@ -170,3 +177,10 @@ def test_the_inputs_stay_as_they_were(observations, tracks) -> None:
     before: tuple[pl.DataFrame, pl.DataFrame] = seen.clone(), lived.clone()
     trim(seen, lived, percentile=50)
     assert (seen.equals(before[0]), lived.equals(before[1])) == (True, True)
+
+
+def test_trimmed_errors_depend_on_the_loss_of_tracks_and_the_core_does_not() -> None:
+    few, many = (sizes(loss, frames, n_tracks=6000, seed=3) for loss, frames in ((0.02, 120), (0.25, 20)))
+    assert many["trimmed: all"] < 0.85 * few["trimmed: all"]
+    assert many["core"] == pytest.approx(few["core"], rel=0.1)
+    assert few["untrimmed"] == pytest.approx(RMS_PX, rel=0.05)

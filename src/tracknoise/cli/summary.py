@@ -1,33 +1,34 @@
 """What a run produced, as text: its summary, the path of its report, and the sequences that failed."""
 
+import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tracknoise.cli.text_table import aligned
 from tracknoise.report.names import by_statement, together
 from tracknoise.report.report_data import ReportData
+from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.store import RunFolder
 
 if TYPE_CHECKING:
     from tracknoise.cli.terminal import Terminal
     from tracknoise.experiments.running.execute import Outcome
 
+_WIDTH = 110
 _NAMED = 10
 """Maximum number of causes of failure for which the final message names the sequences."""
-_NUMBERS = (
+_TRACKS = (
     ("tracks", "n_tracks", "{:,}"),
-    ("mean\nlifetime", "mean_lifetime", "{:.1f}"),
+    ("median\nlifetime", "median_lifetime", "{}"),
     ("outlier\nratio", "outlier_ratio", "{:.3f}"),
     ("at\n{axis}", "at", "{}"),
-    ("mean u\npx", "trimmed_nu_u_px", "{:+.3f}"),
-    ("mean v\npx", "trimmed_nu_v_px", "{:+.3f}"),
-    ("|err| u\npx", "trimmed_eta_u_px", "{:.3f}"),
-    ("|err| v\npx", "trimmed_eta_v_px", "{:.3f}"),
-    ("rms u\npx", "trimmed_rms_u_px", "{:.3f}"),
-    ("rms v\npx", "trimmed_rms_v_px", "{:.3f}"),
-    ("rms u\nuntrimmed", "untrimmed_rms_u_px", "{:.3f}"),
-    ("rms v\nuntrimmed", "untrimmed_rms_v_px", "{:.3f}"),
 )
+_ERRORS = (
+    ("mean {axis}\npx", "nu", "{:+.3f}"),
+    ("core {axis}\npx", "core", "{:.3f}"),
+    ("rms {axis}\npx", "rms", "{:.3f}"),
+)
+"""Headings, the statistic in the names of columns, and how numbers are written."""
 
 
 def print_outcome(terminal: "Terminal", out: Path, outcome: "Outcome", *, report: bool) -> int:
@@ -69,12 +70,31 @@ def summary_text(run: RunFolder) -> str:
     """
     data = ReportData.of(run)
     table = data.in_order(data.listed(data.summary))
-    shown = [*((name, name, "{}") for name in data.condition_columns), *_NUMBERS]
+    shown = [*((name, name, "{}") for name in data.condition_columns), *_TRACKS, *_errors(data)]
     headings = [heading.format(axis=data.axis.name).split("\n") for heading, _, _ in shown]
     rows = [[parts[0] if len(parts) > 1 else "" for parts in headings], [parts[-1] for parts in headings]]
     rows += [[_cell(row[name], form) for _, name, form in shown] for row in table.iter_rows(named=True)]
     lines = aligned(rows, numeric=[place > 0 for place in range(len(shown))])
-    return "\n".join([*lines[:2], "-" * len(lines[1]), *lines[2:], *_others(data)])
+    return "\n".join([*lines[:2], "-" * len(lines[1]), *lines[2:], *_others(data), *_where_trimming_matters(data)])
+
+
+def _errors(data: ReportData) -> list[tuple[str, str, str]]:
+    """Columns of the errors that verdicts are about and, where tracks were dropped, the RMS of the others."""
+    shown = [
+        (heading.replace("{axis}", axis), f"{data.trimming}_{statistic}_{axis}_px", form)
+        for heading, statistic, form in _ERRORS
+        for axis in "uv"
+    ]
+    others = [] if data.percentile is None else [other for other in Trimming if other != data.trimming]
+    return [
+        *shown,
+        *((f"rms {axis}\n{other}", f"{other}_rms_{axis}_px", "{:.3f}") for other in others for axis in "uv"),
+    ]
+
+
+def _where_trimming_matters(data: ReportData) -> list[str]:
+    """The finding that says where trimmed and untrimmed errors disagree."""
+    return [textwrap.fill(text, _WIDTH) for text in data.findings.filter(topic="trimming")["text"]]
 
 
 def _others(data: ReportData) -> list[str]:

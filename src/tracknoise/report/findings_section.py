@@ -6,7 +6,12 @@ import polars as pl
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
-from tracknoise.findings.headlines.reported_conditions import ReportedConditions, curve_bounds, scalar_bounds
+from tracknoise.findings.headlines.reported_conditions import (
+    ReportedConditions,
+    curve_bounds,
+    scalar_bounds,
+    scale_estimate,
+)
 from tracknoise.findings.intervals.scalar_bounds import INTERPOLATED
 from tracknoise.findings.wording import DASH, SPACE, chance
 from tracknoise.report.cells import Cells
@@ -28,12 +33,22 @@ def sentences(data: ReportData) -> list[dict[str, Any]]:
 def verdicts(data: ReportData) -> Cells:
     """One row per tracker and speed, in the view shown in the figures: size of errors, and verdicts."""
     axis, dropped = data.axis, data.percentile is not None
-    headings = ["tracker", "speed", f"at {axis.name}", "u", "v", "is zero?", *(["untrimmed"] if dropped else [])]
-    headings += ["trimmed" if dropped else "errors", "in u", "in v", "outliers", "median lifetime"]
-    groups = [("", 3), ("rms (px)", 2), ("mean", 1), ("Gaussian?", 1 + dropped), ("growth", 2), ("", 2)]
+    headings = ["tracker", "speed", f"at {axis.name}", "u", "v", "u", "v", "is zero?"]
+    shapes = [str(trimming) for trimming in _conditions(data, data.slowest).trimmings] if dropped else ["errors"]
+    headings += [*shapes, "in u", "in v", "outliers", "median lifetime"]
+    groups = [
+        ("", 3),
+        ("core (px)", 2),
+        ("rms (px)", 2),
+        ("mean", 1),
+        ("Gaussian?", len(shapes)),
+        ("growth", 2),
+        ("", 2),
+    ]
     rows = [_row(data, tracker, speed) for tracker in data.trackers for speed in data.speeds]
-    trimmed = "Errors are trimmed unless the heading says otherwise. " if dropped else ""
-    caption = f"Verdicts{data.where}. {trimmed}Median lifetimes are interpolated between whole frames."
+    which = f"Errors are {data.trimming} unless the heading says otherwise. " if dropped else ""
+    combined = "Core: geometric mean over scenes. RMS: features pooled."
+    caption = f"Verdicts{data.where}. {which}{combined} Median lifetimes are interpolated between whole frames."
     shown = [row for row in rows if row]
     return Cells(caption, headings, shown, [False, True, True, *[False] * (len(headings) - 3)], groups)
 
@@ -48,7 +63,7 @@ def _row(data: ReportData, tracker: str, speed: int) -> list[str]:
         tracker,
         str(speed),
         DASH if summary["at"] is None else str(summary["at"]),
-        *(_rms(data, chosen, tracker, coordinate) for coordinate in "uv"),
+        *(size(data, chosen, tracker, coordinate) for size in (_core, _rms) for coordinate in "uv"),
         _zero_mean(data, chosen, tracker),
         *_shapes(data, chosen, tracker, summary["at"]),
         *(_growth(data, chosen, tracker, coordinate) for coordinate in "uv"),
@@ -61,20 +76,31 @@ def _conditions(data: ReportData, speed: int) -> ReportedConditions:
     found = {name: data.key_frame(name) for name in data.directions}
     frames = {name: frame for name, frame in found.items() if frame is not None}
     reference = ReferenceCondition(**data.view, speed=speed, key_frames=frames)
-    return ReportedConditions(reference, data.trackers, data.population, data.percentile)
+    return ReportedConditions(reference, data.trackers, data.population, data.percentile, trimming=data.trimming)
+
+
+def _core(data: ReportData, conditions: ReportedConditions, tracker: str, coordinate: str) -> str:
+    """Core at the reference age: geometric mean over scenes."""
+    row = conditions.of(data.summary, tracker).row(0, named=True)
+    intervals = conditions.of(data.intervals, tracker)
+    bounds = None if row["at"] is None else scale_estimate(intervals, conditions, "core", row["at"], coordinate)
+    return _px(row[f"{data.trimming}_core_{coordinate}_px"], bounds)
 
 
 def _rms(data: ReportData, conditions: ReportedConditions, tracker: str, coordinate: str) -> str:
+    """Root mean square error at the reference age: features pooled."""
     row = conditions.of(data.summary, tracker).row(0, named=True)
-    value = row[f"trimmed_rms_{coordinate}_px"]
-    if value is None:
-        return DASH
-    bounds = curve_bounds(conditions.of(data.intervals, tracker), conditions, "second", row["at"], coordinate)
-    return format_estimate(Estimate.of(value, bounds, "px")).replace(f"{SPACE}px", "")
+    intervals = conditions.of(data.intervals, tracker)
+    bounds = None if row["at"] is None else curve_bounds(intervals, conditions, "second", row["at"], coordinate)
+    return _px(row[f"{data.trimming}_rms_{coordinate}_px"], bounds)
+
+
+def _px(value: float | None, bounds: Estimate | None) -> str:
+    return DASH if value is None else format_estimate(Estimate.of(value, bounds, "px")).replace(f"{SPACE}px", "")
 
 
 def _zero_mean(data: ReportData, conditions: ReportedConditions, tracker: str) -> str:
-    rows = conditions.of(data.zero_mean, tracker).filter(pl.col("at").is_null(), trimming="trimmed")
+    rows = conditions.of(data.zero_mean, tracker).filter(pl.col("at").is_null(), trimming=data.trimming)
     row = _first(rows.filter(axis=data.axis.name))
     if row is None:
         return DASH
@@ -83,16 +109,16 @@ def _zero_mean(data: ReportData, conditions: ReportedConditions, tracker: str) -
 
 
 def _shapes(data: ReportData, conditions: ReportedConditions, tracker: str, at: int | None) -> list[str]:
-    """Verdict on the shape in the band of ages that holds the reference age, before and after trimming."""
+    """Verdicts on the shape in the band of ages that holds the reference age, one for each trimming."""
     rows = conditions.of(data.gaussianity, tracker).sort("age_low")
     since = 1 if at is None else abs(conditions.since(at))
     holding = rows.filter(pl.col("age_low") <= since, pl.col("age_high").is_null() | (pl.col("age_high") >= since))
-    found = [_first(holding.filter(trimming=trimming)) for trimming in reversed(conditions.trimmings)]
+    found = [_first(holding.filter(trimming=trimming)) for trimming in conditions.trimmings]
     return [DASH if row is None else str(row["verdict"]) for row in found]
 
 
 def _growth(data: ReportData, conditions: ReportedConditions, tracker: str, coordinate: str) -> str:
-    rows = conditions.of(data.time_structure, tracker).filter(trimming="trimmed", coordinate=coordinate)
+    rows = conditions.of(data.time_structure, tracker).filter(trimming=data.trimming, coordinate=coordinate)
     row = _first(rows)
     return DASH if row is None else _GROWTH.get(row["verdict"], row["verdict"])
 

@@ -12,8 +12,9 @@ from tracknoise.report.cells import Cells, cells
 from tracknoise.report.names import MOST_NAMED, by_statement, condition_name, together
 from tracknoise.report.report_data import MOST_CONDITIONS, ReportData
 from tracknoise.statistics.populations import POPULATIONS
+from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.manifest import SequenceEntry
-from tracknoise.tables.schema import TRIMMING, TrackEnd, TruthStatus
+from tracknoise.tables.schema import TrackEnd, TruthStatus
 
 _TRUTHS = {
     "valid": "valid",
@@ -199,14 +200,16 @@ def summary(data: ReportData) -> Cells:
         "outlier_ratio": "outliers",
         "at": axis.name,
     }
-    signs = {"nu": axis.signs["mean"], "eta": axis.signs["absolute"], "rms": axis.signs["second"]}
+    signs = {"nu": axis.signs["mean"], "eta": axis.signs["absolute"], "rms": axis.signs["second"], "core": "core"}
+    trimmings = (data.trimming, *(other for other in Trimming if other != data.trimming))
     errors = {
         f"{trimming}_{value}_{coordinate}_px": f"{sign} {coordinate}"
-        for trimming in TRIMMING.categories[::-1]
+        for trimming in trimmings
         for value, sign in signs.items()
         for coordinate in "uv"
     }
-    groups = [("", len(conditions) + 1), ("lifetime (frames)", 2), ("", 2), ("trimmed (px)", 6), ("untrimmed (px)", 6)]
+    groups = [("", len(conditions) + 1), ("lifetime (frames)", 2), ("", 2)]
+    groups += [(f"{trimming} (px)", 2 * len(signs)) for trimming in trimmings]
     table = data.in_order(data.listed(data.summary))
     caption = f"Key numbers of every condition{_chosen(data)}"
     return cells(table, {**conditions, **lived, **errors}, caption, groups=groups)

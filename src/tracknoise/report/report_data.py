@@ -17,8 +17,9 @@ from tracknoise.report.bands import BOUNDS, with_bounds
 from tracknoise.statistics.lightings import lightings_in_order
 from tracknoise.statistics.trims import dropped_above
 from tracknoise.tables.defaults import MARGIN
+from tracknoise.tables.enumerations import Trimming, Weighting
 from tracknoise.tables.manifest import Manifest, SequenceEntry
-from tracknoise.tables.schema import VIEW
+from tracknoise.tables.schema import CURVES, VIEW
 from tracknoise.tables.store import FINDINGS_TABLES, STATISTICS_TABLES, RunFolder
 
 MOST_CONDITIONS = 40
@@ -36,7 +37,7 @@ class ReportData:
         The run folder, which has the tables of single sequences.
     manifest, settings
         State of the run, and its resolved experiment.
-    curves, lifetimes, outliers, trims, errors, counts, summary, effects, aspect_curves, changes
+    curves, cores, lifetimes, outliers, trims, errors, counts, summary, effects, aspect_curves, changes
         Its pooled tables.
     intervals, zero_mean, gaussianity, radii, time_structure, dependence, findings
         Its findings. These tables have no rows where findings were not computed.
@@ -46,6 +47,7 @@ class ReportData:
     manifest: Manifest
     settings: Mapping[str, Any]
     curves: pl.DataFrame
+    cores: pl.DataFrame
     lifetimes: pl.DataFrame
     outliers: pl.DataFrame
     trims: pl.DataFrame
@@ -107,9 +109,21 @@ class ReportData:
         return dropped_above(self.trims)
 
     @property
-    def errors_kept(self) -> str:
-        """Name of the errors of the kept tracks, at the start of a sentence."""
-        return "Errors" if self.percentile is None else "Trimmed errors"
+    def trimming(self) -> Trimming:
+        """Errors that figures and verdicts are about: untrimmed, or trimmed as in the paper."""
+        return Trimming(self.settings["findings"]["trimming"])
+
+    @property
+    def errors_shown(self) -> str:
+        """Name of the errors that figures and verdicts are about, at the start of a sentence."""
+        return "Errors" if self.percentile is None else f"{self.trimming.capitalize()} errors"
+
+    @property
+    def tracks_shown(self) -> str:
+        """Name of the tracks that these errors are of."""
+        if self.percentile is None:
+            return "all tracks (nothing was trimmed in this run)"
+        return "the tracks that trimming kept" if self.trimming == Trimming.trimmed else "all tracks"
 
     def cuts(self, tracker: str) -> pl.DataFrame:
         """Error above which trimming drops a tracker's tracks, px, as median over scenes: columns speed and cut."""
@@ -132,7 +146,17 @@ class ReportData:
         statistic on either axis: mean, absolute, second or central. Column `since` holds the distance from where
         errors are zero by construction, in frames of the sequence.
         """
-        return self._points_of(self.curves)
+        return pl.concat([self._points_of(self.curves), self._core_points])
+
+    @cached_property
+    def _core_points(self) -> pl.DataFrame:
+        """Rows of `points` with the robust scale, whose role is core: geometric means over scenes."""
+        labels = {"statistic": "core", "weighting": Weighting.geometric, "unit": "px"}
+        values = {"u": pl.col("core_u_px"), "v": pl.col("core_v_px"), "uv": pl.lit(None, dtype=pl.Float64)}
+        table = self.cores.with_columns(
+            **{name: pl.lit(value, dtype=CURVES[name]) for name, value in labels.items()}, **values
+        ).select(list(CURVES))
+        return self._rooted(table.filter(~pl.col("cut")), {"core": "core"})
 
     @cached_property
     def aspect_points(self) -> pl.DataFrame:
@@ -141,8 +165,12 @@ class ReportData:
 
     def _points_of(self, curves: pl.DataFrame) -> pl.DataFrame:
         whole = (pl.col("weighting") == "features") & (pl.col("axis") == self.axis.name) & ~pl.col("cut")
-        table = with_bounds(curves.filter(whole), self.intervals).with_columns(
-            role=pl.col("statistic").replace_strict(self.axis.roles, return_dtype=pl.String)
+        return self._rooted(curves.filter(whole), self.axis.roles)
+
+    def _rooted(self, curves: pl.DataFrame, roles: Mapping[str, str]) -> pl.DataFrame:
+        """Curves with bounds and roles, px."""
+        table = with_bounds(curves, self.intervals).with_columns(
+            role=pl.col("statistic").replace_strict(roles, return_dtype=pl.String)
         )
         moments = pl.col("role").is_in(["second", "central"])
         lengths = pl.col("u", "v", *BOUNDS)

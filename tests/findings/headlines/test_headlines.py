@@ -10,6 +10,7 @@ from tracknoise.findings.headlines.document import findings_json
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.table import headline_table
 from tracknoise.statistics.factors import ReferenceCondition
+from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.findings_schema import (
     DEPENDENCE,
     FINDINGS,
@@ -29,7 +30,7 @@ CONDITION = {
     "tracker": "lk",
     "speed": 1,
 }
-SCOPE = ReportedConditions(ReferenceCondition("l"), ("lk",), percentile=90.0)
+SCOPE = ReportedConditions(ReferenceCondition("l"), ("lk",), percentile=90.0, trimming=Trimming.trimmed)
 SCHEMAS: Mapping[str, Schema] = {
     "summary": SUMMARY,
     "effects": EFFECTS,
@@ -75,8 +76,9 @@ def test_noise_is_the_root_of_the_second_moment_with_its_interval() -> None:
     point = {**POINT, "value": 0.1681, "low": 0.1444, "high": 0.2025}
     noise = read(intervals=table(INTERVALS, point))["noise"]
     assert noise["text"].startswith(
-        "Measurement noise at speed 1, as root mean square error. After trimming, the error of lk at age 10 is "
-        "0.410 px (0.380 to 0.450) in u and 0.300 px in v. Without trimming it is 1.200 px in u and 0.900 px in v."
+        "Error size at speed 1, as root mean square of the paper's trimmed errors. After trimming, the error of lk at "
+        "age 10 is 0.410 px (0.380 to 0.450) in u and 0.300 px in v. Without trimming it is 1.200 px in u and 0.900 px "
+        "in v."
     )
     assert "above the 90th percentile" in noise["text"]
     assert noise["text"].endswith("In brackets: 95 % intervals over 8 scenes.")
@@ -98,8 +100,60 @@ def test_an_untrimmed_run_speaks_of_no_trimming() -> None:
     assert "1.200 px in u" in noise["text"]
 
 
+UNTRIMMED = ReportedConditions(ReferenceCondition("l"), ("lk", "sift"), percentile=90.0)
+CORES = {
+    "untrimmed_core_u_px": 0.08,
+    "untrimmed_core_v_px": 0.09,
+    "untrimmed_beyond_u": 0.032,
+    "untrimmed_beyond_v": 0.041,
+}
+
+
+def test_the_size_of_untrimmed_errors_leads_with_the_core_and_names_the_weighting() -> None:
+    scale = {**POINT, "trimming": "untrimmed", "weighting": "geometric"}
+    rows = [
+        {**scale, "statistic": statistic, "coordinate": axis, "value": value, "low": value / 2, "high": 2 * value}
+        for statistic, axis, value in (("core", "u", 0.08), ("core", "v", 0.09), ("Phi", "u", 0.04), ("Phi", "v", 0.09))
+    ]
+    noise = read(UNTRIMMED, summary=table(SUMMARY, {**SUMMED, **CORES}), intervals=table(INTERVALS, *rows))["noise"]
+    assert noise["text"].startswith(
+        "Error size at speed 1, of all tracks. At age 10, the errors of lk are as follows. Core: 0.080 px (0.040 to "
+        "0.160) in u and 0.090 px (0.045 to 0.180) in v. RMS: 0.200 px (0.141 to 0.283) in u and 0.300 px"
+    )
+    assert "3.2 % of its errors in u and 4.1 % in v exceed three cores (Gaussian: 0.3 %)." in noise["text"]
+    assert "Core and RMS are geometric means over scenes." in noise["text"]
+
+
+def test_where_trimming_turns_a_ranking_around_the_reader_is_told() -> None:
+    other = {"tracker": "sift", "trimmed_rms_u_px": 0.8, "untrimmed_rms_u_px": 1.0, "trimmed_rms_v_px": 0.4}
+    both = table(SUMMARY, SUMMED, {**SUMMED, **other})
+    text = read(UNTRIMMED, summary=both)["trimming"]["text"]
+    assert text == (
+        "Trimming changes 1 of the answers below. The smallest RMS in u is that of sift (1.000 px) without trimming, "
+        "and that of lk (0.410 px) after it."
+    )
+    agreed = table(SUMMARY, SUMMED, {**SUMMED, "tracker": "sift", "trimmed_rms_u_px": 0.8, "untrimmed_rms_u_px": 2.0})
+    assert "trimming" not in read(UNTRIMMED, summary=agreed)
+    nothing_dropped = ReportedConditions(ReferenceCondition("l"), ("lk", "sift"))
+    assert "trimming" not in read(nothing_dropped, summary=both)
+
+
+def test_a_verdict_that_trimming_changes_is_named() -> None:
+    growing = [
+        {"trimming": "untrimmed", "coordinate": "u", "verdict": "drift"},
+        {"trimming": "trimmed", "coordinate": "u", "verdict": "white"},
+        {"trimming": "untrimmed", "coordinate": "v", "verdict": "drift"},
+        {"trimming": "trimmed", "coordinate": "v", "verdict": "drift"},
+    ]
+    text = read(UNTRIMMED, time_structure=table(TIME_STRUCTURE, *growing))["trimming"]["text"]
+    assert text.endswith("The growth of the error of lk in u: drift untrimmed and white trimmed.")
+    assert "in v" not in text
+
+
 def test_errors_by_frame_are_placed_from_the_key_frame() -> None:
-    scope = ReportedConditions(ReferenceCondition("l", key_frames={"forward": 24}), ("lk",), percentile=90.0)
+    scope = ReportedConditions(
+        ReferenceCondition("l", key_frames={"forward": 24}), ("lk",), percentile=90.0, trimming=Trimming.trimmed
+    )
     point = {**POINT, "statistic": "Sigma", "axis": "frame", "at": 34, "value": 0.1681, "low": 0.1444, "high": 0.2025}
     noise = read(
         scope, summary=table(SUMMARY, {**SUMMED, "axis": "frame", "at": 34}), intervals=table(INTERVALS, point)
@@ -290,4 +344,4 @@ def test_the_document_is_json_even_where_effects_are_infinite() -> None:
     document = json.loads(findings_json(tables))
     assert document["dependence"][0]["high"] == "Infinity"
     assert [row["at"] for row in document["zero_mean"]] == [None]
-    assert document["findings"][0]["text"].startswith("Measurement noise")
+    assert document["findings"][0]["text"].startswith("Error size")

@@ -56,17 +56,14 @@ def test_curves_quote_the_summary_at_ten_frames_after_the_key_frame(data: Report
 
 
 def test_the_key_frame_is_marked_in_every_panel_and_axes_are_named_after_the_paper(trimmed: Figure) -> None:
-    assert len(trimmed.spec["concat"]) == 6
+    assert len(trimmed.spec["concat"]) == 8
     for panel in trimmed.spec["concat"]:
         texts = [layer for layer in panel["layer"] if layer["mark"].get("text") == "key frame"]
         assert [trimmed.spec["datasets"][layer["data"]["name"]] for layer in texts] == [[{"at": KEY_FRAME}]]
         assert panel["layer"][0]["encoding"]["x"]["title"] == "frame"
     titles = [panel["layer"][0]["encoding"]["y"].get("title") for panel in trimmed.spec["concat"][::2]]
-    assert [title.split()[-2] for title in titles] == [
-        "\N{GREEK SMALL LETTER MU}",
-        "\N{GREEK SMALL LETTER KAPPA}",
-        "√Σ",
-    ]
+    signs = ["\N{GREEK SMALL LETTER MU}", "\N{GREEK SMALL LETTER KAPPA}", "√Σ", "core"]
+    assert [title.split()[-2] for title in titles] == signs
 
 
 def test_curves_run_to_both_sides_of_the_key_frame(trimmed: Figure) -> None:
@@ -96,7 +93,7 @@ def test_features_are_counted_by_frame(data: ReportData) -> None:
         pl.col("truth") == "valid", tracker="lucas-kanade", speed=1, frame=KEY_FRAME, kept=True
     )
     alive = frames.filter(frame=KEY_FRAME)["alive"][0]
-    told = f"lucas-kanade has {alive} features in the key frame 8. The trimmed curves contain {kept.height} of them."
+    told = f"lucas-kanade has {alive} features in the key frame 8. The curves contain {kept.height} of them."
     assert told in figure.look_for
 
 

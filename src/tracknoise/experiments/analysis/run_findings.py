@@ -142,4 +142,5 @@ def _reported(
         percentile=dropped_above(trims),
         recorded=truths != {TruthKind.raycast},
         groups=groups_of_scenes(run.manifest().sequences, experiment.dataset.groups),
+        trimming=experiment.findings.trimming,
     )

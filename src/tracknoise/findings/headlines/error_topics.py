@@ -1,4 +1,4 @@
-"""Headlines about errors: their size, bias, shape and growth, and survivorship bias."""
+"""Headlines about errors: their bias, shape and growth, and survivorship bias."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -7,11 +7,11 @@ import polars as pl
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
+from tracknoise.findings.headlines.error_size import first, in_u_and_v, rms
 from tracknoise.findings.headlines.headline import Headline, Part, RunTables, by_tracker
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions, curve_bounds
-from tracknoise.findings.wording import SHAPES, SPACE, chance, interval_text, listing, number, percent, sentence_case
-from tracknoise.statistics.definitions import NAMES, POOLED
-from tracknoise.tables.enumerations import Aspect, Axis, Behaviour, Population, Verdict, Weighting
+from tracknoise.findings.wording import SHAPES, SPACE, chance, listing, number, percent, sentence_case
+from tracknoise.tables.enumerations import Aspect, Axis, Behaviour, Verdict, Weighting
 
 _GROWTH: Mapping[str, tuple[str, str, str]] = {
     Behaviour.white: ("constant", "white_px", "px"),
@@ -20,73 +20,6 @@ _GROWTH: Mapping[str, tuple[str, str, str]] = {
 }
 """Name of a behaviour, and the column and the unit of its size."""
 _RISING = ("walk_px_per_sqrt_frame", "drift_px_per_frame")
-
-
-def noise(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
-    """Root mean square errors at the reference age: the noise that an estimator should assume."""
-    opening = f"Measurement noise {conditions.where(tables['summary'])}, as root mean square error."
-    closing = f"{_population(conditions)} {_brackets(tables, conditions, 'second')}".strip()
-
-    def describe(tracker: str) -> Part | None:
-        row = _first(conditions.of(tables["summary"], tracker))
-        if row is None or row["at"] is None:
-            return None
-        intervals = conditions.of(tables["intervals"], tracker)
-        pairs = [[_rms(intervals, conditions, row, axis, name) for axis in "uv"] for name in conditions.trimmings]
-        trimmed = "After trimming, the error" if len(pairs) > 1 else "The error"
-        sentences = [f"{trimmed} of {tracker} {conditions.place(row['at'])} is {_in_u_and_v(pairs[0])}."]
-        sentences += [f"Without trimming it is {_in_u_and_v(pair)}." for pair in pairs[1:]]
-        return " ".join(sentences), [estimate for pair in pairs for estimate in pair]
-
-    return by_tracker(
-        conditions.trackers,
-        describe,
-        opening=opening,
-        closing=closing,
-        topic="noise",
-        figure="error-by-tracker",
-        table="intervals",
-    )
-
-
-def _population(conditions: ReportedConditions) -> str:
-    """Which errors the noise is of."""
-    text = ""
-    if conditions.percentile is not None:
-        text += (
-            "Trimming drops the tracks whose largest error is above the "
-            f"{conditions.percentile:g}th percentile. An estimator that keeps these tracks must assume the untrimmed "
-            "errors."
-        )
-    if conditions.population == Population.projected:
-        text += " Occluded features are included."
-    return text.strip()
-
-
-def _brackets(tables: RunTables, conditions: ReportedConditions, role: str) -> str:
-    """How intervals of a statistic at the reference were made; empty where there are none."""
-    axis = conditions.axis
-    known = tables["intervals"].filter(
-        aspect=Aspect.all, axis=axis, statistic=NAMES[axis][role], weighting=Weighting.features
-    )
-    reference = tables["summary"].select(*POOLED, pl.col("at").cast(pl.Int64))
-    known = known.join(reference, on=[*POOLED, "at"], how="semi").drop_nulls(["low", "high"])
-    known = pl.concat([known.clear(), *(conditions.of(known, tracker) for tracker in conditions.trackers)])
-    if known.is_empty():
-        return ""
-    kinds = known.group_by("level", "resampled").agg(pl.col("n_scenes").unique()).sort("level", "resampled")
-    return f"In brackets: {listing(interval_text(*row) for row in kinds.iter_rows())}."
-
-
-def _rms(
-    intervals: pl.DataFrame, conditions: ReportedConditions, row: Mapping[str, Any], coordinate: str, trimming: str
-) -> Estimate:
-    bounds = curve_bounds(intervals, conditions, "second", row["at"], coordinate, trimming=trimming)
-    return Estimate.of(row[f"{trimming}_rms_{coordinate}_px"], bounds, "px")
-
-
-def _in_u_and_v(pair: list[Estimate]) -> str:
-    return f"{format_estimate(pair[0])} in u and {format_estimate(pair[1])} in v"
 
 
 def bias(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
@@ -104,15 +37,15 @@ def bias(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
 
 def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
     rows = conditions.of(tables["zero_mean"], tracker).filter(trimming=conditions.trimmings[0], axis=conditions.axis)
-    overall, summary = _first(rows.filter(pl.col("at").is_null())), _first(conditions.of(tables["summary"], tracker))
+    overall, summary = first(rows.filter(pl.col("at").is_null())), first(conditions.of(tables["summary"], tracker))
     if overall is None:
         return None
     at = None if summary is None else summary["at"]
-    there = None if at is None else _first(rows.filter(at=at))
+    there = None if at is None else first(rows.filter(at=at))
     estimates = [] if there is None else _means(conditions.of(tables["intervals"], tracker), conditions, there)
     text = _zero_or_not(f"the mean {_trimmed(conditions)}error of {tracker}", overall)
     if there is not None and len(estimates) == 2:
-        text += f" {conditions.opening_place(there['at'])}, the mean is {_in_u_and_v(estimates)}."
+        text += f" {conditions.opening_place(there['at'])}, the mean is {in_u_and_v(estimates)}."
         if there["share_of_second"] is not None:
             text += f" Its square is {percent(there['share_of_second'])} of the second moment."
     return text, estimates
@@ -154,12 +87,12 @@ def _shape_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -
     bands = rows.select("age_low", "age_high").unique().sort("age_low").rows()
     if not bands:
         return None
-    summary = _first(conditions.of(tables["summary"], tracker))
+    summary = first(conditions.of(tables["summary"], tracker))
     since = abs(conditions.since(summary["at"])) if summary and summary["at"] is not None else bands[0][0]
     low, high = next((band for band in bands if band[0] <= since <= (band[1] or since)), bands[0])
     sentences, estimates = [], []
-    for trimming in reversed(conditions.trimmings):
-        row = _first(rows.filter(trimming=trimming, age_low=low))
+    for trimming in conditions.trimmings:
+        row = first(rows.filter(trimming=trimming, age_low=low))
         if row is not None:
             gain = [] if row["gain_student_nats"] is None else [_gain(row)]
             estimates += gain
@@ -239,7 +172,7 @@ def survivorship(tables: RunTables, conditions: ReportedConditions) -> Headline 
 
 
 def _survivorship_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
-    row, intervals = _first(conditions.of(tables["summary"], tracker)), conditions.of(tables["intervals"], tracker)
+    row, intervals = first(conditions.of(tables["summary"], tracker)), conditions.of(tables["intervals"], tracker)
     if row is None or row["at"] is None:
         return None
     since, trimming = abs(conditions.since(row["at"])), conditions.trimmings[0]
@@ -249,7 +182,7 @@ def _survivorship_of(tables: RunTables, conditions: ReportedConditions, tracker:
             intervals, conditions, "second", row["at"], "u", trimming=trimming, aspect=aspect, at_least=age
         )
         if age > since and long:
-            every = _rms(intervals, conditions, row, "u", trimming)
+            every = rms(intervals, conditions, row, "u", trimming)
             text = (
                 f"{conditions.opening_place(row['at'])}, the error of {tracker} in u is {format_estimate(long)} "
                 f"for tracks that live to age {age}. For all tracks it is {format_estimate(every)}."
@@ -259,8 +192,4 @@ def _survivorship_of(tables: RunTables, conditions: ReportedConditions, tracker:
 
 
 def _trimmed(conditions: ReportedConditions) -> str:
-    return "" if conditions.percentile is None else "trimmed "
-
-
-def _first(rows: pl.DataFrame) -> dict[str, Any] | None:
-    return rows.row(0, named=True) if rows.height else None
+    return "" if conditions.percentile is None else f"{conditions.trimming} "

@@ -10,7 +10,7 @@ from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.findings.wording import opening_place, place, view_text
 from tracknoise.statistics.definitions import NAMES
 from tracknoise.statistics.factors import ReferenceCondition
-from tracknoise.tables.defaults import POPULATION
+from tracknoise.tables.defaults import POPULATION, TRIMMING
 from tracknoise.tables.enumerations import Aspect, Axis, Trimming, Weighting
 from tracknoise.tables.schema import VIEW
 
@@ -33,6 +33,8 @@ class ReportedConditions:
         Whether true positions come from recorded poses and depth, whose own errors are part of every number.
     groups
         Groups of scenes that are not independent of each other.
+    trimming
+        Errors that verdicts are about.
     """
 
     reference: ReferenceCondition
@@ -41,6 +43,7 @@ class ReportedConditions:
     percentile: float | None = None
     recorded: bool = False
     groups: SceneGroups = NO_GROUPS
+    trimming: Trimming = TRIMMING
 
     @property
     def axis(self) -> Axis:
@@ -49,8 +52,10 @@ class ReportedConditions:
 
     @property
     def trimmings(self) -> tuple[Trimming, ...]:
-        """Trimmings that are reported, that of the experiment first."""
-        return (Trimming.untrimmed,) if self.percentile is None else (Trimming.trimmed, Trimming.untrimmed)
+        """Trimmings that are reported, that of the verdicts first."""
+        if self.percentile is None:
+            return (self.trimming,)
+        return (self.trimming, *(other for other in Trimming if other != self.trimming))
 
     def of(self, table: pl.DataFrame, tracker: str) -> pl.DataFrame:
         """Rows of a tracker's condition."""
@@ -83,7 +88,7 @@ def curve_bounds(
     at: int,
     coordinate: str,
     *,
-    trimming: str = Trimming.trimmed,
+    trimming: str | None = None,
     weighting: str = Weighting.features,
     aspect: Aspect = Aspect.all,
     at_least: int | None = None,
@@ -97,17 +102,17 @@ def curve_bounds(
     conditions
         Say which population and axis.
     role
-        Of the statistic, as in `tracknoise.statistics.curves.NAMES`.
+        Of the statistic, as in `tracknoise.statistics.definitions.NAMES`, or core.
     at, coordinate, trimming, weighting, aspect, at_least
-        As in the table.
+        As in the table; by default the trimming is that of the conditions.
     """
     found = intervals.filter(
         pl.col("at_least").eq_missing(at_least),
         aspect=aspect,
         population=conditions.population,
-        trimming=trimming,
+        trimming=conditions.trimming if trimming is None else trimming,
         weighting=weighting,
-        statistic=NAMES[conditions.axis][role],
+        statistic=NAMES[conditions.axis].get(role, role),
         axis=conditions.axis,
         at=at,
         coordinate=coordinate,
@@ -115,6 +120,32 @@ def curve_bounds(
     if role in ("second", "central"):
         found = found.with_columns(pl.col("value", "low", "high").clip(lower_bound=0.0).sqrt())
     return _estimate(found.with_columns(unit=pl.lit("px")))
+
+
+def scale_estimate(
+    intervals: pl.DataFrame,
+    conditions: ReportedConditions,
+    role: str,
+    at: int,
+    coordinate: str,
+    *,
+    trimming: str | None = None,
+) -> Estimate | None:
+    """Scale of the errors at a point of a curve, px, as the geometric mean over scenes of each scene's own.
+
+    Parameters
+    ----------
+    intervals
+        Rows of one condition.
+    conditions
+        Say which population and axis.
+    role
+        core, absolute or second, whose root is given.
+    at, coordinate, trimming
+        As in `curve_bounds`.
+    """
+    weighting = Weighting.geometric
+    return curve_bounds(intervals, conditions, role, at, coordinate, trimming=trimming, weighting=weighting)
 
 
 def scalar_bounds(intervals: pl.DataFrame, statistic: str) -> Estimate | None:

@@ -5,9 +5,11 @@ from collections.abc import Callable
 import polars as pl
 
 from tracknoise.findings.headlines import caveats, error_topics, tracking_topics
+from tracknoise.findings.headlines.error_size import size
 from tracknoise.findings.headlines.factor_topic import factors
 from tracknoise.findings.headlines.headline import Headline, RunTables
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
+from tracknoise.findings.headlines.trimming_topic import trimming_matters
 from tracknoise.tables.findings_schema import FINDINGS
 from tracknoise.tables.schema import check
 
@@ -15,7 +17,8 @@ _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] 
     caveats.few_scenes,
     caveats.grouped_scenes,
     caveats.recorded_truth,
-    error_topics.noise,
+    size,
+    trimming_matters,
     error_topics.bias,
     error_topics.shape,
     error_topics.growth,

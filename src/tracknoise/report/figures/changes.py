@@ -42,9 +42,9 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
         return [Absence(_NAME, _TITLE, why)]
     panels = [_panel(data, points, name, coordinate) for name in _ROWS for coordinate in _COORDINATES]
     shows = (
-        f"Change of {data.errors_kept.lower()} of visible features at speed {data.slowest}{data.where}, from one frame "
-        "that the tracker saw to the next. Top and middle: mean and standard deviation of the change, by the age at "
-        f"which it ends. Bottom: correlation of a change with those up to {number(LAGS)} steps before it, over all "
+        f"Change of {data.errors_shown.lower()} of visible features at speed {data.slowest}{data.where}, from one "
+        "frame that the tracker saw to the next. Top and middle: mean and standard deviation of the change, by the age "
+        f"at which it ends. Bottom: correlation of a change with those up to {number(LAGS)} steps before it, over all "
         f"ages. {bands.describe_intervals(points, of='the curves')}"
     )
     return [Figure(_NAME, _TITLE, shows, _look_for(data, points), arranged(panels, columns=2, independent=["fill"]))]
@@ -52,7 +52,7 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
 
 def _points(data: ReportData) -> pl.DataFrame:
     """One row per tracker, statistic and age or lag: `at`, n, u and v with `BOUNDS`, and the kind of interval."""
-    table = data.nominal(data.changes).filter(trimming="trimmed")
+    table = data.nominal(data.changes).filter(trimming=data.trimming)
     alone = _uncut(table.filter(pl.col("lag") == 0), "age", data.min_features)
     pairs = _uncut(table.filter(pl.col("lag") > 0), "lag", data.min_features)
     parts = [
@@ -76,7 +76,7 @@ def _named(table: pl.DataFrame, statistic: str, values: Mapping[str, pl.Expr]) -
 
 def _bounds(data: ReportData) -> pl.DataFrame:
     """Bounds of all these. Those of the variance are roots."""
-    found = data.nominal(data.intervals).filter(aspect=Aspect.change, trimming="trimmed")
+    found = data.nominal(data.intervals).filter(aspect=Aspect.change, trimming=data.trimming)
     found = found.filter(pl.col("weighting").is_null() | (pl.col("weighting") == "features"))
     found = found.filter(pl.col("statistic").is_in(list(_STATISTICS)), pl.col("coordinate").is_in(list(_COORDINATES)))
     named = found.with_columns(statistic=pl.col("statistic").replace_strict(_STATISTICS, return_dtype=pl.String))

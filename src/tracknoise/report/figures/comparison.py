@@ -33,7 +33,7 @@ def comparison(
     advice: str,
     role: str = "second",
 ) -> Figure | Absence:
-    """A figure of the tracks that trimming kept.
+    """A figure of the errors that the experiment is about, trimmed or not.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def comparison(
     role
         Of the statistic whose numbers are stated: mean or second.
     """
-    kept = points.filter(trimming="trimmed", population=data.population)
+    kept = points.filter(trimming=data.trimming, population=data.population)
     found = readings(kept, series)
     if not found:
         return Absence(id, title, f"No {data.axis.name} has enough features with a known error, so there is no curve.")

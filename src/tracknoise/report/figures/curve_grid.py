@@ -16,6 +16,7 @@ _ROWS = {
     "mean": "mean error {} (px)",
     "absolute": "mean absolute error {} (px)",
     "second": "root second moment {} (px)",
+    "core": "core {} (px)",
 }
 """Roles of the statistics in the rows of the grid, and the titles of their axes."""
 _ABOUT = {"second": "about zero", "central": "about the mean"}
@@ -43,7 +44,8 @@ def grid(points: pl.DataFrame, series: Series, axis: Axis, *, beside: Beside | N
     """
     named = points.with_columns(pl.col(series.field).cast(pl.String))
     chosen = series.present(named)
-    panels = [panel for role in _ROWS for panel in _row(named, role, chosen, axis, beside, width)]
+    present = [role for role in _ROWS if role in named["role"]]
+    panels = [panel for role in present for panel in _row(named, role, chosen, axis, beside, width)]
     return arranged(panels, columns=4 if beside else 2, independent=["fill", "stroke"])
 
 
@@ -64,7 +66,7 @@ def _row(points: pl.DataFrame, role: str, series: Series, axis: Axis, beside: Be
     panels = []
     for coordinate, label in zip("uv", series.columns, strict=True):
         title = alt.Title(label if role == "mean" else "")
-        heading = _ROWS[role].format(axis.signs[role]) if coordinate == "u" else None
+        heading = _ROWS[role].format(axis.signs.get(role, "")).replace("  ", " ") if coordinate == "u" else None
         y = alt.Y(f"{coordinate}:Q", scale=alt.Scale(domain=bounds, nice=False), title=heading)
         band = marks.band(banded, series.field, series.colours, coordinate, x, y)
         chart = layered(*band, *_lines(table, series, axis, x, y))

@@ -9,37 +9,43 @@ from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.readings import readings, when
 from tracknoise.report.figures.series import Series
 from tracknoise.report.report_data import ReportData
+from tracknoise.tables.enumerations import Trimming
 
 _LAYOUT = (
     "Rows: mean error, mean absolute error, and root of the second moment. In the third row, the second moment is "
-    "about zero for solid lines and about the mean for dashed lines. Columns: u and v."
+    "about zero for solid lines and about the mean for dashed lines. Fourth row: core, the sigma of the Gaussian with "
+    "the same median absolute error, as geometric mean over scenes. Columns: u and v."
 )
 
 
 def figures(data: ReportData) -> Sequence[Figure | Absence]:
-    """Trimmed curves, and the same untrimmed: ``error-by-age`` and ``error-by-age-untrimmed``, or ``-frame``."""
-    return [_trimmed(data), _untrimmed(data)]
+    """Curves of the errors that the run is about, and of the others: ``error-by-age``, ``error-by-age-trimmed``."""
+    other = Trimming.trimmed if data.trimming == Trimming.untrimmed else Trimming.untrimmed
+    return [_shown(data), _other(data, other)]
 
 
-def _trimmed(data: ReportData) -> Figure | Absence:
-    title, kept = f"{_title(data)}, trimmed", "the tracks that trimming kept"
-    if data.percentile is None:
-        title, kept = _title(data), "all tracks (nothing was trimmed in this run)"
-    shows = f"Errors of {kept}{data.where}, {_along(data)}. {_LAYOUT}"
+def _shown(data: ReportData) -> Figure | Absence:
+    title = _title(data) if data.percentile is None else f"{_title(data)}, {data.trimming}"
+    shows = f"Errors of {data.tracks_shown}{data.where}, {_along(data)}. {_LAYOUT}"
     advice = (
         f"A mean error that moves away from zero with {data.axis.distance} is a drift. Where the dashed line is below "
-        "the solid one, a bias is part of the error."
+        "the solid one, a bias is part of the error. Where the core is far below the root second moment, a few large "
+        "errors make up most of it."
     )
-    return _figure(data, "trimmed", _id(data), title, shows, advice)
+    return _figure(data, data.trimming, _id(data), title, shows, advice)
 
 
-def _untrimmed(data: ReportData) -> Figure | Absence:
-    name, title = f"{_id(data)}-untrimmed", f"{_title(data)}, untrimmed"
+def _other(data: ReportData, trimming: Trimming) -> Figure | Absence:
+    name, title = f"{_id(data)}-{trimming}", f"{_title(data)}, {trimming}"
     if data.percentile is None:
         return Absence(name, title, "Nothing was trimmed in this run, so this figure would be the same.")
-    shows = f"The same for all tracks{data.where}, without trimming. The vertical axes have a different scale."
-    advice = "The difference from the figure above comes from the dropped tracks. An estimator meets these tracks too."
-    return _figure(data, "untrimmed", name, title, shows, advice)
+    tracks = "all tracks" if trimming == Trimming.untrimmed else "the tracks that trimming kept"
+    shows = f"The same for {tracks}{data.where}. The vertical axes have a different scale."
+    advice = (
+        "The difference from the figure above comes from the tracks that trimming drops. An estimator meets these "
+        "tracks too. Trimmed errors depend on how many tracks are lost, and on the length of the sequences."
+    )
+    return _figure(data, trimming, name, title, shows, advice)
 
 
 def _id(data: ReportData) -> str:

@@ -41,12 +41,12 @@ def _along_and_across(data: ReportData, tracker: str) -> Figure | Absence:
 
 
 def _points(data: ReportData, tracker: str) -> pl.DataFrame:
-    """Trimmed curves of visible features, by `axes`."""
+    """Curves of visible features, by `axes`."""
     image = data.points.filter(population="visible").with_columns(aspect=pl.lit(_IMAGE))
     aspects = data.aspect_points.filter(pl.col("aspect").is_in([Aspect.motion, Aspect.gradient]))
     aspects = aspects.with_columns(pl.col("aspect").cast(pl.String))
     both = pl.concat([image, aspects.select(image.columns)]).rename({"aspect": "axes"})
-    return data.nominal(both).filter(tracker=tracker, trimming="trimmed")
+    return data.nominal(both).filter(tracker=tracker, trimming=data.trimming)
 
 
 def _series(data: ReportData, tracker: str) -> Series:
@@ -56,7 +56,7 @@ def _series(data: ReportData, tracker: str) -> Series:
 
 def _shows(data: ReportData, tracker: str) -> str:
     return (
-        f"{data.errors_kept} of {tracker} at speed {data.slowest}{data.where}, of visible features. Three pairs of "
+        f"{data.errors_shown} of {tracker} at speed {data.slowest}{data.where}, of visible features. Three pairs of "
         "directions are compared. The first is u and v. The second is along and across the motion of the true position "
         f"since the previous frame that the tracker saw, if it moved by {_LEAST} or more. Along the motion, an error "
         "is negative if the feature lags behind. Across it, an error to the right is positive. The third is along and "

@@ -70,8 +70,9 @@ FAMILIES: tuple[Family, ...] = (
     Family(
         "trimming",
         "Errors before trimming",
-        "Some tracks follow the wrong point. Trimming drops the tracks with the largest errors, separately in each "
-        "scene, as the paper does. The error curves below leave these tracks out unless they say untrimmed.",
+        "Some tracks follow the wrong point. The paper drops the tracks with the largest errors in each scene. What is "
+        "left then depends on how many tracks are lost, and on the length of the sequences. The figures say which "
+        "errors they show.",
         ("trimming:figures",),
     ),
     Family(

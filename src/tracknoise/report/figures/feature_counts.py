@@ -13,8 +13,9 @@ from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Panel, arranged, layered
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.lifetimes import surviving
+from tracknoise.tables.enumerations import Trimming
 
-_ALL, _MEASURED = "all tracks", "in the trimmed curves"
+_ALL, _MEASURED = "all tracks", "in the curves"
 
 
 def figures(data: ReportData) -> Sequence[Figure | Absence]:
@@ -49,7 +50,7 @@ def _in_curves(data: ReportData) -> pl.DataFrame:
         pl.col("statistic").replace_strict(data.axis.roles, default=None) == "mean",
         weighting="features",
         population=data.population,
-        trimming="trimmed",
+        trimming=data.trimming,
         axis=data.axis.name,
     )
     return curves.select("tracker", "speed", "at", "n", of=pl.lit(_MEASURED))
@@ -72,14 +73,18 @@ def _shows(data: ReportData) -> str:
     if data.axis is FRAME:
         return (
             f"Number of features tracked in each frame{data.where} (logarithmic), over all scenes. Solid: all "
-            "features. Dashed: those that trimming kept and whose error is known, because they are alive in the key "
-            "frame and matched to the scan."
+            f"features. Dashed: those {_kept(data)}whose error is known, because they are alive in the key frame and "
+            "matched to the scan."
         )
     return (
         f"Number of features still tracked at each age{data.where} (logarithmic), over all scenes. Solid: all tracks, "
         "by the number of frames in which they were found. A track that was found again after a gap is older. Dashed: "
-        "tracks that trimming kept and whose error is known, by their age."
+        f"tracks {_kept(data)}whose error is known, by their age."
     )
+
+
+def _kept(data: ReportData) -> str:
+    return "that trimming kept and " if data.trimming == Trimming.trimmed and data.percentile is not None else ""
 
 
 def _look_for(data: ReportData, nominal: pl.DataFrame) -> str:
@@ -115,7 +120,7 @@ def _sentence_by_frame(data: ReportData, tracker: str, table: pl.DataFrame) -> s
     fixed = int(known.filter(at=key_frame)["n"].sum())
     first, last = (f"{number(row['n'])} in frame {row['at']}" for row in known[[0, -1]].to_dicts())
     return (
-        f"{tracker} has {count(alive, 'feature')} in the key frame {key_frame}. The trimmed curves contain "
+        f"{tracker} has {count(alive, 'feature')} in the key frame {key_frame}. The curves contain "
         f"{number(fixed)} of them. They begin with {first} and end with {last}."
     )
 

@@ -23,7 +23,7 @@ def _lightings_of(data: ReportData, tracker: str, speed: int) -> Figure | Absenc
         Series("lighting", light_sweeps.colours(data, tracker), "under {}"),
         id=f"error-by-lighting-{data.slug(tracker)}-speed-{speed}",
         title=f"{tracker} at speed {speed} by lighting",
-        shows=f"{data.errors_kept} of {tracker} at speed {speed} under every lighting"
+        shows=f"{data.errors_shown} of {tracker} at speed {speed} under every lighting"
         f"{data.elsewhere('lighting')}. {data.view['lighting']} is black.",
         advice="Where curves coincide, the lighting makes no difference.",
     )

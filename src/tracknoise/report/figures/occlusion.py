@@ -39,7 +39,7 @@ def compare(data: ReportData) -> pl.DataFrame:
         tracker, speed, role (absolute, second), since, and for each population its n and its value in u and v, px.
     """
     points = data.reference(data.points).filter(
-        (pl.col("trimming") == "trimmed")
+        (pl.col("trimming") == data.trimming)
         & pl.col("since").is_between(1, REFERENCE_AGE)
         & pl.col("role").is_in(["absolute", "second"])
     )
@@ -58,7 +58,7 @@ def _figure(data: ReportData, table: pl.DataFrame) -> Figure:
     return Figure(
         id="occlusion",
         title=_TITLE,
-        shows=f"{data.errors_kept} {place}{data.where}. A filled dot counts only visible features. A ring counts "
+        shows=f"{data.errors_shown} {place}{data.where}. A filled dot counts only visible features. A ring counts "
         "all features with a known true position, including occluded ones.",
         look_for=_look_for(data, table),
         spec=arranged([_panel(data, table, key) for key in _PANELS], columns=4),

@@ -7,6 +7,7 @@ from tracknoise.report.figures.comparison import comparison
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.series import MANY, Series
 from tracknoise.report.report_data import ReportData
+from tracknoise.tables.enumerations import Trimming
 
 
 def figures(data: ReportData) -> Sequence[Figure | Absence]:
@@ -25,7 +26,7 @@ def _speeds_of(data: ReportData, tracker: str) -> Figure | Absence:
         Series("speed", data.speed_colours(tracker), "for speed {}"),
         id=f"error-by-speed-{data.slug(tracker)}",
         title=f"{tracker} by speed",
-        shows=f"{data.errors_kept} of {tracker} at every speed{data.where}. At speed s the tracker sees only "
+        shows=f"{data.errors_shown} of {tracker} at every speed{data.where}. At speed s the tracker sees only "
         "every s-th frame, so features move farther between its frames.",
         advice=f"Where curves coincide, the error depends on {data.axis.distance} and not on the number of tracking "
         f"steps.{_cuts_differ(data, tracker)}",
@@ -35,7 +36,7 @@ def _speeds_of(data: ReportData, tracker: str) -> Figure | Absence:
 def _cuts_differ(data: ReportData, tracker: str) -> str:
     """Warn that speeds were not trimmed at the same error. Where few tracks live on, most errors are 0."""
     cuts = data.cuts(tracker)
-    if cuts["cut"].n_unique() < 2:
+    if data.trimming == Trimming.untrimmed or cuts["cut"].n_unique() < 2:
         return ""
     many = cuts.height > MANY
     rows = cuts.sort("cut")[[0, -1]].to_dicts() if many else cuts.to_dicts()

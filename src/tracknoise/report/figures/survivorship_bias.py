@@ -39,12 +39,12 @@ def _figure_of(data: ReportData, tracker: str) -> Figure | Absence:
 
 
 def _points(data: ReportData, tracker: str) -> pl.DataFrame:
-    """Trimmed curves of visible features, by `tracks`. Moments about the mean are left out: there are many curves."""
+    """Curves of visible features, by `tracks`. Moments about the mean are left out: there are many curves."""
     every = data.points.filter(population="visible").with_columns(tracks=pl.lit(_ALL))
     chosen = data.aspect_points.filter(aspect=Aspect.long_lived)
     chosen = chosen.with_columns(tracks=pl.col("at_least").replace_strict(_NAMES, return_dtype=pl.String))
     both = pl.concat([every, chosen.select(every.columns)])
-    return data.nominal(both).filter(pl.col("role") != "central", tracker=tracker, trimming="trimmed")
+    return data.nominal(both).filter(pl.col("role") != "central", tracker=tracker, trimming=data.trimming)
 
 
 def _series(points: pl.DataFrame, colour: str) -> Series:
@@ -67,7 +67,7 @@ def _longest_beside_all(data: ReportData, points: pl.DataFrame) -> list[Reading]
 def _shows(data: ReportData, tracker: str) -> str:
     joined = "" if data.axis is FRAME else " From that age on, the curve is the same as that of all tracks."
     return (
-        f"{data.errors_kept} of {tracker} at speed {data.slowest}{data.where}, of visible features. One curve is "
+        f"{data.errors_shown} of {tracker} at speed {data.slowest}{data.where}, of visible features. One curve is "
         "for all tracks. The others are for tracks that reach the stated age, in frames of the sequence."
         f"{joined}"
     )

@@ -42,7 +42,7 @@ def _rotations_of(data: ReportData, tracker: str) -> Figure | Absence:
         Series("rotation", _two(data, tracker, names), "in {} images"),
         id=f"error-by-rotation-{data.slug(tracker)}",
         title=f"{tracker}, {listing(names, joint='and')}",
-        shows=f"{data.errors_kept} of {tracker} at speed {data.slowest}{data.elsewhere('rotation')} in "
+        shows=f"{data.errors_shown} of {tracker} at speed {data.slowest}{data.elsewhere('rotation')} in "
         f"images of each rotation ({angles}). Errors are rotated back, so u and v are those of the upright image in "
         "all curves.",
         advice="Where curves coincide, the orientation of the image makes no difference. Where they differ, part of "
@@ -57,7 +57,7 @@ def _directions_of(data: ReportData, tracker: str) -> Figure | Absence:
         Series("direction", _two(data, tracker, data.directions), "when played {}"),
         id=f"error-by-direction-{data.slug(tracker)}",
         title=f"{tracker}, {listing(data.directions, joint='and')}",
-        shows=f"{data.errors_kept} of {tracker} at speed {data.slowest}{data.elsewhere('direction')} with "
+        shows=f"{data.errors_shown} of {tracker} at speed {data.slowest}{data.elsewhere('direction')} with "
         "the frames in recorded order and in reverse order.",
         advice="A mean error that changes its sign with the direction follows the motion in the image. One that keeps "
         "its sign does not.",

@@ -1,0 +1,152 @@
+"""Headlines about the size of errors: the core, the root mean square, and how many errors lie far out."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import polars as pl
+
+from tracknoise.findings.estimate import Estimate
+from tracknoise.findings.estimate_text import format_estimate
+from tracknoise.findings.headlines.headline import Headline, Part, RunTables, by_tracker
+from tracknoise.findings.headlines.reported_conditions import ReportedConditions, curve_bounds, scale_estimate
+from tracknoise.findings.wording import SPACE, interval_text, listing, percent
+from tracknoise.statistics.definitions import NAMES, POOLED
+from tracknoise.tables.enumerations import Aspect, Population, Trimming, Weighting
+
+
+def size(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """How large errors are at the reference age."""
+    as_in_paper = conditions.trimming == Trimming.trimmed and conditions.percentile is not None
+    return _paper(tables, conditions) if as_in_paper else _robust(tables, conditions)
+
+
+def _robust(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """Core and root mean square of all tracks, and the share of far errors."""
+    closing = (
+        "The core is the sigma of the Gaussian with the same median error. Core and RMS are geometric means over "
+        f"scenes.{_population(conditions)} {_brackets(tables, conditions, Weighting.geometric)}"
+    )
+    return by_tracker(
+        conditions.trackers,
+        lambda tracker: _robust_of(tables, conditions, tracker),
+        opening=f"Error size {conditions.where(tables['summary'])}, of all tracks.",
+        closing=closing.strip(),
+        topic="noise",
+        figure="error-by-tracker",
+        table="intervals",
+    )
+
+
+def _robust_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
+    row = first(conditions.of(tables["summary"], tracker))
+    if row is None or row["at"] is None:
+        return None
+    intervals = conditions.of(tables["intervals"], tracker)
+    cores = [_core(intervals, conditions, row, axis) for axis in "uv"]
+    lengths = [scale_estimate(intervals, conditions, "second", row["at"], axis) for axis in "uv"]
+    pooled = [rms(intervals, conditions, row, axis, conditions.trimming) for axis in "uv"]
+    sentences = [f"{conditions.opening_place(row['at'])}, the errors of {tracker} are as follows."]
+    sentences += [f"Core: {in_u_and_v(cores)}."] if all(cores) else []
+    sentences += [f"RMS: {in_u_and_v(lengths)}." if all(lengths) else f"RMS, features pooled: {in_u_and_v(pooled)}."]
+    sentences += _beyond(row, conditions.trimming)
+    every = [*cores, *(lengths if all(lengths) else pooled)]
+    return " ".join(sentences), [one for one in every if one is not None]
+
+
+def _core(
+    intervals: pl.DataFrame, conditions: ReportedConditions, row: Mapping[str, Any], coordinate: str
+) -> Estimate | None:
+    value = row[f"{conditions.trimming}_core_{coordinate}_px"]
+    bounds = scale_estimate(intervals, conditions, "core", row["at"], coordinate)
+    return None if value is None else Estimate.of(value, bounds, "px")
+
+
+def _beyond(row: Mapping[str, Any], trimming: str) -> list[str]:
+    """The share of far errors, beside that of a Gaussian."""
+    shares = [row[f"{trimming}_beyond_{axis}"] for axis in "uv"]
+    if None in shares:
+        return []
+    far = f"{percent(shares[0])} of its errors in u and {percent(shares[1])} in v"
+    return [f"{far} exceed three cores (Gaussian: 0.3{SPACE}%)."]
+
+
+def _paper(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """The paper's quantity: root mean square errors of the kept tracks, features pooled; the untrimmed ones beside."""
+    dropped = f"Trimming drops the tracks whose largest error is above the {conditions.percentile:g}th percentile."
+    closing = (
+        f"{dropped} An estimator that keeps these tracks must assume the untrimmed errors. Features are pooled over "
+        f"scenes.{_population(conditions)} {_brackets(tables, conditions, Weighting.features)}"
+    )
+    return by_tracker(
+        conditions.trackers,
+        lambda tracker: _paper_of(tables, conditions, tracker),
+        opening=f"Error size {conditions.where(tables['summary'])}, as root mean square of the paper's trimmed errors.",
+        closing=closing.strip(),
+        topic="noise",
+        figure="error-by-tracker",
+        table="intervals",
+    )
+
+
+def _paper_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
+    row = first(conditions.of(tables["summary"], tracker))
+    if row is None or row["at"] is None:
+        return None
+    intervals = conditions.of(tables["intervals"], tracker)
+    trimmed, untrimmed = (
+        [rms(intervals, conditions, row, axis, trimming) for axis in "uv"] for trimming in conditions.trimmings
+    )
+    text = (
+        f"After trimming, the error of {tracker} {conditions.place(row['at'])} is {in_u_and_v(trimmed)}. "
+        f"Without trimming it is {in_u_and_v(untrimmed)}."
+    )
+    return text, [*trimmed, *untrimmed]
+
+
+def rms(
+    intervals: pl.DataFrame, conditions: ReportedConditions, row: Mapping[str, Any], coordinate: str, trimming: str
+) -> Estimate:
+    """Root mean square error of a condition at its reference age, features pooled.
+
+    Parameters
+    ----------
+    intervals
+        Rows of one condition.
+    conditions
+        Say which population and axis.
+    row
+        Its row of the summary.
+    coordinate, trimming
+        As in the table.
+    """
+    bounds = curve_bounds(intervals, conditions, "second", row["at"], coordinate, trimming=trimming)
+    return Estimate.of(row[f"{trimming}_rms_{coordinate}_px"], bounds, "px")
+
+
+def in_u_and_v(pair: Sequence[Estimate | None]) -> str:
+    """Write estimates in u and in v."""
+    u, v = (format_estimate(one) for one in pair if one is not None)
+    return f"{u} in u and {v} in v"
+
+
+def first(rows: pl.DataFrame) -> dict[str, Any] | None:
+    """The first row; None where there is none."""
+    return rows.row(0, named=True) if rows.height else None
+
+
+def _population(conditions: ReportedConditions) -> str:
+    return " Occluded features are included." if conditions.population == Population.projected else ""
+
+
+def _brackets(tables: RunTables, conditions: ReportedConditions, weighting: str) -> str:
+    """How intervals of second moments at the reference were made; empty where there are none."""
+    axis = conditions.axis
+    chosen = {"aspect": Aspect.all, "axis": axis, "statistic": NAMES[axis]["second"], "weighting": weighting}
+    reference = tables["summary"].select(*POOLED, pl.col("at").cast(pl.Int64))
+    known = tables["intervals"].filter(**chosen).join(reference, on=[*POOLED, "at"], how="semi")
+    known = known.drop_nulls(["low", "high"])
+    known = pl.concat([known.clear(), *(conditions.of(known, tracker) for tracker in conditions.trackers)])
+    if known.is_empty():
+        return ""
+    kinds = known.group_by("level", "resampled").agg(pl.col("n_scenes").unique()).sort("level", "resampled")
+    return f"In brackets: {listing(interval_text(*row) for row in kinds.iter_rows())}."

@@ -1,0 +1,72 @@
+"""The headline that says which answers change where the tracks with the largest errors are dropped."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import polars as pl
+
+from tracknoise.findings.headlines.error_size import first
+from tracknoise.findings.headlines.headline import Headline, RunTables
+from tracknoise.findings.headlines.reported_conditions import ReportedConditions
+from tracknoise.findings.wording import listing, px
+from tracknoise.tables.enumerations import Trimming
+
+_BOTH = (Trimming.untrimmed, Trimming.trimmed)
+
+
+def trimming_matters(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """Where trimmed and untrimmed errors give different answers; none where they agree or nothing was trimmed."""
+    if conditions.percentile is None:
+        return None
+    differences = [*_rankings(tables, conditions), *_verdicts(tables, conditions)]
+    if not differences:
+        return None
+    text = f"Trimming changes {len(differences)} of the answers below. {' '.join(differences)}"
+    return Headline("trimming", text, "trimming", "summary")
+
+
+def _rankings(tables: RunTables, conditions: ReportedConditions) -> list[str]:
+    """One sentence for each axis in which another tracker has the smallest error."""
+    rows = {tracker: first(conditions.of(tables["summary"], tracker)) for tracker in conditions.trackers}
+    known = {tracker: row for tracker, row in rows.items() if row is not None and row["at"] is not None}
+    found = [_ranking(known, axis) for axis in "uv"] if len(known) > 1 else []
+    return [sentence for sentence in found if sentence]
+
+
+def _ranking(rows: Mapping[str, Mapping[str, Any]], axis: str) -> str:
+    values = {
+        trimming: {tracker: row[f"{trimming}_rms_{axis}_px"] for tracker, row in rows.items()} for trimming in _BOTH
+    }
+    if any(value is None for each in values.values() for value in each.values()):
+        return ""
+    best = {trimming: min(each, key=lambda tracker: each[tracker]) for trimming, each in values.items()}
+    if len(set(best.values())) == 1:
+        return ""
+    untrimmed, trimmed = (_smallest(values[trimming], best[trimming]) for trimming in _BOTH)
+    return f"The smallest RMS in {axis} is that of {untrimmed} without trimming, and that of {trimmed} after it."
+
+
+def _smallest(values: Mapping[str, float], best: str) -> str:
+    return f"{best} ({px(values[best])})"
+
+
+def _verdicts(tables: RunTables, conditions: ReportedConditions) -> list[str]:
+    """One sentence for each question and tracker whose verdicts differ."""
+    sentences: list[str] = []
+    for tracker in conditions.trackers:
+        for coordinate in "uv":
+            rows = conditions.of(tables["time_structure"], tracker).filter(coordinate=coordinate)
+            sentences += _differs(rows, f"The growth of the error of {tracker} in {coordinate}")
+        zero = conditions.of(tables["zero_mean"], tracker).filter(pl.col("at").is_null(), axis=conditions.axis)
+        sentences += _differs(zero, f"Whether {tracker} has a mean error")
+    return sentences
+
+
+def _differs(rows: pl.DataFrame, subject: str) -> Sequence[str]:
+    found = [first(rows.filter(trimming=trimming)) for trimming in _BOTH]
+    verdicts = [None if row is None else str(row["verdict"]) for row in found]
+    if None in verdicts or verdicts[0] == verdicts[1]:
+        return []
+    return [
+        f"{subject}: {listing(f'{verdict} {trimming}' for verdict, trimming in zip(verdicts, _BOTH, strict=True))}."
+    ]

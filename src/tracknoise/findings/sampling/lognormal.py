@@ -1,6 +1,6 @@
 """Interval of a mean over units whose values are lognormal, or shares whose logits are Gaussian: arrays only.
 
-Where scenes differ much, the largest values decide a mean, and a sample of few scenes often has none of them. A
+Where scenes differ much, the largest values decide a mean, and a sample with few scenes often has none of them. A
 standard error from such a sample is too small. The logarithms y of the values of the units have no such tail. With
 their variance s^2, the mean of a lognormal distribution is exp(c), c = mean of y + b s^2 / 2 with b = 1. Its interval
 combines those of both terms (Zou, Huo and Taleban 2009):

@@ -5,9 +5,10 @@ over n scenes and their standard deviation s (spread between scenes), the next s
 
     mean of y +- t s sqrt(1 + 1 / n)    (prediction)
 
-with the probability of the level, if the y_i are Gaussian; t has n - 1 degrees of freedom. Where scenes come in g
-groups, n is g in (prediction), and s^2 is divided by (n - sum of n_g^2 / n) / (n - 1). This is right if all scenes of a
-group are equal, and slightly too wide otherwise. All scenes count alike. s includes the error of each scene's own
+with the probability of the level, if the y_i are Gaussian; t has n - 1 degrees of freedom. Where g groups of scenes are
+resampled, n is g in (prediction), and s^2 is divided by (n - sum of n_g^2 / n) / (n - 1). This is right if all scenes
+of a group are equal, and slightly too wide otherwise. The next scene is then one of another group; where scenes within
+groups are resampled, it is one of these groups. All scenes count alike. s includes the error of each scene's own
 value, so that it also holds for a next scene with as many tracks.
 """
 
@@ -18,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from tracknoise.findings.sampling.groups import MIN_SCENES, MIN_WITHIN
+from tracknoise.findings.sampling.groups import MIN_SCENES
 from tracknoise.findings.sampling.jackknife import SCALES
 from tracknoise.findings.sampling.units import Units, by_number
 from tracknoise.tables.enumerations import Resampled
@@ -75,13 +76,14 @@ def _prediction(
 ) -> tuple[NDArray[np.float64], ...]:
     """Mean, spread, and how far (prediction) reaches from the mean; y is 0 where it is not known."""
     n = known.sum(axis=-1)
-    in_group = np.moveaxis(by_number(units.scene_group, np.moveaxis(known.astype(np.float64), -1, 0)), 0, -1)
+    group = units.scene_group if units.resampled == Resampled.groups else np.arange(len(units.scenes))
+    in_group = np.moveaxis(by_number(group, np.moveaxis(known.astype(np.float64), -1, 0)), 0, -1)
     groups = (in_group > 0).sum(axis=-1)
     mean = y.sum(axis=-1) / np.maximum(n, 1)
     squares = np.where(known, np.square(y - mean[..., None]), 0.0).sum(axis=-1)
     apart = n - np.square(in_group).sum(axis=-1) / np.maximum(n, 1)
     spread = np.sqrt(squares / np.where(apart > 0, apart, np.nan))
-    enough = (n >= MIN_SCENES) & (groups > MIN_WITHIN) & (units.resampled not in (None, Resampled.blocks))
+    enough = (groups >= MIN_SCENES) & (units.resampled not in (None, Resampled.blocks))
     count = np.where(enough, groups, 2)
     reach = special.stdtrit(count - 1.0, (1 + level) / 2) * spread * np.sqrt(1 + 1 / count)
     return mean, spread, np.where(enough, reach, np.nan)

@@ -82,13 +82,13 @@ class Units:
         n_units, n_scenes : (...) intp
             Of groups, where these are resampled, `n_units` is the number.
         """
-        by_scene = _any(present, self.scene, len(self.scenes))
+        by_scene = _any(present, self.scene)
         units = self.groups_present(present) if self.resampled == Resampled.groups else present.sum(axis=-1)
         return units, by_scene.sum(axis=-1)
 
     def groups_present(self, present: NDArray[np.bool_]) -> NDArray[np.intp]:
         """How many groups take part in each number, (...), with `present` as in `contributing`."""
-        groups = _any(present, self.scene_group[self.scene], len(self.scenes))
+        groups = _any(present, self.scene_group[self.scene])
         return np.asarray(groups.sum(axis=-1))
 
 
@@ -102,14 +102,24 @@ def by_number(number: NDArray[np.intp], values: NDArray[np.float64]) -> NDArray[
     values : (rows, ...)
         What is added up.
     """
-    members = np.arange(number.max(initial=-1) + 1)[:, None] == number
-    return np.tensordot(members.astype(np.float64), values, axes=1)
+    if not len(number) or np.array_equal(number, np.arange(len(number))):
+        return values
+    order, starts = _runs(number)
+    return np.asarray(np.add.reduceat(values[order], starts, axis=0))
 
 
-def _any(present: NDArray[np.bool_], number: NDArray[np.intp], count: int) -> NDArray[np.bool_]:
-    """Whether any unit of each number is present, (..., count)."""
-    members = (number[:, None] == np.arange(count)).astype(np.float64)
-    return np.asarray(present.astype(np.float64) @ members > 0)
+def _any(present: NDArray[np.bool_], number: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Whether any unit of each number from 0 is present, (..., numbers)."""
+    if not len(number) or np.array_equal(number, np.arange(len(number))):
+        return present
+    order, starts = _runs(number)
+    return np.logical_or.reduceat(present[..., order], starts, axis=-1)
+
+
+def _runs(number: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Order in which equal numbers follow each other, and where each begins; every number from 0 occurs."""
+    order = np.argsort(number, kind="stable")
+    return order, np.searchsorted(number[order], np.arange(number.max() + 1))
 
 
 def additive(moments: pl.DataFrame) -> pl.DataFrame:

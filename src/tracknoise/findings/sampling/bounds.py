@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
+from scipy import special
 
 from tracknoise.exceptions import SettingsError
 from tracknoise.findings.estimate import EstimateArray
@@ -16,6 +17,8 @@ from tracknoise.findings.sampling.units import Units, by_number
 from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL
 from tracknoise.tables.enumerations import IntervalKind, Resampled
 
+_MANY = 10**9
+"""With so many units, percentiles are not expanded."""
 Statistics = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Of sums, (columns, points, ...), the statistics, (statistics, points, ...), each NaN where undefined."""
 
@@ -278,9 +281,26 @@ def _by_bootstrap(
     drawn, without = np.moveaxis(sample.drawn, -1, 0), np.moveaxis(sample.without, -1, 0)
     grows = acceleration(without, units.strata) if method.kind == IntervalKind.bca else 0.0
     n = np.broadcast_to(_resampled(units, present), sample.whole.shape)
-    lost = units.groups_present(present) if units.resampled == Resampled.within else 1
-    options = {"n_units": n, "lost": np.broadcast_to(lost, n.shape), "acceleration": grows}
-    return interval(sample.whole, drawn, kind=method.kind, level=method.level, **options)
+    if units.resampled == Resampled.within:
+        freedom = np.maximum(n - units.groups_present(present), 1)
+        drawn, n = _stretched(sample.whole, drawn, n, freedom, method.level), np.where(n > 0, _MANY, 0)
+    return interval(sample.whole, drawn, n_units=n, acceleration=grows, kind=method.kind, level=method.level)
+
+
+def _stretched(
+    whole: NDArray[np.float64],
+    drawn: NDArray[np.float64],
+    n: NDArray[np.intp],
+    freedom: NDArray[np.intp],
+    level: float,
+) -> NDArray[np.float64]:
+    """Draws (draws, ...) within groups, moved away from the estimate: few draws differ if groups are small.
+
+    Their percentiles are then those of Student's distribution with the degrees of freedom within groups.
+    """
+    tail = (1 + level) / 2
+    factor = special.stdtrit(freedom * 1.0, tail) / special.ndtri(tail) * np.sqrt(n / freedom)
+    return np.asarray(whole + (drawn - whole) * factor)
 
 
 def _by_jackknife(

@@ -59,7 +59,6 @@ def interval(
     replicates: NDArray[np.float64],
     *,
     n_units: ArrayLike,
-    lost: ArrayLike = 1,
     acceleration: ArrayLike = 0.0,
     kind: str = IntervalKind.bca,
     level: float = LEVEL,
@@ -74,9 +73,6 @@ def interval(
         Those of each draw; NaN where a draw has none.
     n_units : (...)
         How many units the statistics rest on; with units drawn within strata, in each of these. At least 2 are needed.
-    lost : (...)
-        By how many the degrees of freedom are fewer than the units: the number of strata if `n_units` counts the units
-        of all of them.
     acceleration : (...)
         For `bca`: what `tracknoise.findings.sampling.jackknife.acceleration` returned; 0 corrects median bias alone.
     kind
@@ -102,9 +98,8 @@ def interval(
     ordered = np.sort(np.moveaxis(replicates, 0, -1), axis=-1)  # NaN last
     known = np.count_nonzero(~np.isnan(ordered), axis=-1)
     n = np.broadcast_to(np.asarray(n_units), value.shape)
-    fewer = np.broadcast_to(np.asarray(lost), value.shape)
-    usable = (known > 0) & (n > fewer) & ~np.isnan(value)
-    tail = _expanded(np.where(usable, n, 2), np.where(usable, n - fewer, 1), level)
+    usable = (known > 0) & (n > 1) & ~np.isnan(value)
+    tail = _expanded(np.where(usable, n, 2), level)
     corrected = kind == IntervalKind.bca
     bias = _median_bias(value, ordered, known) if corrected else np.zeros_like(value)
     growth = np.broadcast_to(np.asarray(acceleration if corrected else 0.0, dtype=np.float64), value.shape)
@@ -112,9 +107,9 @@ def interval(
     return np.where(usable, low, np.nan), np.where(usable, high, np.nan)
 
 
-def _expanded(n: NDArray[np.int64], freedom: NDArray[np.int64], level: float) -> NDArray[np.float64]:
-    """Quantile z' of (expansion), with the degrees of freedom in place of n - 1."""
-    return np.asarray(special.stdtrit(freedom * 1.0, (1 + level) / 2) * np.sqrt(n / freedom), dtype=np.float64)
+def _expanded(n: NDArray[np.int64], level: float) -> NDArray[np.float64]:
+    """Quantile z' of (expansion)."""
+    return np.asarray(special.stdtrit(n - 1.0, (1 + level) / 2) * np.sqrt(n / (n - 1.0)), dtype=np.float64)
 
 
 def _share(z: NDArray[np.float64], bias: NDArray[np.float64], acceleration: NDArray[np.float64]) -> NDArray[np.float64]:

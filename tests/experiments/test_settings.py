@@ -164,3 +164,21 @@ def test_the_documented_schema_is_that_of_the_program():
     assert documented.read_text() == experiment_schema(), (
         "renew it: tracknoise run --schema > docs/experiment.schema.json"
     )
+
+
+def test_groups_of_scenes_are_declared_by_patterns():
+    declared = MINIMAL.replace(
+        'reader = "simulated"', 'reader = "simulated"\ngroups = { turning = ["fixating-*", "arvr-00"] }'
+    )
+    experiment = parse_experiment(declared, place="x.toml")
+    assert experiment.dataset.groups == {"turning": ["fixating-*", "arvr-00"]}
+    assert parse_experiment(experiment.to_toml(), place="again") == experiment
+    assert plan(experiment)
+
+
+def test_a_pattern_of_no_scene_is_named():
+    declared = MINIMAL.replace('reader = "simulated"', 'reader = "simulated"\ngroups = { turning = ["fixing-*"] }')
+    with pytest.raises(
+        SettingsError, match=r"dataset.groups.turning: no scene is called 'fixing-\*', expected a pattern"
+    ):
+        plan(parse_experiment(declared, place="x.toml"))

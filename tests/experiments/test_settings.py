@@ -225,3 +225,21 @@ def test_an_experiment_is_a_regular_file_of_moderate_size(tmp_path):
         load_experiment(tmp_path / "large.toml")
     with pytest.raises(SettingsError, match="expected the path of a file or folder"):
         load_experiment("demo", root=tmp_path / "a\0b")
+
+
+def test_groups_of_scenes_are_declared_by_patterns():
+    declared = MINIMAL.replace(
+        'reader = "simulated"', 'reader = "simulated"\ngroups = { turning = ["fixating-*", "arvr-00"] }'
+    )
+    experiment = parse_experiment(declared, place="x.toml")
+    assert experiment.dataset.groups == {"turning": ["fixating-*", "arvr-00"]}
+    assert parse_experiment(experiment.to_toml(), place="again") == experiment
+    assert plan(experiment)
+
+
+def test_a_pattern_of_no_scene_is_named():
+    declared = MINIMAL.replace('reader = "simulated"', 'reader = "simulated"\ngroups = { turning = ["fixing-*"] }')
+    with pytest.raises(
+        SettingsError, match=r"dataset.groups.turning: no scene is called 'fixing-\*', expected a pattern"
+    ):
+        plan(parse_experiment(declared, place="x.toml"))

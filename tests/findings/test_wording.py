@@ -1,6 +1,18 @@
 import pytest
 
-from tracknoise.findings.wording import count, listing, number, percent, pixels, px
+from tracknoise.findings.wording import (
+    SPACE,
+    count,
+    coverage_text,
+    interval_text,
+    listing,
+    next_scene_text,
+    number,
+    percent,
+    pixels,
+    px,
+    spread_text,
+)
 
 
 @pytest.mark.parametrize(
@@ -44,3 +56,24 @@ def test_counts_agree_with_their_noun() -> None:
 
 def test_listings_read_like_prose() -> None:
     assert [listing("abc"[:n]) for n in range(4)] == ["", "a", "a and b", "a, b and c"]
+
+
+@pytest.mark.parametrize(
+    ("resampled", "expected"),
+    [
+        ("scenes", "95 % intervals over 8 scenes"),
+        ("groups", "95 % intervals over groups of 8 scenes"),
+        ("within", "95 % intervals over 8 scenes within their groups"),
+        ("blocks", "95 % intervals from blocks of tracks resampled within 8 scenes"),
+    ],
+)
+def test_what_intervals_resample_is_said(resampled: str, expected: str) -> None:
+    assert interval_text(0.95, resampled, [8]).replace(SPACE, " ") == expected
+
+
+def test_how_much_scenes_differ_is_said() -> None:
+    assert coverage_text(0.95, 0.883).replace(SPACE, " ") == "a 95 % interval covers about 88 % in data like yours"
+    assert spread_text(0.64, "px", is_scale=True) == "scenes differ by a factor of 1.9"
+    assert spread_text(0.12, "px", is_scale=False).replace(SPACE, " ") == "scenes differ by 0.120 px"
+    assert next_scene_text(0.2, 1.4, "px").replace(SPACE, " ") == "the next scene: 0.200 to 1.400 px"
+    assert next_scene_text(0.021, 0.4, "share").replace(SPACE, " ") == "the next scene: 2.1 % to 40.0 %"

@@ -44,6 +44,10 @@ class DatasetSettings(_Section):
     """Maximum number of frames of each sequence, from the first. Default: all."""
     max_scenes: Annotated[int, Field(ge=1)] | None = None
     """Maximum number of scenes, sorted by name. Default: all."""
+    groups: dict[str, Annotated[list[str], Field(min_length=1)]] | None = None
+    """Scenes that are not independent of each other, such as pieces of one recording: patterns of their names, such as
+    `chess/*`, by group. The first group that fits counts. Other scenes are independent; an empty table makes all of
+    them so. Default: what the reader knows. It can be changed without measuring again."""
     options: dict[str, Any] = {}
     """Options of the reader: see `tracknoise datasets NAME`."""
 
@@ -184,6 +188,10 @@ class Experiment(_Section):
     def with_findings(self, settings: FindingsSettings) -> "Experiment":
         """Return a copy with other settings of findings."""
         return self.model_copy(update={"findings": settings})
+
+    def with_groups(self, groups: dict[str, list[str]] | None) -> "Experiment":
+        """Return a copy with other groups of scenes; None for those that the reader knows."""
+        return self._with_dataset({"groups": groups})
 
     def with_option(self, name: str, value: object) -> "Experiment":
         """Return a copy with another value of one option of the reader."""

@@ -68,6 +68,8 @@ class EstimateArray:
         How the intervals were made.
     level
         Probability that an interval contains the true value.
+    n_effective : (statistics, points) float64 or None
+        How many units of one size would have a mean as uncertain as that of the units; None where it is not known.
     """
 
     value: NDArray[np.float64]
@@ -77,6 +79,7 @@ class EstimateArray:
     n_scenes: NDArray[np.intp]
     kind: str
     level: float
+    n_effective: NDArray[np.float64] | None = None
 
     def at(self, statistic: int, point: int = 0, *, unit: str = "") -> Estimate:
         """One of the estimates; what is NaN here is None there."""

@@ -36,6 +36,13 @@ STATISTICS: Mapping[str, str] = {
 }
 """Name of each statistic that a factor may affect, by its role."""
 
+_RESAMPLED: Mapping[str, str] = {
+    Resampled.scenes: "over {}",
+    Resampled.groups: "over groups of {}",
+    Resampled.within: "over {} within their groups",
+    Resampled.blocks: "from blocks of tracks resampled within {}",
+}
+
 
 def number(value: float | None, *, digits: int = 3) -> str:
     """Write a number to `digits` significant digits; whole numbers whole, a dash where it is missing."""
@@ -150,11 +157,58 @@ def interval_text(level: float, resampled: str, n_scenes: Sequence[int]) -> str:
     level
         Between 0 and 1.
     resampled
-        `scenes` or `blocks`.
+        A value of `tracknoise.tables.enumerations.Resampled`.
     n_scenes
         How many scenes each rests on.
     """
     least, most = min(n_scenes), max(n_scenes)
     scenes = count(most, "scene") if least == most else f"{least} to {count(most, 'scene')}"
-    what = f" over {scenes}" if resampled == Resampled.scenes else f" from blocks of tracks resampled within {scenes}"
-    return f"{100 * level:g}{SPACE}% intervals{what}"
+    return f"{100 * level:g}{SPACE}% intervals {_RESAMPLED[resampled].format(scenes)}"
+
+
+def coverage_text(level: float, coverage: float) -> str:
+    """Write the coverage of untested intervals: ``a 95 % interval covers about 88 % in data like yours``.
+
+    Parameters
+    ----------
+    level
+        Probability that intervals are made for, between 0 and 1.
+    coverage
+        Share of intervals that contain the true value: the column of `INTERVALS`.
+    """
+    return f"a {100 * level:g}{SPACE}% interval covers about {100 * coverage:.0f}{SPACE}% in data like yours"
+
+
+def spread_text(spread: float, unit: str, *, is_scale: bool) -> str:
+    """Write how much scenes differ: ``scenes differ by a factor of 1.9``, or ``scenes differ by 0.120 px``.
+
+    Both are one standard deviation.
+
+    Parameters
+    ----------
+    spread
+        Standard deviation between scenes: the column of `INTERVALS`.
+    unit
+        Of the number.
+    is_scale
+        Whether the spread is that of logarithms: of scales, lifetimes and shares.
+    """
+    if is_scale:
+        return f"scenes differ by a factor of {number(math.exp(spread), digits=2)}"
+    return f"scenes differ by {px(spread) if unit == 'px' else f'{number(spread)}{SPACE}{unit}'}"
+
+
+def next_scene_text(low: float, high: float, unit: str) -> str:
+    """Write where the next scene is expected: ``the next scene: 0.200 to 1.400 px``.
+
+    Parameters
+    ----------
+    low, high
+        Bounds: the columns next_low and next_high of `INTERVALS`.
+    unit
+        px, share, or another.
+    """
+    if unit == "share":
+        return f"the next scene: {percent(low)} to {percent(high)}"
+    write = pixels if unit == "px" else number
+    return f"the next scene: {write(low)} to {write(high)}{SPACE}{unit}"

@@ -107,4 +107,5 @@ def describe_intervals(points: pl.DataFrame, *, of: str, marks: str = "Bands aro
         return f"No intervals were computed for {of}."
     which = "Those from blocks" if known["resampled"].n_unique() > 1 else "They"
     only = f" {which} hold only for the scenes of this run." if "blocks" in known["resampled"] else ""
-    return f"{marks} {of}: {kinds}.{only}"
+    within = " Those within groups hold only for these groups of scenes." if "within" in known["resampled"] else ""
+    return f"{marks} {of}: {kinds}.{only}{within}"

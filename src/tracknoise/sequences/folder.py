@@ -28,7 +28,7 @@ from tracknoise.sequences.new_folder import new_folder
 from tracknoise.sequences.pinhole import pinhole_of
 from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses
 from tracknoise.sequences.recorded import RecordedSequence
-from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken, scene_folder
+from tracknoise.sequences.scenes import find_scenes, numbered_files, parent_of, require_unbroken, scene_folder
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.tables.identity import SequenceId
 
@@ -106,6 +106,7 @@ class Folder:
             images=ImageFiles(images, camera),
             depths=depth_files(depths, camera, read_depth),
             notes=depth_notes(depths) if (folder / _DEPTH).exists() else (),
+            group=parent_of(sequence.scene),
         )
 
     def _scenes(self) -> dict[str, Path]:

@@ -44,6 +44,8 @@ class RecordedSequence:
         Intrinsics of each frame, where they change.
     pose_accuracy, depth_accuracy
         Stated uncertainty; None where unknown.
+    group
+        What the scene has in common with others, such as the place; None where it is independent of all others.
 
     Raises
     ------
@@ -63,6 +65,7 @@ class RecordedSequence:
     cameras: tuple[CameraModel, ...] | None = None
     pose_accuracy: PoseAccuracy | None = None
     depth_accuracy: DepthAccuracy | None = None
+    group: str | None = None
 
     def __post_init__(self) -> None:
         place = f"{self.id.dataset} {self.id.scene}"

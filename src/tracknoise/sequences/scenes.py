@@ -48,6 +48,19 @@ def find_scenes(root: Path, is_scene: Callable[[list[str], list[str]], bool], *,
     return dict(sorted(scenes.items()))
 
 
+def parent_of(scene: str, *, levels: int = 1) -> str | None:
+    """Name of the folder that a scene shares with others, such as a place; None where it is the data set's folder.
+
+    Parameters
+    ----------
+    scene
+        Name from `find_scenes`.
+    levels
+        How many levels above the scene the folder is.
+    """
+    return "/".join(scene.split("/")[:-levels]) or None
+
+
 def scene_folder(scenes: Mapping[str, Path], sequence: SequenceId) -> Path:
     """Folder of a sequence, in a data set without lightings.
 

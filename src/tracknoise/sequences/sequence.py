@@ -166,6 +166,21 @@ def camera_at(sequence: Sequence, index: int) -> CameraModel:
     return sequence.camera_at(index) if isinstance(sequence, ChangingCamera) else sequence.camera
 
 
+@runtime_checkable
+class GroupedSequence(Protocol):
+    """A `Sequence` whose scene is not independent of others: they show the same place, or are of one recording."""
+
+    @property
+    def group(self) -> str | None:
+        """Name of what these scenes have in common; None where the scene is independent of all others."""
+        ...
+
+
+def group_of(sequence: Sequence) -> str | None:
+    """Name of the group of a sequence's scene; None where it is independent of all others, or nothing is known."""
+    return sequence.group if isinstance(sequence, GroupedSequence) else None
+
+
 class Reader(Protocol):
     """A data set in one on-disk format (or none, if simulated). Settings are the fields of a frozen dataclass.
 

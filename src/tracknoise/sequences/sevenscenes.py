@@ -18,7 +18,7 @@ from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_note
 from tracknoise.sequences.images import image_size, read_depth_png16
 from tracknoise.sequences.poses import checked_poses, read_matrix, require_poses
 from tracknoise.sequences.recorded import RecordedSequence
-from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken, scene_folder
+from tracknoise.sequences.scenes import find_scenes, numbered_files, parent_of, require_unbroken, scene_folder
 from tracknoise.tables.identity import SequenceId
 
 _POSE = re.compile(r"frame-(\d+)\.pose\.txt")
@@ -77,6 +77,7 @@ class SevenScenes:
             images=ImageFiles(images, camera),
             depths=depth_files(depths, camera, _read_depth),
             notes=(*camera_notes, *pose_notes, *depth_notes(depths), _ONE_CAMERA),
+            group=parent_of(sequence.scene),
         )
 
     def _scenes(self) -> dict[str, Path]:

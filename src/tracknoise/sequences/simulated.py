@@ -259,6 +259,11 @@ class SimulatedSequence:
         return (TruthKind.raycast, TruthKind.birth)
 
     @property
+    def group(self) -> str:
+        """The motion: scenes of one motion have similar errors."""
+        return self.id.scene.rpartition("-")[0]
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Which models are in the world, and which of their parts are not rendered as in Gazebo."""
         return self._scenery.notes

@@ -25,7 +25,7 @@ from tracknoise.sequences.frame_files import DepthReader, ImageFiles, depth_file
 from tracknoise.sequences.images import image_size, read_depth_npy, read_depth_png_float32
 from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses
 from tracknoise.sequences.recorded import RecordedSequence
-from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken, scene_folder
+from tracknoise.sequences.scenes import find_scenes, numbered_files, parent_of, require_unbroken, scene_folder
 from tracknoise.tables.identity import SequenceId
 
 SKY_M = 10_000.0
@@ -134,6 +134,7 @@ class TartanAir:
             images=ImageFiles(tuple(images.values()), version.intrinsics),
             depths=depth_files(depths, version.intrinsics, version.read_depth),
             notes=depth_notes(depths),
+            group=parent_of(sequence.scene, levels=2),  # <environment>/<difficulty>/<trajectory>
             pose_accuracy=EXACT_POSE,
             depth_accuracy=_FLOAT32,
         )

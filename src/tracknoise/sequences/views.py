@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.sequences.sequence import Scan, Sequence, Surface, camera_at
+from tracknoise.sequences.sequence import Scan, Sequence, Surface, camera_at, group_of
 from tracknoise.tables.identity import Direction, SequenceId
 
 QUARTER_DEG = 90
@@ -110,6 +110,11 @@ class View:
     def notes(self) -> tuple[str, ...]:
         """Those of the sequence shown."""
         return self.sequence.notes
+
+    @property
+    def group(self) -> str | None:
+        """That of the sequence shown."""
+        return group_of(self.sequence)
 
     @property
     def scan(self) -> Scan | None:

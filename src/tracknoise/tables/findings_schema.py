@@ -1,8 +1,9 @@
 """Columns of the tables that hold findings: intervals, tests, verdicts, and the sentences made of them.
 
-Every interval states its level, its method (`kind`), and what was resampled: `scenes` or, if there are too few scenes,
-`blocks` of tracks within them. An interval from blocks holds for these scenes only. `kind` is the one that the
-experiment asks for, with two exceptions. Shape, and what is fitted to growth, have `bca` instead of `student`
+Every interval states its level, its method (`kind`), and what was resampled: `scenes`, `groups` of scenes, scenes
+`within` their groups, or, if there are too few scenes, `blocks` of tracks within them. An interval from blocks holds
+for these scenes only, one from scenes within their groups for these groups only. `kind` is the one that the experiment
+asks for, with two exceptions. Shape, and what is fitted to growth, have `bca` instead of `student`
 (`tracknoise.findings.sampling.bounds.Method`). Effects of factors always have `paired`.
 """
 
@@ -40,13 +41,24 @@ INTERVALS: Schema = {
     "resampled": RESAMPLED,
     "n_units": pl.Int32,
     "n_scenes": pl.Int32,
+    "spread": pl.Float64,
+    "next_low": pl.Float64,
+    "next_high": pl.Float64,
+    "coverage": pl.Float64,
 }
 """One row per number that has an interval: every point of every curve, and every scalar of every condition.
 
 The aspect `all` has the errors of every track in image axes. `change` has their changes from frame to frame; the axis
 of `autocorrelation` is `lag`. The other aspects, and `at_least`, are as in `ASPECTS`. Outlier ratios and lifetimes have
 no population, trimming, weighting or coordinate. The axis of `survival` is `lifetime`. Bounds are null if nothing can
-be resampled.
+be resampled. Scales have a row with weighting `geometric`: absolute errors, second moments, and the robust `core`,
+which has no other.
+
+spread is the standard deviation between scenes of each scene's own value: of its logarithm for scales and lifetimes, of
+its logit for shares, otherwise in the unit of the row. It includes the error within each scene. next_low and next_high
+bound the own value of the next scene, with the probability of the level. coverage is null where the method was tested;
+elsewhere it is the share of intervals that contain the true value in simulated data with the spread, the number and the
+weights of these scenes.
 """
 
 INCIDENCE: Schema = {

@@ -40,6 +40,8 @@ class SequenceEntry:
         Hash of the files, other than images, on which the results depend.
     key_frame
         If the truth is a scan, the frame in which features were associated with it.
+    group
+        What its scene has in common with others that are not independent of it, such as the place; None if unknown.
     sha256
         Hash of each of its files, by the folder that holds it.
     """
@@ -54,6 +56,7 @@ class SequenceEntry:
     notes: tuple[str, ...] = ()
     inputs: str = ""
     key_frame: int | None = None
+    group: str | None = None
     sha256: dict[str, str] = field(default_factory=dict)
 
     @property

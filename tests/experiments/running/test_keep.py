@@ -6,7 +6,7 @@ import pytest
 
 from tracknoise.exceptions import StoreError, TracknoiseError
 from tracknoise.experiments.running.execute import execute
-from tracknoise.experiments.settings import FindingsSettings
+from tracknoise.experiments.settings import FindingsSettings, parse_experiment
 from tracknoise.tables.store import OBSERVED, STATISTICS_TABLES, RunFolder
 
 
@@ -178,3 +178,11 @@ def test_statistics_have_every_table(finished):
     _, run = finished(1, keep="statistics")
     for name in STATISTICS_TABLES:
         assert run.statistics(name).height or name == "effects", name
+
+
+def test_groups_of_scenes_are_declared_without_measuring_again(finished, told):
+    experiment, run = finished(2)
+    listener = told()
+    execute(experiment.with_groups({"all": ["seq-*"]}), run, listener=listener)
+    assert listener.keys == []
+    assert parse_experiment(run.experiment_toml(), place="").dataset.groups == {"all": ["seq-*"]}

@@ -9,6 +9,7 @@ import pytest
 from tracknoise.findings.headlines.document import findings_json
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.table import headline_table
+from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.statistics.factors import ReferenceCondition
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.findings_schema import (
@@ -380,3 +381,22 @@ def test_the_document_is_json_even_where_numbers_are_infinite() -> None:
     assert document["dependence"][0]["horizon"] == "Infinity"
     assert [row["at"] for row in document["zero_mean"]] == [None]
     assert document["findings"][0]["text"].startswith("Error size")
+
+
+@pytest.mark.parametrize(
+    ("resampled", "expected"),
+    [
+        (
+            "within",
+            "8 scenes come in 4 groups of scenes that may be alike (a, b, c and d). Scenes are resampled within their "
+            "groups, so that intervals hold for these groups only.",
+        ),
+        ("groups", "8 scenes come in 4 groups of scenes that may be alike. Intervals resample whole groups."),
+        ("scenes", None),
+    ],
+)
+def test_groups_of_scenes_are_counted(resampled: str, expected: str | None) -> None:
+    groups = SceneGroups({("d", f"s{place}"): "abcd"[place % 4] for place in range(8)})
+    scope = ReportedConditions(ReferenceCondition("l"), ("lk",), percentile=90.0, groups=groups)
+    found = read(scope, intervals=table(INTERVALS, {**POINT, "resampled": resampled, "value": 1.0}))
+    assert found.get("groups", {}).get("text") == expected

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import polars as pl
 
-from tracknoise.findings.sampling.units import MIN_SCENES
+from tracknoise.findings.sampling.groups import SceneGroups, scheme
 from tracknoise.statistics.conditions import TablesByCondition, by_condition
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.factors import ReferenceCondition
@@ -37,6 +37,8 @@ class FindingInputs:
         By block there, otherwise of all blocks together, as block 0.
     frames
         All.
+    groups
+        Groups of scenes that are not independent of each other.
     """
 
     moments: TablesByCondition
@@ -48,9 +50,12 @@ class FindingInputs:
     scale_blocks: TablesByCondition
     ends: TablesByCondition
     frames: TablesByCondition
+    groups: SceneGroups
 
     @classmethod
-    def read(cls, run: RunFolder, population: str, reference: ReferenceCondition) -> "FindingInputs":
+    def read(
+        cls, run: RunFolder, population: str, reference: ReferenceCondition, groups: SceneGroups
+    ) -> "FindingInputs":
         """Read them from a run.
 
         Parameters
@@ -61,6 +66,8 @@ class FindingInputs:
             Which observations the experiment is about.
         reference
             The condition that figures show.
+        groups
+            Groups of scenes that are not independent of each other.
 
         Raises
         ------
@@ -78,7 +85,11 @@ class FindingInputs:
 
         seen = (pl.col("n") > 0) & pl.col("population").is_in(sorted({Population.visible, population}))
         frames = read("frames", every, lambda table: table)
-        of_few = [key for key, table in frames.items() if table["scene"].n_unique() < MIN_SCENES]
+        of_few = [
+            key
+            for key, table in frames.items()
+            if scheme(groups.of(key[0], table["scene"].unique().sort().to_list())) is None
+        ]
         few = pl.DataFrame(of_few, schema={name: ORIGIN[name] for name in POOLED}, orient="row")
         return cls(
             moments=read("moments", every, lambda table: table.filter(seen)),
@@ -92,6 +103,7 @@ class FindingInputs:
             scale_blocks=read("scale_blocks", [] if few.is_empty() else every, lambda table: _of(few, table)),
             ends=read("ends", every, lambda table: _ends(table, few)),
             frames=frames,
+            groups=groups,
         )
 
 

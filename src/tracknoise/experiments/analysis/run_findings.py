@@ -6,6 +6,7 @@ from typing import TypedDict
 import polars as pl
 
 from tracknoise.experiments.analysis.finding_inputs import FindingInputs
+from tracknoise.experiments.analysis.groups_of_scenes import groups_of_scenes
 from tracknoise.experiments.analysis.reference_condition import reference_condition
 from tracknoise.experiments.settings import Experiment
 from tracknoise.findings.factors.dependence import dependence
@@ -73,7 +74,8 @@ def _tables(
         "aspect_curves": aspect_curves(run.sequence_tables("aspects"), min_features=least),
         "changes": change_curves(moved),
     }
-    read = FindingInputs.read(run, population, reference)
+    groups = groups_of_scenes(run.manifest().sequences, experiment.dataset.groups)
+    read = FindingInputs.read(run, population, reference, groups)
     asked, zeros = experiment.findings, reference.key_frames
     options: _CurveOptions = {
         "key_frames": zeros,
@@ -110,6 +112,9 @@ def _intervals(read: FindingInputs, experiment: Experiment, aspects: Iterator[pl
         aspects=aspects,
         changes=read.changes,
         aspect_blocks=read.aspect_blocks,
+        scales=read.scales,
+        scale_blocks=read.scale_blocks,
+        groups=read.groups,
         population=experiment.truth.population,
         kind=experiment.findings.intervals,
         level=experiment.findings.level,
@@ -176,5 +181,6 @@ def _reported(
         population=experiment.truth.population,
         percentile=dropped_above(trims),
         recorded=truths != {TruthKind.raycast},
+        groups=groups_of_scenes(run.manifest().sequences, experiment.dataset.groups),
         trimming=experiment.findings.trimming,
     )

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
@@ -54,6 +55,7 @@ def plan(experiment: Experiment) -> list[Task]:
     _check_selected("scene", dataset.scenes, {item.scene for item in listed})
     for lightings in (dataset.lightings, *(way.lightings for way in experiment.views)):
         _check_selected("lighting", lightings, {item.lighting for item in listed})
+    _check_groups(dataset.groups or {}, {item.scene for item in listed})
     chosen = [item for item in listed if _is_selected(item, dataset)]
     if not chosen:
         raise SettingsError("no sequence has both a scene and a lighting that the experiment names")
@@ -151,6 +153,14 @@ def _check_selected(kind: str, names: list[str] | None, known: set[str]) -> None
     for name in names or []:
         if name not in known:
             raise UnknownNameError(kind, name, known)
+
+
+def _check_groups(groups: dict[str, list[str]], known: set[str]) -> None:
+    for group, patterns in groups.items():
+        for pattern in patterns:
+            if not any(fnmatchcase(scene, pattern) for scene in known):
+                found = f"dataset.groups.{group}: no scene is called {pattern!r}"
+                raise SettingsError(f"{found}, expected a pattern of scenes such as {min(known)}")
 
 
 def _is_selected(sequence: SequenceId, dataset: DatasetSettings) -> bool:

@@ -31,7 +31,7 @@ def begin(
     ------
     StoreError
         If the folder holds other files, or the run of another experiment; the message names the first setting that
-        differs. More scenes and other settings of findings are allowed: such a run is resumed.
+        differs. More scenes, other groups of them and other settings of findings are allowed: such a run is resumed.
     """
     if run.exists and not fresh and not run.is_unstarted:
         return _resume(experiment, run, remark)
@@ -82,6 +82,7 @@ def _resume(experiment: Experiment, run: RunFolder, remark: Callable[[str], None
     manifest = run.manifest()
     there = _settings_of(run, manifest, experiment, remark)
     adapted = (there or experiment).with_findings(experiment.findings)  # computed from tables that are kept
+    adapted = adapted.with_groups(experiment.dataset.groups)
     if _has_grown(adapted, experiment):
         adapted = adapted.with_scenes(experiment.dataset.max_scenes)
     _check_same(experiment, adapted, run)

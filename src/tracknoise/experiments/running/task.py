@@ -16,7 +16,7 @@ from tracknoise.experiments.running.plan import Task, make_trackers, open_batch
 from tracknoise.experiments.settings import Experiment
 from tracknoise.measurement.tracking import Progress
 from tracknoise.sequences.images import encode_png
-from tracknoise.sequences.sequence import Sequence
+from tracknoise.sequences.sequence import Sequence, group_of
 from tracknoise.statistics.lifetimes import count_ends
 from tracknoise.statistics.summarise import STATISTICS, statistics_of
 from tracknoise.tables.manifest import SequenceEntry
@@ -103,6 +103,7 @@ def sequence_entry(
         notes=sequence.notes,
         inputs=inputs,
         key_frame=measurement.key_frame,
+        group=group_of(sequence),
         sha256=sha256,
     )
 

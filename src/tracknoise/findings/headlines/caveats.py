@@ -1,4 +1,4 @@
-"""Headlines that limit what the others mean: few scenes, and a truth that was measured."""
+"""Headlines that limit what the others mean: few scenes, groups of them, and a truth that was measured."""
 
 import polars as pl
 
@@ -6,10 +6,13 @@ from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.headlines.headline import Headline, RunTables
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.sampling.units import MIN_SCENES
-from tracknoise.findings.wording import count
+from tracknoise.findings.wording import count, listing
+from tracknoise.tables.enumerations import Resampled
 
 ENOUGH_SCENES = 8
 """With fewer scenes than this, intervals contain the true value less often than their level says."""
+MOST_NAMED = 6
+"""More groups than this are counted, but not named."""
 
 
 def few_scenes(tables: RunTables, _conditions: ReportedConditions) -> Headline | None:
@@ -32,6 +35,24 @@ def few_scenes(tables: RunTables, _conditions: ReportedConditions) -> Headline |
         )
     text = f"{whose} only {there}. {limits}"
     return Headline("scenes", text, "measured", "summary", Estimate(numbers[0], unit="scenes"))
+
+
+def grouped_scenes(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """Say how many groups the scenes come in, and what is resampled."""
+    resampled = tables["intervals"].filter(pl.col("resampled").is_in([Resampled.groups, Resampled.within]))
+    if resampled.is_empty():
+        return None
+    names = conditions.groups.names
+    groups = sorted(set(names.values()))
+    opening = f"{count(len(names), 'scene')} come in {count(len(groups), 'group')} of scenes that may be alike"
+    if (resampled["resampled"] == Resampled.within).any():
+        named = f" ({listing(groups)})" if len(groups) <= MOST_NAMED else ""
+        text = (
+            f"{opening}{named}. Scenes are resampled within their groups, so that intervals hold for these groups only."
+        )
+    else:
+        text = f"{opening}. Intervals resample whole groups."
+    return Headline("groups", text, "measured", "intervals", Estimate(len(groups), unit="groups"))
 
 
 def recorded_truth(_tables: RunTables, conditions: ReportedConditions) -> Headline | None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import polars as pl
 
 from tracknoise.findings.estimate import Estimate
+from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.findings.wording import opening_place, place, view_text
 from tracknoise.statistics.definitions import NAMES
 from tracknoise.statistics.factors import ReferenceCondition
@@ -30,6 +31,8 @@ class ReportedConditions:
         Percentile of the largest errors of tracks above which tracks were dropped; None where none was.
     recorded
         Whether true positions come from recorded poses and depth, whose own errors are part of every number.
+    groups
+        Groups of scenes that are not independent of each other.
     trimming
         Errors that verdicts are about.
     """
@@ -39,6 +42,7 @@ class ReportedConditions:
     population: str = POPULATION
     percentile: float | None = None
     recorded: bool = False
+    groups: SceneGroups = NO_GROUPS
     trimming: Trimming = TRIMMING
 
     @property

@@ -15,6 +15,7 @@ from tracknoise.tables.schema import check
 
 _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] = (
     caveats.few_scenes,
+    caveats.grouped_scenes,
     caveats.recorded_truth,
     size,
     trimming_matters,

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tracknoise.findings.estimate import EstimateArray
 from tracknoise.findings.sampling.bounds import LabelledEstimates, Method, pooled
 from tracknoise.findings.sampling.draws import Draws
+from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.findings.sampling.units import Units, units_of
 from tracknoise.statistics.conditions import TablesByCondition
 from tracknoise.tables.enumerations import Aspect, Axis, Population
@@ -52,7 +53,9 @@ def correlated_changes(increments: TablesByCondition) -> TablesByCondition:
     return {key: part for key, part in pairs.items() if not part.is_empty()}
 
 
-def correlation_bounds(increments: pl.DataFrame, draws: Draws, method: Method) -> Iterator[LabelledEstimates]:
+def correlation_bounds(
+    increments: pl.DataFrame, draws: Draws, method: Method, groups: SceneGroups = NO_GROUPS
+) -> Iterator[LabelledEstimates]:
     """(autocorrelation) at every lag, of u and of v.
 
     Parameters
@@ -63,8 +66,10 @@ def correlation_bounds(increments: pl.DataFrame, draws: Draws, method: Method) -
         Of all scenes of the dataset.
     method
         How to make intervals.
+    groups
+        Groups of scenes that are not independent of each other.
     """
-    units = units_of(increments, increments, points=_POINT, columns=CHANGE_SUMS)
+    units = units_of(increments, increments, points=_POINT, columns=CHANGE_SUMS, groups=groups)
     coordinates = pl.DataFrame({"coordinate": ["u", "v"]})
     labels = coordinates.join(units.points.rename({"lag": "at"}), how="cross").with_columns(
         statistic=pl.lit(AUTOCORRELATION),

@@ -15,8 +15,10 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.findings.estimate import EstimateArray
-from tracknoise.findings.sampling.bounds import LabelledEstimates, Method, Statistics, pooled
+from tracknoise.findings.intervals.between_scenes import between_scenes
+from tracknoise.findings.sampling.bounds import BetweenScenes, LabelledEstimates, Method, Statistics, pooled
 from tracknoise.findings.sampling.draws import Draws
+from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.findings.sampling.units import Units, units_of
 from tracknoise.statistics.blocks import block_of
 from tracknoise.statistics.lifetimes import RESTRICTED, area_under
@@ -43,7 +45,9 @@ SCALAR_UNITS: Mapping[str, str] = {
 _ROUNDED = 1e-12  # the product that is exactly a half on paper may be rounded up
 
 
-def lifetime_bounds(ends: pl.DataFrame, draws: Draws, method: Method, *, horizon: float) -> Iterator[LabelledEstimates]:
+def lifetime_bounds(
+    ends: pl.DataFrame, draws: Draws, method: Method, groups: SceneGroups = NO_GROUPS, *, horizon: float
+) -> Iterator[LabelledEstimates]:
     """Means of lifetimes, survival beyond each lifetime, and the lifetimes that certain shares of the tracks exceed.
 
     Parameters
@@ -54,42 +58,53 @@ def lifetime_bounds(ends: pl.DataFrame, draws: Draws, method: Method, *, horizon
         Of all scenes of the dataset.
     method
         How to make intervals.
+    groups
+        Groups of scenes that are not independent of each other.
     horizon
         Of restricted means, frames: at most what all scenes of the condition reach.
     """
     counts = ends.with_columns(n_failed=pl.sum_horizontal(f"n_{cause}" for cause in FAILURES))
-    units = units_of(counts, counts, points=["lifetime"], columns=["n_ended", "n_censored", "n_failed"])
+    sums = ["n_ended", "n_censored", "n_failed"]
+    units = units_of(counts, counts, points=["lifetime"], columns=sums, groups=groups)
     weights, lifetimes = draws.weights(units), units.points["lifetime"].to_numpy().astype(np.float64)
     tracks = units.sums[..., :2].sum(axis=(1, 2))
-    mean = pooled(units, weights, lambda sums: _mean(sums, lifetimes), method, scales=["log"], sizes=tracks[None])
-    yield LabelledEstimates(_labels("mean_lifetime"), mean, units)
+
+    def mean_of(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        return _mean(sums, lifetimes)
+
+    mean = pooled(units, weights, mean_of, method, scales=["log"], sizes=tracks[None])
+    between = between_scenes(units, mean_of, ["log"], mean)
+    yield LabelledEstimates(_labels("mean_lifetime"), mean, units, between)
     sizes = np.broadcast_to(tracks, (len(lifetimes), len(tracks)))
     for survival_of, names in _CURVES.items():
         restricted = partial(_restricted, survival_of, lifetimes, horizon)
         share = pooled(units, weights, restricted, method, scales=["logit"], sizes=tracks[None])
         mean = replace(share, **{name: horizon * getattr(share, name) for name in ("value", "low", "high")})
-        yield LabelledEstimates(_labels(names.restricted_mean), mean, units)
+        between = _times(between_scenes(units, restricted, ["logit"], share), horizon)
+        yield LabelledEstimates(_labels(names.restricted_mean), mean, units, between)
         curve = pooled(units, weights, survival_of, method, scales=["logit"], sizes=sizes)
         yield LabelledEstimates(_labels(names.curve, lifetimes), _where_at_risk(curve, units), units)
         for name, left in names.quantiles.items():
             yield LabelledEstimates(_labels(name), _quantile(curve, lifetimes, left), units)
 
 
-def outlier_bounds(frames: pl.DataFrame, draws: Draws, method: Method) -> Iterator[LabelledEstimates]:
+def outlier_bounds(
+    frames: pl.DataFrame, draws: Draws, method: Method, groups: SceneGroups = NO_GROUPS
+) -> Iterator[LabelledEstimates]:
     """Pooled outlier ratio: outliers over the features that were offered.
 
     Parameters
     ----------
     frames
         Columns of `FRAME_COUNTS`, rows of one condition.
-    draws, method
+    draws, method, groups
         As in `lifetime_bounds`.
     """
     order, size = pl.int_range(pl.len()).over("scene"), pl.len().over("scene")
     blocks = frames.sort("scene", "frame").with_columns(block=block_of(order, size))
-    units = units_of(blocks, blocks, points=[], columns=["offered", "outliers"])
+    units = units_of(blocks, blocks, points=[], columns=["offered", "outliers"], groups=groups)
     ratio = pooled(units, draws.weights(units), _ratio, method, scales=["logit"])
-    yield LabelledEstimates(_labels("outlier_ratio"), ratio, units)
+    yield LabelledEstimates(_labels("outlier_ratio"), ratio, units, between_scenes(units, _smoothed, ["logit"], ratio))
 
 
 def survival(sums: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -161,6 +176,17 @@ def _where_at_risk(curve: EstimateArray, units: Units) -> EstimateArray:
 def _ratio(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     offered, outliers = sums
     return np.asarray(outliers / np.where(offered > 0, offered, np.nan))[None]
+
+
+def _smoothed(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same with half an outlier more in a feature more, so that scenes without outliers have a logit."""
+    offered, outliers = sums
+    return np.asarray((outliers + 0.5) / np.where(offered > 0, offered + 1, np.nan))[None]
+
+
+def _times(between: BetweenScenes, horizon: float) -> BetweenScenes:
+    """What is known of shares of a horizon as frames; the spread stays that of the logit."""
+    return replace(between, next_low=horizon * between.next_low, next_high=horizon * between.next_high)
 
 
 def _quantile(curve: EstimateArray, lifetimes: NDArray[np.float64], share: float) -> EstimateArray:

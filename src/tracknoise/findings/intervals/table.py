@@ -1,13 +1,14 @@
 """Confidence intervals of every point of every curve, and of lifetimes, survival and outlier ratio.
 
-Scenes are left out in turn, or resampled. If there are too few, blocks of tracks within them are used
-(`tracknoise.findings.sampling.units`). Intervals of `blocks` cover other tracks in the same scenes, but not other
+Scenes, or groups of them, are left out in turn, or resampled. If there are too few, blocks of tracks within them are
+used (`tracknoise.findings.sampling.units`). Intervals of `blocks` cover other tracks in the same scenes, but not other
 scenes. The default kind is `student` (`tracknoise.findings.sampling.jackknife`). It contains the true value at least as
 often as either kind of bootstrap (`tracknoise.findings.sampling.resampling`), with any number of scenes that was tried.
 The advantage is largest with few scenes.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import partial
 from itertools import chain
 from typing import Any
@@ -16,17 +17,20 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.findings.intervals.between_scenes import between_scenes, geometric_rows, with_estimates
 from tracknoise.findings.intervals.change_bounds import (
     AUTOCORRELATION,
     correlated_changes,
     correlation_bounds,
     moments_of_changes,
 )
+from tracknoise.findings.intervals.core_bounds import core_bounds
 from tracknoise.findings.intervals.curve_sums import CurveSums, aspect_sums, error_sums, moments_to_order_2
 from tracknoise.findings.intervals.scalar_bounds import SCALAR_UNITS, lifetime_bounds, outlier_bounds
-from tracknoise.findings.sampling.bounds import LabelledEstimates, Method, averaged, pooled
+from tracknoise.findings.sampling.bounds import LabelledEstimates, Method, averaged, geometric, pooled
 from tracknoise.findings.sampling.draws import N_DRAWS, Draws, draws_by_dataset
-from tracknoise.findings.sampling.units import SUMS, units_of
+from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
+from tracknoise.findings.sampling.units import SUMS, Units, units_of
 from tracknoise.statistics.conditions import Tables, TablesByCondition, by_condition, scenes_by_dataset
 from tracknoise.statistics.definitions import NAMES, POOLED, UNITS
 from tracknoise.statistics.lifetimes import horizons, lifetimes_of_ends
@@ -41,6 +45,8 @@ from tracknoise.tables.schema import (
     FRAME_COUNTS,
     INCREMENTS,
     MOMENTS,
+    SCALE_BLOCKS,
+    SCALES,
     check,
     empty,
 )
@@ -54,7 +60,11 @@ _CURVES = [
 _MEANT = {Aspect.gradient: ("absolute", "second"), Aspect.change: ("mean", "second", "central")}
 """Roles that an aspect has, if not all: a gradient has no sign, and of changes no absolute values are kept."""
 _SCALES = ["linear" if role == "mean" or coordinate == "uv" else "log" for role, coordinate in _CURVES]
+_GEOMETRIC = [row for row, scale in enumerate(_SCALES) if scale == "log" and _CURVES[row][0] != "central"]
+"""Rows of `curve_statistics` that have a geometric mean over scenes."""
 _SCALARS: Mapping[str, str] = {**SCALAR_UNITS, AUTOCORRELATION: "1"}
+_BETWEEN = ("spread", "next_low", "next_high", "coverage")
+_NUMBERS = ["value", "low", "high", *_BETWEEN]
 _SORTED = ["aspect", "at_least", "population", "trimming", "weighting", "statistic", "axis", "at", "coordinate"]
 
 
@@ -67,6 +77,9 @@ def interval_table(
     aspects: Tables = (),
     changes: Tables = (),
     aspect_blocks: Tables = (),
+    scales: Tables = (),
+    scale_blocks: Tables = (),
+    groups: SceneGroups = NO_GROUPS,
     restricted_to: pl.DataFrame | None = None,
     population: str = POPULATION,
     kind: str = KIND_OF_INTERVAL,
@@ -91,6 +104,10 @@ def interval_table(
         moments by age, and of their autocorrelation by lag.
     aspect_blocks
         Schema `ASPECT_BLOCKS`: what to resample of aspects and changes in conditions of too few scenes.
+    scales, scale_blocks
+        Schemas `SCALES` and `SCALE_BLOCKS`, for intervals of the robust scale of errors.
+    groups
+        Groups of scenes that are not independent of each other: these, or scenes within them, are resampled.
     restricted_to
         Horizons of restricted mean lifetimes, as `tracknoise.statistics.lifetimes.horizons` returns them; by default
         those of `ends`.
@@ -122,20 +139,26 @@ def interval_table(
     errors = by_condition(moments, MOMENTS, "moments")
     lived, seen = by_condition(ends, ENDS, "ends"), by_condition(frames, FRAME_COUNTS, "frames")
     scenes = scenes_by_dataset(chain(errors.items(), lived.items(), seen.items()))
-    drawn = draws_by_dataset(scenes, n_draws=0 if kind == IntervalKind.student else n_draws, seed=seed)
+    drawn = draws_by_dataset(scenes, n_draws=0 if kind == IntervalKind.student else n_draws, seed=seed, groups=groups)
     method = Method(kind, level)
     moved = by_condition(changes, INCREMENTS, "increments")
     within = by_condition(aspect_blocks, ASPECT_BLOCKS, "blocks of aspects")
+    made = _Making(drawn, method, groups)
+    cores, core_blocks = (
+        by_condition(scales, SCALES, "scales"),
+        by_condition(scale_blocks, SCALE_BLOCKS, "scale blocks"),
+    )
     parts = [
-        *_curve_rows(error_sums(errors, by_condition(blocks, BLOCKS, "blocks"), population), drawn, method),
-        *_curve_rows(aspect_sums(by_condition(aspects, ASPECTS, "aspects", moments_to_order_2), within), drawn, method),
-        *_curve_rows(aspect_sums(moments_of_changes(moved), within), drawn, method),
-        *_lifetime_rows(lived, drawn, method, restricted_to),
-        *_scalar_rows(seen, outlier_bounds, drawn, method),
-        *_scalar_rows(correlated_changes(moved), correlation_bounds, drawn, method),
+        *_curve_rows(error_sums(errors, by_condition(blocks, BLOCKS, "blocks"), population), made),
+        *_curve_rows(aspect_sums(by_condition(aspects, ASPECTS, "aspects", moments_to_order_2), within), made),
+        *_curve_rows(aspect_sums(moments_of_changes(moved), within), made),
+        *_core_rows(cores, core_blocks, population, made),
+        *_lifetime_rows(lived, made, restricted_to),
+        *_scalar_rows(seen, outlier_bounds, made),
+        *_scalar_rows(correlated_changes(moved), correlation_bounds, made),
     ]
     typed = [part.select(pl.col(name).cast(dtype) for name, dtype in INTERVALS.items()) for part in parts]
-    table = pl.concat([empty(INTERVALS), *typed]).with_columns(pl.col("value", "low", "high").fill_nan(None))
+    table = pl.concat([empty(INTERVALS), *typed]).with_columns(pl.col(_NUMBERS).fill_nan(None))
     return check(table.sort(*POOLED, *_SORTED), INTERVALS, "intervals")
 
 
@@ -160,22 +183,59 @@ def curve_statistics(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([mean_u, mean_v, abs_u / count, abs_v / count, *spread])
 
 
-def _curve_rows(sums: Iterable[CurveSums], drawn: Mapping[str, Draws], method: Method) -> Iterator[pl.DataFrame]:
+@dataclass(frozen=True, slots=True)
+class _Making:
+    """How intervals are made: draws of the scenes of each dataset, the method, and groups of scenes."""
+
+    drawn: Mapping[str, Draws]
+    method: Method
+    groups: SceneGroups
+
+
+def _curve_rows(sums: Iterable[CurveSums], made: _Making) -> Iterator[pl.DataFrame]:
     """Rows of every aspect of every condition."""
     keys = [*POOLED, "aspect", "at_least", "population"]
-    roles = pl.DataFrame(_CURVES, schema=["role", "coordinate"], orient="row")
     for key, scenes, blocks in sums:
-        units = units_of(scenes, blocks, points=_POINT, columns=SUMS)
-        weights = drawn[key[0]].weights(units)
-        labels = roles.join(units.points, how="cross")
-        parts = []
-        for weighting, estimated in ((Weighting.features, pooled), (Weighting.scenes, averaged)):
-            found = estimated(units, weights, curve_statistics, method, scales=_SCALES)
-            parts.append(_rows(LabelledEstimates(labels, found, units)).with_columns(weighting=pl.lit(weighting)))
-        rows = pl.concat(parts)
+        units = units_of(scenes, blocks, points=_POINT, columns=SUMS, groups=made.groups)
+        rows = pl.concat(_weighted(units, made.drawn[key[0]].weights(units), made.method))
         meant = _MEANT.get(key[keys.index("aspect")])
         chosen = rows if meant is None else rows.filter(pl.col("role").is_in(meant))
         yield _named(chosen.with_columns(_literals(dict(zip(keys, key, strict=True)))))
+
+
+def _weighted(units: Units, weights: NDArray[np.float64], method: Method) -> Iterator[pl.DataFrame]:
+    """Rows of each weighting."""
+    roles = pl.DataFrame(_CURVES, schema=["role", "coordinate"], orient="row")
+    labels = roles.join(units.points, how="cross")
+    found = pooled(units, weights, curve_statistics, method, scales=_SCALES)
+    between = between_scenes(units, curve_statistics, _SCALES, found)
+    yield _rows(LabelledEstimates(labels, found, units, between), weighting=Weighting.features)
+    found = averaged(units, weights, curve_statistics, method, scales=_SCALES)
+    beside = with_estimates(between, units, _SCALES, found)
+    yield _rows(LabelledEstimates(labels, found, units, beside), weighting=Weighting.scenes)
+    labels = roles[_GEOMETRIC].join(units.points, how="cross")
+    found = geometric(units, weights, _logarithms, method)
+    beside = geometric_rows(between, _GEOMETRIC)
+    yield _rows(LabelledEstimates(labels, found, units, beside), weighting=Weighting.geometric)
+
+
+def _logarithms(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Logarithms of the statistics that have a geometric mean; minus infinity where they are 0."""
+    values = curve_statistics(sums)[_GEOMETRIC]
+    return np.log(values, out=np.where(values == 0, -np.inf, np.nan), where=values > 0)
+
+
+def _core_rows(
+    scales: TablesByCondition, blocks: TablesByCondition, population: str, made: _Making
+) -> Iterator[pl.DataFrame]:
+    """Rows of the robust scale of errors, of every condition."""
+    for key, part in scales.items():
+        known = part.filter(pl.col("core_u_px").is_not_null(), population=population)
+        if not known.is_empty():
+            within = blocks[key].filter(population=population) if key in blocks else None
+            found = core_bounds(known, within, made.drawn[key[0]], made.method, made.groups)
+            labels = {**dict(zip(POOLED, key, strict=True)), "aspect": Aspect.all, "at_least": None}
+            yield _rows(found).with_columns(_literals({**labels, "population": population, "unit": "px"}))
 
 
 def _named(rows: pl.DataFrame) -> pl.DataFrame:
@@ -187,37 +247,38 @@ def _named(rows: pl.DataFrame) -> pl.DataFrame:
 
 def _scalar_rows(
     tables: TablesByCondition,
-    bounded: Callable[[pl.DataFrame, Draws, Method], Iterator[LabelledEstimates]],
-    drawn: Mapping[str, Draws],
-    method: Method,
+    bounded: Callable[[pl.DataFrame, Draws, Method, SceneGroups], Iterator[LabelledEstimates]],
+    made: _Making,
 ) -> Iterator[pl.DataFrame]:
     """Rows of the lifetimes, of the outlier ratio, or of the autocorrelation, of every condition."""
     usual = {"aspect": Aspect.all, **dict.fromkeys(("at_least", "population", "trimming", "weighting", "coordinate"))}
     for key, part in tables.items():
-        for found in bounded(part, drawn[key[0]], method):
+        for found in bounded(part, made.drawn[key[0]], made.method, made.groups):
             missing = {name: value for name, value in usual.items() if name not in found.labels.columns}
             named = _literals({**dict(zip(POOLED, key, strict=True)), **missing})
             yield _rows(found).with_columns(named, unit=pl.col("statistic").replace_strict(_SCALARS))
 
 
 def _lifetime_rows(
-    lived: TablesByCondition, drawn: Mapping[str, Draws], method: Method, restricted_to: pl.DataFrame | None
+    lived: TablesByCondition, made: _Making, restricted_to: pl.DataFrame | None
 ) -> Iterator[pl.DataFrame]:
     """Rows of the lifetimes of every condition. Those of a data set and speed share the horizon of restricted means."""
     shared = horizons(lifetimes_of_ends(lived.values())) if restricted_to is None else restricted_to
     horizon = {(dataset, speed): frames for dataset, speed, frames in shared.iter_rows()}
     for key, part in lived.items():
         here = (key[0], key[POOLED.index("speed")])
-        yield from _scalar_rows({key: part}, partial(lifetime_bounds, horizon=horizon[here]), drawn, method)
+        yield from _scalar_rows({key: part}, partial(lifetime_bounds, horizon=horizon[here]), made)
 
 
-def _rows(found: LabelledEstimates) -> pl.DataFrame:
+def _rows(found: LabelledEstimates, **labels: Any) -> pl.DataFrame:
     """One row per statistic and point."""
-    estimates = found.estimates
-    names = ("value", "low", "high", "n_units", "n_scenes")
-    columns = pl.DataFrame({name: getattr(estimates, name).ravel() for name in names})
+    estimates, between = found.estimates, found.between
+    values = {name: getattr(estimates, name).ravel() for name in ("value", "low", "high", "n_units", "n_scenes")}
+    apart = {name: np.full(estimates.value.size, np.nan) for name in _BETWEEN}
+    if between is not None:
+        apart = {name: getattr(between, name).ravel() for name in _BETWEEN}
     made = {"kind": estimates.kind, "level": estimates.level, "resampled": found.units.resampled}
-    return found.labels.hstack(columns).with_columns(_literals(made))
+    return found.labels.hstack(pl.DataFrame({**values, **apart})).with_columns(_literals({**made, **labels}))
 
 
 def _literals(values: Mapping[str, Any]) -> list[pl.Expr]:

@@ -1,20 +1,24 @@
 """Intervals of whatever can be computed from the sums of a condition's units: arrays only."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
+from scipy import special
 
 from tracknoise.exceptions import SettingsError
 from tracknoise.findings.estimate import EstimateArray
+from tracknoise.findings.sampling.groups import MIN_SCENES, MIN_WITHIN
 from tracknoise.findings.sampling.jackknife import acceleration, student_interval
 from tracknoise.findings.sampling.resampling import interval, leave_one_out, resample
-from tracknoise.findings.sampling.units import MIN_SCENES, Units
+from tracknoise.findings.sampling.units import Units, by_number
 from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL
 from tracknoise.tables.enumerations import IntervalKind, Resampled
 
+_MANY = 10**9
+"""With so many units, percentiles are not expanded."""
 Statistics = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Of sums, (columns, points, ...), the statistics, (statistics, points, ...), each NaN where undefined."""
 
@@ -56,6 +60,26 @@ class Method:
 
 
 @dataclass(frozen=True, slots=True)
+class BetweenScenes:
+    """How much scenes differ in statistics of one condition, (statistics, points), NaN where it is not known.
+
+    Attributes
+    ----------
+    spread
+        Standard deviation between scenes: of the logarithm of scales, of the logit of shares, otherwise in the unit.
+    next_low, next_high
+        Bounds of the next scene's own value.
+    coverage
+        Share of intervals that contain the true value in data like these, outside the tested range.
+    """
+
+    spread: NDArray[np.float64]
+    next_low: NDArray[np.float64]
+    next_high: NDArray[np.float64]
+    coverage: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
 class LabelledEstimates:
     """Estimates and what they are of.
 
@@ -67,11 +91,14 @@ class LabelledEstimates:
         The values.
     units
         What was resampled.
+    between
+        How much scenes differ in them; None where it was not computed.
     """
 
     labels: pl.DataFrame
     estimates: EstimateArray
     units: Units
+    between: BetweenScenes | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,9 +114,14 @@ class Sample:
     without: NDArray[np.float64]
 
     @classmethod
-    def of(cls, sums: NDArray[np.float64], weights: NDArray[np.float64]) -> "Sample":
-        """Sums (units, points, columns) under weights (draws, units)."""
-        drawn, without = resample(sums, weights), leave_one_out(sums)
+    def of(
+        cls, sums: NDArray[np.float64], weights: NDArray[np.float64], joined: NDArray[np.float64] | None = None
+    ) -> "Sample":
+        """Sums (units, points, columns) under weights (draws, units).
+
+        `joined` are the sums of what is left out in turn, (groups, points, columns), by default each unit.
+        """
+        drawn, without = resample(sums, weights), leave_one_out(sums if joined is None else joined)
         return cls(sums.sum(axis=0).T, np.transpose(drawn, (2, 1, 0)), np.transpose(without, (2, 1, 0)))
 
     def map(self, statistics: Statistics) -> "Sample":
@@ -124,7 +156,7 @@ def pooled(
         How much a unit holds of what a statistic divides by, by default its first column, a count; units of size 0 take
         no part.
     """
-    sample = Sample.of(units.sums, weights).map(statistics)
+    sample = Sample.of(units.sums, weights, units.joined(units.sums)).map(statistics)
     return _bounded(sample, units, units.sums[..., 0].T if sizes is None else sizes, method, scales)
 
 
@@ -145,9 +177,35 @@ def averaged(
     """
     if units.resampled == Resampled.blocks:
         return _bounded(_mean_of_scenes(units, weights, statistics), units, units.sums[..., 0].T, method, scales)
-    sums = _own(units, statistics)
-    sizes = sums[len(sums) // 2 :]
-    return _bounded(Sample.of(np.transpose(sums, (2, 1, 0)), weights).map(_mean), units, sizes, method, scales)
+    own = _own(units, statistics)
+    sums, sizes = np.transpose(own, (2, 1, 0)), own[len(own) // 2 :]
+    return _bounded(Sample.of(sums, weights, units.joined(sums)).map(_mean), units, sizes, method, scales)
+
+
+def geometric(units: Units, weights: NDArray[np.float64], logarithms: Statistics, method: Method) -> EstimateArray:
+    """Geometric mean over scenes of each scene's own statistics, which are scales.
+
+    Where it is 0, because that of a scene is, it has no bounds, unless that of every scene is 0.
+
+    Parameters
+    ----------
+    units, weights, method
+        As in `pooled`.
+    logarithms
+        Of the statistics; minus infinity where these are 0.
+    """
+    own = logarithms(np.transpose(by_number(units.scene, units.sums), (2, 1, 0)))
+    zeros = np.isneginf(own)
+    is_zero, are_zero = zeros.any(axis=-1), (zeros | np.isnan(own)).all(axis=-1)
+    found = averaged(units, weights, lambda sums: _finite(logarithms(sums)), method)
+    enough = _resampled(units, (units.sums[..., 0] > 0).T) > 1
+    value, *bounds = (np.exp(array) for array in (found.value, found.low, found.high))
+    bounded = [np.where(is_zero, np.where(are_zero & enough, 0.0, np.nan), bound) for bound in bounds]
+    return replace(found, value=np.where(is_zero, 0.0, value), low=bounded[0], high=bounded[1])
+
+
+def _finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.where(np.isfinite(values), values, np.nan)
 
 
 def _own(units: Units, statistics: Statistics) -> NDArray[np.float64]:
@@ -184,39 +242,79 @@ def _bounded(
     sample: Sample, units: Units, sizes: NDArray[np.float64], method: Method, scales: Sequence[str] | None
 ) -> EstimateArray:
     """Intervals where enough is resampled; `sizes` is (points, units) or (statistics, points, units)."""
-    n_units, n_scenes = (np.broadcast_to(n, sample.whole.shape) for n in units.contributing(sizes > 0))
-    by_block = units.resampled == Resampled.blocks
-    in_stratum = n_units // np.maximum(n_scenes, 1) if by_block else np.where(n_scenes >= MIN_SCENES, n_units, 0)
-    strata = units.scene if by_block else None
+    present = sizes > 0
+    n_units, n_scenes = (np.broadcast_to(n, sample.whole.shape) for n in units.contributing(present))
+    held = units.joined(np.moveaxis(sizes.reshape(-1, *sizes.shape[-2:]), -1, 0))
     if method.kind == IntervalKind.student:
-        held = np.moveaxis(sizes.reshape(-1, *sizes.shape[-2:]), -1, 0)
         named = scales or ["linear"] * len(sample.whole)
-        low, high = _by_jackknife(sample, named, in_stratum, held, strata, method.level)
+        low, high = _by_jackknife(sample, named, units, present, held, method.level)
     else:
-        low, high = _by_bootstrap(sample, in_stratum, strata, method)
-    return EstimateArray(sample.whole, low, high, n_units, n_scenes, method.kind, method.level)
+        low, high = _by_bootstrap(sample, units, present, method)
+    effective = np.broadcast_to(_effective(held), sample.whole.shape)
+    return EstimateArray(sample.whole, low, high, n_units, n_scenes, method.kind, method.level, effective)
+
+
+def _effective(sizes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How many units of one size have a mean as uncertain as those of these sizes (units, ...)."""
+    total, squares = sizes.sum(axis=0), np.square(sizes).sum(axis=0)
+    return np.asarray(np.square(total) / np.where(squares > 0, squares, 1.0))
+
+
+def _resampled(units: Units, present: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """How many units are resampled in each number, in each scene if these are blocks; 0 where they are too few."""
+    n_units, n_scenes = units.contributing(present)
+    if units.resampled == Resampled.blocks:
+        return np.asarray(n_units // np.maximum(n_scenes, 1))
+    enough = (n_units >= MIN_SCENES) & (units.resampled is not None)
+    if units.resampled == Resampled.within:
+        enough &= n_units - units.groups_present(present) >= MIN_WITHIN
+    return np.where(enough, n_units, 0)
 
 
 def _by_bootstrap(
-    sample: Sample, n_units: NDArray[np.intp], strata: NDArray[np.intp] | None, method: Method
+    sample: Sample,
+    units: Units,
+    present: NDArray[np.bool_],
+    method: Method,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Bounds of statistics from their draws."""
     drawn, without = np.moveaxis(sample.drawn, -1, 0), np.moveaxis(sample.without, -1, 0)
-    grows = acceleration(without, strata) if method.kind == IntervalKind.bca else 0.0
-    kind, level = method.kind, method.level
-    return interval(sample.whole, drawn, n_units=n_units, acceleration=grows, kind=kind, level=level)
+    grows = acceleration(without, units.strata) if method.kind == IntervalKind.bca else 0.0
+    n = np.broadcast_to(_resampled(units, present), sample.whole.shape)
+    if units.resampled == Resampled.within:
+        freedom = np.maximum(n - units.groups_present(present), 1)
+        drawn, n = _stretched(sample.whole, drawn, n, freedom, method.level), np.where(n > 0, _MANY, 0)
+    return interval(sample.whole, drawn, n_units=n, acceleration=grows, kind=method.kind, level=method.level)
+
+
+def _stretched(
+    whole: NDArray[np.float64],
+    drawn: NDArray[np.float64],
+    n: NDArray[np.intp],
+    freedom: NDArray[np.intp],
+    level: float,
+) -> NDArray[np.float64]:
+    """Draws (draws, ...) within groups, moved away from the estimate: few draws differ if groups are small.
+
+    Their percentiles are then those of Student's distribution with the degrees of freedom within groups.
+    """
+    tail = (1 + level) / 2
+    factor = special.stdtrit(freedom * 1.0, tail) / special.ndtri(tail) * np.sqrt(n / freedom)
+    return np.asarray(whole + (drawn - whole) * factor)
 
 
 def _by_jackknife(
     sample: Sample,
     scales: Sequence[str],
-    n_units: NDArray[np.intp],
+    units: Units,
+    present: NDArray[np.bool_],
     sizes: NDArray[np.float64],
-    strata: NDArray[np.intp] | None,
     level: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Bounds of statistics, each on its scale; `sizes` is (units, statistics or 1, points)."""
     low, high = np.empty_like(sample.whole), np.empty_like(sample.whole)
+    n_units = np.broadcast_to(_resampled(units, present), sample.whole.shape)
+    within = units.resampled == Resampled.within
     for scale in sorted(set(scales)):
         rows = np.array([name == scale for name in scales])
         without = np.moveaxis(sample.without[rows], -1, 0)
@@ -227,6 +325,7 @@ def _by_jackknife(
             level=level,
             n_units=n_units[rows],
             sizes=sizes if sizes.shape[1] == 1 else sizes[:, rows],
-            strata=strata,
+            strata=None if within else units.strata,
+            groups=units.strata if within else None,
         )
     return low, high

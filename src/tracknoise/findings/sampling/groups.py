@@ -8,6 +8,8 @@ depends on how many groups there are (scheme):
 - within: scenes within their groups, if there are at least `MIN_SCENES` scenes and these exceed the groups by
   `MIN_WITHIN`. What is found then holds for these groups only, because it excludes the variation between groups.
 - otherwise nothing: blocks of tracks within scenes may be resampled instead.
+
+Scenes that are all of one group are what the experiment is about, and count as independent.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,9 +18,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.tables.enumerations import Resampled
 
+MIN_SCENES = 6
+"""Fewest scenes, or groups of scenes, that are resampled as such, and that a test at 5 % can do with."""
 MIN_WITHIN = 3
 """Fewest scenes more than groups: the degrees of freedom of the variation within groups."""
 
@@ -36,9 +39,14 @@ class SceneGroups:
     names: Mapping[tuple[str, str], str] = field(default_factory=dict)
 
     def of(self, dataset: str, scenes: Sequence[str]) -> NDArray[np.intp]:
-        """Number of the group of each scene, (scenes,), from 0 in the order of their first scenes."""
+        """Number of the group of each scene, (scenes,), from 0 in the order of their first scenes.
+
+        If all are of one group, each has its own number.
+        """
         named = [(1, self.names[dataset, scene]) if (dataset, scene) in self.names else (0, scene) for scene in scenes]
         number = {name: place for place, name in enumerate(dict.fromkeys(named))}
+        if len(number) == 1:
+            return np.arange(len(named))
         return np.array([number[name] for name in named], dtype=np.intp)
 
 

@@ -12,14 +12,19 @@ hold the same, fewer where some outweigh the others (Bell and McCaffrey 2002). W
 g is the mean of g_i in each stratum, the factor is ((s n - 1) / (s n))^2 n / (n - 1), and there are s (n - 1) degrees.
 
 For what is never negative g is the logarithm, for shares the logit, for correlations the inverse hyperbolic tangent
-(Fisher 1915), so that bounds stay within limits, and lie farther out on the side where few units that are far larger
-than the others can be missing from a sample. Where the g_i of a unit does not exist, as that of a share of 0, its
+(Fisher 1915), so that bounds stay within limits. Where the g_i of a unit does not exist, as that of a share of 0, its
 linear approximation stands for it.
 
-With few scenes that differ much, such intervals contain the true value more often than bootstrap percentiles, corrected
-or not, and they need no draws: `python -m benchmarks.validity.intervals`. The degrees of freedom alone raise the
-coverage for second moments of eight scenes that differ much from 91 to 95 %. Under two degrees they make intervals too
-wide rather than too narrow.
+Scales and shares are means over units that may differ by factors. The values of the units are
+(g - (1 - w_i) g_i) / w_i, before the logarithm. The lower bound is that of (lognormal), and the upper one that of
+(lognormal) or of (student), whichever is higher. If the lower bound of (lognormal) exceeds the statistic, the values
+are not lognormal, and that of (student) is used (skewed). For a share above a half the ends change places.
+
+With units within groups, se^2 is s^2 times the sum of w_i^2, where s^2 is the variance of the units about the mean of
+their group, and a term for sizes as in (lognormal) (within). Scales and shares have (lognormal) alone.
+
+Such intervals contain the true value more often than bootstrap percentiles, corrected or not, and they need no draws:
+`python -m benchmarks.validity.intervals`. Under two degrees of freedom they are too wide rather than too narrow.
 
 Source of the degrees of freedom: R. Bell, D. McCaffrey, Survey Methodology 28 (2002).
 """
@@ -31,9 +36,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
+from tracknoise.findings.sampling.lognormal import (
+    Means,
+    interval_within,
+    lognormal_interval,
+    shares_of,
+    variance_of_sizes,
+    variance_of_units,
+)
 from tracknoise.tables.defaults import LEVEL
 
 Function = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+_SKEWED = ("log", "logit")
+LEAST = 1 / 4
+"""A unit whose value is 0 counts as this share of the mean, or as half an event if that is less."""
 _SAME = 1e-12
 """Influences that are smaller than this, relative to the largest value, are rounding."""
 
@@ -66,8 +82,9 @@ def student_interval(
     n_units: ArrayLike | None = None,
     sizes: NDArray[np.float64] | None = None,
     strata: NDArray[np.intp] | None = None,
+    groups: NDArray[np.intp] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Two-sided intervals of any number of statistics by (student).
+    """Two-sided intervals of any number of statistics by (student), of scales and shares by (skewed).
 
     Parameters
     ----------
@@ -86,14 +103,16 @@ def student_interval(
         How much each unit holds of what is counted, by default the same, and 0 where it has no part; with strata all
         count alike.
     strata : (units,) intp
-        The stratum of each unit, if there are several.
+        The stratum of each unit, if there are several that hold the same.
+    groups : (units,) intp
+        The group of each unit, for intervals that hold for these groups only, by (within).
 
     Returns
     -------
     low, high : (...) float64
-        NaN where the estimate is NaN or comes from fewer than two units. Also NaN for a share of 0 or 1, which does not
-        show how rare an event is in other units. Both bounds of a size of 0, or of a correlation of -1 or 1, are equal
-        to it, because these do not occur by chance.
+        NaN where the estimate is NaN or comes from fewer than two units, and where an upper bound is infinite. Also NaN
+        for a share of 0 or 1, which does not show how rare an event is in other units. Both bounds of a size of 0, or
+        of a correlation of -1 or 1, are equal to it, because these do not occur by chance.
     """
     value, to = np.asarray(estimate, dtype=np.float64), SCALES[scale]
     n = np.broadcast_to(len(jackknife) if n_units is None else np.asarray(n_units), value.shape)
@@ -103,15 +122,63 @@ def student_interval(
     there = (jackknife > to.low) & (jackknife < to.high)
     linear = slope * (value - jackknife)
     moved = np.where(there, middle - to.to(np.where(there, jackknife, 0.5)), linear)
-    if strata is None:
-        equal = np.ones((len(jackknife), *[1] * value.ndim))
-        variance, freedom = _of_sizes(moved, equal if sizes is None else sizes)
-    else:
+    held = np.ones((len(jackknife), *[1] * value.ndim)) if sizes is None else sizes
+    if strata is not None:
         variance, freedom = _of_strata(moved, np.maximum(n, 2), strata)
+    else:
+        variance, freedom = _of_sizes(moved, held) if groups is None else _of_groups(moved, held, groups)
     width = special.stdtrit(freedom, (1 + level) / 2) * np.sqrt(variance)
+    ends = middle - width, middle + width
+    if scale in _SKEWED and strata is None:
+        ends = _skewed(safe, jackknife, held, ends, scale=scale, level=level, groups=groups)
     usable = (n > 1) & ~np.isnan(value) & (inside | (scale != "logit"))
-    low, high = (np.where(inside, to.back(middle + shift), value) for shift in (-width, width))
+    with np.errstate(over="ignore"):
+        low, high = (np.where(inside, to.back(end), value) for end in ends)
+    high = np.where(np.isinf(high), np.nan, high)
     return np.where(usable, low, np.nan), np.where(usable, high, np.nan)
+
+
+def _skewed(
+    value: NDArray[np.float64],
+    jackknife: NDArray[np.float64],
+    sizes: NDArray[np.float64],
+    student: tuple[NDArray[np.float64], NDArray[np.float64]],
+    *,
+    scale: str,
+    level: float,
+    groups: NDArray[np.intp] | None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Bounds by (skewed) on the scale, of values inside its limits, from those by (student)."""
+    to, w, shares = SCALES[scale], shares_of(sizes), scale == "logit"
+    own = _own_values(value, jackknife, sizes, w, shares=shares)
+    bend, limit = (1 - 2 * value, -np.log(np.minimum(value, 1 - value))) if shares else (1.0, np.inf)
+    means = Means(to.to(own), sizes, np.asarray(bend), np.asarray(limit))
+    middle = to.to(value)
+    if groups is not None:
+        return interval_within(means, middle, w * to.slope(value) / to.slope(own), groups, level)
+    low, high = lognormal_interval(means, level)
+    rises = means.bend > 0
+    low = np.where(rises, np.where(low < middle, low, student[0]), np.minimum(low, student[0]))
+    high = np.where(rises, np.maximum(high, student[1]), np.where(high > middle, high, student[1]))
+    return low, high
+
+
+def _own_values(
+    value: NDArray[np.float64],
+    jackknife: NDArray[np.float64],
+    sizes: NDArray[np.float64],
+    w: NDArray[np.float64],
+    *,
+    shares: bool,
+) -> NDArray[np.float64]:
+    """Values of the units, inside the limits of their scale: a value of 0 counts as half an event or as `LEAST`."""
+    own = (value - (1 - w) * np.where(np.isnan(jackknife), value, jackknife)) / np.where(w > 0, w, 1.0)
+    if shares:
+        event = np.minimum(0.5 / np.maximum(sizes, 1.0), LEAST * np.minimum(value, 1 - value))
+        own = np.clip(own, event, 1 - event)
+    else:
+        own = np.where(own > _SAME * value, own, LEAST * value)
+    return np.where(w > 0, own, value)
 
 
 def centred(jackknife: NDArray[np.float64], strata: NDArray[np.intp] | None = None) -> NDArray[np.float64]:
@@ -164,7 +231,7 @@ def parts(moved: NDArray[np.float64], sizes: NDArray[np.float64]) -> NDArray[np.
     moved, sizes : (units, ...)
         By how much a statistic is more than it is without a unit, and how much the unit holds.
     """
-    w = _shares(sizes)
+    w = shares_of(sizes)
     return np.asarray(moved * (1 - w) / np.sqrt(_apart(w)))
 
 
@@ -175,7 +242,7 @@ def degrees(sizes: NDArray[np.float64]) -> NDArray[np.float64]:
     w^2 / (1 - 2 w + sum of w^2); it has tr(A)^2 / tr(A^2) degrees (Bell and McCaffrey 2002), which is one less than
     the units where all weigh the same. Of A the trace is the sum of w^2.
     """
-    w = _shares(sizes)
+    w = shares_of(sizes)
     d = w**2 / _apart(w)
     square = np.square(w).sum(axis=0)
     d0, d1, d2 = (np.sum(d * w**power, axis=0) for power in range(3))
@@ -184,11 +251,6 @@ def degrees(sizes: NDArray[np.float64]) -> NDArray[np.float64]:
     found: NDArray[np.float64] = square**2 / np.where(whole > 0, whole, 1.0)
     most = max(len(sizes) - 1.0, 1.0)
     return np.clip(found, 1.0, most)  # rounding may lead out of it where one unit outweighs all others
-
-
-def _shares(sizes: NDArray[np.float64]) -> NDArray[np.float64]:
-    total = sizes.sum(axis=0)
-    return np.asarray(sizes / np.where(total > 0, total, 1.0))
 
 
 def _apart(w: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -201,6 +263,17 @@ def _of_sizes(moved: NDArray[np.float64], sizes: NDArray[np.float64]) -> tuple[N
     """Variance, and its degrees of freedom, of units of one kind; a unit without influence adds 0."""
     added = parts(np.where(np.isnan(moved), 0.0, moved), sizes)
     return np.square(added).sum(axis=0), degrees(sizes)
+
+
+def _of_groups(
+    moved: NDArray[np.float64], sizes: NDArray[np.float64], groups: NDArray[np.intp]
+) -> tuple[NDArray[np.float64], ...]:
+    """The same by (within)."""
+    w = shares_of(sizes)
+    apart = np.where(np.isnan(moved), 0.0, moved) * (1 - w) / np.where(w > 0, w, 1.0)
+    variance, freedom = variance_of_units(apart, sizes, groups)
+    of_sizes = variance_of_sizes(sizes, groups) * np.square(w * apart).sum(axis=0)
+    return np.asarray(variance * np.square(w).sum(axis=0) + of_sizes), freedom
 
 
 def _of_strata(

@@ -1,24 +1,26 @@
 """The units that are resampled, as arrays of sums: scenes, or blocks of tracks within them if there are few scenes.
 
-Scenes are the sampling units: findings about a condition hold for scenes like those that were measured. With fewer
-than `MIN_SCENES` scenes no such finding is possible. Blocks are then resampled within each scene. The findings hold
-for these scenes only, because they do not include the variation between scenes.
+Scenes are the sampling units: findings about a condition hold for scenes like those that were measured. If scenes come
+in groups, such as pieces of one recording, whole groups are resampled, or scenes within their groups
+(`tracknoise.findings.sampling.groups`). With fewer than `MIN_SCENES` scenes no such finding is possible. Blocks are
+then resampled within each scene. The findings hold for these scenes only, because they do not include the variation
+between scenes.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.findings.sampling.groups import MIN_SCENES, NO_GROUPS, SceneGroups, scheme
 from tracknoise.statistics.blocks import BLOCKS
 from tracknoise.statistics.grouping import group_rows
 from tracknoise.statistics.moment_cells import ABOUT_ZERO
 from tracknoise.tables.enumerations import Resampled
 
-MIN_SCENES = 6
-"""Fewest scenes that are resampled as such, and that a test at 5 % can do with."""
+__all__ = ["MIN_SCENES", "SUMS", "Units", "additive", "by_number", "units_of"]
 
 SUMS = ("n", "u", "v", "uu", "uv", "vv", "abs_u", "abs_v")
 """What `additive` makes of moments: the count, and sums of du, dv, their products about zero, and |du|, |dv|."""
@@ -39,7 +41,9 @@ class Units:
     scene : (units,) intp
         Place of each unit's scene in `scenes`, never decreasing.
     resampled
-        `scenes` or `blocks`; None if neither can be: too few scenes, and no blocks.
+        What is resampled; None if nothing can be: too few scenes, and no blocks.
+    group : (scenes,) intp or None
+        Number of the group of each scene, from 0. None if every scene is a group of its own.
     """
 
     sums: NDArray[np.float64]
@@ -47,6 +51,23 @@ class Units:
     scenes: tuple[str, ...]
     scene: NDArray[np.intp]
     resampled: Resampled | None
+    group: NDArray[np.intp] | None = None
+
+    @property
+    def scene_group(self) -> NDArray[np.intp]:
+        """Number of the group of each scene, (scenes,)."""
+        return np.arange(len(self.scenes)) if self.group is None else self.group
+
+    @property
+    def strata(self) -> NDArray[np.intp] | None:
+        """Within what each unit is resampled, (units,): its scene or its group; None if there is one stratum."""
+        if self.resampled == Resampled.blocks:
+            return self.scene
+        return self.scene_group[self.scene] if self.resampled == Resampled.within else None
+
+    def joined(self, sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Sums (units, ...) of what is resampled as a whole: of groups where these are resampled, else of units."""
+        return sums if self.resampled != Resampled.groups else by_number(self.scene_group[self.scene], sums)
 
     def contributing(self, present: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """How many units, and how many scenes, take part in each number.
@@ -59,13 +80,46 @@ class Units:
         Returns
         -------
         n_units, n_scenes : (...) intp
+            Of groups, where these are resampled, `n_units` is the number.
         """
-        if not self.scenes:
-            zeros = np.zeros(present.shape[:-1], dtype=np.intp)
-            return zeros, zeros
-        starts = np.searchsorted(self.scene, np.arange(len(self.scenes)))
-        by_scene = np.logical_or.reduceat(present, starts, axis=-1)
-        return present.sum(axis=-1), by_scene.sum(axis=-1)
+        by_scene = _any(present, self.scene)
+        units = self.groups_present(present) if self.resampled == Resampled.groups else present.sum(axis=-1)
+        return units, by_scene.sum(axis=-1)
+
+    def groups_present(self, present: NDArray[np.bool_]) -> NDArray[np.intp]:
+        """How many groups take part in each number, (...), with `present` as in `contributing`."""
+        groups = _any(present, self.scene_group[self.scene])
+        return np.asarray(groups.sum(axis=-1))
+
+
+def by_number(number: NDArray[np.intp], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sums over the rows (rows, ...) of each number from 0, (numbers, ...).
+
+    Parameters
+    ----------
+    number : (rows,)
+        Number of each row.
+    values : (rows, ...)
+        What is added up.
+    """
+    if not len(number) or np.array_equal(number, np.arange(len(number))):
+        return values
+    order, starts = _runs(number)
+    return np.asarray(np.add.reduceat(values[order], starts, axis=0))
+
+
+def _any(present: NDArray[np.bool_], number: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Whether any unit of each number from 0 is present, (..., numbers)."""
+    if not len(number) or np.array_equal(number, np.arange(len(number))):
+        return present
+    order, starts = _runs(number)
+    return np.logical_or.reduceat(present[..., order], starts, axis=-1)
+
+
+def _runs(number: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Order in which equal numbers follow each other, and where each begins; every number from 0 occurs."""
+    order = np.argsort(number, kind="stable")
+    return order, np.searchsorted(number[order], np.arange(number.max() + 1))
 
 
 def additive(moments: pl.DataFrame) -> pl.DataFrame:
@@ -81,9 +135,14 @@ def additive(moments: pl.DataFrame) -> pl.DataFrame:
 
 
 def units_of(
-    scenes: pl.DataFrame, blocks: pl.DataFrame | None = None, *, points: Sequence[str], columns: Sequence[str]
+    scenes: pl.DataFrame,
+    blocks: pl.DataFrame | None = None,
+    *,
+    points: Sequence[str],
+    columns: Sequence[str],
+    groups: SceneGroups = NO_GROUPS,
 ) -> Units:
-    """Sums by unit of one condition: by scene if there are at least `MIN_SCENES`, else by block.
+    """Sums by unit of one condition: by scene if there are enough (`scheme`), else by block.
 
     Parameters
     ----------
@@ -95,10 +154,14 @@ def units_of(
         Columns that identify the points at which there are sums; without any there is one point.
     columns
         What is summed.
+    groups
+        Groups of scenes that are not independent of each other. `scenes` then has a column dataset.
     """
     names = scenes["scene"].unique().sort().to_list()
-    if len(names) >= MIN_SCENES:
-        return _scattered(scenes, names, None, points, columns, Resampled.scenes)
+    group = groups.of(scenes["dataset"][0], names) if groups.names and names else np.arange(len(names))
+    resampled = scheme(group)
+    if resampled is not None:
+        return replace(_scattered(scenes, names, None, points, columns, resampled), group=group)
     if blocks is None or blocks.is_empty():
         return _scattered(scenes, names, None, points, columns, None)
     return _scattered(blocks, names, "block", points, columns, Resampled.blocks)

@@ -6,6 +6,7 @@ A drive is a folder ``<date>/<date>_drive_NNNN_sync`` with ``image_02/data``, ``
 """
 
 import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +19,7 @@ DEPTH, POSES = "proj_depth", "poses_image_02.txt"
 CAM_TO_CAM, VELO_TO_CAM, IMU_TO_VELO = "calib_cam_to_cam.txt", "calib_velo_to_cam.txt", "calib_imu_to_velo.txt"
 _PARTS = frozenset((IMAGES, OXTS, VELODYNE, DEPTH, POSES))
 _SPLITS = ("train", "val")
+_RECORDING = re.compile(r"\d{4}_\d{2}_\d{2}_drive_\d{4}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +127,12 @@ def find_drives(root: Path, depth_root: Path | None) -> dict[str, Drive]:
         found = f"maps of none of the {len(drives)} drives in {root}"
         raise DataError(require_directory(depth_root), found, f"folders such as {example.as_posix()}")
     return dict(sorted(drives.items()))
+
+
+def recording_of(name: str) -> str | None:
+    """Date and number of the recording that a drive is, or is a piece of, from its name; None if it has neither."""
+    found = _RECORDING.match(name)
+    return found.group() if found else None
 
 
 def find_frames(drive: Drive) -> DriveFrames:

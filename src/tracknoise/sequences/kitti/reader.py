@@ -14,7 +14,7 @@ from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_note
 from tracknoise.sequences.images import image_size
 from tracknoise.sequences.kitti.calibration import read_camera, read_camera_from_velodyne
 from tracknoise.sequences.kitti.depth import KittiDepth, source_note
-from tracknoise.sequences.kitti.layout import IMAGES, Drive, find_drives, find_frames
+from tracknoise.sequences.kitti.layout import IMAGES, Drive, find_drives, find_frames, recording_of
 from tracknoise.sequences.kitti.stillness import StillRule, still_stretch
 from tracknoise.sequences.kitti.timestamps import read_timestamps
 from tracknoise.sequences.kitti.trajectory import read_trajectory
@@ -125,6 +125,7 @@ class Kitti:
             depths=depth_files(frames.depths, camera, read_depth),
             notes=(*notes, source_note(frames.depths), *depth_notes(frames.depths), *time_notes),
             timestamps_s=timestamps_s,
+            group=recording_of(sequence.scene),
         )
 
     def _drives(self) -> dict[str, Drive]:

@@ -1,0 +1,33 @@
+"""Groups of scenes of a run: those of the experiment, or those that readers know."""
+
+from collections.abc import Mapping, Sequence
+from fnmatch import fnmatchcase
+
+from tracknoise.findings.sampling.groups import SceneGroups
+from tracknoise.tables.manifest import SequenceEntry
+
+
+def groups_of_scenes(
+    sequences: Mapping[str, SequenceEntry], declared: Mapping[str, Sequence[str]] | None
+) -> SceneGroups:
+    """Group of each scene that has one.
+
+    Parameters
+    ----------
+    sequences
+        Of the manifest.
+    declared
+        Patterns of the names of scenes by group, the first that fits counts; None for what the readers know.
+    """
+    found: dict[tuple[str, str], str] = {}
+    for entry in sequences.values():
+        scene = entry.sequence.scene
+        group = entry.group if declared is None else _declared(scene, declared)
+        if group is not None:
+            found[entry.sequence.dataset, scene] = group
+    return SceneGroups(found)
+
+
+def _declared(scene: str, groups: Mapping[str, Sequence[str]]) -> str | None:
+    fitting = (group for group, patterns in groups.items() if any(fnmatchcase(scene, pattern) for pattern in patterns))
+    return next(fitting, None)

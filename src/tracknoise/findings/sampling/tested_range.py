@@ -1,0 +1,90 @@
+"""Share of intervals that contain the true value, in data for which this is not known from the tests of the method.
+
+Intervals were tested with scenes whose logarithms have a standard deviation of up to `MOST_SPREAD`, and with weights
+that are as good as `MIN_SCENES` equal scenes (`python -m benchmarks.validity.intervals`). Outside this range the share
+is measured: many sets of scenes are drawn from a Gaussian (for scales, on the logarithmic scale) with the number, the
+spread and the effective number of scenes of the data, and each set gets its interval. Spread and effective number are
+rounded, so that few such simulations are needed.
+"""
+
+import math
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from tracknoise.findings.sampling.groups import MIN_SCENES
+from tracknoise.findings.sampling.jackknife import student_interval
+
+MOST_SPREAD = 1.4
+"""Largest tested standard deviation between scenes of the logarithm: a factor of 4."""
+_RUNS = 4000
+_STEP = 0.2
+"""Spreads are rounded to multiples of this."""
+_RATIO = 1.15
+"""Numbers of scenes are rounded to powers of this where they are large."""
+
+
+def coverage_outside(
+    n_units: NDArray[np.intp],
+    spread: NDArray[np.float64],
+    n_effective: NDArray[np.float64],
+    scale: str,
+    *,
+    level: float,
+) -> NDArray[np.float64]:
+    """Measured share of intervals that contain the true value, NaN inside the tested range.
+
+    Parameters
+    ----------
+    n_units, spread, n_effective : (points,)
+        Number of scenes or groups, their spread, and how many equal ones they are worth.
+    scale
+        Of the statistic; a name in `tracknoise.findings.sampling.jackknife.SCALES`.
+    level
+        Of the intervals.
+    """
+    skewed = scale in ("log", "logit")
+    beyond = (spread > MOST_SPREAD) & skewed
+    outside = (n_units >= MIN_SCENES) & ~np.isnan(spread) & (beyond | (n_effective < MIN_SCENES))
+    found = np.full(n_units.shape, np.nan)
+    for place in np.flatnonzero(outside):
+        n = _rounded(float(n_units[place]), least=MIN_SCENES)
+        effective = min(_rounded(float(n_effective[place]), least=1), n)
+        between = round(float(spread[place]) / _STEP) * _STEP if skewed else 1.0
+        found[place] = _covered(n, between, effective, level, skewed=skewed)
+    return found
+
+
+def _rounded(count: float, *, least: int) -> int:
+    power = round(math.log(max(count, 1.0), _RATIO))
+    return max(round(_RATIO**power), least)
+
+
+@lru_cache(maxsize=4096)
+def _covered(n: int, spread: float, effective: int, level: float, *, skewed: bool) -> float:
+    """Share of intervals of simulated scenes that contain the true mean."""
+    logs = spread * np.random.default_rng(n).normal(size=(n, _RUNS))
+    values, true = (np.exp(logs), np.exp(spread**2 / 2)) if skewed else (logs, 0.0)
+    sizes = _sizes(n, effective)[:, None]
+    total = (sizes * values).sum(axis=0)
+    without = (total - sizes * values) / (sizes.sum() - sizes)
+    low, high = student_interval(
+        total / sizes.sum(), without, scale="log" if skewed else "linear", level=level, sizes=sizes
+    )
+    return float(((low <= true) & ~(high < true)).mean())
+
+
+def _sizes(n: int, effective: int) -> NDArray[np.float64]:
+    """Sizes of n scenes, lognormal by their quantiles, that are worth as many equal ones as given."""
+    z = special.ndtri((np.arange(n) + 0.5) / n)
+    low, high = 0.0, 20.0
+    for _ in range(40):
+        middle = (low + high) / 2
+        sizes = np.exp(middle * (z - z[-1]))
+        if sizes.sum() ** 2 / np.square(sizes).sum() > effective:
+            low = middle
+        else:
+            high = middle
+    return np.asarray(np.exp(low * (z - z[-1])))

@@ -1,7 +1,7 @@
 """Confidence intervals of every point of every curve, and of lifetimes, survival and outlier ratio.
 
-Scenes are left out in turn, or resampled. If there are too few, blocks of tracks within them are used
-(`tracknoise.findings.sampling.units`). Intervals of `blocks` cover other tracks in the same scenes, but not other
+Scenes, or groups of them, are left out in turn, or resampled. If there are too few, blocks of tracks within them are
+used (`tracknoise.findings.sampling.units`). Intervals of `blocks` cover other tracks in the same scenes, but not other
 scenes. The default kind is `student` (`tracknoise.findings.sampling.jackknife`). It contains the true value at least as
 often as either kind of bootstrap (`tracknoise.findings.sampling.resampling`), with any number of scenes that was tried.
 The advantage is largest with few scenes.

@@ -24,9 +24,9 @@ from scipy import stats
 
 from tracknoise.findings.factors.answers import Question, answer
 from tracknoise.findings.factors.differences import Differences, differences
-from tracknoise.findings.factors.rotation import rotations
 from tracknoise.findings.factors.scene_counts import lifetime_differences, outlier_differences
 from tracknoise.findings.factors.scene_values import LEAST_FEATURES
+from tracknoise.findings.sampling.rotation import rotations
 from tracknoise.statistics.scales import PER_MEDIAN
 from tracknoise.tables.enumerations import Resampled
 from tracknoise.tables.schema import ENDS, FRAME_COUNTS

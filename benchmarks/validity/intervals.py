@@ -15,7 +15,7 @@ from functools import partial
 
 import numpy as np
 
-from tracknoise.findings.intervals.scalar_bounds import first_reached, interpolated, survival
+from tracknoise.findings.intervals.scalar_bounds import first_reached, survival
 from tracknoise.findings.intervals.table import curve_statistics
 from tracknoise.findings.sampling.bounds import Sample
 from tracknoise.findings.sampling.draws import N_DRAWS, draws
@@ -25,7 +25,6 @@ from tracknoise.tables.defaults import LEVEL
 
 AGE, FRAMES, TRACKS = 15, 40, 200
 HAZARD, STEP_PX, BIAS_PX, OUTLIERS = 0.06, 0.1, 0.2, 0.03
-MEDIANS = {"median lifetime": first_reached, "interpolated median": interpolated}
 SURVIVES = 10
 """Lifetime beyond which survival is looked at."""
 BATCH = 20
@@ -113,7 +112,7 @@ def truth(spread: Spread) -> dict[str, float]:
         "mean, scenes": BIAS_PX,
         "second moment, scenes": second,
         "outlier ratio": OUTLIERS * np.exp(spread.outliers**2 / 2),
-        **{name: reached(np.array(lives), np.arange(1.0, FRAMES + 1), 0.5) for name, reached in MEDIANS.items()},
+        "median lifetime": first_reached(np.array(lives), np.arange(1.0, FRAMES + 1), 0.5),
         "survival": lives[SURVIVES - 1],
     }
 
@@ -185,15 +184,12 @@ def coverage(
 
 
 def _read(name: str, low: np.ndarray, high: np.ndarray) -> list[tuple[str, np.ndarray, np.ndarray]]:
-    """Bounds (runs,) of a statistic; of survival, at one lifetime, and those of the median lifetimes."""
+    """Bounds (runs,) of a statistic; of survival, at one lifetime, and those of the median lifetime."""
     if name != "survival":
         return [(name, low[0], high[0])]
     lifetimes = np.arange(1.0, FRAMES + 1)
-    found = [(name, low[SURVIVES - 1], high[SURVIVES - 1])]
-    for called, reached in MEDIANS.items():
-        medians = [np.array([reached(curve, lifetimes, 0.5) for curve in bound.T]) for bound in (low, high)]
-        found.append((called, medians[0], medians[1]))
-    return found
+    medians = [np.array([first_reached(curve, lifetimes, 0.5) for curve in bound.T]) for bound in (low, high)]
+    return [(name, low[SURVIVES - 1], high[SURVIVES - 1]), ("median lifetime", medians[0], medians[1])]
 
 
 def main() -> None:

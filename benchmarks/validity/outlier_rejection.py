@@ -1,9 +1,9 @@
 """Outlier ratio and lifetimes by our own rejection, beside those by the ``findHomography`` of any OpenCV.
 
-    python -m benchmarks.validity.outlier_rejection --opencv PYTHON [--opencv PYTHON ...] [--runs N]
+    python -m benchmarks.validity.outlier_rejection [--data 7-Scenes|demo] [--opencv PYTHON ...] [--runs N]
 
 Each PYTHON is an interpreter that has cv2 and numpy; OpenCV up to 4.11 is the truth for ``hypothesis`` and from 4.12 on
-for ``refined``. The trackers are the same, but for the rejection.
+for ``refined``, which ours optimises locally in addition. The trackers are the same, but for the rejection.
 
 One run is one draw: which samples are drawn decides which of many similar hypotheses wins, and the outlier ratio of
 one run over the 120 frames of the 7-Scenes sample scatters by several percent. OpenCV always draws the same indices, so
@@ -19,6 +19,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from benchmarks.trackers import image_sequences
+from tracknoise.experiments.load import load_experiment
+from tracknoise.experiments.running.plan import open_batch, plan
+from tracknoise.sequences.sequence import Sequence
 from tracknoise.trackers.correspondence import Correspondence, CorrespondenceTracker
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.lucas_kanade import LucasKanade, LucasKanadeTracker
@@ -65,27 +68,46 @@ def shuffled(inliers: Inliers, seed: int) -> Inliers:
     return reordered
 
 
-def measure(tracker: Tracker, frames: list[Frame]) -> tuple[float, float, float]:
+def measure(start: Callable[[], Tracker], scenes: list[list[Frame]]) -> tuple[float, float, float]:
     """Mean over frames of f1(t) / F(t-1), the same ratio pooled, and the mean lifetime in frames."""
-    steps = [tracker.step(frame) for frame in frames]
-    offered, outliers = (np.array([getattr(step, name) for step in steps[1:]]) for name in ("offered", "outliers"))
-    lifetime = sum(len(step.ids) for step in steps) / sum(step.new for step in steps)
+    runs = []
+    for frames in scenes:
+        tracker = start()
+        runs.append([tracker.step(frame) for frame in frames])
+    later = [step for steps in runs for step in steps[1:]]
+    offered, outliers = (np.array([getattr(step, name) for step in later]) for name in ("offered", "outliers"))
+    every = [step for steps in runs for step in steps]
+    lifetime = sum(len(step.ids) for step in every) / sum(step.new for step in every)
     return float(np.mean(outliers / offered)), float(outliers.sum() / offered.sum()), lifetime
+
+
+def scenes_of(data: str) -> list[list[Frame]]:
+    """The frames of every scene of the 7-Scenes sample, or of the demo."""
+    if data == "demo":
+        images = [_images(sequence) for task in plan(load_experiment("demo")) for sequence in open_batch([task])]
+    else:
+        images = [image_sequences()["7-Scenes"]]
+    return [[Frame(index, image) for index, image in enumerate(scene)] for scene in images]
+
+
+def _images(sequence: Sequence) -> list[np.ndarray]:
+    return [sequence.image(index) for index in range(len(sequence))]
 
 
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--opencv", action="append", default=[], metavar="PYTHON", help="interpreter with another cv2")
+    parser.add_argument("--data", choices=("7-Scenes", "demo"), default="7-Scenes")
     parser.add_argument("--runs", type=int, default=8, help="how many seeds or shuffles each mean is over")
     arguments = parser.parse_args()
     others = [OtherOpenCV(python) for python in arguments.opencv]
-    name, images = next(iter(image_sequences().items()))
-    frames = [Frame(index, image) for index, image in enumerate(images)]
-    print(f"{name}, {len(frames)} frames, {arguments.runs} runs; +- is the standard deviation of one run")
+    scenes = scenes_of(arguments.data)
+    frames = sum(map(len, scenes))
+    print(f"{arguments.data}, {frames} frames, {arguments.runs} runs; +- is the standard deviation of one run")
     print(f"{'':<44}{'ratio, mean of frames':>24}{'ratio, pooled':>20}{'mean lifetime':>20}")
     for label, runs in _cases(arguments.runs, others):
-        figures = np.array([measure(start(), frames) for start in runs])
+        figures = np.array([measure(start, scenes) for start in runs])
         spread = figures.std(axis=0, ddof=1) if len(figures) > 1 else np.zeros(3)
         cells = [f"{mean:.4f} +- {deviation:.4f}" for mean, deviation in zip(figures.mean(axis=0), spread, strict=True)]
         print(f"{label:<44}{cells[0]:>24}{cells[1]:>20}{cells[2]:>20}", flush=True)

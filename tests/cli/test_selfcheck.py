@@ -2,16 +2,13 @@
 
 from dataclasses import replace
 
+import polars as pl
 import pytest
 
-from tracknoise.experiments.resolve import resolve
-from tracknoise.experiments.settings import parse_experiment
-from tracknoise.experiments.validation.selfcheck import selfcheck_experiment
-from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.store import RunFolder
 from tracknoise.truth.anchored import BirthSession
 
-SMALL = ("selfcheck", "--scenes", "1", "-w", "1", "--quiet")
+SMALL = ("selfcheck", "--scenes", "1", "--quiet")
 
 
 @pytest.fixture
@@ -31,31 +28,37 @@ def test_help_has_an_example(tracknoise):
     assert "Example: tracknoise selfcheck" in " ".join(out.replace("│", " ").split())
 
 
-def test_a_correct_program_passes(tracknoise, tmp_path):
-    code, out, err = tracknoise(*SMALL, "--seed", "3", "--out", str(tmp_path / "kept"))
-    assert (code, err) == (0, "")
-    lines = out.splitlines()
-    assert lines[0].split()[:3] == ["setting", "speed", "statistic"]
-    assert lines[0].split()[4:6] == ["expected", "measured"]
-    assert lines[-1] == "Self-test passed."
-    numbers = [line for line in lines if line.endswith("ok")]
-    assert f"0 of {len(numbers)} numbers are off" in out
-    kept = RunFolder(tmp_path / "kept")
-    assert parse_experiment(kept.experiment_toml(), place="kept") == resolve(selfcheck_experiment(scenes=1, seed=3))
+def test_a_correct_program_passes_and_the_runs_can_be_kept_and_replaced(tracknoise, tmp_path):
+    out = tmp_path / "kept"
+    for _ in range(2):
+        code, text, err = tracknoise(*SMALL, "--seed", "3", "--out", str(out))
+        assert (code, err) == (0, "")
+        lines = text.splitlines()
+        assert lines[0].startswith("Self-test passed: all ")
+        assert lines[1].startswith("Not tested, because it takes more scenes: intervals, zero mean, growth, shape")
+        assert lines[3].split() == ["area", "compared", "wrong"]
+        assert all(line.endswith("ok") for line in lines[5:])
+    assert len(lines) == 5 + 8
+    checks = pl.read_csv(out / "selfcheck.csv")
+    assert f"all {checks['n'].sum():,} values" in lines[0]
+    assert RunFolder(out / "files-run").statistics("curves").height > 0
 
 
-def test_a_defect_fails_the_self_test_and_the_table_shows_where(tracknoise, half_a_pixel_off, tmp_path):
+def test_a_fault_fails_the_self_test_which_says_what_is_wrong_and_what_is_suspect(tracknoise, half_a_pixel_off):
     code, out, _ = tracknoise(*SMALL)
     assert code == 2
-    assert out.splitlines()[-1] == "Self-test FAILED."
-    assert any(line.startswith("bias") and "nu u" in line and line.endswith("off") for line in out.splitlines())
+    lines = out.splitlines()
+    assert lines[0].startswith("Self-test FAILED: ")
+    assert lines[1] == "First area that is wrong: true positions. Suspect: sequences, geometry, truth."
+    assert lines[2].startswith("May follow from it: errors and ages, trimming, curves")
+    assert lines[3].startswith("- true positions, world 'files': u_true_px: found ")
+    assert any(line.startswith("true positions") and line.endswith("wrong") for line in lines)
+    assert any(line.startswith("lifetimes") and line.endswith("ok") for line in lines)
 
 
-def test_the_run_of_another_experiment_is_not_replaced(tracknoise, tmp_path):
-    other = RunFolder(tmp_path / "mine")
-    experiment = selfcheck_experiment(scenes=1).model_copy(update={"name": "mine"})
-    other.create(experiment.to_toml(), Manifest(settings_hash="", versions={}, machine={}, seed=0))
-    code, _, err = tracknoise(*SMALL, "--out", str(other.path))
+def test_a_folder_with_other_files_is_not_replaced(tracknoise, tmp_path):
+    (tmp_path / "mine.txt").write_text("mine")
+    code, _, err = tracknoise(*SMALL, "--out", str(tmp_path))
     assert code == 1
-    assert "holds the run of another experiment, expected a new folder or an earlier selfcheck" in err
-    assert parse_experiment(other.experiment_toml(), place="mine").name == "mine"
+    assert "holds other files, expected a new or empty folder or an earlier self-test" in err
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]

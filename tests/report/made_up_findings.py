@@ -9,8 +9,17 @@ from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.table import headline_table
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
-from tracknoise.tables.findings_schema import DEPENDENCE, GAUSSIANITY, INTERVALS, RADII, TIME_STRUCTURE, ZERO_MEAN
-from tracknoise.tables.schema import Schema
+from tracknoise.tables.findings_schema import (
+    DEPENDENCE,
+    GAUSSIANITY,
+    INCIDENCE,
+    INTERVALS,
+    RADII,
+    SEED_SPREAD,
+    TIME_STRUCTURE,
+    ZERO_MEAN,
+)
+from tracknoise.tables.schema import CAUSES, Schema, empty
 
 BANDS = ((1, 4), (5, 9), (10, 19))
 PROBABILITIES = (0.1, 0.25, 0.5, 0.75, 0.9, 0.99, 0.999)
@@ -21,6 +30,8 @@ def made_up(tables: Mapping[str, pl.DataFrame], *, scope: ReportedConditions) ->
     """All findings for the statistics of a run: intervals are a tenth of the value to either side."""
     found = {
         "intervals": intervals(tables, population=scope.population),
+        "seed_spread": empty(SEED_SPREAD),
+        "incidence": incidence(tables["lifetimes"]),
         "zero_mean": zero_mean(tables["curves"], population=scope.population),
         "gaussianity": gaussianity(tables["curves"]),
         "radii": radii(tables["curves"]),
@@ -43,7 +54,6 @@ def intervals(tables: Mapping[str, pl.DataFrame], *, population: str) -> pl.Data
     scalars = {
         "outlier_ratio": (tables["outliers"].with_columns(value="pooled_ratio"), "share"),
         "median_lifetime": (halves, "frames"),
-        "interpolated_median_lifetime": (halves.with_columns(value=pl.col("value") - 0.25), "frames"),
         "mean_lifetime": (mean_lifetime(lifetimes).with_columns(value="mean_lifetime"), "frames"),
     }
     parts += [table.with_columns(statistic=pl.lit(name), unit=pl.lit(unit)) for name, (table, unit) in scalars.items()]
@@ -63,6 +73,29 @@ def intervals(tables: Mapping[str, pl.DataFrame], *, population: str) -> pl.Data
     )
 
 
+def incidence(lifetimes: pl.DataFrame) -> pl.DataFrame:
+    """The shares of all tracks that ended by each cause, as if none were censored."""
+    counts = lifetimes.unpivot(
+        [f"n_{cause}" for cause in CAUSES],
+        index=[*POOLED, "lifetime", "n_scenes"],
+        variable_name="cause",
+        value_name="n",
+    ).sort(*POOLED, "cause", "lifetime")
+    share = pl.col("n").cum_sum().over(*POOLED, "cause") / pl.col("n").sum().over(POOLED)
+    table = counts.with_columns(pl.col("cause").str.strip_prefix("n_"), incidence=share)
+    return _typed(
+        table.with_columns(
+            low=0.9 * share,
+            high=1.1 * share,
+            kind=pl.lit("bca", dtype=INTERVALS["kind"]),
+            level=pl.lit(0.95),
+            resampled=_resampled(INCIDENCE),
+            n_units=pl.lit(16, dtype=pl.Int32),
+        ),
+        INCIDENCE,
+    )
+
+
 def zero_mean(curves: pl.DataFrame, *, population: str) -> pl.DataFrame:
     signed = pl.col("statistic").is_in(["nu", "mu"])
     length = (pl.col("u") ** 2 + pl.col("v") ** 2).sqrt()
@@ -72,7 +105,12 @@ def zero_mean(curves: pl.DataFrame, *, population: str) -> pl.DataFrame:
     enough = pl.col("n_scenes") >= 6
     tested = {
         name: pl.when(enough).then(pl.lit(p))
-        for name, p in (("sign_flip_p", 0.012), ("sign_flip_p_adjusted", 0.024), ("hotelling_p", 0.02))
+        for name, p in (
+            ("sign_flip_p", 0.012),
+            ("sign_flip_p_adjusted", 0.024),
+            ("sign_flip_p_family", 0.024),
+            ("hotelling_p", 0.02),
+        )
     }
     verdict = pl.when(enough).then(pl.lit("yes")).otherwise(pl.lit("undecided")).cast(ZERO_MEAN["verdict"])
     why = pl.when(~enough).then(pl.format(FEW, pl.col("n_scenes")))

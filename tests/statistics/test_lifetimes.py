@@ -9,6 +9,7 @@ from scipy.stats import CensoredData, ecdf
 
 from tracknoise.exceptions import SchemaError
 from tracknoise.statistics.lifetimes import (
+    COUNTS,
     MEAN_LIFETIMES,
     MEDIAN_SURVIVALS,
     SURVIVING,
@@ -21,7 +22,7 @@ from tracknoise.statistics.lifetimes import (
     restricted_mean,
     surviving,
 )
-from tracknoise.tables.schema import ENDS, LIFETIMES, TRACKS, empty
+from tracknoise.tables.schema import CAUSES, ENDS, LIFETIMES, TRACKS, TrackEnd, empty
 
 LIVES = st.lists(st.tuples(st.integers(1, 8), st.booleans()), min_size=1, max_size=40)
 
@@ -54,13 +55,25 @@ def test_by_hand(lived) -> None:
 @settings(max_examples=50)
 @given(LIVES)
 def test_survival_is_that_of_scipy(lived, lives: list[tuple[int, bool]]) -> None:
-    # SciPy lets an event precede a censoring at the same time. Here a censored track was not looked for in the next
-    # frame, so that its censoring comes first: half a frame earlier.
+    # An end at L is an event at L. A censored track was not searched for after its last frame: it is censored at L - 1.
     table = lifetimes(lived(lives)).filter(pl.col("survival").is_not_null())
     ended = [float(length) for length, censored in lives if not censored]
-    censored = [length - 0.5 for length, censored in lives if censored]
+    censored = [length - 1.0 for length, censored in lives if censored]
     expected = ecdf(CensoredData(uncensored=ended, right=censored)).sf
     np.testing.assert_allclose(table["survival"], expected.evaluate(table["lifetime"].to_numpy()), atol=1e-12)
+
+
+@settings(max_examples=50)
+@given(st.lists(st.tuples(st.integers(1, 8), st.sampled_from([end.name for end in TrackEnd])), min_size=1, max_size=40))
+def test_survival_until_failure_is_that_of_scipy(tracks, lives: list[tuple[int, str]]) -> None:
+    # Displaced and masked tracks were searched for once more and did not fail: they are censored at L.
+    lengths, ends = zip(*lives, strict=True)
+    table = lifetimes(tracks(track=list(range(len(lives))), lifetime=list(lengths), end=list(ends)))
+    table = table.filter(pl.col("survival_until_failure").is_not_null())
+    failed = [float(length) for length, end in lives if end in ("lost", "outlier")]
+    censored = [float(length - (end == "sequence_end")) for length, end in lives if end not in ("lost", "outlier")]
+    expected = ecdf(CensoredData(uncensored=failed, right=censored)).sf.evaluate(table["lifetime"].to_numpy())
+    np.testing.assert_allclose(table["survival_until_failure"], expected, atol=1e-12)
 
 
 @settings(max_examples=30)
@@ -124,6 +137,51 @@ def test_ends_are_counted_by_block_lifetime_and_kind(lived) -> None:
     assert table.select(columns).rows()[:2] == [(0, 3, 1, 1), (1, 1, 2, 0)]
     assert table.select(columns).rows()[-2:] == [(15, 5, 1, 0), (15, 7, 0, 1)]
     assert table.select(pl.col("n_ended", "n_censored").sum()).row(0) == (30, 2)
+
+
+def test_ends_are_counted_by_cause(tracks) -> None:
+    ends = ["lost", "outlier", "outlier", "displaced", "masked", "sequence_end"]
+    table = count_ends(tracks(track=list(range(6)), lifetime=[2] * 6, end=ends))
+    totals = table.select(pl.col(COUNTS).sum()).row(0, named=True)
+    assert totals == {"n_ended": 5, "n_censored": 1, "n_lost": 1, "n_outlier": 2, "n_displaced": 1, "n_masked": 1}
+    assert list(totals)[2:] == [f"n_{cause}" for cause in CAUSES]
+
+
+def test_scenes_limit_the_horizon_of_restricted_means(tracks) -> None:
+    def scene(name: str, lives: dict[str, int], speed: int = 1) -> pl.DataFrame:
+        columns = {"lifetime": list(lives.values()), "end": list(lives), "scene": name, "speed": speed}
+        return tracks(track=list(range(len(lives))), **columns)
+
+    censored = scene("a", {"lost": 3, "sequence_end": 9})
+    masked = scene("b", {"lost": 3, "masked": 6})  # searched for once more: known to have lived until 7 without failure
+    failed = scene("c", {"lost": 2, "outlier": 4})  # both curves reach 0
+    other = scene("a", {"outlier": 5}, speed=2)
+    found = {
+        "a": ([censored], 9),
+        "ab": ([censored, masked], 7),
+        "ac": ([censored, failed], 9),
+        "c": ([failed], None),
+    }
+    for scenes, (parts, followed) in found.items():
+        table = lifetimes(parts)
+        assert table["followed_to"].unique().to_list() == [followed], scenes
+        assert lifetimes([pl.concat([part.head(1) for part in parts]), *(part.tail(1) for part in parts)]).equals(table)
+    every = mean_lifetime(lifetimes([censored, masked, failed, other]))
+    assert every.select("speed", "restricted_to").rows() == [(1, 7), (2, 5)]
+
+
+def test_a_lifetime_until_failure_by_hand(tracks) -> None:
+    # At risk at 1, 2, 4: 4, 3, 1. One is lost at 1, one masked at 2, one an outlier at 4; one is censored at 4.
+    table = lifetimes(
+        tracks(track=[0, 1, 2, 3], lifetime=[1, 2, 4, 4], end=["lost", "masked", "outlier", "sequence_end"])
+    )
+    assert table["survival_until_failure"].to_list() == pytest.approx([3 / 4, 3 / 4, 0])
+    assert table["survival"].to_list() == pytest.approx([3 / 4, 1 / 2, 0])
+    row = mean_lifetime(table).row(0, named=True)
+    assert row["restricted_mean_until_failure"] == pytest.approx(1 + 3 * 3 / 4)
+    assert row["restricted_mean_lifetime"] == pytest.approx(1 + 3 / 4 + 2 / 2)
+    medians = median_survival(table).row(0, named=True)
+    assert (medians["median_lifetime"], medians["median_until_failure"]) == (2, 4)
 
 
 def test_what_pooling_needs_is_in_the_counts_alone(lived) -> None:

@@ -5,7 +5,6 @@ import tempfile
 import weakref
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,13 +13,9 @@ import tomlkit
 
 from tracknoise.api.run import Run
 from tracknoise.exceptions import SettingsError
-from tracknoise.experiments.analysis.run_findings import compute_findings
-from tracknoise.experiments.analysis.run_statistics import compute_statistics
 from tracknoise.experiments.measure import Measurement
-from tracknoise.experiments.running.provenance import new_manifest
-from tracknoise.experiments.running.task import sequence_entry, tables_to_keep
+from tracknoise.experiments.running.measured_run import complete_run, write_measurement
 from tracknoise.experiments.settings import Experiment, parse_experiment
-from tracknoise.sequences.images import encode_png
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.store import RunFolder
 
@@ -89,19 +84,13 @@ def _fill(folder: RunFolder, measurements: Iterable[Measurement], asked: Mapping
     written = [_write(folder, measurement, asked) for measurement in measurements]
     _check(written)
     experiment = _experiment(pl.concat(part.conditions for part in written), written[0].population, asked)
-    manifest = new_manifest(experiment)
-    manifest.sequences.update({part.entry.key: part.entry for part in written})
-    folder.create(experiment.to_toml(), manifest)
-    compute_findings(folder, experiment, compute_statistics(folder, experiment))
+    complete_run(folder, experiment, [part.entry for part in written])
 
 
 def _write(folder: RunFolder, measurement: Measurement, asked: Mapping[str, object]) -> _Written:
     conditions = measurement.frames.select("dataset", "tracker", "speed").unique(maintain_order=True)
     experiment = _experiment(conditions, measurement.population, asked)
-    entry = sequence_entry(measurement, sha256={})
-    tables = tables_to_keep(experiment, measurement.sequence, measurement)
-    hashes = folder.write_sequence(entry.key, tables, encode_png(measurement.snapshot))
-    return _Written(replace(entry, sha256=hashes), conditions, measurement.population)
+    return _Written(write_measurement(folder, experiment, measurement), conditions, measurement.population)
 
 
 def _check(written: Sequence[_Written]) -> None:

@@ -1,6 +1,6 @@
-"""``tracknoise selfcheck``: a self-test with errors of known size."""
+"""``tracknoise selfcheck``: a self-test on worlds whose true positions and errors are known."""
 
-import tomllib
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,17 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tracknoise.cli.options import DebugOption, QuietOption, WorkersOption
+from tracknoise.cli.options import DebugOption, QuietOption
 
 if TYPE_CHECKING:
     import polars as pl
 
-    from tracknoise.cli.terminal import Terminal
-    from tracknoise.experiments.validation.selfcheck import SelfTestResult
-    from tracknoise.tables.store import RunFolder
-
-_HEADINGS = ("setting", "speed", "statistic", "at", "expected", "measured", "95 % interval", "")
-_TEXT_COLUMNS = (0, 2)
+_FILE = "selfcheck.csv"
+"""Marks the folder of an earlier self-test, and holds its checks."""
+_SHOWN = 6
+"""Maximum number of wrong quantities that are listed."""
 
 
 def register(app: typer.Typer) -> None:
@@ -29,94 +27,118 @@ def register(app: typer.Typer) -> None:
 
 def selfcheck(
     context: typer.Context,
-    scenes: Annotated[int, typer.Option("--scenes", min=1, help="Number of simulated scenes.")] = 12,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Random seed of the scenes and the errors.")] = 0,
+    scenes: Annotated[
+        int, typer.Option("--scenes", min=1, help="Number of scenes for intervals and verdicts, which need 12.")
+    ] = 12,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Random seed of the tracks and their errors.")] = 0,
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", "-o", help="Keep the run in this folder; an earlier self-test is replaced (default: not kept)."
+            "--out", "-o", help="Keep the runs and all checks in this folder; an earlier self-test is replaced."
         ),
     ] = None,
-    workers: WorkersOption = None,
+    workers: Annotated[int, typer.Option("--workers", "-w", min=1, help="Worker processes.")] = 1,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Self-test: measure errors of known size, and compare expected with measured values.
+    """Self-test: measure tracks whose true positions and errors are known, and compare.
 
-    Noise, bias, drift, outliers and track losses of known size are added to true positions, and the complete
-    measurement is run on them. Exit status 0 if the self-test passes, 2 if it fails.
+    Positions come from closed formulas, statistics from their definitions, and verdicts have known answers. None of
+    them uses the package's own geometry or statistics. Exit status 0 if the self-test passes, 2 if it fails.
 
     Example: `tracknoise selfcheck`
     """
-    from tracknoise.experiments.validation.selfcheck import compare, judge
+    from tracknoise.experiments.validation.selfcheck import judge, self_test
 
-    with _folder(out) as path:
-        run = _measure(context.obj, path, scenes=scenes, seed=seed, workers=workers)
-        if run is None:
-            context.obj.error("self-test incomplete: some scenes could not be measured")
-            return 2
-        comparison = compare(run)
-    verdict = judge(comparison)
-    context.obj.result(comparison_text(comparison))
-    context.obj.result(verdict_text(verdict))
-    return 0 if verdict.passes else 2
+    with _folder(out) as folder:
+        checks = self_test(
+            folder,
+            scenes=scenes,
+            seed=seed,
+            workers=workers,
+            debug=debug,
+            progress=lambda part: context.obj.say(f"self-test: {part}"),
+        )
+        checks.write_csv(folder / _FILE)
+    context.obj.result(result_text(checks))
+    return 0 if judge(checks).passes else 2
 
 
-def comparison_text(comparison: "pl.DataFrame") -> str:
-    """The comparison as a plain text table: one row per number."""
+def result_text(checks: "pl.DataFrame") -> str:
+    """The answer, what is wrong, and a table with one row per area."""
+    return "\n".join([*_answer(checks), "", *_areas(checks)])
+
+
+def _answer(checks: "pl.DataFrame") -> Iterator[str]:
+    """Whether the self-test passed; if not, what is wrong and which part of the package is suspect."""
+    import polars as pl
+
+    from tracknoise.experiments.validation.selfcheck import judge
+
+    result, untested = judge(checks), _untested(checks)
+    if result.passes:
+        yield f"Self-test passed: all {result.n_values:,} values that were compared are right."
+    else:
+        yield f"Self-test FAILED: {result.n_wrong:,} of {result.n_values:,} values that were compared are wrong."
+        yield f"First area that is wrong: {result.areas[0]}. Suspect: {result.suspect}."
+        if len(result.areas) > 1:
+            yield f"May follow from it: {', '.join(result.areas[1:])}."
+        wrong = checks.filter(pl.col("n_wrong") > 0)
+        yield from (f"- {_wrong(row)}" for row in wrong.head(_SHOWN).iter_rows(named=True))
+        if wrong.height > _SHOWN:
+            yield f"- {wrong.height - _SHOWN} more quantities are wrong."
+    if untested:
+        why = "it takes more scenes" if result.passes else "it builds on what is wrong"
+        yield f"Not tested, because {why}: {', '.join(untested)}."
+
+
+def _untested(checks: "pl.DataFrame") -> list[str]:
+    """Areas without any check."""
+    from tracknoise.experiments.validation.checks import Area
+
+    tested = set(checks["area"].to_list())
+    return [area for area in Area if area not in tested]
+
+
+def _wrong(row: dict[str, Any]) -> str:
+    """A sentence about a quantity that is wrong."""
+    where = f" ({row['place']})" if row["place"] else ""
+    values = f"found {row['measured']}, expected {row['expected']}{where}"
+    several = f"; {row['n_wrong']:,} of {row['n']:,} values are wrong" if row["n_wrong"] > 1 else ""
+    return f"{row['area']}, world '{row['world']}': {row['quantity']}: {values}{several}"
+
+
+def _areas(checks: "pl.DataFrame") -> list[str]:
+    """One row per area: how many values were compared, and how many are wrong."""
+    import polars as pl
+
     from tracknoise.cli.text_table import aligned
 
-    rows = [_HEADINGS, *(_cells(row) for row in comparison.iter_rows(named=True))]
-    lines = aligned(rows, numeric=[place not in _TEXT_COLUMNS for place in range(len(_HEADINGS))])
-    return "\n".join([lines[0], "-" * len(lines[0]), *lines[1:]])
-
-
-def verdict_text(verdict: "SelfTestResult") -> str:
-    """The result of the self-test, in three lines."""
-    from tracknoise.experiments.validation.selfcheck import furthest
-    from tracknoise.tables.defaults import LEVEL
-
-    limit = f"more than {furthest(verdict.n_numbers):.1f} standard errors from the expected value"
-    missing = f" {verdict.n_missing} more are missing." if verdict.n_missing else ""
-    return "\n".join(
-        [
-            f"{verdict.n_off} of {verdict.n_numbers} numbers are off ({limit}).{missing}",
-            f"{verdict.n_within} of {verdict.n_intervals} intervals ({100 * LEVEL:.0f} %) contain the expected value. "
-            f"The self-test requires {verdict.n_least}; about {LEVEL * verdict.n_intervals:.0f} are likely.",
-            "Self-test passed." if verdict.passes else "Self-test FAILED.",
-        ]
-    )
+    totals = checks.group_by("area", maintain_order=True).agg(pl.col("n", "n_wrong").sum())
+    cells = [(area, f"{n:,}", f"{wrong:,}", "wrong" if wrong else "ok") for area, n, wrong in totals.iter_rows()]
+    lines = aligned([("area", "compared", "wrong", ""), *cells], numeric=[False, True, True, False])
+    return [lines[0], "-" * len(lines[0]), *lines[1:]]
 
 
 @contextmanager
 def _folder(out: Path | None) -> Iterator[Path]:
-    """The requested folder, or a temporary one."""
-    if out is not None:
-        yield out
+    """The requested folder without what an earlier self-test left there, or a temporary one."""
+    if out is None:
+        with TemporaryDirectory(prefix="tracknoise-selfcheck-") as temporary:
+            yield Path(temporary)
         return
-    with TemporaryDirectory(prefix="tracknoise-selfcheck-") as temporary:
-        yield Path(temporary) / "run"
+    _clear(out)
+    (out / _FILE).touch()
+    yield out
 
 
-def _measure(terminal: "Terminal", path: Path, *, scenes: int, seed: int, workers: int | None) -> "RunFolder | None":
-    """Measure the oracles. Returns None if a scene failed."""
-    from tracknoise.cli.running import measure
+def _clear(out: Path) -> None:
+    """Remove an earlier self-test; refuse a folder that holds anything else."""
     from tracknoise.exceptions import StoreError
-    from tracknoise.experiments.validation.selfcheck import selfcheck_experiment
-    from tracknoise.tables.store import RunFolder
+    from tracknoise.experiments.validation.selfcheck import FOLDERS
 
-    experiment, run = selfcheck_experiment(scenes=scenes, seed=seed), RunFolder(path)
-    if run.exists and tomllib.loads(run.experiment_toml()).get("name") != experiment.name:
-        raise StoreError(f"{path}: holds the run of another experiment, expected a new folder or an earlier selfcheck")
-    outcome = measure(terminal, experiment, path, workers, fresh=True)
-    return None if outcome.failures else run
-
-
-def _cells(row: dict[str, Any]) -> tuple[str, ...]:
-    """A row of the comparison as text."""
-    number = " ".join(str(part) for part in (row["statistic"], row["coordinate"]) if part is not None)
-    unit = "" if row["unit"] is None else f", {row['unit']}"
-    interval = "-" if row["low"] is None else f"{row['low']:.4f} to {row['high']:.4f}"
-    at = "-" if row["at"] is None else str(row["at"])
-    values = ("-" if row[name] is None else f"{row[name]:.4f}" for name in ("expected", "measured"))
-    return (row["setting"], str(row["speed"]), number + unit, at, *values, interval, "off" if row["off"] else "ok")
+    out.mkdir(parents=True, exist_ok=True)
+    if any(out.iterdir()) and not (out / _FILE).exists():
+        raise StoreError(f"{out}: holds other files, expected a new or empty folder or an earlier self-test")
+    for name in FOLDERS:
+        shutil.rmtree(out / name, ignore_errors=True)

@@ -11,7 +11,6 @@ from tracknoise.report.departure_texts import texts
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.statistics.differences import comparable, largest_differences
-from tracknoise.statistics.lifetimes import mean_lifetime
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,13 +144,14 @@ def _lifetimes(parts: Sequence[Part]) -> Cells:
     """Mean lifetime as the paper computes it, and the Kaplan-Meier mean."""
     rows = []
     for part in parts:
-        table = mean_lifetime(part.data.nominal(part.data.lifetimes))
-        for row in part.data.in_order(table).to_dicts():
-            censored = percent(row["n_censored"] / row["n_tracks"])
-            means = [number(row["mean_lifetime"]), number(row["restricted_mean_lifetime"])]
-            rows.append([part.title, row["tracker"], *means, censored])
-    headings = ["experiment", "tracker", "mean as in the paper", "Kaplan-Meier mean", "censored"]
-    return Cells("Mean lifetime (frames)", headings, rows, [False, False, True, True, True])
+        summary = part.data.nominal(part.data.summary)
+        censored = part.data.nominal(part.data.lifetimes).group_by("tracker").agg(pl.col("n_censored").sum())
+        for row in part.data.in_order(summary.join(censored, on="tracker")).to_dicts():
+            names = ("mean_lifetime", "restricted_mean_lifetime", "restricted_to")
+            cut = percent(row["n_censored"] / row["n_tracks"])
+            rows.append([part.title, row["tracker"], *(number(row[name]) for name in names), cut])
+    headings = ["experiment", "tracker", "mean as in the paper", "Kaplan-Meier mean", "up to", "censored"]
+    return Cells("Mean lifetime (frames)", headings, rows, [False, False, True, True, True, True])
 
 
 def _rejection(parts: Sequence[Part]) -> Cells | None:

@@ -12,7 +12,6 @@ from tracknoise.findings.headlines.reported_conditions import (
     scalar_bounds,
     scale_estimate,
 )
-from tracknoise.findings.intervals.scalar_bounds import INTERPOLATED
 from tracknoise.findings.wording import DASH, SPACE, chance
 from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
@@ -48,7 +47,8 @@ def verdicts(data: ReportData) -> Cells:
     rows = [_row(data, tracker, speed) for tracker in data.trackers for speed in data.speeds]
     which = f"Errors are {data.trimming} unless the heading says otherwise. " if dropped else ""
     combined = "Core: geometric mean over scenes. RMS: features pooled."
-    caption = f"Verdicts{data.where}. {which}{combined} Median lifetimes are interpolated between whole frames."
+    lifetimes = "Median lifetimes are Kaplan-Meier estimates in whole frames."
+    caption = f"Verdicts{data.where}. {which}{combined} {lifetimes}"
     shown = [row for row in rows if row]
     return Cells(caption, headings, shown, [False, True, True, *[False] * (len(headings) - 3)], groups)
 
@@ -104,7 +104,7 @@ def _zero_mean(data: ReportData, conditions: ReportedConditions, tracker: str) -
     row = _first(rows.filter(axis=data.axis.name))
     if row is None:
         return DASH
-    p = row["sign_flip_p"] if row["sign_flip_p_adjusted"] is None else row["sign_flip_p_adjusted"]
+    p = row["sign_flip_p_family"]
     return _ZERO[row["verdict"]] + ("" if p is None else f" ({chance(p)})")
 
 
@@ -132,10 +132,11 @@ def _outliers(data: ReportData, conditions: ReportedConditions, tracker: str) ->
 
 
 def _median_lifetime(data: ReportData, conditions: ReportedConditions, tracker: str) -> str:
-    """Interpolated, so that conditions differ visibly where they differ by less than a frame."""
-    rows = conditions.of(data.intervals, tracker).filter(statistic=f"{INTERPOLATED}median_lifetime")
-    row = _first(rows.drop_nulls("value"))
-    return DASH if row is None else format_estimate(Estimate.of_row(row, "value", "low", "high", "frames"))
+    value = conditions.of(data.summary, tracker)["median_lifetime"][0]
+    if value is None:
+        return DASH
+    bounds = scalar_bounds(conditions.of(data.intervals, tracker), "median_lifetime")
+    return format_estimate(Estimate.of(value, bounds, "frames"))
 
 
 def _first(rows: pl.DataFrame) -> dict[str, Any] | None:

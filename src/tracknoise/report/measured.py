@@ -44,11 +44,11 @@ def scenes(data: ReportData) -> Cells:
     columns: dict[str, str] = {
         "dataset": "dataset", "scene": "scene", "lighting": "lighting", "rotation": "rotation (°)",
         **played,
-        "n_frames": "frames", "size": "image (px)", "truth": "truth", "seconds": "time to measure (s)",
+        "n_frames": "frames", "size": "image (px)", "truth": "truth",
     }  # fmt: skip
     rows = [
         {name: value for name, value in _columns_of(entry).items() if name in columns}
-        | {"size": f"{entry.width} {TIMES} {entry.height}", "seconds": f"{entry.seconds:.1f}"}
+        | {"size": f"{entry.width} {TIMES} {entry.height}"}
         for entry in entries
     ]
     kinds = dict.fromkeys(columns, pl.String) | {"rotation": pl.Int64, "n_frames": pl.Int64}
@@ -197,6 +197,9 @@ def summary(data: ReportData) -> Cells:
         "n_tracks": "tracks",
         "mean_lifetime": "mean",
         "median_lifetime": "KM median",
+        "restricted_to": "horizon",
+        "restricted_mean_lifetime": "KM mean to horizon",
+        "median_until_failure": "KM median until failure",
         "outlier_ratio": "outliers",
         "at": axis.name,
     }
@@ -208,7 +211,7 @@ def summary(data: ReportData) -> Cells:
         for value, sign in signs.items()
         for coordinate in "uv"
     }
-    groups = [("", len(conditions) + 1), ("lifetime (frames)", 2), ("", 2)]
+    groups = [("", len(conditions) + 1), ("lifetime (frames)", 5), ("", 2)]
     groups += [(f"{trimming} (px)", 2 * len(signs)) for trimming in trimmings]
     table = data.in_order(data.listed(data.summary))
     caption = f"Key numbers of every condition{_chosen(data)}"

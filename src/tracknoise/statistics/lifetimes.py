@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from tracknoise.statistics.blocks import blocks_of
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import group_rows, group_runs, in_chunks, number_combinations
-from tracknoise.tables.schema import ENDS, LIFETIMES, ORIGIN, TRACKS, Schema, check, empty
+from tracknoise.tables.schema import BY_CAUSE, ENDS, FAILURES, LIFETIMES, ORIGIN, TRACKS, Schema, TrackEnd, check, empty
 
 MEAN_LIFETIMES: Schema = {
     **{column: LIFETIMES[column] for column in POOLED},
@@ -21,17 +21,30 @@ MEAN_LIFETIMES: Schema = {
     "n_censored": pl.Int64,
     "mean_lifetime": pl.Float64,
     "frames_per_end": pl.Float64,
-    "restricted_mean_lifetime": pl.Float64,
     "restricted_to": pl.UInt32,
+    "restricted_mean_lifetime": pl.Float64,
+    "restricted_mean_until_failure": pl.Float64,
 }
-MEDIAN_SURVIVALS: Schema = {**{column: LIFETIMES[column] for column in POOLED}, "median_lifetime": pl.UInt32}
+MEDIAN_SURVIVALS: Schema = {
+    **{column: LIFETIMES[column] for column in POOLED},
+    "median_lifetime": pl.UInt32,
+    "median_until_failure": pl.UInt32,
+}
 SURVIVING: Schema = {
     **{column: LIFETIMES[column] for column in POOLED},
     "lifetime": pl.UInt32,
     "age": pl.UInt32,
     "n": pl.Int64,
 }
-_POOLED_END = [*POOLED, "lifetime", "n_ended", "n_censored"]
+RESTRICTED = {
+    "restricted_mean_lifetime": "survival",
+    "restricted_mean_until_failure": "survival_until_failure",
+}
+"""Restricted means by the survival curve under which they are areas."""
+_SHARED = ["dataset", "speed"]
+COUNTS = ("n_ended", "n_censored", *BY_CAUSE)
+"""Columns of counts of `ENDS`."""
+_POOLED_END = [*POOLED, "lifetime", *COUNTS]
 
 
 def count_ends(tracks: pl.DataFrame) -> pl.DataFrame:
@@ -55,12 +68,12 @@ def count_ends(tracks: pl.DataFrame) -> pl.DataFrame:
     (groups,) = group_runs([check(tracks, TRACKS, "tracks")], list(ORIGIN))
     block = blocks_of(tracks, pl.Series(groups.index)).to_numpy()
     (condition, *keys), index = number_combinations([groups.index, block, tracks["lifetime"].to_numpy()])
-    censored = (tracks["end"] == "sequence_end").to_numpy()
+    end = tracks["end"].to_physical().to_numpy()
+    by_end = {kind: np.bincount(index[end == kind], minlength=len(condition)) for kind in TrackEnd}
+    censored = by_end.pop(TrackEnd.sequence_end)
     columns = dict(zip(("block", "lifetime"), keys, strict=True))
-    columns |= {
-        name: np.bincount(index[chosen], minlength=len(condition))
-        for name, chosen in (("n_ended", ~censored), ("n_censored", censored))
-    }
+    columns |= {"n_ended": np.sum(list(by_end.values()), axis=0), "n_censored": censored}
+    columns |= {f"n_{kind.name}": count for kind, count in by_end.items()}
     counts = pl.DataFrame(columns).select(pl.col(name).cast(ENDS[name]) for name in columns)
     return check(groups.keys[condition].hstack(counts), ENDS, "ends")
 
@@ -93,7 +106,12 @@ def lifetimes_of_ends(ends: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFra
     `survival` is the estimated probability that a lifetime exceeds `lifetime`: the product, over all lifetimes up to
     it, of 1 - n_ended / at_risk. A track that was alive in the last frame of its sequence is censored. It was not
     searched for in another frame and could not end at the lifetime it reached, so that it is not at risk there.
-    `at_risk` is therefore the tracks that lived longer plus those that ended at this lifetime.
+    `at_risk` is therefore the tracks that lived longer plus those that ended at this lifetime. This is the Kaplan-Meier
+    estimate of any library, if an end at L is coded as an event at L and a censoring at L as one at L - 1.
+
+    `survival_until_failure` is the same for the lifetime until a track is lost or rejected as an outlier. A track that
+    was displaced or masked is then censored, but at risk at its lifetime, because it was searched for once more. This
+    assumes that such tracks would have failed no sooner or later than the others.
 
     Parameters
     ----------
@@ -112,11 +130,12 @@ def lifetimes_of_ends(ends: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFra
     SchemaError
         If a table has other columns.
     """
-    pooled, n_scenes = _pooled(ends)
-    table = pooled.join(n_scenes, on=POOLED).sort(*POOLED, "lifetime")
+    pooled, scenes = _pooled(ends)
+    table = pooled.join(scenes, on=POOLED).sort(*POOLED, "lifetime")
     at_risk = _total_from(pl.col("n_ended") + pl.col("n_censored")) - pl.col("n_censored")
-    stays = pl.when(pl.col("at_risk") > 0).then(1 - pl.col("n_ended") / pl.col("at_risk"))
-    table = table.with_columns(at_risk=at_risk).with_columns(survival=stays.cum_prod().over(POOLED))
+    table = table.with_columns(at_risk=at_risk).with_columns(
+        survival=_beyond(pl.col("n_ended")), survival_until_failure=_beyond(_failed())
+    )
     return check(table.select(*LIFETIMES), LIFETIMES, "lifetimes")
 
 
@@ -134,27 +153,52 @@ def mean_lifetime(lifetimes: pl.DataFrame) -> pl.DataFrame:
         Schema `MEAN_LIFETIMES`, sorted by condition. `mean_lifetime` is the paper's: frames found over tracks. A
         censored track counts as if it had ended, so that the value is too low where many are censored.
         `frames_per_end` is the number of searches per track that ended: (sum of lifetimes - n_censored) / n_ended, null
-        where none did. If tracks end with the same probability at any age, it estimates the mean lifetime for any
-        length of sequences. `restricted_mean_lifetime` is the Kaplan-Meier estimate of the mean of
-        min(lifetime, restricted_to), where `restricted_to` is the longest lifetime seen.
+        where none did. It is the mean lifetime only if all tracks end with the same probability at any age. If tracks
+        differ in this probability, it depends on the length of sequences.
+
+        `restricted_mean_lifetime` is the Kaplan-Meier estimate of the mean of min(lifetime, restricted_to). It is
+        `restricted_mean_until_failure` for the lifetime until a track is lost or rejected as an outlier. The horizon
+        `restricted_to` is common to all conditions of a data set and speed (`horizons`).
     """
     ordered = check(lifetimes, LIFETIMES, "lifetimes").sort(*POOLED, "lifetime")
+    ordered = ordered.join(horizons(ordered), on=_SHARED, maintain_order="left")
     length = pl.col("lifetime").cast(pl.Int64)
     found = pl.col("n_ended") + pl.col("n_censored")
-    level = pl.col("survival").shift(1, fill_value=1.0).over(POOLED)  # from the lifetime before up to this one
-    width = (length - length.shift(1, fill_value=0)).over(POOLED)
-    areas = ordered.with_columns(found=found, frames=found * length, area=level * width)
-    groups, n_ended = group_rows(areas, POOLED), pl.col("n_ended").sum()
+    areas = ordered.with_columns(found=found, frames=found * length)
+    n_ended = pl.col("n_ended").sum()
     totals = areas.group_by(POOLED).agg(
         n_tracks=pl.col("found").sum(),
         n_censored=pl.col("n_censored").sum(),
         mean_lifetime=pl.col("frames").sum() / pl.col("found").sum(),
         frames_per_end=pl.when(n_ended > 0).then((pl.col("frames").sum() - pl.col("n_censored").sum()) / n_ended),
-        restricted_to=pl.col("lifetime").max(),
+        restricted_to=pl.col("restricted_to").first(),
     )
-    restricted = pl.Series(np.bincount(groups.index, areas["area"].to_numpy(), groups.count), dtype=pl.Float64)
-    table = totals.sort(POOLED).with_columns(restricted_mean_lifetime=restricted)
+    areas = ordered.with_columns(_areas("survival"), _areas("survival_until_failure"))
+    groups = group_rows(areas, POOLED)
+    restricted = {
+        name: pl.Series(np.bincount(groups.index, areas[curve].to_numpy(), groups.count), dtype=pl.Float64)
+        for name, curve in RESTRICTED.items()
+    }
+    table = totals.sort(POOLED).with_columns(**restricted)
     return check(table.select(*MEAN_LIFETIMES), MEAN_LIFETIMES, "mean lifetimes")
+
+
+def horizons(lifetimes: pl.DataFrame) -> pl.DataFrame:
+    """Horizon of restricted means of each data set and speed: the largest that all scenes and conditions reach.
+
+    Parameters
+    ----------
+    lifetimes
+        What `lifetimes` returned.
+
+    Returns
+    -------
+    polars.DataFrame
+        Columns dataset, speed and restricted_to, in frames that trackers saw. If no scene limits the follow-up, the
+        horizon is the longest lifetime.
+    """
+    reached = pl.coalesce(pl.col("followed_to").min(), pl.col("lifetime").max())
+    return lifetimes.group_by(_SHARED).agg(restricted_to=reached)
 
 
 def restricted_mean(
@@ -191,11 +235,31 @@ def restricted_mean(
     """
     ended, censored = _along_last(n_ended, n_censored, axis)
     curve = _survival(ended, censored)
-    level = np.concatenate([np.where(_has_tracks(ended, censored), 1.0, np.nan)[..., None], curve], axis=-1)
-    edges = np.concatenate([[0.0], _whole_frames(lifetimes, ended.shape[-1]), [np.inf]])
-    within = np.minimum(edges, np.asarray(horizon, dtype=np.float64)[..., None])
-    width = np.diff(within, axis=-1)
-    area: NDArray[np.float64] = np.where(width > 0, level * width, 0.0).sum(axis=-1)
+    area = area_under(curve, _whole_frames(lifetimes, ended.shape[-1]), horizon)
+    reached = follow_up(ended, censored, lifetimes=lifetimes)
+    return np.where(np.asarray(horizon) <= reached, area, np.nan)
+
+
+def area_under(curve: NDArray[np.float64], lifetimes: NDArray[np.float64], horizon: ArrayLike) -> NDArray[np.float64]:
+    """Area under survival curves from 0 to a horizon, in frames. A curve keeps its last value.
+
+    Parameters
+    ----------
+    curve : (..., lifetimes)
+        Survival beyond each lifetime.
+    lifetimes : (lifetimes,)
+        Whole frames, ascending.
+    horizon : (...)
+        Frames.
+
+    Returns
+    -------
+    (...) float64
+    """
+    level = np.concatenate([np.ones_like(curve[..., :1]), curve], axis=-1)
+    edges = np.concatenate([[0.0], lifetimes, [np.inf]])
+    width = np.diff(np.minimum(edges, np.asarray(horizon, dtype=np.float64)[..., None]), axis=-1)
+    area: NDArray[np.float64] = (level * width).sum(axis=-1)
     return area
 
 
@@ -231,12 +295,14 @@ def median_survival(lifetimes: pl.DataFrame) -> pl.DataFrame:
     Returns
     -------
     polars.DataFrame
-        Schema `MEDIAN_SURVIVALS`, sorted by condition; `median_lifetime` in frames that its tracker saw, null where
-        the survival curve does not come down to a half.
+        Schema `MEDIAN_SURVIVALS`, sorted by condition, in frames that its tracker saw. `median_until_failure` is of the
+        lifetime until a track is lost or rejected as an outlier. A median is null where its survival curve does not
+        reach one half.
     """
     half = 0.5 + 1e-12  # the product that is exactly a half on paper may be rounded up
-    reached = pl.col("lifetime").filter(pl.col("survival") <= half).min()
-    groups = check(lifetimes, LIFETIMES, "lifetimes").group_by(POOLED).agg(median_lifetime=reached)
+    curves = {"median_lifetime": "survival", "median_until_failure": "survival_until_failure"}
+    reached = {name: pl.col("lifetime").filter(pl.col(curve) <= half).min() for name, curve in curves.items()}
+    groups = check(lifetimes, LIFETIMES, "lifetimes").group_by(POOLED).agg(**reached)
     return check(groups.sort(POOLED), MEDIAN_SURVIVALS, "median survivals")
 
 
@@ -269,14 +335,45 @@ def surviving(lifetimes: pl.DataFrame) -> pl.DataFrame:
 
 
 def _pooled(ends: pl.DataFrame | Iterable[pl.DataFrame]) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """Counts of each condition and lifetime, and `n_scenes` of each condition."""
+    """Counts of each condition and lifetime, and `n_scenes` and `followed_to` of each condition."""
     histogram = empty(ENDS).select(_POOLED_END)
-    scenes = empty(ENDS).select("scene", *POOLED)
+    longest = empty(ENDS).select("scene", *_POOLED_END)
     for chunk in in_chunks(ends, ENDS, "ends"):
         counts = pl.concat([histogram, chunk.select(_POOLED_END)])
-        histogram = counts.group_by(*POOLED, "lifetime").agg(pl.col("n_ended", "n_censored").sum())
-        scenes = pl.concat([scenes, chunk.select("scene", *POOLED)]).unique()
-    return histogram, scenes.group_by(POOLED).agg(n_scenes=pl.len().cast(pl.Int32))
+        histogram = counts.group_by(*POOLED, "lifetime").agg(pl.col(COUNTS).sum())
+        longest = _longest(pl.concat([longest, chunk.select("scene", *_POOLED_END)]))
+    end = pl.col("n_ended") > 0
+    followed = pl.when(~end | (_failed() < pl.col("n_ended"))).then(pl.col("lifetime") + end.cast(pl.UInt32))
+    scenes = longest.group_by(POOLED).agg(n_scenes=pl.len().cast(pl.Int32), followed_to=followed.min())
+    return histogram, scenes
+
+
+def _longest(counts: pl.DataFrame) -> pl.DataFrame:
+    """Counts of each scene and condition at its longest lifetime only."""
+    keys = ["scene", *POOLED]
+    last = counts.filter(pl.col("lifetime") == pl.col("lifetime").max().over(keys))
+    return last.group_by(*keys, "lifetime").agg(pl.col(COUNTS).sum()).select(counts.columns)
+
+
+def _failed() -> pl.Expr:
+    """Number of tracks that were lost or rejected as outliers."""
+    return pl.sum_horizontal(f"n_{cause}" for cause in FAILURES)
+
+
+def _beyond(ended: pl.Expr) -> pl.Expr:
+    """Kaplan-Meier survival beyond each lifetime, in a table sorted by lifetime."""
+    stays = pl.when(pl.col("at_risk") > 0).then(1 - ended / pl.col("at_risk"))
+    return stays.cum_prod().over(POOLED)
+
+
+def _areas(curve: str) -> pl.Expr:
+    """Area under a survival curve up to each lifetime from the one before, and from the last one to the horizon."""
+    length, horizon = (pl.col(name).cast(pl.Int64) for name in ("lifetime", "restricted_to"))
+    within = pl.min_horizontal(length, horizon)
+    level = pl.col(curve).shift(1, fill_value=1.0).over(POOLED)  # from the lifetime before up to this one
+    width = within - within.shift(1, fill_value=0).over(POOLED)
+    beyond = pl.when(length == length.max().over(POOLED)).then(pl.col(curve) * (horizon - within)).fill_null(0.0)
+    return (level * width + beyond).alias(curve)
 
 
 def _total_from(count: pl.Expr) -> pl.Expr:
@@ -298,7 +395,6 @@ def _has_tracks(ended: NDArray[np.float64], censored: NDArray[np.float64]) -> ND
 
 
 def _survival(ended: NDArray[np.float64], censored: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Kaplan-Meier survival beyond each lifetime (..., lifetimes); NaN where no track is at risk and it is not 0."""
+    """Kaplan-Meier survival beyond each lifetime (..., lifetimes). It stays the same where no track is at risk."""
     at_risk = np.cumsum((ended + censored)[..., ::-1], axis=-1)[..., ::-1] - censored
-    curve = np.cumprod(1 - ended / np.where(at_risk > 0, at_risk, 1.0), axis=-1)
-    return np.where((at_risk > 0) | (curve == 0), curve, np.nan)
+    return np.asarray(np.cumprod(1 - ended / np.where(at_risk > 0, at_risk, 1.0), axis=-1), dtype=np.float64)

@@ -56,6 +56,13 @@ WEIGHTING = pl.Enum(Weighting)
 VERDICT = pl.Enum(Verdict)
 ASPECT = pl.Enum(Aspect)
 
+CAUSES = tuple(end.name for end in TrackEnd if end is not TrackEnd.sequence_end)
+"""Ends that are not censored: the causes that compete to end a track."""
+FAILURES = (TrackEnd.lost.name, TrackEnd.outlier.name)
+"""Causes that are failures of the tracker. The others follow from the rules of tracking."""
+BY_CAUSE: Schema = {f"n_{cause}": pl.Int64 for cause in CAUSES}
+"""Columns that count ended tracks by cause."""
+
 VIEW: Schema = {"lighting": pl.String, "rotation": pl.Int16, "direction": pl.String, "camera": pl.String}
 """View of a scene: lighting, rotation of the images in degrees, direction of play, and camera of a rig."""
 SEQUENCE: Schema = {"dataset": pl.String, "scene": pl.String, **VIEW}
@@ -230,8 +237,12 @@ ENDS: Schema = {
     "lifetime": pl.UInt32,
     "n_ended": pl.Int64,
     "n_censored": pl.Int64,
+    **BY_CAUSE,
 }
-"""Number of tracks of a block that ended or were censored, by lifetime in frames that their tracker saw."""
+"""Number of tracks of a block that ended or were censored, by lifetime in frames that their tracker saw.
+
+n_ended is the sum of the counts by cause.
+"""
 
 INCREMENTS: Schema = {
     **ORIGIN,
@@ -333,11 +344,19 @@ LIFETIMES: Schema = {
     "lifetime": pl.UInt32,
     "n_ended": pl.Int64,
     "n_censored": pl.Int64,
+    **BY_CAUSE,
     "at_risk": pl.Int64,
     "survival": pl.Float64,
+    "survival_until_failure": pl.Float64,
+    "followed_to": pl.UInt32,
     "n_scenes": pl.Int32,
 }
-"""One row per lifetime: number of tracks that ended or were censored, and the Kaplan-Meier survival beyond it."""
+"""One row per lifetime: number of tracks that ended or were censored, and the Kaplan-Meier survival beyond it.
+
+survival_until_failure counts only tracks that were lost or rejected as outliers as ended. followed_to is the largest
+lifetime up to which every scene of the condition has follow-up, the same in each of its rows. It is null if no scene
+limits it.
+"""
 
 OUTLIERS: Schema = {
     "dataset": pl.String,
@@ -393,6 +412,10 @@ SUMMARY: Schema = {
     "n_tracks": pl.Int64,
     "mean_lifetime": pl.Float64,
     "median_lifetime": pl.UInt32,
+    "restricted_to": pl.UInt32,
+    "restricted_mean_lifetime": pl.Float64,
+    "median_until_failure": pl.UInt32,
+    "restricted_mean_until_failure": pl.Float64,
     "outlier_ratio": pl.Float64,
     "axis": AXIS,
     "at": pl.UInt32,
@@ -407,7 +430,8 @@ SUMMARY: Schema = {
 
 rms is the square root of Phi or Sigma. Ages and frames are those of the nominal sequence, and n is the number of
 features there. If the axis is the frame, nu and eta are mu and kappa. nu, eta and rms are of all features pooled; core
-and beyond are those of `CORES`.
+and beyond are those of `CORES`. Restricted means are of min(lifetime, restricted_to). The horizon restricted_to is the
+same in all rows of a data set and speed.
 """
 
 EFFECTS: Schema = {

@@ -53,7 +53,7 @@ class Correspondence:
 
     def start(self, context: SequenceContext) -> "CorrespondenceTracker":
         """Start the tracker on one sequence at one speed."""
-        return CorrespondenceTracker(self, self.rejection.inliers)
+        return CorrespondenceTracker(self, self.rejection.repeated(context.repeat).inliers)
 
 
 class CorrespondenceTracker:

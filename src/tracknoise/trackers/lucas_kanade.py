@@ -64,7 +64,7 @@ class LucasKanade:
 
     def start(self, context: SequenceContext) -> "LucasKanadeTracker":
         """Start the tracker on one sequence at one speed."""
-        return LucasKanadeTracker(self, self.rejection.inliers)
+        return LucasKanadeTracker(self, self.rejection.repeated(context.repeat).inliers)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

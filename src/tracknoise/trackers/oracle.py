@@ -173,7 +173,8 @@ def _generator(seed: int, context: SequenceContext) -> np.random.Generator:
     sequence = context.sequence
     cameras = [sequence.camera] if sequence.camera else []
     names = (zlib.crc32(name.encode()) for name in (sequence.scene, sequence.lighting, sequence.direction, *cameras))
-    return np.random.default_rng([seed, context.seed, *names, sequence.rotation % 360, context.speed])
+    again = [context.repeat] if context.repeat else []
+    return np.random.default_rng([seed, context.seed, *names, sequence.rotation % 360, context.speed, *again])
 
 
 def _root(covariance: tuple[Pair, Pair]) -> tuple[Pair, Pair]:

@@ -52,6 +52,7 @@ def best_hypothesis(
     confidence: float,
     max_hypotheses: int,
     rng: np.random.Generator,
+    max_refits: int = 0,
 ) -> Hypothesis | None:
     """The first hypothesis with the most inliers, among as many as `confidence` requires.
 
@@ -73,6 +74,10 @@ def best_hypothesis(
         Largest number of hypotheses that are evaluated.
     rng
         Draws the samples; degenerate ones are replaced.
+    max_refits
+        Local optimisation (Chum, Matas and Kittler 2003): each hypothesis that has more inliers than all before is
+        fitted to its inliers again, up to this number of times, as long as that gives more inliers. The number of
+        hypotheses needed then follows from these. By default it is not refitted.
 
     Returns
     -------
@@ -85,12 +90,28 @@ def best_hypothesis(
         agreement = geometry.agrees(models[: needed - judged], source, target, threshold)
         for index, count in enumerate(np.count_nonzero(agreement, axis=1).tolist()):
             if count > most:
-                best, most = Hypothesis(models[index], agreement[index]), count
-                needed = hypotheses_needed(count / len(source), geometry.sample_size, confidence, needed)
+                best = _refitted(
+                    geometry, Hypothesis(models[index], agreement[index]), source, target, threshold, max_refits
+                )
+                most = int(np.count_nonzero(best.inliers))
+                needed = hypotheses_needed(most / len(source), geometry.sample_size, confidence, needed)
             judged += 1
             if judged >= needed:
                 return best
     return best
+
+
+def _refitted(
+    geometry: Geometry, found: Hypothesis, source: Floats, target: Floats, threshold: float, max_refits: int
+) -> Hypothesis:
+    """The hypothesis after refits to its inliers, as long as each has more inliers than the one before."""
+    for _ in range(max_refits):
+        model = geometry.refine(found.model, source[found.inliers], target[found.inliers])
+        inliers = geometry.agrees(model[None], source, target, threshold)[0]
+        if np.count_nonzero(inliers) <= np.count_nonzero(found.inliers):
+            break
+        found = Hypothesis(model, inliers)
+    return found
 
 
 def hypotheses_needed(inlier_share: float, sample_size: int, confidence: float, most: int) -> int:

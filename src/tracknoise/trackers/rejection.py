@@ -1,7 +1,7 @@
 """Outlier rejection: the matches of a step that do not agree with a common motion of the image."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -27,7 +27,12 @@ class Model(StrEnum):
 
 
 class Consensus(StrEnum):
-    """Whose inliers stay: those of the best minimal hypothesis, or of the model refined on these."""
+    """Whose inliers stay: those of the best minimal hypothesis, or of a model refined on inliers.
+
+    hypothesis: as in the paper's software. Which of many similar hypotheses wins depends on the random seed. refined:
+    every hypothesis that is better than all before is fitted to its inliers again, and so is the best (LO-RANSAC). The
+    result depends far less on the seed.
+    """
 
     hypothesis = "hypothesis"
     refined = "refined"
@@ -40,6 +45,8 @@ class ReferencePosition(StrEnum):
     first = "first"
 
 
+_MAX_REFITS = 10
+"""Largest number of refits of one hypothesis; few are needed until its inliers no longer grow."""
 _GEOMETRIES: dict[Model, Geometry] = {Model.homography: Homography(), Model.fundamental: Fundamental()}
 
 
@@ -49,7 +56,8 @@ class Rejection:
 
     Outlier ratio and lifetimes are results, so their definition must not change with a library. Up to OpenCV 4.11 the
     mask of ``findHomography`` was that of the best minimal hypothesis; since 4.12 it is that of the refined model.
-    `consensus` selects one of the two; the paper's software used the former. A step has no outliers if it has fewer
+    `consensus` selects one of the two. The paper's software used the former, and so do the presets of the paper. With
+    `refined`, local optimisation finds nearly the same model with any seed. A step has no outliers if it has fewer
     matches than determine a model, or if all samples are degenerate.
 
     Parameters
@@ -58,7 +66,7 @@ class Rejection:
         Homography (4 matches; error: forward reprojection) or fundamental matrix (8 matches; error: Sampson's), or
         none.
     consensus
-        The inliers of the best hypothesis, or of the model refined on them.
+        The inliers of the best hypothesis, or of the locally optimised and refined model.
     reference
         Whether the tracker matches each track's previous or first position with its present one.
     threshold_px
@@ -69,10 +77,12 @@ class Rejection:
         Largest number of samples, not counting degenerate ones.
     seed
         Random seed of the samples, combined with the index of the frame.
+
+    Source of the local optimisation: O. Chum, J. Matas, J. Kittler, Locally Optimized RANSAC, DAGM 2003.
     """
 
     model: Model = Model.homography
-    consensus: Consensus = Consensus.hypothesis
+    consensus: Consensus = Consensus.refined
     reference: ReferencePosition = ReferencePosition.previous
     threshold_px: float = 3.0
     confidence: float = 0.995
@@ -88,6 +98,10 @@ class Rejection:
         require(0 < self.confidence < 1, "confidence", self.confidence, "a number between 0 and 1")
         require_at_least("max_hypotheses", self.max_hypotheses, 1)
         require_at_least("seed", self.seed, 0)
+
+    def repeated(self, repeat: int) -> "Rejection":
+        """The same rejection with another random seed, for each repetition of a measurement; 0 changes nothing."""
+        return replace(self, seed=self.seed + repeat)
 
     def inliers(self, source: Floats, target: Floats, frame: int) -> NDArray[np.bool_]:
         """Which matches stay.
@@ -119,6 +133,7 @@ class Rejection:
             confidence=self.confidence,
             max_hypotheses=self.max_hypotheses,
             rng=np.random.default_rng([self.seed, frame]),
+            max_refits=_MAX_REFITS if self.consensus is Consensus.refined else 0,
         )
         if best is None:
             return everything

@@ -1,7 +1,7 @@
 """Interfaces of trackers: settings that start a tracker, and one step per frame."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
@@ -122,6 +122,8 @@ class SequenceContext:
         Random seed, for trackers that need one.
     truth
         True positions, for the oracle only; None if this kind of truth cannot place points.
+    repeat
+        Number of the repetition with other random seeds; 0 for the first measurement.
     """
 
     sequence: SequenceId
@@ -130,6 +132,7 @@ class SequenceContext:
     speed: int
     seed: int
     truth: OracleTruth | None
+    repeat: int = 0
 
 
 class TrackerSettings(Protocol):
@@ -147,3 +150,26 @@ class TrackerSettings(Protocol):
             If something that the settings name, such as a file, cannot be used.
         """
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class RepeatedTracker:
+    """A tracker with other random seeds.
+
+    Parameters
+    ----------
+    settings
+        The tracker.
+    repeat
+        See `SequenceContext`.
+    """
+
+    kind: ClassVar[str] = "repeated"
+    description: ClassVar[str] = "another tracker with other random seeds"
+
+    settings: TrackerSettings
+    repeat: int
+
+    def start(self, context: SequenceContext) -> Tracker:
+        """Start the tracker on one sequence at one speed."""
+        return self.settings.start(replace(context, repeat=self.repeat))

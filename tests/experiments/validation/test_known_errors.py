@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from tests.experiments.validation.known_errors import curve_point, mean_lifetime, share, survival
 
-from tracknoise.experiments.validation.known_errors import curve_point, mean_lifetime, share, survival
 from tracknoise.trackers.oracle import Oracle
 
 N = 40

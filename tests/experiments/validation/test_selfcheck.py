@@ -1,86 +1,72 @@
-"""The self-test passes for a correct program, and fails for each defect that is put in."""
+"""The self-test passes for a correct program, and fails for each fault that is put in."""
 
-import shutil
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.cli.app import main
-from tracknoise.experiments.analysis import run_statistics
-from tracknoise.experiments.running.execute import execute
-from tracknoise.experiments.validation.selfcheck import N_NUMBERS, compare, furthest, judge, selfcheck_experiment
-from tracknoise.statistics.curves import curves
-from tracknoise.tables.store import RunFolder
-from tracknoise.trackers.oracle import OracleTracker
+from tracknoise.exceptions import StoreError
+from tracknoise.experiments.validation import selfcheck
+from tracknoise.experiments.validation.checks import CHECKS, SUSPECTS, Area, answer, exact, within
+from tracknoise.experiments.validation.selfcheck import judge, self_test
+from tracknoise.statistics import trimming
 from tracknoise.truth.anchored import BirthSession
 
-SETTINGS = ["white noise", "bias", "drift", "anisotropic", "outliers", "losses"]
+EXACT = [
+    Area.geometry,
+    Area.visibility,
+    Area.errors,
+    Area.trimming,
+    Area.curves,
+    Area.changes,
+    Area.lifetimes,
+    Area.rates,
+]
+
+
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory) -> pl.DataFrame:
+    """All checks of a self-test as a user runs it, with a seed of its own."""
+    return self_test(tmp_path_factory.mktemp("selfcheck"), scenes=12, seed=5)
+
+
+def test_a_correct_program_passes(clean):
+    assert clean.filter(pl.col("n_wrong") > 0).rows() == []
+    result = judge(clean)
+    assert result.passes
+    assert (result.areas, result.suspect, result.n_wrong) == ((), None, 0)
+    assert result.n_values == clean["n"].sum() > 300_000
+
+
+def test_every_area_is_tested_and_has_a_suspect(clean):
+    assert clean["area"].unique().sort().to_list() == list(Area) == list(SUSPECTS)
+    assert clean.filter(area=Area.geometry)["world"].unique().sort().to_list() == ["files", "ray cast", "scan"]
+
+
+def test_scripts_have_what_makes_faults_visible(clean):
+    """Statuses, ends, populations and trimmings that only some scripts might have."""
+    statuses = clean.filter(quantity="truth")["expected"]
+    assert set(clean["area"]) >= set(EXACT)
+    assert statuses.len() > 10
+    assert clean.filter(pl.col("quantity").str.contains("Sigma|mu|kappa"))["n"].sum() > 1000
 
 
 @pytest.fixture
-def check(tmp_path, told):
-    """Runs the check on so many scenes and compares."""
+def faulty(tmp_path) -> Callable[[], list[tuple[Area, str]]]:
+    """Runs the exact part, and returns what is wrong: areas and quantities."""
 
-    def go(scenes: int) -> pl.DataFrame:
-        run = RunFolder(tmp_path / "run")
-        execute(selfcheck_experiment(scenes=scenes, seed=1), run, listener=told())
-        return compare(run)
+    def go() -> list[tuple[Area, str]]:
+        checks = self_test(tmp_path, scenes=1)
+        assert not judge(checks).passes
+        return checks.filter(pl.col("n_wrong") > 0).select("area", "quantity").rows()
 
     return go
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory) -> RunFolder:
-    path = tmp_path_factory.mktemp("selfcheck") / "run"
-    with pytest.raises(SystemExit) as exit_:
-        main(["selfcheck", "--scenes", "6", "--out", str(path), "--quiet", "-w", "1"])
-    assert exit_.value.code == 0
-    return RunFolder(path)
-
-
-@pytest.fixture(scope="module")
-def clean(run) -> pl.DataFrame:
-    return compare(run)
-
-
-def off(comparison: pl.DataFrame) -> set[tuple[str, str]]:
-    """Settings and statistics of which a number is off."""
-    return set(comparison.filter("off").select("setting", "statistic").iter_rows())
-
-
-def test_a_correct_program_passes(clean):
-    verdict = judge(clean)
-    assert off(clean) == set()
-    assert verdict.passes
-    assert verdict.n_numbers == clean.height
-    assert verdict.n_within >= verdict.n_least > 0.75 * verdict.n_intervals
-
-
-def test_every_setting_and_speed_is_compared_in_every_way(clean):
-    assert clean["setting"].unique(maintain_order=True).to_list() == SETTINGS
-    numbers = clean.select("setting", "speed", "statistic", "coordinate", "at")
-    assert numbers.n_unique() == numbers.height == N_NUMBERS == len(SETTINGS) * 2 * (2 * (2 + 2 + 3) + 2 + 1 + 2)
-    assert clean["measured"].is_finite().all()
-    assert clean.filter(pl.col("within").is_null())["statistic"].unique().to_list() == ["loss_ratio"]
-
-
-def test_expected_values_are_those_of_the_settings(clean):
-    def expected(setting, statistic, coordinate, at, speed=2):
-        keys = {"setting": setting, "statistic": statistic, "speed": speed, "at": at, "coordinate": coordinate}
-        same = [pl.col(name).eq_missing(value) for name, value in keys.items()]
-        return clean.filter(same)["expected"].item()
-
-    assert expected("drift", "nu", "u", 12) == pytest.approx(0.6)
-    assert expected("drift", "nu", "v", 12) == pytest.approx(-0.36)
-    assert expected("bias", "Phi", "uv", 4) == pytest.approx(-0.08, rel=0.01)
-    assert expected("anisotropic", "Phi", "uv", 4) == pytest.approx(-0.18, rel=0.01)
-    assert expected("losses", "survival", None, 6) == pytest.approx(0.83**6)
-    assert expected("white noise", "eta", "u", 4) == pytest.approx(0.5 * np.sqrt(2 / np.pi))
-
-
-def test_half_a_pixel_in_the_truth_is_noticed(check, monkeypatch):
+def test_half_a_pixel_in_the_truth_is_noticed(faulty, monkeypatch):
     right = BirthSession.resolve
 
     def shifted(session):
@@ -88,74 +74,89 @@ def test_half_a_pixel_in_the_truth_is_noticed(check, monkeypatch):
         return replace(positions, uv=positions.uv + 0.5)
 
     monkeypatch.setattr(BirthSession, "resolve", shifted)
-    found = check(1)
-    assert {(setting, "nu") for setting in SETTINGS} <= off(found)
-    assert not {"survival", "mean_lifetime", "outlier_ratio", "loss_ratio"} & {name for _, name in off(found)}
-    assert not judge(found).passes
+    found = faulty()
+    assert found[0] == (Area.geometry, "u_true_px")
+    assert Area.lifetimes not in {area for area, _ in found}
 
 
-def test_a_drift_of_the_wrong_sign_is_noticed(check, monkeypatch):
-    right = OracleTracker._errors
-    monkeypatch.setattr(OracleTracker, "_errors", lambda self, age: right(self, -age))
-    found = check(1)
-    assert {setting for setting, _ in off(found)} == {"drift"}
-    assert not judge(found).passes
+def test_reversed_trimming_is_noticed(faulty, monkeypatch):
+    right = trimming._thresholds
+    monkeypatch.setattr(trimming, "_thresholds", lambda *args: -right(*args))
+    assert {area for area, _ in faulty()} == {Area.trimming, Area.curves}
 
 
-def test_second_moments_with_u_and_v_exchanged_are_noticed(run, tmp_path, monkeypatch):
-    def exchanged(*arguments, **options):
-        second = pl.col("statistic") == "Phi"
-        swapped = [pl.when(second).then(b).otherwise(a).alias(a) for a, b in (("u", "v"), ("v", "u"))]
-        return curves(*arguments, **options).with_columns(swapped)
+def test_an_error_in_the_package_is_a_fault_and_a_full_disk_is_not(tmp_path, monkeypatch):
+    def broken(*_: object) -> pl.DataFrame:
+        raise ZeroDivisionError("division by zero")
 
-    monkeypatch.setattr(run_statistics, "curves", exchanged)
-    again = RunFolder(shutil.copytree(run.path, tmp_path / "run"))
-    run_statistics.compute_statistics(again, selfcheck_experiment(scenes=6))
-    found = compare(again)
-    assert ("anisotropic", "Phi") in off(found)
-    assert "white noise" not in {setting for setting, _ in off(found)}
-    assert not judge(found).passes
+    monkeypatch.setitem(selfcheck._PARTS, "exact", broken)
+    result = self_test(tmp_path, scenes=12)
+    assert result.select("quantity", "measured").rows() == [("measurement", "ZeroDivisionError: division by zero")]
+    with pytest.raises(ZeroDivisionError):
+        self_test(tmp_path, scenes=12, debug=True)
+
+    def full(*_: object) -> pl.DataFrame:
+        raise StoreError("no space left")
+
+    monkeypatch.setitem(selfcheck._PARTS, "exact", full)
+    with pytest.raises(StoreError, match="no space left"):
+        self_test(tmp_path, scenes=12)
 
 
-@pytest.mark.parametrize("factor", [0.5, 0.0])
-def test_intervals_that_are_too_narrow_are_noticed(clean, factor):
-    narrow = [
-        (pl.col("measured") + factor * (pl.col(side) - pl.col("measured"))).alias(side) for side in ("low", "high")
+def test_results_do_not_depend_on_the_number_of_workers(clean, tmp_path):
+    few = clean.filter(pl.col("area").is_in(EXACT))
+    assert self_test(Path(tmp_path), scenes=1, seed=5, workers=2).equals(few)
+
+
+EXPECTED = pl.DataFrame({"key": [1, 2, 3], "value": [1.0, None, 2.0], "name": ["a", "b", "c"]})
+
+
+def compared(measured: pl.DataFrame) -> list[tuple[str, int, int]]:
+    checks = exact(Area.curves, "world", EXPECTED, measured, values=["value", "name"])
+    assert checks.schema == pl.Schema(CHECKS)
+    return checks.select("quantity", "n", "n_wrong").rows()
+
+
+def test_equal_tables_agree_up_to_rounding_and_order():
+    close = EXPECTED.reverse().with_columns(pl.col("value") * (1 + 1e-8), other=pl.lit(0))
+    assert compared(close) == [("value", 3, 0), ("name", 3, 0)]
+
+
+@pytest.mark.parametrize(
+    ("value", "wrong"),
+    [([1.0, None, 2.1], 1), ([1.0, 0.0, 2.0], 1), ([None, None, np.nan], 2), ([1.0, None, np.inf], 1)],
+)
+def test_other_values_are_wrong(value, wrong):
+    assert compared(EXPECTED.with_columns(value=pl.Series(value, strict=False))) == [
+        ("value", 3, wrong),
+        ("name", 3, 0),
     ]
-    verdict = judge(clean.with_columns(narrow).with_columns(within=pl.col("expected").is_between("low", "high")))
-    assert verdict.n_off == 0
-    assert not verdict.passes
 
 
-def test_one_missed_interval_of_many_is_no_fault(clean):
-    within = pl.Series([False] + [True] * (clean.height - 1))
-    assert judge(clean.with_columns(within=within, off=pl.lit(value=False))).passes
+def test_rows_that_are_missing_or_superfluous_are_wrong():
+    assert compared(EXPECTED.head(2)) == [("value", 3, 1), ("name", 3, 1)]
+    more = pl.concat([EXPECTED, pl.DataFrame({"key": [4], "value": [1.0], "name": ["d"]})])
+    assert compared(more) == [("value", 4, 1), ("name", 4, 1)]
 
 
-def test_a_number_that_is_missing_is_a_fault(clean):
-    verdict = judge(clean.filter(~((pl.col("setting") == "drift") & (pl.col("statistic") == "nu"))))
-    assert (verdict.n_off, verdict.n_missing) == (0, 8)
-    assert not verdict.passes
+def test_the_worst_value_is_named():
+    checks = exact(
+        Area.curves, "w", EXPECTED, EXPECTED.with_columns(value=pl.Series([1.1, None, 3.0])), values=["value", "name"]
+    )
+    assert checks.row(0, named=True)["place"] == "key 3"
+    assert checks.select("expected", "measured").row(0) == ("2.0000", "3.0000")
 
 
-def test_a_number_that_is_null_is_off(run, tmp_path, monkeypatch):
-    def emptied(*arguments, **options):
-        nu = pl.when(pl.col("statistic") != "nu")
-        return curves(*arguments, **options).with_columns(nu.then("u").alias("u"))
-
-    monkeypatch.setattr(run_statistics, "curves", emptied)
-    again = RunFolder(shutil.copytree(run.path, tmp_path / "run"))
-    run_statistics.compute_statistics(again, selfcheck_experiment(scenes=6))
-    assert off(compare(again)) == {(setting, "nu") for setting in SETTINGS}
-
-
-def test_a_comparison_without_intervals_is_judged_by_its_numbers_alone(clean):
-    verdict = judge(clean.with_columns(within=pl.lit(None, dtype=pl.Boolean)))
-    assert (verdict.n_intervals, verdict.n_within, verdict.n_least) == (0, 0, 0)
-    assert verdict.passes
-
-
-def test_a_correct_program_has_a_number_beyond_the_limit_in_one_of_1000_self_tests():
-    rng = np.random.default_rng(0)
-    furthest_of_each = np.abs(rng.standard_normal((20000, 300))).max(axis=1)
-    assert np.mean(furthest_of_each > furthest(300)) == pytest.approx(0.001, abs=0.001)
+def test_limits_and_answers():
+    rows = pl.concat(
+        [
+            within(Area.intervals, "w", "in", 0.5, low=0.0, high=1.0),
+            within(Area.intervals, "w", "out", 1.5, low=0.0, high=1.0),
+            within(Area.intervals, "w", "nothing", None, low=0.0, high=1.0),
+            answer(Area.growth, "w", "right", ["yes", "yes"], allowed=["yes"]),
+            answer(Area.growth, "w", "one wrong", ["yes", "no"], allowed=["yes"]),
+            answer(Area.growth, "w", "none", [], allowed=["yes"]),
+        ]
+    )
+    assert rows["n_wrong"].to_list() == [0, 1, 1, 0, 1, 1]
+    assert rows["measured"].to_list() == ["0.5", "1.5", "none", "yes", "no", "none"]

@@ -13,6 +13,7 @@ from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.statistics.curves import curves
 from tracknoise.statistics.effects import effects
 from tracknoise.statistics.factors import ReferenceCondition
+from tracknoise.statistics.lifetimes import lifetimes_of_ends
 from tracknoise.statistics.outliers import outlier_ratios
 from tracknoise.tables.findings_schema import DEPENDENCE
 from tracknoise.tables.schema import CURVES, EFFECTS, ENDS, FRAME_COUNTS, LIFETIMES, MOMENTS, SCALES, TRACKS, empty
@@ -74,10 +75,7 @@ def asked(
     ends = empty(ENDS) if ends is None else ends
     frames = empty(FRAME_COUNTS) if frames is None else frames
     bent = curves(table)
-    lived = ends.group_by(pl.exclude("scene", "block", "n_ended", "n_censored")).agg(
-        pl.col("n_ended", "n_censored").sum(), at_risk=0, survival=0.0, n_scenes=1
-    )
-    lived = lived.select(pl.col(name).cast(kind) for name, kind in LIFETIMES.items())
+    lived = lifetimes_of_ends(ends)
     point = effects(bent, lived, outlier_ratios(frames), reference=REFERENCE)
     return dependence(table, scales(table), ends, frames, bent, point, n_draws=n_draws, **options)
 

@@ -6,8 +6,8 @@ from scipy import stats
 
 from tracknoise.findings.factors.answers import Answer, Question, answer
 from tracknoise.findings.factors.differences import differences
-from tracknoise.findings.factors.rotation import rotations
 from tracknoise.findings.sampling.groups import scheme
+from tracknoise.findings.sampling.rotation import rotations
 from tracknoise.tables.enumerations import Resampled
 
 MARGIN, AGES, RUNS = float(np.log(1.1)), 6, 150

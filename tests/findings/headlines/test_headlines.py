@@ -16,6 +16,7 @@ from tracknoise.tables.findings_schema import (
     FINDINGS,
     GAUSSIANITY,
     INTERVALS,
+    SEED_SPREAD,
     TIME_STRUCTURE,
     ZERO_MEAN,
 )
@@ -35,6 +36,7 @@ SCHEMAS: Mapping[str, Schema] = {
     "summary": SUMMARY,
     "effects": EFFECTS,
     "intervals": INTERVALS,
+    "seed_spread": SEED_SPREAD,
     "zero_mean": ZERO_MEAN,
     "gaussianity": GAUSSIANITY,
     "time_structure": TIME_STRUCTURE,
@@ -194,7 +196,7 @@ AT_TEN = {**OVERALL, "at": 10, "mean_u_px": 0.12, "mean_v_px": -0.04, "share_of_
 
 def test_a_bias_that_was_shown_is_reported_with_its_size() -> None:
     mean = {**POINT, "statistic": "nu", "weighting": "scenes", "value": 0.12, "low": 0.05, "high": 0.19}
-    whole = {**OVERALL, "verdict": "yes", "sign_flip_p": 0.012}
+    whole = {**OVERALL, "verdict": "yes", "sign_flip_p_family": 0.012}
     bias = read(zero_mean=table(ZERO_MEAN, whole, AT_TEN), intervals=table(INTERVALS, mean))["bias"]
     assert "The mean trimmed error of lk is not zero (p = 0.012, 8 scenes)." in bias["text"]
     assert "At age 10, the mean is 0.120 px (0.050 to 0.190) in u and −0.040 px in v." in bias["text"]
@@ -313,10 +315,15 @@ def test_outliers_and_lifetimes_have_their_intervals() -> None:
     rows = [
         {**BASE, "statistic": "outlier_ratio", "value": 0.0482, "low": 0.041, "high": 0.055},
         {**BASE, "statistic": "median_lifetime", "value": 7.0, "low": 6.0, "high": 9.0},
+        {**BASE, "statistic": "restricted_mean_lifetime", "value": 8.5, "low": 8.0, "high": 9.0},
     ]
-    found = read(intervals=table(INTERVALS, *rows))
+    lived = {"restricted_to": 20, "restricted_mean_lifetime": 8.5, "restricted_mean_until_failure": 12.0}
+    found = read(summary=table(SUMMARY, {**SUMMED, **lived}), intervals=table(INTERVALS, *rows))
     assert "lk rejects 4.8 % (4.1 % to 5.5 %) of the features carried into a frame." in found["outliers"]["text"]
-    assert found["lifetimes"]["text"] == "Median lifetime at speed 1 (Kaplan-Meier). lk: 7 frames (6 to 9)."
+    text = found["lifetimes"]["text"]
+    assert text.startswith("Median lifetime at speed 1 (Kaplan-Meier), and means restricted to 20 frames. lk: 7 frames")
+    assert "7 frames (6 to 9). The restricted mean is 8.50 frames (8 to 9). Until failure it is 12 frames." in text
+    assert "which assumes that they would have failed like the others" in text
 
 
 def test_a_bound_that_lies_beyond_the_data_is_open() -> None:

@@ -4,12 +4,13 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.findings.intervals.scalar_bounds import first_reached, interpolated, survival
+from tracknoise.findings.intervals.scalar_bounds import first_reached, survival
 from tracknoise.findings.intervals.table import curve_statistics
 from tracknoise.findings.sampling.bounds import Method, averaged, pooled
 from tracknoise.findings.sampling.units import Units
+from tracknoise.statistics.lifetimes import area_under
 
-RUNS, TRACKS, AGE, LONGEST = 400, 60, 8, 40
+RUNS, TRACKS, AGE, LONGEST, HORIZON = 400, 60, 8, 40, 20
 BIAS_PX, STEP_PX, HAZARD, OUTLIERS = 0.2, 0.1, 0.06, 0.04
 STUDENT, NO_DRAWS = Method("student"), 0
 
@@ -76,7 +77,7 @@ def test_outlier_ratio_of_scenes_that_differ(n_scenes):
 
 
 @pytest.mark.parametrize("n_scenes", [8, 28])
-def test_median_lifetime_of_scenes_that_lose_tracks_at_different_rates(n_scenes):
+def test_lifetimes_of_scenes_that_lose_tracks_at_different_rates(n_scenes):
     rng = np.random.default_rng(n_scenes)
     shape = (n_scenes, RUNS, TRACKS)
     hazard = HAZARD * np.exp(0.3 * rng.normal(size=(*shape[:2], 1)))
@@ -87,23 +88,32 @@ def test_median_lifetime_of_scenes_that_lose_tracks_at_different_rates(n_scenes)
     ends = [np.bincount(place[chosen], minlength=size) for chosen in (life < left, life >= left)]
     sums = np.stack(ends, axis=-1).reshape(n_scenes, RUNS, LONGEST + 1, 2)[:, :, 1:].astype(np.float64)
     by_lifetime = sums.swapaxes(1, 2).reshape(n_scenes, LONGEST * RUNS, 2)
-
-    def curve(totals: np.ndarray) -> np.ndarray:
-        shaped = totals.reshape(2, LONGEST, RUNS, *totals.shape[2:])
-        return survival(shaped)[0].reshape(1, LONGEST * RUNS, *totals.shape[2:])
-
-    options = {"scales": ["logit"], "sizes": np.ones((LONGEST * RUNS, n_scenes))}
-    bounds = pooled(units_of_runs(by_lifetime), no_weights(n_scenes), curve, STUDENT, **options)
     lifetimes = np.arange(1.0, LONGEST + 1)
+
+    def curves(totals: np.ndarray) -> np.ndarray:
+        return survival(totals.reshape(2, LONGEST, RUNS, *totals.shape[2:]))[0]
+
+    def flat(totals: np.ndarray) -> np.ndarray:
+        return curves(totals).reshape(1, LONGEST * RUNS, *totals.shape[2:])
+
+    def mean(totals: np.ndarray) -> np.ndarray:
+        return area_under(np.moveaxis(curves(totals), 0, -1), lifetimes, HORIZON)[None] / HORIZON
+
+    units, weights = units_of_runs(by_lifetime), no_weights(n_scenes)
+    sizes = np.ones((LONGEST * RUNS, n_scenes))
+    bounds = pooled(units, weights, flat, STUDENT, scales=["logit"], sizes=sizes)
+    areas = pooled(units, weights, mean, STUDENT, scales=["logit"], sizes=sizes[:RUNS])
     population = HAZARD * np.exp(0.3 * np.random.default_rng(0).normal(size=200_000))
     survives = np.array([np.mean((1 - population) ** k) for k in lifetimes])
-    held = {}
-    for reached in (first_reached, interpolated):
-        low, high = (
-            np.array([reached(values, lifetimes, 0.5) for values in bound.reshape(LONGEST, RUNS).T])
-            for bound in (bounds.low, bounds.high)
-        )
-        held[reached] = share(low, high, reached(survives, lifetimes, 0.5))
-        assert np.nanmedian(high - low) < 10 / np.sqrt(n_scenes / 8)
-    assert 0.92 - 0.03 < held[interpolated] < 0.97 + 0.015
-    assert held[first_reached] >= held[interpolated]  # whole frames make it cover more than it says
+    assert (
+        0.92 - 0.03
+        < share(areas.low, areas.high, float(area_under(survives, lifetimes, HORIZON)) / HORIZON)
+        < 0.97 + 0.015
+    )
+    low, high = (
+        np.array([first_reached(values, lifetimes, 0.5) for values in bound.reshape(LONGEST, RUNS).T])
+        for bound in (bounds.low, bounds.high)
+    )
+    held = share(low, high, first_reached(survives, lifetimes, 0.5))
+    assert np.nanmedian(high - low) < 10 / np.sqrt(n_scenes / 8)
+    assert held > 0.92 - 0.03  # whole frames make it cover more than its level

@@ -6,11 +6,16 @@ import polars as pl
 import pytest
 
 from tracknoise.exceptions import SettingsError
-from tracknoise.findings.intervals.scalar_bounds import interpolated
 from tracknoise.findings.intervals.table import interval_table
 from tracknoise.statistics.block_moments import block_moments
 from tracknoise.statistics.curves import curves
-from tracknoise.statistics.lifetimes import count_ends, lifetimes_of_ends, mean_lifetime, median_survival
+from tracknoise.statistics.lifetimes import (
+    RESTRICTED,
+    count_ends,
+    lifetimes_of_ends,
+    mean_lifetime,
+    median_survival,
+)
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.outliers import outlier_ratios
 from tracknoise.statistics.prepared import prepare_observations, prepare_sequence
@@ -40,7 +45,9 @@ def _scene(rng: np.random.Generator, scene: str, tracker: str, n_tracks: int) ->
     error = walk - np.repeat(starts, life, axis=1)
     kept = rng.random(n_tracks) < 0.8
     tracks = {"track": np.arange(n_tracks), "first_frame": 0, "lifetime": life, "kept": kept}
-    tracks |= {"end": np.where(life == 12, "sequence_end", "lost")}
+    tracks |= {
+        "end": np.where(life == 12, "sequence_end", np.array(["lost", "outlier", "masked"])[np.arange(n_tracks) % 3])
+    }
     seen = {"track": track, "frame": age, "age": age, "kept": kept[track], "truth": "valid"}
     seen |= {"du_px": error[0], "dv_px": error[1], **dict.fromkeys(("u_px", "v_px", "u_true_px", "v_true_px"), 0.0)}
     offered = np.append(0, rng.integers(20, 40, 12))
@@ -100,6 +107,8 @@ def test_lifetimes_and_outlier_ratio_are_those_of_the_summary(n_scenes):
     values = {
         "mean_lifetime": mean_lifetime(lived).select(*keys, value="mean_lifetime"),
         "median_lifetime": median_survival(lived).select(*keys, value=pl.col("median_lifetime").cast(pl.Float64)),
+        "median_until_failure": median_survival(lived).select(*keys, value=pl.col("median_until_failure").cast(float)),
+        **{name: mean_lifetime(lived).select(*keys, value=name) for name in RESTRICTED},
         "outlier_ratio": outlier_ratios(tables["frames"]).select(*keys, value="pooled_ratio"),
     }
     found = found_in(tables)
@@ -108,9 +117,10 @@ def test_lifetimes_and_outlier_ratio_are_those_of_the_summary(n_scenes):
         assert one["value"].to_list() == pytest.approx(expected.sort(keys)["value"].to_list())
         assert (one["low"] <= one["value"]).all()
         assert (one["value"] <= one["high"]).all()
-    survival = found.filter(statistic="survival")
-    assert survival["at"].to_list() == lived["lifetime"].to_list()
-    assert survival["value"].to_list() == pytest.approx(lived["survival"].to_list(), nan_ok=True)
+    for curve in ("survival", "survival_until_failure"):
+        rows = found.filter(statistic=curve)
+        assert rows["at"].to_list() == lived["lifetime"].to_list()
+        assert rows["value"].to_list() == pytest.approx(lived[curve].to_list(), nan_ok=True)
 
 
 def test_quartiles_are_where_survival_is_down_to_a_quarter_and_its_bounds_with_it():
@@ -120,27 +130,6 @@ def test_quartiles_are_where_survival_is_down_to_a_quarter_and_its_bounds_with_i
         row = found.row(by_predicate=pl.col("statistic") == name, named=True)
         for bound in ("value", "low", "high"):
             assert row[bound] == curve.filter(pl.col(bound) <= share)["at"].min()
-
-
-def test_interpolated_quantiles_are_on_the_lines_between_whole_frames():
-    found = found_in(_tables(8)).filter(tracker="a")
-    curve = found.filter(statistic="survival").drop_nulls("value")
-    lifetimes = np.array([0.0, *curve["at"]])
-    for name, share in {"lower_quartile": 0.75, "median": 0.5, "upper_quartile": 0.25}.items():
-        whole = found.row(by_predicate=pl.col("statistic") == f"{name}_lifetime", named=True)
-        row = found.row(by_predicate=pl.col("statistic") == f"interpolated_{name}_lifetime", named=True)
-        for bound in ("value", "low", "high"):
-            survives = [1.0, *curve[bound].fill_null(1.0)]
-            assert np.interp(row[bound], lifetimes, survives) == pytest.approx(share)
-            assert whole[bound] - 1 < row[bound] <= whole[bound]
-
-
-def test_a_survival_curve_is_level_between_lifetimes_that_were_not_seen():
-    lifetimes, curve = np.array([2.0, 7.0]), np.array([0.8, 0.3])
-    assert interpolated(curve, lifetimes, 0.5) == pytest.approx(6 + 0.3 / 0.5)
-    assert interpolated(curve, lifetimes, 0.9) == pytest.approx(1.5)
-    assert interpolated(curve, lifetimes, 0.3) == 7.0
-    assert np.isnan(interpolated(curve, lifetimes, 0.2))
 
 
 def test_enough_scenes_are_resampled_and_too_few_are_not():

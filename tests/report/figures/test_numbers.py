@@ -14,6 +14,7 @@ from tracknoise.report.figures import (
     curves,
     example_frames,
     feature_counts,
+    incidence,
     lifetimes,
     lightings,
     occlusion,
@@ -66,6 +67,31 @@ def test_curves_draw_what_is_in_the_tables(data: ReportData) -> None:
     shown = drawn.filter(tracker="lucas-kanade", of="about zero").sort("at")
     assert shown["at"].to_list() == expected["at"].to_list()
     np.testing.assert_allclose(shown["v"], np.sqrt(expected["v"]), rtol=1e-3)
+
+
+def test_causes_of_ends_are_those_of_the_table(data: ReportData) -> None:
+    (figure,) = incidence.figures(data)
+    rows = data.incidence.filter(tracker="lucas-kanade", speed=1)
+    last = (
+        rows.filter(pl.col("lifetime") == pl.col("lifetime").max())
+        .sort("incidence", descending=True)
+        .row(0, named=True)
+    )
+    assert f"Of the tracks of lucas-kanade, {percent(last['incidence'])} are " in figure.look_for
+    drawn = [table for table in _datasets(figure) if "incidence" in table.columns]
+    for cause in ("lost", "masked"):
+        shown = drawn[data.place("lucas-kanade")].filter(series=cause).sort("lifetime")
+        np.testing.assert_allclose(shown["incidence"], rows.filter(cause=cause)["incidence"], rtol=1e-3)
+
+
+def test_lifetimes_quote_the_summary(data: ReportData) -> None:
+    figure = _by_id(lifetimes.figures(data))["lifetimes"]
+    row = data.nominal(data.summary).filter(tracker="lucas-kanade").row(0, named=True)
+    means = [number(row[name]) for name in ("restricted_mean_lifetime", "restricted_mean_until_failure")]
+    assert (
+        f"Mean restricted to {row['restricted_to']} frames: {means[0]} frames, or {means[1]} until failure."
+        in figure.look_for
+    )
 
 
 def test_without_trimming_one_figure_shows_all_tracks(make_run: Callable[..., RunFolder]) -> None:

@@ -17,6 +17,7 @@ from tracknoise.experiments.settings import Experiment
 from tracknoise.measurement.tracking import Progress
 from tracknoise.sequences.images import encode_png
 from tracknoise.sequences.sequence import Sequence
+from tracknoise.statistics.lifetimes import count_ends
 from tracknoise.statistics.summarise import STATISTICS, statistics_of
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.schema import POSES, SEQUENCE
@@ -68,12 +69,16 @@ def run_batch(
         If the data cannot be used, or the folder cannot be written.
     """
     started, entries = time.monotonic(), []
+    for task in batch:
+        task.sequence.require_utf8()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DataWarning)  # the notes of the sequence contain the same text
+        repeated = _repeated(batch, progress)
         sequences = open_batch(batch)
         measured = _measure(batch[0], sequences, progress)
-        for task, sequence, measurement in zip(batch, sequences, measured, strict=True):
-            tables, snapshot = tables_to_keep(task.experiment, sequence, measurement), encode_png(measurement.snapshot)
+        for task, sequence, measurement, more in zip(batch, sequences, measured, repeated, strict=True):
+            tables = {**tables_to_keep(task.experiment, sequence, measurement), **more}
+            snapshot = encode_png(measurement.snapshot)
             if claim:
                 claim.check()
             hashes = run.write_sequence(task.key, tables, snapshot)
@@ -102,12 +107,26 @@ def sequence_entry(
     )
 
 
-def _measure(task: Task, sequences: list[Sequence], progress: Progress | None) -> Iterator[Measurement]:
+def _repeated(batch: list[Task], progress: Progress | None) -> list[dict[str, pl.DataFrame]]:
+    """Tables of `SEED_TABLES` of each sequence, measured with every random seed but the first. Empty if it is one."""
+    found: list[dict[str, list[pl.DataFrame]]] = [{} for _ in batch]
+    for repeat in range(1, batch[0].experiment.seeds):
+        seed = pl.lit(repeat, dtype=pl.Int32).alias("seed")
+        for tables, one in zip(found, _measure(batch[0], open_batch(batch), progress, repeat=repeat), strict=True):
+            measured = {"moments": one.moments, "ends": count_ends(one.tracks), "frames": one.frames}
+            for name, table in measured.items():
+                tables.setdefault(f"seed_{name}", []).append(table.select(seed, pl.all()))
+    return [{name: pl.concat(parts) for name, parts in tables.items()} for tables in found]
+
+
+def _measure(
+    task: Task, sequences: list[Sequence], progress: Progress | None, *, repeat: int = 0
+) -> Iterator[Measurement]:
     experiment = task.experiment
     truth = experiment.truth
     return measure_together(
         sequences,
-        make_trackers(experiment),
+        make_trackers(experiment, repeat=repeat),
         speeds=task.speeds,
         truth=truth.kind,
         scan_rule=ScanRule(truth.scan_radius_px, truth.scan_anchoring),

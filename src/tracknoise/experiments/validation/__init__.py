@@ -1,1 +1,1 @@
-"""Self-test: measurement of errors of known size."""
+"""Self-test: measurement of tracks whose true positions and errors are known."""

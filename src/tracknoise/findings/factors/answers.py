@@ -80,7 +80,7 @@ class Question:
     resampled
         What is averaged: `scenes`, `groups` or `within`.
     directions : (draws, dimensions)
-        See `tracknoise.findings.factors.rotation.rotations`; there are as many dimensions as the parts of averages.
+        See `tracknoise.findings.sampling.rotation.rotations`; there are as many dimensions as the parts of averages.
     cancels
         Whether differences at several points may cancel, so that their mean is no measure of them.
     """

@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from tracknoise.findings.factors.answers import Question
 from tracknoise.findings.factors.differences import Differences, differences
 from tracknoise.findings.factors.questions import Cell, cells
-from tracknoise.findings.factors.rotation import rotations
 from tracknoise.findings.factors.rows import Row, judged, row_of
 from tracknoise.findings.factors.scene_counts import lifetime_differences, outlier_differences
 from tracknoise.findings.factors.scene_values import SIGNED, AllValues, scene_values
 from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups, scheme
+from tracknoise.findings.sampling.rotation import rotations
 from tracknoise.statistics.conditions import Tables, TablesByCondition, by_condition, scenes_by_dataset
 from tracknoise.tables.defaults import LEVEL, MARGIN, POPULATION, TRIMMING
 from tracknoise.tables.enumerations import Resampled

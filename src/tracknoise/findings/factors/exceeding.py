@@ -8,7 +8,7 @@ t = (|d| - m) / se and upper tail P:
 - p_below = P(-t) (below): that the difference is at least m.
 
 Of several, the best p-value is an answer only as far as it is seldom so small by chance (Westfall and Young's min-p).
-Chance is that of the scenes' differences rotated (`tracknoise.findings.factors.rotation`). Where there are too few
+Chance is that of the scenes' differences rotated (`tracknoise.findings.sampling.rotation`). Where there are too few
 rotations to estimate this, a p-value is multiplied by the number of tests (Bonferroni).
 
 Source: P. Westfall, S. Young, Resampling-based multiple testing (1993).
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from tracknoise.findings.factors.averages import Averages
-from tracknoise.findings.factors.rotation import best_by_chance, least_share, students, within
+from tracknoise.findings.sampling.rotation import best_by_chance, least_share, students, within
 
 _ROUNDING = 1e-12
 """Standard errors below this, relative to the difference and the margin, are rounding."""
@@ -54,7 +54,7 @@ def best_of_few(found: Averages, margin: float, directions: NDArray[np.float64])
     margin
         Not negative.
     directions : (draws, dimensions)
-        See `tracknoise.findings.factors.rotation.rotations`.
+        See `tracknoise.findings.sampling.rotation.rotations`.
     """
     error = _errors(found, margin)
     alone = _at_margin(np.abs(found.mean) / error, margin / error, found.degrees)

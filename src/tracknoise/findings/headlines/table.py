@@ -35,8 +35,8 @@ def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.Data
     Parameters
     ----------
     tables
-        By their names: summary, effects, intervals, zero_mean, gaussianity, time_structure and dependence. One without
-        rows has no headline.
+        By their names: summary, effects, intervals, seed_spread, zero_mean, gaussianity, time_structure and dependence.
+        One without rows has no headline.
     conditions
         Which conditions the sentences are about.
 

@@ -6,6 +6,19 @@ from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
 from tracknoise.findings.headlines.headline import Headline, Part, RunTables, by_tracker
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions, scalar_bounds
+from tracknoise.findings.wording import count, percent
+
+_ONE_SEED = "One random seed was used, so that the chance of the seed was not measured (seeds = 1)."
+_LIFETIMES = {
+    "median_lifetime": "",
+    "restricted_mean_lifetime": "The restricted mean is {}.",
+    "restricted_mean_until_failure": "Until failure it is {}.",
+}
+"""Lifetimes that are reported, and their sentences after that of the median."""
+_FAILURE = (
+    "A failure is a lost track or an outlier. Masked and displaced tracks then count as censored, which assumes that "
+    "they would have failed like the others."
+)
 
 
 def outliers(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
@@ -14,6 +27,7 @@ def outliers(tables: RunTables, conditions: ReportedConditions) -> Headline | No
         conditions.trackers,
         lambda tracker: _outliers_of(tables, conditions, tracker),
         opening=f"Outlier ratio {conditions.where(tables['summary'])}.",
+        closing=_ONE_SEED if tables["seed_spread"].is_empty() else "",
         topic="outliers",
         figure="outlier-ratio",
         table="intervals",
@@ -26,15 +40,28 @@ def _outliers_of(tables: RunTables, conditions: ReportedConditions, tracker: str
         return None
     bounds = scalar_bounds(conditions.of(tables["intervals"], tracker), "outlier_ratio")
     estimate = Estimate.of(ratio, bounds, "share")
-    return f"{tracker} rejects {format_estimate(estimate)} of the features carried into a frame.", [estimate]
+    text = f"{tracker} rejects {format_estimate(estimate)} of the features carried into a frame."
+    return text + _between_seeds(conditions.of(tables["seed_spread"], tracker)), [estimate]
+
+
+def _between_seeds(spread: pl.DataFrame) -> str:
+    """How much the outlier ratio differs between seeds, as a sentence. Empty if there is one seed."""
+    for row in spread.filter(statistic="outlier_ratio").to_dicts():
+        deviation = f"a standard deviation of {percent(row['standard_deviation'])}"
+        return f" Between {row['n_seeds']} random seeds the ratio has {deviation}."
+    return ""
 
 
 def lifetimes(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
-    """Median lifetime of tracks."""
+    """Median and restricted mean lifetime of tracks, and the restricted mean until failure."""
+    restricted = [_value(conditions.of(tables["summary"], name), "restricted_to") for name in conditions.trackers]
+    horizon = next((frames for frames in restricted if frames is not None), None)
+    means = "" if horizon is None else f", and means restricted to {count(int(horizon), 'frame')}"
     return by_tracker(
         conditions.trackers,
         lambda tracker: _lifetime_of(tables, conditions, tracker),
-        opening=f"Median lifetime {conditions.where(tables['summary'])} (Kaplan-Meier).",
+        opening=f"Median lifetime {conditions.where(tables['summary'])} (Kaplan-Meier){means}.",
+        closing="" if horizon is None else _FAILURE,
         topic="lifetimes",
         figure="lifetimes",
         table="intervals",
@@ -45,12 +72,20 @@ def _lifetime_of(tables: RunTables, conditions: ReportedConditions, tracker: str
     rows = conditions.of(tables["summary"], tracker)
     if not _value(rows, "n_tracks"):
         return None
-    median = _value(rows, "median_lifetime")
-    if median is None:
-        return f"{tracker}: unknown, because more than half of the tracks are alive at the end of the data.", []
-    bounds = scalar_bounds(conditions.of(tables["intervals"], tracker), "median_lifetime")
-    estimate = Estimate.of(median, bounds, "frames")
-    return f"{tracker}: {format_estimate(estimate)}.", [estimate]
+    found = {name: _estimate(tables, conditions, tracker, name) for name in _LIFETIMES}
+    known = {name: format_estimate(estimate) for name, estimate in found.items() if estimate is not None}
+    median = known.get(
+        "median_lifetime", "unknown, because more than half of the tracks are alive at the end of the data"
+    )
+    texts = [f"{tracker}: {median}.", *(text.format(known[name]) for name, text in _LIFETIMES.items() if name in known)]
+    return " ".join(filter(None, texts)), [estimate for estimate in found.values() if estimate is not None]
+
+
+def _estimate(tables: RunTables, conditions: ReportedConditions, tracker: str, statistic: str) -> Estimate | None:
+    """A lifetime of the summary, with its interval."""
+    value = _value(conditions.of(tables["summary"], tracker), statistic)
+    bounds = scalar_bounds(conditions.of(tables["intervals"], tracker), statistic)
+    return None if value is None else Estimate.of(value, bounds, "frames")
 
 
 def _value(rows: pl.DataFrame, column: str) -> float | None:

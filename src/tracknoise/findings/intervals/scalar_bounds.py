@@ -1,24 +1,26 @@
 """Bounds of lifetimes, survival and outlier ratio of one condition.
 
 The lifetime that a share of the tracks exceeds is where the survival curve reaches that share. Its bounds are where the
-bounds of the survival curve reach it (Brookmeyer and Crowley 1982). Lifetimes are whole frames: a value or a bound
-between two frames is rounded up. Such intervals are too coarse to contain the true value as often as their level says.
-The table therefore has interpolated lifetimes too, where the line between the survival of successive frames reaches the
-share (the median of a life table).
+bounds of the survival curve reach it (Brookmeyer and Crowley 1982). Lifetimes are whole frames, and so are these
+quantiles and their bounds. Such intervals contain the true value more often than their level says. A restricted mean
+has its interval on the logit scale of its share of the horizon.
 """
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.findings.estimate import EstimateArray
-from tracknoise.findings.sampling.bounds import LabelledEstimates, Method, pooled
+from tracknoise.findings.sampling.bounds import LabelledEstimates, Method, Statistics, pooled
 from tracknoise.findings.sampling.draws import Draws
 from tracknoise.findings.sampling.units import Units, units_of
 from tracknoise.statistics.blocks import block_of
+from tracknoise.statistics.lifetimes import RESTRICTED, area_under
+from tracknoise.tables.schema import FAILURES
 
 QUANTILES: Mapping[str, float] = {
     "lower_quartile_lifetime": 0.75,
@@ -26,12 +28,14 @@ QUANTILES: Mapping[str, float] = {
     "upper_quartile_lifetime": 0.25,
 }
 """Lifetimes by the share of the tracks that live longer."""
-INTERPOLATED = "interpolated_"
-"""What the name of such a lifetime begins with where it is interpolated between whole frames."""
+WHOLE_FRAMES = (*QUANTILES, "median_until_failure")
+"""Lifetimes that are whole frames, and so are their bounds."""
 SCALAR_UNITS: Mapping[str, str] = {
     "mean_lifetime": "frames",
-    **{prefix + name: "frames" for prefix in ("", INTERPOLATED) for name in QUANTILES},
+    **dict.fromkeys(RESTRICTED, "frames"),
+    **dict.fromkeys(WHOLE_FRAMES, "frames"),
     "survival": "share",
+    "survival_until_failure": "share",
     "outlier_ratio": "share",
 }
 """Statistics of this file and their units."""
@@ -39,8 +43,8 @@ SCALAR_UNITS: Mapping[str, str] = {
 _ROUNDED = 1e-12  # the product that is exactly a half on paper may be rounded up
 
 
-def lifetime_bounds(ends: pl.DataFrame, draws: Draws, method: Method) -> Iterator[LabelledEstimates]:
-    """Mean lifetime, survival beyond each lifetime, and the lifetimes that certain shares of the tracks exceed.
+def lifetime_bounds(ends: pl.DataFrame, draws: Draws, method: Method, *, horizon: float) -> Iterator[LabelledEstimates]:
+    """Means of lifetimes, survival beyond each lifetime, and the lifetimes that certain shares of the tracks exceed.
 
     Parameters
     ----------
@@ -50,19 +54,25 @@ def lifetime_bounds(ends: pl.DataFrame, draws: Draws, method: Method) -> Iterato
         Of all scenes of the dataset.
     method
         How to make intervals.
+    horizon
+        Of restricted means, frames: at most what all scenes of the condition reach.
     """
-    whole = ends.select("scene", "block", "lifetime", "n_ended", "n_censored")
-    units = units_of(whole, whole, points=["lifetime"], columns=["n_ended", "n_censored"])
+    counts = ends.with_columns(n_failed=pl.sum_horizontal(f"n_{cause}" for cause in FAILURES))
+    units = units_of(counts, counts, points=["lifetime"], columns=["n_ended", "n_censored", "n_failed"])
     weights, lifetimes = draws.weights(units), units.points["lifetime"].to_numpy().astype(np.float64)
-    tracks = units.sums.sum(axis=(1, 2))
+    tracks = units.sums[..., :2].sum(axis=(1, 2))
     mean = pooled(units, weights, lambda sums: _mean(sums, lifetimes), method, scales=["log"], sizes=tracks[None])
     yield LabelledEstimates(_labels("mean_lifetime"), mean, units)
     sizes = np.broadcast_to(tracks, (len(lifetimes), len(tracks)))
-    curve = pooled(units, weights, survival, method, scales=["logit"], sizes=sizes)
-    yield LabelledEstimates(_labels("survival", lifetimes), _where_at_risk(curve, units), units)
-    for name, share in QUANTILES.items():
-        for prefix, reached in (("", first_reached), (INTERPOLATED, interpolated)):
-            yield LabelledEstimates(_labels(prefix + name), _quantile(curve, lifetimes, share, reached), units)
+    for survival_of, names in _CURVES.items():
+        restricted = partial(_restricted, survival_of, lifetimes, horizon)
+        share = pooled(units, weights, restricted, method, scales=["logit"], sizes=tracks[None])
+        mean = replace(share, **{name: horizon * getattr(share, name) for name in ("value", "low", "high")})
+        yield LabelledEstimates(_labels(names.restricted_mean), mean, units)
+        curve = pooled(units, weights, survival_of, method, scales=["logit"], sizes=sizes)
+        yield LabelledEstimates(_labels(names.curve, lifetimes), _where_at_risk(curve, units), units)
+        for name, left in names.quantiles.items():
+            yield LabelledEstimates(_labels(name), _quantile(curve, lifetimes, left), units)
 
 
 def outlier_bounds(frames: pl.DataFrame, draws: Draws, method: Method) -> Iterator[LabelledEstimates]:
@@ -87,46 +97,43 @@ def survival(sums: NDArray[np.float64]) -> NDArray[np.float64]:
 
     Parameters
     ----------
-    sums : (2, lifetimes, ...)
+    sums : (2 or more, lifetimes, ...)
         Tracks that ended, and that were censored, at each lifetime.
 
     Returns
     -------
     (1, lifetimes, ...) float64
     """
-    ended, censored = sums
+    return _product(sums, sums[0])
+
+
+def survival_until_failure(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same until failure: only the tracks in the third row of `sums` ended, the others were censored."""
+    return _product(sums, sums[2])
+
+
+def _product(sums: NDArray[np.float64], events: NDArray[np.float64]) -> NDArray[np.float64]:
+    ended, censored = sums[:2]
     at_risk = np.cumsum((ended + censored)[::-1], axis=0)[::-1] - censored
-    stays = 1 - ended / np.where(at_risk > 0, at_risk, 1.0)
+    stays = 1 - events / np.where(at_risk > 0, at_risk, 1.0)
     return np.asarray(np.cumprod(stays, axis=0))[None]
+
+
+def _restricted(
+    survival_of: Statistics, lifetimes: NDArray[np.float64], horizon: float, sums: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Restricted mean as a share of its horizon, which it cannot exceed, (1, 1, ...).
+
+    Without a unit the follow-up can be shorter than the horizon: the curve keeps its last value.
+    """
+    area = area_under(np.moveaxis(survival_of(sums), 1, -1), lifetimes, horizon)
+    return np.where(sums[:2].sum(axis=(0, 1)) > 0, area / horizon, np.nan)[:, None]
 
 
 def first_reached(curve: NDArray[np.float64], lifetimes: NDArray[np.float64], share: float) -> float:
     """Shortest lifetime at which a survival curve (lifetimes,) is down to a share; NaN if it never is."""
     places = np.flatnonzero(curve <= share + _ROUNDED)
     return float(lifetimes[places[0]]) if len(places) else np.nan
-
-
-def interpolated(curve: NDArray[np.float64], lifetimes: NDArray[np.float64], share: float) -> float:
-    """Where the line between a survival curve at whole frames is down to a share; NaN if it never is.
-
-    Parameters
-    ----------
-    curve : (lifetimes,)
-        Survival beyond each lifetime, or a bound of it; it is 1 before the first, and stays where it was at whole
-        frames that are not among the lifetimes. Places before the one where it is down, and which have none, as
-        bounds of a survival of 1, count as 1.
-    lifetimes : (lifetimes,)
-        Whole frames, ascending.
-    share
-        Between 0 and 1.
-    """
-    places = np.flatnonzero(curve <= share + _ROUNDED)
-    if not len(places):
-        return np.nan
-    place = places[0]
-    before = curve[place - 1] if place else 1.0
-    height = (1.0 if np.isnan(before) else before) - curve[place]
-    return float(lifetimes[place] - max(share - curve[place], 0.0) / height)
 
 
 def _labels(statistic: str, at: NDArray[np.float64] | None = None) -> pl.DataFrame:
@@ -137,7 +144,7 @@ def _labels(statistic: str, at: NDArray[np.float64] | None = None) -> pl.DataFra
 
 
 def _mean(sums: NDArray[np.float64], lifetimes: NDArray[np.float64]) -> NDArray[np.float64]:
-    found = sums.sum(axis=0)
+    found = sums[:2].sum(axis=0)
     count = found.sum(axis=0)
     frames = np.tensordot(lifetimes, found, axes=1)
     return np.asarray(frames / np.where(count > 0, count, np.nan))[None, None]
@@ -156,15 +163,27 @@ def _ratio(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(outliers / np.where(offered > 0, offered, np.nan))[None]
 
 
-def _quantile(
-    curve: EstimateArray,
-    lifetimes: NDArray[np.float64],
-    share: float,
-    reached: Callable[[NDArray[np.float64], NDArray[np.float64], float], float],
-) -> EstimateArray:
+def _quantile(curve: EstimateArray, lifetimes: NDArray[np.float64], share: float) -> EstimateArray:
     """Where a survival curve and its bounds reach a share."""
     value, low, high = (
-        np.array([[reached(values[0], lifetimes, share)]]) for values in (curve.value, curve.low, curve.high)
+        np.array([[first_reached(values[0], lifetimes, share)]]) for values in (curve.value, curve.low, curve.high)
     )
     n_units, n_scenes = curve.n_units[:, :1], curve.n_scenes[:, :1]
     return replace(curve, value=value, low=low, high=high, n_units=n_units, n_scenes=n_scenes)
+
+
+@dataclass(frozen=True, slots=True)
+class _Names:
+    """Names of a survival curve and of the numbers that are read from it."""
+
+    curve: str
+    restricted_mean: str
+    quantiles: Mapping[str, float]
+
+
+_CURVES: Mapping[Statistics, _Names] = {
+    survival: _Names("survival", "restricted_mean_lifetime", QUANTILES),
+    survival_until_failure: _Names(
+        "survival_until_failure", "restricted_mean_until_failure", {"median_until_failure": 0.5}
+    ),
+}

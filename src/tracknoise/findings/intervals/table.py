@@ -8,6 +8,7 @@ The advantage is largest with few scenes.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
 from itertools import chain
 from typing import Any
 
@@ -28,6 +29,7 @@ from tracknoise.findings.sampling.draws import N_DRAWS, Draws, draws_by_dataset
 from tracknoise.findings.sampling.units import SUMS, units_of
 from tracknoise.statistics.conditions import Tables, TablesByCondition, by_condition, scenes_by_dataset
 from tracknoise.statistics.definitions import NAMES, POOLED, UNITS
+from tracknoise.statistics.lifetimes import horizons, lifetimes_of_ends
 from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL, POPULATION
 from tracknoise.tables.enumerations import Aspect, IntervalKind, Weighting
 from tracknoise.tables.findings_schema import INTERVALS
@@ -65,6 +67,7 @@ def interval_table(
     aspects: Tables = (),
     changes: Tables = (),
     aspect_blocks: Tables = (),
+    restricted_to: pl.DataFrame | None = None,
     population: str = POPULATION,
     kind: str = KIND_OF_INTERVAL,
     level: float = LEVEL,
@@ -88,6 +91,9 @@ def interval_table(
         moments by age, and of their autocorrelation by lag.
     aspect_blocks
         Schema `ASPECT_BLOCKS`: what to resample of aspects and changes in conditions of too few scenes.
+    restricted_to
+        Horizons of restricted mean lifetimes, as `tracknoise.statistics.lifetimes.horizons` returns them; by default
+        those of `ends`.
     population
         Which observations the errors are of: `visible` or `projected`.
     kind
@@ -124,7 +130,7 @@ def interval_table(
         *_curve_rows(error_sums(errors, by_condition(blocks, BLOCKS, "blocks"), population), drawn, method),
         *_curve_rows(aspect_sums(by_condition(aspects, ASPECTS, "aspects", moments_to_order_2), within), drawn, method),
         *_curve_rows(aspect_sums(moments_of_changes(moved), within), drawn, method),
-        *_scalar_rows(lived, lifetime_bounds, drawn, method),
+        *_lifetime_rows(lived, drawn, method, restricted_to),
         *_scalar_rows(seen, outlier_bounds, drawn, method),
         *_scalar_rows(correlated_changes(moved), correlation_bounds, drawn, method),
     ]
@@ -192,6 +198,17 @@ def _scalar_rows(
             missing = {name: value for name, value in usual.items() if name not in found.labels.columns}
             named = _literals({**dict(zip(POOLED, key, strict=True)), **missing})
             yield _rows(found).with_columns(named, unit=pl.col("statistic").replace_strict(_SCALARS))
+
+
+def _lifetime_rows(
+    lived: TablesByCondition, drawn: Mapping[str, Draws], method: Method, restricted_to: pl.DataFrame | None
+) -> Iterator[pl.DataFrame]:
+    """Rows of the lifetimes of every condition. Those of a data set and speed share the horizon of restricted means."""
+    shared = horizons(lifetimes_of_ends(lived.values())) if restricted_to is None else restricted_to
+    horizon = {(dataset, speed): frames for dataset, speed, frames in shared.iter_rows()}
+    for key, part in lived.items():
+        here = (key[0], key[POOLED.index("speed")])
+        yield from _scalar_rows({key: part}, partial(lifetime_bounds, horizon=horizon[here]), drawn, method)
 
 
 def _rows(found: LabelledEstimates) -> pl.DataFrame:

@@ -12,12 +12,15 @@ from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Panel, Spec, arranged, layered
 from tracknoise.report.report_data import ReportData
-from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
-from tracknoise.tables.schema import LIFETIMES
 
 _SIZE: dict[str, Any] = {"width": 385, "height": 240}
 _LIFETIME = alt.X("lifetime:Q", title="lifetime (frames that the tracker saw)", axis=alt.Axis(tickMinStep=1))
 _SHARE = alt.Y("survival:Q", scale=alt.Scale(domain=[0, 1]), title="share of tracks that live longer")
+
+_FAILURE = (
+    "The first mean depends on the length of sequences, the restricted mean does not. A failure is a lost track or an "
+    "outlier. Other ends then count as censored, which assumes that these tracks would have failed like the rest."
+)
 
 
 def figures(data: ReportData) -> Sequence[Figure | Absence]:
@@ -40,7 +43,7 @@ def _by_tracker(data: ReportData, nominal: pl.DataFrame) -> Figure:
         shows=f"Left: number of tracks by lifetime at speed {data.slowest}{data.where} (logarithmic). Right: "
         "Kaplan-Meier estimate of the share of tracks that live longer. It treats tracks that were alive at the end of "
         f"their sequence as censored, not as ended. {_describe_bands(table)}",
-        look_for=_numbers(table, {name: f"At speed {data.slowest}, {name}" for name in data.trackers}),
+        look_for=_numbers(data, table, {name: f"At speed {data.slowest}, {name}" for name in data.trackers}),
         spec=_pair(table, data.colour, "tracker"),
     )
 
@@ -56,18 +59,19 @@ def _by_speed(data: ReportData, table: pl.DataFrame, tracker: str) -> Figure | A
         title=title,
         shows=f"The same for {tracker} at every speed{data.where}. Lifetimes count the frames that the tracker saw. "
         f"At speed 2, one of these frames is two frames of the sequence. {_describe_bands(table)}",
-        look_for=_numbers(table, {speed: f"At speed {speed}, {tracker}" for speed in map(str, data.speeds)}),
+        look_for=_numbers(data, table, {speed: f"At speed {speed}, {tracker}" for speed in map(str, data.speeds)}),
         spec=_pair(table, data.speed_colours(tracker), "speed"),
     )
 
 
-def _numbers(table: pl.DataFrame, subjects: Mapping[str, str]) -> str:
-    """Mean, median and censored share of each series. Its first sentence begins with its subject."""
-    keys = list(LIFETIMES)
-    labels = table.select("tracker", "speed", "series").unique()
-    lived = mean_lifetime(table.select(keys)).join(median_survival(table.select(keys)), on=["tracker", "speed"])
-    found = {row["series"]: row for row in lived.join(labels, on=["tracker", "speed"]).to_dicts()}
-    return " ".join(_sentences(subject, found[name]) for name, subject in subjects.items() if name in found)
+def _numbers(data: ReportData, table: pl.DataFrame, subjects: Mapping[str, str]) -> str:
+    """Means, median and censored share of each series. Its first sentence begins with its subject."""
+    labels = table.group_by("tracker", "speed", "series").agg(pl.col("n_censored").sum())
+    found = data.reference(data.summary).join(labels, on=["tracker", "speed"])
+    rows = {row["series"]: row for row in found.to_dicts()}
+    return " ".join(
+        [*(_sentences(subject, rows[name]) for name, subject in subjects.items() if name in rows), _FAILURE]
+    )
 
 
 def _sentences(subject: str, row: Mapping[str, Any]) -> str:
@@ -75,7 +79,11 @@ def _sentences(subject: str, row: Mapping[str, Any]) -> str:
     half = "longer than the data (more than half are censored)" if median is None else count(median, "frame")
     lived = f"Mean lifetime: {number(row['mean_lifetime'])} frames. Median lifetime: {half}."
     censored = percent(row["n_censored"] / row["n_tracks"])
-    return f"{subject} has {count(row['n_tracks'], 'track')}. {lived} Censored: {censored}."
+    means = [number(row[name]) for name in ("restricted_mean_lifetime", "restricted_mean_until_failure")]
+    restricted = (
+        f"Mean restricted to {count(row['restricted_to'], 'frame')}: {means[0]} frames, or {means[1]} until failure."
+    )
+    return f"{subject} has {count(row['n_tracks'], 'track')}. {lived} {restricted} Censored: {censored}."
 
 
 def _pair(table: pl.DataFrame, colours: Mapping[str, str], title: str) -> Spec:

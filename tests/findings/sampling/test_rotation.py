@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tracknoise.findings.factors.rotation import (
+from tracknoise.findings.sampling.rotation import (
     best_by_chance,
     least_share,
     rotations,

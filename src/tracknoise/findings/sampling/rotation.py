@@ -64,6 +64,11 @@ def students(parts: NDArray[np.float64], directions: NDArray[np.float64]) -> NDA
     return _student(directions @ (parts / np.where(length > 0, length, 1.0)), len(parts))
 
 
+def share_at_most(by_chance: NDArray[np.float64], p: float) -> float:
+    """P-value of a p-value, given those by chance, sorted: the share that is at most that, its own included."""
+    return (1 + int(np.searchsorted(by_chance, p, side="right"))) / (1 + len(by_chance))
+
+
 def least_share(by_chance: NDArray[np.float64], share: float) -> NDArray[np.float64]:
     """The p-value that a given share of p-values by chance, sorted along the last axis, is at most; 0 with too few."""
     rank = int(share * (by_chance.shape[-1] + 1) + 1e-9)

@@ -1,0 +1,109 @@
+"""Competing risks: the share of tracks that have ended by each cause, with bounds.
+
+The estimate is that of Aalen and Johansen (1978). A track that ends at lifetime L by one cause can no longer end by
+another. Kaplan-Meier curves of single causes ignore this, and add up to more than all tracks. The coding is that of
+`tracknoise.statistics.lifetimes`: an end at L is an event at L, and a track alive in the last frame is not at risk at
+its own lifetime.
+
+Source: O. Aalen, S. Johansen, Scandinavian Journal of Statistics 5 (1978).
+"""
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.findings.sampling.bounds import Method, pooled
+from tracknoise.findings.sampling.draws import N_DRAWS, Draws, draws_by_dataset
+from tracknoise.findings.sampling.units import units_of
+from tracknoise.statistics.conditions import Tables, by_condition, scenes_by_dataset
+from tracknoise.statistics.definitions import POOLED
+from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL
+from tracknoise.tables.enumerations import IntervalKind
+from tracknoise.tables.findings_schema import INCIDENCE
+from tracknoise.tables.schema import BY_CAUSE, CAUSES, ENDS, check, empty
+
+_COLUMNS = ["n_censored", *BY_CAUSE]
+
+
+def incidence_table(
+    ends: Tables,
+    *,
+    kind: str = KIND_OF_INTERVAL,
+    level: float = LEVEL,
+    n_draws: int = N_DRAWS,
+    seed: int = 0,
+) -> pl.DataFrame:
+    """Cumulative incidence of every cause of ending, in every condition, with intervals.
+
+    Parameters
+    ----------
+    ends
+        Tables of all scenes, schema `ENDS`.
+    kind, level, n_draws, seed
+        As in `tracknoise.findings.intervals.table.interval_table`.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `INCIDENCE`, sorted. Bounds are on the logit scale. They are null where the incidence is 0 or 1, and in
+        conditions of too few units.
+
+    Raises
+    ------
+    SchemaError
+        If a table has other columns.
+    SettingsError
+        If there is no such kind, or the level is not between 0 and 1.
+    """
+    conditions = by_condition(ends, ENDS, "ends")
+    scenes = scenes_by_dataset(conditions.items())
+    drawn = draws_by_dataset(scenes, n_draws=0 if kind == IntervalKind.student else n_draws, seed=seed)
+    method = Method(kind, level)
+    parts = [
+        _rows(part, drawn[key[0]], method).with_columns(
+            pl.lit(value, dtype=INCIDENCE[name]).alias(name) for name, value in zip(POOLED, key, strict=True)
+        )
+        for key, part in conditions.items()
+        if part.height
+    ]
+    typed = [part.select(pl.col(name).cast(dtype) for name, dtype in INCIDENCE.items()) for part in parts]
+    table = pl.concat([empty(INCIDENCE), *typed]).with_columns(pl.col("incidence", "low", "high").fill_nan(None))
+    return check(table.sort(*POOLED, "cause", "lifetime"), INCIDENCE, "incidence")
+
+
+def cumulative_incidence(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Share of tracks that have ended by each cause up to each lifetime (Aalen and Johansen).
+
+    Parameters
+    ----------
+    sums : (1 + causes, lifetimes, ...)
+        Tracks that were censored, and that ended by each cause, at each lifetime, ascending.
+
+    Returns
+    -------
+    (causes, lifetimes, ...) float64
+        Constant where no track is at risk. Together with the Kaplan-Meier survival it adds up to 1.
+    """
+    censored, ended = sums[0], sums[1:]
+    total = ended.sum(axis=0)
+    at_risk = np.cumsum((total + censored)[::-1], axis=0)[::-1] - censored
+    safe = np.where(at_risk > 0, at_risk, 1.0)
+    survival = np.cumprod(1 - total / safe, axis=0)
+    before = np.concatenate([np.ones_like(survival[:1]), survival[:-1]])
+    return np.asarray(np.cumsum(before * ended / safe, axis=1))
+
+
+def _rows(ends: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
+    """One row per cause and lifetime of a condition."""
+    units = units_of(ends, ends, points=["lifetime"], columns=_COLUMNS)
+    tracks = units.sums.sum(axis=(1, 2))
+    sizes = np.broadcast_to(tracks, (len(units.points), len(tracks)))
+    scales = ["logit"] * len(CAUSES)
+    found = pooled(units, draws.weights(units), cumulative_incidence, method, scales=scales, sizes=sizes)
+    labels = pl.DataFrame({"cause": CAUSES}).join(units.points, how="cross")
+    columns = {"incidence": "value", **{name: name for name in ("low", "high", "n_units", "n_scenes")}}
+    numbers = pl.DataFrame({name: getattr(found, source).ravel() for name, source in columns.items()})
+    made = {"kind": found.kind, "level": found.level, "resampled": units.resampled}
+    return labels.hstack(numbers).with_columns(
+        pl.lit(value, dtype=INCIDENCE[name]).alias(name) for name, value in made.items()
+    )

@@ -276,7 +276,7 @@ is in the unit of the effect. larger is the level with the larger value, better 
 outliers or longer lifetimes; null for mean errors. n_pairs counts the pairs that were compared. n_scenes is the fewest
 scenes that two levels share, n_places the number of ages that were compared, from at_low to at_high. Lifetimes are
 restricted means to the common horizon (frames that the tracker saw). more_scenes is how many more scenes would settle
-an `undecided` with a probability of 80 %, if that can be told.
+an `undecided` with a probability of 80 %, where that is known.
 
 p_yes is the p-value of the hypothesis that no difference exceeds the margin, p_no of the hypothesis that some
 difference is at least the margin. The q-values are Benjamini and Hochberg's, over the rows of a factor.

@@ -50,7 +50,7 @@ class Answer:
     compared : (pairs, points) bool
         Points that enough scenes have.
     more_scenes
-        How many more scenes would settle the question; None where this cannot be told.
+        How many more scenes would settle the question; None where this is unknown.
     """
 
     pair: int

@@ -19,7 +19,7 @@ TOO_CLOSE = 0.2
 
 
 def more_scenes(found: Averages, chosen: int, points: Averages, *, margin: float, level: float) -> int | None:
-    """Scenes that are needed by (scenes) beyond those that there are, at least one; None where this cannot be told.
+    """Scenes that are needed by (scenes) beyond those that there are, at least one; None where this is unknown.
 
     Parameters
     ----------

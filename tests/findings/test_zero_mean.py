@@ -191,7 +191,8 @@ def test_groups_of_scenes_are_the_units():
     names = {("d", f"s{scene:02}"): f"place {scene // 3}" for scene in range(12)}
     alike = found_in(means, groups=SceneGroups(names)).filter(pl.col("at").is_null())
     assert "for these groups of scenes only" in alike["why"][0]
-    pairs = {("d", f"s{scene:02}"): f"place {scene // 6}" for scene in range(7)}
-    few = found_in(means[:7], groups=SceneGroups(pairs))
+    lone = {("d", f"s{scene:02}"): f"place {min(scene, 4)}" for scene in range(7)}  # 3 of the same place
+    few = found_in(means[:7], groups=SceneGroups(lone))
+    assert few["why"].str.contains("too few groups of scenes").all()
     assert few["sign_flip_p"].null_count() == few.height
     assert few["verdict"].unique().to_list() == ["undecided"]

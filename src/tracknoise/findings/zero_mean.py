@@ -34,6 +34,7 @@ ALPHA = 0.05
 """Probability of a false `yes`: of rejecting a true zero, all ages of a condition together."""
 _FLAT = 1e-12
 """Determinants that are smaller than this, relative to what they are a difference of, are rounding."""
+_FEW_GROUPS = "too few groups of scenes for a test"
 _CHANCE = "a mean error of this size may be chance"
 _LINE = ["trimming", "axis"]
 _CURVE = [*POOLED, *_LINE]
@@ -189,10 +190,13 @@ def _of_curve(curve: _Curve, family: NDArray[np.float64]) -> pl.DataFrame:
     few = pl.format(f"a test at 5 % needs at least {MIN_SCENES} scenes; found {{}}", scenes_counted("n_scenes"))
     others = pl.when(alone <= ALPHA).then(pl.lit(f"{_CHANCE} in one of the conditions that were asked"))
     why = pl.when(~differs).then(pl.coalesce(others, pl.lit(_CHANCE)))
-    within = (
-        pl.when(p.is_not_null() & curve.within).then(pl.lit("; for these groups of scenes only")).otherwise(pl.lit(""))
+    untested = pl.when(p.is_null()).then(pl.lit(_FEW_GROUPS))
+    limits = pl.lit("; for these groups of scenes only" if curve.within else "")
+    said = (
+        pl.when(pl.col("n_scenes") < MIN_SCENES)
+        .then(few)
+        .otherwise(pl.coalesce("why", untested, why) + pl.when(p.is_null()).then(pl.lit("")).otherwise(limits))
     )
-    said = pl.when(pl.col("n_scenes") < MIN_SCENES).then(few).otherwise(pl.coalesce("why", why) + within)
     return rows.with_columns(
         why=said, verdict=pl.when(differs).then(pl.lit(Verdict.yes)).otherwise(pl.lit(Verdict.undecided))
     )
@@ -202,7 +206,9 @@ def _overall(ages: pl.DataFrame, found: FlipTest, n_scenes: int) -> pl.DataFrame
     """Row of all ages, with the means of the strongest."""
     counted = {"n_scenes": n_scenes}
     if found.strongest is None:
-        why = f"no age or frame has {MIN_SCENES} scenes" if ages.height else "no age or frame has enough features"
+        enough = (found.n_scenes >= MIN_SCENES).any()
+        why = _FEW_GROUPS if enough else f"no age or frame has {MIN_SCENES} scenes"
+        why = why if ages.height else "no age or frame has enough features"
         return pl.DataFrame({**counted, "why": why})
     strongest = ages.select("n", "mean_u_px", "mean_v_px", "effect_px", "share_of_second").row(
         found.strongest, named=True

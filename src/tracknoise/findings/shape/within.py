@@ -2,7 +2,7 @@
 
 Scenes differ in scale. Put together, Gaussian errors of such scenes look heavy-tailed. Each error is therefore compared
 with the n - 1 other errors of its own scene at its own age, or, where these are too few, with the other errors of its
-scene in the band of ages, one a track. An error is never compared with itself: one that is far out would make the
+scene in the band of ages, one per track. An error is never compared with itself: one that is far out would make the
 covariance larger and hide. With m others, mean and covariance are estimates, so that Gaussian errors would still have
 
     P(T2 > t) = (1 + t / (m - 1))^(-(m - 2) / 2),  T2 = m / (m + 1) (x - mean)^T S^-1 (x - mean)

@@ -15,7 +15,7 @@ from pathlib import Path
 import benchmarks
 from benchmarks.harness import ONE_THREAD, Row
 
-_NOT_BENCHMARKS = {"__main__", "harness", "made_up", "validity"}
+_NOT_BENCHMARKS = {"__main__", "attack", "harness", "made_up", "validity"}
 
 
 def main() -> None:

@@ -3,14 +3,26 @@
 import fcntl
 import os
 import shutil
-from collections.abc import Callable
+import signal
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
+from tracknoise import signals
+
 settings.register_profile("tracknoise", deadline=None)  # how long an example takes depends on what else runs
 settings.load_profile("tracknoise")
+
+
+@pytest.fixture(autouse=True)
+def kept_signals() -> Iterator[None]:
+    """The command line, which tests call in this process, changes how signals are handled until its process ends."""
+    before = {number: signal.getsignal(number) for number in signals.ENDING}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 @pytest.fixture(scope="session")

@@ -94,6 +94,43 @@ def test_what_a_running_process_is_writing_stays(tmp_path):
     assert [path.name for path in (tmp_path / "report").iterdir()] == ["file"]
 
 
+@pytest.mark.parametrize("kind", ["created_folder", "replaced_folder"])
+def test_a_folder_of_a_killed_process_is_removed_although_another_process_has_its_number(tmp_path, kind):
+    path = tmp_path / "report"
+    (leftover,) = kill_while_writing(kind, path)
+    number = leftover.name.split(".")[2]
+    leftover.rename(leftover.with_name(leftover.name.replace(f".{number}.", f".{os.getpid()}.")))
+    with getattr(atomic, kind)(path) as folder:
+        (folder / "file").write_text("whole")
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_folder_that_is_removed_before_it_is_locked_is_made_again(tmp_path, monkeypatch):
+    opened, open_ = [], os.open
+
+    def remove_the_first(name, flags):
+        opened.append(name)
+        if len(opened) == 1:
+            name.rmdir()
+        return open_(name, flags)
+
+    monkeypatch.setattr(os, "open", remove_the_first)
+    with atomic.created_folder(tmp_path / "folder") as folder:
+        assert folder.is_dir()
+        assert opened[0] != folder
+
+
+def test_without_locks_the_folder_of_a_process_that_runs_stays(tmp_path, monkeypatch):
+    def unsupported(descriptor, operation):
+        raise OSError(95, "Operation not supported")
+
+    monkeypatch.setattr("tracknoise.atomic.fcntl.flock", unsupported)
+    test_what_a_running_process_is_writing_stays(tmp_path / "a")
+    kill_while_writing("replaced_folder", tmp_path / "b" / "report")
+    write(tmp_path / "b" / "report", "whole")
+    assert [path.name for path in (tmp_path / "b").iterdir()] == ["report"]
+
+
 def test_unfinished_files_of_other_names_are_not_those_of_a_folder(tmp_path):
     path = tmp_path / "report"
     kill_while_writing("created_folder", tmp_path / "reports")

@@ -11,7 +11,7 @@ import pytest
 import typer
 from tests.report import synthetic
 
-from tracknoise.cli.app import app
+from tracknoise.cli.commands import app
 from tracknoise.report.page import write_report
 
 ROOT = Path(__file__).parents[1]

@@ -1,10 +1,13 @@
 """Are Gaussian, heavy-tailed, contaminated, skewed and light-tailed errors told apart?
 
-    python -m benchmarks.validity.gaussianity [--runs N] [--scenes N ...] [--tracks N] [--seed N]
+    python -m benchmarks.validity.gaussianity [--runs N] [--scenes N ...] [--spread S ...] [--tracks N] [--seed N]
 
 Errors of each kind grow with the root of age. In `common scale` all errors of a track share the chance that makes them
 large or small, so that trimming by track can drop the tails; otherwise each frame has its own. Printed is how often
-each verdict came, band by band, before and after trimming.
+each verdict came, band by band, before and after trimming. The size of errors varies from scene to scene by a
+log-normal factor (`spread` is the standard deviation of its logarithm). `within` is Student's gain within scenes in
+nats, `scales` what the different scales of scenes add to it, both on average. Errors on a grid of 1/16 px, and errors
+of which one in twenty is exactly zero, allow no verdict on their shape.
 """
 
 import argparse
@@ -12,6 +15,7 @@ from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
+import polars as pl
 
 from benchmarks.validity.simulated import tables
 from tracknoise.findings.shape.gaussianity import gaussianity
@@ -50,21 +54,29 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=10)
     parser.add_argument("--scenes", type=int, nargs="*", default=[3, 8, 28])
+    parser.add_argument("--spread", type=float, nargs="*", default=[0.0, 0.4, 0.7])
     parser.add_argument("--tracks", type=int, default=400, help="of each scene")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
     for scenes in arguments.scenes:
-        rng = np.random.default_rng([arguments.seed, scenes])
-        print(f"\n{scenes} scenes of {arguments.tracks} tracks, {FRAMES} frames, {arguments.runs} runs")
-        print(f"{'':<46}{''.join(f'{name:>14}' for name in SHAPE.categories)}")
-        for name, draw in _kinds().items():
-            counts: Counter[tuple[str, str]] = Counter()
-            for run in range(arguments.runs):
-                counts += _verdicts([draw(rng, (arguments.tracks, FRAMES)) for _ in range(scenes)], run)
-            for trimming in ("untrimmed", "trimmed"):
-                found = [counts[trimming, verdict] for verdict in SHAPE.categories]
-                total = sum(found) or 1
-                print(f"{name:<36}{trimming:>10}{''.join(f'{100 * n / total:>12.0f} %' for n in found)}", flush=True)
+        for spread in arguments.spread:
+            rng = np.random.default_rng([arguments.seed, scenes, round(100 * spread)])
+            size = f"{arguments.tracks} tracks, {FRAMES} frames, {arguments.runs} runs"
+            print(f"\n{scenes} scenes, log sd {spread}, {size}")
+            print(f"{'':<46}{''.join(f'{name:>14}' for name in (*SHAPE.categories, 'within', 'scales'))}")
+            for name, draw in _kinds().items():
+                found = pl.concat(
+                    _one_run(rng, draw, scenes, spread, arguments.tracks, run) for run in range(arguments.runs)
+                )
+                for (trimming,), rows in found.partition_by("trimming", as_dict=True).items():
+                    print(f"{name:<36}{trimming:>10}{''.join(f'{cell:>14}' for cell in _cells(rows))}", flush=True)
+
+
+def _cells(rows: pl.DataFrame) -> list[str]:
+    counts = Counter(rows["verdict"])
+    gains = [rows[name].mean() for name in ("gain_student_within_nats", "gain_scales_nats")]
+    shares = [f"{100 * counts[verdict] / rows.height:.0f} %" for verdict in SHAPE.categories]
+    return [*shares, *("" if gain is None else f"{gain:.3f}" for gain in gains)]
 
 
 def _kinds() -> dict[str, Draw]:
@@ -81,6 +93,8 @@ def _kinds() -> dict[str, Draw]:
     kinds["Student, nu = 5, common scale"] = errors(student(5), common=True)
     kinds["contaminated, 5 %, common scale"] = errors(contaminated(0.05, 4), common=True)
     kinds["skewed (log-normal, 0.2)"] = lambda rng, shape: _grown(np.exp(0.2 * rng.standard_normal((*shape, 2))) - 1.02)
+    kinds["Gaussian on a grid of 1/16 px"] = _on_grid
+    kinds["Gaussian, one in 20 exactly zero"] = _some_zero
     kinds["uniform"] = lambda rng, shape: _grown(rng.uniform(-1, 1, (*shape, 2)))
     return kinds
 
@@ -91,12 +105,21 @@ def _grown(errors: np.ndarray) -> np.ndarray:
     return np.sqrt(age)[:, None] * errors @ np.array([[0.2, 0.05], [0.0, 0.1]])
 
 
-def _verdicts(errors: list[np.ndarray], seed: int) -> Counter[tuple[str, str]]:
-    observations, tracks = tables(errors)
-    found = gaussianity(
-        scene_moments(prepare_observations(observations)), samples(prepare_sequence(observations, tracks)), seed=seed
+def _on_grid(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
+    return np.round(16 * _grown(rng.standard_normal((*shape, 2)))) / 16
+
+
+def _some_zero(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
+    return np.where(rng.random((*shape, 1)) < 0.05, 0.0, _grown(rng.standard_normal((*shape, 2))))
+
+
+def _one_run(rng: np.random.Generator, draw: Draw, scenes: int, spread: float, tracks: int, run: int) -> pl.DataFrame:
+    errors = [draw(rng, (tracks, FRAMES)) for _ in range(scenes)]
+    scaled = errors if draw is _on_grid else [e * np.exp(spread * rng.standard_normal()) for e in errors]
+    observations, lives = tables(scaled)
+    return gaussianity(
+        scene_moments(prepare_observations(observations)), samples(prepare_sequence(observations, lives)), seed=run
     ).gaussianity
-    return Counter(found.select("trimming", "verdict").iter_rows())
 
 
 if __name__ == "__main__":

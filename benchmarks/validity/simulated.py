@@ -40,6 +40,20 @@ def tables(
     return trimmed.observations, trimmed.tracks
 
 
+def tables_of_tracks(errors: np.ndarray, lives: np.ndarray) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """Observations and tracks of one scene whose tracks all begin in frame 0 and are then lost.
+
+    `errors` (observations, 2), px, has those of each track one after the other, `lives` (tracks,) their number.
+    """
+    age = np.arange(len(errors)) - np.repeat(np.cumsum(lives) - lives, lives)
+    labels = {**CONDITION, "scene": "000", "speed": 1, "kept": True}
+    seen = {"track": np.repeat(np.arange(len(lives)), lives), "frame": age, "age": age, "truth": "valid"}
+    positions = dict.fromkeys(("u_px", "v_px", "u_true_px", "v_true_px"), 0.0)
+    found = {"du_px": errors[:, 0], "dv_px": errors[:, 1]}
+    lived = {"track": np.arange(len(lives)), "first_frame": 0, "lifetime": lives, "end": "lost"}
+    return _table(OBSERVATIONS, **labels, **seen, **positions, **found), _table(TRACKS, **labels, **lived)
+
+
 def _table(schema: Schema, **columns: object) -> pl.DataFrame:
     """A table of the schema: arrays give the rows, single values fill every row, and what is not given is null."""
     height = len(columns["track"])  # type: ignore[arg-type]

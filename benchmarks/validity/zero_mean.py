@@ -8,6 +8,11 @@ centred chi-squared of 4 degrees of freedom). Printed are the shares of runs tha
 by Hotelling's test and by flips, all ages together (which is any age after adjustment by the flips), any age after
 Holm's adjustment, and by the test that takes every feature for independent. Then the power at one age, beside that of
 theory, the non-central F distribution.
+
+Then six conditions of the same scenes are asked at once, whose scene means have a correlation of 0.7: how often any of
+them is called different from zero, with the p-value of each condition alone, and with that of the family. Last come
+scenes in groups, whose means have a correlation of 0.8: with every scene taken for independent, and with the groups
+given.
 """
 
 import argparse
@@ -15,13 +20,17 @@ import argparse
 import numpy as np
 from scipy import stats
 
-from tracknoise.findings.flips import flip_test
+from tracknoise.findings.chance import Chance
+from tracknoise.findings.flips import family_p, flip_test
 from tracknoise.findings.sampling.multiplicity import holm
+from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.zero_mean import ALPHA
 
 AGES, FEATURES = 20, 200
 SCENE_PX, FEATURE_PX = 0.3, 1.0
 """Standard deviations of scene means and of features within a scene."""
+CONDITIONS = 6
+GROUPS = ((4, 2), (4, 4), (8, 2), (12, 3))
 SHAPES = ("Gaussian", "Student, 3", "skewed")
 
 
@@ -60,6 +69,35 @@ def _iid_p(means: np.ndarray) -> float:
     return float(stats.f.sf(t2 * (n - 2) / (2 * (n - 1)), 2, n - 2))
 
 
+def six_conditions(rng: np.random.Generator, shape: str, n_scenes: int, runs: int) -> tuple[float, float]:
+    """Share of runs in which any of six conditions is rejected: each alone, and as a family."""
+    rejected = np.zeros(2)
+    for run in range(runs):
+        chance = Chance.of([str(scene) for scene in range(n_scenes)], seed=run)
+        common = scene_means(rng, shape, n_scenes)
+        each = [np.sqrt(0.7) * common + np.sqrt(0.3) * scene_means(rng, shape, n_scenes) for _ in range(CONDITIONS)]
+        found = [flip_test(means, chance=chance) for means in each]
+        rejected += [min(test.overall_p for test in found) <= ALPHA, np.min(family_p(found)) <= ALPHA]
+    return tuple(rejected / runs)
+
+
+def in_groups(rng: np.random.Generator, groups: int, each: int, runs: int) -> tuple[float, float]:
+    """Share of runs that reject a true zero: scenes taken for independent, and with groups given.
+
+    With too few groups their true means are fixed, and zero on average over these groups.
+    """
+    group = np.repeat(np.arange(groups), each)
+    rejected = np.zeros(2)
+    for run in range(runs):
+        own = np.sqrt(0.8) * scene_means(rng, "Gaussian", groups)
+        centred = own - own.mean(axis=0) if groups < MIN_SCENES else own
+        means = centred[group] + np.sqrt(0.2) * scene_means(rng, "Gaussian", len(group))
+        names = [str(scene) for scene in range(len(group))]
+        tests = [flip_test(means, seed=run), flip_test(means, chance=Chance.of(names, group, seed=run))]
+        rejected += [test.overall_p <= ALPHA for test in tests]
+    return tuple(rejected / runs)
+
+
 def power(rng: np.random.Generator, n_scenes: int, bias: float, runs: int) -> tuple[float, float, float]:
     """Of Hotelling's test, of flips and of theory, with a bias in standard deviations of scene means."""
     batches = -(-runs // 500)  # runs stand in the place of ages
@@ -96,6 +134,16 @@ def main() -> None:
             hotelling, flips, theory = power(rng, n_scenes, bias, 2 * arguments.runs)
             error = np.sqrt(theory * (1 - theory) / (2 * arguments.runs))
             print(f"{n_scenes:>4} scenes, {bias} sd   {hotelling:.1%}   {flips:.1%}   {theory:.1%} ({error:.1%})")
+    runs = arguments.runs // 4
+    print(f"\nany of {CONDITIONS} conditions rejected, {runs} runs: each alone, as a family")
+    for n_scenes in arguments.scenes:
+        for shape in SHAPES:
+            alone, family = six_conditions(rng, shape, n_scenes, runs)
+            print(f"{n_scenes:>4} scenes, {shape:<11}   {alone:.1%}   {family:.1%}", flush=True)
+    print(f"\nscenes in groups, {runs} runs: taken for independent, with groups")
+    for groups, each in GROUPS:
+        independent, grouped = in_groups(rng, groups, each, runs)
+        print(f"{groups:>4} groups of {each}   {independent:.1%}   {grouped:.1%}", flush=True)
 
 
 if __name__ == "__main__":

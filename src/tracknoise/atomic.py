@@ -1,5 +1,6 @@
 """Files and folders that appear whole or not at all."""
 
+import fcntl
 import glob
 import os
 import secrets
@@ -102,25 +103,64 @@ def unfinished(folder: Path, *, of: str = "") -> Iterator[Path]:
 
 @contextmanager
 def _building(path: Path) -> Iterator[Path]:
-    building = _temporary(path)
+    building, descriptor = _claimed(path)
     try:
-        building.mkdir(parents=True)
-        _discard_abandoned(path)
+        discard_abandoned(path.parent, of=path.name)
         yield building
     finally:
         shutil.rmtree(building, ignore_errors=True)
+        os.close(descriptor)
+
+
+def _claimed(path: Path) -> tuple[Path, int]:
+    """A new folder and its locked descriptor. The operating system releases the lock of a process that is killed."""
+    while True:
+        building = _temporary(path)
+        building.mkdir(parents=True)
+        with suppress(FileNotFoundError):  # another process removed it before it was locked
+            descriptor = os.open(building, os.O_RDONLY)
+            if _lock(descriptor) is not False and building.exists():
+                return building, descriptor
+            os.close(descriptor)
+
+
+def _lock(descriptor: int) -> bool | None:
+    """Whether a folder was locked; None if the file system does not support locks of folders."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return None
+    return True
 
 
 def _temporary(path: Path) -> Path:
     return path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(8)}{UNFINISHED}")
 
 
-def _discard_abandoned(path: Path) -> None:
-    """Remove the unfinished folders of processes that were killed. Those of running processes stay."""
-    for leftover in unfinished(path.parent, of=path.name):
-        pid = leftover.name.removeprefix(f".{path.name}.").partition(".")[0]
-        if leftover.is_dir() and pid.isdecimal() and not is_running(int(pid)):
+def discard_abandoned(folder: Path, *, of: str = "") -> None:
+    """Remove the unfinished folders of processes that were killed. Those of running processes stay.
+
+    Parameters
+    ----------
+    folder, of
+        As in `unfinished`.
+    """
+    for leftover in unfinished(folder, of=of):
+        with suppress(OSError):  # it is a file, or another process removed it
+            _discard_if_abandoned(leftover, os.open(leftover, os.O_RDONLY | os.O_DIRECTORY))
+
+
+def _discard_if_abandoned(leftover: Path, descriptor: int) -> None:
+    """Remove a folder that no process has locked. Where there are no locks, the process in its name must have ended."""
+    pid = leftover.name.removesuffix(UNFINISHED).split(".")[-2]
+    try:
+        locked = _lock(descriptor)
+        if locked or (locked is None and pid.isdecimal() and not is_running(int(pid))):
             shutil.rmtree(leftover, ignore_errors=True)
+    finally:
+        os.close(descriptor)
 
 
 def is_running(pid: int) -> bool:

@@ -4,9 +4,20 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 from pathlib import Path
 
+_LONGEST = 1500
+
 
 class TracknoiseError(Exception):
-    """Base class of all errors in the user's input. Other exceptions are defects of the program."""
+    """Base class of all errors in the user's input. Other exceptions are defects of the program.
+
+    The message is one line of printable characters, whatever was found in a file: see `one_line`.
+    """
+
+    def __str__(self) -> str:
+        return one_line(self._message())
+
+    def _message(self) -> str:
+        return super().__str__()
 
 
 class DataError(TracknoiseError):
@@ -26,7 +37,7 @@ class DataError(TracknoiseError):
         super().__init__(place, found, expected)
         self.place, self.found, self.expected = str(place), found, expected
 
-    def __str__(self) -> str:
+    def _message(self) -> str:
         return f"{self.place}: {self.found}, expected {self.expected}"
 
 
@@ -41,7 +52,7 @@ class UnknownNameError(TracknoiseError):
         self.kind, self.name, self.known = kind, name, sorted(map(str, known))  # members of enumerations too
         super().__init__(kind, name, self.known)
 
-    def __str__(self) -> str:
+    def _message(self) -> str:
         close = get_close_matches(self.name, self.known, n=1)
         hint = f" (did you mean {close[0]!r}?)" if close else ""
         return f"unknown {self.kind} {self.name!r}{hint}; known: {', '.join(self.known) or 'none'}"
@@ -65,3 +76,16 @@ class FigureError(TracknoiseError):
 
 class DataWarning(UserWarning):
     """Input data had to be corrected. The message states the correction and its size."""
+
+
+def one_line(text: str) -> str:
+    """Text with its control characters escaped, and shortened in the middle if it is very long."""
+    if not text.isprintable():
+        text = "".join(part if part.isprintable() else part.encode("unicode_escape").decode() for part in text)
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 :]}"
+
+
+def first_line(error: BaseException) -> str:
+    """First line of what a library says about an error, without a full stop; its type if it says nothing."""
+    lines = str(error).strip().splitlines()
+    return lines[0].strip().removesuffix(".") if lines else type(error).__name__

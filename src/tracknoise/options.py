@@ -8,6 +8,8 @@ from functools import cache
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, NewType, TypeVar, get_args, get_type_hints
 
+from tracknoise.checks import MOST_LEVELS, require_storable
+
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
     from pydantic_core import ErrorDetails
@@ -46,6 +48,9 @@ def validated(settings_type: type[T], options: Mapping[str, object], given: Mapp
         raise ValueError(f"{name}: unknown setting{_known(settings_type, (name,), given)}")
     try:
         written = json.dumps({**options, **given}, default=_plain)
+        require_storable(json.loads(written))
+    except RecursionError as error:
+        raise ValueError(f"lists and tables more than {MOST_LEVELS} deep, expected fewer levels") from error
     except TypeError as error:
         raise ValueError(f"{error}, expected what a TOML file can hold") from error
     try:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.foreign.files import absolute
 from tracknoise.options import PathTemplate, change_paths, defaults_as_toml, find_paths, validated
 
 T = TypeVar("T")
@@ -91,8 +92,10 @@ class Plugins(Generic[T]):
         ------
         UnknownNameError, SettingsError
             As `load`.
+        DataError
+            If one is no path.
         """
-        return change_paths(self.load(name), options, lambda path: str((folder / path).resolve()))
+        return change_paths(self.load(name), options, lambda path: str(absolute(folder, Path(path))))
 
     def paths(self, name: str, options: Mapping[str, object]) -> list[Path | PathTemplate]:
         """The files and folders that options name.

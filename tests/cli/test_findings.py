@@ -52,12 +52,11 @@ def test_a_terminal_gets_tables_with_lines(tracknoise, finished, monkeypatch):
 
 
 def test_a_run_without_findings_says_what_makes_them(tracknoise, finished, tmp_path):
-    run = tmp_path / "run"
-    shutil.copytree(finished.path, run)
-    manifest = json.loads((run / "manifest.json").read_text())
-    del manifest["statistics"]["findings"]
-    (run / "manifest.json").write_text(json.dumps(manifest))
-    code, out, err = tracknoise("findings", str(run))
+    run = type(finished)(shutil.copytree(finished.path, tmp_path / "run"))
+    manifest = run.manifest()
+    del manifest.statistics["findings"]
+    run.write_manifest(manifest)
+    code, out, err = tracknoise("findings", str(run.path))
     assert (code, out, err.count("\n")) == (1, "", 1)
     assert "holds no findings" in err
 

@@ -1,6 +1,8 @@
 """Experiment files: what is read, and what is said about what cannot be."""
 
+import os
 import re
+import time
 from pathlib import Path
 
 import pytest
@@ -62,6 +64,27 @@ def test_mistakes_name_file_key_found_and_expected(text, message):
     with pytest.raises(SettingsError, match=re.escape(message)) as caught:
         parse_experiment(text, place="x.toml")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (MINIMAL + 'name = "a\\u001b[31m"\n', r"x.toml: trackers[0].name: found 'a\x1b[31m', expected UTF-8 without"),
+        (MINIMAL.replace('"x"', '"x\\ny"'), r"x.toml: name: found 'x\ny', expected UTF-8 without control characters"),
+        (MINIMAL + 'options = { "a\\u0000" = 1 }\n', "expected UTF-8 without control characters"),
+        (MINIMAL.replace("[[", 'scenes = ["a", "b\\u202e"]\n[['), r"dataset.scenes: found ['a', 'b\u202e'], expected"),
+    ],
+)
+def test_control_characters_are_refused(text, message):
+    with pytest.raises(SettingsError, match=re.escape(message)):
+        parse_experiment(text, place="x.toml")
+
+
+@pytest.mark.parametrize("root", ["/da\nta", "/data\udcff"])
+def test_a_folder_that_cannot_be_recorded_is_refused(root):
+    experiment = parse_experiment(MINIMAL, place="x.toml").with_root(Path(root))
+    with pytest.raises(SettingsError, match=r"dataset\.root: found .*, expected UTF-8 without control characters"):
+        resolve(experiment)
 
 
 def test_an_unknown_kind_of_truth_lists_the_known_ones():
@@ -164,3 +187,41 @@ def test_the_documented_schema_is_that_of_the_program():
     assert documented.read_text() == experiment_schema(), (
         "renew it: tracknoise run --schema > docs/experiment.schema.json"
     )
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (f"seed = {'9' * 5000}", "attack.toml: "),
+        (f"a = {'[' * 900}{']' * 900}", "attack.toml: lists in lists, expected at most 16 levels"),
+        (f"a = {'{b = ' * 20}1{'}' * 20}", "lists and tables more than 16 deep, expected fewer levels"),
+        ("a." * 40_000 + "b = 1", "attack.toml: line 1: a key of 40001 parts, expected at most 16"),
+        (f"seed = {2**64}", "attack.toml: a whole number of 65 bits, expected at most 64 bits"),
+        ('name = "a\\u0000b"', r"expected a text without null characters"),
+    ],
+)
+def test_toml_that_no_experiment_needs_is_refused_quickly(text, message):
+    started = time.monotonic()
+    with pytest.raises(SettingsError) as caught:
+        parse_experiment(text, place="attack.toml")
+    assert message in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
+    assert time.monotonic() - started < 5
+
+
+def test_long_lists_of_names_with_dots_are_fine():
+    scenes = ", ".join(f'"a.b.c.{number}"' for number in range(100))
+    numbers = ", ".join(f"{number}.5" for number in range(100))
+    text = f'name = "x"\n[[trackers]]\nkind = "oracle"\noptions.x = [{numbers}]\n[dataset]\nreader = "folder"\n'
+    assert len(parse_experiment(f"{text}scenes = [\n{scenes}\n]", place="x").dataset.scenes) == 100
+
+
+def test_an_experiment_is_a_regular_file_of_moderate_size(tmp_path):
+    os.mkfifo(tmp_path / "pipe.toml")
+    with pytest.raises(UnknownNameError):
+        load_experiment(tmp_path / "pipe.toml")
+    (tmp_path / "large.toml").write_bytes(b"#" * (2 << 20))
+    with pytest.raises(SettingsError, match=r"large\.toml: cannot be read"):
+        load_experiment(tmp_path / "large.toml")
+    with pytest.raises(SettingsError, match="expected the path of a file or folder"):
+        load_experiment("demo", root=tmp_path / "a\0b")

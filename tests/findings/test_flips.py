@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tracknoise.findings.flips import flip_test
+from tracknoise.findings.chance import Chance
+from tracknoise.findings.flips import family_p, flip_test
 
 
 def walks(rng: np.random.Generator, n_scenes: int, n_ages: int) -> np.ndarray:
@@ -64,3 +65,81 @@ def test_power_is_that_of_theory():
     for name in ("hotelling_p", "sign_flip_p"):
         power = np.mean([getattr(test, name) <= 0.05 for test in found])
         assert abs(power - theory) < 3 * error
+
+
+def named(count: int) -> list[str]:
+    return [f"{place:02}" for place in range(count)]
+
+
+def test_a_family_of_one_is_adjusted_over_its_ages_alone():
+    means = walks(np.random.default_rng(0), 9, 5)
+    found = flip_test(means)
+    assert family_p([found])[0] == pytest.approx(found.adjusted_p)
+    assert family_p([found, found])[1] == pytest.approx(found.adjusted_p)  # the same condition twice is one
+
+
+def test_six_dependent_conditions_are_rejected_no_more_often_than_one():
+    rng, runs = np.random.default_rng(1), 300
+    alone = family = 0
+    for run in range(runs):
+        chance = Chance.of(named(8), seed=run)
+        common = walks(rng, 8, 4)
+        found = [flip_test(common + walks(rng, 8, 4), chance=chance) for _ in range(6)]
+        alone += min(test.overall_p for test in found) <= 0.05
+        family += min(p.min() for p in family_p(found)) <= 0.05
+    assert family <= 0.05 * runs + 3 * np.sqrt(0.05 * runs)
+    assert alone > 2 * family
+
+
+def test_conditions_without_a_test_do_not_count():
+    rng = np.random.default_rng(2)
+    chance = Chance.of(named(8))
+    many = flip_test(walks(rng, 8, 3), chance=chance)
+    few = flip_test(walks(rng, 4, 3), chance=chance.some(named(4)))
+    first, second = family_p([many, few])
+    assert first == pytest.approx(many.adjusted_p)
+    assert np.isnan(second).all()
+
+
+def test_groups_are_flipped_as_a_whole():
+    rng = np.random.default_rng(3)
+    own = walks(rng, 7, 3)
+    group = np.repeat(np.arange(7), 2)
+    found = flip_test(own[group], chance=Chance.of(named(14), group))
+    expected = flip_test(2 * own)
+    assert found.sign_flip_p == pytest.approx(expected.sign_flip_p)
+    assert found.hotelling_p == pytest.approx(expected.hotelling_p)
+    assert (found.n_scenes == 14).all()
+
+
+def test_within_few_groups_the_covariance_is_that_within_them():
+    rng = np.random.default_rng(4)
+    group = np.repeat(np.arange(3), [3, 4, 3])
+    offset = 5 * np.array([-1.0, 0.0, 1.0])[group]
+    means = rng.normal(size=(10, 2, 2)) + offset[:, None, None]
+    found = flip_test(means, chance=Chance.of(named(10), group))
+    for age in (0, 1):
+        x = means[:, age]
+        centred = x - np.stack([x[group == one].mean(axis=0) for one in group])
+        covariance, middle = centred.T @ centred / 7, x.mean(axis=0)
+        t2 = 10 * middle @ np.linalg.solve(covariance, middle)
+        assert found.hotelling_p[age] == pytest.approx(stats.f.sf(t2 * 6 / (2 * 7), 2, 6))
+        assert found.sign_flip_p[age] == pytest.approx(found.hotelling_p[age], abs=0.03)
+
+
+def test_within_groups_a_true_zero_is_kept():
+    rng, runs, group = np.random.default_rng(5), 300, np.repeat(np.arange(4), 3)
+    fixed = np.array([-3.0, 1.0, 0.0, 2.0])[group, None, None]
+    tests = [
+        flip_test(fixed + walks(rng, 12, 3), chance=Chance.of(named(12), group, seed=run)).overall_p
+        for run in range(runs)
+    ]
+    assert 0.02 <= np.mean(np.array(tests) <= 0.05) <= 0.09
+    assert np.mean(np.array(tests) <= 0.5) == pytest.approx(0.5, abs=0.1)
+
+
+def test_too_few_scenes_within_groups_allow_no_test():
+    means = walks(np.random.default_rng(6), 7, 2)
+    found = flip_test(means, chance=Chance.of(named(7), np.array([0, 0, 1, 1, 2, 3, 4])))
+    assert np.isnan(found.sign_flip_p).all()
+    assert found.strongest is None

@@ -3,6 +3,7 @@ import polars as pl
 import pytest
 from scipy import stats
 
+from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.findings.zero_mean import zero_mean
 from tracknoise.statistics.curves import curves
 from tracknoise.tables.schema import MOMENTS
@@ -169,3 +170,28 @@ def test_the_order_of_rows_changes_nothing_and_the_seed_decides_which_flips():
 def test_nothing_in_nothing_out():
     moments = moments_of(np.zeros((1, 1, 2))).clear()
     assert zero_mean(moments, curves(moments)).is_empty()
+
+
+def test_a_condition_that_differs_by_chance_is_not_called_so_among_many():
+    rng = np.random.default_rng(11)
+    tables = [moments_of(scene_means(rng, 8, 3), tracker=f"t{place}") for place in range(12)]
+    moments = pl.concat(tables)
+    found = zero_mean(moments, curves(moments))
+    whole = found.filter(pl.col("at").is_null())
+    assert (whole["sign_flip_p"] <= 0.05).any()
+    assert (whole["verdict"] == "undecided").all()
+    assert (whole["sign_flip_p_family"] >= whole["sign_flip_p_adjusted"]).all()
+    chance = found.filter(pl.col("at").is_not_null(), pl.col("sign_flip_p_adjusted") <= 0.05)
+    assert chance["why"].str.contains("in one of the conditions that were asked").all()
+
+
+def test_groups_of_scenes_are_the_units():
+    rng = np.random.default_rng(12)
+    means = scene_means(rng, 4, 2, bias=2.0)[np.repeat(np.arange(4), 3)] + 0.1 * scene_means(rng, 12, 2)
+    names = {("d", f"s{scene:02}"): f"place {scene // 3}" for scene in range(12)}
+    alike = found_in(means, groups=SceneGroups(names)).filter(pl.col("at").is_null())
+    assert "for these groups of scenes only" in alike["why"][0]
+    pairs = {("d", f"s{scene:02}"): f"place {scene // 6}" for scene in range(7)}
+    few = found_in(means[:7], groups=SceneGroups(pairs))
+    assert few["sign_flip_p"].null_count() == few.height
+    assert few["verdict"].unique().to_list() == ["undecided"]

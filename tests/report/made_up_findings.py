@@ -72,7 +72,12 @@ def zero_mean(curves: pl.DataFrame, *, population: str) -> pl.DataFrame:
     enough = pl.col("n_scenes") >= 6
     tested = {
         name: pl.when(enough).then(pl.lit(p))
-        for name, p in (("sign_flip_p", 0.012), ("sign_flip_p_adjusted", 0.024), ("hotelling_p", 0.02))
+        for name, p in (
+            ("sign_flip_p", 0.012),
+            ("sign_flip_p_adjusted", 0.024),
+            ("sign_flip_p_family", 0.024),
+            ("hotelling_p", 0.02),
+        )
     }
     verdict = pl.when(enough).then(pl.lit("yes")).otherwise(pl.lit("undecided")).cast(ZERO_MEAN["verdict"])
     why = pl.when(~enough).then(pl.format(FEW, pl.col("n_scenes")))

@@ -88,8 +88,9 @@ def test_lightings_that_nobody_names_are_in_the_order_of_their_numbers_and_diffu
 ) -> None:
     run = make_run(scenes=("unnamed",), trackers=("one",), speeds=(1,), lightings=("LR10", "LR9", "diffuse", "BF0"))
     assert ReportData.of(run).lightings == ["LR10", "LR9", "diffuse", "BF0"]
-    toml = run.path / "experiment.toml"
-    toml.write_text(re.sub(r"lightings = .*", "", toml.read_text()))
+    manifest = run.manifest()
+    run.replace_experiment(re.sub(r"lightings = .*", "", run.experiment_toml()), manifest)
+    run.write_manifest(manifest)
     data = ReportData.of(run)
     assert data.lightings == ["diffuse", "BF0", "LR9", "LR10"]
     assert data.view["lighting"] == "diffuse"

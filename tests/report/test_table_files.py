@@ -47,6 +47,26 @@ def test_csv_comes_back_as_it_was(run: RunFolder, export: object) -> None:
     assert_frame_equal(back, table, check_exact=True)
 
 
+def test_text_that_a_spreadsheet_would_take_for_a_formula_is_quoted() -> None:
+    names = ["=1+1", "+x", "-x", "@x", "\tx", "a=b", "", None]
+    table = pl.DataFrame({"name": names, "kind": pl.Series(["-a"] * 8, dtype=pl.Enum(["-a"])), "value": [-1.5] * 8})
+    back = pl.read_csv(io.StringIO(to_csv(table)), missing_utf8_is_empty_string=False)
+    assert back["name"].to_list() == ["'=1+1", "'+x", "'-x", "'@x", "'\\tx", "a=b", "", None]
+    assert back["kind"].unique().to_list() == ["'-a"]
+    assert back["value"].to_list() == [-1.5] * 8
+    assert to_csv(pl.DataFrame({"=x": [1]})) == "'=x\n1\n"
+
+
+def test_control_characters_are_escaped_in_table_files() -> None:
+    table = pl.DataFrame({"name": ["a\x1b[31m", "two\nlines", "\u202edesrever"]})
+    assert to_csv(table) == "name\na\\x1b[31m\ntwo\\nlines\n\\u202edesrever\n"
+    assert "\x1b" not in to_latex(table)
+
+
+def test_latex_rows_that_start_with_a_bracket_are_no_argument_of_the_row_before() -> None:
+    assert escape_latex("[2] *x") == "{[}2{]} {*}x"
+
+
 def test_only_curves_that_are_not_cut_are_exported(run: RunFolder) -> None:
     data = ReportData.of(run)
     assert data.curves["cut"].any()

@@ -1,3 +1,6 @@
+import struct
+import zlib
+
 import cv2
 import numpy as np
 import pytest
@@ -232,3 +235,68 @@ def test_pickles_are_not_opened(tmp_path):
     np.save(tmp_path / "depth.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
     with pytest.raises(DataError, match="damaged or truncated file"):
         read_depth_npy(tmp_path / "depth.npy", CAMERA)
+
+
+def test_a_small_file_cannot_become_a_huge_image(tmp_path):
+    """A PNG of 20000x20000 pixels of one value has 400 kB, and would take 400 MB."""
+    row = zlib.compress(bytes(20_001 * 20_000), 1)
+    chunks = [(b"IHDR", struct.pack(">IIBBBBB", 20_000, 20_000, 8, 0, 0, 0, 0)), (b"IDAT", row), (b"IEND", b"")]
+    packed = [struct.pack(">I", len(data)) + kind + data for kind, data in chunks]
+    packed = [chunk + struct.pack(">I", zlib.crc32(chunk[4:])) for chunk in packed]
+    path = tmp_path / "bomb.png"
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(packed))
+    for read in (image_size, lambda path: read_depth_png16(path, CAMERA, **MILLIMETRES)):
+        with pytest.raises(DataError, match=r"an image of 20000x20000, expected at most 67108864 pixels$"):
+            read(path)
+
+
+@pytest.mark.parametrize("name", ["image.jpg", "image.bmp"])
+def test_the_size_in_the_header_of_other_formats_is_limited_too(write, colour, name):
+    path = write(name, colour)
+    data = bytearray(path.read_bytes())
+    if name.endswith("jpg"):
+        start = data.index(b"\xff\xc0") + 5
+        data[start : start + 4] = struct.pack(">HH", 65_000, 65_000)
+        size = "65000x65000"
+    else:
+        data[18:26] = struct.pack("<ii", 1 << 20, 1 << 20)
+        data[28:34] = struct.pack("<HI", 0, 0)  # no bits, so that the file seems to be long enough
+        size = "1048576x1048576"
+    path.write_bytes(data)
+    with pytest.raises(DataError, match=f"an image of {size}, expected at most"):
+        image_size(path)
+
+
+def test_a_jpeg_of_very_many_scans_is_refused(tmp_path, write):
+    path = write("image.jpg", np.zeros((2000, 2000), np.uint8))
+    data = path.read_bytes()
+    path.write_bytes(data[:-2] + b"\xff\xda\x00\x08\x01\x01\x00\x00\x3f\x00" * 2000 + b"\xff\xd9")
+    with pytest.raises(DataError, match=r"2001 scans of 2000x2000, expected at most 1073 scans of this size$"):
+        image_size(path)
+
+
+@pytest.mark.parametrize(
+    ("header", "message"),
+    [
+        (
+            "{'descr': '<f4', 'fortran_order': False, 'shape': (100000, 100000)}",
+            "size 100000x100000, expected the camer",
+        ),
+        ("{'descr': '<f4', 'fortran_order': False, 'shape': (" + "9" * 5000 + ", 4)}", "damaged or truncated file"),
+        ("{'descr': '<f4', 'fortran_order': False, 'shape': (", "damaged or truncated file"),
+        ("(" * 9000, "damaged or truncated file"),
+    ],
+)
+def test_headers_of_numpy_files_are_checked_before_anything_is_allocated(tmp_path, header, message):
+    path = tmp_path / "depth.npy"
+    path.write_bytes(b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header.encode() + bytes(100))
+    with pytest.raises(DataError, match=message):
+        read_depth_npy(path, CAMERA)
+
+
+def test_numpy_arrays_stored_by_columns_are_read(tmp_path):
+    depth = np.arange(1, 48 * 64 + 1, dtype=np.float64).reshape(48, 64)
+    np.save(tmp_path / "rows.npy", depth)
+    np.save(tmp_path / "columns.npy", np.asfortranarray(depth))
+    for name in ("rows.npy", "columns.npy"):
+        np.testing.assert_array_equal(read_depth_npy(tmp_path / name, CAMERA).depth_m, depth)

@@ -178,3 +178,9 @@ def test_a_pose_for_every_image():
     with pytest.raises(DataError) as caught:
         require_poses("poses.txt", poses=4, images=5)
     assert str(caught.value) == "poses.txt: 4 poses, expected at least 5, one for each image"
+
+
+def test_positions_that_are_no_metres_are_named():
+    far = np.array([[0.0, 0.0, 0.0], [1e308, 0.0, 0.0]])
+    with pytest.raises(DataError, match=r"b: a position of 1e\+308 0 0, expected metres, up to 1e\+09$"):
+        quaternion_poses(far, np.tile([0.0, 0.0, 0.0, 1.0], (2, 1)), ["a", "b"])

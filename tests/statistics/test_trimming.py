@@ -3,6 +3,7 @@ import math
 import numpy as np
 import polars as pl
 import pytest
+from benchmarks.validity.trimming import RMS_PX, sizes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -176,3 +177,10 @@ def test_the_inputs_stay_as_they_were(observations, tracks) -> None:
     before: tuple[pl.DataFrame, pl.DataFrame] = seen.clone(), lived.clone()
     trim(seen, lived, percentile=50)
     assert (seen.equals(before[0]), lived.equals(before[1])) == (True, True)
+
+
+def test_trimmed_errors_depend_on_the_loss_of_tracks_and_the_core_does_not() -> None:
+    few, many = (sizes(loss, frames, n_tracks=6000, seed=3) for loss, frames in ((0.02, 120), (0.25, 20)))
+    assert many["trimmed: all"] < 0.85 * few["trimmed: all"]
+    assert many["core"] == pytest.approx(few["core"], rel=0.1)
+    assert few["untrimmed"] == pytest.approx(RMS_PX, rel=0.05)

@@ -8,7 +8,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from tracknoise.exceptions import SchemaError, StoreError
+from tracknoise.exceptions import DataError, SchemaError, StoreError
 from tracknoise.tables import schema
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import FailureEntry, Manifest, SequenceEntry
@@ -54,7 +54,7 @@ def test_no_temporary_file_is_left(run):
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [("{", "damaged"), ('{"format": 99}', "format 99, expected 5"), ('{"format": 5}', "damaged"), ("[]", "damaged")],
+    [("{", "damaged"), ('{"format": 99}', "format 99, expected 6"), ('{"format": 6}', "damaged"), ("[]", "damaged")],
 )
 def test_a_damaged_manifest_is_named(run, content, message):
     (run.path / "manifest.json").write_text(content)
@@ -64,18 +64,31 @@ def test_a_damaged_manifest_is_named(run, content, message):
 
 def test_a_run_of_another_format_says_what_to_do_and_can_be_replaced(run):
     (run.path / "manifest.json").write_text('{"format": 4, "sequences": {}}')
-    with pytest.raises(StoreError, match="format 4, expected 5: measure again with --fresh"):
+    with pytest.raises(StoreError, match="format 4, expected 6: measure again with --fresh"):
         run.manifest()
     run.clear()
     assert not run.exists
 
 
-@pytest.mark.parametrize("content", ["{", "[]", '{"format": "x"}'])
-def test_what_is_no_manifest_is_not_cleared(run, content):
-    (run.path / "manifest.json").write_text(content)
-    with pytest.raises(StoreError, match="damaged"):
+DAMAGED = [b"{", b"[]", b'{"format": "x"}', b"\xff\xfe", b'{"a":' * 100_000]
+
+
+@pytest.mark.parametrize("content", DAMAGED)
+def test_a_run_with_a_damaged_manifest_says_what_to_do_and_can_be_replaced(run, content):
+    (run.path / "manifest.json").write_bytes(content)
+    with pytest.raises(StoreError, match=r"manifest\.json: damaged .*measure again with --fresh"):
+        run.manifest()
+    run.clear()
+    assert not list(run.path.iterdir())
+
+
+@pytest.mark.parametrize("content", DAMAGED)
+def test_what_is_no_run_is_not_cleared(run, content):
+    (run.path / "manifest.json").write_bytes(content)
+    (run.path / "experiment.toml").unlink()
+    with pytest.raises(StoreError, match=r"damaged, and no experiment\.toml beside it, expected a run's manifest"):
         run.clear()
-    assert (run.path / "experiment.toml").exists()
+    assert (run.path / "manifest.json").read_bytes() == content
 
 
 def test_a_folder_that_is_no_run_is_not_written_into(tmp_path):
@@ -126,6 +139,28 @@ def test_keys_are_file_names_and_differ():
     }
     assert len(keys) == 7
     assert not any("/" in key for key in keys)
+
+
+def test_keys_of_long_and_odd_names_are_short_file_names_and_differ():
+    odd = ["x" * 5000, "x" * 5001, "\U0001f600" * 60, "\U0001f600" * 61, "/".join("deep" for _ in range(900))]
+    odd += ["\udcff", "\udcfe", "%FF", "\u00ff", "a\nb", "a\x00b", ".", "..", "-rf", "con", "", "=", "x" * 160 + "="]
+    ids = [SequenceId("d", name) for name in odd] + [SequenceId("d", "s", "x" * 999, camera=name) for name in odd]
+    keys = {name.key for name in ids}
+    assert len(keys) == len(ids)
+    assert max(map(len, keys)) <= 160
+    assert all(key.isascii() and key.isprintable() and "/" not in key for key in keys)
+    whole = SequenceId("d", "x" * 152).key
+    assert len(whole) == 160
+    assert "=" not in whole
+    longer = SequenceId("d", "x" * 153).key
+    assert len(longer) == 160
+    assert longer[-21] == "="
+
+
+def test_a_name_that_is_not_utf8_cannot_be_stored():
+    SequenceId("d", "\U0001f600").require_utf8()
+    with pytest.raises(DataError, match=r"scene '\\udcff': not UTF-8, expected a name"):
+        SequenceId("d", "\udcff").require_utf8()
 
 
 def test_statistics_of_a_run_that_is_not_finished_say_so(run):
@@ -246,3 +281,62 @@ def test_an_unfinished_report_of_a_killed_process_is_removed(measured):
     (leftover / "index.html").write_text("half")
     measured.discard_unfinished()
     assert not leftover.exists()
+
+
+def test_every_changed_value_of_the_manifest_is_noticed_but_the_time_that_a_sequence_took(measured):
+    measured.write_statistics({"summary": schema.empty(schema.SUMMARY)})
+    path = measured.path / "manifest.json"
+    text = path.read_text()
+    changes = {
+        '"summary":': '"sumnary":',
+        '"width": 64': '"width": 65',
+        '"truth": "birth"': '"truth": "scan"',
+        '"cores": "2"': '"cores": "3"',
+        '"a note"': '"a vote"',
+        '"tracks":': '"trucks":',
+    }
+    for old, new in changes.items():
+        assert old in text, old
+        path.write_text(text.replace(old, new, 1))
+        with pytest.raises(StoreError, match=r"manifest\.json: damaged \(checksum mismatch\)"):
+            measured.statistics("summary")
+    path.write_text(text.replace('"seconds": 1.5', '"seconds": 2.5'))
+    assert measured.manifest().sequences[ENTRY.key].seconds == 2.5
+
+
+def test_changed_settings_and_findings_are_noticed(run):
+    assert run.experiment_toml() == 'name = "x"\n'
+    (run.path / "experiment.toml").write_text('name = "y"\n')
+    with pytest.raises(StoreError, match=r"experiment\.toml: damaged \(checksum mismatch\).*writes them again"):
+        run.experiment_toml()
+    (run.path / "experiment.toml").unlink()
+    with pytest.raises(StoreError, match=r"experiment\.toml: missing"):
+        run.experiment_toml()
+    assert run.findings_json() is None
+    run.write_findings('{"n": 1}')
+    assert run.findings_json() == '{"n": 1}'
+    (run.path / "statistics" / "findings.json").write_text('{"n": 2}')
+    with pytest.raises(StoreError, match=r"findings\.json: damaged"):
+        run.findings_json()
+
+
+def test_settings_match_the_manifest_at_every_moment_of_their_replacement(run, monkeypatch):
+    manifest, states = run.manifest(), []
+    write = Path.replace
+
+    def replace_and_look(self, target):
+        write(self, target)
+        states.append(RunFolder(run.path).experiment_toml())
+
+    monkeypatch.setattr(Path, "replace", replace_and_look)
+    run.replace_experiment('name = "y"\n', manifest)
+    run.write_manifest(manifest)
+    assert states == ['name = "x"\n', 'name = "y"\n', 'name = "y"\n']
+    assert len(run.manifest().experiment_sha256) == 1
+
+
+def test_a_changed_image_is_noticed(measured):
+    assert measured.snapshot(ENTRY.key) == b"png"
+    measured.snapshot_path(ENTRY.key).write_bytes(b"pnh")
+    with pytest.raises(StoreError, match=r"png: damaged .*`tracknoise run` makes it again"):
+        measured.snapshot(ENTRY.key)

@@ -1,8 +1,12 @@
+from contextlib import suppress
+from pathlib import Path
+
 import numpy as np
 import polars as pl
 import pytest
 
 from tracknoise.exceptions import DataError
+from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.imported import Imported
@@ -182,3 +186,65 @@ def test_bytes_that_are_no_table_are_refused(name, tmp_path, setting):
 def test_impossible_paths_are_refused_by_name(path):
     with pytest.raises(ValueError, match="path is"):
         Imported(path)
+
+
+def test_parquet_that_makes_polars_abort_or_panic_is_refused(tmp_path, setting, capfd):
+    """Found by one-byte edits; without a child process the first of them ends the program."""
+    whole = written(tmp_path / "whole.parquet")
+    data = Path(whole.path).read_bytes()
+    path = tmp_path / "tracks.parquet"
+    for position in range(4, len(data) // 3, 7):
+        path.write_bytes(data[:position] + bytes([data[position] ^ 0xFF]) + data[position + 1 :])
+        with suppress(DataError):
+            Imported(str(path)).start(setting())
+    assert capfd.readouterr() == ("", "")
+
+
+def test_more_rows_than_bytes_are_refused(tmp_path, setting):
+    rows = {name: np.zeros(2_000_000, np.int64) for name in ("track", "frame", "u_px", "v_px")}
+    settings = written(tmp_path / "tracks.parquet", rows)
+    with pytest.raises(
+        DataError, match=r"tracks.parquet: 2000000 rows in \d+ bytes, expected at most one row per byte$"
+    ):
+        settings.start(setting())
+
+
+def test_columns_that_are_not_used_are_not_read_and_lists_are_refused(tmp_path, setting):
+    lists = [[1.0]] * 7
+    assert run(written(tmp_path / "tracks.parquet", other=lists), setting(), range(1))[0].alive == 2
+    with pytest.raises(DataError, match=r"column u_px of type List\(Float64\), expected a finite number in each row$"):
+        written(tmp_path / "lists.parquet", u_px=lists).start(setting())
+
+
+def test_too_many_columns_and_too_large_numbers_are_refused(tmp_path, setting):
+    (tmp_path / "wide.csv").write_text("," * 100_000 + "\n")
+    with pytest.raises(DataError, match=r"wide.csv: 100001 columns, expected at most 1000$"):
+        Imported(str(tmp_path / "wide.csv")).start(setting())
+    settings = written(tmp_path / "large.csv", response=[1e300] * 7)
+    with pytest.raises(
+        DataError, match=r"large.csv:2: response '1e\+?300', expected a number within the range of float32"
+    ):
+        settings.start(setting())
+
+
+def test_names_that_look_like_patterns_are_files(tmp_path, setting):
+    for suffix in ("csv", "parquet"):
+        assert run(written(tmp_path / f"tracks[1]*.{suffix}"), setting(), range(1))[0].alive == 2
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "{scene:d}.csv",
+        "{scene!r}.csv",
+        "{scene.__class__}.csv",
+        "{scene[0]}.csv",
+        "{0}.csv",
+        "{}.csv",
+        "{scene:{speed}}.csv",
+    ],
+)
+def test_only_names_of_placeholders_are_between_braces(path):
+    with pytest.raises(ValueError, match=r"expected no placeholders but \{dataset\}, \{scene\}"):
+        Imported(path)
+    assert SequenceId("d", "s").expand("{{{scene}}}_{speed}.csv", speed=2) == Path("{s}_2.csv")

@@ -1,48 +1,20 @@
-"""The ``tracknoise`` command: its subcommands, and how errors are printed.
+"""The ``tracknoise`` command: how it ends, by itself, with an error or by a signal.
 
-Exit status: 0 success, 1 user error, 2 some scenes failed. Results go to stdout, everything else to stderr.
+Exit status: 0 success, 1 user error, 2 some scenes failed, 128 + N ended by signal N (130 for Ctrl-C). Results go to
+stdout, everything else to stderr.
 """
 
 import io
 import sys
-from importlib import import_module
-from typing import Annotated
+from contextlib import suppress
 
-import typer
-
-from tracknoise import __version__
+from tracknoise import signals
+from tracknoise.cli.interruption import Interruption
 from tracknoise.cli.terminal import Terminal
 from tracknoise.exceptions import TracknoiseError
 
-_COMMANDS = ("demo", "run", "replicate", "report", "findings", "simulate", "datasets", "trackers", "selfcheck")
-"""Modules of this package, in the order of the help. Each has a function `register`."""
 _INTERRUPTED = 130
-
-app = typer.Typer(
-    name="tracknoise",
-    help="Measure the errors of feature tracks: bias, covariance, drift, outlier ratio and lifetime.",
-    no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode="markdown",
-    pretty_exceptions_enable=False,
-)
-for command in _COMMANDS:
-    import_module(f"tracknoise.cli.{command}").register(app)
-
-
-def _print_version(asked: bool) -> None:
-    if asked:
-        sys.stdout.write(f"tracknoise {__version__}\n")
-        raise typer.Exit
-
-
-@app.callback()
-def _root(
-    version: Annotated[
-        bool, typer.Option("--version", help="Print the version.", callback=_print_version, is_eager=True)
-    ] = False,
-) -> None:
-    """Measure the errors of feature tracks: bias, covariance, drift, outlier ratio and lifetime."""
+"""What typer returns if a command raised KeyboardInterrupt."""
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -53,30 +25,61 @@ def main(arguments: list[str] | None = None) -> None:
     arguments
         Without the program's name. Default: the arguments of the process.
     """
-    terminal = Terminal()
+    with Interruption() as interruption:
+        terminal = Terminal()
+        try:
+            status = _reported(terminal, arguments, interruption)
+            interruption.end()
+        except KeyboardInterrupt:
+            interruption.record()
+        interruption.end()
+        if interruption:
+            status = interruption.status
+            with suppress(OSError):  # the terminal may be closed
+                terminal.error(interruption.text)
+    if arguments is None:
+        signals.ignore()  # while the interpreter exits, it would give them their default effect again
+    sys.exit(status)
+
+
+def _reported(terminal: Terminal, arguments: list[str] | None, interruption: Interruption) -> int:
+    """Run a command and report its error. What fails because of an interruption is not reported."""
+    try:
+        return _status(terminal, arguments)
+    except Exception as error:
+        if interruption:
+            return interruption.status
+        if terminal.debug:
+            raise
+        terminal.error(_text(error))
+        return 1
+
+
+def _status(terminal: Terminal, arguments: list[str] | None) -> int:
+    """Run a command. Its modules are loaded here, where signals have their effect already."""
+    import typer
+
+    from tracknoise.cli.commands import app
+
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # one unprintable character must not hide the rest
     try:
-        status = typer.main.get_command(app).main(
+        status: int = typer.main.get_command(app).main(
             args=arguments, prog_name="tracknoise", standalone_mode=False, obj=terminal
         )
     except typer.TyperException as error:
         if message := error.format_message():  # empty if the help was printed instead
             terminal.error(message)
-        status = 1
-    except (typer.Abort, KeyboardInterrupt):
-        status = _INTERRUPTED
-    except TracknoiseError as error:
-        if terminal.debug:
-            raise
-        terminal.error(str(error))
-        status = 1
-    except Exception as error:
-        if terminal.debug:
-            raise
-        terminal.error(f"internal error ({type(error).__name__}: {error}); use --debug for a traceback")
-        status = 1
+        return 1
+    except typer.Abort as error:
+        raise KeyboardInterrupt from error
     if status == _INTERRUPTED:
-        terminal.error("interrupted; run the same command again to resume")
-    sys.exit(status)
+        raise KeyboardInterrupt
+    return status
+
+
+def _text(error: Exception) -> str:
+    if isinstance(error, TracknoiseError):
+        return str(error)
+    return f"internal error ({type(error).__name__}: {error}); use --debug for a traceback"

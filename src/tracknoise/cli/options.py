@@ -32,6 +32,9 @@ ModelsOption = Annotated[
 ]
 SchedulerOption = Annotated[
     str | None,
-    typer.Option("--scheduler", help="Use the workers of the Dask scheduler at this address: tcp://HOST:8786."),
+    typer.Option(
+        "--scheduler",
+        help="Use the workers of the Dask scheduler at this address: tls://HOST:8786, or tcp:// in a trusted network.",
+    ),
 ]
 FreshOption = Annotated[bool, typer.Option("--fresh", help="Delete the run in this folder and start a new one.")]

@@ -1,7 +1,8 @@
 """``tracknoise replicate``: the paper's experiments for which there are data, and pages that compare them."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -93,20 +94,17 @@ class _Runs:
     @contextmanager
     def report_beside(self, name: str, run: "RunFolder | None") -> Iterator[None]:
         """Write the report of a run while the body of the `with` runs; with one worker, after it."""
-        from concurrent.futures import ProcessPoolExecutor
-        from multiprocessing import get_context
-
+        from tracknoise.experiments.running.worker import beside
         from tracknoise.report.page import write_report
 
         if run is None:
             yield
             return
-        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
-            begun = process.submit(write_report, run) if self._workers > 1 else None
+        with beside(write_report, run) if self._workers > 1 else nullcontext(partial(write_report, run)) as written:
             yield
 
             def finish() -> int:
-                self._terminal.result(f"report: {(begun.result() if begun else write_report(run)).resolve()}")
+                self._terminal.result(f"report: {written().resolve()}")
                 return 0
 
             self._survive(name, finish)

@@ -1,6 +1,10 @@
-"""Output of the command line: results on stdout; messages and progress on stderr."""
+"""Output of the command line: results on stdout; messages and progress on stderr. Control characters are escaped."""
 
 import sys
+
+from tracknoise.printable import printable
+
+_LAYOUT = "\n\t"
 
 
 class Terminal:
@@ -20,7 +24,7 @@ class Terminal:
 
     def result(self, text: str) -> None:
         """Print a result."""
-        sys.stdout.write(f"{text}\n")
+        sys.stdout.write(f"{printable(text, keep=_LAYOUT)}\n")
 
     def say(self, text: str) -> None:
         """Print a message, unless quiet."""
@@ -36,5 +40,5 @@ class Terminal:
         self._line(f"tracknoise: error: {' '.join(text.split())}")
 
     def _line(self, text: str) -> None:
-        sys.stderr.write(f"{text}\n")
+        sys.stderr.write(f"{printable(text, keep=_LAYOUT)}\n")
         sys.stderr.flush()

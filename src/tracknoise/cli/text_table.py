@@ -4,6 +4,7 @@ import sys
 from collections.abc import Callable, Sequence
 from itertools import accumulate
 
+from tracknoise.printable import printable
 from tracknoise.report.cells import Cells
 
 
@@ -44,7 +45,7 @@ def _headings(cells: Cells) -> list[str]:
 
 
 def _one_line(text: str) -> str:
-    return " ".join(text.split())
+    return printable(" ".join(text.split()))
 
 
 def _show_rich(cells: Cells) -> None:
@@ -52,9 +53,9 @@ def _show_rich(cells: Cells) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(title=Text(cells.caption), title_justify="left")
+    table = Table(title=Text(_one_line(cells.caption)), title_justify="left")
     for heading, right in zip(_headings(cells), cells.numeric, strict=True):
-        table.add_column(Text(heading), justify="right" if right else "left")
+        table.add_column(Text(_one_line(heading)), justify="right" if right else "left")
     for row in cells.rows:
-        table.add_row(*map(Text, row))
+        table.add_row(*(Text(_one_line(text)) for text in row))
     Console().print(table)

@@ -4,11 +4,13 @@ from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 
-from tracknoise.exceptions import SettingsError, TracknoiseError, UnknownNameError
+from tracknoise.exceptions import DataError, SettingsError, TracknoiseError, UnknownNameError
 from tracknoise.experiments.option_paths import with_paths_from
 from tracknoise.experiments.resolve import resolve
 from tracknoise.experiments.settings import Experiment, parse_experiment
+from tracknoise.foreign.files import MIB, absolute, is_regular_file, read_text
 
+_MOST_BYTES = MIB
 _PRESETS = resources.files("tracknoise.experiments") / "presets"
 
 
@@ -46,7 +48,7 @@ def load_experiment(
         If there is neither such a file nor such a preset.
     """
     path = Path(name)
-    if path.is_file():
+    if is_file := is_regular_file(path):
         place, text = str(path), _read(path)
     elif str(name) in preset_names():
         place, text = f"preset {name}", (_PRESETS / f"{name}.toml").read_text(encoding="utf-8")
@@ -54,18 +56,18 @@ def load_experiment(
         raise UnknownNameError("experiment file or preset", str(name), preset_names())
     experiment = parse_experiment(text, place=place)
     try:
-        if path.is_file():
+        if is_file:
             experiment = with_paths_from(path.parent, experiment)
         experiment = experiment.with_limits(scenes=scenes, frames=frames)
         for option, value in (options or {}).items():
             experiment = experiment.with_option(option, value)
-        return resolve(experiment if root is None else experiment.with_root(root.resolve()))
+        return resolve(experiment if root is None else experiment.with_root(absolute(Path(), root)))
     except TracknoiseError as error:
         raise SettingsError(f"{place}: {error}") from error
 
 
 def _read(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise SettingsError(f"{path}: cannot be read ({error}), expected an experiment file") from error
+        return read_text(path, "an experiment file", most=_MOST_BYTES)
+    except DataError as error:
+        raise SettingsError(f"{path}: cannot be read ({error.found}), expected an experiment file") from error

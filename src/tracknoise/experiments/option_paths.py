@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from tracknoise.experiments.settings import Experiment
+from tracknoise.foreign.files import absolute
 from tracknoise.options import PathTemplate
 from tracknoise.plugins import Plugins
 from tracknoise.sequences.registry import READERS
@@ -22,9 +23,9 @@ def with_paths_from(folder: Path, experiment: Experiment) -> Experiment:
         If another package offers the tracker or reader, but cannot be imported.
     """
     dataset = experiment.dataset
-    absolute = dataset.model_copy(
+    moved = dataset.model_copy(
         update={
-            "root": None if dataset.root is None else (folder / dataset.root).resolve(),
+            "root": None if dataset.root is None else absolute(folder, dataset.root),
             "options": _absolute(folder, READERS, dataset.reader, dataset.options),
         }
     )
@@ -32,7 +33,7 @@ def with_paths_from(folder: Path, experiment: Experiment) -> Experiment:
         choice.model_copy(update={"options": _absolute(folder, TRACKERS, choice.kind, choice.options)})
         for choice in experiment.trackers
     ]
-    return experiment.model_copy(update={"dataset": absolute, "trackers": trackers})
+    return experiment.model_copy(update={"dataset": moved, "trackers": trackers})
 
 
 def option_paths(experiment: Experiment) -> Iterator[Path | PathTemplate]:

@@ -18,8 +18,8 @@ def resolve(experiment: Experiment) -> Experiment:
     Raises
     ------
     SettingsError
-        If a tracker, the reader, the kind of truth or an option is unknown, or a value is wrong; the message names the
-        section.
+        If a tracker, the reader, the kind of truth or an option is unknown, or a value is wrong or has control
+        characters; the message names the section.
     """
     dataset = experiment.dataset
     with _errors_of("dataset"):
@@ -28,12 +28,17 @@ def resolve(experiment: Experiment) -> Experiment:
     if experiment.truth.kind is not None:
         with _errors_of("truth.kind"):
             TRUTHS.load(experiment.truth.kind)
-    return experiment.model_copy(
+    resolved = experiment.model_copy(
         update={
             "dataset": dataset.model_copy(update={"options": reader}),
             "trackers": [_resolved(choice, f"trackers[{i}]") for i, choice in enumerate(experiment.trackers)],
         }
     )
+    try:
+        resolved.require_printable()  # folders may have been given on the command line
+    except ValueError as error:
+        raise SettingsError(str(error)) from error
+    return resolved
 
 
 def _resolved(choice: TrackerChoice, section: str) -> TrackerChoice:

@@ -2,19 +2,26 @@
 
 import hashlib
 import json
+import re
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import tomlkit
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.checks import MOST_LEVELS, require_storable
+from tracknoise.exceptions import SettingsError, UnknownNameError, first_line
+from tracknoise.printable import is_printable
 from tracknoise.tables import defaults
 from tracknoise.tables.enumerations import IntervalKind, Population, TrimAmong, Trimming
 from tracknoise.tables.identity import Direction
 from tracknoise.truth.scan_rule import ScanAnchoring
 
+_QUOTED = re.compile(r'"[^"]*"|\'[^\']*\'')
+_NO_KEY = re.compile(r"[^\w.\s-]+")
+_MOST_DOTS = 64
 Keep = Literal["observations", "statistics"]
 
 
@@ -144,6 +151,24 @@ class Experiment(_Section):
             raise ValueError(f"views must differ in rotation or direction, found {ways}")
         return self
 
+    @model_validator(mode="after")
+    def _texts_are_printable(self) -> Self:
+        self.require_printable()
+        return self
+
+    def require_printable(self) -> None:
+        """Refuse control characters in any text: a name, a path or an option.
+
+        Raises
+        ------
+        ValueError
+            Naming the key.
+        """
+        for key, value in dotted(self.model_dump()):
+            texts = [str(item) for item in (value if isinstance(value, list) else [value])]
+            if not all(map(is_printable, (key, *texts))):
+                raise ValueError(f"{key}: found {value!r}, expected UTF-8 without control characters")
+
     def with_limits(self, *, scenes: int | None, frames: int | None) -> "Experiment":
         """Return a copy with a maximum number of scenes, and of frames per scene; None changes nothing."""
         limits = {"max_scenes": scenes, "max_frames": frames}
@@ -192,12 +217,46 @@ def parse_experiment(text: str, *, place: str) -> Experiment:
     SettingsError
         Naming place, key, what was found and what was expected.
     """
+    settings = _loaded(text, place)
     try:
-        return Experiment.model_validate(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        raise SettingsError(f"{place}: {error}, expected TOML") from error
+        return Experiment.model_validate(settings)
     except ValidationError as error:
         raise SettingsError(f"{place}: {_first_problem(error)}") from error
+
+
+def _loaded(text: str, place: str) -> dict[str, Any]:
+    """What a TOML file holds."""
+    try:
+        _require_short_keys(text)
+        settings = tomllib.loads(text)
+        require_storable(settings)
+    except tomllib.TOMLDecodeError as error:
+        raise SettingsError(f"{place}: {error}, expected TOML") from error
+    except RecursionError as error:
+        raise SettingsError(f"{place}: lists in lists, expected at most {MOST_LEVELS} levels") from error
+    except ValueError as error:  # also of numbers with thousands of digits
+        raise SettingsError(f"{place}: {first_line(error)}") from error
+    return settings
+
+
+def _require_short_keys(text: str) -> None:
+    """Refuse keys such as ``a.b.c`` of very many parts: the time to read one grows with the cube of their number."""
+    for number, line in enumerate(text.splitlines(), start=1):
+        for part in _NO_KEY.split(_QUOTED.sub("", line)):
+            if part.count(".") > _MOST_DOTS:
+                raise ValueError(f"line {number}: a key of {part.count('.') + 1} parts, expected at most {MOST_LEVELS}")
+
+
+def dotted(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """Every setting with its dotted name."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from dotted(inner, f"{key}.{name}".lstrip("."))
+    elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
+        for position, inner in enumerate(value):
+            yield from dotted(inner, f"{key}[{position}]")
+    else:
+        yield key, value
 
 
 def experiment_schema() -> str:

@@ -14,18 +14,24 @@ with weighting `scenes`. With n scenes, Q = sum x_i x_i' and s = sum x_i:
   at this age (adjusted). Rejecting where it is at most alpha keeps the probability of any false rejection below alpha,
   for any set of ages that differ from zero and any dependence between them (Westfall and Young 1993). Holm's
   adjustment does so too, but no p-value is less than 2 / 2^n: with nine scenes and twenty ages it never rejects.
+- Several conditions: the same with the largest over all ages of all conditions (family), under flips of the same
+  scenes.
+
+With groups of scenes, the sums of groups take the place of scene means. With too few groups, the mean and the
+differences within groups take the place of flipped scene means, n is one more than the degrees of freedom within
+groups, and rotations take the place of flips (`tracknoise.findings.chance`).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.findings.sampling.units import MIN_SCENES
+from tracknoise.findings.chance import Chance
+from tracknoise.tables.enumerations import Resampled
 
-EXACT = 12
-"""Largest number of scenes for which all flips are used."""
-FLIPS = 2**EXACT
+Array = NDArray[np.float64]
 
 _SAME = 1e-9
 """Values of q, or of -log P, that differ by less than this, relative to the value, differ by rounding."""
@@ -48,20 +54,26 @@ class FlipTest:
     adjusted_p : (ages,) float64
         By (adjusted).
     overall_p
-        By (overall); NaN if no age has `MIN_SCENES` scenes.
+        By (overall); NaN if no age has scenes or groups enough.
     strongest
-        Which age has the largest -log P; None if no age has `MIN_SCENES` scenes.
+        Which age has the largest -log P; None if no age has scenes or groups enough.
+    evidence : (ages,) float64
+        -log P of the data as they are, NaN where no test is made.
+    largest : (draws,) float64
+        The largest -log P over the ages in each draw; 0 without any.
     """
 
     n_scenes: NDArray[np.intp]
-    hotelling_p: NDArray[np.float64]
-    sign_flip_p: NDArray[np.float64]
-    adjusted_p: NDArray[np.float64]
+    hotelling_p: Array
+    sign_flip_p: Array
+    adjusted_p: Array
     overall_p: float
     strongest: int | None
+    evidence: Array
+    largest: Array
 
 
-def flip_test(means: NDArray[np.float64], *, seed: int = 0) -> FlipTest:
+def flip_test(means: Array, *, seed: int = 0, chance: Chance | None = None) -> FlipTest:
     """Test whether means are zero, by (hotelling), (flips) and (overall).
 
     Parameters
@@ -70,23 +82,61 @@ def flip_test(means: NDArray[np.float64], *, seed: int = 0) -> FlipTest:
         Mean error of each scene at each age, px; NaN where a scene has none.
     seed
         Of the flips, where they are not all used.
+    chance
+        Flips of these scenes; by default their own, with every scene a group of its own.
     """
+    draws = chance or Chance.of([str(place) for place in range(len(means))], seed=seed)
     there = ~np.isnan(means[..., 0])
-    n = there.sum(axis=0)
-    directions, rank = _whitened(np.where(there[..., None], means, 0.0))
-    flipped = np.tensordot(_signs(len(means), seed), directions, axes=1)
-    q = np.minimum((flipped**2).sum(axis=-1) / np.maximum(n, 1), _CERTAIN)
-    strength = -np.maximum(n - 2, 0) / 2 * np.log1p(-q)
-    tested = n >= MIN_SCENES
+    patterns, kind = np.unique(there, axis=1, return_inverse=True)
+    units = np.array([draws.units(pattern) for pattern in patterns.T], dtype=np.intp)[kind.ravel()]
+    q, rank = _q(np.where(there[..., None], means, 0.0), draws, patterns, kind.ravel())
+    strength = -np.maximum(units - 2, 0) / 2 * np.log1p(-q)
+    tested = units > 0
     largest = strength[:, tested].max(axis=1, initial=0.0)
     return FlipTest(
-        n_scenes=n,
+        n_scenes=there.sum(axis=0),
         hotelling_p=np.where(tested & (rank == 2), np.exp(-strength[0]), np.nan),
         sign_flip_p=np.where(tested, _share_as_large(q), np.nan),
         adjusted_p=np.where(tested, _share_above(largest, strength[0]), np.nan),
         overall_p=float(_share_as_large(largest)) if tested.any() else np.nan,
         strongest=int(np.argmax(np.where(tested, strength[0], -1.0))) if tested.any() else None,
+        evidence=np.where(tested, strength[0], np.nan),
+        largest=largest,
     )
+
+
+def family_p(tests: Sequence[FlipTest]) -> list[Array]:
+    """P-values by (family) of every age of several conditions, (ages,) each; NaN where no test is made.
+
+    Parameters
+    ----------
+    tests
+        Of the conditions of a dataset, with flips of the same scenes.
+    """
+    largest = np.max([test.largest for test in tests], axis=0)
+    return [np.where(np.isnan(test.evidence), np.nan, _share_above(largest, test.evidence)) for test in tests]
+
+
+def _q(
+    means: Array, chance: Chance, patterns: NDArray[np.bool_], kind: NDArray[np.intp]
+) -> tuple[Array, NDArray[np.intp]]:
+    """(q) in each draw and at each age, (draws, ages), and in how many directions means vary, (ages,)."""
+    if chance.kind not in (Resampled.groups, Resampled.within):
+        return _of_rows(means, chance.draws, np.maximum(patterns.sum(axis=0)[kind], 1))
+    q, rank = np.zeros((len(chance.draws), means.shape[1])), np.zeros(means.shape[1], dtype=np.intp)
+    for place, pattern in enumerate(patterns.T):
+        ages = np.flatnonzero(kind == place)
+        rows, directions = chance.rows(pattern)
+        put_together = np.einsum("rs,sai->rai", rows, means[:, ages])
+        q[:, ages], rank[ages] = _of_rows(put_together, directions, np.ones(len(ages), dtype=np.intp))
+    return q, rank
+
+
+def _of_rows(rows: Array, directions: Array, squared_length: NDArray[np.intp]) -> tuple[Array, NDArray[np.intp]]:
+    """(q) of rows (rows, ages, 2) in directions (draws, rows) of such a length, and in how many the rows vary."""
+    whitened, rank = _whitened(rows)
+    turned = np.tensordot(directions, whitened, axes=1)
+    return np.minimum((turned**2).sum(axis=-1) / squared_length, _CERTAIN), rank
 
 
 def _share_as_large(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -96,18 +146,8 @@ def _share_as_large(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _share_above(values: NDArray[np.float64], limits: NDArray[np.float64]) -> NDArray[np.float64]:
     """Share of values that are at least each limit."""
-    below = np.searchsorted(np.sort(values), limits * (1 - _SAME))
+    below = np.searchsorted(np.sort(values), np.nan_to_num(limits) * (1 - _SAME))
     return np.asarray(1 - below / len(values), dtype=np.float64)
-
-
-def _signs(scenes: int, seed: int) -> NDArray[np.float64]:
-    """Flips as rows of 1 and -1; the first has no flip."""
-    if scenes <= EXACT:
-        bits = np.arange(2**scenes)[:, None] >> np.arange(scenes) & 1
-    else:
-        bits = np.random.default_rng(seed).integers(0, 2, (FLIPS, scenes))
-        bits[0] = 0
-    return np.asarray(1.0 - 2.0 * bits, dtype=np.float64)
 
 
 def _whitened(means: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:

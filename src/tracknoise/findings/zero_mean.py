@@ -3,24 +3,30 @@
 The sampling units of the test are scenes (`tracknoise.findings.flips`). Each counts once. The table also has the
 p-value of Hotelling's test with features as sampling units (iid). Errors of the features of a scene are correlated, so
 this test rejects most true zeros.
+
+Many conditions are asked at once. The verdict therefore allows for all of a dataset: it is `yes` if the evidence is
+larger than the largest that flips of the same scenes lead to in any condition, at any age.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.flips import FlipTest, flip_test
+from tracknoise.findings.chance import Chance
+from tracknoise.findings.flips import FlipTest, family_p, flip_test
+from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.findings.sampling.multiplicity import holm
 from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.wording import scenes_counted
-from tracknoise.statistics.conditions import Tables, TablesByCondition, by_condition
+from tracknoise.statistics.conditions import Tables, TablesByCondition, by_condition, scenes_by_dataset
 from tracknoise.statistics.definitions import NAMES, POOLED
-from tracknoise.statistics.grouping import group_rows
+from tracknoise.statistics.grouping import Groups, group_rows
 from tracknoise.tables.defaults import POPULATION
-from tracknoise.tables.enumerations import Axis, Verdict, Weighting
+from tracknoise.tables.enumerations import Axis, Resampled, Verdict, Weighting
 from tracknoise.tables.findings_schema import ZERO_MEAN
 from tracknoise.tables.schema import CURVES, MOMENTS, check, empty
 
@@ -39,6 +45,7 @@ def zero_mean(
     *,
     key_frames: Mapping[str, int] | None = None,
     population: str = POPULATION,
+    groups: SceneGroups = NO_GROUPS,
     seed: int = 0,
 ) -> pl.DataFrame:
     """Test at every age whether the mean error is zero, and at all ages together.
@@ -54,6 +61,9 @@ def zero_mean(
         age 0 is tested.
     population
         Which observations the errors are of: `visible` or `projected`.
+    groups
+        Scenes that are not independent of each other. Whole groups are flipped. With fewer than `MIN_SCENES` groups
+        the test is within groups, and holds for these groups only.
     seed
         Of the flips, where they are not all used.
 
@@ -63,8 +73,9 @@ def zero_mean(
         Schema `ZERO_MEAN`, sorted by condition, trimming and age, the row of all ages first. Means and second moments
         weigh scenes equally. The row of all ages has the means at the age where the evidence is strongest, which `why`
         names; these are larger than at an age chosen beforehand. The verdict is `yes` if the flips' p-value, adjusted
-        over the ages, is at most `ALPHA`; it is never `no`: a mean that could not be distinguished from zero may
-        differ from it by as much as its interval is wide. Under `MIN_SCENES` scenes there is no test.
+        over the ages of all conditions of the dataset (of one trimming and axis), is at most `ALPHA`; it is never `no`:
+        a mean that could not be distinguished from zero may differ from it by as much as its interval is wide. Under
+        `MIN_SCENES` scenes there is no test.
 
     Raises
     ------
@@ -73,13 +84,50 @@ def zero_mean(
     """
     points = _points(check(curves, CURVES, "curves").filter(population=population), key_frames or {})
     by_curve = points.partition_by(_CURVE, as_dict=True)
+    errors = by_condition(moments, MOMENTS, "moments")
+    chances = {
+        dataset: Chance.of(sorted(scenes), groups.of(dataset, sorted(scenes)), seed=seed)
+        for dataset, scenes in scenes_by_dataset(errors.items()).items()
+    }
+    asked = [
+        _Curve.of(key, by_curve.get(key, points.clear()), scenes, chances[key[0]])
+        for key, scenes in _means_by_curve(errors, population)
+    ]
     parts = [empty(ZERO_MEAN)]
-    for key, scenes in _means_by_curve(by_condition(moments, MOMENTS, "moments"), population):
-        rows = _of_curve(by_curve.get(key, points.clear()), scenes, seed)
-        named = [pl.lit(value).alias(name) for name, value in zip(_CURVE, key, strict=True)]
-        parts.append(rows.with_columns(named).select(pl.col(name).cast(kind) for name, kind in ZERO_MEAN.items()))
-    table = pl.concat(parts).with_columns(pl.col("^.*_p(_adjusted)?$").fill_nan(None))
+    for family in _families(asked):
+        for curve, p in zip(family, family_p([curve.test for curve in family]), strict=True):
+            rows = _of_curve(curve, p)
+            named = [pl.lit(value).alias(name) for name, value in zip(_CURVE, curve.key, strict=True)]
+            parts.append(rows.with_columns(named).select(pl.col(name).cast(kind) for name, kind in ZERO_MEAN.items()))
+    table = pl.concat(parts).with_columns(pl.col("^.*_p(_adjusted|_family)?$").fill_nan(None))
     return check(table.sort(*POOLED, "trimming", "axis", "at"), ZERO_MEAN, "zero mean")
+
+
+@dataclass(frozen=True, slots=True)
+class _Curve:
+    """A curve that is tested: its key, the points, how many scenes it has, and the test."""
+
+    key: tuple[Any, ...]
+    points: pl.DataFrame
+    n_scenes: int
+    test: FlipTest
+    within: bool
+
+    @classmethod
+    def of(cls, key: tuple[Any, ...], points: pl.DataFrame, scenes: pl.DataFrame, chance: Chance) -> "_Curve":
+        """Test the means of some scenes."""
+        groups = group_rows(scenes, ["scene"])
+        test = flip_test(_means(points, scenes, groups), chance=chance.some(groups.keys["scene"].to_list()))
+        return cls(key, points, groups.count, test, chance.kind == Resampled.within)
+
+
+def _families(curves: Sequence[_Curve]) -> Iterator[list[_Curve]]:
+    """Curves of each dataset, trimming and axis: their verdicts are asked together."""
+    found: dict[tuple[Any, ...], list[_Curve]] = {}
+    for curve in curves:
+        family = (curve.key[0], *curve.key[-len(_LINE) :])
+        found.setdefault(family, []).append(curve)
+    yield from found.values()
 
 
 def _means_by_curve(moments: TablesByCondition, population: str) -> Iterator[tuple[tuple[Any, ...], pl.DataFrame]]:
@@ -122,25 +170,31 @@ def _iid_p() -> pl.Expr:
     return pl.when(possible).then((-(n - 2) / 2 * (t2 / (n - 1)).log1p()).exp())
 
 
-def _of_curve(points: pl.DataFrame, scenes: pl.DataFrame, seed: int) -> pl.DataFrame:
+def _of_curve(curve: _Curve, family: NDArray[np.float64]) -> pl.DataFrame:
     """Rows of one curve: of every age, and of all together."""
-    found = flip_test(_means(points, scenes), seed=seed)
+    found = curve.test
     tests = {
         "n_scenes": found.n_scenes,
         "hotelling_p": found.hotelling_p,
         "hotelling_p_adjusted": holm(found.hotelling_p),
         "sign_flip_p": found.sign_flip_p,
         "sign_flip_p_adjusted": found.adjusted_p,
+        "sign_flip_p_family": family,
     }
-    ages = points.with_columns(mean_u_px="mean_u", mean_v_px="mean_v", **{k: pl.Series(v) for k, v in tests.items()})
-    overall = _overall(ages, found, scenes["scene"].n_unique())
-    rows = pl.concat([overall, ages], how="diagonal_relaxed")
-    differs = (pl.col("sign_flip_p_adjusted").fill_nan(None) <= ALPHA).fill_null(value=False)
+    means = {"mean_u_px": "mean_u", "mean_v_px": "mean_v"}
+    ages = curve.points.with_columns(**means, **{name: pl.Series(p) for name, p in tests.items()})
+    rows = pl.concat([_overall(ages, found, curve.n_scenes), ages], how="diagonal_relaxed")
+    p, alone = pl.col("sign_flip_p_family").fill_nan(None), pl.col("sign_flip_p_adjusted").fill_nan(None)
+    differs = (p <= ALPHA).fill_null(value=False)
     few = pl.format(f"a test at 5 % needs at least {MIN_SCENES} scenes; found {{}}", scenes_counted("n_scenes"))
-    chance = pl.when(~differs).then(pl.lit(_CHANCE))
-    why = pl.when(pl.col("n_scenes") < MIN_SCENES).then(few).otherwise(pl.coalesce("why", chance))
+    others = pl.when(alone <= ALPHA).then(pl.lit(f"{_CHANCE} in one of the conditions that were asked"))
+    why = pl.when(~differs).then(pl.coalesce(others, pl.lit(_CHANCE)))
+    within = (
+        pl.when(p.is_not_null() & curve.within).then(pl.lit("; for these groups of scenes only")).otherwise(pl.lit(""))
+    )
+    said = pl.when(pl.col("n_scenes") < MIN_SCENES).then(few).otherwise(pl.coalesce("why", why) + within)
     return rows.with_columns(
-        why=why, verdict=pl.when(differs).then(pl.lit(Verdict.yes)).otherwise(pl.lit(Verdict.undecided))
+        why=said, verdict=pl.when(differs).then(pl.lit(Verdict.yes)).otherwise(pl.lit(Verdict.undecided))
     )
 
 
@@ -153,14 +207,14 @@ def _overall(ages: pl.DataFrame, found: FlipTest, n_scenes: int) -> pl.DataFrame
     strongest = ages.select("n", "mean_u_px", "mean_v_px", "effect_px", "share_of_second").row(
         found.strongest, named=True
     )
-    p = {"sign_flip_p": found.overall_p, "sign_flip_p_adjusted": found.overall_p}
+    family = {"sign_flip_p_family": ages["sign_flip_p_family"][found.strongest]}
+    p = {"sign_flip_p": found.overall_p, "sign_flip_p_adjusted": found.overall_p, **family}
     why = "strongest evidence at {axis} {at}".format(**ages.row(found.strongest, named=True))
     return pl.DataFrame({**strongest, **counted, **p, "why": why})
 
 
-def _means(points: pl.DataFrame, scenes: pl.DataFrame) -> NDArray[np.float64]:
+def _means(points: pl.DataFrame, scenes: pl.DataFrame, groups: Groups) -> NDArray[np.float64]:
     """Mean error of each scene at each of the points, (scenes, points, 2), NaN where a scene has none."""
-    groups = group_rows(scenes, ["scene"])
     order = points.select(pl.col("at"), place=pl.int_range(pl.len()))
     rows = scenes.with_columns(pl.col("at").cast(pl.Int64), number=groups.index).join(order, on="at")
     means = np.full((groups.count, points.height, 2), np.nan)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tracknoise.exceptions import StoreError
+from tracknoise.printable import printable
 from tracknoise.report.figures.figure import Absence, Figure
 
 CONTENTS = "contents.json"
@@ -72,12 +73,12 @@ def _section(section: Section, formats: Sequence[str]) -> dict[str, Any]:
         "title": section.title,
         "figures": [_files(item.id, item.title, "figures", formats) for item in figures],
         "tables": [_files(name, title, "tables", ("csv", "tex")) for name, title in section.tables],
-        "absences": [{"id": item.id, "title": item.title, "why": item.why} for item in absences],
+        "absences": [{"id": item.id, "title": printable(item.title), "why": printable(item.why)} for item in absences],
     }
 
 
 def _files(name: str, title: str, folder: str, kinds: Sequence[str]) -> dict[str, Any]:
-    return {"id": name, "title": title, "files": [f"{folder}/{name}.{kind}" for kind in kinds]}
+    return {"id": name, "title": printable(title), "files": [f"{folder}/{name}.{kind}" for kind in kinds]}
 
 
 def read_contents(report: Path) -> dict[str, Any] | None:
@@ -98,7 +99,7 @@ def read_contents(report: Path) -> dict[str, Any] | None:
         document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise StoreError(f"{path}: damaged ({error}), expected a table of contents; {_REMEDY}") from error
     if document.get("format") != FORMAT:
         raise StoreError(f"{path}: found format {document.get('format')!r}, expected {FORMAT}; {_REMEDY}")

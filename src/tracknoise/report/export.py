@@ -9,7 +9,9 @@ from typing import Any
 import altair as alt
 import vl_convert as vlc
 
+from tracknoise.printable import printable
 from tracknoise.report import style
+from tracknoise.report.canonical_pdf import canonical_pdf
 from tracknoise.report.figures.figure import Figure
 
 PNG_SCALE = 2
@@ -17,15 +19,33 @@ PNG_SCALE = 2
 _FROM_SVG: Mapping[str, Callable[[str], bytes]] = {
     "svg": lambda svg: svg.encode(),
     "png": lambda svg: vlc.svg_to_png(svg, scale=PNG_SCALE),
-    "pdf": lambda svg: vlc.svg_to_pdf(svg),
+    "pdf": lambda svg: canonical_pdf(vlc.svg_to_pdf(svg)),
 }
+_PROPERTIES = re.compile(
+    r"\b(?:__proto__|constructor|hasOwnProperty|isPrototypeOf|propertyIsEnumerable|toLocaleString|toString|valueOf"
+    r"|__(?:define|lookup)[GS]etter__)\b"
+)
 FORMATS = tuple(_FROM_SVG)
 """Kinds of figure files."""
 
 
 def specification(figure: Figure) -> dict[str, Any]:
     """Vega-Lite specification of a figure, with the style of the report."""
-    return {**figure.spec, "description": f"{figure.title}. {figure.shows}", "config": style.config()}
+    spec: dict[str, Any] = _shown({**figure.spec, "description": f"{figure.title}. {figure.shows}"})
+    return {**spec, "config": style.config()}
+
+
+def _shown(value: Any) -> Any:
+    """A part of a specification with names that can be drawn.
+
+    No SVG can hold control characters. Vega groups data by name in objects of JavaScript, so a name must not be one of
+    the properties that every object has: an invisible sign makes it another.
+    """
+    if isinstance(value, str):
+        return _PROPERTIES.sub(lambda found: f"{found[0][0]}\u2060{found[0][1:]}", printable(value, keep="\n"))
+    if isinstance(value, dict):
+        return {key: _shown(part) for key, part in value.items()}
+    return [_shown(part) for part in value] if isinstance(value, list | tuple) else value
 
 
 def render(spec: Mapping[str, Any], formats: tuple[str, ...]) -> dict[str, bytes]:

@@ -104,7 +104,7 @@ def _zero_mean(data: ReportData, conditions: ReportedConditions, tracker: str) -
     row = _first(rows.filter(axis=data.axis.name))
     if row is None:
         return DASH
-    p = row["sign_flip_p"] if row["sign_flip_p_adjusted"] is None else row["sign_flip_p_adjusted"]
+    p = row["sign_flip_p_family"]
     return _ZERO[row["verdict"]] + ("" if p is None else f" ({chance(p)})")
 
 

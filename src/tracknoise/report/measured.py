@@ -44,11 +44,11 @@ def scenes(data: ReportData) -> Cells:
     columns: dict[str, str] = {
         "dataset": "dataset", "scene": "scene", "lighting": "lighting", "rotation": "rotation (°)",
         **played,
-        "n_frames": "frames", "size": "image (px)", "truth": "truth", "seconds": "time to measure (s)",
+        "n_frames": "frames", "size": "image (px)", "truth": "truth",
     }  # fmt: skip
     rows = [
         {name: value for name, value in _columns_of(entry).items() if name in columns}
-        | {"size": f"{entry.width} {TIMES} {entry.height}", "seconds": f"{entry.seconds:.1f}"}
+        | {"size": f"{entry.width} {TIMES} {entry.height}"}
         for entry in entries
     ]
     kinds = dict.fromkeys(columns, pl.String) | {"rotation": pl.Int64, "n_frames": pl.Int64}

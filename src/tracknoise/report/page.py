@@ -18,7 +18,7 @@ from tracknoise.report import (
 from tracknoise.report.cells import Cells
 from tracknoise.report.contents import CONTENTS, Section, contents_json
 from tracknoise.report.figures.families import FAMILIES
-from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.figures.figure import Absence, Figure, require_distinct
 from tracknoise.report.report_data import ReportData
 from tracknoise.report.templates import template
 from tracknoise.tables.store import RunFolder
@@ -59,6 +59,7 @@ def _files(data: ReportData, formats: tuple[str, ...]) -> dict[str, bytes]:
     """Content of every file of the report, by its path within it."""
     drawn = [(family, family.figures(data), family.tables(data)) for family in FAMILIES]
     shown = [section for section in drawn if section[1]]
+    require_distinct(item for _, items, _ in shown for item in items)
     contents = _contents(data, [Section(family.id, family.title, items) for family, items, _ in shown])
     figures = [item for _, items, _ in shown for item in items if isinstance(item, Figure)]
     specs = {figure.id: export.specification(figure) for figure in figures}

@@ -1,6 +1,5 @@
 """The data of a report: settings, manifest and tables of a run, read once."""
 
-import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from tracknoise.findings.wording import view_text
 from tracknoise.report import paper, style
 from tracknoise.report.axis import AGE, FRAME, Axis
 from tracknoise.report.bands import BOUNDS, with_bounds
+from tracknoise.report.names import identifiers
 from tracknoise.statistics.lightings import lightings_in_order
 from tracknoise.statistics.trims import dropped_above
 from tracknoise.tables.defaults import MARGIN
@@ -24,6 +24,8 @@ from tracknoise.tables.store import FINDINGS_TABLES, STATISTICS_TABLES, RunFolde
 
 MOST_CONDITIONS = 40
 """More conditions than this are not all listed on the page."""
+_FIXED = ("by-lighting",)
+"""How ids of figures of all trackers end that begin as those of single trackers."""
 _DIRECTIONS = ("forward", "backward")
 
 
@@ -75,6 +77,7 @@ class ReportData:
             If there is no run, or one of its files is missing or damaged.
         """
         tables = {name: run.statistics(name) for name in (*STATISTICS_TABLES, *FINDINGS_TABLES)}
+        run.findings_json()  # the same findings for other programs, which must not be damaged either
         return cls(run=run, manifest=run.manifest(), settings=_settings(run), **tables)
 
     @property
@@ -248,9 +251,11 @@ class ReportData:
 
     def slug(self, tracker: str) -> str:
         """A tracker's name as part of a file name. Different trackers have different ones."""
-        slugs = [re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-") or "tracker" for name in self.trackers]
-        place = self.place(tracker)
-        return slugs[place] if slugs.count(slugs[place]) == 1 else f"{slugs[place]}-{place + 1}"
+        return self._slugs[tracker]
+
+    @cached_property
+    def _slugs(self) -> dict[str, str]:
+        return identifiers(self.trackers, taken=_FIXED)
 
     def speed_colours(self, tracker: str) -> dict[str, str]:
         """Shade of each speed of a tracker, by the speed's label."""

@@ -4,14 +4,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import polars as pl
+import polars.selectors as cs
 
 from tracknoise.findings.wording import DASH, MINUS, TIMES
+from tracknoise.printable import printable
 from tracknoise.report import paper
 from tracknoise.report.report_data import ReportData
 
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
 _LATEX = {
     "\\": r"\textbackslash{}",
     **{sign: f"\\{sign}" for sign in "&%$#_{}"},
+    **{sign: f"{{{sign}}}" for sign in "[]*"},  # after the end of a row they would be arguments of it
     "~": r"\textasciitilde{}",
     "^": r"\textasciicircum{}",
     "<": r"\textless{}",
@@ -61,8 +65,26 @@ EXPORTS: tuple[Export, ...] = (
 
 
 def to_csv(table: pl.DataFrame) -> str:
-    """Write a table as CSV: full precision, nothing where a value is missing."""
-    return table.write_csv()
+    """Write a table as CSV: full precision, nothing where a value is missing.
+
+    Text that a spreadsheet would take for a formula gets a quote in front. Control characters are escaped.
+    """
+    return _written(table).write_csv()
+
+
+def _written(table: pl.DataFrame) -> pl.DataFrame:
+    """A table with the text of its cells and headings as CSV has it."""
+    return table.with_columns(map(_changed, table.select(cs.string(include_categorical=True)))).rename(_cell)
+
+
+def _changed(column: pl.Series) -> pl.Series:
+    text = column.cast(pl.String)
+    names = text.drop_nulls().unique()
+    return text.replace(names, names.map_elements(_cell, return_dtype=pl.String))
+
+
+def _cell(text: str) -> str:
+    return printable(f"'{text}" if text.startswith(_FORMULA) else text)
 
 
 def to_latex(table: pl.DataFrame) -> str:
@@ -75,8 +97,8 @@ def to_latex(table: pl.DataFrame) -> str:
 
 
 def escape_latex(text: str) -> str:
-    """Escape text for LaTeX."""
-    return "".join(_LATEX.get(sign, sign) for sign in text)
+    """Escape text for LaTeX, and its control characters."""
+    return "".join(_LATEX.get(sign, sign) for sign in printable(text))
 
 
 def _latex_row(values: Sequence[object]) -> str:

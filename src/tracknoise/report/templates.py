@@ -5,6 +5,7 @@ import re
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup, escape
 
+from tracknoise.printable import printable
 from tracknoise.report.figures.figure import Figure
 
 
@@ -14,6 +15,7 @@ def template(name: str) -> Template:
     environment = Environment(
         loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
+    environment.finalize = _shown
     environment.tests["figure"] = lambda item: isinstance(item, Figure)
     environment.filters["code"] = _code
     raw = {"css": "page.css", "script": "page.js"}
@@ -21,6 +23,11 @@ def template(name: str) -> Template:
     return environment.get_template(name)
 
 
+def _shown(value: object) -> object:
+    """A value of a template as it is inserted: control characters are escaped, but line breaks are kept."""
+    return value if isinstance(value, Markup) or not isinstance(value, str) else printable(value, keep="\n\t")
+
+
 def _code(text: str) -> Markup:
     """Text as HTML, with the parts between backticks as code."""
-    return Markup(re.sub(r"`([^`]*)`", r"<code>\1</code>", str(escape(text))))
+    return Markup(re.sub(r"`([^`]*)`", r"<code>\1</code>", str(escape(printable(text)))))

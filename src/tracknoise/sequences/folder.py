@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from tracknoise.checks import require_at_least
 from tracknoise.exceptions import DataError
+from tracknoise.foreign.files import read_text
 from tracknoise.geometry.camera import DISTORTION_COUNTS, Camera
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
@@ -225,14 +226,10 @@ def _require_keys(path: Path, entries: dict[str, Any]) -> None:
 
 def _read_object(path: Path) -> dict[str, Any]:
     try:
-        entries = json.loads(path.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError as error:
-        raise DataError(path, "no such file", "the camera's width, height, fx, fy, cx and cy in JSON") from error
+        entries = json.loads(read_text(path, "the camera's width, height, fx, fy, cx and cy in JSON"))
     except json.JSONDecodeError as error:
         raise DataError(f"{path}:{error.lineno}", f"no JSON ({error.msg})", "a JSON object") from error
-    except OSError as error:
-        raise DataError(path, f"unreadable ({error.strerror})", "a JSON object") from error
-    except (ValueError, RecursionError) as error:  # no text, a number of thousands of digits, or thousands of brackets
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits, or thousands of brackets
         raise DataError(path, "unreadable file", "a JSON object") from error
     if not isinstance(entries, dict):
         raise DataError(path, "JSON, but no object", "a JSON object")

@@ -1,11 +1,11 @@
 """Image and depth files. A file that is not complete is refused.
 
 A decoder accepts half a file: it leaves the missing part black and prints a warning at most. So every file is checked
-to be complete before it is decoded, and every image to have the camera's size.
+to be complete before it is decoded, and every image to have the camera's size. Sizes are read from headers first, so
+that a small file cannot become a huge array.
 """
 
-import struct
-import zlib
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -14,17 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.foreign.files import read_bytes
+from tracknoise.foreign.image_header import KINDS, require_whole_image
+from tracknoise.foreign.parsing import damage_reported
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 
-_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_JPEG_SIGNATURE = b"\xff\xd8\xff"
-_JPEG_SCAN, _JPEG_END = b"\xff\xda", b"\xff\xd9"
-_BMP_SIGNATURE = b"BM"
-_BMP_HEADER = struct.Struct("<2sI4xIIiiHHII")
-"""Signature, file size, start of the pixels, size of what follows, width, height, planes, bits, compression, bytes."""
-_BMP_UNCOMPRESSED = {0, 3, 6}
-_KINDS = "PNG, JPEG or BMP image"
+_NUMPY_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
 def image_size(path: Path) -> tuple[int, int]:
@@ -59,7 +55,7 @@ def read_gray(path: Path, camera: CameraModel) -> NDArray[np.uint8]:
         If the file is missing, truncated, no image, or of another size than the camera's.
     """
     image: NDArray[np.uint8] = _decode(path, cv2.IMREAD_GRAYSCALE)
-    _require_size(path, image, camera)
+    _require_size(path, image.shape, camera)
     return image
 
 
@@ -80,15 +76,17 @@ def read_depth_npy(path: Path, camera: CameraModel, *, farthest_m: float = np.in
     DataError
         If the file is missing, truncated, no NumPy array, or of another type or size.
     """
-    try:
-        with path.open("rb") as file:
-            depth = np.lib.format.read_array(file, allow_pickle=False)
-    except FileNotFoundError as error:
-        raise DataError(path, "no such file", "a depth map") from error
-    except (OSError, ValueError, EOFError) as error:
-        raise DataError(path, "damaged or truncated file", "a NumPy array of float32 depth") from error
-    if depth.dtype not in (np.float32, np.float64):
-        raise DataError(path, f"{depth.dtype} numbers", "float32 or float64 depth in metres")
+    file = BytesIO(read_bytes(path, "a depth map"))
+    with damage_reported(path, "damaged or truncated file", "a NumPy array of float32 depth"):
+        shape, by_columns, dtype = _NUMPY_HEADERS[np.lib.format.read_magic(file)](file)
+        if dtype.hasobject:
+            raise ValueError("Python objects")
+    if dtype not in (np.float32, np.float64):
+        raise DataError(path, f"{dtype} numbers", "float32 or float64 depth in metres")
+    _require_size(path, shape, camera)
+    data = file.read(camera.height * camera.width * dtype.itemsize)
+    with damage_reported(path, "damaged or truncated file", "a NumPy array of float32 depth"):
+        depth = np.frombuffer(data, dtype).reshape(shape, order="F" if by_columns else "C")
     return _depth_map(path, depth, camera, farthest_m)
 
 
@@ -148,69 +146,25 @@ def read_depth_png_float32(path: Path, camera: CameraModel, *, farthest_m: float
 
 def _decode(path: Path, flags: int) -> NDArray[Any]:
     """Decode a whole image file."""
-    data = _whole_file(path)
+    data = read_bytes(path, "an image")
+    require_whole_image(path, data)
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error:
         image = None
     if image is None:
-        raise DataError(path, "an image that cannot be decoded", f"a {_KINDS}")
+        raise DataError(path, "an image that cannot be decoded", f"a {KINDS}")
     return image
 
 
-def _whole_file(path: Path) -> bytes:
-    """The bytes of an image file, after checking that nothing is missing at its end."""
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError as error:
-        raise DataError(path, "no such file", "an image") from error
-    except OSError as error:
-        raise DataError(path, f"unreadable ({error.strerror})", "an image") from error
-    if data.startswith(_PNG_SIGNATURE):
-        whole = _is_whole_png(data)
-    elif data.startswith(_JPEG_SIGNATURE):
-        # Neither marker can occur in coded pixels, so the last scan is closed by a later end marker or cut off.
-        whole = data.rfind(_JPEG_END) > data.rfind(_JPEG_SCAN)
-    elif data.startswith(_BMP_SIGNATURE):
-        whole = _is_whole_bmp(data)
-    else:
-        raise DataError(path, "no image" if data else "an empty file", f"a {_KINDS}")
-    if not whole:
-        raise DataError(path, f"truncated or damaged image of {len(data)} bytes", f"a whole {_KINDS}")
-    return data
-
-
-def _is_whole_png(data: bytes) -> bool:
-    """Whether a chain of PNG chunks with correct checksums leads to the end chunk."""
-    view, start = memoryview(data), len(_PNG_SIGNATURE)
-    while start + 12 <= len(data):
-        end = start + 8 + int.from_bytes(view[start : start + 4], "big")
-        if end + 4 > len(data) or zlib.crc32(view[start + 4 : end]) != int.from_bytes(view[end : end + 4], "big"):
-            return False
-        if data[start + 4 : start + 8] == b"IEND":
-            return True
-        start = end + 4
-    return False
-
-
-def _is_whole_bmp(data: bytes) -> bool:
-    """Whether a BMP file is as long as its header says; the file size that the header states is not reliable."""
-    if len(data) < _BMP_HEADER.size:
-        return False
-    _, _, start, _, width, height, _, bits, compression, stated = _BMP_HEADER.unpack_from(data)
-    row = (width * bits + 31) // 32 * 4
-    pixels = row * abs(height) if compression in _BMP_UNCOMPRESSED else stated
-    return bool(width > 0 and len(data) >= start + pixels)
-
-
 def _depth_map(path: Path, depth: NDArray[np.floating], camera: CameraModel, farthest_m: float = np.inf) -> DepthMap:
-    _require_size(path, depth, camera)
+    _require_size(path, depth.shape, camera)
     return DepthMap(depth, np.isfinite(depth) & (depth > 0) & (depth <= farthest_m))
 
 
-def _require_size(path: Path, array: NDArray[Any], camera: CameraModel) -> None:
-    if array.shape != (camera.height, camera.width):
-        found = "x".join(str(length) for length in array.shape[1::-1] + array.shape[2:])
+def _require_size(path: Path, shape: tuple[int, ...], camera: CameraModel) -> None:
+    if shape != (camera.height, camera.width):
+        found = "x".join(str(length) for length in shape[1::-1] + shape[2:])
         raise DataError(path, f"size {found}", f"the camera's {camera.width}x{camera.height}")
 
 

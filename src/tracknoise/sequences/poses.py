@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, DataWarning
+from tracknoise.foreign.files import read_text
 from tracknoise.geometry.pose import from_quaternion, nearest_rigid
 
 RIGID_TOLERANCE = 0.05
@@ -19,6 +20,8 @@ a file and numbers that are not a pose do not.
 
 CORRECTION_NOTED = 1e-3
 """Corrections of a rotation's entries above this are worth a warning: at 500 px focal length, half a pixel."""
+
+_FARTHEST_M = 1e9
 
 Place = str | Path
 
@@ -44,16 +47,8 @@ def read_rows(path: Path, columns: str) -> tuple[NDArray[np.float64], list[str]]
     DataError
         If the file is missing or unreadable, or a row has a different number of fields or a field that is not a number.
     """
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except FileNotFoundError as error:
-        raise DataError(path, "no such file", f"rows of {columns}") from error
-    except OSError as error:
-        raise DataError(path, f"unreadable ({error.strerror})", f"text of rows of {columns}") from error
-    except UnicodeDecodeError as error:
-        raise DataError(path, "unreadable file", f"text of rows of {columns}") from error
     rows, places = [], []
-    for number, line in enumerate(lines, start=1):
+    for number, line in enumerate(read_text(path, f"rows of {columns}").splitlines(), start=1):
         if line.strip() and not line.lstrip().startswith("#"):
             places.append(f"{path}:{number}")
             rows.append(_numbers(line.split(), columns, places[-1]))
@@ -102,6 +97,7 @@ def quaternion_poses(
         Naming the first place with NaN, infinity, or a quaternion of another norm.
     """
     _require_finite(np.concatenate([translation_m, xyzw], axis=1), places)
+    _require_near(translation_m, places)
     with np.errstate(over="ignore"):
         norm = np.linalg.norm(xyzw, axis=1)
     for index in np.flatnonzero(np.abs(norm - 1.0) > RIGID_TOLERANCE)[:1]:
@@ -132,6 +128,7 @@ def checked_poses(poses: NDArray[np.float64], places: Sequence[Place]) -> tuple[
         Naming the first place with NaN, infinity, a reflection, a scale, a shear, or a last row other than 0 0 0 1.
     """
     _require_finite(poses, places)
+    _require_near(poses[:, :3, 3], places)
     _require_rigid(poses, places)
     rigid, correction = nearest_rigid(poses)
     worst = int(np.argmax(correction)) if len(correction) else 0
@@ -180,6 +177,12 @@ def _require_finite(values: NDArray[np.float64], places: Sequence[Place]) -> Non
     finite = np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
     for index in np.flatnonzero(~finite)[:1]:
         raise DataError(places[index], "NaN or infinity in the pose", "finite numbers")
+
+
+def _require_near(translation_m: NDArray[np.float64], places: Sequence[Place]) -> None:
+    for index in np.flatnonzero(np.abs(translation_m).max(axis=1, initial=0.0) > _FARTHEST_M)[:1]:
+        found = f"a position of {' '.join(f'{value:g}' for value in translation_m[index])}"
+        raise DataError(places[index], found, f"metres, up to {_FARTHEST_M:g}")
 
 
 def _require_rigid(poses: NDArray[np.float64], places: Sequence[Place]) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.foreign.files import is_folder, is_regular_file
 from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
@@ -237,6 +238,7 @@ def require_directory(root: Path) -> Path:
     DataError
         If it is not.
     """
-    if not root.is_dir():
-        raise DataError(root, "no such directory" if not root.exists() else "not a directory", "a data set's folder")
+    if not is_folder(root):
+        found = "not a directory" if is_regular_file(root) else "no such directory"
+        raise DataError(root, found, "a data set's folder")
     return root

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from tracknoise.checks import require, require_at_least
+from tracknoise.checks import require, require_at_least, require_at_most
 from tracknoise.exceptions import DataError, UnknownNameError
+from tracknoise.foreign.files import is_regular_file
 from tracknoise.geometry.accuracy import EXACT_DEPTH, EXACT_POSE, DepthAccuracy, PoseAccuracy
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
@@ -31,6 +32,13 @@ from tracknoise.tables.identity import DEFAULT_LIGHTING, SequenceId
 
 _WORLD, _PATH, _NOISE = range(3)  # independent streams of random numbers
 _DEFAULT_WORLD = "plaza"
+_LIMITS = {
+    "worlds": (1, 100_000),
+    "frames": (1, 1_000_000),
+    "width": (2, 8192),
+    "height": (2, 8192),
+    "supersampling": (1, 16),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,8 +110,10 @@ class Simulated:
     def __post_init__(self) -> None:
         object.__setattr__(self, "motions", _names("motion", self.motions, MOTIONS))
         object.__setattr__(self, "lightings", _names("lighting", self.lightings, LIGHTINGS))
-        for name, least in {"worlds": 1, "frames": 1, "width": 2, "height": 2, "supersampling": 1, "seed": 0}.items():
+        for name, (least, most) in _LIMITS.items():
             require_at_least(name, getattr(self, name), least)
+            require_at_most(name, getattr(self, name), most)
+        require_at_least("seed", self.seed, 0)
         require(0.0 < self.hfov_deg < 180.0, "hfov_deg", self.hfov_deg, "a number between 0 and 180")
         require_at_least("noise_sigma", self.noise_sigma, 0)
         require(all(map(math.isfinite, self.origin)), "origin", self.origin, "three finite numbers (x, y, z in metres)")
@@ -141,7 +151,7 @@ class Simulated:
         DataError
             If there is no such world file, or no model in the folder of models.
         """
-        if self.world_file is not None and not self.world_file.is_file():
+        if self.world_file is not None and not is_regular_file(self.world_file):
             raise DataError(self.world_file, "no such file", "a Gazebo world (.world or .sdf)")
         if self.models is not None:
             model_names(self.models)

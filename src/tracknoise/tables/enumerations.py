@@ -94,6 +94,7 @@ class Behaviour(StrEnum):
     white = "white"
     random_walk = "random walk"
     drift = "drift"
+    saturating = "saturating"
     none = "none"
     undecided = "undecided"
 

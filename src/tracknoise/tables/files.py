@@ -3,6 +3,7 @@
 import hashlib
 import io
 import shutil
+from collections.abc import Collection
 from pathlib import Path
 
 import polars as pl
@@ -10,6 +11,8 @@ import polars as pl
 from tracknoise import atomic
 from tracknoise.exceptions import StoreError
 from tracknoise.tables import schema
+
+REMEDY = "`tracknoise run` makes it again"
 
 
 def write_atomically(path: Path, content: bytes, *, durably: bool = False) -> str:
@@ -29,7 +32,7 @@ def write_atomically(path: Path, content: bytes, *, durably: bool = False) -> st
         atomic.write_file(path, content, durably=durably)
     except OSError as error:
         raise StoreError(f"{path}: cannot be written ({error.strerror}), expected a writable folder") from error
-    return hashlib.sha256(content).hexdigest()
+    return digest(content)
 
 
 def write_parquet(path: Path, table: pl.DataFrame) -> str:
@@ -37,6 +40,44 @@ def write_parquet(path: Path, table: pl.DataFrame) -> str:
     buffer = io.BytesIO()
     table.write_parquet(buffer, compression="zstd")
     return write_atomically(path, buffer.getvalue())
+
+
+def read_checked(path: Path, sha256: Collection[str], *, expected: str, remedy: str = REMEDY) -> bytes:
+    """Read a file that has one of these hashes, or any content if no hash is known.
+
+    Raises
+    ------
+    StoreError
+        If the file is missing, cannot be read or has another hash.
+    """
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError as error:
+        raise StoreError(f"{path}: missing, expected {expected}; {remedy}") from error
+    except (OSError, ValueError) as error:
+        raise StoreError(f"{path}: cannot be read ({error}), expected {expected}; {remedy}") from error
+    if sha256 and digest(content) not in sha256:
+        raise StoreError(f"{path}: damaged (checksum mismatch), expected {expected}; {remedy}")
+    return content
+
+
+def read_text_checked(path: Path, sha256: Collection[str], *, expected: str, remedy: str = REMEDY) -> str:
+    """As `read_checked`, for a file of text.
+
+    Raises
+    ------
+    StoreError
+        As `read_checked`, and if the file is not UTF-8.
+    """
+    try:
+        return read_checked(path, sha256, expected=expected, remedy=remedy).decode()
+    except UnicodeDecodeError as error:
+        raise StoreError(f"{path}: damaged ({error}), expected {expected}; {remedy}") from error
+
+
+def digest(content: bytes) -> str:
+    """Hexadecimal SHA-256 of some content."""
+    return hashlib.sha256(content).hexdigest()
 
 
 def read_parquet(path: Path, columns: schema.Schema, sha256: str | None) -> pl.DataFrame:
@@ -47,19 +88,12 @@ def read_parquet(path: Path, columns: schema.Schema, sha256: str | None) -> pl.D
     StoreError, SchemaError
         If the file is missing or damaged, or has other columns.
     """
+    content = read_checked(path, [sha256] if sha256 else [], expected="a table of the run")
     try:
-        content = path.read_bytes()
-        if sha256 not in (None, hashlib.sha256(content).hexdigest()):
-            raise StoreError(f"{path}: damaged (checksum mismatch), expected a table of the run; {_REMEDY}")
         table = pl.read_parquet(io.BytesIO(content))
-    except FileNotFoundError as error:
-        raise StoreError(f"{path}: missing, expected a table of the run; {_REMEDY}") from error
     except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
-        raise StoreError(f"{path}: damaged ({error}), expected a Parquet table; {_REMEDY}") from error
+        raise StoreError(f"{path}: damaged ({error}), expected a Parquet table; {REMEDY}") from error
     return schema.check(table, columns, str(path))
-
-
-_REMEDY = "`tracknoise run` makes it again"
 
 
 def is_intact(path: Path, sha256: str) -> bool:

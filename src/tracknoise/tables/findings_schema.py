@@ -63,6 +63,7 @@ ZERO_MEAN: Schema = {
     "hotelling_p_adjusted": pl.Float64,
     "sign_flip_p": pl.Float64,
     "sign_flip_p_adjusted": pl.Float64,
+    "sign_flip_p_family": pl.Float64,
     "iid_p": pl.Float64,
     "verdict": VERDICT,
     "why": pl.String,
@@ -71,8 +72,9 @@ ZERO_MEAN: Schema = {
 
 effect_px is the length of the mean, share_of_second its square over the trace of the second moment about zero. Adjusted
 p-values are over the ages of a condition: Hotelling's by Holm, that of the sign flips by the largest statistic of each
-flip. iid_p is the p-value of a test that assumes independent features. The verdict `yes` means that the mean differs
-from zero, `undecided` that it may or may not.
+flip. sign_flip_p_family is over all ages of all conditions of the dataset, and the verdict is about it. iid_p is the
+p-value of a test that assumes independent features. The verdict `yes` means that the mean differs from zero,
+`undecided` that it may or may not.
 """
 
 GAUSSIANITY: Schema = {
@@ -99,6 +101,23 @@ GAUSSIANITY: Schema = {
     "student_scale_px": pl.Float64,
     "mixture_share": pl.Float64,
     "mixture_ratio": pl.Float64,
+    "skewness_within": pl.Float64,
+    "kurtosis_within": pl.Float64,
+    "kurtosis_within_low": pl.Float64,
+    "kurtosis_within_high": pl.Float64,
+    "tail_99_within": pl.Float64,
+    "gain_student_within_nats": pl.Float64,
+    "gain_student_within_low": pl.Float64,
+    "gain_student_within_high": pl.Float64,
+    "gain_mixture_within_nats": pl.Float64,
+    "gain_mixture_within_low": pl.Float64,
+    "gain_mixture_within_high": pl.Float64,
+    "gain_scales_nats": pl.Float64,
+    "gain_scales_low": pl.Float64,
+    "gain_scales_high": pl.Float64,
+    "student_nu_within": pl.Float64,
+    "mixture_share_within": pl.Float64,
+    "mixture_ratio_within": pl.Float64,
     "kind": INTERVAL_KIND,
     "level": pl.Float64,
     "resampled": RESAMPLED,
@@ -111,6 +130,9 @@ skewness and kurtosis are Mardia's b1 and b2 (0 and 8 for a Gaussian in two dime
 tail_999 P(d2 > 13.82) / 0.001. Gains are held-out log-likelihood per observation over a Gaussian, nats. All are of
 errors in units of the mean and covariance of their age. student_scale_px is the scale of one coordinate at a typical
 age; mixture_share is the share of the wider component, mixture_ratio how many times larger its covariance is.
+
+Columns with `_within` are of errors in units of the mean and covariance of their own scene, and the verdict is about
+these. gain_scales is what the different scales of scenes add: Student's gain less that within scenes.
 """
 
 RADII: Schema = {
@@ -124,17 +146,20 @@ RADII: Schema = {
 }
 """Radial QQ plot: quantiles of the Mahalanobis distance, observed and of a Gaussian of the same covariance."""
 
+_GROWTH = (
+    *("white_px", "walk_px_per_sqrt_frame", "drift_px_per_frame"),
+    *("saturating_white_px", "saturating_px", "saturating_frames"),
+    *("white_px_geometric", "walk_px_per_sqrt_frame_geometric", "drift_px_per_frame_geometric"),
+    *("autocorrelation", "autocorrelation_2", "autocorrelation_3", "autocorrelation_4", "autocorrelation_5"),
+)
+
 TIME_STRUCTURE: Schema = {
     **_POOLED,
     "trimming": TRIMMING,
     "coordinate": pl.String,
     "n_ages": pl.Int32,
     "n_scenes": pl.Int32,
-    **{
-        f"{name}{bound}": pl.Float64
-        for name in ("white_px", "walk_px_per_sqrt_frame", "drift_px_per_frame", "autocorrelation")
-        for bound in ("", "_low", "_high")
-    },
+    **{f"{name}{bound}": pl.Float64 for name in _GROWTH for bound in ("", "_low", "_high")},
     "kind": INTERVAL_KIND,
     "autocorrelation_kind": INTERVAL_KIND,
     "level": pl.Float64,
@@ -144,9 +169,12 @@ TIME_STRUCTURE: Schema = {
 }
 """How errors grow with age: the second moment about zero fitted as white^2 + walk^2 k + drift^2 k^2.
 
-autocorrelation is that of the changes at one step of the tracker, about zero. coordinate is u or v. white_px is the
-root of the constant term: sqrt(2) times the noise of a single position, if the first position is as noisy as the
-others.
+white_px, walk_px_per_sqrt_frame and drift_px_per_frame are of all errors together, so that every feature counts alike.
+Those with `_geometric` are geometric means over scenes: the sizes in a scene of typical scale. saturating_white_px,
+saturating_px and saturating_frames are white, size and tau of white^2 + size^2 (1 - exp(-k / tau)), and null where the
+polynomial agrees with the data. autocorrelation is that of the changes at one step of the tracker, about zero;
+autocorrelation_2 to autocorrelation_5 are those at 2 to 5 steps. coordinate is u or v. white_px is the root of the
+constant term: sqrt(2) times the noise of a single position, if the first position is as noisy as the others.
 """
 
 DEPENDENCE: Schema = {

@@ -2,10 +2,17 @@
 
 from dataclasses import dataclass, fields
 from enum import StrEnum
+from hashlib import sha256
 from pathlib import Path
+from string import Formatter
 from urllib.parse import quote
 
+from tracknoise.exceptions import DataError
+
 DEFAULT_LIGHTING = "default"
+_LONGEST = 160
+"""Characters of a key. File systems allow names of 255, which includes what is added to them while they are written."""
+_HASHED = 20
 
 
 class Direction(StrEnum):
@@ -43,13 +50,28 @@ class SequenceId:
         """File-safe name, unique in a data set.
 
         It is ``scene@lighting``, followed by ``@rDEGREES`` if the images are turned, ``@backward`` if the frames are
-        played backward, and ``@camera-NAME`` if the camera has a name.
+        played backward, and ``@camera-NAME`` if the camera has a name. A long one ends with ``=`` and a hash of it, so
+        that it is a file name. No other key has this sign.
         """
-        parts = [quote(self.scene, safe=" "), quote(self.lighting, safe=" ")]
+        parts = [_quoted(self.scene), _quoted(self.lighting)]
         parts += [f"r{self.rotation}"] if self.rotation else []
         parts += [str(self.direction)] if self.direction != Direction.forward else []
-        parts += [f"camera-{quote(self.camera, safe=' ')}"] if self.camera else []
-        return "@".join(parts)
+        parts += [f"camera-{_quoted(self.camera)}"] if self.camera else []
+        return _shortened("@".join(parts))
+
+    def require_utf8(self) -> None:
+        """Refuse names that tables cannot hold.
+
+        Raises
+        ------
+        DataError
+            If one is not UTF-8.
+        """
+        for name, value in self.placeholders().items():
+            try:
+                str(value).encode()
+            except UnicodeEncodeError as error:
+                raise DataError(f"{name} {value!a}", "not UTF-8", "a name that tables can hold") from error
 
     def placeholders(self) -> dict[str, str | int]:
         """Its fields by name, which replace ``{scene}``, ``{lighting}`` and so on in a path."""
@@ -60,10 +82,26 @@ class SequenceId:
 
         Raises
         ------
-        LookupError, ValueError, AttributeError
-            If there is an unknown placeholder or an unmatched brace.
+        ValueError
+            If there is an unmatched brace, or anything but the name of a placeholder between braces.
         """
-        return Path(template.format(**self.placeholders(), speed=speed))
+        values = {**self.placeholders(), "speed": speed}
+        for _, name, form, conversion in Formatter().parse(template):
+            if name is not None and (name not in values or form or conversion):
+                raise ValueError(f"{{{name}}} is not a placeholder, expected {', '.join(PLACEHOLDERS)}")
+        return Path(template.format(**values))
+
+
+def _quoted(name: str) -> str:
+    """A name as part of a file name. Bytes that are not UTF-8 are kept apart from all others."""
+    return quote(name, safe=" ", errors="surrogateescape")
+
+
+def _shortened(key: str) -> str:
+    if len(key) <= _LONGEST:
+        return key
+    ending = "=" + sha256(key.encode()).hexdigest()[:_HASHED]
+    return key[: _LONGEST - len(ending)] + ending
 
 
 PLACEHOLDERS = (*(field.name for field in fields(SequenceId)), "speed")

@@ -1,6 +1,11 @@
-"""The manifest of a run: versions and settings, the sequences that were measured, and those that failed."""
+"""The manifest of a run: versions and settings, the sequences that were measured, and those that failed.
 
+It carries a hash of its own content, so that damage is noticed when it is read.
+"""
+
+import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Self
 
@@ -8,6 +13,8 @@ from tracknoise.exceptions import StoreError
 from tracknoise.tables.identity import Direction, SequenceId
 
 FORMAT = 6
+_SEAL = "sha256"
+_REMEDY = "measure again with --fresh"
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +32,8 @@ class SequenceEntry:
     snapshot_frame
         Frame whose image is in ``snapshots/``.
     seconds
-        Wall time of the measurement. Sequences that were measured together have equal shares of it.
+        Wall time of the measurement. Sequences that were measured together have equal shares of it. It is the only
+        value that the hash of the manifest does not cover, so that equal runs have equal hashes.
     notes
         What was corrected or assumed while reading, one sentence each.
     inputs
@@ -94,7 +102,9 @@ class Manifest:
     excluded_scenes
         Reasons why scenes of the data set are not measured, by scene.
     statistics
-        Hash of each table of the whole run, by its name.
+        Hash of each table of the whole run, by its name, and of ``findings.json``.
+    experiment_sha256
+        Hashes that ``experiment.toml`` may have: one, or both the old and the new while the file is replaced.
     """
 
     settings_hash: str
@@ -105,28 +115,17 @@ class Manifest:
     failures: dict[str, str] = field(default_factory=dict)
     excluded_scenes: dict[str, str] = field(default_factory=dict)
     statistics: dict[str, str] = field(default_factory=dict)
+    experiment_sha256: list[str] = field(default_factory=list)
 
     def to_json(self) -> str:
-        """The manifest as JSON, with the sequences in the order of their keys."""
+        """The manifest as JSON, with the sequences in the order of their keys, and with its own hash."""
         document = {"format": FORMAT, **asdict(self)}
         document["sequences"] = dict(sorted(document["sequences"].items()))
-        return json.dumps(document, indent=2) + "\n"
+        return json.dumps({**document, _SEAL: _digest(document)}, indent=2) + "\n"
 
     @classmethod
-    def emptied(cls, text: str, *, place: str) -> Self:
-        """A manifest of this format without any sequence, to replace one of any format.
-
-        Raises
-        ------
-        StoreError
-            If `text` is not a manifest.
-        """
-        try:
-            is_manifest = isinstance(json.loads(text)["format"], int)
-        except (ValueError, KeyError, TypeError) as error:
-            raise StoreError(f"{place}: damaged ({error}), expected a run's manifest") from error
-        if not is_manifest:
-            raise StoreError(f"{place}: damaged, expected a run's manifest")
+    def empty(cls) -> Self:
+        """A manifest without any sequence, to replace one of any format."""
         return cls(settings_hash="", versions={}, machine={}, seed=0)
 
     @classmethod
@@ -141,13 +140,34 @@ class Manifest:
         try:
             raw: dict[str, Any] = json.loads(text)
             found = raw.pop("format")
-            if found != FORMAT:
-                remedy = "measure again with --fresh, or read it with the version that wrote it"
+            if isinstance(found, int) and found != FORMAT:
+                remedy = f"{_REMEDY}, or read it with the version that wrote it"
                 raise StoreError(f"{place}: format {found}, expected {FORMAT}: {remedy}")
+            if raw.pop(_SEAL) != _digest({"format": found, **raw}):
+                raise StoreError(damaged(place, "checksum mismatch"))
             raw["sequences"] = {key: _entry(**entry) for key, entry in raw["sequences"].items()}
             return cls(**raw)
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
-            raise StoreError(f"{place}: damaged ({error}), expected a run's manifest") from error
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            raise StoreError(damaged(place, str(error))) from error
+
+
+def has_format(text: str) -> bool:
+    """Whether a text is JSON with the format of a manifest, whatever its value."""
+    try:
+        return isinstance(json.loads(text)["format"], int)
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return False
+
+
+def damaged(place: str, why: str) -> str:
+    """Message about a manifest that cannot be read."""
+    return f"{place}: damaged ({why}), expected a run's manifest; {_REMEDY}"
+
+
+def _digest(document: Mapping[str, Any]) -> str:
+    """Hexadecimal SHA-256 of a manifest without the times that its sequences took."""
+    timeless = {key: {**entry, "seconds": None} for key, entry in document["sequences"].items()}
+    return hashlib.sha256(json.dumps({**document, "sequences": timeless}).encode()).hexdigest()
 
 
 def _entry(*, sequence: dict[str, Any], notes: list[str], **rest: Any) -> SequenceEntry:

@@ -5,7 +5,8 @@ It holds ``experiment.toml`` (the resolved settings), ``manifest.json``, one Par
 ``failures.jsonl``, and ``report/``. If only statistics are kept, the folders of `OBSERVED` are missing.
 
 Every file is written completely and then renamed. A sequence counts as measured once it is in the manifest, which is
-written last and holds the hash of each of its files. During a run, ``.lock`` names the process that writes here.
+written last and holds the hash of each of its files. Every file that is read here is compared with its hash. During a
+run, ``.lock`` names the process that writes here.
 """
 
 import json
@@ -15,16 +16,26 @@ from pathlib import Path
 
 import polars as pl
 
-from tracknoise.atomic import unfinished
+from tracknoise.atomic import discard_abandoned, unfinished
 from tracknoise.exceptions import StoreError
 from tracknoise.tables import findings_schema, schema
-from tracknoise.tables.files import is_intact, read_parquet, remove, write_atomically, write_parquet
-from tracknoise.tables.manifest import FailureEntry, Manifest, SequenceEntry
+from tracknoise.tables.files import (
+    digest,
+    is_intact,
+    read_checked,
+    read_parquet,
+    read_text_checked,
+    remove,
+    write_atomically,
+    write_parquet,
+)
+from tracknoise.tables.manifest import FailureEntry, Manifest, SequenceEntry, damaged, has_format
 
 __all__ = ["FailureEntry", "Manifest", "RunFolder", "SequenceEntry"]
 
 _LOCK = ".lock"
 _MANIFEST, _SETTINGS, _FAILURES, _SNAPSHOTS = "manifest.json", "experiment.toml", "failures.jsonl", "snapshots"
+_FINDINGS = "findings.json"
 _RESULTS = ("report", "statistics")
 SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "observations": schema.OBSERVATIONS,
@@ -116,25 +127,34 @@ class RunFolder:
             raise StoreError(f"{self.path}: contains files that are not a run, expected a new or empty folder")
 
     def create(self, experiment_toml: str, manifest: Manifest) -> None:
-        """Start a run: write an empty manifest, then the settings.
+        """Start a run: write an empty manifest, which gets the hash of the settings, then the settings.
 
         Raises
         ------
         StoreError
             If the folder cannot be written.
         """
+        content = experiment_toml.encode()
+        manifest.experiment_sha256 = [digest(content)]
         self.write_manifest(manifest)
-        self.write_experiment(experiment_toml)
+        write_atomically(self.path / _SETTINGS, content)
 
-    def write_experiment(self, experiment_toml: str) -> None:
-        """Write the resolved settings, the text of a TOML file.
+    def replace_experiment(self, experiment_toml: str, manifest: Manifest) -> None:
+        """Replace the resolved settings. The manifest gets their hash, and must be written afterwards.
+
+        The manifest is first written with both hashes. A process that is killed at any time therefore leaves settings
+        that match the manifest.
 
         Raises
         ------
         StoreError
             If the folder cannot be written.
         """
-        write_atomically(self.path / _SETTINGS, experiment_toml.encode())
+        content = experiment_toml.encode()
+        manifest.experiment_sha256 = [*manifest.experiment_sha256, digest(content)]
+        self.write_manifest(manifest)
+        write_atomically(self.path / _SETTINGS, content)
+        manifest.experiment_sha256 = [digest(content)]
 
     def experiment_toml(self) -> str:
         """Return the resolved settings as the text of a TOML file.
@@ -142,9 +162,11 @@ class RunFolder:
         Raises
         ------
         StoreError
-            If there is no run here.
+            If there is no run here, or the settings are missing or not those that were written.
         """
-        return self._read_text(_SETTINGS)
+        remedy = "`tracknoise run` with the same experiment writes them again"
+        known = self.manifest().experiment_sha256
+        return read_text_checked(self.path / _SETTINGS, known, expected="the settings of the run", remedy=remedy)
 
     def manifest(self) -> Manifest:
         """Read the manifest.
@@ -154,7 +176,11 @@ class RunFolder:
         StoreError
             If there is no run here, or the manifest is damaged or of another format.
         """
-        return Manifest.from_json(self._read_text(_MANIFEST), place=str(self.path / _MANIFEST))
+        place = str(self.path / _MANIFEST)
+        try:
+            return Manifest.from_json(self._manifest_content().decode(), place=place)
+        except UnicodeDecodeError as error:
+            raise StoreError(damaged(place, str(error))) from error
 
     def write_manifest(self, manifest: Manifest) -> None:
         """Write the manifest, so that it survives a power cut.
@@ -196,19 +222,32 @@ class RunFolder:
         return all(is_intact(path, entry.sha256.get(name, "")) for name, path in paths.items())
 
     def discard_unfinished(self) -> None:
-        """Remove unfinished files and folders of a killed process.
+        """Remove unfinished files, and unfinished folders of processes that were killed.
 
         Raises
         ------
         StoreError
             If one cannot be removed.
         """
+        discard_abandoned(self.path)  # reports are written without the lock of the run
         for folder in (".", "statistics", _SNAPSHOTS, *SEQUENCE_TABLES):
             for path in unfinished(self.path / folder):
-                remove(path)
+                if path.is_file():
+                    remove(path)
+
+    def discard_documents(self) -> None:
+        """Remove the report and ``findings.json``, which are outdated once other statistics are written.
+
+        Raises
+        ------
+        StoreError
+            If the folder cannot be written.
+        """
+        for path in (self.path / "report", self.path / "statistics" / "findings.json"):
+            remove(path)
 
     def discard_results(self) -> None:
-        """Remove the report and the tables of the whole run, which are outdated once a sequence is added.
+        """Remove the report and the tables of the whole run.
 
         Raises
         ------
@@ -219,7 +258,7 @@ class RunFolder:
             remove(self.path / name)
 
     def clear(self) -> None:
-        """Remove the run, but no other files in its folder.
+        """Remove the run, but no other files in its folder. The manifest may be damaged.
 
         The manifest is emptied first and removed last. A process that is killed in between therefore leaves a run that
         can be resumed.
@@ -227,9 +266,10 @@ class RunFolder:
         Raises
         ------
         StoreError
-            If the manifest is not that of a run, or the folder cannot be written.
+            If the folder is not that of a run, or cannot be written.
         """
-        self.write_manifest(Manifest.emptied(self._read_text(_MANIFEST), place=str(self.path / _MANIFEST)))
+        self._require_run()
+        self.write_manifest(Manifest.empty())
         self.discard_results()
         for name in (*SEQUENCE_TABLES, _SNAPSHOTS, _FAILURES, _SETTINGS, _MANIFEST):
             remove(self.path / name)
@@ -237,6 +277,17 @@ class RunFolder:
     def snapshot_path(self, key: str) -> Path:
         """Path of the image of one sequence, PNG."""
         return self.path / _SNAPSHOTS / f"{key}.png"
+
+    def snapshot(self, key: str) -> bytes:
+        """The image of one sequence, PNG.
+
+        Raises
+        ------
+        StoreError
+            If it is missing or damaged.
+        """
+        known = self._hashes_of(key).get(_SNAPSHOTS)
+        return read_checked(self.snapshot_path(key), [known] if known else [], expected="an image of the run")
 
     def sequence_table(self, name: str, key: str) -> pl.DataFrame:
         """One table of one sequence.
@@ -280,22 +331,38 @@ class RunFolder:
         StoreError, SchemaError
             If the run is not finished, or the file is missing or damaged, or has other columns.
         """
-        if not (self.path / "statistics").is_dir():
-            raise StoreError(f"{self.path}: no finished run, expected one; `tracknoise run` starts or resumes a run")
         hashes = self.manifest().statistics
-        if name in FINDINGS_TABLES and name not in hashes:
+        unfinished_run = not hashes or not (self.path / "statistics").is_dir()
+        if unfinished_run or (name in STATISTICS_TABLES and name not in hashes):
+            raise StoreError(f"{self.path}: no finished run, expected one; `tracknoise run` starts or resumes a run")
+        if name not in hashes:
             return schema.empty(FINDINGS_TABLES[name])
-        return read_parquet(self.path / "statistics" / f"{name}.parquet", _RUN_TABLES[name], hashes.get(name))
+        return read_parquet(self.path / "statistics" / f"{name}.parquet", _RUN_TABLES[name], hashes[name])
 
     def write_findings(self, document: str) -> None:
-        """Write ``statistics/findings.json``, the text of a JSON document.
+        """Write ``statistics/findings.json``, the text of a JSON document, then the manifest with its hash.
 
         Raises
         ------
         StoreError
             If the folder cannot be written.
         """
-        write_atomically(self.path / "statistics" / "findings.json", document.encode())
+        manifest = self.manifest()
+        manifest.statistics[_FINDINGS] = write_atomically(self.path / "statistics" / _FINDINGS, document.encode())
+        self.write_manifest(manifest)
+
+    def findings_json(self) -> str | None:
+        """The text of ``statistics/findings.json``. None where it was never written.
+
+        Raises
+        ------
+        StoreError
+            If it is missing or damaged.
+        """
+        known = self.manifest().statistics.get(_FINDINGS)
+        if known is None:
+            return None
+        return read_text_checked(self.path / "statistics" / _FINDINGS, [known], expected="the findings of the run")
 
     def write_failures(self, failures: Mapping[str, FailureEntry]) -> None:
         """Write ``failures.jsonl``, one line per failed sequence; remove the file if there is none.
@@ -326,8 +393,17 @@ class RunFolder:
             self._hashes = version, {key: entry.sha256 for key, entry in self.manifest().sequences.items()}
         return self._hashes[1].get(key, {})
 
-    def _read_text(self, name: str) -> str:
+    def _manifest_content(self) -> bytes:
         try:
-            return (self.path / name).read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise StoreError(f"{self.path}: no readable {name}, expected the folder of a run") from error
+            return (self.path / _MANIFEST).read_bytes()
+        except (OSError, ValueError) as error:
+            raise StoreError(f"{self.path}: no readable {_MANIFEST}, expected the folder of a run") from error
+
+    def _require_run(self) -> None:
+        """Refuse a folder whose manifest is damaged and that has no settings either: it may be anything."""
+        content = self._manifest_content().decode(errors="replace")
+        if not has_format(content) and not (self.path / _SETTINGS).is_file():
+            raise StoreError(
+                f"{self.path / _MANIFEST}: damaged, and no {_SETTINGS} beside it, expected a run's manifest; "
+                "if the folder holds a run, remove it"
+            )

@@ -41,7 +41,7 @@ class Imported:
         try:
             SequenceId("", "").expand(self.path, speed=1)
             known = True
-        except (LookupError, ValueError, AttributeError):
+        except ValueError:
             known = False
         require(known, "path", self.path, f"no placeholders but {', '.join(f'{{{name}}}' for name in PLACEHOLDERS)}")
         suffix = Path(self.path).suffix

@@ -1,6 +1,6 @@
 """Files of tracks that other front ends write: reading and checks."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,10 +10,15 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.foreign.child import call_in_child
+from tracknoise.foreign.files import MIB, require_regular
+from tracknoise.foreign.parsing import damage_reported
 from tracknoise.tables.schema import QUALITY_NAME, QUALITY_PREFIX
 from tracknoise.trackers.quality import is_quality_name
 
 _COLUMNS: dict[str, type[pl.DataType]] = {"track": pl.Int64, "frame": pl.Int64, "u_px": pl.Float64, "v_px": pl.Float64}
+_RESPONSE = "response"
+_MOST_BYTES, _MOST_ROWS, _MOST_COLUMNS = 4096 * MIB, 1 << 20, 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,9 +60,6 @@ def read_tracks(path: Path, *, n_frames: int) -> Tracks:
         Naming the file and, where it has one, the line or row.
     """
     table = _read(path)
-    missing = [column for column in _COLUMNS if column not in table.columns]
-    if missing:
-        raise DataError(path, f"no column {', '.join(missing)} among {', '.join(table.columns)}", ", ".join(_COLUMNS))
     if table.is_empty():
         raise DataError(path, "no track", "at least one row")
     columns = {name: _numbers(path, table[name], kind) for name, kind in _COLUMNS.items()}
@@ -71,8 +73,8 @@ def read_tracks(path: Path, *, n_frames: int) -> Tracks:
     _refuse(path, twice, table["track"], "one row for each track and frame")
     uv = np.column_stack([columns["u_px"], columns["v_px"]])
     response = np.full(len(table), np.nan, dtype=np.float32)
-    if "response" in table.columns:
-        response = _optional(path, table["response"])
+    if _RESPONSE in table.columns:
+        response = _optional(path, table[_RESPONSE])
     quality = {name: values[order] for name, values in _quality(path, table).items()}
     return Tracks(track[order], frame[order], uv[order], response[order], quality)
 
@@ -88,31 +90,72 @@ def _quality(path: Path, table: pl.DataFrame) -> dict[str, NDArray[np.float32]]:
 
 def _optional(path: Path, column: pl.Series) -> NDArray[np.float32]:
     """The numbers of a column that may have empty cells, NaN there."""
-    values: NDArray[np.float32] = _numbers(path, column, pl.Float64, optional=True).astype(np.float32)
-    return values
+    values = _numbers(path, column, pl.Float64, optional=True)
+    _refuse(path, np.abs(values) > np.finfo(np.float32).max, column, "a number within the range of float32")
+    narrow: NDArray[np.float32] = values.astype(np.float32)
+    return narrow
 
 
 def _read(path: Path) -> pl.DataFrame:
-    """The table without spaces around names; CSV columns are read as text, so that errors can show the cell."""
-    if not path.is_file():
-        raise DataError(path, "no such file", "a file of tracks")
-    try:
-        table = pl.read_parquet(path) if path.suffix == ".parquet" else pl.read_csv(path, infer_schema=False)
-        return table.rename(str.strip)
-    except (pl.exceptions.PolarsError, OSError, UnicodeError) as error:
-        found = str(error).splitlines()[0]
-        raise DataError(path, f"not readable ({found})", f"a {path.suffix} file of tracks") from error
+    """The columns that are used, without spaces around their names.
+
+    Polars ends the whole process on some damaged files, and panics on others. Therefore a child process reads them.
+    """
+    expected = f"a {path.suffix} file of tracks"
+    size = require_regular(path, "a file of tracks", most=_MOST_BYTES)
+    with damage_reported(path, "not readable", expected, with_reason=True):
+        return call_in_child(_read_parquet if path.suffix == ".parquet" else _read_csv, path, size, size=size)
+
+
+def _read_csv(path: Path, size: int) -> pl.DataFrame:
+    """All columns are read as text, so that errors can show the cell."""
+    with path.open("rb") as file:
+        columns = file.readline(MIB).count(b",") + 1
+    if columns > _MOST_COLUMNS:
+        raise DataError(path, f"{columns} columns", f"at most {_MOST_COLUMNS}")
+    table = pl.read_csv(path, infer_schema=False, glob=False).rename(str.strip)
+    _require_columns(path, table.schema)
+    return table.select(_used(table.columns))
+
+
+def _read_parquet(path: Path, size: int) -> pl.DataFrame:
+    """The number of rows is limited by the size of the file: a column of one repeated value takes almost no space."""
+    file = pl.scan_parquet(path, glob=False).rename(str.strip)
+    _require_columns(path, file.collect_schema())
+    rows = file.select(pl.len()).collect().item()
+    if rows > max(_MOST_ROWS, size):
+        raise DataError(path, f"{rows} rows in {size} bytes", "at most one row per byte")
+    return file.select(_used(file.collect_schema())).collect()
+
+
+def _require_columns(path: Path, columns: pl.Schema) -> None:
+    """Check that the columns that are needed are there, and that all that are used may contain numbers."""
+    missing = [column for column in _COLUMNS if column not in columns]
+    if missing:
+        raise DataError(path, f"no column {', '.join(missing)} among {', '.join(columns)}", ", ".join(_COLUMNS))
+    for name, dtype in columns.items():
+        if _is_used(name) and not (dtype.is_integer() or dtype.is_float() or dtype in (pl.String, pl.Null)):
+            raise DataError(path, f"column {name} of type {dtype}", f"{_expected(_COLUMNS.get(name))} in each row")
+
+
+def _used(columns: Iterable[str]) -> list[str]:
+    return [column for column in columns if _is_used(column)]
+
+
+def _is_used(column: str) -> bool:
+    return column in _COLUMNS or column == _RESPONSE or column.startswith(QUALITY_PREFIX)
+
+
+def _expected(kind: type[pl.DataType] | None) -> str:
+    return f"a {'whole ' if kind is pl.Int64 else 'finite '}number"
 
 
 def _numbers(path: Path, column: pl.Series, kind: type[pl.DataType], *, optional: bool = False) -> NDArray[Any]:
     """The finite numbers of a column, NaN where they may be missing; an error shows the first cell that is none."""
-    expected = f"a {'whole ' if kind is pl.Int64 else 'finite '}number"
-    if not (column.dtype.is_integer() or column.dtype.is_float() or column.dtype == pl.String):
-        raise DataError(path, f"column {column.name} of type {column.dtype}", f"{expected} in each row")
     text = column.str.strip_chars() if column.dtype == pl.String else column
     cast = _whole(text) if kind is pl.Int64 else text.cast(kind, strict=False)
     bad = cast.is_null() if kind is pl.Int64 else ~cast.is_finite().fill_null(value=False)
-    _refuse(path, (bad & column.is_not_null()).to_numpy() if optional else bad.to_numpy(), column, expected)
+    _refuse(path, (bad & column.is_not_null()).to_numpy() if optional else bad.to_numpy(), column, _expected(kind))
     return cast.fill_null(np.nan).to_numpy() if optional else cast.to_numpy()
 
 

@@ -2,6 +2,7 @@
 
 import os
 import queue
+import re
 import signal
 import socket
 import subprocess
@@ -16,9 +17,10 @@ import pytest
 from distributed import Client
 
 from tracknoise.exceptions import SettingsError, StoreError
-from tracknoise.experiments.running.cluster import Job, measure_locally
 from tracknoise.experiments.running.execute import execute
 from tracknoise.experiments.running.failures import FailureKind
+from tracknoise.experiments.running.job import Job
+from tracknoise.experiments.running.local import measure_locally
 from tracknoise.experiments.running.lock import hold
 from tracknoise.experiments.running.plan import batches, plan
 from tracknoise.experiments.running.provenance import new_manifest
@@ -102,7 +104,7 @@ def test_a_local_worker_that_is_killed(peaceful, killed, tmp_path, told, files):
     assert not psutil.pid_exists(killed())
     assert outcome.failures == {}
     assert files(run) == files(whole)
-    (retried,) = [text for text in listener.remarks if not text.startswith("dashboard")]
+    (retried,) = listener.remarks
     assert retried == "seq-03@default: the worker died while measuring it (killed, or out of memory); retrying"
     assert spawned() == []
 
@@ -112,18 +114,21 @@ def spawned() -> list[psutil.Process]:
     return [child for child in psutil.Process().children(recursive=True) if "spawn_main" in " ".join(child.cmdline())]
 
 
-def test_local_workers_load_every_library_with_one_thread(told):
+def test_local_workers_load_every_library_with_one_thread():
     """`os.getenv` is the job here, and variables are the batches."""
     names = ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS"]
-    assert dict(measure_locally(os.getenv, names, workers=1, remark=told().remark)) == dict.fromkeys(names, "1")
+    assert dict(measure_locally(os.getenv, names, workers=1)) == dict.fromkeys(names, "1")
 
 
-def test_a_batch_that_kills_its_worker_is_a_failure_that_names_it(told):
+def test_a_batch_that_kills_its_worker_is_a_failure_that_names_it():
     """`os._exit` is the job here, and exit codes are the batches."""
-    results = list(measure_locally(os._exit, [3, 4], workers=1, remark=told().remark))
+    results = list(measure_locally(os._exit, [3, 4], workers=1))
     assert [batch for batch, _ in results] == [3, 4]
     assert {(result.kind, result.attempts) for _, result in results} == {(FailureKind.transient, 1)}
-    assert all(result.place.startswith("tcp://127.0.0.1:") for _, result in results)
+    assert all(re.fullmatch(r"worker process \d+", result.place) for _, result in results)
+    assert [result.cause for _, result in results] == [
+        f"the worker ended with exit status {status} while measuring it" for status in (3, 4)
+    ]
 
 
 @pytest.mark.parametrize(

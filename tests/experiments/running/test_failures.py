@@ -160,7 +160,7 @@ def limited(command, limit_bytes):
 
 
 def test_a_full_disk_ends_the_run_with_one_line_and_keeps_what_was_whole(experiment_file, tmp_path, told, files):
-    path, run = experiment_file(4), RunFolder(tmp_path / "run")
+    path, run = experiment_file(4, 16), RunFolder(tmp_path / "run")
     for name in ("seq-03", "seq-04"):
         (tmp_path / "data" / name).rename(tmp_path / name)
     execute(load_experiment(path), run, listener=told())

@@ -109,6 +109,36 @@ def test_other_questions_are_answered_without_measuring_again(finished, tmp_path
         assert all(set(found[kind]) == {"percentile"} for kind in kinds)
 
 
+@pytest.mark.parametrize("measured", [0, 1])
+def test_earlier_results_stay_until_new_ones_are_ready(measured, finished, told, files):
+    """Two scenes are added, and the start that measures them is interrupted before the last."""
+
+    def interrupt(key, done, total):
+        if len(listener.keys) == measured:
+            raise KeyboardInterrupt
+
+    experiment, run = finished(3, most=1)
+    (run.path / "report").mkdir()
+    before = files(run)
+    listener = told()
+    listener.frame = interrupt
+    with pytest.raises(KeyboardInterrupt):
+        execute(experiment.with_scenes(None), run, listener=listener)
+    assert len(run.manifest().sequences) == 1 + measured
+    assert {name for name, content in before.items() if files(run).get(name) != content} == {"experiment.toml"}
+    assert (run.path / "report").exists()
+    if measured:  # what is computed from one scene is not shown as that of two
+        with pytest.raises(StoreError, match="no finished run, expected one; `tracknoise run` starts or resumes a run"):
+            run.statistics("summary")
+    else:
+        assert run.statistics("summary").height
+    again = told()
+    execute(experiment.with_scenes(None), run, listener=again)
+    assert len(again.keys) == 2 - measured
+    assert files(run) == files(finished(3)[1])
+    assert not (run.path / "report").exists()
+
+
 def test_what_was_found_before_is_gone_when_other_questions_are_interrupted(finished, told, monkeypatch):
     experiment, run = finished(2)
     (run.path / "report").mkdir()

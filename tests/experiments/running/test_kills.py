@@ -1,6 +1,6 @@
 """Killed at any instruction and started again, a run ends as if nothing had happened.
 
-`python -m benchmarks.validity.kills` does this to whole programs with workers, at random moments and many times.
+`python -m benchmarks.attack kills` does this to whole programs with workers, at random moments and many times.
 """
 
 import json

@@ -194,7 +194,7 @@ AT_TEN = {**OVERALL, "at": 10, "mean_u_px": 0.12, "mean_v_px": -0.04, "share_of_
 
 def test_a_bias_that_was_shown_is_reported_with_its_size() -> None:
     mean = {**POINT, "statistic": "nu", "weighting": "scenes", "value": 0.12, "low": 0.05, "high": 0.19}
-    whole = {**OVERALL, "verdict": "yes", "sign_flip_p": 0.012}
+    whole = {**OVERALL, "verdict": "yes", "sign_flip_p_family": 0.012}
     bias = read(zero_mean=table(ZERO_MEAN, whole, AT_TEN), intervals=table(INTERVALS, mean))["bias"]
     assert "The mean trimmed error of lk is not zero (p = 0.012, 8 scenes)." in bias["text"]
     assert "At age 10, the mean is 0.120 px (0.050 to 0.190) in u and −0.040 px in v." in bias["text"]

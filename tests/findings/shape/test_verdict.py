@@ -66,3 +66,21 @@ def test_a_wider_margin_calls_more_errors_gaussian() -> None:
     slight = replace(GAUSSIAN, student=near(0.03), mixture=near(0.025))
     assert judge(slight)[0] == "heavy-tailed"
     assert judge(slight, margin=0.05)[0] == "Gaussian"
+
+
+def test_no_tails_are_heavy_where_fewer_errors_than_a_gaussians_are_far_out() -> None:
+    mixed = replace(HEAVY, difference=near(0.02), share=0.01, ratio=100.0)
+    for evidence in (HEAVY, mixed):
+        for changed in ({"tail_99": 0.9}, {"pooled_tail_99": 0.9}):
+            verdict, why = judge(replace(evidence, **changed))
+            assert verdict == "undecided"
+            assert "only 0.900 times as many errors" in why
+        assert judge(replace(evidence, tail_99=None))[0] != "undecided"
+
+
+def test_what_the_scales_of_scenes_add_is_told_beside_the_verdict() -> None:
+    for evidence in (GAUSSIAN, HEAVY):
+        added = replace(evidence, scales=near(0.3))
+        assert judge(added)[0] == judge(evidence)[0]
+        assert "Different scales of scenes add 0.300 (0.298 to 0.302) nat" in judge(added)[1]
+        assert "scales of scenes" not in judge(evidence)[1]

@@ -100,3 +100,9 @@ def test_a_missing_file_of_leds(tmp_path) -> None:
     (tmp_path / "leds.csv").write_bytes(b"\xff\xfe\x00\x81")
     with pytest.raises(DataError, match=r"leds\.csv: unreadable file, expected text"):
         read_leds(tmp_path / "leds.csv")
+
+
+def test_a_field_beyond_what_csv_allows_is_one_line(tmp_path):
+    (tmp_path / "leds.csv").write_text('"' + "1" * 200_000)
+    with pytest.raises(DataError, match=r"leds.csv: unreadable file, expected 19 rows of x,y,z in metres$"):
+        read_leds(tmp_path / "leds.csv")

@@ -58,3 +58,12 @@ def test_the_reader_has_them(tmp_path, write_drive):
     reader = Kitti(tmp_path)
     (listed,) = reader.sequences()
     np.testing.assert_allclose(reader.open(listed).timestamps_s, [0.0, 0.099999999, 0.203400001], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "line", ["2011-09-26 13:02:25Z", "2011-13-26 13:02:25", "9999-01-01 00:00:00", "2011-09-26 1:1"]
+)
+def test_times_that_cannot_be_are_named(tmp_path, line):
+    (tmp_path / "t.txt").write_text(f"2011-09-26 13:02:25.0\n{line}\n")
+    with pytest.raises(DataError, match=r"t.txt:2: .*, expected a time such as"):
+        read_timestamps(tmp_path / "t.txt", range(2))

@@ -1,6 +1,6 @@
 """Findings of a run from its statistics: intervals, tests, verdicts and sentences."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TypedDict
 
 import polars as pl
@@ -9,11 +9,12 @@ from tracknoise.experiments.analysis.finding_inputs import FindingInputs
 from tracknoise.experiments.analysis.reference_condition import reference_condition
 from tracknoise.experiments.settings import Experiment
 from tracknoise.findings.factors.dependence import dependence
-from tracknoise.findings.growth.time_structure import ONE_STEP, time_structure
+from tracknoise.findings.growth.time_structure import LONG_LIVED, lagged, time_structure
 from tracknoise.findings.headlines.document import findings_json
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.table import headline_table
 from tracknoise.findings.intervals.table import interval_table
+from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.shape.gaussianity import gaussianity
 from tracknoise.findings.zero_mean import zero_mean
 from tracknoise.sequences.sequence import TruthKind
@@ -21,6 +22,7 @@ from tracknoise.statistics.change_curves import change_curves
 from tracknoise.statistics.curves import aspect_curves
 from tracknoise.statistics.factors import ReferenceCondition
 from tracknoise.statistics.trims import dropped_above
+from tracknoise.tables.schema import SEQUENCE, VIEW
 from tracknoise.tables.store import RunFolder
 
 
@@ -60,8 +62,10 @@ def _tables(
     run: RunFolder, experiment: Experiment, statistics: Mapping[str, pl.DataFrame], reference: ReferenceCondition
 ) -> dict[str, pl.DataFrame]:
     population, least = experiment.truth.population, experiment.statistics.min_features
-    neighbours: list[pl.DataFrame] = []
-    moved = _keeping(run.sequence_tables("increments"), neighbours, ONE_STEP)  # each is read only once
+    few = _views_of_few_scenes(run)
+    pairs: list[pl.DataFrame] = []  # of changes
+    lived: list[pl.DataFrame] = []
+    moved = _keeping(run.sequence_tables("increments"), pairs, lambda table: lagged(table, few))  # read only once
     pooled = {  # first, while no other tables are in memory
         "aspect_curves": aspect_curves(run.sequence_tables("aspects"), min_features=least),
         "changes": change_curves(moved),
@@ -74,25 +78,28 @@ def _tables(
         "kind": asked.intervals,
         "level": asked.level,
     }
+    aspects = _keeping(read.aspects, lived, lambda table: table.filter(LONG_LIVED))
     shapes = gaussianity(read.moments, run.sequence_tables("samples"), **options)
     return {
         **pooled,
-        "intervals": _intervals(read, experiment),
+        "intervals": _intervals(read, experiment, aspects),
         "zero_mean": zero_mean(read.moments, statistics["curves"], key_frames=zeros, population=population),
         "gaussianity": shapes.gaussianity,
         "radii": shapes.radii,
-        "time_structure": time_structure(read.moments, neighbours, blocks=read.blocks, **options),
+        "time_structure": time_structure(  # after the intervals, which read the aspects
+            read.moments, pairs, blocks=read.blocks, aspects=lived, aspect_blocks=read.aspect_blocks, **options
+        ),
         "dependence": _dependence(read, experiment, statistics, zeros),
     }
 
 
-def _intervals(read: FindingInputs, experiment: Experiment) -> pl.DataFrame:
+def _intervals(read: FindingInputs, experiment: Experiment, aspects: Iterator[pl.DataFrame]) -> pl.DataFrame:
     return interval_table(
         read.moments,
         read.ends,
         read.frames,
         blocks=read.blocks,
-        aspects=read.aspects,
+        aspects=aspects,
         changes=read.changes,
         aspect_blocks=read.aspect_blocks,
         population=experiment.truth.population,
@@ -119,11 +126,22 @@ def _dependence(
     )
 
 
-def _keeping(tables: Iterable[pl.DataFrame], kept: list[pl.DataFrame], rows: pl.Expr) -> Iterator[pl.DataFrame]:
-    """Selected rows of each table, one table at a time."""
+def _keeping(
+    tables: Iterable[pl.DataFrame], kept: list[pl.DataFrame], part: Callable[[pl.DataFrame], pl.DataFrame]
+) -> Iterator[pl.DataFrame]:
+    """Each table, one at a time, of which a part is kept."""
     for table in tables:
-        kept.append(table.filter(rows))
+        kept.append(part(table))
         yield table
+
+
+def _views_of_few_scenes(run: RunFolder) -> pl.DataFrame:
+    """Datasets and views that have so few scenes that blocks are resampled."""
+    names = {"dataset": SEQUENCE["dataset"], **VIEW}
+    of = [entry.sequence for entry in run.manifest().sequences.values()]
+    rows = [tuple(getattr(sequence, name) for name in names) for sequence in of]
+    views = pl.DataFrame(rows, schema=names, orient="row")
+    return views.group_by(list(names)).len().filter(pl.col("len") < MIN_SCENES).select(list(names))
 
 
 def _reported(

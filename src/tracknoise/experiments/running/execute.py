@@ -1,7 +1,7 @@
 """Run an experiment: measure its sequences, in this process or in several, then compute the statistics."""
 
 from contextlib import AbstractContextManager, closing, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol
 
@@ -9,7 +9,7 @@ from tracknoise.exceptions import StoreError
 from tracknoise.experiments.analysis.run_findings import compute_findings
 from tracknoise.experiments.analysis.run_statistics import compute_statistics
 from tracknoise.experiments.resolve import resolve
-from tracknoise.experiments.running.cluster import Job, measure_locally, remote_workers
+from tracknoise.experiments.running.cluster import remote_workers
 from tracknoise.experiments.running.failures import (
     RETRIES,
     Batch,
@@ -21,6 +21,8 @@ from tracknoise.experiments.running.failures import (
     with_retries,
 )
 from tracknoise.experiments.running.inputs import with_inputs
+from tracknoise.experiments.running.job import Job
+from tracknoise.experiments.running.local import measure_locally
 from tracknoise.experiments.running.lock import hold
 from tracknoise.experiments.running.manifest_writer import ManifestWriter
 from tracknoise.experiments.running.plan import batches, excluded_scenes, plan
@@ -28,7 +30,7 @@ from tracknoise.experiments.running.resume import begin, due, forget_outdated
 from tracknoise.experiments.running.task import attempt
 from tracknoise.experiments.settings import Experiment
 from tracknoise.tables.manifest import SequenceEntry
-from tracknoise.tables.store import RunFolder
+from tracknoise.tables.store import FINDINGS_TABLES, STATISTICS_TABLES, RunFolder
 
 
 class Listener(Protocol):
@@ -39,7 +41,7 @@ class Listener(Protocol):
         ...
 
     def frame(self, key: str, done: int, total: int) -> None:
-        """After each frame of a sequence that is measured in this process."""
+        """After each frame of a sequence, if sequences are measured one at a time on this machine."""
         ...
 
     def measured(self, key: str, entry: SequenceEntry) -> None:
@@ -51,7 +53,7 @@ class Listener(Protocol):
         ...
 
     def remark(self, text: str) -> None:
-        """Any other message: the workers, the address of their dashboard, a retry."""
+        """Any other message: the workers of a scheduler, the address of their dashboard, a retry."""
         ...
 
 
@@ -96,7 +98,7 @@ def execute(
     listener
         Receives the progress.
     workers
-        Number of worker processes on this machine.
+        Maximum number of worker processes on this machine. With 1, this process measures.
     scheduler
         Address of a Dask scheduler whose workers are used instead.
     retries
@@ -114,48 +116,61 @@ def execute(
     """
     experiment = resolve(experiment)
     tasks = with_inputs(plan(experiment))
-    with hold(run) as claim:
-        manifest, changed = begin(experiment, run, fresh=fresh)
+    with hold(run) as claim, claim.explained():
+        manifest, changed = begin(experiment, run, fresh=fresh, remark=listener.remark)
         manifest.excluded_scenes = excluded_scenes(experiment)
         todo = due(tasks, run, manifest)
-        forget_outdated(todo, run, manifest, experiment, changed=changed)
+        forget_outdated(todo, run, manifest, experiment)
         listener.planned([task.key for task in todo], len(tasks) - len(todo))
-        job = Job(RunFolder(run.path.absolute()), claim, manifest.versions, debug)
         together = batches(todo)
+        shown = claim if scheduler else replace(claim, patience_s=0.0)  # this machine sees the folder as it is
+        job = Job(RunFolder(run.path.absolute()), shown, manifest.versions, debug, one_thread=len(together) > 1)
 
         def retrying(batch: Batch, cause: str) -> None:
             listener.remark(f"{batch[0].key}: {cause}; retrying")
 
         with _crew(job, together, listener, workers=workers, scheduler=scheduler) as measure:
-            if todo or changed:
-                run.discard_results()
             if changed:
-                run.write_experiment(experiment.to_toml())
+                run.replace_experiment(experiment.to_toml(), manifest)
             results = with_retries(measure, together, retries=retries, retrying=retrying)
-            with ManifestWriter(run, manifest) as manifest_writer, closing(results):
+            with ManifestWriter(run, manifest, claim) as manifest_writer, closing(results):
                 for batch, result in results:
                     _settle(batch, result, manifest_writer, listener)
                     manifest_writer.write_if_due()
         if manifest.sequences:
-            compute_findings(run, experiment, compute_statistics(run, experiment))
+            _replace_results(run, experiment)
+        else:
+            run.discard_results()
     return Outcome(sorted(manifest.sequences), dict(manifest.failures))
+
+
+def _replace_results(run: RunFolder, experiment: Experiment) -> None:
+    """Compute the statistics and findings. Earlier results stay in the folder until the new ones can be written."""
+    outdated = not run.manifest().statistics.keys() >= {*STATISTICS_TABLES, *FINDINGS_TABLES}
+    statistics = compute_statistics(run, experiment)
+    if outdated:
+        run.discard_documents()
+    compute_findings(run, experiment, statistics)
 
 
 def _crew(
     job: Job, together: list[Batch], listener: Listener, *, workers: int, scheduler: str | None
 ) -> AbstractContextManager[Measure]:
-    """Select what measures: the workers of a scheduler, several local processes, or this process."""
+    """Select what measures: the workers of a scheduler, local processes, or this process if one is requested.
+
+    A single batch is measured in a process of its own too: it may be the one that ended a worker in an earlier start.
+    """
     if scheduler is not None and together:
         return remote_workers(job, address=scheduler, remark=listener.remark)
-    if min(workers, len(together)) > 1:
-        return nullcontext(partial(measure_locally, job, workers=workers, remark=listener.remark))
+    if workers > 1:
+        return nullcontext(partial(measure_locally, job, workers=workers, frame=listener.frame))
     return nullcontext(partial(_here, job, listener))
 
 
 def _here(job: Job, listener: Listener, together: list[Batch]) -> Results:
     for batch in together:
         progress = partial(listener.frame, batch[0].key)
-        yield batch, attempt(batch, job.run, progress=progress, debug=job.debug)
+        yield batch, attempt(batch, job.run, claim=job.claim, progress=progress, debug=job.debug)
 
 
 def _settle(batch: Batch, result: Result, manifest_writer: ManifestWriter, listener: Listener) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from tracknoise.exceptions import DataError, StoreError, TracknoiseError
 from tracknoise.experiments.running.plan import Task
+from tracknoise.printable import printable
 from tracknoise.tables.manifest import FailureEntry, SequenceEntry
 
 RETRIES = 2
@@ -76,7 +77,8 @@ Measure = Callable[[list[Batch]], Results]
 def diagnose(error: BaseException) -> Failure:
     """Describe an exception: cause, place and kind of failure."""
     cause = str(error) if isinstance(error, TracknoiseError) else f"{type(error).__name__}: {error}"
-    return Failure(" ".join(cause.split()), _place(error), _kind(error))
+    place = _place(error)
+    return Failure(printable(" ".join(cause.split())), place and printable(place), _kind(error))
 
 
 def with_retries(

@@ -47,4 +47,4 @@ def _parts(path: Path) -> Iterator[bytes]:
         yield path.read_bytes() if path.is_file() else b"missing"
         return
     for file in sorted(item for item in path.rglob("*") if item.is_file()):
-        yield f"{file.relative_to(path)} {file.stat().st_size}\n".encode()
+        yield f"{file.relative_to(path)} {file.stat().st_size}\n".encode(errors="surrogateescape")

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from tracknoise.atomic import is_running
-from tracknoise.exceptions import StoreError
+from tracknoise.exceptions import SchemaError, StoreError
 from tracknoise.tables.store import RunFolder
 
 _UNSUPPORTED = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP}
@@ -67,6 +67,32 @@ class Claim:
                 )
             time.sleep(min(0.5, self.patience_s))
 
+    def require(self) -> None:
+        """Check, in the process that holds the lock, that the folder is still there.
+
+        Raises
+        ------
+        StoreError
+            If the folder or its lock was removed or replaced.
+        """
+        if not self._stands():
+            raise StoreError(
+                f"{self.path.parent}: removed or replaced during the run, expected it to stay; "
+                "run the same command again to start over"
+            )
+
+    @contextmanager
+    def explained(self) -> Iterator[None]:
+        """Give the removal of the folder as the cause of an error in the block, if it was removed."""
+        try:
+            yield
+        except (StoreError, SchemaError) as error:
+            try:
+                self.require()
+            except StoreError as cause:
+                raise cause from error
+            raise
+
     def _stands(self) -> bool:
         try:
             holder = _parse(self.path.read_bytes())
@@ -97,7 +123,8 @@ def hold(run: RunFolder) -> Iterator[Claim]:
         yield _sign(path, descriptor)
     finally:
         with suppress(OSError):
-            path.unlink()
+            if os.path.samestat(path.stat(), os.fstat(descriptor)):  # another start may have made the folder again
+                path.unlink()
         os.close(descriptor)
 
 

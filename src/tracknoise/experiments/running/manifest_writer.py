@@ -6,6 +6,7 @@ from typing import Self
 
 from tracknoise.exceptions import StoreError
 from tracknoise.experiments.running.failures import Failure
+from tracknoise.experiments.running.lock import Claim
 from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.store import RunFolder
 
@@ -25,10 +26,12 @@ class ManifestWriter:
         The run folder.
     manifest
         The manifest so far; changed in place.
+    claim
+        Proof that the run holds the lock of the folder, checked before each write. Not needed by default.
     """
 
-    def __init__(self, run: RunFolder, manifest: Manifest) -> None:
-        self._run, self.manifest = run, manifest
+    def __init__(self, run: RunFolder, manifest: Manifest, claim: Claim | None = None) -> None:
+        self._run, self.manifest, self._claim = run, manifest, claim
         self._failures: dict[str, Failure] = {}
         self._next = 0.0
 
@@ -46,8 +49,9 @@ class ManifestWriter:
                 raise
 
     def measured(self, entry: SequenceEntry) -> None:
-        """Record that a sequence was measured and its tables are complete."""
+        """Record that a sequence was measured and its tables are complete. Earlier statistics are outdated."""
         self.manifest.sequences[entry.key] = entry
+        self.manifest.statistics.clear()
 
     def failed(self, key: str, failure: Failure) -> None:
         """Record that a sequence failed."""
@@ -65,8 +69,10 @@ class ManifestWriter:
         Raises
         ------
         StoreError
-            If the folder cannot be written.
+            If the folder cannot be written, or was removed.
         """
+        if self._claim:
+            self._claim.require()  # a folder that was removed must not be created again
         started = time.monotonic()
         self._run.write_failures({key: failure.entry for key, failure in self._failures.items()})
         self._run.write_manifest(self.manifest)

@@ -1,9 +1,10 @@
 """Which sequences and conditions an experiment consists of."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.experiments.settings import DatasetSettings, Experiment
 from tracknoise.sequences.registry import make_reader, open_together
 from tracknoise.sequences.sequence import FilteringReader, Sequence, SharingReader
@@ -57,7 +58,7 @@ def plan(experiment: Experiment) -> list[Task]:
     if not chosen:
         raise SettingsError("no sequence has both a scene and a lighting that the experiment names")
     scenes = sorted({item.scene for item in chosen})[: dataset.max_scenes]
-    return [
+    return _distinct(
         Task(
             experiment,
             replace(item, rotation=way.rotation, direction=way.direction),
@@ -67,7 +68,18 @@ def plan(experiment: Experiment) -> list[Task]:
         if item.scene in scenes
         for way in experiment.views
         if way.lightings is None or item.lighting in way.lightings
-    ]
+    )
+
+
+def _distinct(tasks: Iterable[Task]) -> list[Task]:
+    """Tasks in a list, unless two would write the same files."""
+    named: dict[str, Task] = {}
+    for task in tasks:
+        if task.key in named:
+            found = f"{named[task.key].sequence} and {task.sequence}"
+            raise DataError(task.key, f"the files of two sequences ({found})", "a name for each sequence")
+        named[task.key] = task
+    return list(named.values())
 
 
 def excluded_scenes(experiment: Experiment) -> dict[str, str]:

@@ -1,17 +1,19 @@
 """Start or resume a run: check the run folder, and find the sequences that are still to be measured."""
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable
 
 from tracknoise.exceptions import StoreError
 from tracknoise.experiments.running.plan import Task
 from tracknoise.experiments.running.provenance import new_manifest, require_versions
-from tracknoise.experiments.settings import Experiment, parse_experiment
+from tracknoise.experiments.settings import Experiment, dotted, parse_experiment
+from tracknoise.tables.files import digest
 from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.store import RunFolder
 
 
-def begin(experiment: Experiment, run: RunFolder, *, fresh: bool) -> tuple[Manifest, bool]:
+def begin(
+    experiment: Experiment, run: RunFolder, *, fresh: bool, remark: Callable[[str], None]
+) -> tuple[Manifest, bool]:
     """Manifest of the run to resume, or of a new run, and whether the settings file must be rewritten.
 
     Parameters
@@ -22,6 +24,8 @@ def begin(experiment: Experiment, run: RunFolder, *, fresh: bool) -> tuple[Manif
         The run folder.
     fresh
         Delete the run that the folder holds.
+    remark
+        Called with a message if the settings file is damaged and will be rewritten.
 
     Raises
     ------
@@ -30,7 +34,7 @@ def begin(experiment: Experiment, run: RunFolder, *, fresh: bool) -> tuple[Manif
         differs. More scenes and other settings of findings are allowed: such a run is resumed.
     """
     if run.exists and not fresh and not run.is_unstarted:
-        return _resume(experiment, run)
+        return _resume(experiment, run, remark)
     if run.exists:
         run.clear()
     else:
@@ -50,12 +54,12 @@ def due(tasks: list[Task], run: RunFolder, manifest: Manifest) -> list[Task]:
     return [task for task in tasks if not is_measured(task)]
 
 
-def forget_outdated(
-    todo: list[Task], run: RunFolder, manifest: Manifest, experiment: Experiment, *, changed: bool
-) -> None:
+def forget_outdated(todo: list[Task], run: RunFolder, manifest: Manifest, experiment: Experiment) -> None:
     """Remove from the manifest the sequences to be measured, earlier failures, and statistics that become outdated.
 
-    Nothing is written: a start that is refused leaves the run unchanged.
+    Statistics are outdated if they include a sequence that is measured again. A new sequence makes them outdated when
+    it has been measured (`ManifestWriter.measured`). Nothing is written: a start that is refused leaves the run
+    unchanged.
 
     Raises
     ------
@@ -63,9 +67,9 @@ def forget_outdated(
         If sequences that are kept were measured with other versions of the libraries.
     """
     manifest.failures.clear()
-    for task in todo:  # an outdated measurement must not remain if the new one fails
-        manifest.sequences.pop(task.key, None)
-    if todo or changed:
+    # An outdated measurement must not remain if the new one fails.
+    outdated = [manifest.sequences.pop(task.key) for task in todo if task.key in manifest.sequences]
+    if outdated:
         manifest.statistics.clear()
     if not manifest.sequences:
         now = new_manifest(experiment)
@@ -74,16 +78,33 @@ def forget_outdated(
         require_versions(manifest.versions, place=str(run.path))
 
 
-def _resume(experiment: Experiment, run: RunFolder) -> tuple[Manifest, bool]:
-    there = parse_experiment(run.experiment_toml(), place=str(run.path / "experiment.toml"))
-    adapted = there.with_findings(experiment.findings)  # computed from tables that are kept
-    if _has_grown(there, experiment):
+def _resume(experiment: Experiment, run: RunFolder, remark: Callable[[str], None]) -> tuple[Manifest, bool]:
+    manifest = run.manifest()
+    there = _settings_of(run, manifest, experiment, remark)
+    adapted = (there or experiment).with_findings(experiment.findings)  # computed from tables that are kept
+    if _has_grown(adapted, experiment):
         adapted = adapted.with_scenes(experiment.dataset.max_scenes)
     _check_same(experiment, adapted, run)
     run.discard_unfinished()
-    manifest = run.manifest()
     manifest.settings_hash = experiment.digest()
+    if there is not None and there.findings != experiment.findings:
+        manifest.statistics.clear()
     return manifest, adapted != there
+
+
+def _settings_of(
+    run: RunFolder, manifest: Manifest, experiment: Experiment, remark: Callable[[str], None]
+) -> Experiment | None:
+    """Settings of the run; None if their file is damaged and `experiment` has the same hash without doubt."""
+    try:
+        text = run.experiment_toml()
+    except StoreError as error:
+        if manifest.settings_hash != experiment.digest():
+            raise
+        remark(f"{error}. They are written again: the manifest has the hash of this experiment")
+        return None
+    manifest.experiment_sha256 = [digest(text.encode())]  # a process killed while it replaced them leaves two
+    return parse_experiment(text, place=str(run.path / "experiment.toml"))
 
 
 def _has_grown(there: Experiment, wanted: Experiment) -> bool:
@@ -95,7 +116,7 @@ def _has_grown(there: Experiment, wanted: Experiment) -> bool:
 def _check_same(experiment: Experiment, there: Experiment, run: RunFolder) -> None:
     if _has_moved(there, experiment):
         there = there.with_root(experiment.dataset.root)
-    written, wanted = dict(_flat(there.model_dump(mode="json"))), dict(_flat(experiment.model_dump(mode="json")))
+    written, wanted = dict(dotted(there.model_dump(mode="json"))), dict(dotted(experiment.model_dump(mode="json")))
     for key in [*wanted, *written]:
         if written.get(key) != wanted.get(key):
             raise StoreError(
@@ -107,15 +128,3 @@ def _check_same(experiment: Experiment, there: Experiment, run: RunFolder) -> No
 def _has_moved(there: Experiment, wanted: Experiment) -> bool:
     """Whether the data folder of an earlier start no longer exists: the data may have been moved."""
     return there.dataset.root is not None and wanted.dataset.root is not None and not there.dataset.root.exists()
-
-
-def _flat(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
-    """Every setting with its dotted name."""
-    if isinstance(value, dict):
-        for name, inner in value.items():
-            yield from _flat(inner, f"{key}.{name}".lstrip("."))
-    elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
-        for position, inner in enumerate(value):
-            yield from _flat(inner, f"{key}[{position}]")
-    else:
-        yield key, value

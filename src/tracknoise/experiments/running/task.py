@@ -68,6 +68,8 @@ def run_batch(
         If the data cannot be used, or the folder cannot be written.
     """
     started, entries = time.monotonic(), []
+    for task in batch:
+        task.sequence.require_utf8()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DataWarning)  # the notes of the sequence contain the same text
         sequences = open_batch(batch)

@@ -1,46 +1,29 @@
-"""What is fitted to the errors of one condition as they grow, with intervals: (growth)."""
+"""What is fitted to the errors of one condition as they grow, with intervals: (growth) and (saturating)."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.estimate import Estimate, EstimateArray
-from tracknoise.findings.growth.fit import TERM_UNITS, TERMS, contributions, fit_freely, fit_growth, misfit
+from tracknoise.findings.estimate import Estimate
+from tracknoise.findings.growth.fit import TERM_UNITS, TERMS, fit_freely, fit_growth
+from tracknoise.findings.growth.models import OWN
+from tracknoise.findings.growth.saturating import fit_saturating
 from tracknoise.findings.sampling.bounds import Method, pooled
 from tracknoise.findings.sampling.resampling import leave_one_out
 from tracknoise.findings.sampling.units import Units
 
 Array = NDArray[np.float64]
+Sizes = Mapping[str, Estimate]
+"""By term: white, saturating_white and saturating (px), walk, drift (`TERM_UNITS`), and time_constant (frames)."""
 
 MIN_AGES = 4
 """Fewest ages of a fit."""
 GROWTH_SUMS = ("n", "uu", "vv")
 """What a fit needs of each age: the count, and the sums of squared errors."""
 _MIN_UNITS = 4
-_OWN = 0.05
-"""How far off (growth) may be, relative to the second moment: that much is added to each age's standard error."""
-
-
-@dataclass(frozen=True, slots=True)
-class Fit:
-    """(growth) of one coordinate.
-
-    Attributes
-    ----------
-    sizes
-        By term: white (px), walk (px per sqrt(frame)) and drift (px per frame).
-    shares
-        By term, of the fitted second moment, mean over the ages.
-    misfit
-        Root mean square of what is missed, relative to the second moment.
-    """
-
-    sizes: Mapping[str, Estimate]
-    shares: Mapping[str, Estimate]
-    misfit: float
 
 
 def fit_ages(units: Units, *, min_features: int) -> NDArray[np.bool_]:
@@ -58,8 +41,8 @@ def fit_ages(units: Units, *, min_features: int) -> NDArray[np.bool_]:
     return np.logical_and.accumulate(enough)
 
 
-def fitted(units: Units, weights: Array, ages: NDArray[np.bool_], method: Method) -> tuple[Fit, Fit]:
-    """(growth) of u and of v.
+def pooled_sizes(units: Units, weights: Array, ages: NDArray[np.bool_], method: Method) -> tuple[Sizes, Sizes]:
+    """Sizes of (growth) of u and of v, of all errors together.
 
     Parameters
     ----------
@@ -72,17 +55,33 @@ def fitted(units: Units, weights: Array, ages: NDArray[np.bool_], method: Method
     method
         How to make intervals.
     """
-    part = replace(units, sums=units.sums[:, ages], points=units.points.filter(pl.Series(ages)))
-    since = part.points["since"].to_numpy().astype(np.float64)
-    second, weight = _observed(part)
 
-    def statistics(sums: Array) -> Array:
-        """Coefficients, free and bounded, and shares of u, then of v, (18, 1, ...)."""
-        return np.concatenate([_fit(sums, axis, second[axis], since, weight[axis]) for axis in (0, 1)])
+    def fits(second: Array, since: Array, weight: Array) -> Array:
+        return np.concatenate([fit(second, since, weight) for fit in (fit_freely, fit_growth)])
 
-    bounds = pooled(part, weights, statistics, method, sizes=part.sums[..., 0].sum(axis=1)[None])
-    u, v = (_named(bounds, 9 * axis, second[axis], since, weight[axis]) for axis in (0, 1))
-    return u, v
+    u, v = _pooled(units, weights, ages, method, fits)
+    return _of_terms(u), _of_terms(v)
+
+
+def pooled_saturating(units: Units, weights: Array, ages: NDArray[np.bool_], method: Method) -> tuple[Sizes, Sizes]:
+    """Sizes and time constant of (saturating) of u and of v, of all errors together.
+
+    Parameters
+    ----------
+    units, weights, ages, method
+        As in `pooled_sizes`.
+    """
+
+    def named(found: list[Estimate]) -> Sizes:
+        white, size, constant = found
+        return {
+            "saturating_white": _root(white, white, unit="px"),
+            "saturating": _root(size, size, unit="px"),
+            "time_constant": replace(constant, unit="frames"),
+        }
+
+    u, v = _pooled(units, weights, ages, method, fit_saturating)
+    return named(u), named(v)
 
 
 def mean_drift(moments: pl.DataFrame) -> tuple[float, float]:
@@ -98,6 +97,30 @@ def mean_drift(moments: pl.DataFrame) -> tuple[float, float]:
     return float((since * u).sum() / total), float((since * v).sum() / total)
 
 
+def _pooled(
+    units: Units,
+    weights: Array,
+    ages: NDArray[np.bool_],
+    method: Method,
+    fits: Callable[[Array, Array, Array], Array],
+) -> tuple[list[Estimate], list[Estimate]]:
+    """What `fits` finds of u and of v, with intervals."""
+    part = replace(units, sums=units.sums[:, ages], points=units.points.filter(pl.Series(ages)))
+    since = part.points["since"].to_numpy().astype(np.float64)
+    second, weight = _observed(part)
+
+    def statistics(sums: Array) -> Array:
+        """Of u, then of v, (statistics, 1, ...); ages without data in a draw are taken as observed."""
+        drawn = _second(sums)
+        whole = second.reshape(*second.shape, *[1] * (drawn.ndim - 2))
+        known = np.where(np.isnan(drawn), whole, drawn)
+        return np.concatenate([fits(known[axis], since, weight[axis]) for axis in (0, 1)])[:, None]
+
+    bounds = pooled(part, weights, statistics, method, sizes=part.sums[..., 0].sum(axis=1)[None])
+    found = [bounds.at(row) for row in range(len(bounds.value))]
+    return found[: len(found) // 2], found[len(found) // 2 :]
+
+
 def _observed(units: Units) -> tuple[Array, Array]:
     """Second moments of u and v at each age, and their weights, (2, ages) each."""
     whole = _second(units.sums.sum(axis=0).T)
@@ -105,7 +128,7 @@ def _observed(units: Units) -> tuple[Array, Array]:
     influence = np.nan_to_num(without - whole[..., None])
     variance = (influence**2).sum(axis=-1) if units.resampled else np.zeros_like(whole)  # of the jackknife
     least = 1e-6 * whole.max(axis=1, keepdims=True)  # a second moment of zero must not decide alone
-    return whole, 1 / (variance + (_OWN * whole) ** 2 + least**2)
+    return whole, 1 / (variance + (OWN * whole) ** 2 + least**2)
 
 
 def _second(sums: Array) -> Array:
@@ -114,22 +137,13 @@ def _second(sums: Array) -> Array:
     return np.stack([uu, vv]) / np.where(n > 1, n - 1, np.nan)
 
 
-def _fit(sums: Array, axis: int, second: Array, since: Array, weight: Array) -> Array:
-    """What `fitted` needs of one coordinate, (9, 1, ...); ages without data in a draw are taken as observed."""
-    drawn = _second(sums)[axis]
-    whole = second.reshape(-1, *[1] * (drawn.ndim - 1))
-    known = np.where(np.isnan(drawn), whole, drawn)
-    free, bounded = fit_freely(known, since, weight), fit_growth(known, since, weight)
-    return np.concatenate([free, bounded, contributions(bounded, since)])[:, None]
-
-
-def _named(bounds: EstimateArray, first: int, second: Array, since: Array, weight: Array) -> Fit:
-    """The fit of one coordinate, whose rows of `bounds` begin at `first`."""
-    free, bounded, shares = (
-        {term: bounds.at(first + step + row) for row, term in enumerate(TERMS)} for step in (0, 3, 6)
-    )
-    sizes = {term: _root(bounded[term], free[term], unit=unit) for term, unit in zip(TERMS, TERM_UNITS, strict=True)}
-    return Fit(sizes, shares, misfit(second, since, fit_growth(second, since, weight)))
+def _of_terms(found: list[Estimate]) -> Sizes:
+    """Sizes from free and bounded coefficients."""
+    free, bounded = found[: len(TERMS)], found[len(TERMS) :]
+    return {
+        term: _root(one, other, unit=unit)
+        for term, one, other, unit in zip(TERMS, bounded, free, TERM_UNITS, strict=True)
+    }
 
 
 def _root(bounded: Estimate, free: Estimate, *, unit: str) -> Estimate:

@@ -1,7 +1,9 @@
-"""How errors behave in time: white, a random walk, or a drift, by condition, trimming and coordinate.
+"""How errors behave in time: white, a random walk, a drift, or saturating, by condition, trimming and coordinate.
 
-The second moment about zero is fitted over the ages by (growth), and the changes of errors from one frame that the
-tracker saw to the next are correlated by (autocorrelation) of `tracknoise.statistics.increments`.
+The second moment about zero is fitted over the ages by (growth) and, where that fails, by (saturating). The changes of
+errors from one frame that the tracker saw to the next are correlated by (autocorrelation) of
+`tracknoise.statistics.increments`. A verdict agrees with the curve, with the autocorrelations at lags 1 to `LAGS`, and
+with the curves of long-lived tracks (`tracknoise.findings.growth.behaviour`).
 
 Errors are zero at birth (or in the key frame) by construction. What is measured at age k is n_k - n_0, where n_0 is the
 error of the detected position. If n_0 is independent of the later n_k and has the same variance s^2, the second moment
@@ -13,6 +15,7 @@ are resampled. A twentieth of the moment is added to this spread, so that no sin
 """
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,25 +23,36 @@ import polars as pl
 
 from tracknoise.findings.anchored import NO_KEY_FRAMES, anchored
 from tracknoise.findings.estimate import Estimate
-from tracknoise.findings.growth.behaviour import Growth, behaves
-from tracknoise.findings.growth.fit import TERMS
-from tracknoise.findings.growth.grown import GROWTH_SUMS, MIN_AGES, Fit, fit_ages, fitted, mean_drift
+from tracknoise.findings.growth.behaviour import Changes, Growth, behaves
+from tracknoise.findings.growth.grown import MIN_AGES, fit_ages, mean_drift
+from tracknoise.findings.growth.growth_fits import growth_fits
+from tracknoise.findings.growth.growth_units import growth_units, with_fourth
+from tracknoise.findings.growth.models import Ages
 from tracknoise.findings.intervals.change_bounds import CHANGE_SUMS, correlated
 from tracknoise.findings.sampling.bounds import Method
 from tracknoise.findings.sampling.draws import Draws, draws_by_dataset
 from tracknoise.findings.sampling.units import additive, units_of
 from tracknoise.statistics.conditions import Tables, TablesByCondition, by_condition, scenes_by_dataset
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.statistics.grouping import reduce_each
+from tracknoise.statistics.grouping import group_rows, reduce_each
 from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL, MIN_FEATURES
-from tracknoise.tables.enumerations import Behaviour
+from tracknoise.tables.enumerations import Aspect, Behaviour
 from tracknoise.tables.findings_schema import TIME_STRUCTURE
-from tracknoise.tables.schema import BLOCKS, INCREMENTS, MOMENTS, ORIGIN, check, empty
+from tracknoise.tables.schema import ASPECT_BLOCKS, ASPECTS, BLOCKS, INCREMENTS, MOMENTS, ORIGIN, check, empty
 
 _KEY = [*POOLED, "trimming"]
-_SIZES = dict(zip(TERMS, ("white_px", "walk_px_per_sqrt_frame", "drift_px_per_frame"), strict=True))
-ONE_STEP = pl.col("lag") == 1
-"""Rows of `INCREMENTS` of which (autocorrelation) at one step is made: all that time structure needs."""
+_PAIRS = [*ORIGIN, "block", "trimming", "lag"]
+_COLUMNS = {
+    "white": "white_px",
+    "walk": "walk_px_per_sqrt_frame",
+    "drift": "drift_px_per_frame",
+    "saturating_white": "saturating_white_px",
+    "saturating": "saturating_px",
+    "time_constant": "saturating_frames",
+}
+_EVERY = pl.lit(value=True)
+LONG_LIVED = pl.col("aspect") == Aspect.long_lived
+"""Rows of `ASPECTS` that time structure needs."""
 
 
 def time_structure(
@@ -46,6 +60,8 @@ def time_structure(
     increments: pl.DataFrame | Iterable[pl.DataFrame],
     *,
     blocks: Tables = (),
+    aspects: Tables = (),
+    aspect_blocks: Tables = (),
     key_frames: Mapping[str, int] = NO_KEY_FRAMES,
     min_features: int = MIN_FEATURES,
     kind: str = KIND_OF_INTERVAL,
@@ -61,13 +77,19 @@ def time_structure(
         Of all scenes, `MOMENTS` and `INCREMENTS`.
     blocks
         Schema `BLOCKS`: what to resample in conditions of too few scenes. They have no bounds without, and no verdict.
+    aspects
+        Schema `ASPECTS`: the long-lived tracks, in the conditions that have them. Without them it is not checked
+        whether the loss of tracks shapes the curve.
+    aspect_blocks
+        Schema `ASPECT_BLOCKS`: the same by block, for conditions of too few scenes.
     key_frames
         Where a scan makes errors zero in one frame: that frame, by direction. Time is then the distance from it.
     min_features
         Ages are fitted up to the first at which all scenes together have fewer features than this.
     kind, level, n_draws, seed
         As in `tracknoise.findings.intervals.table.interval_table`. For what is fitted, `bca` takes the place of
-        `student` (`Method.by_bootstrap`); columns `kind` and `autocorrelation_kind` say which was made.
+        `student` (`Method.by_bootstrap`); columns `kind` and `autocorrelation_kind` say which was made. Geometric means
+        over scenes always have Student's interval from the jackknife.
 
     Returns
     -------
@@ -80,80 +102,140 @@ def time_structure(
     SchemaError
         If a table has other columns.
     """
-    by_scene = _sums(by_condition(moments, MOMENTS, "moments"), key_frames)
+    errors = by_condition(moments, MOMENTS, "moments")
+    by_scene = _sums({key: with_fourth(part) for key, part in errors.items()}, key_frames)
     by_block = _sums(by_condition(blocks, BLOCKS, "blocks"), key_frames)
-    changes = reduce_each(increments, INCREMENTS, "increments", _of_one_step).partition_by(_KEY, as_dict=True)
+    changes = reduce_each(increments, INCREMENTS, "increments", _of_lags).partition_by(_KEY, as_dict=True)
+    lived = _sums(by_condition(aspects, ASPECTS, "aspects", _long_lived), key_frames, LONG_LIVED)
+    lived_blocks = _sums(
+        by_condition(aspect_blocks, ASPECT_BLOCKS, "blocks of aspects", _long_lived), key_frames, LONG_LIVED
+    )
     drawn = draws_by_dataset(scenes_by_dataset(by_scene.items()), n_draws=n_draws, seed=seed)
     tables = [empty(TIME_STRUCTURE)]
     for key, part in by_scene.items():
-        rows = _rows(part, by_block.get(key), changes.get(key), drawn[key[0]], Method(kind, level), min_features)
+        sums = _Sums.of(part, *(table.get(key) for table in (changes, by_block, lived, lived_blocks)))
+        rows = _rows(sums, drawn[key[0]], Method(kind, level), min_features, key[_KEY.index("speed")])
         labels = {**dict(zip(_KEY, key, strict=True)), "level": level}
         tables.append(pl.DataFrame([{**labels, **row} for row in rows], schema=dict(TIME_STRUCTURE)))
     table = pl.concat(tables).with_columns(pl.selectors.float().fill_nan(None)).sort(*_KEY, "coordinate")
     return check(table, TIME_STRUCTURE, "time structure")
 
 
-def _sums(moments: TablesByCondition, key_frames: Mapping[str, int]) -> dict[tuple[Any, ...], pl.DataFrame]:
+@dataclass(frozen=True, slots=True)
+class _Sums:
+    """Sums of a condition and trimming: of errors by scene and block, of changes, and of long-lived tracks.
+
+    Ages are distances from where errors are zero. `mean_px_per_frame` is of u and of v.
+    """
+
+    scenes: pl.DataFrame
+    blocks: pl.DataFrame | None
+    changes: pl.DataFrame | None
+    lived: pl.DataFrame | None
+    lived_blocks: pl.DataFrame | None
+    mean_px_per_frame: tuple[float, float]
+
+    @classmethod
+    def of(cls, scenes: pl.DataFrame, changes: pl.DataFrame | None, *others: pl.DataFrame | None) -> "_Sums":
+        """Of tables by the side of the key frame that errors are on."""
+        blocks, lived, lived_blocks = map(_apart, others)
+        apart = scenes.with_columns(pl.col("since").abs())
+        return cls(apart, blocks, changes, lived, lived_blocks, mean_drift(scenes))
+
+
+def _sums(
+    moments: TablesByCondition, key_frames: Mapping[str, int], chosen: pl.Expr = _EVERY
+) -> dict[tuple[Any, ...], pl.DataFrame]:
     """Sums of each condition and trimming; what is added up in one place is of one scene, and in its order."""
     return {
         (*key, *trimming): sums
         for key, part in moments.items()
-        for trimming, sums in additive(anchored(part, key_frames)).partition_by("trimming", as_dict=True).items()
+        for trimming, sums in additive(anchored(part.filter(chosen), key_frames))
+        .partition_by("trimming", as_dict=True)
+        .items()
     }
 
 
-def _rows(
-    scenes: pl.DataFrame,
-    blocks: pl.DataFrame | None,
-    changes: pl.DataFrame | None,
-    draws: Draws,
-    method: Method,
-    min_features: int,
-) -> Iterator[dict[str, Any]]:
+def lagged(increments: pl.DataFrame, few: pl.DataFrame) -> pl.DataFrame:
+    """Rows of `INCREMENTS` of which (autocorrelation) is made: all that time structure needs.
+
+    Parameters
+    ----------
+    increments
+        Of one sequence.
+    few
+        Datasets and views of so few scenes that blocks are resampled. In others all blocks are added up, as block 0.
+    """
+    pairs = increments.filter(pl.col("lag") > 0)
+    if not pairs.join(few, on=few.columns, how="semi").is_empty():
+        return pairs
+    groups = group_rows(pairs, [name for name in _PAIRS if name != "block"])
+    sums = {name: np.bincount(groups.index, pairs[name].to_numpy(), groups.count) for name in CHANGE_SUMS}
+    added = groups.keys.with_columns(block=0, **{name: pl.Series(values) for name, values in sums.items()})
+    columns = [(pl.col(name) if name in added.columns else pl.lit(None).alias(name)).cast(kind)
+               for name, kind in INCREMENTS.items()]  # fmt: skip
+    return added.select(columns)
+
+
+def _long_lived(aspects: pl.DataFrame) -> pl.DataFrame:
+    return aspects.filter(LONG_LIVED)
+
+
+def _rows(tables: _Sums, draws: Draws, method: Method, min_features: int, step: int) -> Iterator[dict[str, Any]]:
     """Rows of a condition and trimming, by the columns of `TIME_STRUCTURE`."""
-    units = units_of(_apart(scenes), None if blocks is None else _apart(blocks), points=["since"], columns=GROWTH_SUMS)
-    ages = fit_ages(units, min_features=min_features)
-    fits: tuple[Fit | None, Fit | None] = (None, None)
-    made = method.by_bootstrap()
-    if np.count_nonzero(ages) >= MIN_AGES and (units.sums[:, ages, 1:].sum(axis=0) > 0).all():
-        fits = fitted(units, draws.weights(units), ages, made)
-    related = None if changes is None else _related(changes, draws, method, resampled=units.resampled is not None)
-    drifts, n_ages = mean_drift(scenes), int(np.count_nonzero(ages))
-    labels = {"n_ages": n_ages, "n_scenes": len(units.scenes), "resampled": units.resampled, "kind": made.kind}
-    for place, coordinate in enumerate("uv"):
-        numbers = _numbers(fits[place], related and related[place], drifts[place], n_ages)
-        yield {"coordinate": coordinate, **labels, "autocorrelation_kind": method.kind, **numbers}
+    units = growth_units(tables.scenes, tables.blocks, tables.changes, tables.lived, tables.lived_blocks)
+    errors, fitted = units.errors, fit_ages(units.errors, min_features=min_features)
+    ages = Ages(errors.points["since"].to_numpy().astype(np.float64), fitted, step)
+    related = _related(tables.changes, draws, method, resampled=errors.resampled is not None)
+    made, n_ages = method.by_bootstrap(), int(np.count_nonzero(fitted))
+    labels = {"n_ages": n_ages, "n_scenes": len(errors.scenes), "resampled": errors.resampled, "kind": made.kind,
+              "autocorrelation_kind": method.kind}  # fmt: skip
+    usable = n_ages >= MIN_AGES and bool((errors.sums[:, fitted, 1:].sum(axis=0) > 0).all())
+    fits = growth_fits(units, ages, draws.weights(errors), made) if usable else (None, None)
+    for place, (coordinate, fit) in enumerate(zip("uv", fits, strict=True)):
+        correlations = {f"autocorrelation{end}": found[place] for end, found in related.items()}
+        if fit is None:
+            few = f"ages with enough errors: {n_ages}; at least {MIN_AGES} are needed"
+            why = few if n_ages < MIN_AGES else "all errors are zero at some age"
+            found = {**_bounds(correlations), "verdict": Behaviour.undecided, "why": why}
+        else:
+            verdict, why = behaves(fit, Changes(correlations.get("autocorrelation"), tables.mean_px_per_frame[place]))
+            found = {**_bounds({**correlations, **_named(fit)}), "verdict": verdict, "why": why}
+        yield {"coordinate": coordinate, **labels, **found}
 
 
-def _of_one_step(increments: pl.DataFrame) -> pl.DataFrame:
-    """Rows of lag 1 of `INCREMENTS`, with the columns that (autocorrelation) is made of."""
-    return increments.filter(ONE_STEP).select(*ORIGIN, "block", "trimming", *CHANGE_SUMS)
+def _named(fit: Growth) -> dict[str, Estimate]:
+    """Sizes by their columns."""
+    geometric = {f"{_COLUMNS[term]}_geometric": size for term, size in fit.geometric.items()}
+    return {_COLUMNS[term]: size for term, size in fit.sizes.items()} | geometric
 
 
-def _related(changes: pl.DataFrame, draws: Draws, method: Method, *, resampled: bool) -> tuple[Estimate, Estimate]:
-    """(autocorrelation) at one step of u and of v; blocks are resampled where scenes are few, if `resampled`."""
-    units = units_of(changes, changes if resampled else None, points=[], columns=CHANGE_SUMS)
-    found = correlated(units, draws.weights(units), method)
-    return found.at(0), found.at(1)
-
-
-def _apart(moments: pl.DataFrame) -> pl.DataFrame:
-    """Moments by how far they are from where errors are zero, before or after."""
-    return moments.with_columns(pl.col("since").abs())
-
-
-def _numbers(fit: Fit | None, related: Estimate | None, mean_px_per_frame: float, n_ages: int) -> dict[str, Any]:
-    """Values with their bounds, and the verdict."""
-    found = {} if related is None else {"autocorrelation": related}
-    if fit is None:
-        few = f"ages with enough errors: {n_ages}; at least {MIN_AGES} are needed"
-        verdict, why = Behaviour.undecided, few if n_ages < MIN_AGES else "all errors are zero at some age"
-    else:
-        found |= {_SIZES[term]: size for term, size in fit.sizes.items()}
-        verdict, why = behaves(Growth(fit.sizes, fit.shares, related, mean_px_per_frame, fit.misfit))
-    bounds = {
+def _bounds(found: Mapping[str, Estimate]) -> dict[str, float | None]:
+    """Values and bounds by their columns."""
+    return {
         f"{name}{end}": getattr(estimate, which)
         for name, estimate in found.items()
         for end, which in (("", "value"), ("_low", "low"), ("_high", "high"))
     }
-    return {**bounds, "verdict": verdict, "why": why}
+
+
+def _of_lags(increments: pl.DataFrame) -> pl.DataFrame:
+    """Rows of `INCREMENTS` and columns that (autocorrelation) is made of."""
+    return increments.filter(pl.col("lag") > 0).select(*_PAIRS, *CHANGE_SUMS)
+
+
+def _related(
+    changes: pl.DataFrame | None, draws: Draws, method: Method, *, resampled: bool
+) -> dict[str, tuple[Estimate, Estimate]]:
+    """(autocorrelation) of u and of v by the end of the name of its column; if `resampled`, of blocks too."""
+    if changes is None:
+        return {}
+    units = units_of(changes, changes if resampled else None, points=["lag"], columns=CHANGE_SUMS)
+    found = correlated(units, draws.weights(units), method)
+    ends = ["" if lag == 1 else f"_{lag}" for lag in units.points["lag"]]
+    return {end: (found.at(0, place), found.at(1, place)) for place, end in enumerate(ends)}
+
+
+def _apart(moments: pl.DataFrame | None) -> pl.DataFrame | None:
+    """Moments by how far they are from where errors are zero, before or after."""
+    return None if moments is None else moments.with_columns(pl.col("since").abs())

@@ -17,6 +17,7 @@ _GROWTH: Mapping[str, tuple[str, str, str]] = {
     Behaviour.white: ("constant", "white_px", "px"),
     Behaviour.random_walk: ("random walk", "walk_px_per_sqrt_frame", "px per sqrt(frame)"),
     Behaviour.drift: ("drift", "drift_px_per_frame", "px per frame"),
+    Behaviour.saturating: ("saturating", "saturating_px", "px"),
 }
 """Name of a behaviour, and the column and the unit of its size."""
 _RISING = ("walk_px_per_sqrt_frame", "drift_px_per_frame")
@@ -52,7 +53,7 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
 
 
 def _zero_or_not(mean: str, overall: Mapping[str, Any]) -> str:
-    p = overall["sign_flip_p"] if overall["sign_flip_p_adjusted"] is None else overall["sign_flip_p_adjusted"]
+    p = overall["sign_flip_p_family"]
     test = "" if p is None else f" ({chance(p)}, {overall['n_scenes']} scenes)"
     if overall["verdict"] == Verdict.yes:
         return f"{sentence_case(mean)} is not zero{test}."
@@ -149,9 +150,8 @@ def _behaviour(row: Mapping[str, Any]) -> tuple[str, list[Estimate]]:
     """Name of the behaviour of one coordinate, and its size if it has one."""
     if row["verdict"] not in _GROWTH:
         undecided = f"undecided; {row['why']}" if row["why"] else "undecided"
-        return (
-            "neither constant, nor a random walk, nor a drift" if row["verdict"] == Behaviour.none else undecided
-        ), []
+        none = row["why"] or "none of the models fits"
+        return (none if row["verdict"] == Behaviour.none else undecided), []
     name, column, unit = _GROWTH[row["verdict"]]
     rises = row["verdict"] == Behaviour.white and any((row[f"{part}_low"] or 0.0) > 0 for part in _RISING)
     size = Estimate.of_row(row, column, f"{column}_low", f"{column}_high", unit)

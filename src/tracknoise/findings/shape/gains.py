@@ -1,6 +1,6 @@
 """How much better other densities predict errors than a Gaussian: the numbers alone."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,3 +29,15 @@ class Gains:
     spread: Array
     share: Array
     ratio: Array
+
+    def expanded(self, rows: NDArray[np.bool_]) -> "Gains":
+        """The same with NaN for the rows that were left out.
+
+        Parameters
+        ----------
+        rows : (all rows,)
+            Which of them these are.
+        """
+        student, mixture = np.full((2, len(rows)), np.nan)
+        student[rows], mixture[rows] = self.student, self.mixture
+        return replace(self, student=student, mixture=mixture)

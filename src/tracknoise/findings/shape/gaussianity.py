@@ -2,8 +2,12 @@
 
 Skewness and kurtosis come from the moments of all errors. Tails, quantiles and likelihoods come from a sample of errors
 (`tracknoise.statistics.samples`). Errors are standardised at each age (`tracknoise.findings.shape.standard`), so that
-the ages of a band can be pooled. Scenes are pooled too. Errors that are larger in one scene than in another make the
-pooled distribution heavy-tailed, and this is part of the result.
+the ages of a band can be pooled.
+
+Scenes are pooled, and errors that are larger in one scene than in another make the pooled distribution heavy-tailed.
+The gains are therefore also measured with each error in units of its own scene (`tracknoise.findings.shape.within`).
+The verdict is about these. What the different scales of scenes add is stated beside them, because the remedies differ:
+a sigma that adapts to the scene, or a robust kernel.
 
 With a million errors every test rejects. The result is therefore how far from Gaussian errors are
 (`tracknoise.findings.shape.verdict`).
@@ -14,18 +18,23 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from tracknoise.findings.anchored import NO_KEY_FRAMES, anchored
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.sampling.bounds import Method
 from tracknoise.findings.sampling.draws import Draws, draws_by_dataset
 from tracknoise.findings.sampling.units import Units
+from tracknoise.findings.shape.gains import Gains
 from tracknoise.findings.shape.held_out import gains
-from tracknoise.findings.shape.shape_bounds import BAND, folds_of, gain_bounds, mardia_bounds
+from tracknoise.findings.shape.shape_bounds import BAND, folds_of, gain_bounds, mardia_bounds, within_bounds
 from tracknoise.findings.shape.standard import standard_sums, standardised, standards
 from tracknoise.findings.shape.tails import radii, tail_ratios
+from tracknoise.findings.shape.ties import ties
 from tracknoise.findings.shape.verdict import MARGIN_NATS, ShapeEvidence, judge
+from tracknoise.findings.shape.within import within_scenes
 from tracknoise.statistics.conditions import (
     Condition,
     Tables,
@@ -35,7 +44,7 @@ from tracknoise.statistics.conditions import (
     scenes_by_dataset,
 )
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.statistics.grouping import group_rows
+from tracknoise.statistics.grouping import Groups, group_rows
 from tracknoise.statistics.samples import first_tracks, with_bands
 from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL, MIN_FEATURES
 from tracknoise.tables.enumerations import Shape
@@ -144,8 +153,9 @@ def _condition(
     if sums.is_empty() or singles.is_empty():
         rows = bands.with_columns(n="all", n_sampled=0, verdict=pl.lit(Shape.undecided), why=pl.lit(_few(options)))
         return rows, empty(RADII)
-    gained, units = _gains(singles, draws, options)
-    tails, quantiles = _tails(singles)
+    pairs = within_scenes(singles, sums)
+    gained, units = _gains(singles, pairs, draws, options)
+    tails, quantiles = _tails(singles, pairs)
     table = bands.join(mardia_bounds(sums, singles, draws, options.method), on=BAND, how="left")
     table = table.join(gained, on=BAND, how="left").join(tails, on=BAND, how="left").sort(_EDGES)
     known = table.with_columns(pl.selectors.float().fill_nan(None))
@@ -161,32 +171,56 @@ def _condition(
 
 
 _NAMES = {
-    "gain_student": "gain_student_nats",
-    "gain_mixture": "gain_mixture_nats",
+    **{f"gain_{name}": f"gain_{name}_nats" for name in ("student", "mixture", "student_within", "mixture_within")},
+    "gain_scales": "gain_scales_nats",
     "nu": "student_nu",
     "spread_px": "student_scale_px",
     "share": "mixture_share",
     "ratio": "mixture_ratio",
+    "nu_within": "student_nu_within",
+    "share_within": "mixture_share_within",
+    "ratio_within": "mixture_ratio_within",
 }
 
 
-def _gains(singles: pl.DataFrame, draws: Draws, options: _Options) -> tuple[pl.DataFrame, Units]:
-    """Gains by band with their intervals, and what was resampled."""
+def _gains(
+    singles: pl.DataFrame, pairs: NDArray[np.float64], draws: Draws, options: _Options
+) -> tuple[pl.DataFrame, Units]:
+    """Gains by band with their intervals, also in units of scenes, and what was resampled."""
     bands = group_rows(singles, BAND)
-    pairs = singles.select("z_u", "z_v").to_numpy()
-    gained = gains(pairs, bands.index, folds_of(singles, options.seed), bands.count)
-    return gain_bounds(singles, bands, gained, draws, options.method)
+    tied = _tied(singles, bands)
+    untied = np.array([reason is None for reason in tied])[bands.index]
+    folds = folds_of(singles, options.seed)
+
+    def of(values: NDArray[np.float64]) -> Gains:
+        rows = untied & ~np.isnan(values[:, 0])
+        return gains(values[rows], bands.index[rows], folds[rows], bands.count).expanded(rows)
+
+    whole, within = of(singles.select("z_u", "z_v").to_numpy()), of(pairs)
+    table, units = gain_bounds(singles, bands, whole, draws, options.method)
+    parameters = {"nu_within": within.nu, "share_within": within.share, "ratio_within": within.ratio}
+    named = bands.keys.with_columns(tied=pl.Series(tied, dtype=pl.String), **parameters)
+    added = within_bounds(singles, pairs, (whole, within), draws, options.method)
+    return table.join(named, on=BAND).join(added, on=BAND), units
 
 
-def _tails(singles: pl.DataFrame) -> tuple[pl.DataFrame, pl.DataFrame]:
+def _tied(singles: pl.DataFrame, bands: Groups) -> list[str | None]:
+    """What makes the errors of each band equal to one another."""
+    errors = singles.select("du_px", "dv_px").to_numpy()
+    return [ties(errors[bands.index == band]) for band in range(bands.count)]
+
+
+def _tails(singles: pl.DataFrame, pairs: NDArray[np.float64]) -> tuple[pl.DataFrame, pl.DataFrame]:
     """By band how many single errors there are and how many lie far out; and the quantiles of their distances."""
     tails, quantiles = [], []
-    for key, part in _split(singles, BAND).items():
+    for key, part in _split(singles.with_columns(within=np.square(pairs).sum(axis=1)), BAND).items():
         squared = (part["z_u"] ** 2 + part["z_v"] ** 2).to_numpy()
-        tails.append((*key, len(squared), *tail_ratios(squared)))
+        within = part["within"].to_numpy()
+        near = tail_ratios(within[~np.isnan(within)])[0]
+        tails.append((*key, len(squared), *tail_ratios(squared), near))
         quantiles += [(*key, *point) for point in zip(*radii(squared), strict=True)]
     place = {name: singles.schema[name] for name in BAND}
-    numbers = {"n_sampled": pl.Int64, "tail_99": pl.Float64, "tail_999": pl.Float64}
+    numbers = {"n_sampled": pl.Int64, "tail_99": pl.Float64, "tail_999": pl.Float64, "tail_99_within": pl.Float64}
     points = dict.fromkeys(("probability", "expected", "observed"), pl.Float64)
     return (
         pl.DataFrame(tails, schema={**place, **numbers}, orient="row"),
@@ -198,18 +232,22 @@ def _judged(row: Mapping[str, Any], options: _Options) -> tuple[Shape, str]:
     """Verdict on one band, and the reason."""
     if row["n"] is None:
         return Shape.undecided, _few(options)
+    if row["tied"] is not None:
+        return Shape.undecided, row["tied"]
 
     def estimate(name: str) -> Estimate:
         return Estimate.of_row(row, name, f"{name}_low", f"{name}_high")
 
     evidence = ShapeEvidence(
         n_sampled=row["n_sampled"] or 0,
-        student=estimate("gain_student"),
-        mixture=estimate("gain_mixture"),
-        difference=estimate("gain_difference"),
-        skewness=estimate("skewness"),
-        kurtosis=estimate("kurtosis"),
-        **{name: row[name] for name in ("tail_99", "nu", "share", "ratio")},
+        student=estimate("gain_student_within"),
+        mixture=estimate("gain_mixture_within"),
+        difference=estimate("gain_difference_within"),
+        skewness=estimate("skewness_within"),
+        kurtosis=estimate("kurtosis_within"),
+        **{name: row[f"{name}_within"] for name in ("tail_99", "nu", "share", "ratio")},
+        scales=estimate("gain_scales"),
+        pooled_tail_99=row["tail_99"],
     )
     return judge(evidence, margin=options.margin)
 

@@ -23,6 +23,9 @@ FOLDS, MANY_FOLDS, MANY = 8, 3, 17
 """Folds of scenes, or of the blocks of each, and of as many scenes as `MANY` or more, among which chance does less."""
 _MARDIA = ("skewness", "kurtosis")
 _GAINS = ("gain_student", "gain_mixture", "gain_difference")
+_MARDIA_WITHIN = ("skewness_within", "kurtosis_within")
+_GAINS_WITHIN = ("gain_student_within", "gain_mixture_within", "gain_difference_within", "gain_scales")
+_BOTH = ("scored", "whole", "student", "mixture")
 _SCORED = ("scored", "student", "mixture")
 
 
@@ -96,6 +99,50 @@ def gain_bounds(
         nu=gained.nu, spread_px=gained.spread * np.exp(size), share=gained.share, ratio=gained.ratio
     )
     return bounds.join(parameters, on=BAND, maintain_order="left"), units
+
+
+def within_bounds(
+    singles: pl.DataFrame, pairs: Array, gained: tuple[Gains, Gains], draws: Draws, method: Method
+) -> pl.DataFrame:
+    """Numbers of errors in units of their own scene, and what the different scales of scenes add.
+
+    Parameters
+    ----------
+    singles
+        As in `gain_bounds`.
+    pairs : (rows, 2)
+        What `tracknoise.findings.shape.within.within_scenes` made of them.
+    gained
+        Gains of errors as they are, and in units of their own scene; NaN where there are none.
+    draws, method
+        How to resample.
+
+    Returns
+    -------
+    polars.DataFrame
+        `BAND`, `skewness_within`, `kurtosis_within`, `gain_student_within`, `gain_mixture_within`,
+        `gain_difference_within` and `gain_scales`, which is Student's gain without units of scenes less that with
+        them, each with its bounds; NaN where there is none.
+    """
+    whole, within = gained
+    scored = ~(np.isnan(whole.student) | np.isnan(within.student))
+    values = (scored, whole.student, within.student, within.mixture)
+    sums = dict(zip(_BOTH, (np.where(scored, value, 0.0) for value in values), strict=True))
+    there = ~np.isnan(pairs[:, 0])
+    u, v = np.where(there[:, None], pairs, 0.0).T
+    powers = {name: there * u**p * v**q for name, (p, q) in zip(POWER_SUMS, ORDERS, strict=True)}
+    rows = singles.select("scene", "block", *BAND).with_columns(**sums, **powers)
+    moments = units_of(rows, rows, points=BAND, columns=POWER_SUMS)
+    units = units_of(rows, rows, points=BAND, columns=_BOTH)
+    found = _table(moments, pooled(moments, draws.weights(moments), mardia, method), _MARDIA_WITHIN)
+    bounds = _table(units, pooled(units, draws.weights(units), _per_error_within, method), _GAINS_WITHIN)
+    return found.join(bounds, on=BAND, maintain_order="left")
+
+
+def _per_error_within(sums: Array) -> Array:
+    """Gains of `_GAINS_WITHIN` from sums of `_BOTH`."""
+    scored, whole, student, mixture = sums
+    return np.stack([student, mixture, mixture - student, whole - student]) / np.where(scored > 0, scored, np.nan)
 
 
 def _block_sums(singles: pl.DataFrame) -> Units:

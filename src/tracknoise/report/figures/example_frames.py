@@ -8,6 +8,7 @@ import altair as alt
 import numpy as np
 import polars as pl
 
+from tracknoise.exceptions import StoreError
 from tracknoise.findings.wording import count, px
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
@@ -90,8 +91,10 @@ def _nothing(data: ReportData, entry: SequenceEntry) -> str:
 
 
 def _image(data: ReportData, entry: SequenceEntry) -> bytes | None:
-    path = data.run.snapshot_path(entry.key)
-    content = path.read_bytes() if path.is_file() else b""
+    try:
+        content = data.run.snapshot(entry.key)
+    except StoreError:
+        return None
     return content if content.startswith(b"\x89PNG") else None
 
 

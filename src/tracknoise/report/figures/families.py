@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import Any
 
 from tracknoise.report.cells import Cells
-from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.figures.figure import Absence, Figure, require_distinct
 from tracknoise.report.report_data import ReportData
 
 
@@ -38,7 +38,9 @@ class Family:
     def figures(self, data: ReportData) -> Sequence[Figure | Absence]:
         """Make the figures of a run, in order. Modules are imported when they are needed."""
         makers: list[Callable[[ReportData], Sequence[Figure | Absence]]] = [_load(name) for name in self.drawn_by]
-        return [item for make in makers for item in make(data)]
+        made = [item for make in makers for item in make(data)]
+        require_distinct(made)
+        return made
 
     def tables(self, data: ReportData) -> Sequence[Cells]:
         """Make the tables below the figures."""

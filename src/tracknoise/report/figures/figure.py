@@ -1,7 +1,11 @@
 """A figure: a chart with two texts, or the reason why there is none."""
 
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
+
+from tracknoise.exceptions import FigureError
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,3 +48,16 @@ class Absence:
     id: str
     title: str
     why: str
+
+
+def require_distinct(items: Iterable[Figure | Absence]) -> None:
+    """Refuse figures that share an id: the files of one would replace those of the other.
+
+    Raises
+    ------
+    FigureError
+        Naming the id.
+    """
+    for name, times in Counter(item.id for item in items).items():
+        if times > 1:
+            raise FigureError(f"found {times} figures with the id {name!r}, expected one")

@@ -1,11 +1,13 @@
 """Error growth: the second moment by age with the fitted model, and the autocorrelation of the changes."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import altair as alt
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
@@ -22,12 +24,15 @@ _PARTS = {
     "white_px": ("constant", "px"),
     "walk_px_per_sqrt_frame": ("random walk", "px/√frame"),
     "drift_px_per_frame": ("drift", "px/frame"),
+    "saturating_px": ("saturating part", "px"),
+    "saturating_frames": ("time constant", "frames"),
 }
 """Names and units of the parts of the fit."""
 _BEHAVES = {
     "white": "constant",
     "random walk": "a random walk",
     "drift": "a drift",
+    "saturating": "saturating",
     "none": "other",
     "undecided": "undecided",
 }
@@ -36,12 +41,16 @@ _SENTENCES = {
     "white": "the error of {} is constant",
     "random walk": "the error of {} is a random walk",
     "drift": "the error of {} is a drift",
+    "saturating": "the error of {} grows towards a limit",
     "none": "the error of {} fits none of the models",
     "undecided": "the growth of the error of {} is undecided",
 }
 """How a sentence states each verdict."""
-_EXPLAINED = ("random walk", "drift")
+_POLYNOMIAL = ("white_px", "walk_px_per_sqrt_frame", "drift_px_per_frame")
+_SATURATING = ("saturating_white_px", "saturating_px", "saturating_frames")
+_EXPLAINED = ("random walk", "drift", "saturating")
 """Verdicts whose reason is in the columns before them."""
+_TRIMMINGS = ("untrimmed", "trimmed")
 _AXES = {"u": "u (horizontal)", "v": "v (vertical)"}
 _SIZE = {"width": 395, "height": 200}
 _MOST_PLACES = 200
@@ -55,17 +64,22 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
     if table.is_empty():
         why = "No condition has enough errors to judge their growth."
         return [Absence("time-structure", _TITLE, why)]
-    points = data.nominal(data.points).filter(trimming="trimmed", population=data.population, role="second")
-    points = points.filter(pl.col("since") != 0).with_columns(distance=pl.col("since").abs())
+    points = data.nominal(data.points).filter(pl.col("since") != 0, population=data.population, role="second")
+    points = points.filter(pl.col("trimming").is_in(_trimmings(data))).with_columns(distance=pl.col("since").abs())
     nominal = table.filter(speed=data.slowest)
-    panels = [_growth(data, points, nominal, coordinate) for coordinate in _AXES]
-    panels += [_correlation(data, table, coordinate) for coordinate in _AXES]
+    panels = [
+        panel(coordinate, trimming)
+        for panel in (partial(_growth, data, points, nominal), partial(_correlation, data, table))
+        for coordinate in _AXES
+        for trimming in _trimmings(data)
+    ]
     figure = Figure(
         id="time-structure",
         title=_TITLE,
         shows=f"Top: the second moment about zero by {data.axis.distance} at speed {data.slowest}"
         f"{data.where} (dots) and the fitted model (lines). The model has a constant part, a part that grows with the "
-        "number of frames, and a part that grows with its square. Bottom: the correlation of successive changes of "
+        "number of frames, and a part that grows with its square. Where it fails and a part that grows towards a limit "
+        "fits, that is drawn. Bottom: the correlation of successive changes of "
         "the error, from one frame that the tracker saw to the next, at every speed. "
         f"{bands.describe_intervals(points, of='the second moments', marks='Thin lines at')}",
         look_for=_look_for(data, nominal),
@@ -81,6 +95,7 @@ def tables(data: ReportData) -> Sequence[Cells]:
             row["tracker"],
             str(row["speed"]),
             row["coordinate"],
+            row["trimming"],
             *(_size(row, name, unit) for name, (_, unit) in _PARTS.items()),
             _size(row, "autocorrelation", ""),
             _BEHAVES[row["verdict"]],
@@ -89,25 +104,36 @@ def tables(data: ReportData) -> Sequence[Cells]:
         for row in _fitted(data).to_dicts()
     ]
     parts = [name for name, _ in _PARTS.values()]
-    headings = ["tracker", "speed", "coordinate", *parts, "autocorrelation", "verdict", "why"]
-    caption = f"Fitted error growth{data.where}, trimmed"
-    return [Cells(caption, headings, rows, [False, True, False, *[True] * 4, False, False])] if rows else []
+    headings = ["tracker", "speed", "coordinate", "trimming", *parts, "autocorrelation", "verdict", "why"]
+    numeric = [False, True, False, False, *[True] * (1 + len(parts)), False, False]
+    return [Cells(f"Fitted error growth{data.where}", headings, rows, numeric)] if rows else []
 
 
 def _fitted(data: ReportData) -> pl.DataFrame:
-    table = data.reference(data.time_structure).filter(trimming="trimmed")
+    table = data.reference(data.time_structure).filter(pl.col("trimming").is_in(_trimmings(data)))
     order = {name: place for place, name in enumerate(data.trackers)}
     place = pl.col("tracker").replace_strict(order, return_dtype=pl.Int64, default=len(order))
-    return table.sort(place, "speed", "coordinate")
+    return table.sort(place, "speed", "coordinate", "trimming")
 
 
-def _growth(data: ReportData, points: pl.DataFrame, fits: pl.DataFrame, coordinate: str) -> Panel:
+def _trimmings(data: ReportData) -> Sequence[str]:
+    """Before trimming, and after it if it dropped any track."""
+    return _TRIMMINGS[:1] if data.percentile is None else _TRIMMINGS
+
+
+def _titled(data: ReportData, title: str, trimming: str) -> str:
+    """Title of an axis, with the trimming where there are two."""
+    return title if data.percentile is None else f"{trimming}, {title}"
+
+
+def _growth(data: ReportData, every: pl.DataFrame, fits: pl.DataFrame, coordinate: str, trimming: str) -> Panel:
     """Measured second moments, and the fit over the same distances."""
+    points = every.filter(trimming=trimming)
     measured = points.select(
         "tracker", "distance", "n", moment=pl.col(coordinate) ** 2, low=pl.col(f"{coordinate}_low") ** 2,
         high=pl.col(f"{coordinate}_high") ** 2,
     )  # fmt: skip
-    fitted = _curves(fits.filter(coordinate=coordinate), points)
+    fitted = _curves(fits.filter(coordinate=coordinate, trimming=trimming), points)
     values = pl.concat([measured["moment"], fitted["moment"]])
     largest = float(values.max() or 1.0)  # type: ignore[arg-type]
     highest = measured["high"].clip(upper_bound=2 * largest)
@@ -121,7 +147,7 @@ def _growth(data: ReportData, points: pl.DataFrame, fits: pl.DataFrame, coordina
     )
     y = alt.Y(
         "moment:Q",
-        title=f"{_AXES[coordinate]}: second moment (px²)",
+        title=_titled(data, f"{_AXES[coordinate]}: second moment (px²)", trimming),
         scale=alt.Scale(domain=ends, nice=False),
     )
     hue, opacity = marks.colour("tracker", data.colour, "tracker"), marks.opacity("tracker")
@@ -142,27 +168,35 @@ def _growth(data: ReportData, points: pl.DataFrame, fits: pl.DataFrame, coordina
 
 
 def _curves(fits: pl.DataFrame, points: pl.DataFrame) -> pl.DataFrame:
-    """white^2 + walk^2 k + drift^2 k^2 of every tracker, over its measured distances k."""
+    """The fitted second moment of every tracker, over its measured distances."""
     parts = [pl.DataFrame(schema={"tracker": pl.String, "distance": pl.Float64, "moment": pl.Float64})]
-    for row in fits.drop_nulls(list(_PARTS)).to_dicts():
+    for row in fits.drop_nulls(_POLYNOMIAL).to_dicts():
         reach = points.filter(tracker=row["tracker"])["distance"].max()
         k = np.linspace(0.0, float(reach or 0), _MOST_PLACES)  # type: ignore[arg-type]
-        white, walk, drift = (row[name] ** 2 for name in _PARTS)
-        columns = {"distance": k, "moment": white + walk * k + drift * k**2}
+        columns = {"distance": k, "moment": _fitted_moment(row, k)}
         parts.append(pl.DataFrame(columns).select(pl.lit(row["tracker"]).alias("tracker"), "distance", "moment"))
     return pl.concat(parts)
 
 
-def _correlation(data: ReportData, table: pl.DataFrame, coordinate: str) -> Panel:
+def _fitted_moment(row: Mapping[str, Any], k: NDArray[np.float64]) -> NDArray[np.float64]:
+    """white^2 + walk^2 k + drift^2 k^2 or, if errors are saturating, white^2 + size^2 (1 - exp(-k / tau))."""
+    if row["verdict"] == "saturating":
+        white, size, tau = (row[name] for name in _SATURATING)
+        return np.asarray(white**2 - size**2 * np.expm1(-k / tau))
+    white, walk, drift = (row[name] ** 2 for name in _POLYNOMIAL)
+    return np.asarray(white + walk * k + drift * k**2)
+
+
+def _correlation(data: ReportData, table: pl.DataFrame, coordinate: str, trimming: str) -> Panel:
     """Autocorrelation of the changes at every speed, with those of a random walk and of white noise."""
     names = ["autocorrelation", "autocorrelation_low", "autocorrelation_high"]
-    known = table.filter(coordinate=coordinate).drop_nulls("autocorrelation")
+    known = table.filter(coordinate=coordinate, trimming=trimming).drop_nulls("autocorrelation")
     known = known.select("tracker", pl.col("speed").cast(pl.String), value=names[0], low=names[1], high=names[2])
     ends = pl.concat([known["value"], known["low"], known["high"], pl.Series([-0.55, 0.1])])
     x = alt.X("speed:N", sort=[str(speed) for speed in data.speeds], axis=alt.Axis(labelAngle=0))
     y = alt.Y(
         "value:Q",
-        title=f"{_AXES[coordinate]}: autocorrelation",
+        title=_titled(data, f"{_AXES[coordinate]}: autocorrelation", trimming),
         scale=alt.Scale(domain=marks.domain(ends), nice=False),
     )
     hue, opacity = marks.colour("tracker", data.colour, "tracker"), marks.opacity("tracker")
@@ -185,12 +219,16 @@ def _correlation(data: ReportData, table: pl.DataFrame, coordinate: str) -> Pane
 
 
 def _look_for(data: ReportData, nominal: pl.DataFrame) -> str:
-    parts = [_sentences(row) for tracker in data.trackers for row in nominal.filter(tracker=tracker).to_dicts()]
-    numbers = f"At speed {data.slowest}, {' '.join([*parts[:1], *map(sentence_case, parts[1:])])} " if parts else ""
+    shown = nominal.filter(trimming=data.trimming)
+    parts = [_sentences(row) for tracker in data.trackers for row in shown.filter(tracker=tracker).to_dicts()]
+    which = "" if data.percentile is None else f", {data.trimming}"
+    numbers = (
+        f"At speed {data.slowest}{which}, {' '.join([*parts[:1], *map(sentence_case, parts[1:])])} " if parts else ""
+    )
     return (
         f"{numbers}A flat line is a constant error. It is white noise if the autocorrelation of its changes is near "
         f"{MINUS}0.5, and a filter can average it out. Otherwise it is an offset. A straight rise is a random walk, "
-        "and a rise that bends upwards is a drift. Averaging removes neither."
+        "and a rise that bends upwards is a drift. Averaging removes neither. A rise that levels off is saturating."
     )
 
 
@@ -199,6 +237,8 @@ def _sentences(row: Mapping[str, Any]) -> str:
         f"{name} {format_estimate(_estimate(row, part, unit))}" for part, (name, unit) in _PARTS.items() if row[part]
     ]
     verdict = _SENTENCES[row["verdict"]].format(f"{row['tracker']} in {row['coordinate']}")
+    if row["verdict"] in ("none", "undecided"):
+        return f"{verdict}{': ' if row['why'] else ''}{row['why'] or ''}."
     return f"{verdict}. " + (f"Its fitted parts: {listing(parts)}." if parts else "No model was fitted.")
 
 

@@ -3,6 +3,7 @@
 The toolbox counts pixels from the centre of the first, as everywhere here.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.pose import invert
 from tracknoise.sequences.dtu.layout import POSITIONS
+from tracknoise.sequences.dtu.mat_file import Variable
 from tracknoise.sequences.dtu.matlab import numbers, read_mat
 from tracknoise.sequences.poses import checked_poses
 
@@ -66,7 +68,7 @@ def read_calibration(path: Path) -> Calibration:
     return Calibration(camera, invert(rigid), notes)
 
 
-def _camera(path: Path, variables: dict[str, NDArray[np.float64]]) -> Camera:
+def _camera(path: Path, variables: Mapping[str, Variable]) -> Camera:
     (fx, fy), (cx, cy), distortion = (
         numbers(path, variables, name, count=count).ravel().tolist() for name, count in _INTRINSICS.items()
     )
@@ -83,7 +85,7 @@ def _camera(path: Path, variables: dict[str, NDArray[np.float64]]) -> Camera:
     return camera
 
 
-def _size(path: Path, variables: dict[str, NDArray[np.float64]]) -> tuple[int, int]:
+def _size(path: Path, variables: Mapping[str, Variable]) -> tuple[int, int]:
     """Width and height; both even, so that the images can be halved."""
     if "nx" not in variables and "ny" not in variables:
         return _SIZE

@@ -1,20 +1,27 @@
 """Numbers in MATLAB files."""
 
+import stat
 from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.io import loadmat, savemat
+from scipy.io import savemat
 
 from tracknoise.exceptions import DataError
+from tracknoise.sequences.dtu.mat_file import (
+    MatFileError,
+    UnsupportedMatFileError,
+    Variable,
+    parse_mat,
+)
 
+_MAX_BYTES = 1 << 31
 _REMARK = b"MATLAB 5.0 MAT-file".ljust(116)
 
 
-def read_mat(path: Path, names: list[str]) -> dict[str, Any]:
+def read_mat(path: Path, names: list[str]) -> dict[str, Variable]:
     """Read those variables of a MATLAB file (version 4 to 7.2) that it has.
 
     Raises
@@ -23,21 +30,28 @@ def read_mat(path: Path, names: list[str]) -> dict[str, Any]:
         If the file is missing, damaged, or of version 7.3.
     """
     try:
-        file = path.open("rb")
+        return parse_mat(_content(path), names)
     except FileNotFoundError as error:
         raise DataError(path, "no such file", "a MATLAB file") from error
     except OSError as error:
         raise DataError(path, f"unreadable ({error.strerror})", "a MATLAB file") from error
-    with file:
-        try:
-            return dict(loadmat(file, variable_names=names))  # type: ignore[arg-type]  # the stubs know paths only
-        except NotImplementedError as error:
-            raise DataError(path, "a MATLAB 7.3 file", "an earlier version (in MATLAB: save with -v7)") from error
-        except Exception as error:  # whatever the parser stumbles upon in a damaged file
-            raise DataError(path, "a damaged file, or none of MATLAB's", "a MATLAB file of version 4 to 7.2") from error
+    except UnsupportedMatFileError as error:
+        raise DataError(path, "a MATLAB 7.3 file", "an earlier version (in MATLAB: save with -v7)") from error
+    except MatFileError as error:
+        found = f"a damaged file, or not a MATLAB file ({error})"
+        raise DataError(path, found, "a MATLAB file of version 4 to 7.2") from error
 
 
-def numbers(path: Path, variables: dict[str, Any], name: str, *, count: int | None = None) -> NDArray[np.float64]:
+def _content(path: Path) -> bytes:
+    status = path.stat()
+    if stat.S_ISFIFO(status.st_mode) or stat.S_ISCHR(status.st_mode) or status.st_size > _MAX_BYTES:
+        raise DataError(path, "not a regular file of at most 2 GiB", "a MATLAB file")
+    return path.read_bytes()
+
+
+def numbers(
+    path: Path, variables: Mapping[str, Variable], name: str, *, count: int | None = None
+) -> NDArray[np.float64]:
     """One variable as float64, with the shape that it has in MATLAB.
 
     Parameters

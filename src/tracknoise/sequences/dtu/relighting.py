@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.foreign.files import read_text
+from tracknoise.foreign.parsing import damage_reported
 
 LED_COUNT = 19
 SIGMA_M = 0.20
@@ -70,13 +72,9 @@ def read_leds(path: Path) -> NDArray[np.float64]:
         If the file is missing, or has not 19 rows of three finite numbers, or they cannot be metres.
     """
     expected = f"{LED_COUNT} rows of x,y,z in metres"
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except FileNotFoundError as error:
-        raise DataError(path, "no such file", expected) from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(path, "unreadable file", f"text of {expected}") from error
-    rows = [(number, row) for number, row in enumerate(csv.reader(lines), start=1) if any(map(str.strip, row))]
+    lines = read_text(path, expected).splitlines()
+    with damage_reported(path, "unreadable file", expected):
+        rows = [(number, row) for number, row in enumerate(csv.reader(lines), start=1) if any(map(str.strip, row))]
     if rows and not any(map(_is_number, rows[0][1])):
         rows = rows[1:]
     leds = np.array([_position(f"{path}:{number}", row) for number, row in rows]).reshape(-1, 3)

@@ -29,7 +29,8 @@ def read_scan(path: Path) -> tuple[Scan, tuple[str, ...]]:
         If the file is missing or damaged, one of the two arrays is missing or malformed, or no point is finite.
     """
     variables = read_mat(path, list(_PARTS))
-    points = np.concatenate([_points(path, name, numbers(path, variables, name)) for name in _PARTS])
+    with np.errstate(invalid="ignore"):  # a signalling NaN becomes a quiet one
+        points = np.concatenate([_points(path, name, numbers(path, variables, name)) for name in _PARTS])
     finite = np.isfinite(points).all(axis=1)
     if not finite.any():
         raise DataError(path, "a scan without points", f"columns of x, y, z in {' and '.join(_PARTS)}")

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.foreign.files import read_text
 from tracknoise.geometry.camera import Camera
 from tracknoise.sequences.kitti.layout import CAM_TO_CAM, IMU_TO_VELO, VELO_TO_CAM
 from tracknoise.sequences.poses import checked_poses
@@ -90,14 +91,7 @@ def _projection(path: Path, values: Values) -> NDArray[np.float64]:
 
 def _read(path: Path, counts: dict[str, int]) -> Values:
     """Values of some keys of a file, which must have given counts of numbers."""
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except FileNotFoundError as error:
-        raise DataError(path, "no such file", f"a calibration with {', '.join(counts)}") from error
-    except OSError as error:
-        raise DataError(path, f"unreadable ({error.strerror})", "a calibration") from error
-    except UnicodeDecodeError as error:
-        raise DataError(path, "unreadable file", "text of a calibration") from error
+    lines = read_text(path, f"a calibration with {', '.join(counts)}").splitlines()
     values: Values = {}
     for number, line in enumerate(lines, start=1):
         key, _, rest = line.partition(":")

@@ -1,12 +1,16 @@
 """Times of a drive's images: a line ``2011-09-26 13:02:25.964389445`` for each frame, from frame 0 on."""
 
+import re
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.foreign.files import read_text
+from tracknoise.foreign.parsing import damage_reported
 
+_TIME = re.compile(r"(?:19|20|21)[0-9]{2}-[0-9]{2}-[0-9]{2}(?:[ T][0-9:.]+)?")  # a century that 64 bits of ns can hold
 _FORMAT = "a time such as 2011-09-26 13:02:25.964389445"
 
 
@@ -32,12 +36,9 @@ def read_timestamps(path: Path, numbers: range) -> tuple[NDArray[np.float64] | N
     DataError
         If the file cannot be read, or a frame has no time in it.
     """
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except FileNotFoundError:
+    if not path.exists():
         return None, ()
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(path, "unreadable file", f"in each line {_FORMAT}") from error
+    lines = read_text(path, f"in each line {_FORMAT}").splitlines()
     if len(lines) < numbers.stop:
         raise DataError(path, f"{len(lines)} lines", f"at least {numbers.stop}, one for each image")
     times = np.array([_time(f"{path}:{number + 1}", lines[number]) for number in numbers])
@@ -48,10 +49,7 @@ def read_timestamps(path: Path, numbers: range) -> tuple[NDArray[np.float64] | N
 
 
 def _time(place: str, line: str) -> np.datetime64:
-    try:
-        time = np.datetime64(line.strip(), "ns")
-    except ValueError as error:
-        raise DataError(place, repr(line), _FORMAT) from error
-    if np.isnat(time):
+    if _TIME.fullmatch(line.strip()) is None:
         raise DataError(place, repr(line), _FORMAT)
-    return time
+    with damage_reported(place, repr(line), _FORMAT):  # a month 13
+        return np.datetime64(line.strip(), "ns")

@@ -6,9 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.foreign.files import MIB, read_bytes
 
 SCAN_SUFFIX = ".bin"
 _POINT_BYTES = 16
+_MOST_BYTES = 64 * MIB  # a turn of the scanner has about 2 MiB
 
 
 def read_scan(path: Path) -> NDArray[np.float64]:
@@ -24,18 +26,13 @@ def read_scan(path: Path) -> NDArray[np.float64]:
     DataError
         If the file is missing, empty or truncated, or has points that are not numbers.
     """
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError as error:
-        raise DataError(path, "no such file", "a Velodyne scan") from error
-    except OSError as error:
-        raise DataError(path, f"unreadable ({error.strerror})", "a Velodyne scan") from error
+    data = read_bytes(path, "a Velodyne scan", most=_MOST_BYTES)
     if not data or len(data) % _POINT_BYTES:
         raise DataError(path, f"{len(data)} bytes", f"a multiple of {_POINT_BYTES} (float32 x y z reflectance), not 0")
-    points = np.frombuffer(data, "<f4").reshape(-1, 4)[:, :3].astype(np.float64)
+    points = np.frombuffer(data, "<f4").reshape(-1, 4)[:, :3]
     if not np.isfinite(points).all():
         raise DataError(path, "NaN or infinity among the points", "finite x y z")
-    return points
+    return points.astype(np.float64)
 
 
 def write_scan(path: Path, points: NDArray[np.float64]) -> None:

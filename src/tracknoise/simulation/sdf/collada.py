@@ -1,9 +1,9 @@
 """COLLADA meshes (.dae)."""
 
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree as ET
 
 import numpy as np
 from collada import Collada
@@ -12,18 +12,23 @@ from collada.lineset import LineSet
 from collada.material import Map
 from numpy.typing import NDArray
 
+from tracknoise.exceptions import DataError
+from tracknoise.foreign.child import call_in_child
+from tracknoise.foreign.files import require_regular
+from tracknoise.foreign.parsing import damage_reported
 from tracknoise.simulation.sdf.library import Library
 from tracknoise.simulation.sdf.part import Look, Part, even
 from tracknoise.simulation.sdf.remarks import Remarks
 
-_DAMAGED = (DaeError, ET.ParseError, ValueError, LookupError, AttributeError, TypeError)
+_ZIP = b"PK"
 _AS_GAZEBO = "Z_UP"
 
 
 def read_collada(path: Path, library: Library, remarks: Remarks) -> list[Part]:
     """Triangles of the scene in a COLLADA file, in metres.
 
-    As in Gazebo, ``<unit>`` is applied, and ``<up_axis>`` is not.
+    A child process reads it, because parts that contain each other take exponential time, and numbers in it determine
+    the sizes of arrays. As in Gazebo, ``<unit>`` is applied, and ``<up_axis>`` is not.
 
     Parameters
     ----------
@@ -35,18 +40,32 @@ def read_collada(path: Path, library: Library, remarks: Remarks) -> list[Part]:
         Collects what is not supported.
     """
     try:
-        document = Collada(str(path), ignore=[DaeError])
-        parts = [] if document.scene is None else list(_parts(document, path, library, remarks))
-    except _DAMAGED as error:
-        remarks.add(path, f"damaged COLLADA file ({_one_line(error)}); it is left out")
+        size = require_regular(path, "a COLLADA file")
+        with damage_reported(path, "damaged COLLADA file", "one that can be read", with_reason=True):
+            parts, lines = call_in_child(_read, path, library, size=size)
+    except DataError as error:
+        remarks.add(path, f"{error.found}; it is left out")
         return []
+    for line in lines:
+        remarks.add_line(line)
+    return parts
+
+
+def _read(path: Path, library: Library) -> tuple[list[Part], tuple[str, ...]]:
+    """The parts of a file, and remarks on it."""
+    remarks = Remarks()
+    content = path.read_bytes()
+    if content.startswith(_ZIP):
+        raise ValueError("it is compressed, which is not supported")
+    document = Collada(BytesIO(content), ignore=[DaeError])
+    parts = [] if document.scene is None else list(_parts(document, path, library, remarks))
     if document.errors:
         remarks.add(path, f"part of the file cannot be used ({_one_line(document.errors[0])}); it is left out")
     elif not parts:
         remarks.add(path, "COLLADA file without triangles")
     if document.assetInfo.upaxis != _AS_GAZEBO:
         remarks.add(path, f"<up_axis> {document.assetInfo.upaxis} is not applied, as in Gazebo; z is up")
-    return parts
+    return parts, remarks.lines
 
 
 def _parts(document: Any, path: Path, library: Library, remarks: Remarks) -> Iterator[Part]:

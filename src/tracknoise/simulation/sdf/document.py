@@ -12,6 +12,8 @@ from tracknoise.simulation.sdf.library import Library, model_file
 from tracknoise.simulation.sdf.remarks import Remarks
 from tracknoise.simulation.sdf.xml import Element, child_numbers, numbers, pose_of, read_xml, text_of
 
+MOST_INCLUDE_LEVELS, MOST_INCLUDES = 8, 1000
+"""How deep files include each other, and how many includes a world has in all."""
 _NOT_SHOWN = ("actor", "light", "road", "population", "particle_emitter", "projector", "sky", "fog")
 
 
@@ -73,10 +75,11 @@ class _Scope:
         return self.files[-1]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _Walk:
     library: Library
     remarks: Remarks
+    includes: int = 0
 
     def file(self, scope: _Scope, placed: Element | None) -> list[Visual]:
         """The first world and all models of a file, with the pose given by the including file."""
@@ -128,11 +131,21 @@ class _Walk:
                 scope.file, f"<placement_frame> of {uri!r} is not supported; the model's own frame is used"
             )
         file = model_file(place) if place.is_dir() else place
-        if file.resolve() in map(Path.resolve, scope.files):
-            raise DataError(scope.file, f"{uri} includes itself", "models that do not include themselves")
+        self._count_include(file, uri or "", scope)
         own = saved.get(text_of(include, "name") or place.name)
         placed = include.find("pose") if own is None else own
         return self.file(replace(scope, files=(*scope.files, file)), placed)
+
+    def _count_include(self, file: Path, uri: str, scope: _Scope) -> None:
+        """Refuse a circle, and more includes than a world can need: they can grow exponentially with their depth."""
+        self.includes += 1
+        if file.resolve() in map(Path.resolve, scope.files):
+            raise DataError(scope.file, f"{uri} includes itself", "models that do not include themselves")
+        if len(scope.files) > MOST_INCLUDE_LEVELS:
+            found = f"{uri} is included at level {len(scope.files)}"
+            raise DataError(scope.file, found, f"at most {MOST_INCLUDE_LEVELS} levels of includes")
+        if self.includes > MOST_INCLUDES:
+            raise DataError(scope.files[0], f"more than {MOST_INCLUDES} includes", "fewer models")
 
     def _model(self, model: Element, scope: _Scope, placed: Element | None) -> list[Visual]:
         """A model, at its own pose unless another pose is given."""

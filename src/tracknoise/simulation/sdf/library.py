@@ -5,10 +5,12 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from tracknoise.exceptions import DataError
+from tracknoise.foreign.files import absolute, is_folder, is_regular_file
 from tracknoise.simulation.sdf.xml import read_xml
 
 _MODEL = "model://"
-_CONFIG = "model.config"
+MODEL_CONFIG = "model.config"
+_MOST_DIGITS = 9
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,12 +38,15 @@ class Library:
         Returns
         -------
         Path or None
-            None if there is nothing there. Upper and lower case in the last name are not distinguished.
+            None if there is no regular file or folder. A ``model://`` URI cannot leave its root, and other paths cannot
+            leave `beside` and the roots, not by links either. Upper and lower case in the last name are not
+            distinguished.
         """
         if uri.startswith(_MODEL):
-            found = (_existing(root / uri.removeprefix(_MODEL)) for root in self.roots)
+            found = (_existing(root / uri.removeprefix(_MODEL), (root,)) for root in self.roots)
             return next((path for path in found if path), None)
-        return None if "://" in uri.removeprefix("file://") else _existing(beside / uri.removeprefix("file://"))
+        path = uri.removeprefix("file://")
+        return None if "://" in path else _existing(beside / path, (beside, *self.roots))
 
     def find_texture(self, name: str, beside: Path) -> Path | None:
         """Image file that a mesh or a material script names.
@@ -56,9 +61,10 @@ class Library:
         """
         name = unquote(name).replace("\\", "/")
         last = name.rsplit("/", 1)[-1]
-        folders = ("", "../materials/textures", "../textures", "textures")
-        candidates = [self.find(name, beside), *(_existing(beside / folder / last) for folder in folders)]
-        return next((path for path in candidates if path and path.is_file()), None)
+        folders = [beside / folder for folder in ("", "../materials/textures", "../textures", "textures")]
+        named = (_existing(folder / last, (folder, *self.roots)) for folder in folders)
+        candidates = [self.find(name, beside), *named]
+        return next((path for path in candidates if path and is_regular_file(path)), None)
 
 
 def model_file(folder: Path) -> Path:
@@ -69,15 +75,15 @@ def model_file(folder: Path) -> Path:
     DataError
         If ``model.config`` is malformed or names none, or there is no such file.
     """
-    config = folder / _CONFIG
-    if not config.is_file():
+    config = folder / MODEL_CONFIG
+    if not is_regular_file(config):
         path = folder / "model.sdf"
     else:
         named = [(_version(item.get("version")), (item.text or "").strip()) for item in read_xml(config).iter("sdf")]
         if not any(name for _, name in named):
             raise DataError(config, "no SDF file named", "<sdf version='1.6'>model.sdf</sdf>")
-        path = folder / max(named)[1]
-    if not path.is_file():
+        path = _within(folder, max(named)[1], config)
+    if not is_regular_file(path):
         raise DataError(path, "no such file", "the model's SDF file")
     return path
 
@@ -90,24 +96,41 @@ def model_names(folder: Path) -> list[str]:
     DataError
         If it is not a folder, or contains no model.
     """
-    if not folder.is_dir():
+    if not is_folder(folder):
         raise DataError(folder, "no such folder", "a folder of Gazebo models")
-    names = sorted(path.parent.name for path in folder.glob(f"*/{_CONFIG}"))
+    names = sorted(path.parent.name for path in folder.glob(f"*/{MODEL_CONFIG}"))
     if not names:
-        raise DataError(folder, "no model", f"a folder for each model with {_CONFIG} in it")
+        raise DataError(folder, "no model", f"a folder for each model with {MODEL_CONFIG} in it")
     return names
 
 
-def _existing(path: Path) -> Path | None:
+def _existing(path: Path, roots: tuple[Path, ...]) -> Path | None:
+    """A regular file or folder below one of the roots: the path, or one that differs only in the case of its name."""
+    found = _any_case(path)
+    if found is None or not (is_folder(found) or is_regular_file(found)):
+        return None
+    return found if any(found.resolve().is_relative_to(root.resolve()) for root in roots) else None
+
+
+def _any_case(path: Path) -> Path | None:
     """The path, or an existing one that differs only in the case of its last name."""
     try:
         if path.exists():
             return path
         name, others = path.name.casefold(), sorted(path.parent.iterdir())
-    except (OSError, ValueError):  # the folder does not exist, or the name is not a valid file name
+    except (OSError, ValueError, RuntimeError):  # no folder, no valid name of a file, or links in a circle
         return None
     return next((other for other in others if other.name.casefold() == name), None)
 
 
+def _within(folder: Path, name: str, place: Path) -> Path:
+    """A file of a folder, whose name comes from a file."""
+    path = absolute(folder, Path(name))
+    if not path.is_relative_to(folder.resolve()):
+        raise DataError(place, f"the file {name!r}", "one in the folder of the model")
+    return folder / name
+
+
 def _version(text: str | None) -> tuple[int, ...]:
-    return tuple(int(part) for part in (text or "").split(".") if part.isdecimal())
+    """The parts of a version, for comparison; those that are no numbers, or very long, are left out."""
+    return tuple(int(part) for part in (text or "").split(".") if part.isdecimal() and len(part) <= _MOST_DIGITS)

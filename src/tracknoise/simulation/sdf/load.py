@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, DataWarning
+from tracknoise.foreign.files import is_regular_file, read_bytes
+from tracknoise.foreign.image_header import require_whole_image
 from tracknoise.simulation.scenery import Scenery
 from tracknoise.simulation.sdf.coincident import set_apart
 from tracknoise.simulation.sdf.document import Visual, read_visuals
-from tracknoise.simulation.sdf.library import Library, model_file
+from tracknoise.simulation.sdf.library import MODEL_CONFIG, Library, model_file
 from tracknoise.simulation.sdf.materials import own_look
 from tracknoise.simulation.sdf.meshes import read_mesh
 from tracknoise.simulation.sdf.part import PLAIN, Look, Part
@@ -21,6 +23,8 @@ from tracknoise.simulation.sdf.xml import child_numbers, text_of
 from tracknoise.simulation.world import World
 
 _LARGEST_SIDE = 1024
+_FARTHEST_M, _MOST_REPEATS = 1e9, 1e6
+_MOST_TRIANGLES = 4_000_000
 _THINNEST = 1e-7  # sine of the smallest angle of a valid triangle
 _SUPPORTED = "a mesh, box, sphere, cylinder or plane that can be rendered"
 
@@ -34,7 +38,7 @@ def load_world(path: Path, *, models: Path | None = None) -> Scenery:
         A ``.world`` or ``.sdf`` file.
     models
         Folder in which ``model://`` URIs are searched for first. The folder of the file follows, then its subfolder
-        ``models`` and its parent folder.
+        ``models``, and for the file of a model the folder that contains the model.
 
     Returns
     -------
@@ -48,10 +52,11 @@ def load_world(path: Path, *, models: Path | None = None) -> Scenery:
         If a file is missing or malformed, or nothing is visible.
     """
     own = path.parent
-    library = Library((*(() if models is None else (models,)), own, own / "models", own.parent))
+    above = (own.parent,) if (own / MODEL_CONFIG).exists() else ()
+    library = Library((*(() if models is None else (models,)), own, own / "models", *above))
     remarks = Remarks()
-    parts = [part for visual in read_visuals(path, library, remarks) for part in _parts(visual, library, remarks)]
-    world = _assemble(parts, remarks)
+    with np.errstate(over="ignore", invalid="ignore"):  # of meshes whose numbers are too large to be used
+        world = _assemble(_all_parts(path, library, remarks), remarks)
     if world is None:
         found = "; ".join(("nothing visible", *remarks.lines))
         raise DataError(path, found, _SUPPORTED)
@@ -63,6 +68,19 @@ def load_world(path: Path, *, models: Path | None = None) -> Scenery:
 def load_model(folder: Path) -> Scenery:
     """Read a model from its folder in a folder of models; see `load_world`."""
     return load_world(model_file(folder), models=folder.parent)
+
+
+def _all_parts(path: Path, library: Library, remarks: Remarks) -> list[Part]:
+    """Triangles of all visuals, in the world frame."""
+    found: list[Part] = []
+    triangles = 0
+    for visual in read_visuals(path, library, remarks):
+        parts = _parts(visual, library, remarks)
+        triangles += sum(len(part.corners) for part in parts)
+        if triangles > _MOST_TRIANGLES:
+            raise DataError(path, f"more than {_MOST_TRIANGLES} triangles", "fewer or smaller meshes")
+        found += parts
+    return found
 
 
 def _parts(visual: Visual, library: Library, remarks: Remarks) -> list[Part]:
@@ -88,7 +106,7 @@ def _shaped(visual: Visual, library: Library, remarks: Remarks) -> list[Part]:
 def _mesh(visual: Visual, library: Library, remarks: Remarks) -> list[Part]:
     uri = text_of(visual.geometry, "uri")
     path = library.find(uri, visual.file.parent) if uri else None
-    if path is None or not path.is_file():
+    if path is None or not is_regular_file(path):
         remarks.add(visual.file, f"mesh {uri!r} of {visual.name} is not found; it is left out")
         return []
     if visual.geometry.find("submesh") is not None:
@@ -101,7 +119,7 @@ def _mesh(visual: Visual, library: Library, remarks: Remarks) -> list[Part]:
 def _assemble(parts: list[Part], remarks: Remarks) -> World | None:
     """A world of all triangles that have an area; None if there is none."""
     looks: dict[Look, int] = {}
-    kept = [(part, _has_area(part.corners)) for part in parts]
+    kept = [(part, _has_area(part.corners) & _has_usable_uv(part)) for part in parts]
     kept = [(part, keep) for part, keep in kept if keep.any()]
     if not kept:
         return None
@@ -128,26 +146,44 @@ def _worn(part: Part, remarks: Remarks) -> Look:
 
 
 def _has_area(corners: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(t,) bool: whether triangles are finite and their corners do not lie on a line."""
-    edges = np.nan_to_num(corners[:, 1:] - corners[:, :1], nan=0.0, posinf=0.0, neginf=0.0)
+    """(t,) bool: whether triangles are neither infinite nor far away, and their corners do not lie on a line."""
+    usable = np.all(np.abs(corners) <= _FARTHEST_M, axis=(1, 2))  # not of NaN
+    corners = np.where(usable[:, None, None], corners, 0.0)
+    edges = corners[:, 1:] - corners[:, :1]
     double_area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     longest = np.linalg.norm(edges, axis=2).max(axis=1, initial=0.0)
-    wide: NDArray[np.bool_] = (double_area > _THINNEST * longest**2) & (longest > 0.0)
-    return wide & np.isfinite(corners).all(axis=(1, 2))
+    return np.asarray(usable & (double_area > _THINNEST * longest**2) & (longest > 0.0), np.bool_)
+
+
+def _has_usable_uv(part: Part) -> NDArray[np.bool_]:
+    """(t,) bool: whether the texture coordinates of triangles, if there are any, are finite and not too large."""
+    if part.corner_uv is None:
+        return np.ones(len(part.corners), np.bool_)
+    return np.asarray(np.all(np.abs(part.corner_uv) <= _MOST_REPEATS, axis=(1, 2)), np.bool_)
 
 
 def _texture(look: Look, remarks: Remarks) -> NDArray[np.float32]:
     """Reflectance as a square whose side is the power of two nearest to the image's longer side, at most 1024."""
     if look.texture is None:
         return np.full((1, 1), look.reflectance, np.float32)
-    data = np.fromfile(look.texture, np.uint8)
-    image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
+    image = _decoded(look.texture)
     if image is None:
         remarks.add(look.texture, "cannot be read as an image; plain grey is shown instead")
         return np.full((1, 1), PLAIN.reflectance, np.float32)
     side = min(1 << round(float(np.log2(max(image.shape)))), _LARGEST_SIDE)
     wide = _resized(image.astype(np.float32) / np.float32(255.0), side)
     return np.ascontiguousarray(_resized(wide.T, side).T)
+
+
+def _decoded(path: Path) -> NDArray[np.uint8] | None:
+    """(height, width) uint8: an image in grey; None if it cannot be read or is too large."""
+    try:
+        data = read_bytes(path, "an image")
+        require_whole_image(path, data)
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE)
+    except (DataError, cv2.error):
+        return None
+    return None if image is None else np.asarray(image, np.uint8)
 
 
 def _resized(image: NDArray[np.float32], width: int) -> NDArray[np.float32]:

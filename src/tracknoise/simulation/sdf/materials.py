@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+from tracknoise.foreign.files import is_regular_file, read_any_text
 from tracknoise.simulation.sdf.library import Library
 from tracknoise.simulation.sdf.part import NUMBER, Look, even
 from tracknoise.simulation.sdf.remarks import Remarks
@@ -48,7 +49,7 @@ def _scripted(script: Element, file: Path, library: Library, remarks: Remarks) -
     for uri in script.findall("uri"):
         place = library.find((uri.text or "").strip(), file.parent)
         for path in () if place is None else sorted(place.glob("*.material")) if place.is_dir() else (place,):
-            body = _body(path.read_text(errors="replace"), name)
+            body = _body(read_any_text(path, "a material script"), name) if is_regular_file(path) else None
             if body is not None:
                 return _look(body, name, path, library, remarks)
     remarks.add(file, f"material {name!r} is not found; it is ignored")
@@ -56,10 +57,10 @@ def _scripted(script: Element, file: Path, library: Library, remarks: Remarks) -
 
 
 def _look(body: str, name: str, path: Path, library: Library, remarks: Remarks) -> Look | None:
-    texture = re.search(r"^\s*texture\s+(\S+)", body, re.MULTILINE)
+    texture = re.search(r"^[ \t]*texture[ \t]+(\S+)", body, re.MULTILINE)
     if texture is not None:
         return _textured(texture[1], path.parent, path, library, remarks)
-    diffuse = re.search(rf"^\s*diffuse((?:\s+{NUMBER}){{3}})", body, re.MULTILINE)
+    diffuse = re.search(rf"^[ \t]*diffuse((?:[ \t]+{NUMBER}){{3}})", body, re.MULTILINE)
     if diffuse is not None:
         return even(*(float(word) for word in diffuse[1].split()))
     remarks.add(path, f"material {name!r} has neither texture nor diffuse colour; it is ignored")
@@ -75,9 +76,9 @@ def _textured(name: str, beside: Path, place: Path, library: Library, remarks: R
 
 
 def _body(script: str, name: str) -> str | None:
-    """Text between the braces of a material in a script."""
-    start = re.search(rf"^\s*material\s+{re.escape(name)}\s*(?::[^{{]*)?{{", script, re.MULTILINE)
-    if start is None:
+    """Text between the braces of a material in a script. The time of the search grows with the length of the script."""
+    start = re.search(rf"^[ \t]*material[ \t]+{re.escape(name)}(?:[ \t]*:[^{{\n]*+)?\s*+{{", script, re.MULTILINE)
+    if start is None or not name:
         return None
     depth, end = 1, start.end()
     while depth and end < len(script):

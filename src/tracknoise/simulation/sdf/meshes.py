@@ -4,13 +4,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-import numpy as np
-import trimesh
-
 from tracknoise.simulation.sdf.collada import read_collada
 from tracknoise.simulation.sdf.library import Library
 from tracknoise.simulation.sdf.part import Part
 from tracknoise.simulation.sdf.remarks import Remarks
+from tracknoise.simulation.sdf.stl import read_stl
 from tracknoise.simulation.sdf.wavefront import read_wavefront
 
 MeshReader = Callable[[Path, Library, Remarks], list[Part]]
@@ -40,16 +38,4 @@ def read_mesh(path: Path, library: Library, remarks: Remarks) -> list[Part]:
     return reader(path, library, remarks)
 
 
-def _read_stl(path: Path, library: Library, remarks: Remarks) -> list[Part]:
-    """Triangles of an STL file, which has no textures."""
-    try:
-        mesh = trimesh.load_mesh(path, process=False)
-    except (ValueError, OSError, LookupError, TypeError) as error:
-        remarks.add(path, f"damaged STL file ({' '.join(str(error).split())}); it is left out")
-        return []
-    if not len(mesh.faces):
-        remarks.add(path, "STL file without triangles")
-    return [Part(np.asarray(mesh.triangles, np.float64), None)]
-
-
-_READERS: Mapping[str, MeshReader] = MappingProxyType({".dae": read_collada, ".obj": read_wavefront, ".stl": _read_stl})
+_READERS: Mapping[str, MeshReader] = MappingProxyType({".dae": read_collada, ".obj": read_wavefront, ".stl": read_stl})

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+NUMBER = r"(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 """Pattern of a non-negative number, such as a colour channel."""
 _LUMA = np.array([0.299, 0.587, 0.114])  # weights of red, green and blue, as in grey images of colour files
 
@@ -51,5 +51,6 @@ class Part:
 
 
 def even(red: float, green: float, blue: float) -> Look:
-    """Material of a uniform colour, with channels from 0 to 1."""
-    return Look(reflectance=float(np.clip(_LUMA @ (red, green, blue), 0.0, 1.0)))
+    """Material of a uniform colour, with channels from 0 to 1. Infinite ones count as bright, NaN as dark."""
+    channels = np.nan_to_num([red, green, blue], nan=0.0, posinf=1.0, neginf=0.0)
+    return Look(reflectance=float(np.clip(_LUMA @ channels, 0.0, 1.0)))

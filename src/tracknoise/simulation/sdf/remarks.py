@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from tracknoise.exceptions import one_line
+
 
 class Remarks:
     """Collects one sentence for each thing that is left out or replaced, in order, without repetitions."""
@@ -19,7 +21,11 @@ class Remarks:
         what
             What was found, and what is done instead.
         """
-        self._lines[f"{place}: {what}"] = None
+        self.add_line(f"{place}: {what}")
+
+    def add_line(self, line: str) -> None:
+        """Add a remark that another collection has."""
+        self._lines[one_line(line)] = None
 
     @property
     def lines(self) -> tuple[str, ...]:

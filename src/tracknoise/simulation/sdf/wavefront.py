@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.foreign.files import is_regular_file, read_any_text
 from tracknoise.simulation.sdf.library import Library
 from tracknoise.simulation.sdf.part import NUMBER, Look, Part, even
 from tracknoise.simulation.sdf.remarks import Remarks
@@ -35,7 +36,10 @@ class _Mesh:
                 raise ValueError(line)
             self.positions.append([x, y, z])
         elif key == "vt":
-            self.uv.append([float(word) for word in [*rest.split(), "0"][:2]])
+            u, v = (float(word) for word in [*rest.split(), "0"][:2])
+            if not np.isfinite([u, v]).all():
+                raise ValueError(line)
+            self.uv.append([u, v])
         elif key == "f":
             corners = [self._corner(word) for word in rest.split()]
             fan = self.faces.setdefault(self.material, [])
@@ -66,7 +70,7 @@ def read_wavefront(path: Path, library: Library, remarks: Remarks) -> list[Part]
     """
     mesh = _Mesh()
     looks: dict[str, Look] = {}
-    for number, line in enumerate(path.read_text(errors="replace").splitlines(), start=1):
+    for number, line in enumerate(read_any_text(path, "an OBJ file").splitlines(), start=1):
         try:
             mesh.take(line)
         except (ValueError, IndexError):
@@ -91,13 +95,13 @@ def _part(mesh: _Mesh, corners: list[_Corner], look: Look | None) -> Part:
 def _read_materials(mesh: Path, name: str, library: Library, remarks: Remarks) -> dict[str, Look]:
     """Materials by name. A texture replaces the colour."""
     path = library.find(name, mesh.parent)
-    if path is None or not path.is_file():
+    if path is None or not is_regular_file(path):
         remarks.add(mesh, f"material file {name!r} is not found; plain grey is shown instead")
         return {}
     colours: dict[str, Look] = {}
     textured: dict[str, Look] = {}
     material = ""
-    for line in path.read_text(errors="replace").splitlines():
+    for line in read_any_text(path, "a material file").splitlines():
         key, _, rest = (part.strip() for part in line.strip().partition(" "))
         if key == "newmtl":
             material = rest

@@ -9,8 +9,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tracknoise.exceptions import DataError
+from tracknoise.foreign.files import MOST_TEXT_BYTES, read_bytes
 
 Element = ET.Element
+_MOST_LEVELS = 32
+_LARGEST, _SHORTEST = 1e9, 1e-9
+"""Largest number in a file, and smallest length of a quaternion that has a direction."""
 
 
 def read_xml(path: Path) -> Element:
@@ -19,17 +23,23 @@ def read_xml(path: Path) -> Element:
     Raises
     ------
     DataError
-        If the file is missing, malformed (the message names the line) or in an encoding that cannot be read.
+        If the file is missing, malformed (the message names the line), nested too deep, or in an encoding that cannot
+        be read.
     """
+    content = read_bytes(path, "an XML file", most=MOST_TEXT_BYTES)
     try:
-        return ET.fromstring(path.read_bytes())
+        root = ET.fromstring(content)
     except ET.ParseError as error:
         what = ErrorString(error.code)
         raise DataError(f"{path}:{error.position[0]}", f"malformed XML ({what})", "well-formed XML") from error
     except (LookupError, ValueError) as error:  # expat supports few encodings, and only single-byte ones of Python
         raise DataError(path, f"an encoding that cannot be read ({error})", "well-formed XML in UTF-8") from error
-    except OSError as error:
-        raise DataError(path, "no such file" if not path.exists() else "cannot be read", "an XML file") from error
+    level = [root]
+    for _ in range(_MOST_LEVELS):
+        level = [child for element in level for child in element]
+    if level:
+        raise DataError(path, f"elements nested more than {_MOST_LEVELS} deep", "fewer levels")
+    return root
 
 
 def text_of(element: Element | None, tag: str) -> str | None:
@@ -47,12 +57,15 @@ def numbers(element: Element, count: int, place: str | Path) -> NDArray[np.float
         If the number of values is wrong, or one is not finite.
     """
     text = (element.text or "").strip()
+    words = text.split()
     try:
-        values = np.array(text.split(), np.float64)
+        values = np.array([float(word) for word in words if len(words) == count], np.float64)
     except ValueError:
         values = np.empty(0)
     if len(values) != count or not np.isfinite(values).all():
         raise DataError(place, f"<{element.tag}> {text!r}", f"{count} finite numbers")
+    if np.any(np.abs(values) > _LARGEST):
+        raise DataError(place, f"<{element.tag}> {text!r}", f"numbers up to {_LARGEST:g}")
     return values
 
 
@@ -79,7 +92,7 @@ def pose_of(element: Element | None, place: str | Path) -> NDArray[np.float64]:
         return pose
     if element.get("rotation_format") == "quat_xyzw":
         values = numbers(element, 7, place)
-        if not np.any(values[3:]):
+        if np.linalg.norm(values[3:]) < _SHORTEST:
             raise DataError(place, f"<pose> {(element.text or '').strip()!r}", "a non-zero quaternion")
         rotation = Rotation.from_quat(values[3:])
     else:

@@ -1,0 +1,1 @@
+"""Attacks on tracknoise: damaged inputs, kills, signals, byte flips in run folders, and unusual names."""

@@ -1,0 +1,71 @@
+"""Runs that are killed at random moments and resumed, compared with one that was left alone.
+
+    python -m benchmarks.attack kills [--count N] [--seed N]
+
+Each run is the whole program, `tracknoise run` with two workers and a report, in a folder of its own. SIGKILL goes to
+the program, to some of its workers, or to all at once, at a random moment of each phase in turn. A program that was
+killed is started again. In the end every file of the run must be the same to the byte; of the manifest, everything but
+the seconds. Workers of a killed program must end by themselves: printed is how long that took.
+"""
+
+import argparse
+import random
+import shutil
+import signal
+from collections.abc import Sequence
+
+from benchmarks.attack.subject import PHASES, SCENES, Subject, measured, subject, wait_for, workers
+
+VICTIMS = ("program", "worker", "all")
+_SHOWN = 3
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Print one line per run; the exit code is 1 if one of them has other results."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.attack kills", description=__doc__)
+    parser.add_argument("--count", type=int, default=30)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args(arguments)
+    with subject() as attacked:
+        wrong = _all(attacked, random.Random(options.seed), options.count)
+    print(f"{options.count - wrong} of {options.count} runs are the same as the one that was left alone")
+    return int(bool(wrong))
+
+
+def _all(attacked: Subject, rng: random.Random, count: int) -> int:
+    killed = wrong = 0
+    while killed < count:
+        phase = PHASES[killed % len(PHASES)]
+        victim = VICTIMS[killed // len(PHASES) % len(VICTIMS)] if phase in ("workers", "measurement") else "program"
+        shutil.rmtree(attacked.folder / "run", ignore_errors=True)
+        result = _one(attacked, phase, victim, rng)
+        if result is None:  # it had ended, or there was no worker
+            continue
+        killed += 1
+        differing = attacked.differences("run")
+        wrong += bool(differing)
+        verdict = f"OTHER FILES: {', '.join(differing[:_SHOWN])}" if differing else "the same"
+        print(f"{victim:>8} killed in phase {phase:>11}: {result}: {verdict}", flush=True)
+    return wrong
+
+
+def _one(attacked: Subject, phase: str, victim: str, rng: random.Random) -> str | None:
+    """Kill once, and let the run end; what happened, or None if there was nothing to kill."""
+    program = attacked.start("run")
+    reached = attacked.reach(program, "run", phase, rng)
+    there = workers(program.pid)
+    if not reached or (victim == "worker" and not there):
+        program.communicate()
+        return None
+    done = measured(attacked.folder / "run")
+    chosen = {"program": [], "worker": there[: 1 + rng.randrange(len(there) or 1)], "all": there}[victim]
+    for worker in chosen:
+        worker.kill()
+    if victim == "worker":
+        program.communicate()
+        return f"{done} of {SCENES} measured; {len(chosen)} of {len(there)} workers; status {program.returncode}"
+    program.send_signal(signal.SIGKILL)
+    program.communicate()
+    orphaned_s = wait_for(there)
+    status = attacked.resume("run")
+    return f"{done} of {SCENES} measured; {len(there)} workers gone after {orphaned_s:.1f} s; then status {status}"

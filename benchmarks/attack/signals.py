@@ -1,0 +1,77 @@
+"""Runs that are ended by a signal at random moments and resumed, compared with one that was left alone.
+
+    python -m benchmarks.attack signals [--count N] [--seed N]
+
+Ctrl-C, SIGTERM and SIGHUP go to the program alone or to all its processes, as from a terminal, once or five times. The
+program must print exactly one line, exit with 128 plus the number of the signal, and leave no worker. After the run is
+resumed, every file must be the same to the byte; of the manifest, everything but the seconds.
+"""
+
+import argparse
+import os
+import random
+import shutil
+import signal
+import subprocess
+import time
+from collections.abc import Sequence
+
+from benchmarks.attack.subject import PHASES, SCENES, Subject, measured, subject, wait_for, workers
+
+NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+TIMES = (1, 5)
+_PAUSE_S = 0.05
+_LIMIT_S = 60
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Print one line per run; the exit code is 1 if one of them ended in another way or has other results."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.attack signals", description=__doc__)
+    parser.add_argument("--count", type=int, default=30)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args(arguments)
+    with subject() as attacked:
+        wrong = _all(attacked, random.Random(options.seed), options.count)
+    print(f"{options.count - wrong} of {options.count} runs ended with one line and have the same results")
+    return int(bool(wrong))
+
+
+def _all(attacked: Subject, rng: random.Random, count: int) -> int:
+    sent = wrong = 0
+    while sent < count:
+        phase, number = PHASES[sent % len(PHASES)], NUMBERS[sent % len(NUMBERS) - sent // len(PHASES) % len(NUMBERS)]
+        times, group = rng.choice(TIMES), rng.random() < 0.5
+        shutil.rmtree(attacked.folder / "run", ignore_errors=True)
+        program = attacked.start("run")
+        if not attacked.reach(program, "run", phase, rng):
+            program.communicate()
+            continue
+        sent += 1
+        there, done = workers(program.pid), measured(attacked.folder / "run")
+        faults = _faults(program, number, times, group=group)
+        if wait_for(there) == float("inf"):
+            faults.append("a worker is left")
+        status = attacked.resume("run")
+        faults += [f"resumed with status {status}"] * bool(status) + attacked.differences("run")
+        wrong += bool(faults)
+        how = f"{number.name} {times} x to {'all' if group else 'the program'}"
+        verdict = "; ".join(faults) or "one line, the same"
+        print(f"{how:>27} in phase {phase:>11}, {done} of {SCENES} measured: {verdict}", flush=True)
+    return wrong
+
+
+def _faults(program: subprocess.Popen[str], number: signal.Signals, times: int, *, group: bool) -> list[str]:
+    """Send a signal, and list what is wrong with the end of the program."""
+    for _ in range(times):
+        if program.poll() is None:
+            os.kill(-program.pid if group else program.pid, number)
+            time.sleep(_PAUSE_S)
+    try:
+        _, errors = program.communicate(timeout=_LIMIT_S)
+    except subprocess.TimeoutExpired:
+        program.kill()
+        return [f"it did not end; it said {program.communicate()[1]!r}"]
+    how = "interrupted" if number is signal.SIGINT else f"ended by {number.name}"
+    expected = f"tracknoise: error: {how}; run the same command again to resume\n"
+    faults = [] if errors == expected else [f"it said {errors!r}"]
+    return faults if program.returncode == 128 + number else [*faults, f"status {program.returncode}"]

@@ -1,0 +1,38 @@
+"""The subcommands of ``tracknoise``."""
+
+import sys
+from importlib import import_module
+from typing import Annotated
+
+import typer
+
+from tracknoise import __version__
+
+_COMMANDS = ("demo", "run", "replicate", "report", "findings", "simulate", "datasets", "trackers", "selfcheck")
+"""Modules of this package, in the order of the help. Each has a function `register`."""
+
+app = typer.Typer(
+    name="tracknoise",
+    help="Measure the errors of feature tracks: bias, covariance, drift, outlier ratio and lifetime.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+)
+for command in _COMMANDS:
+    import_module(f"tracknoise.cli.{command}").register(app)
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        sys.stdout.write(f"tracknoise {__version__}\n")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", callback=_print_version, is_eager=True)
+    ] = False,
+) -> None:
+    """Measure the errors of feature tracks: bias, covariance, drift, outlier ratio and lifetime."""

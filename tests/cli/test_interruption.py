@@ -1,0 +1,187 @@
+"""Programs that are ended by a signal: one line, the exit status of a shell, and a run that resumes."""
+
+import contextlib
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import cv2
+import numpy as np
+import psutil
+import pytest
+
+from tracknoise import signals
+from tracknoise.cli.interruption import Interruption
+
+MAIN = (  # a program in the background of a shell would ignore Ctrl-C
+    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    "from tracknoise.cli.app import main; main()"
+)
+TEXT = """
+name = "x"
+[dataset]
+reader = "sevenscenes"
+root = "data"
+[[trackers]]
+kind = "oracle"
+options = { n_features = 20, margin_px = 2 }
+[statistics]
+min_features = 2
+"""
+
+
+@pytest.fixture(autouse=True)
+def limited():
+    """A program that does not end fails the test."""
+
+    def fail(number, frame):
+        raise TimeoutError
+
+    signal.signal(signal.SIGALRM, fail)
+    signal.alarm(120)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+
+
+@pytest.fixture
+def stalled(tmp_path):
+    """Two scenes, each with an image that is a pipe: whoever reads it waits. Gives the pipes and the image."""
+    content = cv2.imencode(".png", np.random.default_rng(0).integers(0, 256, (48, 64), dtype=np.uint8))[1].tobytes()
+    pipes = []
+    for scene in ("seq-01", "seq-02"):
+        folder = tmp_path / "data" / scene
+        folder.mkdir(parents=True)
+        for index in range(3):
+            name = f"frame-{index:06d}"
+            (folder / f"{name}.color.png").write_bytes(content)
+            cv2.imwrite(str(folder / f"{name}.depth.png"), np.full((48, 64), 585, np.uint16))
+            np.savetxt(folder / f"{name}.pose.txt", np.eye(4))
+        np.savetxt(folder / "camera-intrinsics.txt", [[585, 0, 31.5], [0, 585, 23.5], [0, 0, 1]])
+        pipes.append(folder / "frame-000001.color.png")
+        pipes[-1].unlink()
+        os.mkfifo(pipes[-1])
+    (tmp_path / "x.toml").write_text(TEXT)
+    return pipes, content
+
+
+def start(folder, *arguments):
+    command = [sys.executable, "-c", MAIN, "run", folder / "x.toml", "--out", folder / "run", "--quiet", "--no-report"]
+    return subprocess.Popen([*command, *arguments], stderr=subprocess.PIPE, text=True, process_group=0)
+
+
+def workers(program):
+    with contextlib.suppress(psutil.Error):
+        children = psutil.Process(program.pid).children(recursive=True)
+        return [child for child in children if "spawn_main" in " ".join(child.cmdline())]
+    return []
+
+
+def wait_until(true):
+    deadline = time.monotonic() + 60
+    while not true():
+        assert time.monotonic() < deadline
+        time.sleep(0.002)
+
+
+@pytest.mark.parametrize(
+    ("number", "text"),
+    [
+        (signal.SIGINT, "interrupted"),
+        (signal.SIGTERM, "ended by SIGTERM"),
+        (signal.SIGHUP, "ended by SIGHUP"),
+    ],
+)
+@pytest.mark.parametrize("count", ["1", "2"])
+def test_a_program_is_ended_with_one_line_and_resumes(number, text, count, stalled, tmp_path):
+    """The signal is sent five times to all processes, as soon as there is a worker, or the image is waited for."""
+    pipes, content = stalled
+    program = start(tmp_path, "--workers", count)
+    if count == "1":
+        wait_until((tmp_path / "run" / "manifest.json").exists)
+    else:
+        wait_until(lambda: workers(program))
+    there = workers(program)
+    for _ in range(5):
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(program.pid, number)
+        time.sleep(0.02)
+    _, errors = program.communicate(timeout=60)
+    assert errors == f"tracknoise: error: {text}; run the same command again to resume\n"
+    assert program.returncode == 128 + number
+    assert psutil.wait_procs(there, timeout=10)[1] == []
+    for pipe in pipes:
+        pipe.unlink()
+        pipe.write_bytes(content)
+    resumed = start(tmp_path, "--workers", "1")
+    assert resumed.communicate(timeout=60)[1] == ""
+    assert resumed.returncode == 0
+
+
+@pytest.mark.parametrize("count", ["1", "2"])
+def test_a_removed_run_folder_says_what_to_do(count, stalled, tmp_path):
+    (first, second), content = stalled
+    program = start(tmp_path, "--workers", count)
+    with first.open("wb") as pipe:  # it is read: the run is in the middle
+        shutil.rmtree(tmp_path / "run")
+        second.unlink()
+        second.write_bytes(content)
+        pipe.write(content)
+    _, errors = program.communicate()
+    assert errors == (
+        f"tracknoise: error: {tmp_path / 'run'}: removed or replaced during the run, expected it to stay; "
+        "run the same command again to start over\n"
+    )
+    assert program.returncode == 1
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("number", signals.ENDING)
+def test_signals_in_quick_succession_count_once(number):
+    with Interruption() as interruption:
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(number)
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGTERM)
+        assert interruption.status == 128 + number
+        interruption.end()
+    signal.raise_signal(number)  # the program is about to exit
+
+
+def test_an_interruption_that_python_only_reports_is_repeated(capsys):
+    class Careless:
+        def __del__(self):
+            signal.raise_signal(signal.SIGINT)
+
+    def finalize():
+        careless = Careless()
+        del careless
+        time.sleep(30)
+
+    with Interruption() as interruption, pytest.raises(KeyboardInterrupt):
+        finalize()
+    assert interruption
+    assert capsys.readouterr().err == ""
+
+
+def test_other_errors_that_python_only_reports_are_still_reported(monkeypatch):
+    class Careless:
+        def __del__(self):
+            raise ValueError
+
+    reported = []
+    monkeypatch.setattr(sys, "unraisablehook", reported.append)
+    with Interruption():
+        careless = Careless()
+        del careless
+    assert [item.exc_type for item in reported] == [ValueError]
+
+
+def test_a_signal_that_is_ignored_from_the_start_stays_ignored():
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    with Interruption() as interruption:
+        signal.raise_signal(signal.SIGHUP)
+        assert not interruption

@@ -1,0 +1,25 @@
+"""Small Monte Carlo runs of `benchmarks.validity.time_structure`: kinds of growth are named rightly or refused."""
+
+import numpy as np
+import pytest
+from benchmarks.validity.time_structure import REFUSED, WORLDS, one_run
+
+RUNS = 6
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_growth_is_named_rightly_or_refused(name: str) -> None:
+    world, rng = WORLDS[name], np.random.default_rng(3)
+    found = [one_run(world, rng, (11, 100, 31), 0.5, short=run % 2 == 1)[0] for run in range(RUNS)]
+    right = sum(verdict == world.verdict for verdict in found)
+    refused = sum(verdict in REFUSED for verdict in found)
+    assert right + refused >= RUNS - 1  # at 97 %, fewer come in 1 % of cases
+    if world.truth and world.related is not None:
+        assert right >= RUNS - 2
+
+
+def test_geometric_sizes_hold_the_truth_whatever_the_spread_of_scenes() -> None:
+    world, rng = WORLDS["random walk"], np.random.default_rng(4)
+    sizes = [one_run(world, rng, (8, 60, 21), 0.7, short=False)[1].geometric["walk"] for _ in range(30)]
+    held = sum(size.low <= 0.1 <= size.high for size in sizes)  # type: ignore[operator]
+    assert held >= 25  # of 30; a binomial of 95 % is below 25 in 0.3 % of cases

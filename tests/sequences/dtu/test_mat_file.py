@@ -1,0 +1,141 @@
+"""Our reader of MATLAB files against SciPy's, and against files that are damaged."""
+
+import os
+import random
+import struct
+import zlib
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from scipy.io import loadmat, savemat
+
+from tracknoise.exceptions import DataError
+from tracknoise.sequences.dtu.calibration import read_calibration
+from tracknoise.sequences.dtu.mat_file import NOT_NUMERIC, MatFileError, parse_mat
+from tracknoise.sequences.dtu.matlab import read_mat, write_mat
+
+NUMBERS = arrays.arrays(
+    st.sampled_from(["f8", "f4", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", ">f8", ">i4"]),
+    st.one_of(st.tuples(st.integers(0, 5), st.integers(0, 5)), st.tuples(*[st.integers(1, 3)] * 3)),
+)
+NAMES = st.from_regex(r"\A[a-zA-Z][a-zA-Z0-9_]{0,12}\Z")
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.dictionaries(NAMES, NUMBERS, max_size=4), st.sampled_from(["4", "5", "5 compressed"]))
+def test_numbers_are_those_that_scipy_reads(tmp_path_factory, variables, version):
+    path = tmp_path_factory.mktemp("mat") / "x.mat"
+    flat = {name: value for name, value in variables.items() if version != "4" or (value.ndim == 2 and value.size)}
+    flat["always"] = np.arange(6.0).reshape(2, 3)
+    savemat(path, flat, format=version[0], do_compression="compressed" in version)
+    found = parse_mat(path.read_bytes(), set(flat))
+    theirs = loadmat(path)
+    assert set(found) == set(flat)
+    for name, value in found.items():
+        assert value.shape == theirs[name].shape
+        np.testing.assert_array_equal(value, theirs[name])
+        assert value.dtype.newbyteorder("=") == theirs[name].dtype.newbyteorder("=")
+
+
+@pytest.mark.parametrize("version", ["4", "5"])
+@pytest.mark.parametrize("value", ["words", np.array([1 + 2j]), np.eye(2, dtype=complex)])
+def test_what_is_not_real_numbers_is_marked(tmp_path, version, value):
+    savemat(tmp_path / "x.mat", {"a": value, "b": 1.0}, format=version)
+    found = parse_mat((tmp_path / "x.mat").read_bytes(), {"a", "b"})
+    assert found["a"] is NOT_NUMERIC
+    assert found["b"] == 1.0
+
+
+def test_cells_structures_and_logical_arrays(tmp_path):
+    cell = np.empty((1, 2), object)
+    cell[0] = ["x", 2.0]
+    savemat(tmp_path / "x.mat", {"cell": cell, "structure": {"a": 1.0}, "yes": np.array([[True, False]])})
+    found = parse_mat((tmp_path / "x.mat").read_bytes(), {"cell", "structure", "yes"})
+    assert found["cell"] is found["structure"] is NOT_NUMERIC
+    assert found["yes"].tolist() == [[1, 0]]
+
+
+def test_a_file_of_the_other_byte_order(tmp_path):
+    """Made by hand: SciPy writes the order of the machine only."""
+
+    def element(kind, data):
+        return struct.pack(">II", kind, len(data)) + data + bytes(-len(data) % 8)
+
+    numbers = struct.pack(">4d", 1.0, 2.0, 3.0, 4.0)
+    parts = element(6, struct.pack(">II", 6, 0)) + element(5, struct.pack(">2i", 2, 2))
+    matrix = element(14, parts + struct.pack(">HHcxxx", 1, 1, b"a") + element(9, numbers))
+    header = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x01\x00MI"
+    for content in (
+        header + matrix,
+        header + struct.pack(">II", 15, len(zlib.compress(matrix))) + zlib.compress(matrix),
+    ):
+        (tmp_path / "x.mat").write_bytes(content)
+        np.testing.assert_array_equal(parse_mat(content, {"a"})["a"], [[1.0, 3.0], [2.0, 4.0]])
+        np.testing.assert_array_equal(loadmat(tmp_path / "x.mat")["a"], [[1.0, 3.0], [2.0, 4.0]])
+
+
+@pytest.fixture(params=["plain", "compressed", "version 4"])
+def whole(request, tmp_path, calibration):
+    path = tmp_path / "Calib_Results_11.mat"
+    if request.param == "plain":
+        write_mat(path, calibration)
+    else:
+        options = {"do_compression": True} if request.param == "compressed" else {"format": "4"}
+        savemat(path, calibration, **options)
+    read_calibration(path)
+    return path
+
+
+@pytest.mark.filterwarnings("ignore::tracknoise.exceptions.DataWarning")
+def test_a_damaged_calibration_is_read_or_refused_whichever_byte_is_changed(whole):
+    """SciPy's reader ends the process at one of a hundred of these."""
+    content, rng, refusals = whole.read_bytes(), random.Random(12), []
+    places = [*range(200), *rng.sample(range(len(content)), 600)]
+    for place in places:
+        damaged = bytearray(content)
+        damaged[place] = rng.choice([0, 1, 0x7F, 0x80, 0xFF, damaged[place] ^ 1 << rng.randrange(8)])
+        whole.write_bytes(damaged)
+        try:
+            read_calibration(whole)
+        except DataError as error:
+            refusals.append(str(error))
+    assert len(refusals) > 20
+    assert all(text.startswith(str(whole)) and "\n" not in text for text in refusals)
+
+
+@pytest.mark.filterwarnings("ignore::tracknoise.exceptions.DataWarning")
+def test_a_calibration_that_is_cut_off_is_refused(whole):
+    content = whole.read_bytes()
+    for size in range(0, len(content), len(content) // 150):
+        whole.write_bytes(content[:size])
+        with pytest.raises(DataError):
+            read_calibration(whole)
+
+
+def test_an_array_larger_than_stated_is_not_unpacked():
+    bomb = struct.pack("<II", 14, 0xFFFFFFF8) + struct.pack("<IIII", 6, 8, 6, 0) + bytes(1 << 24)
+    packed = zlib.compress(bomb)
+    content = b"MATLAB".ljust(124) + b"\x00\x01IM" + struct.pack("<II", 15, len(packed)) + packed
+    with pytest.raises(MatFileError):
+        parse_mat(content, {"a"})
+
+
+def test_sizes_beyond_every_array_are_refused():
+    def element(kind, data):
+        return struct.pack("<II", kind, len(data)) + data + bytes(-len(data) % 8)
+
+    sizes = struct.pack("<8i", 0, *[2**31 - 1] * 7)
+    parts = element(6, struct.pack("<II", 6, 0)) + element(5, sizes) + element(1, b"a") + element(9, b"")
+    with pytest.raises(MatFileError):
+        parse_mat(b"MATLAB".ljust(124) + b"\x00\x01IM" + element(14, parts), {"a"})
+
+
+def test_what_is_not_a_regular_file_is_refused(tmp_path):
+    os.mkfifo(tmp_path / "x.mat")
+    with pytest.raises(DataError, match="not a regular file"):
+        read_mat(tmp_path / "x.mat", ["a"])
+    with pytest.raises(DataError, match="unreadable"):
+        read_mat(tmp_path, ["a"])

@@ -37,6 +37,8 @@ from tracknoise.tables.store import RunFolder
 N_FRAMES, N_FRAMES_LIT = 25, 13
 """Of `pool` and of `factors`."""
 N_TRACKS = 40
+N_TRACKS_OF_SHAPES = 160
+"""Of `white` and `heavy`: a verdict on the shape takes more errors than others."""
 REPLICATES = 4
 """Trackers of the kinds `mean` and `scale`."""
 MEAN_SPREAD_PX, NOISE_PX = 0.2, 0.3
@@ -119,13 +121,18 @@ def measure_pool(folder: Path, *, scenes: int, seed: int) -> RunFolder:
     for number, rng in enumerate(np.random.default_rng([seed, 1]).spawn(scenes)):
         scene = plain_scene(number, n_frames=N_FRAMES)
         recording = in_memory(scene, SequenceId("pool", scene_name(number)))
-        paths = _paths(scene, rng)
-        alive = np.ones((N_TRACKS, N_FRAMES), dtype=bool)
-        scripts = {name: _script(*paths, alive, draw(rng, alive.shape)) for name, draw in ERRORS.items()}
+        scripts = {name: _lasting(scene, rng, name) for name in ERRORS}
         trackers = {name: Scripted({(recording.id.key, 1): script}) for name, script in scripts.items()}
         entries.append(write_measurement(run, experiment, measure(recording, trackers, trim_percentile=100.0)))
     complete_run(run, experiment, entries)
     return run
+
+
+def _lasting(scene: Scene, rng: np.random.Generator, tracker: str) -> Script:
+    """The tracks of a tracker, which live from the first to the last frame."""
+    n_tracks = N_TRACKS_OF_SHAPES if tracker in ("white", "heavy") else N_TRACKS
+    alive = np.ones((n_tracks, N_FRAMES), dtype=bool)
+    return _script(*_paths(scene, rng, n_tracks), alive, ERRORS[tracker](rng, alive.shape))
 
 
 def scene_name(number: int) -> str:
@@ -181,7 +188,7 @@ def _turned(script: Script, scene: Scene) -> Script:
     return replace(script, true_px=turned_pixels(script.true_px, camera.width, camera.height, 1))
 
 
-def _paths(scene: Scene, rng: np.random.Generator, n_tracks: int = N_TRACKS) -> tuple[Array, Array]:
+def _paths(scene: Scene, rng: np.random.Generator, n_tracks: int) -> tuple[Array, Array]:
     """True positions (tracks, frames, 2) and depths (tracks, frames) of features that stay in the image."""
     size = np.array([scene.camera.width, scene.camera.height])
     first_px = rng.uniform(0.2 * size, 0.8 * size, (n_tracks, 2))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-GRID = 100
+GRID = 80
 """Time constants that are tried, evenly spaced on the log scale."""
 _SHORTEST, _LONGEST = 0.25, 4.0
 """Range of time constants, relative to the shortest and the longest age."""

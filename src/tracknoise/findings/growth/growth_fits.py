@@ -14,6 +14,9 @@ from tracknoise.findings.growth.models import Ages, Model, polynomial, saturatin
 from tracknoise.findings.growth.scene_curves import scene_curves
 from tracknoise.findings.sampling.bounds import Method
 
+_DRAWS = 400
+"""Draws of the fit of (saturating), which takes longer than that of the polynomial."""
+
 
 def growth_fits(units: GrowthUnits, ages: Ages, weights: NDArray[np.float64], method: Method) -> tuple[Growth, Growth]:
     """Fit the growth of u and of v.
@@ -33,7 +36,7 @@ def growth_fits(units: GrowthUnits, ages: Ages, weights: NDArray[np.float64], me
     curves = [scene_curves(units.of(axis)) for axis in (0, 1)]
     polynomials = [_known(units, *polynomial(curve, ages, method.level)) for curve in curves]
     refused = [model.agreement.refused for model, _ in polynomials]
-    limits = pooled_saturating(units.errors, weights, ages.fitted, method) if any(refused) else ({}, {})
+    limits = pooled_saturating(units.errors, weights[:_DRAWS], ages.fitted, method) if any(refused) else ({}, {})
     u, v = (
         Growth(
             {**sizes[axis], **(limits[axis] if refused[axis] else {})},

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-GRID = 100
+GRID = 80
 """Time constants that are tried, evenly spaced on the log scale."""
 _SHORTEST, _LONGEST = 0.25, 4.0
 """Range of time constants, relative to the shortest and the longest age."""
@@ -34,14 +34,18 @@ def fit_saturating(second: Array, since: Array, weight: Array) -> Array:
     """
     observed = second.reshape(len(since), -1)
     grid = np.geomspace(_SHORTEST * since.min(), _LONGEST * since.max(), GRID)
-    explained = np.stack([_squares(observed, since, weight, np.full(observed.shape[1], tau))[0] for tau in grid])
+    columns = -np.expm1(-since / grid[:, None])
+    products = (columns * weight) @ observed  # (taus, curves)
+    alike = (columns @ weight)[:, None], (columns**2 @ weight)[:, None]
+    explained, squares = _squares(weight @ observed, products, weight.sum(), *alike)
+    best = explained.argmax(axis=0)
+    curve = np.arange(observed.shape[1])
     tau = _refined(np.log(grid), explained)
-    best = explained.max(axis=0)
-    finer, squares = _squares(observed, since, weight, tau)
-    coarse = grid[explained.argmax(axis=0)]
-    kept = finer >= best
-    squares = np.where(kept, squares, _squares(observed, since, weight, coarse)[1])
-    return np.stack([*squares, np.where(kept, tau, coarse)]).reshape(3, *second.shape[1:])
+    own = -np.expm1(-since[:, None] / tau)
+    finer, found = _squares(weight @ observed, weight @ (own * observed), weight.sum(), weight @ own, weight @ own**2)
+    kept = finer >= explained[best, curve]
+    chosen = np.where(kept, found, squares[:, best, curve])
+    return np.stack([*chosen, np.where(kept, tau, grid[best])]).reshape(3, *second.shape[1:])
 
 
 def saturating_curve(coefficients: Array, since: Array) -> Array:
@@ -59,21 +63,20 @@ def saturating_curve(coefficients: Array, since: Array) -> Array:
     return np.asarray(white - size * np.expm1(-ages / tau))
 
 
-def _squares(observed: Array, since: Array, weight: Array, tau: Array) -> tuple[Array, Array]:
-    """By how much the fit with each tau reduces the sum of squares, and white^2 and size^2."""
-    column = -np.expm1(-since[:, None] / tau)
-    weighted = weight[:, None] * observed
-    b0, b1 = weighted.sum(axis=0), (column * weighted).sum(axis=0)
-    a00, a01, a11 = weight.sum(), weight @ column, weight @ column**2
+def _squares(b0: Array, b1: Array, a00: float, a01: Array, a11: Array) -> tuple[Array, Array]:
+    """By how much a fit reduces the sum of squares, and white^2 and size^2, from weighted products of its columns.
+
+    `b0` and `b1` are those of the constant and of 1 - exp(-k / tau) with what was observed, the others those of the
+    columns with each other.
+    """
     determinant = np.maximum(a00 * a11 - a01**2, 1e-12 * a00 * a11)
-    both = np.stack([a11 * b0 - a01 * b1, a00 * b1 - a01 * b0]) / determinant
-    alone = np.maximum(np.stack([b0 / a00, b1 / a11]), 0.0)
-    explained = alone * np.stack([b0, b1])
-    zero = np.zeros_like(b0)
-    single = np.where(explained[0] >= explained[1], np.stack([alone[0], zero]), np.stack([zero, alone[1]]))
-    inside = (both >= 0).all(axis=0)
-    found = np.where(inside, both, single)
-    return np.where(inside, both[0] * b0 + both[1] * b1, explained.max(axis=0)), found
+    white, size = (a11 * b0 - a01 * b1) / determinant, (a00 * b1 - a01 * b0) / determinant
+    only_white, only_size = np.maximum(b0 / a00, 0.0), np.maximum(b1 / a11, 0.0)
+    inside = (white >= 0) & (size >= 0)
+    constant = only_white * b0 >= only_size * b1
+    white = np.where(inside, white, np.where(constant, only_white, 0.0))
+    size = np.where(inside, size, np.where(constant, 0.0, only_size))
+    return white * b0 + size * b1, np.stack([white, size])
 
 
 def _refined(log_tau: Array, explained: Array) -> Array:

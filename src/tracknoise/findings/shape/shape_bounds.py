@@ -130,7 +130,8 @@ def within_bounds(
     sums = dict(zip(_BOTH, (np.where(scored, value, 0.0) for value in values), strict=True))
     there = ~np.isnan(pairs[:, 0])
     u, v = np.where(there[:, None], pairs, 0.0).T
-    powers = {name: there * u**p * v**q for name, (p, q) in zip(POWER_SUMS, ORDERS, strict=True)}
+    of_u, of_v = ([there * 1.0, axis, axis**2, axis**2 * axis, axis**2 * axis**2] for axis in (u, v))
+    powers = {name: of_u[p] * of_v[q] for name, (p, q) in zip(POWER_SUMS, ORDERS, strict=True)}
     rows = singles.select("scene", "block", *BAND).with_columns(**sums, **powers)
     moments = units_of(rows, rows, points=BAND, columns=POWER_SUMS)
     units = units_of(rows, rows, points=BAND, columns=_BOTH)

@@ -138,8 +138,7 @@ FAULTS = (
     ),
     fault(
         "margin of verdicts ignored",
-        (DEPENDENCE, 'matters = (pl.col("low") > pl.col("margin"))', 'matters = (pl.col("low") > 0.0)'),
-        (DEPENDENCE, 'asked["margin"].item(0), level)', "0.0, level)"),
+        (DEPENDENCE, "float(np.log1p(options.margin))", "0.0"),
     ),
     fault(
         "poses of reversed frames not reversed",

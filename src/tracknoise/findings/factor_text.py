@@ -41,7 +41,7 @@ def bound_text(value: float | None, unit: str) -> str:
 
 
 def difference_sentence(row: Mapping[str, Any], role: str) -> str:
-    """Write which level is larger and by how much, and which one is better, without a capital and a full stop.
+    """Write which level is larger and by how much, and which one is better if the interval shows it; no full stop.
 
     Parameters
     ----------
@@ -60,7 +60,8 @@ def difference_sentence(row: Mapping[str, Any], role: str) -> str:
     smaller = pair[1 - pair.index(row["larger"])]
     as_large = f"as {_ADJECTIVES.get(role, 'large')} {level_text(factor, row['larger'])}"
     better = row["better"] if factor == "tracker" else f"{factor}{SPACE}{row['better']}"
-    return f"{whose} is {size_text(row)} {as_large} as {level_text(factor, smaller)}; {better} is better"
+    known = f"; {better} is better" if row["low"] is not None and row["low"] > 1 else ""
+    return f"{whose} is {size_text(row)} {as_large} as {level_text(factor, smaller)}{known}"
 
 
 def bounded_text(row: Mapping[str, Any], role: str) -> str:

@@ -101,7 +101,7 @@ def test_other_questions_are_answered_without_measuring_again(finished, tmp_path
     assert listener.keys == []
     assert not read & set(OBSERVED)
     assert files(run) == files(whole)
-    assert set(run.statistics("dependence")["margin"]) == {0.5}
+    assert set(run.statistics("dependence").filter(unit="ratio")["margin"]) == {1.5}
     assert set(run.statistics("intervals").select("kind", "level").rows()) == {("percentile", 0.8)}
     for table, kinds in (("gaussianity", ["kind"]), ("time_structure", ["kind", "autocorrelation_kind"])):
         found = run.statistics(table).drop_nulls("level")

@@ -295,6 +295,9 @@ def test_the_better_of_two_trackers_is_named() -> None:
     row = factor_row("core", "yes", **pair, speed=1)
     text = read(dependence=table(DEPENDENCE, row))["factors"]["text"]
     assert "The core is 1.20 times (1.15 to 1.30) as large for sift as for lk; lk is better." in text
+    unclear = factor_row("core", "undecided", **pair, speed=1) | {"low": 0.9}
+    text = read(dependence=table(DEPENDENCE, unclear))["factors"]["text"]
+    assert text.endswith("the core is 1.20 times (0.900 to 1.30) as large for sift as for lk.")
 
 
 def test_what_is_undecided_is_called_so() -> None:

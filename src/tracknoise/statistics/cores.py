@@ -10,12 +10,8 @@ from tracknoise.tables.enumerations import Weighting
 from tracknoise.tables.schema import CORES, CURVES, SCALES, Schema, check, empty
 
 _POINT = [*POOLED, "population", "trimming", "axis", "at"]
-_SUMS: Schema = {
-    "n": pl.Int64,
-    "n_scenes": pl.Int64,
-    **dict.fromkeys(("log_u", "log_v"), pl.Float64),
-    **dict.fromkeys(("beyond_u", "beyond_v"), pl.Int64),
-}
+_INTEGERS = [f"{name}_{axis}" for name in ("n", "n_scenes", "beyond") for axis in "uv"]
+_SUMS: Schema = {**dict.fromkeys(_INTEGERS, pl.Int64), **dict.fromkeys(("log_u", "log_v"), pl.Float64)}
 
 
 def cores(scales: pl.DataFrame | Iterable[pl.DataFrame], curves: pl.DataFrame) -> pl.DataFrame:
@@ -31,8 +27,7 @@ def cores(scales: pl.DataFrame | Iterable[pl.DataFrame], curves: pl.DataFrame) -
     Returns
     -------
     polars.DataFrame
-        Schema `CORES`, sorted by its columns before `n`. Points at which no scene has a core are missing. A core is 0
-        where the median error of a scene is.
+        Schema `CORES`, sorted by its columns before `n_scenes_u`. Points at which no scene has a core are missing.
 
     Raises
     ------
@@ -45,18 +40,27 @@ def cores(scales: pl.DataFrame | Iterable[pl.DataFrame], curves: pl.DataFrame) -
     cuts = check(curves, CURVES, "curves").filter(weighting=Weighting.features).select(*_POINT, "cut").unique()
     table = sums.join(cuts, on=_POINT, how="left").with_columns(
         pl.col("cut").fill_null(value=True),
-        pl.col("n_scenes").cast(pl.Int32),
-        *((pl.col(f"log_{axis}") / pl.col("n_scenes")).exp().alias(f"core_{axis}_px") for axis in "uv"),
-        *((pl.col(f"beyond_{axis}") / pl.col("n")).alias(f"beyond_{axis}") for axis in "uv"),
+        pl.col("n_scenes_u", "n_scenes_v").cast(pl.Int32),
+        *(_over(f"log_{axis}", f"n_scenes_{axis}").exp().alias(f"core_{axis}_px") for axis in "uv"),
+        *(_over(f"beyond_{axis}", f"n_{axis}").alias(f"beyond_{axis}") for axis in "uv"),
     )
     return check(table.select(*CORES).sort(_POINT), CORES, "cores")
 
 
+def _over(total: str, count: str) -> pl.Expr:
+    return pl.when(pl.col(count) > 0).then(pl.col(total) / pl.col(count))
+
+
 def _of_scenes(scales: pl.DataFrame) -> pl.DataFrame:
     """Rows of scenes that have a core, as sums."""
-    logs = [pl.col(f"core_{axis}_px").log().alias(f"log_{axis}") for axis in "uv"]
-    known = scales.filter(pl.col("core_u_px").is_not_null()).with_columns(*logs, n_scenes=pl.lit(1, dtype=pl.Int64))
-    return known.select(*_POINT, *_SUMS)
+    parts = {}
+    for axis in "uv":
+        core = pl.col(f"core_{axis}_px")
+        values = {"n": pl.col("n"), "n_scenes": pl.lit(1), "beyond": pl.col(f"beyond_{axis}"), "log": core.log()}
+        parts |= {f"{name}_{axis}": pl.when(core.is_not_null()).then(value) for name, value in values.items()}
+    known = scales.filter(pl.any_horizontal(pl.col("core_u_px", "core_v_px").is_not_null()))
+    table = known.select(*_POINT, **parts)
+    return table.select(*_POINT, *(pl.col(name).cast(kind).fill_null(0) for name, kind in _SUMS.items()))
 
 
 def _added(rows: pl.DataFrame) -> pl.DataFrame:

@@ -3,7 +3,8 @@
 - core_u(k) = 1.4826 median |du_i|, px (core): the sigma of the Gaussian that has the same median
 - beyond_u(k) = number of errors with |du_i| > 3 core_u(k) (beyond): 0.27 % of those of a Gaussian
 
-Both are of the errors of one scene at one age. Medians cannot be pooled, so that scenes are combined by the geometric
+There is no core where it would be 0: more than half of the errors are then exactly 0, and their median says nothing
+about the others. Both are of the errors of one scene at one age. Medians cannot be pooled, so that scenes are combined by the geometric
 mean of their cores (`tracknoise.statistics.cores`).
 """
 
@@ -87,11 +88,11 @@ def _scales(error_px: NDArray[np.float64], keys: Mapping[str, IntegerArray]) -> 
     columns = {"n": pl.Series(n, dtype=pl.Int64)}
     for axis, size in zip("uv", np.abs(error_px).T, strict=True):
         core = PER_MEDIAN * grouped_medians(size, index, n)
-        columns[f"core_{axis}_px"] = pl.Series(core)
-        columns[f"beyond_{axis}"] = pl.Series(np.bincount(index[size > FAR * core[index]], minlength=len(n)))
-    few = pl.col("n") < LEAST_ERRORS
-    values = [pl.when(~few).then(name).alias(name) for name in columns if name != "n"]
-    return pl.DataFrame(dict(zip(keys, found, strict=True))).with_columns(**columns).with_columns(values)
+        known = (n >= LEAST_ERRORS) & (core > 0)
+        beyond = np.bincount(index[size > FAR * core[index]], minlength=len(n))
+        columns[f"core_{axis}_px"] = pl.Series(np.where(known, core, np.nan), dtype=pl.Float64, nan_to_null=True)
+        columns[f"beyond_{axis}"] = pl.Series(np.where(known, beyond, np.nan), nan_to_null=True).cast(pl.Int64)
+    return pl.DataFrame(dict(zip(keys, found, strict=True))).with_columns(**columns)
 
 
 def grouped_medians(values: NDArray[np.float64], index: NDArray[np.intp], n: NDArray[np.intp]) -> NDArray[np.float64]:

@@ -224,8 +224,8 @@ SCALES: Schema = {
 """Robust scale of the errors of a scene at one age, or in one frame.
 
 core is 1.4826 times the median absolute error: the sigma of the Gaussian that has this median. beyond counts the errors
-that are larger than three cores. All are null where there are too few errors
-(`tracknoise.statistics.scales.LEAST_ERRORS`).
+that are larger than three cores. Those of an axis are null where there are too few errors, or more than half of them are exactly 0
+(`tracknoise.statistics.scales`).
 """
 
 SCALE_BLOCKS: Schema = {**SCALES, "block": pl.UInt8}
@@ -304,8 +304,8 @@ CORES: Schema = {
     "trimming": TRIMMING,
     "axis": AXIS,
     "at": pl.UInt32,
-    "n": pl.Int64,
-    "n_scenes": pl.Int32,
+    "n_scenes_u": pl.Int32,
+    "n_scenes_v": pl.Int32,
     "core_u_px": pl.Float64,
     "core_v_px": pl.Float64,
     "beyond_u": pl.Float64,
@@ -315,7 +315,7 @@ CORES: Schema = {
 """Robust scale of errors by age or frame: the geometric mean over scenes of each scene's own `SCALES`.
 
 beyond is the share of errors that are larger than three cores of their own scene, features pooled; that of a Gaussian
-is 0.0027. n and n_scenes count the features and scenes of these values. cut is that of `CURVES`.
+is 0.0027. n_scenes_u and n_scenes_v count the scenes that have a core in u and in v. cut is that of `CURVES`.
 """
 
 ASPECT_CURVES: Schema = {"aspect": ASPECT, "at_least": pl.UInt32, **CURVES}

@@ -93,7 +93,7 @@ class FindingInputs:
         few = pl.DataFrame(of_few, schema={name: ORIGIN[name] for name in POOLED}, orient="row")
         return cls(
             moments=read("moments", every, lambda table: table.filter(seen)),
-            scales=read("scales", every, lambda table: table.filter(seen, pl.col("core_u_px").is_not_null())),
+            scales=read("scales", every, lambda table: table.filter(seen)),
             aspects=(run.sequence_table("aspects", key).filter(slowest) for key in shown),
             changes=read("increments", shown, lambda table: table.filter(slowest)),
             aspect_blocks=read(

@@ -138,8 +138,7 @@ def _of_moments(table: pl.DataFrame) -> _Columns:
 
 def _of_scales(table: pl.DataFrame) -> _Columns:
     """The same of rows of scales."""
-    with np.errstate(divide="ignore"):
-        return {"core": np.log(_columns(table, "core_u_px", "core_v_px"))}
+    return {"core": np.log(_columns(table, "core_u_px", "core_v_px"))}
 
 
 def _columns(table: pl.DataFrame, u: str, v: str) -> NDArray[np.float64]:

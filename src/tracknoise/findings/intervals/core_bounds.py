@@ -21,7 +21,7 @@ from tracknoise.tables.enumerations import Resampled, Weighting
 CORE = "core"
 _AXES = ("u", "v")
 _POINT = ["trimming", "axis", "at"]
-_SUMS = ("known", "log_u", "zero_u", "log_v", "zero_v")
+_SUMS = ("known_u", "log_u", "known_v", "log_v")
 
 
 def core_bounds(
@@ -36,7 +36,7 @@ def core_bounds(
     Parameters
     ----------
     scales
-        Columns of `SCALES`, rows of one condition and population that have a core.
+        Columns of `SCALES`, rows of one condition and population.
     blocks
         The same of `SCALE_BLOCKS`, for conditions of too few scenes.
     draws
@@ -73,21 +73,19 @@ def _units(scales: pl.DataFrame, blocks: pl.DataFrame | None, groups: SceneGroup
 
 
 def _sums(scales: pl.DataFrame) -> pl.DataFrame:
-    """Rows that have a core, with the columns of `_SUMS`."""
-    known = scales.filter(pl.col("core_u_px").is_not_null())
+    """Rows with the columns of `_SUMS`, 0 where a scene has no core."""
     parts = {}
     for axis in _AXES:
         core = pl.col(f"core_{axis}_px")
-        parts[f"log_{axis}"] = pl.when(core > 0).then(core.log()).otherwise(0.0)
-        parts[f"zero_{axis}"] = (core == 0).cast(pl.Float64)
-    return known.with_columns(known=pl.lit(1.0), **parts)
+        parts[f"known_{axis}"] = core.is_not_null().cast(pl.Float64)
+        parts[f"log_{axis}"] = core.log().fill_null(0.0)
+    return scales.with_columns(**parts)
 
 
 def _logarithms(sums: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Mean logarithm of u and of v from `_SUMS`, (2, points, ...); minus infinity where one is that of 0."""
-    known, *rest = sums
-    count = np.where(known > 0, known, np.nan)
-    return np.stack([np.where(zero > 0, -np.inf, log / count) for log, zero in (rest[:2], rest[2:])])
+    """Mean logarithm of u and of v from `_SUMS`, (2, points, ...), NaN where there is none."""
+    known, total = sums[0::2], sums[1::2]
+    return np.asarray(total / np.where(known > 0, known, np.nan))
 
 
 def _cores(sums: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -230,7 +230,7 @@ def _core_rows(
 ) -> Iterator[pl.DataFrame]:
     """Rows of the robust scale of errors, of every condition."""
     for key, part in scales.items():
-        known = part.filter(pl.col("core_u_px").is_not_null(), population=population)
+        known = part.filter(population=population)
         if not known.is_empty():
             within = blocks[key].filter(population=population) if key in blocks else None
             found = core_bounds(known, within, made.drawn[key[0]], made.method, made.groups)

@@ -13,8 +13,10 @@ import tomlkit
 
 from tracknoise.api.run import Run
 from tracknoise.exceptions import SettingsError
+from tracknoise.experiments.analysis.run_findings import compute_findings
+from tracknoise.experiments.analysis.run_statistics import compute_statistics
 from tracknoise.experiments.measure import Measurement
-from tracknoise.experiments.running.measured_run import complete_run, write_measurement
+from tracknoise.experiments.running.measured_sequences import write_measurement, write_settings
 from tracknoise.experiments.settings import Experiment, parse_experiment
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.store import RunFolder
@@ -84,7 +86,8 @@ def _fill(folder: RunFolder, measurements: Iterable[Measurement], asked: Mapping
     written = [_write(folder, measurement, asked) for measurement in measurements]
     _check(written)
     experiment = _experiment(pl.concat(part.conditions for part in written), written[0].population, asked)
-    complete_run(folder, experiment, [part.entry for part in written])
+    write_settings(folder, experiment, [part.entry for part in written])
+    compute_findings(folder, experiment, compute_statistics(folder, experiment))
 
 
 def _write(folder: RunFolder, measurement: Measurement, asked: Mapping[str, object]) -> _Written:

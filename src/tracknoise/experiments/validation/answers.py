@@ -47,7 +47,7 @@ def pool_checks(run: RunFolder, *, scenes: int) -> Iterator[pl.DataFrame]:
     Parameters
     ----------
     run
-        What `tracknoise.experiments.validation.pools.measure_pool` returned.
+        What `tracknoise.experiments.validation.pools.measure_pool` wrote, with its findings.
     scenes
         Its number of scenes.
 

@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
+from tracknoise.experiments.analysis.run_statistics import compute_statistics
 from tracknoise.experiments.measure import Measurement, measure
-from tracknoise.experiments.running.measured_run import complete_run, write_measurement
+from tracknoise.experiments.running.measured_sequences import write_measurement, write_settings
 from tracknoise.experiments.settings import (
     DatasetSettings,
     Experiment,
@@ -202,7 +203,8 @@ def _checked(world: _World, takes: Iterator[_Take]) -> Iterator[pl.DataFrame]:
             yield from compare_tracks(world.name, measured, script, world.trim, tracker=tracker, speed=speed)
             name = take.sequence.id
             conditions.setdefault((name.direction, name.rotation, tracker, speed), []).append(script)
-    complete_run(run, experiment, entries, findings=False)
+    write_settings(run, experiment, entries)
+    compute_statistics(run, experiment)
     axis = Axis.frame if world.truth == TruthKind.scan else Axis.age
     for key, scripts in conditions.items():
         condition = dict(zip(("direction", "rotation", "tracker", "speed"), key, strict=True))

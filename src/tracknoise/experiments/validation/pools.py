@@ -16,13 +16,12 @@ and errors of `calm` by a ratio below the margin. Turned images exist for too fe
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.experiments.measure import measure
-from tracknoise.experiments.running.measured_run import complete_run, write_measurement
+from tracknoise.experiments.running.measured_sequences import write_measurement, write_settings
 from tracknoise.experiments.settings import DatasetSettings, Experiment, StatisticsSettings, TrackerChoice
 from tracknoise.experiments.validation.closed_form import Array, Scene, plain_scene
 from tracknoise.experiments.validation.recordings import in_memory
@@ -104,31 +103,30 @@ ERRORS: Mapping[str, Errors] = {
 """Errors of each tracker of `pool`: (tracks, steps, 2) px, before the first is set to zero."""
 
 
-def measure_pool(folder: Path, *, scenes: int, seed: int) -> RunFolder:
-    """Measure `pool`.
+def measure_pool(run: RunFolder, *, scenes: int, seed: int) -> Experiment:
+    """Measure `pool`, and return the settings of the run. Statistics and findings are not computed.
 
     Parameters
     ----------
-    folder
-        Run folder.
+    run
+        Where the run is written.
     scenes
         Number of scenes.
     seed
         Random seed of the errors.
     """
-    run, experiment = RunFolder(folder), _experiment("pool", ERRORS, min_features=2)
-    entries = []
+    experiment, entries = _experiment("pool", ERRORS, min_features=2), []
     for number, rng in enumerate(np.random.default_rng([seed, 1]).spawn(scenes)):
         scene = plain_scene(number, n_frames=N_FRAMES)
         recording = in_memory(scene, SequenceId("pool", scene_name(number)))
-        scripts = {name: _lasting(scene, rng, name) for name in ERRORS}
+        scripts = {name: _script_of(scene, rng, name) for name in ERRORS}
         trackers = {name: Scripted({(recording.id.key, 1): script}) for name, script in scripts.items()}
         entries.append(write_measurement(run, experiment, measure(recording, trackers, trim_percentile=100.0)))
-    complete_run(run, experiment, entries)
-    return run
+    write_settings(run, experiment, entries)
+    return experiment
 
 
-def _lasting(scene: Scene, rng: np.random.Generator, tracker: str) -> Script:
+def _script_of(scene: Scene, rng: np.random.Generator, tracker: str) -> Script:
     """The tracks of a tracker, which live from the first to the last frame."""
     n_tracks = N_TRACKS_OF_SHAPES if tracker in ("white", "heavy") else N_TRACKS
     alive = np.ones((n_tracks, N_FRAMES), dtype=bool)
@@ -140,16 +138,15 @@ def scene_name(number: int) -> str:
     return "".join(chr(ord("a") + int(digit, 26)) for digit in np.base_repr(number, 26))
 
 
-def measure_factors(folder: Path, *, scenes: int, seed: int) -> RunFolder:
+def measure_factors(run: RunFolder, *, scenes: int, seed: int) -> Experiment:
     """Measure `factors`; see `measure_pool` for the parameters."""
-    run, experiment = RunFolder(folder), _experiment("factors", ("rough", "calm"), min_features=15 * scenes)
-    entries = []
+    experiment, entries = _experiment("factors", ("rough", "calm"), min_features=15 * scenes), []
     for number, rng in enumerate(np.random.default_rng([seed, 2]).spawn(scenes)):
         for recording, scripts in _lit(number, rng):
             trackers = {name: Scripted({(recording.id.key, 1): script}) for name, script in scripts.items()}
             entries.append(write_measurement(run, experiment, measure(recording, trackers, trim_percentile=100.0)))
-    complete_run(run, experiment, entries)
-    return run
+    write_settings(run, experiment, entries)
+    return experiment
 
 
 def _lit(number: int, rng: np.random.Generator) -> Iterator[tuple[Sequence, dict[str, Script]]]:

@@ -20,12 +20,16 @@ from pathlib import Path
 import polars as pl
 
 from tracknoise.exceptions import StoreError
+from tracknoise.experiments.analysis.run_findings import compute_findings
+from tracknoise.experiments.analysis.run_statistics import compute_statistics
+from tracknoise.experiments.settings import Experiment
 from tracknoise.experiments.validation.answers import factor_checks, pool_checks
 from tracknoise.experiments.validation.checks import CHECKS, SUSPECTS, Area, failed
 from tracknoise.experiments.validation.exact_worlds import FOLDERS as EXACT_FOLDERS
 from tracknoise.experiments.validation.exact_worlds import exact_checks
 from tracknoise.experiments.validation.pools import measure_factors, measure_pool
 from tracknoise.tables.schema import check
+from tracknoise.tables.store import RunFolder
 
 FOLDERS = (*EXACT_FOLDERS, "pool", "factors")
 """What `self_test` writes."""
@@ -132,11 +136,20 @@ def _exact(folder: Path, scenes: int, seed: int) -> pl.DataFrame:
 
 
 def _pool(folder: Path, scenes: int, seed: int) -> pl.DataFrame:
-    return pl.concat(pool_checks(measure_pool(folder / "pool", scenes=scenes, seed=seed), scenes=scenes))
+    run = _analysed(folder / "pool", measure_pool, scenes=scenes, seed=seed)
+    return pl.concat(pool_checks(run, scenes=scenes))
 
 
 def _factors(folder: Path, scenes: int, seed: int) -> pl.DataFrame:
-    return pl.concat(factor_checks(measure_factors(folder / "factors", scenes=scenes, seed=seed)))
+    return pl.concat(factor_checks(_analysed(folder / "factors", measure_factors, scenes=scenes, seed=seed)))
+
+
+def _analysed(folder: Path, measure: Callable[..., Experiment], *, scenes: int, seed: int) -> RunFolder:
+    """A run with its statistics and findings."""
+    run = RunFolder(folder)
+    experiment = measure(run, scenes=scenes, seed=seed)
+    compute_findings(run, experiment, compute_statistics(run, experiment))
+    return run
 
 
 _PARTS: Mapping[str, Callable[[Path, int, int], pl.DataFrame]] = {"exact": _exact, "pool": _pool, "factors": _factors}

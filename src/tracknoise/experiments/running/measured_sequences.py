@@ -1,10 +1,8 @@
-"""A run folder from measurements in memory."""
+"""Sequences of a run folder from measurements in memory."""
 
 from collections.abc import Iterable
 from dataclasses import replace
 
-from tracknoise.experiments.analysis.run_findings import compute_findings
-from tracknoise.experiments.analysis.run_statistics import compute_statistics
 from tracknoise.experiments.measure import Measurement
 from tracknoise.experiments.running.provenance import new_manifest
 from tracknoise.experiments.running.task import sequence_entry, tables_to_keep
@@ -32,10 +30,8 @@ def write_measurement(folder: RunFolder, experiment: Experiment, measurement: Me
     return replace(entry, sha256=hashes)
 
 
-def complete_run(
-    folder: RunFolder, experiment: Experiment, entries: Iterable[SequenceEntry], *, findings: bool = True
-) -> None:
-    """Write the manifest of sequences that have been written, and compute their statistics and findings.
+def write_settings(folder: RunFolder, experiment: Experiment, entries: Iterable[SequenceEntry]) -> None:
+    """Write the manifest and the settings of a run whose sequences have been written.
 
     Parameters
     ----------
@@ -45,17 +41,12 @@ def complete_run(
         Whose run it is.
     entries
         What `write_measurement` returned, at least one.
-    findings
-        Whether findings are wanted. They take longer than everything else.
 
     Raises
     ------
-    StoreError, SchemaError
-        If a table is damaged, or the folder cannot be written.
+    StoreError
+        If the folder cannot be written.
     """
     manifest = new_manifest(experiment)
     manifest.sequences.update({entry.key: entry for entry in entries})
     folder.create(experiment.to_toml(), manifest)
-    statistics = compute_statistics(folder, experiment)
-    if findings:
-        compute_findings(folder, experiment, statistics)

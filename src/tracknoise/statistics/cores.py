@@ -53,7 +53,7 @@ def _over(total: str, count: str) -> pl.Expr:
 
 def _of_scenes(scales: pl.DataFrame) -> pl.DataFrame:
     """Rows of scenes that have a core, as sums."""
-    parts = {}
+    parts: dict[str, pl.Expr] = {}
     for axis in "uv":
         core = pl.col(f"core_{axis}_px")
         values = {"n": pl.col("n"), "n_scenes": pl.lit(1), "beyond": pl.col(f"beyond_{axis}"), "log": core.log()}

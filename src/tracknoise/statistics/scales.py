@@ -4,8 +4,8 @@
 - beyond_u(k) = number of errors with |du_i| > 3 core_u(k) (beyond): 0.27 % of those of a Gaussian
 
 There is no core where it would be 0: more than half of the errors are then exactly 0, and their median says nothing
-about the others. Both are of the errors of one scene at one age. Medians cannot be pooled, so that scenes are combined by the geometric
-mean of their cores (`tracknoise.statistics.cores`).
+about the others. Both are of the errors of one scene at one age. Medians cannot be pooled, so that scenes are combined
+by the geometric mean of their cores (`tracknoise.statistics.cores`).
 """
 
 from collections.abc import Mapping, Sequence

@@ -224,8 +224,8 @@ SCALES: Schema = {
 """Robust scale of the errors of a scene at one age, or in one frame.
 
 core is 1.4826 times the median absolute error: the sigma of the Gaussian that has this median. beyond counts the errors
-that are larger than three cores. Those of an axis are null where there are too few errors, or more than half of them are exactly 0
-(`tracknoise.statistics.scales`).
+that are larger than three cores. Those of an axis are null where there are too few errors, or more than half of them
+are exactly 0 (`tracknoise.statistics.scales`).
 """
 
 SCALE_BLOCKS: Schema = {**SCALES, "block": pl.UInt8}

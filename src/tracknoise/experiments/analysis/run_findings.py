@@ -16,6 +16,7 @@ from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.table import headline_table
 from tracknoise.findings.intervals.incidence import incidence_table
 from tracknoise.findings.intervals.table import interval_table
+from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.seed_spread import Repeat, seed_spread, widened
 from tracknoise.findings.shape.gaussianity import gaussianity
@@ -60,6 +61,7 @@ class _CurveOptions(TypedDict):
     min_features: int
     kind: str
     level: float
+    groups: SceneGroups
 
 
 def _tables(
@@ -82,6 +84,7 @@ def _tables(
         "min_features": least,
         "kind": asked.intervals,
         "level": asked.level,
+        "groups": groups,
     }
     aspects = _keeping(read.aspects, lived, lambda table: table.filter(LONG_LIVED))
     intervals = _intervals(read, experiment, aspects)
@@ -92,8 +95,10 @@ def _tables(
         **pooled,
         "intervals": widened(intervals, spread),
         "seed_spread": spread,
-        "incidence": incidence_table(read.ends, kind=asked.intervals, level=asked.level),
-        "zero_mean": zero_mean(read.moments, statistics["curves"], key_frames=zeros, population=population),
+        "incidence": incidence_table(read.ends, groups=groups, kind=asked.intervals, level=asked.level),
+        "zero_mean": zero_mean(
+            read.moments, statistics["curves"], groups=groups, key_frames=zeros, population=population
+        ),
         "gaussianity": shapes.gaussianity,
         "radii": shapes.radii,
         "time_structure": time_structure(  # after the intervals, which read the aspects
@@ -145,6 +150,7 @@ def _dependence(
         read.frames,
         statistics["curves"],
         statistics["effects"],
+        groups=read.groups,
         key_frames=key_frames,
         population=experiment.truth.population,
         trimming=experiment.findings.trimming,

@@ -31,6 +31,7 @@ from tracknoise.findings.growth.models import Ages
 from tracknoise.findings.intervals.change_bounds import CHANGE_SUMS, correlated
 from tracknoise.findings.sampling.bounds import Method
 from tracknoise.findings.sampling.draws import Draws, draws_by_dataset
+from tracknoise.findings.sampling.groups import NO_GROUPS, JoinedScenes, SceneGroups
 from tracknoise.findings.sampling.units import additive, units_of
 from tracknoise.statistics.conditions import Tables, TablesByCondition, by_condition, scenes_by_dataset
 from tracknoise.statistics.definitions import POOLED
@@ -62,6 +63,7 @@ def time_structure(
     blocks: Tables = (),
     aspects: Tables = (),
     aspect_blocks: Tables = (),
+    groups: SceneGroups = NO_GROUPS,
     key_frames: Mapping[str, int] = NO_KEY_FRAMES,
     min_features: int = MIN_FEATURES,
     kind: str = KIND_OF_INTERVAL,
@@ -82,6 +84,8 @@ def time_structure(
         whether the loss of tracks shapes the curve.
     aspect_blocks
         Schema `ASPECT_BLOCKS`: the same by block, for conditions of too few scenes.
+    groups
+        Groups of scenes that are not independent of each other (`tracknoise.findings.sampling.groups.JoinedScenes`).
     key_frames
         Where a scan makes errors zero in one frame: that frame, by direction. Time is then the distance from it.
     min_features
@@ -103,20 +107,24 @@ def time_structure(
         If a table has other columns.
     """
     errors = by_condition(moments, MOMENTS, "moments")
-    by_scene = _sums({key: with_fourth(part) for key, part in errors.items()}, key_frames)
-    by_block = _sums(by_condition(blocks, BLOCKS, "blocks"), key_frames)
+    scenes = scenes_by_dataset(errors.items())
+    joined = JoinedScenes.of(scenes, groups)
+    by_scene = _sums({key: with_fourth(part) for key, part in errors.items()}, key_frames, joined)
+    by_block = _sums(by_condition(blocks, BLOCKS, "blocks"), key_frames, joined)
     changes = reduce_each(increments, INCREMENTS, "increments", _of_lags).partition_by(_KEY, as_dict=True)
-    lived = _sums(by_condition(aspects, ASPECTS, "aspects", _long_lived), key_frames, LONG_LIVED)
+    changes = {key: joined.rename(part, key[0]) for key, part in changes.items()}
+    lived = _sums(by_condition(aspects, ASPECTS, "aspects", _long_lived), key_frames, joined, LONG_LIVED)
     lived_blocks = _sums(
-        by_condition(aspect_blocks, ASPECT_BLOCKS, "blocks of aspects", _long_lived), key_frames, LONG_LIVED
+        by_condition(aspect_blocks, ASPECT_BLOCKS, "blocks of aspects", _long_lived), key_frames, joined, LONG_LIVED
     )
-    drawn = draws_by_dataset(scenes_by_dataset(by_scene.items()), n_draws=n_draws, seed=seed)
+    drawn = draws_by_dataset(joined.scenes(scenes), n_draws=n_draws, seed=seed)
     tables = [empty(TIME_STRUCTURE)]
     for key, part in by_scene.items():
         sums = _Sums.of(part, *(table.get(key) for table in (changes, by_block, lived, lived_blocks)))
         rows = _rows(sums, drawn[key[0]], Method(kind, level), min_features, key[_KEY.index("speed")])
         labels = {**dict(zip(_KEY, key, strict=True)), "level": level}
-        tables.append(pl.DataFrame([{**labels, **row} for row in rows], schema=dict(TIME_STRUCTURE)))
+        of_groups = [{**row, "resampled": joined.resampled(row["resampled"], key[0])} for row in rows]
+        tables.append(pl.DataFrame([{**labels, **row} for row in of_groups], schema=dict(TIME_STRUCTURE)))
     table = pl.concat(tables).with_columns(pl.selectors.float().fill_nan(None)).sort(*_KEY, "coordinate")
     return check(table, TIME_STRUCTURE, "time structure")
 
@@ -144,13 +152,13 @@ class _Sums:
 
 
 def _sums(
-    moments: TablesByCondition, key_frames: Mapping[str, int], chosen: pl.Expr = _EVERY
+    moments: TablesByCondition, key_frames: Mapping[str, int], joined: JoinedScenes, chosen: pl.Expr = _EVERY
 ) -> dict[tuple[Any, ...], pl.DataFrame]:
     """Sums of each condition and trimming; what is added up in one place is of one scene, and in its order."""
     return {
         (*key, *trimming): sums
         for key, part in moments.items()
-        for trimming, sums in additive(anchored(part.filter(chosen), key_frames))
+        for trimming, sums in additive(anchored(joined.rename(part.filter(chosen), key[0]), key_frames))
         .partition_by("trimming", as_dict=True)
         .items()
     }

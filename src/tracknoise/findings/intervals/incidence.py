@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tracknoise.findings.sampling.bounds import Method, pooled
 from tracknoise.findings.sampling.draws import N_DRAWS, Draws, draws_by_dataset
+from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.findings.sampling.units import units_of
 from tracknoise.statistics.conditions import Tables, by_condition, scenes_by_dataset
 from tracknoise.statistics.definitions import POOLED
@@ -28,6 +29,7 @@ _COLUMNS = ["n_censored", *BY_CAUSE]
 def incidence_table(
     ends: Tables,
     *,
+    groups: SceneGroups = NO_GROUPS,
     kind: str = KIND_OF_INTERVAL,
     level: float = LEVEL,
     n_draws: int = N_DRAWS,
@@ -39,6 +41,8 @@ def incidence_table(
     ----------
     ends
         Tables of all scenes, schema `ENDS`.
+    groups
+        Groups of scenes that are not independent of each other.
     kind, level, n_draws, seed
         As in `tracknoise.findings.intervals.table.interval_table`.
 
@@ -57,10 +61,10 @@ def incidence_table(
     """
     conditions = by_condition(ends, ENDS, "ends")
     scenes = scenes_by_dataset(conditions.items())
-    drawn = draws_by_dataset(scenes, n_draws=0 if kind == IntervalKind.student else n_draws, seed=seed)
+    drawn = draws_by_dataset(scenes, n_draws=0 if kind == IntervalKind.student else n_draws, seed=seed, groups=groups)
     method = Method(kind, level)
     parts = [
-        _rows(part, drawn[key[0]], method).with_columns(
+        _rows(part, drawn[key[0]], method, groups).with_columns(
             pl.lit(value, dtype=INCIDENCE[name]).alias(name) for name, value in zip(POOLED, key, strict=True)
         )
         for key, part in conditions.items()
@@ -93,9 +97,9 @@ def cumulative_incidence(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.cumsum(before * ended / safe, axis=1))
 
 
-def _rows(ends: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
+def _rows(ends: pl.DataFrame, draws: Draws, method: Method, groups: SceneGroups) -> pl.DataFrame:
     """One row per cause and lifetime of a condition."""
-    units = units_of(ends, ends, points=["lifetime"], columns=_COLUMNS)
+    units = units_of(ends, ends, points=["lifetime"], columns=_COLUMNS, groups=groups)
     tracks = units.sums.sum(axis=(1, 2))
     sizes = np.broadcast_to(tracks, (len(units.points), len(tracks)))
     scales = ["logit"] * len(CAUSES)

@@ -12,10 +12,11 @@ depends on how many groups there are (scheme):
 Scenes that are all of one group are what the experiment is about, and count as independent.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.tables.enumerations import Resampled
@@ -67,3 +68,45 @@ def scheme(group: NDArray[np.intp]) -> Resampled | None:
         return Resampled.scenes if n_groups == len(group) else Resampled.groups
     enough = len(group) >= MIN_SCENES and len(group) - n_groups >= MIN_WITHIN
     return Resampled.within if enough else None
+
+
+@dataclass(frozen=True, slots=True)
+class JoinedScenes:
+    """New names of scenes, the same for all scenes of a group, where groups are resampled by (scheme).
+
+    Statistics that know nothing of groups then take each group for one scene. Where scenes within their groups are
+    resampled, scenes keep their names: their variation then includes that between groups, so that intervals are too
+    wide rather than too narrow.
+
+    Parameters
+    ----------
+    names
+        By dataset and scene; scenes that keep their names are missing.
+    """
+
+    names: Mapping[tuple[str, str], str]
+
+    @classmethod
+    def of(cls, scenes: Mapping[str, Iterable[str]], groups: SceneGroups) -> "JoinedScenes":
+        """Of the scenes of each dataset."""
+        names: dict[tuple[str, str], str] = {}
+        for dataset, every in scenes.items():
+            known = sorted(every)
+            group = groups.of(dataset, known)
+            if scheme(group) == Resampled.groups:
+                names |= {(dataset, scene): f"group {own}" for scene, own in zip(known, group, strict=True)}
+        return cls(names)
+
+    def rename(self, table: pl.DataFrame, dataset: str) -> pl.DataFrame:
+        """A table of one dataset with these names in its column scene."""
+        names = {scene: name for (of, scene), name in self.names.items() if of == dataset}
+        return table.with_columns(pl.col("scene").replace(names)) if names else table
+
+    def scenes(self, scenes: Mapping[str, Iterable[str]]) -> dict[str, set[str]]:
+        """Scenes of each dataset by their new names."""
+        return {of: {self.names.get((of, scene), scene) for scene in every} for of, every in scenes.items()}
+
+    def resampled(self, units: Resampled | None, dataset: str) -> Resampled | None:
+        """What is resampled, given what units of a dataset were made of."""
+        joined = units == Resampled.scenes and any(of == dataset for of, _ in self.names)
+        return Resampled.groups if joined else units

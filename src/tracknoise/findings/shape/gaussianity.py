@@ -26,6 +26,7 @@ from tracknoise.findings.anchored import NO_KEY_FRAMES, anchored
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.sampling.bounds import Method
 from tracknoise.findings.sampling.draws import Draws, draws_by_dataset
+from tracknoise.findings.sampling.groups import NO_GROUPS, JoinedScenes, SceneGroups
 from tracknoise.findings.sampling.units import Units
 from tracknoise.findings.shape.gains import Gains
 from tracknoise.findings.shape.held_out import gains
@@ -78,12 +79,14 @@ class _Options:
     min_features: int
     margin: float
     seed: int
+    joined: JoinedScenes
 
 
 def gaussianity(
     moments: Tables,
     samples: Tables,
     *,
+    groups: SceneGroups = NO_GROUPS,
     key_frames: Mapping[str, int] = NO_KEY_FRAMES,
     min_features: int = MIN_FEATURES,
     margin: float = MARGIN_NATS,
@@ -98,6 +101,8 @@ def gaussianity(
     ----------
     moments, samples
         Of all scenes, `MOMENTS` and `SAMPLES`.
+    groups
+        Groups of scenes that are not independent of each other (`tracknoise.findings.sampling.groups.JoinedScenes`).
     key_frames
         Where a scan makes errors zero in one frame: that frame, by direction. Bands are then of distances from it.
     min_features
@@ -118,8 +123,9 @@ def gaussianity(
     scenes = scenes_by_dataset(_banded(errors, key_frames))
     count = math.ceil(MAX_SAMPLED / min(map(len, scenes.values()), default=1))
     singles = by_condition(samples, SAMPLES, "samples", lambda table: first_tracks(table, count))
-    drawn = draws_by_dataset(scenes, n_draws=n_draws, seed=seed)
-    options = _Options(Method(kind, level).by_bootstrap(), min_features, margin, seed)
+    joined = JoinedScenes.of(scenes, groups)
+    drawn = draws_by_dataset(joined.scenes(scenes), n_draws=n_draws, seed=seed)
+    options = _Options(Method(kind, level).by_bootstrap(), min_features, margin, seed, joined)
     rows, quantiles = [empty(GAUSSIANITY)], [empty(RADII)]
     for key, part in _banded(errors, key_frames):
         labels = names(key, GAUSSIANITY)
@@ -153,7 +159,8 @@ def _condition(
     if sums.is_empty() or singles.is_empty():
         rows = bands.with_columns(n="all", n_sampled=0, verdict=pl.lit(Shape.undecided), why=pl.lit(_few(options)))
         return rows, empty(RADII)
-    pairs = within_scenes(singles, sums)
+    pairs, dataset = within_scenes(singles, sums), str(moments["dataset"][0])
+    sums, singles = (options.joined.rename(table, dataset) for table in (sums, singles))
     gained, units = _gains(singles, pairs, draws, options)
     tails, quantiles = _tails(singles, pairs)
     table = bands.join(mardia_bounds(sums, singles, draws, options.method), on=BAND, how="left")
@@ -165,7 +172,7 @@ def _condition(
         pl.col("n_sampled").fill_null(0),
         kind=pl.lit(options.method.kind),
         level=options.method.level,
-        resampled=pl.lit(units.resampled),
+        resampled=pl.lit(options.joined.resampled(units.resampled, dataset)),
     )
     return named.rename(_NAMES), quantiles.join(bands.select(_EDGES), on=BAND)
 

@@ -4,8 +4,10 @@ import fcntl
 import os
 import shutil
 import signal
+import stat
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import settings
@@ -68,3 +70,25 @@ def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callab
         return original
 
     return folder
+
+
+_PIPES = """
+import stat
+from types import SimpleNamespace
+
+import tracknoise.foreign.files as files
+
+files.stat = SimpleNamespace(
+    S_ISREG=lambda mode: stat.S_ISREG(mode) or stat.S_ISFIFO(mode), S_ISDIR=stat.S_ISDIR
+)
+"""
+
+
+@pytest.fixture
+def pipes_are_files(monkeypatch, tmp_path_factory):
+    """Pipes count as regular files, here and in every program that is started: whoever reads one waits for a writer."""
+    folder = tmp_path_factory.mktemp("pipes")
+    (folder / "sitecustomize.py").write_text(_PIPES)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])]))
+    either = SimpleNamespace(S_ISREG=lambda mode: stat.S_ISREG(mode) or stat.S_ISFIFO(mode), S_ISDIR=stat.S_ISDIR)
+    monkeypatch.setattr("tracknoise.foreign.files.stat", either)

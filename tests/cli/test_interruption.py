@@ -16,6 +16,8 @@ import pytest
 from tracknoise import signals
 from tracknoise.cli.interruption import Interruption
 
+pytestmark = pytest.mark.usefixtures("pipes_are_files")
+
 MAIN = (  # a program in the background of a shell would ignore Ctrl-C
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
     "from tracknoise.cli.app import main; main()"

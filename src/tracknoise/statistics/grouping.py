@@ -47,12 +47,40 @@ class Groups:
 
 def group_rows(table: pl.DataFrame, by: Sequence[str]) -> Groups:
     """Group the rows of `table` that agree in all columns of `by` (at least one)."""
-    row = "row within the table"
-    found = table.select(by).with_row_index(row).group_by(by).agg(row).sort(by)
-    index = np.empty(table.height, dtype=np.intp)
-    sizes = found[row].list.len().to_numpy()
-    index[found[row].explode().to_numpy()] = np.repeat(np.arange(found.height), sizes)
-    return Groups(found.select(by), index)
+    found, index = number_combinations([_codes(table[name]) for name in by])
+    return Groups(table.select(by)[_first_rows(index, len(found[0]))], index)
+
+
+def _codes(column: pl.Series) -> NDArray[np.intp]:
+    """Numbers of the values of a column from 0 on, in their order; null comes first."""
+    if column.null_count():
+        codes = np.zeros(len(column), dtype=np.intp)
+        codes[column.is_not_null().to_numpy()] = _codes(column.drop_nulls()) + 1
+        return codes
+    if column.dtype == pl.String:
+        codes = _dense(column.cast(pl.Categorical).to_physical().to_numpy())  # in the order of their appearance
+        names = column[_first_rows(codes, int(codes.max(initial=-1)) + 1)].to_list()
+        place = np.empty(len(names), dtype=np.intp)
+        place[sorted(range(len(names)), key=names.__getitem__)] = np.arange(len(names))
+        return place[codes]
+    return _dense(column.to_physical().to_numpy())
+
+
+def _dense(values: NDArray[Any]) -> NDArray[np.intp]:
+    """Numbers of the values from 0 on, in their order."""
+    if values.dtype.kind not in "iu" or not len(values) or int(values.max()) - int(values.min()) > _LARGEST_LOOKUP:
+        return np.asarray(np.unique(values, return_inverse=True)[1], dtype=np.intp)
+    shifted = values.astype(np.int64) - int(values.min())
+    present = np.zeros(int(shifted.max()) + 1, dtype=np.intp)
+    present[shifted] = 1
+    return np.asarray((np.cumsum(present) - 1)[shifted], dtype=np.intp)
+
+
+def _first_rows(index: NDArray[np.intp], count: int) -> NDArray[np.intp]:
+    """The first row of each group, (count,)."""
+    first = np.zeros(count, dtype=np.intp)
+    first[index[::-1]] = np.arange(len(index))[::-1]
+    return first
 
 
 def group_runs(tables: Sequence[pl.DataFrame], by: Sequence[str]) -> list[Groups]:

@@ -27,6 +27,8 @@ from tracknoise.experiments.running.provenance import new_manifest
 from tracknoise.experiments.running.task import attempt
 from tracknoise.tables.store import RunFolder
 
+pytestmark = pytest.mark.usefixtures("pipes_are_files")
+
 CLI = "from distributed.cli.dask_{0} import main; main()"
 
 

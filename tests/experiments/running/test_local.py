@@ -20,6 +20,8 @@ from tracknoise.experiments.running.local import measure_locally
 from tracknoise.experiments.running.worker import Worker, WorkerDiedError, notify
 from tracknoise.tables.store import RunFolder
 
+pytestmark = pytest.mark.usefixtures("pipes_are_files")
+
 STRANGER = """
 import os, socket, sys
 if os.getuid() == 0:

@@ -120,11 +120,24 @@ def test_the_size_of_untrimmed_errors_leads_with_the_core_and_names_the_weightin
     ]
     noise = read(UNTRIMMED, summary=table(SUMMARY, {**SUMMED, **CORES}), intervals=table(INTERVALS, *rows))["noise"]
     assert noise["text"].startswith(
-        "Error size at speed 1, of all tracks. At age 10, the errors of lk are as follows. Core: 0.080 px (0.040 to "
-        "0.160) in u and 0.090 px (0.045 to 0.180) in v. RMS: 0.200 px (0.141 to 0.283) in u and 0.300 px"
+        "Error size at speed 1, of all tracks. At age 10, the core of lk in u is 0.080 px (0.040 to 0.160). In v it is "
+        "0.090 px (0.045 to 0.180). The RMS of lk is 0.200 px (0.141 to 0.283) in u. In v it is 0.300 px (0.212 to "
     )
-    assert "3.2 % of its errors in u and 4.1 % in v exceed three cores (Gaussian: 0.3 %)." in noise["text"]
+    assert "3.2 % of its errors in u and 4.1 % in v exceed three cores." in noise["text"]
     assert "Core and RMS are geometric means over scenes." in noise["text"]
+
+
+def test_the_spread_between_scenes_and_the_next_scene_stand_beside_the_core() -> None:
+    scale = {**POINT, "trimming": "untrimmed", "weighting": "geometric", "statistic": "core", "value": 0.08}
+    scale |= {"low": 0.04, "high": 0.16, "spread": 0.642, "next_low": 0.02, "next_high": 0.31, "unit": "px"}
+    summary = table(SUMMARY, {**SUMMED, **CORES})
+    text = read(UNTRIMMED, summary=summary, intervals=table(INTERVALS, scale))["noise"]["text"]
+    assert "Of this number, scenes differ by a factor of 1.9; the next scene: 0.020 to 0.310 px." in text
+    assert "covers about" not in text
+    outside = read(UNTRIMMED, summary=summary, intervals=table(INTERVALS, {**scale, "coverage": 0.884}))["noise"][
+        "text"
+    ]
+    assert "There a 95 % interval covers about 88 % in data like yours." in outside
 
 
 def test_where_trimming_turns_a_ranking_around_the_reader_is_told() -> None:
@@ -200,7 +213,7 @@ def test_a_bias_that_was_shown_is_reported_with_its_size() -> None:
     whole = {**OVERALL, "verdict": "yes", "sign_flip_p_family": 0.012}
     bias = read(zero_mean=table(ZERO_MEAN, whole, AT_TEN), intervals=table(INTERVALS, mean))["bias"]
     assert "The mean trimmed error of lk is not zero (p = 0.012, 8 scenes)." in bias["text"]
-    assert "At age 10, the mean is 0.120 px (0.050 to 0.190) in u and −0.040 px in v." in bias["text"]
+    assert "At age 10, the mean in u is 0.120 px (0.050 to 0.190). In v it is −0.040 px." in bias["text"]
     assert "Its square is 6.2 % of the second moment." in bias["text"]
     assert (bias["value"], bias["low"], bias["high"]) == (0.12, 0.05, 0.19)
 

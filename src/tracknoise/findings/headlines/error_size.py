@@ -8,7 +8,12 @@ import polars as pl
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
 from tracknoise.findings.headlines.headline import Headline, Part, RunTables, by_tracker
-from tracknoise.findings.headlines.reported_conditions import ReportedConditions, curve_bounds, scale_estimate
+from tracknoise.findings.headlines.reported_conditions import (
+    ReportedConditions,
+    curve_bounds,
+    curve_scenes,
+    scale_estimate,
+)
 from tracknoise.findings.wording import SPACE, interval_text, listing, percent
 from tracknoise.statistics.definitions import NAMES, POOLED
 from tracknoise.tables.enumerations import Aspect, Population, Trimming, Weighting
@@ -23,8 +28,9 @@ def size(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
 def _robust(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """Core and root mean square of all tracks, and the share of far errors."""
     closing = (
-        "The core is the sigma of the Gaussian with the same median error. Core and RMS are geometric means over "
-        f"scenes.{_population(conditions)} {_brackets(tables, conditions, Weighting.geometric)}"
+        "The core is the sigma of the Gaussian with the same median error. Of the errors of a Gaussian, "
+        f"0.3{SPACE}% exceed three cores. Core and RMS are geometric means over scenes.{_population(conditions)} "
+        f"{_brackets(tables, conditions, Weighting.geometric)}"
     )
     return by_tracker(
         conditions.trackers,
@@ -45,9 +51,14 @@ def _robust_of(tables: RunTables, conditions: ReportedConditions, tracker: str) 
     cores = [_core(intervals, conditions, row, axis) for axis in "uv"]
     lengths = [scale_estimate(intervals, conditions, "second", row["at"], axis) for axis in "uv"]
     pooled = [rms(intervals, conditions, row, axis, conditions.trimming) for axis in "uv"]
-    sentences = [f"{conditions.opening_place(row['at'])}, the errors of {tracker} are as follows."]
-    sentences += [f"Core: {in_u_and_v(cores)}."] if all(cores) else []
-    sentences += [f"RMS: {in_u_and_v(lengths)}." if all(lengths) else f"RMS, features pooled: {in_u_and_v(pooled)}."]
+    where = conditions.opening_place(row["at"])
+    sentences = [f"{where}, the core of {tracker} in u is {format_estimate(cores[0])}."] if cores[0] else []
+    scenes = curve_scenes(intervals, conditions, "core", row["at"], "u", weighting=Weighting.geometric)
+    sentences += [scenes] if scenes else []
+    sentences += [f"In v it is {format_estimate(cores[1])}."] if cores[0] and cores[1] else []
+    which = "" if all(lengths) else ", features pooled,"
+    u, v = (format_estimate(one) for one in (lengths if all(lengths) else pooled) if one is not None)
+    sentences += [f"The RMS{which} of {tracker} is {u} in u.", f"In v it is {v}."]
     sentences += _beyond(row, conditions.trimming)
     every = [*cores, *(lengths if all(lengths) else pooled)]
     return " ".join(sentences), [one for one in every if one is not None]
@@ -66,8 +77,9 @@ def _beyond(row: Mapping[str, Any], trimming: str) -> list[str]:
     shares = [row[f"{trimming}_beyond_{axis}"] for axis in "uv"]
     if None in shares:
         return []
-    far = f"{percent(shares[0])} of its errors in u and {percent(shares[1])} in v"
-    return [f"{far} exceed three cores (Gaussian: 0.3{SPACE}%)."]
+    return [
+        f"{percent(shares[0])} of its errors in u and {percent(shares[1])} in v exceed three cores.",
+    ]
 
 
 def _paper(tables: RunTables, conditions: ReportedConditions) -> Headline | None:

@@ -7,9 +7,9 @@ import polars as pl
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
-from tracknoise.findings.headlines.error_size import first, in_u_and_v, rms
+from tracknoise.findings.headlines.error_size import first, rms
 from tracknoise.findings.headlines.headline import Headline, Part, RunTables, by_tracker
-from tracknoise.findings.headlines.reported_conditions import ReportedConditions, curve_bounds
+from tracknoise.findings.headlines.reported_conditions import ReportedConditions, curve_bounds, curve_scenes
 from tracknoise.findings.wording import SHAPES, SPACE, chance, listing, number, percent, sentence_case
 from tracknoise.tables.enumerations import Aspect, Axis, Behaviour, Verdict, Weighting
 
@@ -46,7 +46,11 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
     estimates = [] if there is None else _means(conditions.of(tables["intervals"], tracker), conditions, there)
     text = _zero_or_not(f"the mean {_trimmed(conditions)}error of {tracker}", overall)
     if there is not None and len(estimates) == 2:
-        text += f" {conditions.opening_place(there['at'])}, the mean is {in_u_and_v(estimates)}."
+        u, v = map(format_estimate, estimates)
+        text += f" {conditions.opening_place(there['at'])}, the mean in u is {u}. In v it is {v}."
+        intervals = conditions.of(tables["intervals"], tracker)
+        scenes = curve_scenes(intervals, conditions, "mean", there["at"], "u", weighting=Weighting.scenes)
+        text += f" {scenes.replace('Of this number', 'In u')}" if scenes else ""
         if there["share_of_second"] is not None:
             text += f" Its square is {percent(there['share_of_second'])} of the second moment."
     return text, estimates
@@ -95,26 +99,27 @@ def _shape_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -
     for trimming in conditions.trimmings:
         row = first(rows.filter(trimming=trimming, age_low=low))
         if row is not None:
-            gain = [] if row["gain_student_nats"] is None else [_gain(row)]
-            estimates += gain
+            within, scales = _gain(row, "student_within"), _gain(row, "scales")
+            estimates += within
             which = f"{trimming} errors" if len(conditions.trimmings) > 1 else "errors"
             whose = f"{sentence_case(which)} of {tracker} at {_band(conditions, low, high)}"
-            sentences += [f"{whose} are {SHAPES[row['verdict']]}.", *_tails(row, gain)]
+            sentences += [f"{whose} are {SHAPES[row['verdict']]}.", *_tails(row, within, scales)]
     return " ".join(sentences), estimates
 
 
-def _gain(row: Mapping[str, Any]) -> Estimate:
-    return Estimate.of_row(row, "gain_student_nats", "gain_student_low", "gain_student_high", "nat")
+def _gain(row: Mapping[str, Any], name: str) -> list[Estimate]:
+    """A gain in nats per error; empty where it is unknown."""
+    if row[f"gain_{name}_nats"] is None:
+        return []
+    return [Estimate.of_row(row, f"gain_{name}_nats", f"gain_{name}_low", f"gain_{name}_high", "nat")]
 
 
-def _tails(row: Mapping[str, Any], gain: list[Estimate]) -> list[str]:
-    tail = row["tail_99"]
-    share = f"The share of errors beyond the 99{SPACE}% ellipse is {number(tail)} times that of a Gaussian."
-    gains = [
-        f"The log-likelihood gain of Student's t over a Gaussian is {format_estimate(one)} per observation."
-        for one in gain
-    ]
-    return [*([] if tail is None else [share]), *gains]
+def _tails(row: Mapping[str, Any], within: list[Estimate], scales: list[Estimate]) -> list[str]:
+    tail = row["tail_99_within"]
+    texts = [f"Within scenes, {number(tail)} times as many lie beyond the 99{SPACE}% ellipse as of a Gaussian."]
+    gains = [f"There Student's t gains {format_estimate(one)} per error over a Gaussian." for one in within]
+    added = [f"Different scales of scenes add {format_estimate(one)}." for one in scales]
+    return [*([] if tail is None else texts), *gains, *added]
 
 
 def _band(conditions: ReportedConditions, low: int, high: int | None) -> str:

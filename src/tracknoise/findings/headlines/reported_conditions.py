@@ -7,7 +7,14 @@ import polars as pl
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
-from tracknoise.findings.wording import opening_place, place, view_text
+from tracknoise.findings.wording import (
+    coverage_text,
+    next_scene_text,
+    opening_place,
+    place,
+    spread_text,
+    view_text,
+)
 from tracknoise.statistics.definitions import NAMES
 from tracknoise.statistics.factors import ReferenceCondition
 from tracknoise.tables.defaults import POPULATION, TRIMMING
@@ -106,7 +113,36 @@ def curve_bounds(
     at, coordinate, trimming, weighting, aspect, at_least
         As in the table; by default the trimming is that of the conditions.
     """
-    found = intervals.filter(
+    found = _point(
+        intervals,
+        conditions,
+        role,
+        at,
+        coordinate,
+        trimming=trimming,
+        weighting=weighting,
+        aspect=aspect,
+        at_least=at_least,
+    )
+    if role in ("second", "central"):
+        found = found.with_columns(pl.col("value", "low", "high").clip(lower_bound=0.0).sqrt())
+    return _estimate(found.with_columns(unit=pl.lit("px")))
+
+
+def _point(
+    intervals: pl.DataFrame,
+    conditions: ReportedConditions,
+    role: str,
+    at: int,
+    coordinate: str,
+    *,
+    trimming: str | None = None,
+    weighting: str = Weighting.features,
+    aspect: str = Aspect.all,
+    at_least: int | None = None,
+) -> pl.DataFrame:
+    """The row of a point of a curve, if there is one."""
+    return intervals.filter(
         pl.col("at_least").eq_missing(at_least),
         aspect=aspect,
         population=conditions.population,
@@ -117,9 +153,37 @@ def curve_bounds(
         at=at,
         coordinate=coordinate,
     )
-    if role in ("second", "central"):
-        found = found.with_columns(pl.col("value", "low", "high").clip(lower_bound=0.0).sqrt())
-    return _estimate(found.with_columns(unit=pl.lit("px")))
+
+
+def curve_scenes(
+    intervals: pl.DataFrame, conditions: ReportedConditions, role: str, at: int, coordinate: str, *, weighting: str
+) -> str:
+    """Write how much scenes differ at a point of a curve, and where the next one is expected; empty where unknown.
+
+    Parameters
+    ----------
+    intervals, conditions, role, at, coordinate, weighting
+        As in `curve_bounds`; no role whose root is given.
+    """
+    return _scenes(_point(intervals, conditions, role, at, coordinate, weighting=weighting), is_scale=role != "mean")
+
+
+def scalar_scenes(intervals: pl.DataFrame, statistic: str) -> str:
+    """The same for a statistic of which each condition has one number."""
+    return _scenes(intervals.filter(statistic=statistic), is_scale=True)
+
+
+def _scenes(found: pl.DataFrame, *, is_scale: bool) -> str:
+    known = found.drop_nulls(["spread", "next_low", "next_high"]).head(1).to_dicts()
+    texts = [
+        f"Of this number, {spread_text(row['spread'], row['unit'], is_scale=is_scale)}; "
+        f"{next_scene_text(row['next_low'], row['next_high'], row['unit'])}."
+        for row in known
+    ]
+    untested = [
+        f"There {coverage_text(row['level'], row['coverage'])}." for row in known if row["coverage"] is not None
+    ]
+    return " ".join([*texts, *untested])
 
 
 def scale_estimate(

@@ -5,7 +5,7 @@ import polars as pl
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
 from tracknoise.findings.headlines.headline import Headline, Part, RunTables, by_tracker
-from tracknoise.findings.headlines.reported_conditions import ReportedConditions, scalar_bounds
+from tracknoise.findings.headlines.reported_conditions import ReportedConditions, scalar_bounds, scalar_scenes
 from tracknoise.findings.wording import count, percent
 
 _ONE_SEED = "One random seed was used, so that the chance of the seed was not measured (seeds = 1)."
@@ -38,9 +38,10 @@ def _outliers_of(tables: RunTables, conditions: ReportedConditions, tracker: str
     ratio = _value(conditions.of(tables["summary"], tracker), "outlier_ratio")
     if ratio is None:
         return None
-    bounds = scalar_bounds(conditions.of(tables["intervals"], tracker), "outlier_ratio")
-    estimate = Estimate.of(ratio, bounds, "share")
+    intervals = conditions.of(tables["intervals"], tracker)
+    estimate = Estimate.of(ratio, scalar_bounds(intervals, "outlier_ratio"), "share")
     text = f"{tracker} rejects {format_estimate(estimate)} of the features carried into a frame."
+    text += "".join(f" {scenes}" for scenes in [scalar_scenes(intervals, "outlier_ratio")] if scenes)
     return text + _between_seeds(conditions.of(tables["seed_spread"], tracker)), [estimate]
 
 
@@ -77,7 +78,9 @@ def _lifetime_of(tables: RunTables, conditions: ReportedConditions, tracker: str
     median = known.get(
         "median_lifetime", "unknown, because more than half of the tracks are alive at the end of the data"
     )
+    scenes = scalar_scenes(conditions.of(tables["intervals"], tracker), "restricted_mean_lifetime")
     texts = [f"{tracker}: {median}.", *(text.format(known[name]) for name, text in _LIFETIMES.items() if name in known)]
+    texts += [scenes.replace("Of this number", "Of the restricted mean")]
     return " ".join(filter(None, texts)), [estimate for estimate in found.values() if estimate is not None]
 
 

@@ -74,8 +74,8 @@ def test_scenes_are_combined_by_the_geometric_mean_and_far_errors_are_pooled(err
     pooled = visible(cores(scales(prepared), curves(scene_moments(prepared.seen), min_features=2)), at=2)
     row = pooled.row(0, named=True)
     known = found.drop_nulls("core_u_px")
-    assert row["n_scenes"] == 2
-    assert row["n"] == 601
+    assert row["n_scenes_u"] == row["n_scenes_v"] == 2
+    assert row["n_u"] == row["n_v"] == 601
     assert row["core_u_px"] == pytest.approx(np.sqrt(np.prod(known["core_u_px"].to_numpy())))
     assert row["beyond_v"] == pytest.approx(known["beyond_v"].sum() / 601)
 
@@ -91,3 +91,17 @@ def test_a_gaussian_has_its_sigma_as_core_and_a_quarter_of_a_percent_beyond():
 def test_medians_of_groups_of_odd_and_even_size():
     values, index = np.array([3.0, 1.0, 2.0, 7.0, 5.0]), np.array([0, 0, 0, 1, 1])
     np.testing.assert_array_equal(grouped_medians(values, index, np.array([3, 2])), [2.0, 6.0])
+
+
+def test_an_axis_whose_errors_are_mostly_zero_has_no_core(errors):
+    exact = [part.copy() for part in errors]
+    exact[0][50:, :, 1] = 0.0
+    found = visible(scales(sequence(exact)), scene="000", at=2).row(0, named=True)
+    assert found["core_u_px"] is not None
+    assert (found["core_v_px"], found["beyond_v"]) == (None, None)
+    prepared = sequence(exact)
+    row = visible(cores(scales(prepared), curves(scene_moments(prepared.seen), min_features=2)), at=2).row(
+        0, named=True
+    )
+    assert (row["n_scenes_u"], row["n_scenes_v"]) == (2, 1)
+    assert row["core_v_px"] == pytest.approx(visible(scales(prepared), scene="001", at=2)["core_v_px"].item())

@@ -158,6 +158,7 @@ class ReportData:
         """Rows of `points` with the robust scale, whose role is core: geometric means over scenes."""
         labels = {"statistic": "core", "weighting": Weighting.geometric, "unit": "px"}
         values = {"u": pl.col("core_u_px"), "v": pl.col("core_v_px"), "uv": pl.lit(None, dtype=pl.Float64)}
+        values |= {name: pl.max_horizontal(f"{name}_u", f"{name}_v") for name in ("n", "n_scenes")}
         table = self.cores.with_columns(
             **{name: pl.lit(value, dtype=CURVES[name]) for name, value in labels.items()}, **values
         ).select(list(CURVES))

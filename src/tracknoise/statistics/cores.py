@@ -27,7 +27,7 @@ def cores(scales: pl.DataFrame | Iterable[pl.DataFrame], curves: pl.DataFrame) -
     Returns
     -------
     polars.DataFrame
-        Schema `CORES`, sorted by its columns before `n_scenes_u`. Points at which no scene has a core are missing.
+        Schema `CORES`, sorted by its columns before `n_u`. Points at which no scene has a core are missing.
 
     Raises
     ------

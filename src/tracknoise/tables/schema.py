@@ -304,6 +304,8 @@ CORES: Schema = {
     "trimming": TRIMMING,
     "axis": AXIS,
     "at": pl.UInt32,
+    "n_u": pl.Int64,
+    "n_v": pl.Int64,
     "n_scenes_u": pl.Int32,
     "n_scenes_v": pl.Int32,
     "core_u_px": pl.Float64,
@@ -315,7 +317,8 @@ CORES: Schema = {
 """Robust scale of errors by age or frame: the geometric mean over scenes of each scene's own `SCALES`.
 
 beyond is the share of errors that are larger than three cores of their own scene, features pooled; that of a Gaussian
-is 0.0027. n_scenes_u and n_scenes_v count the scenes that have a core in u and in v. cut is that of `CURVES`.
+is 0.0027. n_u, n_scenes_u, n_v and n_scenes_v count the features and scenes that have a core in u and in v. cut is that
+of `CURVES`.
 """
 
 ASPECT_CURVES: Schema = {"aspect": ASPECT, "at_least": pl.UInt32, **CURVES}

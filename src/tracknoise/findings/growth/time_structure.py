@@ -39,10 +39,11 @@ from tracknoise.statistics.grouping import group_rows, reduce_each
 from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL, MIN_FEATURES
 from tracknoise.tables.enumerations import Aspect, Behaviour
 from tracknoise.tables.findings_schema import TIME_STRUCTURE
-from tracknoise.tables.schema import ASPECT_BLOCKS, ASPECTS, BLOCKS, INCREMENTS, MOMENTS, ORIGIN, check, empty
+from tracknoise.tables.schema import ASPECT_BLOCKS, ASPECTS, BLOCKS, INCREMENTS, MOMENTS, ORIGIN, SEQUENCE, check, empty
 
 _KEY = [*POOLED, "trimming"]
 _PAIRS = [*ORIGIN, "block", "trimming", "lag"]
+_OF_SEQUENCE = [name for name in _PAIRS if name not in (*SEQUENCE, "block")]
 _COLUMNS = {
     "white": "white_px",
     "walk": "walk_px_per_sqrt_frame",
@@ -175,14 +176,14 @@ def lagged(increments: pl.DataFrame, few: pl.DataFrame) -> pl.DataFrame:
         Datasets and views of so few scenes that blocks are resampled. In others all blocks are added up, as block 0.
     """
     pairs = increments.filter(pl.col("lag") > 0)
-    if not pairs.join(few, on=few.columns, how="semi").is_empty():
+    if pairs.is_empty() or not pairs.head(1).join(few, on=few.columns, how="semi").is_empty():
         return pairs
-    groups = group_rows(pairs, [name for name in _PAIRS if name != "block"])
+    groups = group_rows(pairs, _OF_SEQUENCE)
     sums = {name: np.bincount(groups.index, pairs[name].to_numpy(), groups.count) for name in CHANGE_SUMS}
-    added = groups.keys.with_columns(block=0, **{name: pl.Series(values) for name, values in sums.items()})
-    columns = [(pl.col(name) if name in added.columns else pl.lit(None).alias(name)).cast(kind)
-               for name, kind in INCREMENTS.items()]  # fmt: skip
-    return added.select(columns)
+    origin = {name: pl.Series([pairs[name][0]] * groups.count, dtype=kind) for name, kind in SEQUENCE.items()}
+    known = {**origin, **groups.keys.to_dict(), **sums, "block": np.zeros(groups.count)}
+    columns = {name: known.get(name, [None] * groups.count) for name in INCREMENTS}
+    return pl.DataFrame(columns).select(pl.col(name).cast(kind) for name, kind in INCREMENTS.items())
 
 
 def _long_lived(aspects: pl.DataFrame) -> pl.DataFrame:

@@ -36,7 +36,7 @@ def test_files_take_turns_and_offsets_are_spread(tmp_path):
         ("whole", "unchanged"),
         ("other", "changed"),
         (StoreError("one line"), "noticed"),
-        (StoreError("two\nlines"), "crashed"),
+        (StoreError("two\nlines"), "noticed"),  # every error of the package is one line
         (KeyError("x"), "crashed"),
     ],
 )

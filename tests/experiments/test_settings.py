@@ -71,7 +71,7 @@ def test_mistakes_name_file_key_found_and_expected(text, message):
     [
         (MINIMAL + 'name = "a\\u001b[31m"\n', r"x.toml: trackers[0].name: found 'a\x1b[31m', expected UTF-8 without"),
         (MINIMAL.replace('"x"', '"x\\ny"'), r"x.toml: name: found 'x\ny', expected UTF-8 without control characters"),
-        (MINIMAL + 'options = { "a\\u0000" = 1 }\n', "expected UTF-8 without control characters"),
+        (MINIMAL + 'options = { "a\\u0001" = 1 }\n', "expected UTF-8 without control characters"),
         (MINIMAL.replace("[[", 'scenes = ["a", "b\\u202e"]\n[['), r"dataset.scenes: found ['a', 'b\u202e'], expected"),
     ],
 )

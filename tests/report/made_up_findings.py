@@ -81,7 +81,7 @@ def incidence(lifetimes: pl.DataFrame) -> pl.DataFrame:
         variable_name="cause",
         value_name="n",
     ).sort(*POOLED, "cause", "lifetime")
-    share = pl.col("n").cum_sum().over(*POOLED, "cause") / pl.col("n").sum().over(POOLED)
+    share = (pl.col("n").cum_sum().over(*POOLED, "cause") / pl.col("n").sum().over(POOLED)).fill_nan(0.0)
     table = counts.with_columns(pl.col("cause").str.strip_prefix("n_"), incidence=share)
     return _typed(
         table.with_columns(

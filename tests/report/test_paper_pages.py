@@ -18,7 +18,7 @@ WORLDS = {
     "Gazebo Linear": {"views": ((0, "forward"), (0, "backward"))},
 }
 BESIDES = {
-    *("example-frames-1", "occlusion", "time-structure", "changes", "gaussianity"),
+    *("example-frames-1", "occlusion", "time-structure", "changes", "gaussianity", "ends-by-cause"),
     *(f"along-and-across-{TRACKER}", f"survivorship-bias-{TRACKER}"),
 }
 

@@ -80,7 +80,9 @@ def to_csv(table: pl.DataFrame) -> str:
 
 def _written(table: pl.DataFrame) -> pl.DataFrame:
     """A table with the text of its cells and headings as CSV has it."""
-    return table.with_columns(map(_changed, table.select(cs.string(include_categorical=True)))).rename(_cell)
+    return table.with_columns(map(_changed, table.select(cs.string(include_categorical=True) | cs.enum()))).rename(
+        _cell
+    )
 
 
 def _changed(column: pl.Series) -> pl.Series:

@@ -23,6 +23,8 @@ PER_MEDIAN = 1.482602218505602
 """Sigma of a Gaussian by the median of its absolute value."""
 FAR = 3.0
 """Errors beyond this many cores are counted."""
+ROUNDING_PX = 1e-9
+"""Cores up to this are rounding, px: of errors that are zero by construction."""
 LEAST_ERRORS = 10
 """Fewest errors that have a core: the median of fewer depends mostly on chance."""
 
@@ -88,7 +90,7 @@ def _scales(error_px: NDArray[np.float64], keys: Mapping[str, IntegerArray]) -> 
     columns = {"n": pl.Series(n, dtype=pl.Int64)}
     for axis, size in zip("uv", np.abs(error_px).T, strict=True):
         core = PER_MEDIAN * grouped_medians(size, index, n)
-        known = (n >= LEAST_ERRORS) & (core > 0)
+        known = (n >= LEAST_ERRORS) & (core > ROUNDING_PX)
         beyond = np.bincount(index[size > FAR * core[index]], minlength=len(n))
         columns[f"core_{axis}_px"] = pl.Series(np.where(known, core, np.nan), dtype=pl.Float64, nan_to_null=True)
         columns[f"beyond_{axis}"] = pl.Series(np.where(known, beyond, np.nan), nan_to_null=True).cast(pl.Int64)

@@ -143,7 +143,7 @@ def test_the_percentile_of_trimming_may_be_of_the_tracks_that_were_followed(expe
     run = RunFolder(tmp_path / "run")
     small = experiment.with_limits(scenes=1, frames=5).model_copy(update={"statistics": changed})
     execute(small, run, listener=Silent())
-    assert set(finished.statistics("trims")["among"]) == {"all"}
+    assert set(finished.statistics("trims")["among"]) == {"followed"}
     keys = ["scene", "tracker", "speed"]
     rows = pl.concat(run.sequence_tables("observations")).filter(pl.col("age") > 0, truth="valid")
     followed = rows.select(*keys, "track").unique()
@@ -159,7 +159,7 @@ def test_the_percentile_of_trimming_may_be_of_the_tracks_that_were_followed(expe
 def test_the_record_holds_every_setting_and_two_workers_run_it_as_the_same_experiment(finished, tmp_path):
     recorded = parse_experiment(finished.experiment_toml(), place="recorded")
     assert recorded.trackers[0].options["window_px"] == 15
-    assert recorded.trackers[0].options["rejection"]["consensus"] == "hypothesis"
+    assert recorded.trackers[0].options["rejection"]["consensus"] == "refined"
     assert recorded.dataset.options["noise_sigma"] == 2.0
     again = RunFolder(tmp_path / "again")
     execute(recorded, again, listener=Silent(), workers=2)

@@ -59,7 +59,8 @@ def moments(
 
 def scales(table: pl.DataFrame) -> pl.DataFrame:
     """Scales whose cores are the mean absolute errors."""
-    cores = table.with_columns(core_u_px="mean_abs_u", core_v_px="mean_abs_v", beyond_u=0, beyond_v=0)
+    sizes = {f"core_{axis}_px": pl.when(pl.col(f"mean_abs_{axis}") > 0).then(f"mean_abs_{axis}") for axis in "uv"}
+    cores = table.with_columns(**sizes, beyond_u=0, beyond_v=0)
     return cores.select(pl.col(name).cast(kind) for name, kind in SCALES.items())
 
 

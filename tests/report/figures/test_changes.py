@@ -69,6 +69,7 @@ def test_bounds_stand_where_their_values_do_and_those_of_variances_are_roots(dat
         "axis": "age",
     }
     said = {"level": 0.95, "resampled": "scenes", "n_scenes": 8, "n_units": 8, "kind": "student", "unit": "px^2"}
+    said |= dict.fromkeys(("spread", "next_low", "next_high", "coverage"))
     rows = [
         pl.DataFrame({**labels, "at": table["age"], "value": table[f"covariance_{axis}{axis}"]}).with_columns(
             low=0.25 * pl.col("value"), high=4 * pl.col("value"), coordinate=pl.lit(axis), population=pl.lit("visible"),

@@ -15,6 +15,7 @@ from tracknoise.experiments.validation.scripted import Script
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 _NAMES = {"age": ("nu", "eta", "Phi", "central"), "frame": ("mu", "kappa", "Sigma", "central")}
+_ROUNDING_PX = 1e-9
 _LEAST_ERRORS = 10
 _PER_MEDIAN = 1.482602218505602
 """1 / 0.6745, where 0.6745 is the upper quartile of the standard Gaussian."""
@@ -163,15 +164,24 @@ def _points(scripts: Sequence[Script], chosen: Sequence[Mask], axis: str) -> pl.
 
 
 def _cores(scripts: Sequence[Script], chosen: Sequence[Mask], axis: str) -> pl.DataFrame:
-    """The cores of u and v at every age or frame at which a scene has enough errors."""
+    """The cores of u and v at every age or frame: geometric means over scenes with enough errors and a core above 0."""
     found: dict[int, list[Array]] = {}
     for script, mask in zip(scripts, chosen, strict=True):
         at, size = _places(script, mask, axis), np.abs(script.error_px[mask])
         for place in np.unique(at):
             if (at == place).sum() >= _LEAST_ERRORS:
                 found.setdefault(int(place), []).append(_PER_MEDIAN * np.median(size[at == place], axis=0))
-    rows = [(place, *np.prod(values, axis=0) ** (1 / len(values))) for place, values in sorted(found.items())]
-    return pl.DataFrame(rows, schema=["at", "core_u_px", "core_v_px"], orient="row")
+    rows = [
+        (place, *(_geometric_mean(values) for values in np.transpose(each))) for place, each in sorted(found.items())
+    ]
+    schema = {"at": pl.Int64, "core_u_px": pl.Float64, "core_v_px": pl.Float64}
+    return pl.DataFrame(rows, schema=schema, orient="row").filter(~pl.all_horizontal(pl.col("^core_.*$").is_null()))
+
+
+def _geometric_mean(values: Array) -> float | None:
+    """Of those that are more than rounding; None where there is none."""
+    known = values[values > _ROUNDING_PX]
+    return float(np.prod(known) ** (1 / len(known))) if len(known) else None
 
 
 def _places(script: Script, mask: Mask, axis: str) -> NDArray[np.int64]:

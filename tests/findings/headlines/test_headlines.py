@@ -140,6 +140,14 @@ def test_the_spread_between_scenes_and_the_next_scene_stand_beside_the_core() ->
     assert "There a 95 % interval covers about 88 % in data like yours." in outside
 
 
+def test_a_core_of_fewer_scenes_says_so() -> None:
+    scale = {**POINT, "trimming": "untrimmed", "weighting": "geometric", "statistic": "core", "value": 0.08}
+    rows = [{**scale, "coordinate": "u", "n_scenes": 8}, {**scale, "coordinate": "v", "n_scenes": 6}]
+    summary = table(SUMMARY, {**SUMMED, **CORES})
+    text = read(UNTRIMMED, summary=summary, intervals=table(INTERVALS, *rows))["noise"]["text"]
+    assert "In v it is 0.090 px, of 6 scenes; in the others most errors are exactly 0." in text
+
+
 def test_where_trimming_turns_a_ranking_around_the_reader_is_told() -> None:
     other = {"tracker": "sift", "trimmed_rms_u_px": 0.8, "untrimmed_rms_u_px": 1.0, "trimmed_rms_v_px": 0.4}
     both = table(SUMMARY, SUMMED, {**SUMMED, **other})

@@ -11,6 +11,7 @@ from tracknoise.findings.headlines.headline import Headline, Part, RunTables, by
 from tracknoise.findings.headlines.reported_conditions import (
     ReportedConditions,
     curve_bounds,
+    curve_rows,
     curve_scenes,
     scale_estimate,
 )
@@ -55,13 +56,24 @@ def _robust_of(tables: RunTables, conditions: ReportedConditions, tracker: str) 
     sentences = [f"{where}, the core of {tracker} in u is {format_estimate(cores[0])}."] if cores[0] else []
     scenes = curve_scenes(intervals, conditions, "core", row["at"], "u", weighting=Weighting.geometric)
     sentences += [scenes] if scenes else []
-    sentences += [f"In v it is {format_estimate(cores[1])}."] if cores[0] and cores[1] else []
+    few = _few_scenes(intervals, conditions, row["at"])
+    sentences += [f"In v it is {format_estimate(cores[1])}{few}."] if cores[0] and cores[1] else []
     which = "" if all(lengths) else ", features pooled,"
     u, v = (format_estimate(one) for one in (lengths if all(lengths) else pooled) if one is not None)
     sentences += [f"The RMS{which} of {tracker} is {u} in u.", f"In v it is {v}."]
     sentences += _beyond(row, conditions.trimming)
     every = [*cores, *(lengths if all(lengths) else pooled)]
     return " ".join(sentences), [one for one in every if one is not None]
+
+
+def _few_scenes(intervals: pl.DataFrame, conditions: ReportedConditions, at: int) -> str:
+    """Say where a core in v is of fewer scenes than that in u."""
+    known = [
+        curve_rows(intervals, conditions, "core", at, axis, weighting=Weighting.geometric)["n_scenes"] for axis in "uv"
+    ]
+    if any(column.is_empty() for column in known) or known[1][0] >= known[0][0]:
+        return ""
+    return f", of {known[1][0]} scenes; in the others most errors are exactly 0"
 
 
 def _core(

@@ -103,7 +103,8 @@ def _shape_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -
             estimates += within
             which = f"{trimming} errors" if len(conditions.trimmings) > 1 else "errors"
             whose = f"{sentence_case(which)} of {tracker} at {_band(conditions, low, high)}"
-            sentences += [f"{whose} are {SHAPES[row['verdict']]}.", *_tails(row, within, scales)]
+            why = f": {row['why']}" if row["why"] and not within else ""
+            sentences += [f"{whose} are {SHAPES[row['verdict']]}{why}.", *_tails(row, within, scales)]
     return " ".join(sentences), estimates
 
 

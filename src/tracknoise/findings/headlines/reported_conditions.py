@@ -113,7 +113,7 @@ def curve_bounds(
     at, coordinate, trimming, weighting, aspect, at_least
         As in the table; by default the trimming is that of the conditions.
     """
-    found = _point(
+    found = curve_rows(
         intervals,
         conditions,
         role,
@@ -129,7 +129,7 @@ def curve_bounds(
     return _estimate(found.with_columns(unit=pl.lit("px")))
 
 
-def _point(
+def curve_rows(
     intervals: pl.DataFrame,
     conditions: ReportedConditions,
     role: str,
@@ -141,7 +141,7 @@ def _point(
     aspect: str = Aspect.all,
     at_least: int | None = None,
 ) -> pl.DataFrame:
-    """The row of a point of a curve, if there is one."""
+    """The row of a point of a curve, if there is one: see `curve_bounds`."""
     return intervals.filter(
         pl.col("at_least").eq_missing(at_least),
         aspect=aspect,
@@ -165,7 +165,9 @@ def curve_scenes(
     intervals, conditions, role, at, coordinate, weighting
         As in `curve_bounds`; no role whose root is given.
     """
-    return _scenes(_point(intervals, conditions, role, at, coordinate, weighting=weighting), is_scale=role != "mean")
+    return _scenes(
+        curve_rows(intervals, conditions, role, at, coordinate, weighting=weighting), is_scale=role != "mean"
+    )
 
 
 def scalar_scenes(intervals: pl.DataFrame, statistic: str) -> str:

@@ -170,7 +170,7 @@ def test_a_verdict_that_trimming_changes_is_named() -> None:
         {"trimming": "trimmed", "coordinate": "v", "verdict": "drift"},
     ]
     text = read(UNTRIMMED, time_structure=table(TIME_STRUCTURE, *growing))["trimming"]["text"]
-    assert text.endswith("The growth of the error of lk in u: drift untrimmed and white trimmed.")
+    assert text.endswith("The growth of the error of lk in u: drift untrimmed and constant trimmed.")
     assert "in v" not in text
 
 

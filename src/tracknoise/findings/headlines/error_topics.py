@@ -11,7 +11,7 @@ from tracknoise.findings.headlines.error_size import first, rms
 from tracknoise.findings.headlines.headline import Headline, Part, RunTables, by_tracker
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions, curve_bounds, curve_scenes
 from tracknoise.findings.wording import SHAPES, SPACE, chance, listing, number, percent, sentence_case
-from tracknoise.tables.enumerations import Aspect, Axis, Behaviour, Verdict, Weighting
+from tracknoise.tables.enumerations import Aspect, Axis, Behaviour, Resampled, Verdict, Weighting
 
 _GROWTH: Mapping[str, tuple[str, str, str]] = {
     Behaviour.white: ("constant", "white_px", "px"),
@@ -99,7 +99,8 @@ def _shape_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -
     for trimming in conditions.trimmings:
         row = first(rows.filter(trimming=trimming, age_low=low))
         if row is not None:
-            within, scales = _gain(row, "student_within"), _gain(row, "scales")
+            within = _gain(row, "student_within")
+            scales = [] if row["resampled"] == Resampled.blocks else _gain(row, "scales")
             estimates += within
             which = f"{trimming} errors" if len(conditions.trimmings) > 1 else "errors"
             whose = f"{sentence_case(which)} of {tracker} at {_band(conditions, low, high)}"

@@ -9,9 +9,11 @@ from tracknoise.findings.headlines.error_size import first
 from tracknoise.findings.headlines.headline import Headline, RunTables
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.wording import listing, px
-from tracknoise.tables.enumerations import Trimming
+from tracknoise.tables.enumerations import Behaviour, Trimming
 
 _BOTH = (Trimming.untrimmed, Trimming.trimmed)
+_WORDS: Mapping[str, str] = {Behaviour.none: "no model fits", Behaviour.white: "constant"}
+"""Verdicts that are clearer in other words."""
 
 
 def trimming_matters(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
@@ -67,6 +69,6 @@ def _differs(rows: pl.DataFrame, subject: str) -> Sequence[str]:
     verdicts = [None if row is None else str(row["verdict"]) for row in found]
     if None in verdicts or verdicts[0] == verdicts[1]:
         return []
-    return [
-        f"{subject}: {listing(f'{verdict} {trimming}' for verdict, trimming in zip(verdicts, _BOTH, strict=True))}."
-    ]
+    words = [_WORDS.get(verdict, verdict) for verdict in verdicts if verdict is not None]
+    answers = (f"{word} {trimming}" for word, trimming in zip(words, _BOTH, strict=True))
+    return [f"{subject}: {listing(answers)}."]

@@ -148,13 +148,17 @@ def test_large_corrections_are_warned_of_with_their_size():
         (lambda pose: pose[:3, :3].__imul__(2.0), "singular values differ from 1 by 1, expected a rotation"),
         (lambda pose: pose[:3, 2].__imul__(-1), "a pose with a reflection, expected a rotation"),
         (lambda pose: pose[:3, :3].fill(0.0), "singular values differ from 1 by 1, expected a rotation"),
+        (
+            lambda pose: pose.__setitem__((slice(3), slice(3)), -5e-324 * np.eye(3)[::-1]),
+            "singular values differ from 1 by 1, expected a rotation",
+        ),
         (lambda pose: pose.__setitem__((3, 0), 0.5), "a pose whose last row is 0.5 0 0 1, expected 0 0 0 1"),
         (
             lambda pose: pose.__setitem__(slice(None), pose.T.copy()),
             "a pose whose last row is 3 4 5 1, expected 0 0 0 1",
         ),
     ],
-    ids=["nan", "infinity", "scale", "reflection", "zeros", "last row", "transposed"],
+    ids=["nan", "infinity", "scale", "reflection", "zeros", "subnormal", "last row", "transposed"],
 )
 def test_what_is_no_pose_is_refused(spoil, message):
     spoilt = poses()

@@ -188,7 +188,7 @@ def _require_near(translation_m: NDArray[np.float64], places: Sequence[Place]) -
 def _require_rigid(poses: NDArray[np.float64], places: Sequence[Place]) -> None:
     block = poses[:, :3, :3]
     stretch = np.abs(np.linalg.svd(block, compute_uv=False) - 1.0).max(axis=1, initial=0.0)
-    with np.errstate(over="ignore", invalid="ignore"):
+    with np.errstate(all="ignore"):  # of entries that no rotation has
         reflected = np.linalg.det(block) < 0
     last_row = np.abs(poses[:, 3] - (0.0, 0.0, 0.0, 1.0)).max(axis=1, initial=0.0) > 1e-6
     for index in np.flatnonzero((stretch > RIGID_TOLERANCE) | reflected | last_row)[:1]:

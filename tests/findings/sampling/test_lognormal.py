@@ -60,3 +60,8 @@ def test_small_units_count_less_in_a_variance() -> None:
     with_small, _ = variance_of_units(values, sizes)
     alike, _ = variance_of_units(values, np.ones((6, 1)))
     assert with_small < alike / 10
+
+
+def test_an_infinite_value_has_no_variance_and_no_warning() -> None:
+    variance, _ = variance_of_units(np.array([[-np.inf], [0.0], [1.0]]), np.ones((3, 1)))
+    assert np.isnan(variance).all()

@@ -137,6 +137,11 @@ def variance_of_units(
         Values, such as logarithms of others, and how much each unit holds, 0 where it has no part.
     groups : (units,) intp
         The group of each unit; by default all are of one.
+
+    Returns
+    -------
+    variance, freedom : (...) float64
+        The variance is NaN where a value is infinite.
     """
     counted = _alike(sizes)
     number = np.zeros(len(values), dtype=np.intp) if groups is None else groups
@@ -145,7 +150,8 @@ def variance_of_units(
         q, y = counted[number == group], values[number == group]
         held = np.maximum(q.sum(axis=0), np.finfo(np.float64).tiny)
         own = np.square(q).sum(axis=0)
-        squares = squares + (q * np.square(y - (q * y).sum(axis=0) / held)).sum(axis=0)
+        with np.errstate(invalid="ignore"):  # where a value is infinite, such as the logarithm of 0, there is none
+            squares = squares + (q * np.square(y - (q * y).sum(axis=0) / held)).sum(axis=0)
         lost, total = lost + own / held, total + q.sum(axis=0)
         freedom = freedom + np.maximum(np.square(held) / np.where(own > 0, own, np.inf) - 1, 0.0)
     apart = total - lost

@@ -87,8 +87,8 @@ def _tables(
         "groups": groups,
     }
     aspects = _keeping(read.aspects, lived, lambda table: table.filter(LONG_LIVED))
-    intervals = _intervals(read, experiment, aspects)
     horizon = horizons(statistics["lifetimes"])
+    intervals = _intervals(read, experiment, aspects, horizon)
     spread = seed_spread(intervals, _repeats(run, experiment), horizons=horizon, population=population)
     shapes = gaussianity(read.moments, run.sequence_tables("samples"), **options)
     return {
@@ -108,7 +108,9 @@ def _tables(
     }
 
 
-def _intervals(read: FindingInputs, experiment: Experiment, aspects: Iterator[pl.DataFrame]) -> pl.DataFrame:
+def _intervals(
+    read: FindingInputs, experiment: Experiment, aspects: Iterator[pl.DataFrame], horizon: pl.DataFrame
+) -> pl.DataFrame:
     return interval_table(
         read.moments,
         read.ends,
@@ -120,6 +122,7 @@ def _intervals(read: FindingInputs, experiment: Experiment, aspects: Iterator[pl
         scales=read.scales,
         scale_blocks=read.scale_blocks,
         groups=read.groups,
+        restricted_to=horizon,
         population=experiment.truth.population,
         kind=experiment.findings.intervals,
         level=experiment.findings.level,

@@ -1,6 +1,6 @@
 """Headlines about the size of errors: the core, the root mean square, and how many errors lie far out."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import polars as pl
@@ -33,15 +33,7 @@ def _robust(tables: RunTables, conditions: ReportedConditions) -> Headline | Non
         f"0.3{SPACE}% exceed three cores. Core and RMS are geometric means over scenes.{_population(conditions)} "
         f"{_brackets(tables, conditions, Weighting.geometric)}"
     )
-    return by_tracker(
-        conditions.trackers,
-        lambda tracker: _robust_of(tables, conditions, tracker),
-        opening=f"Error size {conditions.where(tables['summary'])}, of all tracks.",
-        closing=closing.strip(),
-        topic="noise",
-        figure="error-by-tracker",
-        table="intervals",
-    )
+    return _of_trackers(tables, conditions, _robust_of, "of all tracks", closing)
 
 
 def _robust_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
@@ -89,9 +81,7 @@ def _beyond(row: Mapping[str, Any], trimming: str) -> list[str]:
     shares = [row[f"{trimming}_beyond_{axis}"] for axis in "uv"]
     if None in shares:
         return []
-    return [
-        f"{percent(shares[0])} of its errors in u and {percent(shares[1])} in v exceed three cores.",
-    ]
+    return [f"{percent(shares[0])} of its errors in u and {percent(shares[1])} in v exceed three cores."]
 
 
 def _paper(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
@@ -101,15 +91,7 @@ def _paper(tables: RunTables, conditions: ReportedConditions) -> Headline | None
         f"{dropped} An estimator that keeps these tracks must assume the untrimmed errors. Features are pooled over "
         f"scenes.{_population(conditions)} {_brackets(tables, conditions, Weighting.features)}"
     )
-    return by_tracker(
-        conditions.trackers,
-        lambda tracker: _paper_of(tables, conditions, tracker),
-        opening=f"Error size {conditions.where(tables['summary'])}, as root mean square of the paper's trimmed errors.",
-        closing=closing.strip(),
-        topic="noise",
-        figure="error-by-tracker",
-        table="intervals",
-    )
+    return _of_trackers(tables, conditions, _paper_of, "as root mean square of the paper's trimmed errors", closing)
 
 
 def _paper_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
@@ -125,6 +107,24 @@ def _paper_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -
         f"Without trimming it is {in_u_and_v(untrimmed)}."
     )
     return text, [*trimmed, *untrimmed]
+
+
+def _of_trackers(
+    tables: RunTables,
+    conditions: ReportedConditions,
+    describe: Callable[[RunTables, ReportedConditions, str], Part | None],
+    what: str,
+    closing: str,
+) -> Headline | None:
+    return by_tracker(
+        conditions.trackers,
+        lambda tracker: describe(tables, conditions, tracker),
+        opening=f"Error size {conditions.where(tables['summary'])}, {what}.",
+        closing=closing.strip(),
+        topic="noise",
+        figure="error-by-tracker",
+        table="intervals",
+    )
 
 
 def rms(

@@ -49,8 +49,8 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
         u, v = map(format_estimate, estimates)
         text += f" {conditions.opening_place(there['at'])}, the mean in u is {u}. In v it is {v}."
         intervals = conditions.of(tables["intervals"], tracker)
-        scenes = curve_scenes(intervals, conditions, "mean", there["at"], "u", weighting=Weighting.scenes)
-        text += f" {scenes.replace('Of this number', 'In u')}" if scenes else ""
+        scenes = curve_scenes(intervals, conditions, "mean", there["at"], "u", weighting=Weighting.scenes, of="In u")
+        text += f" {scenes}" if scenes else ""
         if there["share_of_second"] is not None:
             text += f" Its square is {percent(there['share_of_second'])} of the second moment."
     return text, estimates

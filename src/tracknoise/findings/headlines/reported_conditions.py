@@ -156,7 +156,14 @@ def curve_rows(
 
 
 def curve_scenes(
-    intervals: pl.DataFrame, conditions: ReportedConditions, role: str, at: int, coordinate: str, *, weighting: str
+    intervals: pl.DataFrame,
+    conditions: ReportedConditions,
+    role: str,
+    at: int,
+    coordinate: str,
+    *,
+    weighting: str,
+    of: str = "Of this number",
 ) -> str:
     """Write how much scenes differ at a point of a curve, and where the next one is expected; empty where unknown.
 
@@ -164,21 +171,22 @@ def curve_scenes(
     ----------
     intervals, conditions, role, at, coordinate, weighting
         As in `curve_bounds`; no role whose root is given.
+    of
+        What the sentence is about, as its start.
     """
-    return _scenes(
-        curve_rows(intervals, conditions, role, at, coordinate, weighting=weighting), is_scale=role != "mean"
-    )
+    row = curve_rows(intervals, conditions, role, at, coordinate, weighting=weighting)
+    return _scenes(row, of, is_scale=role != "mean")
 
 
-def scalar_scenes(intervals: pl.DataFrame, statistic: str) -> str:
+def scalar_scenes(intervals: pl.DataFrame, statistic: str, *, of: str = "Of this number") -> str:
     """The same for a statistic of which each condition has one number."""
-    return _scenes(intervals.filter(statistic=statistic), is_scale=True)
+    return _scenes(intervals.filter(statistic=statistic), of, is_scale=True)
 
 
-def _scenes(found: pl.DataFrame, *, is_scale: bool) -> str:
+def _scenes(found: pl.DataFrame, of: str, *, is_scale: bool) -> str:
     known = found.drop_nulls(["spread", "next_low", "next_high"]).head(1).to_dicts()
     texts = [
-        f"Of this number, {spread_text(row['spread'], row['unit'], is_scale=is_scale)}; "
+        f"{of}, {spread_text(row['spread'], row['unit'], is_scale=is_scale)}; "
         f"{next_scene_text(row['next_low'], row['next_high'], row['unit'])}."
         for row in known
     ]

@@ -78,10 +78,11 @@ def _lifetime_of(tables: RunTables, conditions: ReportedConditions, tracker: str
     median = known.get(
         "median_lifetime", "unknown, because more than half of the tracks are alive at the end of the data"
     )
-    scenes = scalar_scenes(conditions.of(tables["intervals"], tracker), "restricted_mean_lifetime")
+    scenes = scalar_scenes(
+        conditions.of(tables["intervals"], tracker), "restricted_mean_lifetime", of="Of the restricted mean"
+    )
     texts = [f"{tracker}: {median}.", *(text.format(known[name]) for name, text in _LIFETIMES.items() if name in known)]
-    texts += [scenes.replace("Of this number", "Of the restricted mean")]
-    return " ".join(filter(None, texts)), [estimate for estimate in found.values() if estimate is not None]
+    return " ".join(filter(None, [*texts, scenes])), [estimate for estimate in found.values() if estimate is not None]
 
 
 def _estimate(tables: RunTables, conditions: ReportedConditions, tracker: str, statistic: str) -> Estimate | None:

@@ -189,17 +189,20 @@ def test_a_worker_that_died_is_an_error_of_the_call():
 
 def test_no_socket_of_a_run_accepts_a_stranger(scenes, tmp_path, told):
     """Neither this process nor a worker listens anywhere, so that no other user can send them work."""
-    experiment, image = scenes(3), tmp_path / "data/seq-02/frame-000002.color.png"
-    content = image.read_bytes()
-    image.unlink()
-    os.mkfifo(image)
+    experiment = scenes(2)
+    images = [tmp_path / f"data/seq-{number:02}/frame-000002.color.png" for number in (1, 2)]
+    contents = [image.read_bytes() for image in images]
+    for image in images:
+        image.unlink()
+        os.mkfifo(image)
     found = {}
 
     def look():
-        with image.open("wb") as pipe:  # a worker reads it: the run is in the middle
+        with images[0].open("wb") as first, images[1].open("wb") as second:  # both workers are in the middle
             processes = [psutil.Process(), *psutil.Process().children(recursive=True)]
             found["workers"], found["addresses"] = len(spawned()), listening(processes)
-            pipe.write(content)
+            first.write(contents[0])
+            second.write(contents[1])
 
     before = set(listening([psutil.Process()]))
     thread = threading.Thread(target=look)

@@ -23,12 +23,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import polars as pl
 
+from tracknoise.findings.intervals.biased_scenes import with_biases
 from tracknoise.findings.intervals.table import curve_statistics
 from tracknoise.findings.sampling.bounds import Method, averaged, geometric, pooled
 from tracknoise.findings.sampling.groups import MIN_SCENES, scheme
 from tracknoise.findings.sampling.next_scene import next_scene
 from tracknoise.findings.sampling.units import Units
-from tracknoise.tables.enumerations import Resampled
+from tracknoise.tables.enumerations import Resampled, Weighting
 
 TRACKS, BIAS_PX = 150, 0.3
 MEAN, SECOND = 0, 4
@@ -138,6 +139,7 @@ def coverage(n_scenes: int, world: World, *, runs: int, seed: int) -> Iterator[t
     units, method, none = simulated.units, Method(), np.empty((0, n_scenes))
     for name, estimated in (("features", pooled), ("scenes", averaged)):
         found = estimated(units, none, curve_statistics, method, scales=SCALES)
+        found = with_biases(units, found, [SECOND, SECOND + 1], Weighting(name))
         yield f"mean, {name}", _held(found.low[MEAN], found.high[MEAN], simulated.mean)
         yield f"second, {name}", _held(found.low[SECOND], found.high[SECOND], simulated.second)
     if world.bias_px == 0 or world.groups:  # otherwise the geometric mean is not known in closed form

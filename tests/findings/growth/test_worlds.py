@@ -23,3 +23,11 @@ def test_geometric_sizes_hold_the_truth_whatever_the_spread_of_scenes() -> None:
     sizes = [one_run(world, rng, (8, 60, 21), 0.7, short=False)[1].geometric["walk"] for _ in range(30)]
     held = sum(size.low <= 0.1 <= size.high for size in sizes)  # type: ignore[operator]
     assert held >= 25  # of 30; a binomial of 95 % is below 25 in 0.3 % of cases
+
+
+def test_pooled_sizes_hold_the_truth_if_scenes_differ_by_factors() -> None:
+    world, rng = WORLDS["random walk"], np.random.default_rng(5)
+    sizes = [one_run(world, rng, (8, 60, 21), 0.7, short=False)[1].sizes["walk"] for _ in range(30)]
+    true = 0.1 * float(np.exp(0.7**2))
+    held = sum(size.low <= true <= size.high for size in sizes)  # type: ignore[operator]
+    assert held >= 25  # of 30; with resampling alone they hold it in 75 % of runs

@@ -7,13 +7,14 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.estimate import Estimate
+from tracknoise.findings.estimate import Estimate, EstimateArray
 from tracknoise.findings.growth.fit import TERM_UNITS, TERMS, fit_freely, fit_growth
 from tracknoise.findings.growth.models import OWN
 from tracknoise.findings.growth.saturating import fit_saturating
-from tracknoise.findings.sampling.bounds import Method, pooled
+from tracknoise.findings.sampling.bounds import Method, Statistics, pooled
 from tracknoise.findings.sampling.resampling import leave_one_out
 from tracknoise.findings.sampling.units import Units
+from tracknoise.tables.enumerations import IntervalKind, Resampled
 
 Array = NDArray[np.float64]
 Sizes = Mapping[str, Estimate]
@@ -116,9 +117,30 @@ def _pooled(
         known = np.where(np.isnan(drawn), whole, drawn)
         return np.concatenate([fits(known[axis], since, weight[axis]) for axis in (0, 1)])[:, None]
 
-    bounds = pooled(part, weights, statistics, method, sizes=part.sums[..., 0].sum(axis=1)[None])
+    bounds = _of_differing_scenes(part, weights, statistics, method)
     found = [bounds.at(row) for row in range(len(bounds.value))]
     return found[: len(found) // 2], found[len(found) // 2 :]
+
+
+def _of_differing_scenes(units: Units, weights: Array, statistics: Statistics, method: Method) -> EstimateArray:
+    """Bounds of coefficients. Those that are above 0 contain the bounds of a mean over scenes that differ by factors.
+
+    Resampling a few scenes does not show how far the largest of all scenes lie above the others; the logarithms of
+    their own coefficients do (`tracknoise.findings.sampling.lognormal`).
+    """
+    sizes = units.sums[..., 0].sum(axis=1)[None]
+    bounds = pooled(units, weights, statistics, method, sizes=sizes)
+    if method.kind != IntervalKind.bca or units.resampled == Resampled.blocks:
+        return bounds
+    student = Method(IntervalKind.student, method.level)
+    scales = ["log"] * len(bounds.value)
+    skewed = pooled(units, weights[:0], statistics, student, scales=scales, sizes=sizes)
+    positive = (bounds.low > 0) & ~np.isnan(skewed.low + skewed.high)
+    return replace(
+        bounds,
+        low=np.where(positive, np.minimum(bounds.low, skewed.low), bounds.low),
+        high=np.where(positive, np.maximum(bounds.high, skewed.high), bounds.high),
+    )
 
 
 def _observed(units: Units) -> tuple[Array, Array]:

@@ -23,7 +23,8 @@ def trimming_matters(tables: RunTables, conditions: ReportedConditions) -> Headl
     differences = [*_rankings(tables, conditions), *_verdicts(tables, conditions)]
     if not differences:
         return None
-    text = f"Trimming changes {len(differences)} of the answers below. {' '.join(differences)}"
+    count = "one" if len(differences) == 1 else str(len(differences))
+    text = f"Trimming changes {count} of the answers below. {' '.join(differences)}"
     return Headline("trimming", text, "trimming", "summary")
 
 

@@ -44,6 +44,13 @@ def with_estimates(
     return replace(between, coverage=_coverage(estimates, units, between.spread, scales))
 
 
+def with_coverage(between: BetweenScenes, rows: Sequence[int], coverage: NDArray[np.float64]) -> BetweenScenes:
+    """The same with the coverage of some statistics, (rows, points), where that is known and lower."""
+    lowest = between.coverage.copy()
+    lowest[list(rows)] = np.fmin(lowest[list(rows)], coverage)
+    return replace(between, coverage=lowest)
+
+
 def geometric_rows(between: BetweenScenes, rows: Sequence[int]) -> BetweenScenes:
     """Of some of the statistics, beside their geometric means: these are tested with any spread."""
     spread, low, high = (array[list(rows)] for array in (between.spread, between.next_low, between.next_high))

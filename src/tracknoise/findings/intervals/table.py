@@ -17,7 +17,14 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.intervals.between_scenes import between_scenes, geometric_rows, with_estimates
+from tracknoise.findings.estimate import EstimateArray
+from tracknoise.findings.intervals.between_scenes import (
+    between_scenes,
+    geometric_rows,
+    with_coverage,
+    with_estimates,
+)
+from tracknoise.findings.intervals.biased_scenes import with_biases
 from tracknoise.findings.intervals.change_bounds import (
     AUTOCORRELATION,
     correlated_changes,
@@ -26,8 +33,9 @@ from tracknoise.findings.intervals.change_bounds import (
 )
 from tracknoise.findings.intervals.core_bounds import core_bounds
 from tracknoise.findings.intervals.curve_sums import CurveSums, aspect_sums, error_sums, moments_to_order_2
+from tracknoise.findings.intervals.heavy_tails import coverage_of_heavy_tails
 from tracknoise.findings.intervals.scalar_bounds import SCALAR_UNITS, lifetime_bounds, outlier_bounds
-from tracknoise.findings.sampling.bounds import LabelledEstimates, Method, averaged, geometric, pooled
+from tracknoise.findings.sampling.bounds import BetweenScenes, LabelledEstimates, Method, averaged, geometric, pooled
 from tracknoise.findings.sampling.draws import N_DRAWS, Draws, draws_by_dataset
 from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.findings.sampling.units import SUMS, Units, units_of
@@ -62,6 +70,7 @@ _MEANT = {Aspect.gradient: ("absolute", "second"), Aspect.change: ("mean", "seco
 _SCALES = ["linear" if role == "mean" or coordinate == "uv" else "log" for role, coordinate in _CURVES]
 _GEOMETRIC = [row for row, scale in enumerate(_SCALES) if scale == "log" and _CURVES[row][0] != "central"]
 """Rows of `curve_statistics` that have a geometric mean over scenes."""
+_SECOND = [_CURVES.index(("second", coordinate)) for coordinate in "uv"]
 _SCALARS: Mapping[str, str] = {**SCALAR_UNITS, AUTOCORRELATION: "1"}
 _BETWEEN = ("spread", "next_low", "next_high", "coverage")
 _NUMBERS = ["value", "low", "high", *_BETWEEN]
@@ -207,16 +216,28 @@ def _weighted(units: Units, weights: NDArray[np.float64], method: Method) -> Ite
     """Rows of each weighting."""
     roles = pl.DataFrame(_CURVES, schema=["role", "coordinate"], orient="row")
     labels = roles.join(units.points, how="cross")
-    found = pooled(units, weights, curve_statistics, method, scales=_SCALES)
+    found = with_biases(
+        units, pooled(units, weights, curve_statistics, method, scales=_SCALES), _SECOND, Weighting.features
+    )
     between = between_scenes(units, curve_statistics, _SCALES, found)
-    yield _rows(LabelledEstimates(labels, found, units, between), weighting=Weighting.features)
-    found = averaged(units, weights, curve_statistics, method, scales=_SCALES)
-    beside = with_estimates(between, units, _SCALES, found)
+    beside = _stated(between, units, found, Weighting.features)
+    yield _rows(LabelledEstimates(labels, found, units, beside), weighting=Weighting.features)
+    found = with_biases(
+        units, averaged(units, weights, curve_statistics, method, scales=_SCALES), _SECOND, Weighting.scenes
+    )
+    beside = _stated(with_estimates(between, units, _SCALES, found), units, found, Weighting.scenes)
     yield _rows(LabelledEstimates(labels, found, units, beside), weighting=Weighting.scenes)
     labels = roles[_GEOMETRIC].join(units.points, how="cross")
     found = geometric(units, weights, _logarithms, method)
     beside = geometric_rows(between, _GEOMETRIC)
     yield _rows(LabelledEstimates(labels, found, units, beside), weighting=Weighting.geometric)
+
+
+def _stated(between: BetweenScenes, units: Units, found: EstimateArray, weighting: Weighting) -> BetweenScenes:
+    """The same with the coverage of second moments if biases of scenes have heavy tails."""
+    if found.kind != IntervalKind.student:
+        return between
+    return with_coverage(between, _SECOND, coverage_of_heavy_tails(units, weighting, level=found.level))
 
 
 def _logarithms(sums: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -42,6 +42,21 @@ def test_only_sequences_in_the_manifest_are_read(run):
     assert len(list(run.sequence_tables("tracks"))) == 1
 
 
+def test_tables_that_are_read_together_are_those_of_each_sequence_and_damage_names_the_file(run):
+    keys = [f"s{number:02}" for number in range(20)]
+    for key in keys:
+        tables = {name: schema.empty(columns) for name, columns in SEQUENCE_TABLES.items()}
+        row = {name: [key if kind == pl.String else 1] for name, kind in schema.FRAME_COUNTS.items()}
+        run.write_sequence(key, {**tables, "frames": pl.DataFrame(row, schema=dict(schema.FRAME_COUNTS))}, b"png")
+    stacks = list(run.stacked_tables("frames", keys))
+    assert 1 < len(stacks) < len(keys)
+    assert pl.concat(stacks).equals(pl.concat([run.sequence_table("frames", key) for key in keys]))
+    path = run.path / "frames" / "s17.parquet"
+    path.write_bytes(path.read_bytes()[:-20])
+    with pytest.raises(StoreError, match="s17.parquet: damaged"):
+        list(run.stacked_tables("frames", keys))
+
+
 def test_a_table_with_other_columns_is_refused_and_not_written(run):
     with pytest.raises(SchemaError, match="summary: column 0"):
         run.write_statistics({"summary": pl.DataFrame({"x": [1]})})

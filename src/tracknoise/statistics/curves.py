@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from tracknoise.statistics.definitions import NAMES, POOLED, UNITS
 from tracknoise.statistics.grouping import group_rows, in_chunks
-from tracknoise.statistics.moment_cells import KEYS, merge
+from tracknoise.statistics.moment_cells import MOMENT_VALUES, SECOND, merge
 from tracknoise.tables.defaults import MIN_FEATURES
 from tracknoise.tables.enumerations import Aspect, Axis, Weighting
 from tracknoise.tables.schema import ASPECT_CURVES, ASPECTS, CURVES, MOMENTS, WEIGHTING, Schema, check, empty
@@ -31,7 +31,8 @@ _POINT = [*_CURVE, "at"]
 _ASPECT = ["aspect", "at_least"]
 _COLUMNS = {"mean": ("u", "v"), "absolute": ("u", "v"), "second": ("u", "v", "uv"), "central": ("u", "v", "uv")}
 """Which values each statistic has."""
-_MOMENTS = [column for column in MOMENTS if column not in KEYS]
+_MOMENTS = ["n", "mean_u", "mean_v", "m_uu", "m_uv", "m_vv", "mean_abs_u", "mean_abs_v"]
+"""Columns of moments that curves are made of."""
 _SUMS = {statistic: [f"{statistic} {column}" for column in columns] for statistic, columns in _COLUMNS.items()}
 _SCENES = {statistic: f"{statistic} scenes" for statistic in _COLUMNS}
 
@@ -113,9 +114,9 @@ def _curves(chunks: Iterable[pl.DataFrame], schema: Schema, labels: Sequence[str
 
 def _pooled(chunks: Iterable[pl.DataFrame], schema: Schema, point: list[str]) -> pl.DataFrame:
     """The moments of every point, all scenes together, and the sums over scenes of each one's own statistics."""
-    points = _with_sums(empty(schema), point)
+    points, keys = _with_sums(empty(schema), point), [column for column in schema if column not in MOMENT_VALUES]
     for chunk in chunks:
-        scenes = chunk.filter(pl.col("n") > 0).sort(*schema)
+        scenes = chunk.filter(pl.col("n") > 0).sort(keys)
         points = _added(pl.concat([points, _with_sums(scenes, point)]), point)
     return points
 
@@ -134,7 +135,7 @@ def _added(points: pl.DataFrame, point: list[str]) -> pl.DataFrame:
     groups = group_rows(points, point)
     totals = [name for statistic in _COLUMNS for name in (*_SUMS[statistic], _SCENES[statistic])]
     added = groups.sums(points, totals).select(pl.col(name).cast(points.schema[name]) for name in totals)
-    return merge(points.select(*point, *_MOMENTS), by=point).hstack(added)
+    return merge(points.select(*point, *_MOMENTS), by=point, orders=SECOND).hstack(added)
 
 
 def _with_cuts(points: pl.DataFrame, curve: list[str], min_features: int) -> pl.DataFrame:

@@ -58,6 +58,8 @@ def _codes(column: pl.Series) -> NDArray[np.intp]:
         codes[column.is_not_null().to_numpy()] = _codes(column.drop_nulls()) + 1
         return codes
     if column.dtype == pl.String:
+        if len(column) and (column == column[0]).all():  # the names of a condition, in most tables
+            return np.zeros(len(column), dtype=np.intp)
         codes = _dense(column.cast(pl.Categorical).to_physical().to_numpy())  # in the order of their appearance
         names = column[_first_rows(codes, int(codes.max(initial=-1)) + 1)].to_list()
         place = np.empty(len(names), dtype=np.intp)

@@ -36,7 +36,8 @@ ABOUT_ZERO: Mapping[str, pl.Expr] = MappingProxyType(
 )
 """Sums about zero, which add up, from n, means and central sums."""
 _MEANS, _ABSOLUTE_MEANS = ["mean_u", "mean_v"], ["mean_abs_u", "mean_abs_v"]
-_VALUES = {column: kind for column, kind in MOMENTS.items() if column not in KEYS}
+MOMENT_VALUES = {column: kind for column, kind in MOMENTS.items() if column not in KEYS}
+"""Columns of moments that are no keys, with their types."""
 _LABELS: Schema = {"population": POPULATION, "trimming": TRIMMING}
 
 
@@ -148,7 +149,7 @@ def tabulate(
     return table.with_columns(pl.lit(axis, dtype=AXIS).alias("axis"), **columns)
 
 
-def merge(moments: pl.DataFrame, *, by: Sequence[str]) -> pl.DataFrame:
+def merge(moments: pl.DataFrame, *, by: Sequence[str], orders: Sequence[Order] = FOURTH) -> pl.DataFrame:
     """Pool the rows that agree in `by`, as if the moments had been measured on all their observations at once.
 
     Parameters
@@ -157,6 +158,8 @@ def merge(moments: pl.DataFrame, *, by: Sequence[str]) -> pl.DataFrame:
         A moments table, or what `merge` made of one. A row may occur several times, as in a bootstrap.
     by
         Key columns to keep, at least one.
+    orders
+        Which central power sums of signed errors. Those of absolute errors are pooled with the orders above 2 only.
 
     Returns
     -------
@@ -168,12 +171,15 @@ def merge(moments: pl.DataFrame, *, by: Sequence[str]) -> pl.DataFrame:
     SchemaError
         If a column of moments is missing or of another type.
     """
-    check(moments.select(column for column in _VALUES if column in moments.columns), _VALUES, "moments")
-    ordered = moments.sort([column for column in moments.columns if column not in _VALUES], maintain_order=True)
+    variances = VARIANCES if len(orders) > len(SECOND) else ()
+    values = ["n", *_MEANS, *_sums(orders, "m_"), *_ABSOLUTE_MEANS, *_sums(variances, "m_abs_")]
+    schema = {name: MOMENT_VALUES[name] for name in values}
+    check(moments.select(column for column in values if column in moments.columns), schema, "moments")
+    ordered = moments.sort([column for column in moments.columns if column not in MOMENT_VALUES], maintain_order=True)
     groups = group_rows(ordered, by)
     signed, absolute = (
-        pool_moments(_joint(ordered, orders, means, prefix), groups.index, groups.count)
-        for orders, means, prefix in ((FOURTH, _MEANS, "m_"), (VARIANCES, _ABSOLUTE_MEANS, "m_abs_"))
+        pool_moments(_joint(ordered, powers, means, prefix), groups.index, groups.count)
+        for powers, means, prefix in ((orders, _MEANS, "m_"), (variances, _ABSOLUTE_MEANS, "m_abs_"))
     )
     known = pl.when(pl.col("n") > 0).then(pl.col(*_MEANS, *_ABSOLUTE_MEANS))
     return groups.keys.hstack(_values(signed, absolute).with_columns(known))
@@ -200,7 +206,7 @@ def _values(signed: JointMoments, absolute: JointMoments) -> pl.DataFrame:
     for moments, means, prefix in ((signed, _MEANS, "m_"), (absolute, _ABSOLUTE_MEANS, "m_abs_")):
         columns |= dict(zip(means, moments.mean.T, strict=True))
         columns |= dict(zip(_sums(moments.orders, prefix), moments.central.T, strict=True))
-    return pl.DataFrame(columns, schema={name: _VALUES[name] for name in columns})
+    return pl.DataFrame(columns, schema={name: MOMENT_VALUES[name] for name in columns})
 
 
 def _sums(orders: Sequence[Order], prefix: str) -> list[str]:

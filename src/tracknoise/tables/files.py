@@ -3,16 +3,18 @@
 import hashlib
 import io
 import shutil
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
+from typing import IO
 
 import polars as pl
 
 from tracknoise import atomic
-from tracknoise.exceptions import StoreError
+from tracknoise.exceptions import SchemaError, StoreError
 from tracknoise.tables import schema
 
 REMEDY = "`tracknoise run` makes it again"
+_DAMAGE = (pl.exceptions.PolarsError, pl.exceptions.PanicException)
 
 
 def write_atomically(path: Path, content: bytes, *, durably: bool = False) -> str:
@@ -81,17 +83,48 @@ def digest(content: bytes) -> str:
 
 
 def read_parquet(path: Path, columns: schema.Schema, sha256: str | None) -> pl.DataFrame:
-    """Read a table of known columns, and its hash if that is known.
+    """Read a table of known columns, and check its hash if that is known.
 
     Raises
     ------
     StoreError, SchemaError
         If the file is missing or damaged, or has other columns.
     """
-    content = read_checked(path, [sha256] if sha256 else [], expected="a table of the run")
+    return _parsed(path, _content(path, sha256), columns)
+
+
+def read_stacked(files: Mapping[Path, str | None], columns: schema.Schema) -> pl.DataFrame:
+    """Read several tables of the same columns as one, in their order. This takes half the time of one by one.
+
+    Parameters
+    ----------
+    files
+        Their hashes, None where that is not known.
+    columns
+        Of all tables.
+
+    Raises
+    ------
+    StoreError, SchemaError
+        As `read_parquet`.
+    """
+    contents = {path: _content(path, sha256) for path, sha256 in files.items()}
+    try:
+        sources: list[IO[bytes]] = [io.BytesIO(content) for content in contents.values()]
+        table = pl.scan_parquet(sources).collect()
+        return schema.check(table, columns, "tables")
+    except (OSError, SchemaError, *_DAMAGE):  # one by one, so that the error names the file
+        return pl.concat([_parsed(path, content, columns) for path, content in contents.items()])
+
+
+def _content(path: Path, sha256: str | None) -> bytes:
+    return read_checked(path, [sha256] if sha256 else [], expected="a table of the run")
+
+
+def _parsed(path: Path, content: bytes, columns: schema.Schema) -> pl.DataFrame:
     try:
         table = pl.read_parquet(io.BytesIO(content))
-    except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+    except (OSError, *_DAMAGE) as error:
         raise StoreError(f"{path}: damaged ({error}), expected a Parquet table; {REMEDY}") from error
     return schema.check(table, columns, str(path))
 

@@ -10,7 +10,7 @@ run, ``.lock`` names the process that writes here.
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from tracknoise.tables.files import (
     is_intact,
     read_checked,
     read_parquet,
+    read_stacked,
     read_text_checked,
     remove,
     write_atomically,
@@ -37,6 +38,8 @@ _LOCK = ".lock"
 _MANIFEST, _SETTINGS, _FAILURES, _SNAPSHOTS = "manifest.json", "experiment.toml", "failures.jsonl", "snapshots"
 _FINDINGS = "findings.json"
 _RESULTS = ("report", "statistics")
+_STACKED = 16
+"""Sequences whose tables are read together."""
 SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "observations": schema.OBSERVATIONS,
     "tracks": schema.TRACKS,
@@ -305,15 +308,25 @@ class RunFolder:
         StoreError, SchemaError
             If the run does not keep such tables, or the file is missing or damaged, or has other columns.
         """
-        hashes = self._hashes_of(key)
-        if hashes and name in OBSERVED and name not in hashes:
-            raise StoreError(f'{self.path}: keeps no {name}, expected a run with keep = "observations"')
-        return read_parquet(self._table_path(name, key), _ALL_SEQUENCE_TABLES[name], hashes.get(name))
+        return read_parquet(self._table_path(name, key), _ALL_SEQUENCE_TABLES[name], self._hash_of(name, key))
 
     def sequence_tables(self, name: str) -> Iterator[pl.DataFrame]:
         """One table of each measured sequence, in the order of their keys."""
         for key in sorted(self.manifest().sequences):
             yield self.sequence_table(name, key)
+
+    def stacked_tables(self, name: str, keys: Sequence[str]) -> Iterator[pl.DataFrame]:
+        """One table of each of some sequences, in order, a few sequences at a time as one table.
+
+        Raises
+        ------
+        StoreError, SchemaError
+            As `sequence_table`.
+        """
+        for start in range(0, len(keys), _STACKED):
+            some = keys[start : start + _STACKED]
+            files = {self._table_path(name, key): self._hash_of(name, key) for key in some}
+            yield read_stacked(files, _ALL_SEQUENCE_TABLES[name])
 
     def write_statistics(self, tables: Mapping[str, pl.DataFrame]) -> None:
         """Write tables of `STATISTICS_TABLES` or `FINDINGS_TABLES` by name, then the manifest with their hashes.
@@ -389,6 +402,13 @@ class RunFolder:
 
     def _table_path(self, name: str, key: str) -> Path:
         return self.path / name / f"{key}.parquet"
+
+    def _hash_of(self, name: str, key: str) -> str | None:
+        """Hash of one table of a sequence; None if the sequence is not in the manifest."""
+        hashes = self._hashes_of(key)
+        if hashes and name in OBSERVED and name not in hashes:
+            raise StoreError(f'{self.path}: keeps no {name}, expected a run with keep = "observations"')
+        return hashes.get(name)
 
     def _hashes_of(self, key: str) -> dict[str, str]:
         """Hashes of the files of a sequence, from the manifest. It can be large, so each version is read once."""

@@ -153,7 +153,7 @@ def test_where_trimming_turns_a_ranking_around_the_reader_is_told() -> None:
     both = table(SUMMARY, SUMMED, {**SUMMED, **other})
     text = read(UNTRIMMED, summary=both)["trimming"]["text"]
     assert text == (
-        "Trimming changes 1 of the answers below. The smallest RMS in u is that of sift (1.000 px) without trimming, "
+        "Trimming changes one of the answers below. The smallest RMS in u is that of sift (1.000 px) without trimming, "
         "and that of lk (0.410 px) after it."
     )
     agreed = table(SUMMARY, SUMMED, {**SUMMED, "tracker": "sift", "trimmed_rms_u_px": 0.8, "untrimmed_rms_u_px": 2.0})

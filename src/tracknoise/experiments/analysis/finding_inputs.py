@@ -80,8 +80,7 @@ class FindingInputs:
         slowest = pl.col("speed") == reference.speed
 
         def read(name: str, keys: list[str], reduce: Callable[[pl.DataFrame], pl.DataFrame]) -> TablesByCondition:
-            tables = (run.sequence_table(name, key) for key in keys)
-            return by_condition(tables, SEQUENCE_TABLES[name], name, reduce)
+            return by_condition(run.stacked_tables(name, keys), SEQUENCE_TABLES[name], name, reduce)
 
         seen = (pl.col("n") > 0) & pl.col("population").is_in(sorted({Population.visible, population}))
         frames = read("frames", every, lambda table: table)

@@ -90,7 +90,7 @@ def _tables(
     horizon = horizons(statistics["lifetimes"])
     intervals = _intervals(read, experiment, aspects, horizon)
     spread = seed_spread(intervals, _repeats(run, experiment), horizons=horizon, population=population)
-    shapes = gaussianity(read.moments, run.sequence_tables("samples"), **options)
+    shapes = gaussianity(read.moments, run.stacked_tables("samples", sorted(run.manifest().sequences)), **options)
     return {
         **pooled,
         "intervals": widened(intervals, spread),

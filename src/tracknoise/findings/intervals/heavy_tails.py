@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 TOLERATED = 0.02
 """Coverage that may be lost before it is stated."""
-_RUNS, _STEP, _RATIO = 4000, 0.1, 1.15
+_RUNS, _STEP, _RATIO = 4000, 0.2, 1.15
 """Of the simulations. Shares and spreads are rounded to multiples of the step, counts to powers of the ratio."""
 
 

@@ -1,6 +1,7 @@
 """Mardia's numbers, and the gains of other densities, for the bands of one condition, with intervals."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
@@ -133,8 +134,8 @@ def within_bounds(
     of_u, of_v = ([there * 1.0, axis, axis**2, axis**2 * axis, axis**2 * axis**2] for axis in (u, v))
     powers = {name: of_u[p] * of_v[q] for name, (p, q) in zip(POWER_SUMS, ORDERS, strict=True)}
     rows = singles.select("scene", "block", *BAND).with_columns(**sums, **powers)
-    moments = units_of(rows, rows, points=BAND, columns=POWER_SUMS)
-    units = units_of(rows, rows, points=BAND, columns=_BOTH)
+    every = units_of(rows, rows, points=BAND, columns=[*POWER_SUMS, *_BOTH])
+    moments, units = (replace(every, sums=part) for part in np.split(every.sums, [len(POWER_SUMS)], axis=-1))
     found = _table(moments, pooled(moments, draws.weights(moments), mardia, method), _MARDIA_WITHIN)
     bounds = _table(units, pooled(units, draws.weights(units), _per_error_within, method), _GAINS_WITHIN)
     return found.join(bounds, on=BAND, maintain_order="left")

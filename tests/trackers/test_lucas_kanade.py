@@ -159,7 +159,17 @@ def square(u: float, v: float) -> tuple[tuple[int, int], tuple[int, int]]:
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"window_px": 4}, {"extra_levels": -1}, {"iterations": 0}, {"epsilon": 0.0}, {"max_features": 999}]
+    "wrong",
+    [
+        {"window_px": 4},
+        {"extra_levels": -1},
+        {"iterations": 0},
+        {"epsilon": 0.0},
+        {"max_features": 999},
+        {"window_px": 1001},
+        {"extra_levels": 17},
+        {"max_features": 10**7},
+    ],
 )
 def test_impossible_settings_are_refused_by_name(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):

@@ -6,10 +6,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.checks import require_at_least, require_positive
+from tracknoise.checks import require_at_least, require_at_most, require_positive
 from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.description import DESCRIPTOR_SIZE, Described, describe
-from tracknoise.trackers.detection import Detection
+from tracknoise.trackers.detection import MOST_FEATURES, Detection
 from tracknoise.trackers.features import ALIVE, Features, displacement_px, report
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.matching import mutual_nearest
@@ -49,6 +49,7 @@ class Correspondence:
     def __post_init__(self) -> None:
         require_positive("max_displacement_px", self.max_displacement_px)
         require_at_least("max_features", self.max_features, 1)
+        require_at_most("max_features", self.max_features, MOST_FEATURES)
         require_at_least("max_missed_frames", self.max_missed_frames, 0)
 
     def start(self, context: SequenceContext) -> "CorrespondenceTracker":

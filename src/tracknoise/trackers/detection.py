@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from tracknoise.checks import require, require_at_least, require_odd
 from tracknoise.trackers.frame import Frame
 
+MOST_FEATURES = 1_000_000
+"""Largest number of features that a tracker may be asked for."""
 _SMALLEST_SIDE_PX = 7  # OAST_9_16 compares a pixel with a circle of radius 3
 
 

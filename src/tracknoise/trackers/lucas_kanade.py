@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.checks import require, require_at_least, require_odd, require_positive
+from tracknoise.checks import require, require_at_least, require_at_most, require_odd, require_positive
 from tracknoise.tables.schema import TrackEnd
-from tracknoise.trackers.detection import Detection, keypoints
+from tracknoise.trackers.detection import MOST_FEATURES, Detection, keypoints
 from tracknoise.trackers.features import ALIVE, Features, displacement_px, report
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.rejection import Inliers, ReferencePosition, Rejection
@@ -17,6 +17,9 @@ from tracknoise.trackers.suppression import Mask
 from tracknoise.trackers.tracker import SequenceContext, Step
 
 _EIGENVALUE_UNIT = np.float32(1024)  # OpenCV's derivatives are 32 times too large, its structure tensor 2^20 too small
+
+_LARGEST_WINDOW_PX, _MOST_LEVELS = 999, 16
+"""Beyond them OpenCV takes all memory; no image is as large."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,13 +57,16 @@ class LucasKanade:
 
     def __post_init__(self) -> None:
         require_odd("window_px", self.window_px, 3)
+        require_at_most("window_px", self.window_px, _LARGEST_WINDOW_PX)
         require_at_least("extra_levels", self.extra_levels, 0)
+        require_at_most("extra_levels", self.extra_levels, _MOST_LEVELS)
         require_at_least("iterations", self.iterations, 1)
         require_positive("epsilon", self.epsilon)
         require_positive("max_displacement_px", self.max_displacement_px)
         require_at_least("min_features", self.min_features, 1)
         expected = f"a number not below min_features, {self.min_features}"
         require(self.max_features >= self.min_features, "max_features", self.max_features, expected)
+        require_at_most("max_features", self.max_features, MOST_FEATURES)
 
     def start(self, context: SequenceContext) -> "LucasKanadeTracker":
         """Start the tracker on one sequence at one speed."""

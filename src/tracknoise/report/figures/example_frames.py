@@ -8,7 +8,6 @@ import altair as alt
 import numpy as np
 import polars as pl
 
-from tracknoise.exceptions import StoreError
 from tracknoise.findings.wording import count, px
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
@@ -72,9 +71,7 @@ def _figure(data: ReportData, entry: SequenceEntry, place: int) -> Figure | Abse
     name, title = f"{_ID}-{place}", f"Scene {entry.sequence.scene}"
     png = _image(data, entry)
     if png is None:
-        return Absence(
-            name, title, f"The image of frame {entry.snapshot_frame} is missing or damaged in the run folder."
-        )
+        return Absence(name, title, f"The image of frame {entry.snapshot_frame} is missing in the run folder.")
     scene = _scene(data, entry, png)
     if scene.features.is_empty():
         return Absence(name, title, _nothing(data, entry))
@@ -91,10 +88,9 @@ def _nothing(data: ReportData, entry: SequenceEntry) -> str:
 
 
 def _image(data: ReportData, entry: SequenceEntry) -> bytes | None:
-    try:
-        content = data.run.snapshot(entry.key)
-    except StoreError:
+    if not data.run.snapshot_path(entry.key).exists():
         return None
+    content = data.run.snapshot(entry.key)
     return content if content.startswith(b"\x89PNG") else None
 
 

@@ -14,19 +14,26 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+import polars as pl
 
+from tracknoise.findings.estimate import EstimateArray
+from tracknoise.findings.intervals.biased_scenes import with_biases
 from tracknoise.findings.intervals.scalar_bounds import first_reached, survival
 from tracknoise.findings.intervals.table import curve_statistics
 from tracknoise.findings.sampling.bounds import Sample
 from tracknoise.findings.sampling.draws import N_DRAWS, draws
 from tracknoise.findings.sampling.jackknife import acceleration, student_interval
 from tracknoise.findings.sampling.resampling import interval
+from tracknoise.findings.sampling.units import Units
 from tracknoise.tables.defaults import LEVEL
+from tracknoise.tables.enumerations import IntervalKind, Resampled, Weighting
 
 AGE, FRAMES, TRACKS = 15, 40, 200
 HAZARD, STEP_PX, BIAS_PX, OUTLIERS = 0.06, 0.1, 0.2, 0.03
 SURVIVES = 10
 """Lifetime beyond which survival is looked at."""
+SECOND = 4
+"""Row of the second moment of u in `curve_statistics`."""
 BATCH = 20
 """Runs that share their draws."""
 PLAIN = 10**9
@@ -119,11 +126,15 @@ def truth(spread: Spread) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Statistic:
-    """Values of all runs, (1 or lifetimes, runs), their scale, and how much each scene holds, (scenes, 1, runs)."""
+    """Values of all runs, (1 or lifetimes, runs), their scale, and how much each scene holds, (scenes, 1, runs).
+
+    Of second moments, also the sums of each scene and the weighting.
+    """
 
     values: Sample
     scale: str
     sizes: np.ndarray
+    biased: tuple[Units, Weighting] | None = None
 
 
 def statistics(sums: Sums, weights: np.ndarray) -> Iterator[tuple[str, Statistic]]:
@@ -131,12 +142,15 @@ def statistics(sums: Sums, weights: np.ndarray) -> Iterator[tuple[str, Statistic
     units = weights.shape[1]
     errors, outliers = sums.errors.reshape(units, -1, 8), sums.outliers.reshape(units, -1, 2)
     own = curve_statistics(errors.transpose(2, 1, 0))
-    for name, row, scale in (("mean", 0, "linear"), ("second moment", 4, "log")):
+    names = tuple(f"{unit:03}" for unit in range(units))
+    every = Units(errors, pl.DataFrame({"run": range(errors.shape[1])}), names, np.arange(units), Resampled.scenes)
+    for name, row, scale in (("mean", 0, "linear"), ("second moment", SECOND, "log")):
         pooled = Sample.of(errors, weights).map(lambda total, row=row: curve_statistics(total)[[row]])
-        yield name, Statistic(pooled, scale, errors[:, None, :, 0])
+        by = {weighting: (every, weighting) for weighting in Weighting} if row == SECOND else {}
+        yield name, Statistic(pooled, scale, errors[:, None, :, 0], by.get(Weighting.features))
         counted = np.stack([np.nan_to_num(own[row]), ~np.isnan(own[row])]).transpose(2, 1, 0)
         alike = Sample.of(counted, weights).map(_ratio)
-        yield f"{name}, scenes", Statistic(alike, scale, counted[:, None, :, 1])
+        yield f"{name}, scenes", Statistic(alike, scale, counted[:, None, :, 1], by.get(Weighting.scenes))
     ratio = Sample.of(outliers[..., ::-1], weights).map(_ratio)
     yield "outlier ratio", Statistic(ratio, "logit", outliers[:, None, :, 0])
     runs = errors.shape[1]
@@ -158,10 +172,21 @@ def bounded(kind: str, statistic: Statistic, n_scenes: int) -> tuple[np.ndarray,
     sample = statistic.values
     drawn, without = np.moveaxis(sample.drawn, -1, 0), np.moveaxis(sample.without, -1, 0)
     if kind == "student":
-        return student_interval(sample.whole, without, scale=statistic.scale, sizes=statistic.sizes)
+        bounds = student_interval(sample.whole, without, scale=statistic.scale, sizes=statistic.sizes)
+        return bounds if statistic.biased is None else _biased(sample.whole, bounds, *statistic.biased)
     n_units = PLAIN if kind == "plain percentile" else n_scenes
     made, grows = kind.removeprefix("plain "), acceleration(without)
     return interval(sample.whole, drawn, kind=made, n_units=n_units, acceleration=grows)
+
+
+def _biased(
+    value: np.ndarray, bounds: tuple[np.ndarray, np.ndarray], units: Units, weighting: Weighting
+) -> tuple[np.ndarray, np.ndarray]:
+    """Bounds of second moments of u over scenes with biases."""
+    both = [np.repeat(array, 2, axis=0) for array in (value, *bounds)]
+    count = np.full(both[0].shape, len(units.sums))
+    found = with_biases(units, EstimateArray(*both, count, count, IntervalKind.student, LEVEL), [0, 1], weighting)
+    return found.low[:1], found.high[:1]
 
 
 def coverage(

@@ -99,7 +99,8 @@ class TruthSettings(_Section):
     """How true positions of features are computed."""
 
     kind: str | None = None
-    """Kind of truth: `birth`, `raycast`, `scan`, or one of another package. Default: the best that the data allow."""
+    """Kind of truth: `birth`, `raycast`, `scan`, `triangulated`, or one of another package. Default: the best that the
+    data allow."""
     population: Annotated[Population, Field(strict=False)] = defaults.POPULATION
     """Observations whose errors are used: only `visible` ones, or all with a true position (`projected`)."""
     scan_radius_px: Annotated[float, Field(gt=0)] = defaults.SCAN_RADIUS_PX

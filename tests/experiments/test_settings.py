@@ -132,6 +132,7 @@ def test_frames_speeds_and_trackers_take_the_place_of_what_the_preset_says():
     assert (changed.dataset.frames, changed.speeds) == ([4, 20, 2], [3, 1])
     assert [tracker.label for tracker in changed.trackers] == ["correspondence", "oracle"]
     assert changed.trackers[0] in load_experiment("demo").trackers
+    assert load_experiment("demo", trackers=["lucas_kanade"]).trackers[0].label == "lucas-kanade"
     assert load_experiment("demo", frames=7).dataset.max_frames == 7
     for wrong, message in (
         ({"speeds": [0]}, "speeds = [0], expected different whole numbers from 1"),

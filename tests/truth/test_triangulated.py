@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from benchmarks.validity.triangulated import CAMERA, make_tracks, noise_of, resolved, sideways
+from scipy.spatial.transform import Rotation
 
 import tracknoise
 from tracknoise.exceptions import DataError
@@ -138,6 +139,20 @@ def test_a_gross_outlier_disturbs_no_other_track():
     wild[0] = np.random.default_rng(5).uniform(0, 480, (8, 2))
     one, other = resolved(sequence, tracks.observed), resolved(sequence, wild)
     np.testing.assert_allclose(other.uv.reshape(8, 10, 2)[:, 1:], one.uv.reshape(8, 10, 2)[:, 1:], rtol=0, atol=1e-3)
+
+
+def test_positions_that_fit_no_point_disturb_nothing():
+    rng = np.random.default_rng(6)
+    for spread_m in (0.0, 1e-9, 0.1, 100.0):
+        poses = np.broadcast_to(np.eye(4), (6, 4, 4)).copy()
+        poses[:, :3, :3] = Rotation.from_rotvec(rng.normal(0.0, 1.0, (6, 3))).as_matrix()
+        poses[:, :3, 3] = rng.normal(0.0, spread_m, (6, 3))
+        sequence = replace(sideways(6), world_from_camera=poses)
+        found = resolved(sequence, rng.uniform(-50.0, 700.0, (100, 6, 2)))
+        known = np.isin(found.status, (TruthStatus.valid, TruthStatus.out_of_image))
+        assert np.isfinite(found.uv[known]).all()
+        assert np.isnan(found.uv[~known]).all()
+        assert (found.depth_m[~np.isnan(found.depth_m)] > 0).all()
 
 
 def test_a_recording_without_depth_is_measured_by_triangulation(tmp_path):

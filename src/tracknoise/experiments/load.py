@@ -10,6 +10,7 @@ from tracknoise.experiments.resolve import resolve
 from tracknoise.experiments.settings import Experiment, parse_experiment
 from tracknoise.foreign.files import MIB, absolute, is_regular_file, read_text
 from tracknoise.sequences.frame_range import require_range
+from tracknoise.trackers.registry import TRACKERS
 
 _MOST_BYTES = MIB
 _PRESETS = resources.files("tracknoise.experiments") / "presets"
@@ -69,12 +70,18 @@ def load_experiment(
             experiment = with_paths_from(path.parent, experiment)
         experiment = _with_frames(experiment, frames).with_limits(scenes=scenes, frames=None)
         experiment = experiment if speeds is None else experiment.with_speeds(speeds)
-        experiment = experiment if trackers is None else experiment.with_trackers(trackers)
+        experiment = experiment if trackers is None else experiment.with_trackers(_kinds(experiment, trackers))
         for option, value in (options or {}).items():
             experiment = experiment.with_option(option, value)
         return resolve(experiment if root is None else experiment.with_root(absolute(Path(), root)))
     except TracknoiseError as error:
         raise SettingsError(f"{place}: {error}") from error
+
+
+def _kinds(experiment: Experiment, names: list[str]) -> list[str]:
+    """Names of trackers; underscores of a name that is not known become hyphens, as in `lucas_kanade`."""
+    known = {*TRACKERS.names(), *(tracker.label for tracker in experiment.trackers)}
+    return [name if name in known else name.replace("_", "-") for name in names]
 
 
 def _with_frames(experiment: Experiment, frames: int | list[int] | None) -> Experiment:

@@ -33,7 +33,7 @@ _MOST_STEPS = 30
 _DIRECTION = [0, 1, 3]
 """What is fitted of (a, b, 1, r)."""
 _SETTLED = 1e-10
-_HOPELESS = 1e8
+_LEAST_DAMPING, _HOPELESS = 1e-12, 1e8
 _STEP = 1e-6
 _SINGULAR = 1e-12
 
@@ -128,9 +128,10 @@ def _fit(views: TrackViews, motion: NDArray[np.float64]) -> tuple[NDArray[np.flo
         trial[:, _DIRECTION] += _step(views.sums(transposed @ jacobian), gradient, damping)
         found = _cost(views, motion, trial)
         better = found <= cost
-        settled = (np.abs(found - cost) <= _SETTLED * cost) | (damping > _HOPELESS) | np.isinf(cost)
+        known = np.where(np.isfinite(cost), cost, 0.0)  # without a cost there is nothing to improve
+        settled = (np.abs(found - known) <= _SETTLED * known) | (damping > _HOPELESS) | np.isinf(cost)
         point, cost = np.where(better[:, None], trial, point), np.where(better, found, cost)
-        damping *= np.where(better, 0.1, 10.0)
+        damping = np.maximum(damping * np.where(better, 0.1, 10.0), _LEAST_DAMPING)
         if settled.all():
             break
     return point, cost
@@ -173,23 +174,30 @@ def _linearised(
         change = views.project(points + step * axis) - views.project(points - step * axis)
         columns.append(change / (2.0 * step))
     jacobian = np.stack(columns, axis=-1) @ motion[:, :, _DIRECTION]
-    return views.project(points), np.nan_to_num(jacobian)
+    return views.project(points), np.where(np.isfinite(jacobian), jacobian, 0.0)
 
 
 def _step(
     normal: NDArray[np.float64], gradient: NDArray[np.float64], damping: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Damped Gauss-Newton step of each track, (m, 3)."""
-    diagonal = np.einsum("mii->mi", normal)
-    damped = normal + np.eye(3) * np.where(diagonal > 0, damping[:, None] * diagonal, 1.0)[:, None, :]
-    return np.asarray(np.linalg.solve(damped, np.nan_to_num(gradient)[:, :, None])[:, :, 0])
+    scaled, size = _scaled(normal)
+    damped = scaled + np.eye(3) * damping[:, None, None]
+    towards = np.nan_to_num(gradient / size)[:, :, None]
+    return np.asarray(np.linalg.solve(damped, towards)[:, :, 0] / size)
 
 
 def _inverse(normal: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Inverses of normal matrices (m, 3, 3), and whether they have one, (m,)."""
-    size = np.sqrt(np.einsum("mii->mi", normal))
-    scaled = normal / np.where(size > 0, size, 1.0)[:, :, None] / np.where(size > 0, size, 1.0)[:, None, :]
+    scaled, size = _scaled(normal)
     regular = np.linalg.eigvalsh(scaled)[:, 0] > _SINGULAR
     safe = np.where(regular[:, None, None], scaled, np.eye(3))
     size = np.where(regular[:, None], size, 1.0)
     return np.linalg.inv(safe) / size[:, :, None] / size[:, None, :], regular
+
+
+def _scaled(normal: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Normal matrices with ones, or zeros, on the diagonal, and the roots of the diagonal, (m, 3), 1 where it is 0."""
+    diagonal = np.einsum("mii->mi", normal)
+    size = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    return normal / size[:, :, None] / size[:, None, :], size

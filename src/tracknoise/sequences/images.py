@@ -144,17 +144,36 @@ def read_depth_png_float32(path: Path, camera: CameraModel, *, farthest_m: float
     return _depth_map(path, depth, camera, farthest_m)
 
 
-def _decode(path: Path, flags: int) -> NDArray[Any]:
-    """Decode a whole image file."""
-    data = read_bytes(path, "an image")
-    require_whole_image(path, data)
+def decode_image(place: str | Path, data: bytes, flags: int) -> NDArray[Any]:
+    """Decode the content of a PNG, JPEG or BMP file that is complete.
+
+    Parameters
+    ----------
+    place
+        The file, or another origin, for the error.
+    data
+        The content.
+    flags
+        How OpenCV decodes it, such as ``cv2.IMREAD_GRAYSCALE``.
+
+    Raises
+    ------
+    DataError
+        If it is truncated or no image.
+    """
+    require_whole_image(place, data)
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error:
         image = None
     if image is None:
-        raise DataError(path, "an image that cannot be decoded", f"a {KINDS}")
+        raise DataError(place, "an image that cannot be decoded", f"a {KINDS}")
     return image
+
+
+def _decode(path: Path, flags: int) -> NDArray[Any]:
+    """Decode a whole image file."""
+    return decode_image(path, read_bytes(path, "an image"), flags)
 
 
 def _depth_map(path: Path, depth: NDArray[np.floating], camera: CameraModel, farthest_m: float = np.inf) -> DepthMap:

@@ -15,6 +15,7 @@ READERS: Plugins[Reader] = Plugins(
         "dtu": "tracknoise.sequences.dtu.reader:Dtu",
         "folder": "tracknoise.sequences.folder:Folder",
         "kitti": "tracknoise.sequences.kitti.reader:Kitti",
+        "rosbag": "tracknoise.sequences.rosbag.reader:Rosbag",
         "sevenscenes": "tracknoise.sequences.sevenscenes:SevenScenes",
         "simulated": "tracknoise.sequences.simulated:Simulated",
         "tartanair": "tracknoise.sequences.tartanair:TartanAir",

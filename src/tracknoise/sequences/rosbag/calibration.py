@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 
 from tracknoise.exceptions import DataError
-from tracknoise.geometry.camera import Camera
-from tracknoise.geometry.camera_model import CameraModel
-from tracknoise.geometry.fisheye import EquidistantCamera
+from tracknoise.sequences.camera_files import CameraFile
+from tracknoise.sequences.camera_files.camera_file import checked_camera
 
 _RADTAN = ("plumb_bob", "rational_polynomial", "radtan", "brown_conrady")
 _EQUIDISTANT = ("equidistant", "fisheye", "kannala_brandt4")
@@ -52,7 +51,9 @@ def camera_info(message: Any) -> CameraInfo:
     """The content of a message of ROS 1 or ROS 2, whose fields are named D, K, R, P or d, k, r, p."""
     matrices = (getattr(message, name, None) for name in "dkrp")
     ros1 = (getattr(message, name, None) for name in "DKRP")
-    d, k, r, p = (tuple(np.ravel(b if a is None else a).tolist()) for a, b in zip(matrices, ros1, strict=True))
+    d, k, r, p = (
+        tuple(np.ravel(np.asarray(b if a is None else a)).tolist()) for a, b in zip(matrices, ros1, strict=True)
+    )
     roi = message.roi
     return CameraInfo(
         message.width,
@@ -67,7 +68,7 @@ def camera_info(message: Any) -> CameraInfo:
     )
 
 
-def camera_of(place: str, info: CameraInfo, *, rectified: bool) -> tuple[CameraModel, tuple[str, ...]]:
+def camera_of(place: str, info: CameraInfo, *, rectified: bool) -> tuple[CameraFile, tuple[str, ...]]:
     """The camera of the images.
 
     Parameters
@@ -81,7 +82,7 @@ def camera_of(place: str, info: CameraInfo, *, rectified: bool) -> tuple[CameraM
 
     Returns
     -------
-    camera : CameraModel
+    camera : CameraFile
     notes : tuple of str
         What was assumed.
 
@@ -97,9 +98,9 @@ def camera_of(place: str, info: CameraInfo, *, rectified: bool) -> tuple[CameraM
         raise DataError(place, f"an image size of {size[0]}x{size[1]}", "a size of at least 1x1")
     scaled = (fx / along_x, fy / along_y, _binned(cx - left, along_x), _binned(cy - top, along_y))
     d = () if rectified else _coefficients(place, info)
-    if d and info.model.lower() in _EQUIDISTANT:
-        return EquidistantCamera(*size, *scaled, (d[0], d[1], d[2], d[3])), _notes(place, info, rectified=rectified)
-    return Camera(*size, *scaled, d), _notes(place, info, rectified=rectified)
+    model = "equidistant" if d and info.model.lower() in _EQUIDISTANT else "radtan"
+    file = CameraFile(checked_camera(place, model, size, scaled, d))
+    return file, (*file.notes, *_notes(place, info, rectified=rectified))
 
 
 def _intrinsics(place: str, info: CameraInfo, *, rectified: bool) -> tuple[float, float, float, float]:
@@ -120,12 +121,12 @@ def _binned(centre: float, joined: int) -> float:
 
 
 def _coefficients(place: str, info: CameraInfo) -> tuple[float, ...]:
-    """The distortion coefficients of the model, none where all are 0."""
+    """The distortion coefficients of the model; none of a lens without distortion."""
     if not np.isfinite(info.d).all():
         raise DataError(place, "distortion with NaN or infinity", "finite coefficients")
-    if not any(info.d):
-        return ()
     model, expected = info.model.lower(), f"{', '.join((*_RADTAN[:2], _EQUIDISTANT[0]))} or no distortion"
+    if not any(info.d) and model not in _EQUIDISTANT:
+        return ()
     if model not in (*_RADTAN, *_EQUIDISTANT):
         raise DataError(place, f"distortion model {info.model!r}", expected)
     counts = (_EQUIDISTANT_COUNT,) if model in _EQUIDISTANT else _RADTAN_COUNTS

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.depth import DepthMap
+from tracknoise.sequences.images import Levels
 from tracknoise.sequences.rosbag.bag import BagFile, Position
 from tracknoise.sequences.rosbag.links import Link
-from tracknoise.sequences.rosbag.pictures import Levels, depth_map, gray_image
+from tracknoise.sequences.rosbag.pictures import depth_map, gray_image
 from tracknoise.sequences.rosbag.scan import Messages
 from tracknoise.sequences.timed.association import nearest
 
@@ -41,7 +42,7 @@ class BagImages:
     bag: BagFile
     topic: str
     positions: tuple[Position, ...]
-    levels: Levels
+    levels: Levels | None
 
     def __len__(self) -> int:
         return len(self.positions)

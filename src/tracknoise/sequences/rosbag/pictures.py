@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.image_header import MOST_PIXELS
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.sequences.images import decode_image
+from tracknoise.sequences.images import Levels, decode_image, scaled
 
 _TO_GRAY = {
     "rgb8": cv2.COLOR_RGB2GRAY,
@@ -34,10 +34,8 @@ _KNOWN = "mono8, mono16, rgb8, bgr8, rgba8, bgra8, bayer_*8 or yuv422"
 _COMPRESSED_DEPTH = struct.Struct("<iff")
 """Header of a compressed depth map: a format, and the quantisation of inverse depth."""
 
-Levels = tuple[float, float] | None
 
-
-def gray_image(place: str, message: Any, levels: Levels) -> NDArray[np.uint8]:
+def gray_image(place: str, message: Any, levels: Levels | None) -> NDArray[np.uint8]:
     """The image of an Image or CompressedImage message in 8-bit grayscale.
 
     Parameters
@@ -129,16 +127,14 @@ def _pixels16(place: str, message: Any) -> NDArray[np.uint16]:
     return pixels.astype(np.uint16)
 
 
-def _scaled(place: str, pixels: NDArray[np.uint16], levels: Levels) -> NDArray[np.uint8]:
+def _scaled(place: str, pixels: NDArray[np.uint16], levels: Levels | None) -> NDArray[np.uint8]:
     """16-bit values between two levels as 0 to 255."""
     if levels is None:
         raise DataError(place, "16-bit images and no image_levels", "image_levels = [darkest, brightest]")
-    darkest, brightest = levels
-    share = (pixels.astype(np.float64) - darkest) / (brightest - darkest)
-    return np.rint(np.clip(share, 0.0, 1.0) * 255.0).astype(np.uint8)
+    return scaled(pixels, levels)
 
 
-def _compressed_gray(place: str, message: Any, levels: Levels) -> NDArray[np.uint8]:
+def _compressed_gray(place: str, message: Any, levels: Levels | None) -> NDArray[np.uint8]:
     data = bytes(message.data)
     if "16" in message.format.split(";")[0]:  # such as "mono16; png compressed"
         pixels = decode_image(place, data, cv2.IMREAD_UNCHANGED)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tracknoise.checks import require, require_at_least, require_positive
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.sequences.camera_files import CameraFile, read_camera_file
+from tracknoise.sequences.images import Levels, require_levels
 from tracknoise.sequences.poses import checked_poses
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.rosbag.bag import BagFile, Position
@@ -90,7 +91,7 @@ class Rosbag:
     max_pose_gap_s: float = 0.1
     depth_unit_m: float = 0.001
     depth_radius_px: float | None = None
-    image_levels: tuple[float, float] | None = None
+    image_levels: Levels | None = None
 
     def __post_init__(self) -> None:
         require_at_least("max_gap_s", self.max_gap_s, 0)
@@ -101,8 +102,7 @@ class Rosbag:
         if self.depth_radius_px is not None:
             require_at_least("depth_radius_px", self.depth_radius_px, 0)
         if self.image_levels is not None:
-            darkest, brightest = self.image_levels
-            require(darkest < brightest, "image_levels", self.image_levels, "the darkest and then the brightest value")
+            require_levels("image_levels", self.image_levels)
         if self.body_from_camera is not None:
             count = len(self.body_from_camera)
             require(count == _POSE_NUMBERS, "body_from_camera", self.body_from_camera, "16 numbers")

@@ -12,9 +12,11 @@ READERS: Plugins[Reader] = Plugins(
     what="reader",
     group="tracknoise.sequences",
     built_in={
+        "colmap": "tracknoise.sequences.colmap.reader:Colmap",
         "dtu": "tracknoise.sequences.dtu.reader:Dtu",
         "folder": "tracknoise.sequences.folder:Folder",
         "kitti": "tracknoise.sequences.kitti.reader:Kitti",
+        "nerfstudio": "tracknoise.sequences.nerfstudio.reader:Nerfstudio",
         "rosbag": "tracknoise.sequences.rosbag.reader:Rosbag",
         "sevenscenes": "tracknoise.sequences.sevenscenes:SevenScenes",
         "simulated": "tracknoise.sequences.simulated:Simulated",

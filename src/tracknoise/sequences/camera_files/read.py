@@ -1,11 +1,11 @@
 """Any camera file: what kind it is follows from its contents."""
 
-import json
 from pathlib import Path
 from typing import Any
 
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.files import read_text
+from tracknoise.foreign.json_file import read_json_object
 from tracknoise.sequences.camera_files.calibration import cameras_of, read_calibrated, read_chain
 from tracknoise.sequences.camera_files.camera_file import CameraFile
 from tracknoise.sequences.camera_files.entries import Entries
@@ -59,19 +59,7 @@ def read_camera_file(path: Path, *, camera: str | None = None, size: tuple[int, 
 
 def _values(path: Path) -> dict[str, Any]:
     if path.suffix == _JSON:
-        return _read_object(path)
+        return read_json_object(path, "the camera's width, height, fx, fy, cx and cy in JSON")
     if read_text(path, "a camera file").lstrip().startswith("<"):
         return read_opencv_xml(path)
     return read_yaml(path)
-
-
-def _read_object(path: Path) -> dict[str, Any]:
-    try:
-        entries = json.loads(read_text(path, "the camera's width, height, fx, fy, cx and cy in JSON"))
-    except json.JSONDecodeError as error:
-        raise DataError(f"{path}:{error.lineno}", f"no JSON ({error.msg})", "a JSON object") from error
-    except (ValueError, RecursionError) as error:  # a number of thousands of digits, or thousands of brackets
-        raise DataError(path, "unreadable file", "a JSON object") from error
-    if not isinstance(entries, dict):
-        raise DataError(path, "JSON, but no object", "a JSON object")
-    return entries

@@ -22,6 +22,7 @@ CORRECTION_NOTED = 1e-3
 """Corrections of a rotation's entries above this are worth a warning: at 500 px focal length, half a pixel."""
 
 _FARTHEST_M = 1e9
+_FEWEST = 2
 
 Place = str | Path
 
@@ -140,6 +141,36 @@ def checked_poses(poses: NDArray[np.float64], places: Sequence[Place]) -> tuple[
     )
     warnings.warn(note, DataWarning, stacklevel=2)
     return rigid, (note,)
+
+
+def has_pose(world_from_camera: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether each frame has a pose: (n,) bool, from (n, 4, 4) float64 poses that are NaN where there is none."""
+    known: NDArray[np.bool_] = ~np.isnan(world_from_camera).all(axis=(1, 2))
+    return known
+
+
+def require_some_poses(world_from_camera: NDArray[np.float64], place: Place) -> None:
+    """Check that each pose is complete or missing, and that at least 2 are there (1 of a single frame).
+
+    Parameters
+    ----------
+    world_from_camera
+        (n, 4, 4) float64: all NaN for a frame without a pose.
+    place
+        Origin of the poses, for messages.
+
+    Raises
+    ------
+    DataError
+        If a pose is partly NaN or infinite, or there are too few.
+    """
+    known = has_pose(world_from_camera)
+    for index in np.flatnonzero(known & ~np.isfinite(world_from_camera).all(axis=(1, 2)))[:1]:
+        raise DataError(place, f"pose {index} with NaN or infinity in it", "finite numbers, or NaN in all of it")
+    count, least = int(np.count_nonzero(known)), min(_FEWEST, len(known))
+    if count < least:
+        found = f"{count} pose{'s' if count != 1 else ''} for {len(known)} frames"
+        raise DataError(place, found, f"poses for at least {least}")
 
 
 def require_poses(place: Place, *, poses: int, images: int) -> None:

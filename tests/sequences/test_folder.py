@@ -230,7 +230,9 @@ def test_bad_poses_are_named(scene: Path, rows: list[str], place: str, message: 
     expect(scene, place, message)
 
 
-NEEDED = "width, height, fx, fy, cx, cy and, if need be, distortion, depth_unit_m, source"
+NEEDED = (
+    "width, height, fx, fy, cx, cy and, if need be, model, distortion, xi, alpha, depth_unit_m, depth_scale, source"
+)
 
 NO_INVERSE = (
     "fx, fy, cx, cy and distortion that cannot be inverted over the whole image, "

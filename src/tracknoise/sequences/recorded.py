@@ -51,8 +51,8 @@ class RecordedSequence:
     Raises
     ------
     DataError
-        If there is no frame, fewer than two of several frames have a pose, the counts of images, depths, timestamps or cameras differ from that of the poses, the
-        timestamps do not increase, or the cameras have different sizes.
+        If there is no frame, fewer than two of several frames have a pose, the counts of images, depths, timestamps or
+        cameras differ from that of the poses, the timestamps do not increase, or the cameras have different sizes.
     """
 
     id: SequenceId

@@ -12,6 +12,7 @@ from tracknoise.sequences.euroc.layout import Files, find_recordings, place_of
 from tracknoise.sequences.euroc.sensors import read_camera, read_sensor_from_body
 from tracknoise.sequences.euroc.tables import file_names, pose_rows, read_table
 from tracknoise.sequences.frame_files import ImageFiles
+from tracknoise.sequences.images import require_levels
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.scenes import scene_folder
 from tracknoise.sequences.timed.order import in_order, order_notes
@@ -39,6 +40,9 @@ class Euroc:
         states, else 0.
     max_pose_gap_s
         Longest time between two poses that are interpolated, seconds. Images in longer gaps have no pose.
+    image_levels
+        Values of 16-bit images that become 0 and 255; values between are scaled linearly, others are clipped. Images
+        of 8 bits are not changed.
 
     Raises
     ------
@@ -57,10 +61,13 @@ class Euroc:
     pose_source: str | None = None
     time_shift_s: float | None = None
     max_pose_gap_s: float = 0.1
+    image_levels: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         require_at_least("max_pose_gap_s", self.max_pose_gap_s, 0)
         require_at_least("time_shift_s", self.time_shift_s or 0.0, -np.inf)
+        if self.image_levels is not None:
+            require_levels("image_levels", self.image_levels)
 
     def sequences(self) -> list[SequenceId]:
         """All recordings, sorted: each folder with ``mav0``.
@@ -99,7 +106,7 @@ class Euroc:
             source=str(files.folder),
             camera=calibration.camera,
             world_from_camera=bodies @ calibration.body_from_camera,
-            images=ImageFiles(paths, calibration.camera),
+            images=ImageFiles(paths, calibration.camera, self.image_levels),
             notes=(
                 f"the camera is that of {file}",
                 *calibration.notes,

@@ -58,7 +58,8 @@ def read_table(path: Path, columns: str) -> Table:
         If it is missing or has no rows, or a row does not begin with a whole number of nanoseconds.
     """
     header: list[str] = []
-    times, rows, places = [], [], []
+    rows: list[list[str]] = []
+    times, places = [], []
     for number, line in enumerate(read_text(path, f"rows of {columns}").splitlines(), start=1):
         fields = [field.strip() for field in line.split(",")]
         if line.lstrip().startswith("#") or (not rows and not header and _is_text(fields[0])):

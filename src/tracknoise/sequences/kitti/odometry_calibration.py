@@ -9,11 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
-from tracknoise.sequences.kitti.values import camera_from_reference, projection, read_values, rigid
-from tracknoise.sequences.poses import checked_poses, read_rows
+from tracknoise.sequences.kitti.values import (
+    POSE_COLUMNS,
+    camera_from_reference,
+    poses_of_rows,
+    projection,
+    read_values,
+    rigid,
+)
+from tracknoise.sequences.poses import read_rows, require_poses, surplus_notes
 
 _VELODYNE_KEY = "Tr"
-_COLUMNS = "r11 r12 r13 tx r21 r22 r23 ty r31 r32 r33 tz"
 
 
 def read_projection(path: Path, camera: int) -> NDArray[np.float64]:
@@ -50,19 +56,17 @@ def read_reference_poses(path: Path, numbers: range) -> tuple[NDArray[np.float64
     poses : (n, 4, 4) float64
         world_from_camera of camera 0, of the numbered frames.
     notes : tuple of str
-        What was corrected.
+        What was corrected, and how many rows have no image.
 
     Raises
     ------
     DataError
         If the file is missing or damaged, or a frame has no row.
     """
-    rows, places = read_rows(path, _COLUMNS)
-    if len(rows) < numbers.stop:
-        raise DataError(path, f"{len(rows)} poses", f"at least {numbers.stop}, one for each image")
-    stacked = np.broadcast_to(np.eye(4), (len(numbers), 4, 4)).copy()
-    stacked[:, :3] = rows[numbers.start : numbers.stop].reshape(-1, 3, 4)
-    return checked_poses(stacked, places[numbers.start : numbers.stop])
+    rows, places = read_rows(path, POSE_COLUMNS)
+    require_poses(path, poses=len(rows), images=numbers.stop)
+    poses, notes = poses_of_rows(rows[numbers.start : numbers.stop], places[numbers.start : numbers.stop])
+    return poses, (*surplus_notes(path, poses=len(rows), images=numbers.stop), *notes)
 
 
 def read_times(path: Path, numbers: range) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:

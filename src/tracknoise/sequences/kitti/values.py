@@ -1,5 +1,6 @@
 """Values of KITTI's calibration files: one ``key: numbers`` per line. Only the keys that are needed are read."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from tracknoise.exceptions import DataError
 from tracknoise.foreign.files import read_text
 from tracknoise.sequences.poses import checked_poses
 
+POSE_COLUMNS = "r11 r12 r13 tx r21 r22 r23 ty r31 r32 r33 tz"
 Values = dict[str, NDArray[np.float64]]
 
 
@@ -74,6 +76,32 @@ def rigid(path: Path, rotation: NDArray[np.float64], translation_m: NDArray[np.f
     poses, _ = checked_poses(pose[None], [path])
     exact: NDArray[np.float64] = poses[0]
     return exact
+
+
+def poses_of_rows(rows: NDArray[np.float64], places: Sequence[str]) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+    """Check poses of 12 numbers, the first three rows of a matrix.
+
+    Parameters
+    ----------
+    rows
+        (n, 12) float64.
+    places
+        n times ``file:line``.
+
+    Returns
+    -------
+    poses : (n, 4, 4) float64
+    notes : tuple of str
+        As `tracknoise.sequences.poses.checked_poses`.
+
+    Raises
+    ------
+    DataError
+        Naming the first row that is no rigid transform.
+    """
+    poses = np.broadcast_to(np.eye(4), (len(rows), 4, 4)).copy()
+    poses[:, :3] = rows.reshape(-1, 3, 4)
+    return checked_poses(poses, places)
 
 
 def _numbers(place: str, key: str, fields: list[str], count: int) -> NDArray[np.float64]:

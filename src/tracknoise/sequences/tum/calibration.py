@@ -19,6 +19,9 @@ from tracknoise.sequences.tum.lists import find_first
 
 CAMERA_FILES = ("camera.yaml", "camera.yml", "camera.json", "calibration.yaml", "calibration.yml")
 PLAIN_CALIBRATION = "calibration.txt"
+DEPTH_UNIT_M = 1 / 5000
+"""Depth of the integer 1 in the benchmark, metres."""
+
 _FLIP = np.diag((1.0, -1.0, 1.0, 1.0))
 
 
@@ -43,12 +46,15 @@ class Calibration:
         (4, 4) float64: from the camera to what the poses are poses of; None where that is the camera.
     upside_down
         Whether the y axes of the recorded poses point up, in the frames of camera and world.
+    depth_unit_m
+        Depth of the integer 1, metres.
     """
 
     camera: CameraModel
     notes: tuple[str, ...]
     body_from_camera: NDArray[np.float64] | None = None
     upside_down: bool = False
+    depth_unit_m: float = DEPTH_UNIT_M
 
     def world_from_camera(self, recorded: NDArray[np.float64]) -> NDArray[np.float64]:
         """Poses of the camera, (n, 4, 4) float64, from the recorded ones."""
@@ -117,7 +123,12 @@ def _from_file(file: Path, known: Recording | None, poses_of: PosesOf) -> Calibr
         notes.append("the poses are those of the body, and moved to the camera")
     elif read.body_from_camera is not None:
         notes.append("the poses are taken as those of the camera, though its file states where it is on a body")
-    return Calibration(camera=read.camera, notes=tuple(notes), body_from_camera=body_from_camera)
+    return Calibration(
+        camera=read.camera,
+        notes=(*notes, *read.notes),
+        body_from_camera=body_from_camera,
+        depth_unit_m=read.depth_unit_m or DEPTH_UNIT_M,
+    )
 
 
 def _from_four_numbers(path: Path, images: tuple[Path, ...], known: Recording | None) -> Calibration:

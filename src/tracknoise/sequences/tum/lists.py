@@ -61,15 +61,15 @@ def read_lists(folder: Path) -> tuple[FileList, FileList]:
 
 def _read_list(path: Path) -> FileList:
     rows = _rows(path, "timestamp filename")
-    return _file_list(path, [(place, *fields) for place, fields in rows])
+    return _file_list(path, [(place, fields[0], fields[1]) for place, fields in rows])
 
 
 def _read_pairs(path: Path) -> tuple[FileList, FileList]:
     """The benchmark's script writes colour first, ICL-NUIM depth first: the names of the folders decide."""
     rows = _rows(path, "timestamp filename timestamp filename")
     depth_first = bool(rows) and Path(rows[0][1][1]).parts[0] == "depth"
-    first = _file_list(path, [(place, *fields[:2]) for place, fields in rows])
-    second = _file_list(path, [(place, *fields[2:]) for place, fields in rows])
+    first = _file_list(path, [(place, fields[0], fields[1]) for place, fields in rows])
+    second = _file_list(path, [(place, fields[2], fields[3]) for place, fields in rows])
     return (second, first) if depth_first else (first, second)
 
 

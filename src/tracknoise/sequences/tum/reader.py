@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.checks import require_at_least
+from tracknoise.checks import require_at_least, require_positive
 from tracknoise.exceptions import DataError
 from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_notes
 from tracknoise.sequences.images import read_depth_png16
@@ -40,7 +40,7 @@ class Tum:
     poses_of
         What the poses are poses of: the camera, or a body on which the camera file states the camera's place.
     depth_unit_m
-        Depth of the integer 1, metres.
+        Depth of the integer 1, metres; by default what the camera file states, else 1/5000.
     max_gap_s
         Largest time between an image and its depth map, seconds.
     max_pose_gap_s
@@ -62,13 +62,14 @@ class Tum:
     _: KW_ONLY
     camera_file: Path | None = None
     poses_of: PosesOf = PosesOf.camera
-    depth_unit_m: float = 1 / 5000
+    depth_unit_m: float | None = None
     max_gap_s: float = 0.02
     max_pose_gap_s: float = 0.1
     time_shift_s: float = 0.0
 
     def __post_init__(self) -> None:
-        require_at_least("depth_unit_m", self.depth_unit_m, 1e-9)
+        if self.depth_unit_m is not None:
+            require_positive("depth_unit_m", self.depth_unit_m)
         require_at_least("max_gap_s", self.max_gap_s, 0)
         require_at_least("max_pose_gap_s", self.max_pose_gap_s, 0)
         require_at_least("time_shift_s", self.time_shift_s, -np.inf)
@@ -103,7 +104,7 @@ class Tum:
         poses, pose_notes = poses_at(recorded, images.times_s + self.time_shift_s, max_gap_s=self.max_pose_gap_s)
         paths, association_notes = _depths_of(images, depths, max_gap_s=self.max_gap_s)
         timestamps_s, time_notes = _timestamps(images)
-        read_depth = partial(read_depth_png16, metres_per_unit=self.depth_unit_m)
+        read_depth = partial(read_depth_png16, metres_per_unit=self.depth_unit_m or calibration.depth_unit_m)
         return RecordedSequence(
             id=sequence,
             source=str(folder),
@@ -148,7 +149,7 @@ def _depths_of(
         return paths, ()
     used = np.flatnonzero(index >= 0)
     if not len(used):
-        found = f"{len(depths.files)} depth maps, none within {max_gap_s:g} s of an image"
+        found = f"depth maps: {len(depths.files)}, but none within {max_gap_s:g} s of an image"
         raise DataError(depths.files[0].parent, found, "depth maps at the times of images, or a larger max_gap_s")
     apart_ms = 1e3 * np.abs(depths.times_s[index[used]] - images.times_s[used])
     apart = (

@@ -8,7 +8,7 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from benchmarks.attack import recordings, samples
+from benchmarks.attack import recordings, samples, timed
 from benchmarks.attack.mutations import with_png_checksums
 from tracknoise.experiments.load import load_experiment
 from tracknoise.geometry.camera import Camera
@@ -17,6 +17,7 @@ from tracknoise.sequences.colmap.reader import Colmap
 from tracknoise.sequences.dtu.calibration import read_calibration
 from tracknoise.sequences.dtu.relighting import read_leds
 from tracknoise.sequences.dtu.scan import read_scan as read_dtu_scan
+from tracknoise.sequences.euroc.reader import Euroc
 from tracknoise.sequences.folder import Folder
 from tracknoise.sequences.images import (
     image_size,
@@ -27,6 +28,7 @@ from tracknoise.sequences.images import (
 )
 from tracknoise.sequences.kitti.calibration import read_camera, read_camera_from_velodyne
 from tracknoise.sequences.kitti.depth import KittiDepth
+from tracknoise.sequences.kitti.odometry import KittiOdometry
 from tracknoise.sequences.kitti.reader import Kitti
 from tracknoise.sequences.kitti.rig import CAMERA_FROM_VELODYNE
 from tracknoise.sequences.nerfstudio.reader import Nerfstudio
@@ -36,6 +38,7 @@ from tracknoise.sequences.rosbag.reader import Rosbag
 from tracknoise.sequences.sequence import Reader
 from tracknoise.sequences.sevenscenes import SevenScenes
 from tracknoise.sequences.tartanair import TartanAir
+from tracknoise.sequences.tum.reader import Tum
 from tracknoise.simulation.sdf.load import load_model, load_world
 from tracknoise.tables.store import RunFolder
 from tracknoise.trackers.registry import make_tracker
@@ -191,6 +194,11 @@ PARSERS: tuple[Parser, ...] = (
     Parser("kitti timestamps", samples.kitti, "*/*/image_02/timestamps.txt", partial(_open, Kitti, 3)),
     Parser("kitti poses", samples.kitti_poses, "*/*/poses_image_02.txt", partial(_open, Kitti, 2)),
     Parser("velodyne", samples.kitti, "*/*/velodyne_points/data/*.bin", partial(_VELODYNE, camera=CAMERA)),
+    Parser("kitti odometry", timed.kitti_odometry, "sequences/00/*.txt", partial(_open, KittiOdometry, 2)),
+    Parser("kitti odometry poses", timed.kitti_odometry, "poses/00.txt", partial(_open, KittiOdometry, 1)),
+    Parser("tum", timed.tum, "*.txt", partial(_open, Tum, 0)),
+    Parser("tum pairs", timed.tum_pairs, "[al]*.*", partial(_open, Tum, 0)),
+    Parser("euroc", timed.euroc, "mav0/*/*.*", partial(_open, Euroc, 2)),
     Parser("dtu calibration", samples.dtu, "Calib*.mat", read_calibration),
     Parser("dtu scan", samples.dtu, "Clean*.mat", read_dtu_scan),
     Parser("dtu leds", samples.dtu, "leds.csv", read_leds),

@@ -5,36 +5,26 @@ from numpy.typing import NDArray
 
 
 def nearest(times_s: NDArray[np.float64], others_s: NDArray[np.float64], *, max_gap_s: float) -> NDArray[np.intp]:
-    """Associate each time with the nearest of others. None of the others is used twice.
-
-    Two times belong together if each is the nearest of the other; of two at the same distance, the earlier is.
+    """Find the nearest of other times for each time, of two at the same distance the earlier.
 
     Parameters
     ----------
     times_s
-        (n,) float64, seconds, increasing.
+        (n,) float64, seconds.
     others_s
         (k,) float64, seconds, increasing.
     max_gap_s
-        Largest distance between two times that belong together, seconds.
+        Largest distance, seconds.
 
     Returns
     -------
     (n,) intp
-        Index of the other of each time; -1 where it has none.
+        Index of the other of each time; -1 where none is within that distance. One other may be that of several times.
     """
-    if not len(times_s) or not len(others_s):
+    if not len(others_s):
         return np.full(len(times_s), -1, np.intp)
-    other = _nearest_indices(times_s, others_s)
-    mutual = _nearest_indices(others_s, times_s)[other] == np.arange(len(times_s))
-    close = np.abs(others_s[other] - times_s) <= max_gap_s
-    return np.where(mutual & close, other, -1)
-
-
-def _nearest_indices(times_s: NDArray[np.float64], others_s: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Index of the other that is nearest to each time, the earlier of two at the same distance."""
-    after = np.clip(np.searchsorted(others_s, times_s), 1, max(len(others_s) - 1, 1))
-    after = np.minimum(after, len(others_s) - 1)
+    last = len(others_s) - 1
+    after = np.minimum(np.searchsorted(others_s, times_s), last)
     before = np.maximum(after - 1, 0)
-    later: NDArray[np.bool_] = others_s[after] - times_s < times_s - others_s[before]
-    return np.where(later, after, before)
+    index = np.where(np.abs(others_s[after] - times_s) < np.abs(times_s - others_s[before]), after, before)
+    return np.where(np.abs(others_s[index] - times_s) <= max_gap_s, index, -1)

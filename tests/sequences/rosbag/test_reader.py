@@ -348,8 +348,54 @@ def test_a_frame_that_is_not_connected_is_named(write, simulated):
     root = write(content.images, content.intrinsics, content.odometry)
     with pytest.raises(DataError) as caught:
         opened(root)
-    assert "no chain of transforms from camera_optical_frame to odom, expected " in str(caught.value)
-    assert "found imu, odom" in str(caught.value)
+    expected = "connected frames among no frames, or body_from_camera"
+    assert str(caught.value).endswith(f"no chain of transforms from camera_optical_frame to imu, expected {expected}")
+
+
+def test_tf_without_the_frame_of_the_images_lists_its_frames(write, simulated):
+    content = Content(simulated)
+    moved = [(stamp, slide(index)) for index, stamp in enumerate(content.stamps())]
+    root = write(
+        content.images,
+        content.intrinsics,
+        lambda bag: [bag.tf("/tf", stamp, ("world", "cam0", held)) for stamp, held in moved],
+    )
+    with pytest.raises(DataError, match=r"no transform of camera_optical_frame, expected one of cam0, world"):
+        opened(root)
+    found = opened(root, camera_frame="cam0")
+    np.testing.assert_allclose(found.world_from_camera, [held for _, held in moved], atol=1e-12)
+    assert any("cam0 are taken as those of a camera" in note for note in found.notes)
+    given = opened(root, body_from_camera=LASER.ravel().tolist(), pose_frame="cam0")
+    np.testing.assert_allclose(given.world_from_camera, [held @ LASER for _, held in moved], atol=1e-12)
+    with pytest.raises(DataError, match="body_from_camera, poses from /tf and no pose_frame, expected pose_frame"):
+        opened(root, body_from_camera=LASER.ravel().tolist())
+
+
+def test_poses_of_a_topic_take_the_place_of_tf(write, simulated):
+    """The measured frame and the camera hang on the same base, which tf has in another pose."""
+    content = Content(simulated)
+    base_from_camera = BASE_FROM_BODY @ BODY_FROM_CAMERA
+
+    def other_poses(bag: BagWriter) -> None:
+        for index, stamp in enumerate(content.stamps()):
+            bag.tf("/tf", stamp, ("map", "odom", slide(index)), ("odom", "base", turn(index)))
+
+    root = write(
+        content.images,
+        content.intrinsics,
+        content.odometry,
+        lambda bag: bag.tf(
+            "/tf_static", START_NS, ("base", "imu", BASE_FROM_BODY), ("base", OPTICAL, base_from_camera)
+        ),
+        other_poses,
+    )
+    require_same(opened(root, pose_topic="/odom"), simulated)
+    in_map = opened(root, pose_topic="/odom", world_frame="map")
+    expected = [slide(index) @ pose for index, pose in enumerate(simulated.world_from_camera)]
+    np.testing.assert_allclose(in_map.world_from_camera, expected, atol=1e-9)
+    tf = opened(root, pose_topic="/tf")
+    expected = [slide(index) @ turn(index) @ base_from_camera for index in range(4)]
+    np.testing.assert_allclose(tf.world_from_camera, expected, atol=1e-9)
 
 
 def test_depth_is_that_of_the_nearest_time(write, simulated):

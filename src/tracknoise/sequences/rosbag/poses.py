@@ -12,7 +12,7 @@ from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.rosbag.frames import Clock, times_ns
 from tracknoise.sequences.rosbag.links import Link
 from tracknoise.sequences.rosbag.scan import Scan
-from tracknoise.sequences.rosbag.trajectory import Step, chain, poses_along, root_of, tree
+from tracknoise.sequences.rosbag.trajectory import Step, chain, frame_list, poses_along, root_of, tree
 
 _BODY = "(body)"
 _OPTICAL = "optical"
@@ -89,48 +89,60 @@ def _steps(path: Path, scan: Scan, frames: Frames) -> tuple[list[Step], tuple[st
     """The chain from the camera, or from the body where its camera is given, to the world."""
     camera = frames.camera or scan.images.frame
     body = frames.body or ("" if scan.pose is None else scan.pose.child)
-    if not camera and frames.body_from_camera is None and body:
+    given = frames.body_from_camera is not None
+    if not camera and not given and (body or scan.pose is None):
         raise DataError(f"{path} {scan.images.topic}", "no frame in the headers", "a frame, or the option camera_frame")
-    measured = body or (camera if frames.body_from_camera is None else _BODY)
-    source = camera if frames.body_from_camera is None else measured
-    if scan.pose is None and source == _BODY:
-        raise DataError(path, f"body_from_camera, poses from {scan.pose_topic} and no pose_frame", "pose_frame")
-    links = _links(scan, measured)
-    by_child = tree(path, links)
-    world = frames.world or (root_of(path, by_child, source) if scan.pose is None else scan.pose.parent)
-    steps = chain(path, by_child, world, source)
-    if not any(not step.link.is_static for step in steps):
-        found = f"no transform between {source} and {world} that changes"
-        raise DataError(f"{path} {scan.pose_topic}", found, "a camera that moves; choose world_frame or pose_topic")
-    return steps, tuple(_notes(scan, frames, steps, camera=camera, body=body, world=world))
-
-
-def _links(scan: Scan, measured: str) -> list[Link]:
-    """All transforms; in place of those of tf to the frame whose pose is measured, the poses of the topic."""
     if scan.pose is None:
-        return list(scan.transforms)
-    others = [link for link in scan.transforms if link.child != measured]
-    return [replace(scan.pose, child=measured), *others]
+        if given and not body:
+            raise DataError(path, f"body_from_camera, poses from {scan.pose_topic} and no pose_frame", "pose_frame")
+        steps = _of_tf(path, scan, frames.world, body if given else camera)
+    else:
+        measured = body or (_BODY if given else camera)
+        steps = _of_topic(path, scan, scan.pose, frames.world, measured, measured if given else camera)
+    return steps, tuple(_notes(scan, steps, camera=camera, body=body, given=given))
 
 
-def _notes(scan: Scan, frames: Frames, steps: list[Step], *, camera: str, body: str, world: str) -> Iterator[str]:
-    given = "" if frames.body_from_camera is None else "; the pose of the camera in the body is given"
-    path = " from ".join([world or "(no name)", *(_far_end(step) for step in reversed(steps))])
-    yield f"poses are those of {scan.pose_topic}, interpolated: {path}{given}"
-    if scan.pose is not None and not body and frames.body_from_camera is None:
+def _of_tf(path: Path, scan: Scan, world: str | None, source: str) -> list[Step]:
+    """The chain through tf alone, of which something must move."""
+    by_child = tree(path, scan.transforms)
+    steps = chain(path, by_child, world or root_of(path, by_child, source), source)
+    if not steps:
+        raise DataError(f"{path} {scan.pose_topic}", f"no transform of {source}", f"one of {frame_list(by_child)}")
+    if all(step.link.is_static for step in steps):
+        found = f"no transform between {source} and {world or steps[-1].link.parent} that changes"
+        raise DataError(f"{path} {scan.pose_topic}", found, "a camera that moves; choose world_frame or pose_topic")
+    return steps
+
+
+def _of_topic(path: Path, scan: Scan, pose: Link, world: str | None, measured: str, source: str) -> list[Step]:
+    """The chain through tf to the frame whose pose is measured, through this pose, and through tf to the world."""
+    before = [] if source == measured else chain(path, tree(path, scan.transforms), measured, source)
+    after = [] if world in (None, pose.parent) else chain(path, tree(path, scan.transforms), str(world), pose.parent)
+    return [*before, Step(replace(pose, child=measured), True), *after]
+
+
+def _notes(scan: Scan, steps: list[Step], *, camera: str, body: str, given: bool) -> Iterator[str]:
+    stated = "; the pose of the camera in the body is given" if given else ""
+    ends = [_near_end(steps[0]), *(_far_end(step) for step in steps)]
+    yield f"poses are those of {scan.pose_topic}, interpolated: {' from '.join(reversed(ends))}{stated}"
+    if scan.pose is not None and not body and not given:
         yield (
             f"the messages of {scan.pose_topic} do not name the frame whose pose they hold; "
             "it is taken as that of the camera"
         )
-    if _OPTICAL not in camera.lower() and frames.body_from_camera is None:
+    if _OPTICAL not in camera.lower() and not given:
         yield (
             f"the axes of the frame {camera or '(no name)'} are taken as those of a camera (x right, y down, "
             "z forward), although its name does not contain 'optical'"
         )
 
 
-def _far_end(step: Step) -> str:
+def _near_end(step: Step) -> str:
     return (step.link.child if step.upward else step.link.parent) or "(no name)"
+
+
+def _far_end(step: Step) -> str:
+    return (step.link.parent if step.upward else step.link.child) or "(no name)"
 
 
 def _left_out(steps: list[Step]) -> Iterator[str]:

@@ -1,7 +1,7 @@
 """Poses of the camera at the times of its images, from a chain of transforms."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -78,10 +78,8 @@ def chain(place: str | Path, by_child: dict[str, Link], target: str, source: str
     above_source, above_target = _ancestry(by_child, source), _ancestry(by_child, target)
     common = next((frame for frame in above_source if frame in above_target), None)
     if common is None:
-        frames = sorted({*by_child, *(link.parent for link in by_child.values())})
-        shown = ", ".join(frames[:_SHOWN]) + (" and others" if len(frames) > _SHOWN else "")
-        found = f"no chain of transforms from {source or '(no name)'} to {target}"
-        raise DataError(place, found, f"frames that are connected; found {shown or 'no frames'}")
+        found = f"no chain of transforms from {source or '(no name)'} to {target or '(no name)'}"
+        raise DataError(place, found, f"connected frames among {frame_list(by_child)}, or body_from_camera")
     up = above_source[: above_source.index(common)]
     down = above_target[: above_target.index(common)][::-1]
     return [Step(by_child[frame], True) for frame in up] + [Step(by_child[frame], False) for frame in down]
@@ -117,9 +115,10 @@ def poses_along(
     return found
 
 
-def named(link: Link, child: str) -> Link:
-    """The link with the name of its child frame, where the messages do not have it."""
-    return link if link.child else replace(link, child=child)
+def frame_list(by_child: dict[str, Link]) -> str:
+    """Names of all frames in one line."""
+    frames = sorted({*by_child, *(link.parent for link in by_child.values())})
+    return ", ".join(frames[:_SHOWN]) + (" and others" if len(frames) > _SHOWN else "") if frames else "no frames"
 
 
 def _ancestry(by_child: dict[str, Link], frame: str) -> list[str]:

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 from dataclasses import KW_ONLY, dataclass
+from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -37,6 +38,13 @@ _APPLIED = ("applied_transform", "applied_scale")
 _EXPECTED = "fl_x, fl_y, cx, cy and frames in JSON"
 
 
+class DepthFiles(StrEnum):
+    """Whether the depth files that are listed are read."""
+
+    listed = "listed"
+    none = "none"
+
+
 @dataclass(frozen=True, slots=True)
 class _Frame:
     entries: Entries
@@ -55,6 +63,8 @@ class Nerfstudio:
         Folder of ``transforms.json``, or a folder with several at any depth.
     file
         Name of the file; by default ``transforms.json``, or else ``transforms_train.json``.
+    depth_files
+        Whether depth files are read.
     depth_unit_m
         Depth of the number 1 in depth files, metres; by default what the file says, or 0.001.
 
@@ -71,6 +81,7 @@ class Nerfstudio:
     root: Path
     _: KW_ONLY
     file: str | None = None
+    depth_files: DepthFiles = DepthFiles.listed
     depth_unit_m: float | None = None
 
     def __post_init__(self) -> None:
@@ -104,7 +115,8 @@ class Nerfstudio:
         frames = _frames(common)
         cameras = _cameras(common, frames)
         poses, pose_notes = _poses(frames)
-        depths = tuple(frame.depth for frame in frames)
+        listed = self.depth_files is DepthFiles.listed
+        depths = tuple(frame.depth if listed else None for frame in frames)
         read_depth = partial(_read_depth, metres_per_unit=self._unit_m(common))
         return RecordedSequence(
             id=sequence,
@@ -141,8 +153,8 @@ class Nerfstudio:
         if any(depths):
             yield f"the unit of depth files is {self._unit_m(common):g} m"
         applied = [name for name in _APPLIED if name in common.values]
-        if applied:
-            yield f"{' and '.join(applied)} stays applied: lengths are in the unit of the file, which may not be metres"
+        stays = f"; {' and '.join(applied)} stays applied" if applied else ""
+        yield f"lengths are in the unit of the poses, which need not be metres{stays}"
 
 
 def _frames(common: Entries) -> list[_Frame]:

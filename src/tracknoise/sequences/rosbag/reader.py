@@ -11,7 +11,7 @@ from tracknoise.checks import require, require_at_least, require_positive
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.sequences.camera_files import CameraFile, read_camera_file
 from tracknoise.sequences.images import Levels, require_levels
-from tracknoise.sequences.poses import checked_poses
+from tracknoise.sequences.poses import checked_poses, pose_notes
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.rosbag.bag import BagFile, Position
 from tracknoise.sequences.rosbag.calibration import camera_of
@@ -132,7 +132,7 @@ class Rosbag:
         scan = scan_bag(path, self._wanted())
         times_ns, positions = in_order(str(path), scan.images, self.time)
         shift_s = self._shift_s(calibration)
-        poses, pose_notes = camera_poses(
+        poses, sources = camera_poses(
             path,
             scan,
             self._frames(calibration),
@@ -149,7 +149,14 @@ class Rosbag:
             world_from_camera=poses,
             images=BagImages(file, scan.images.topic, positions, self.image_levels),
             depths=depths,
-            notes=(*camera_notes, *pose_notes, *_shifted(shift_s), *depth_notes, *_repeated(scan, positions)),
+            notes=(
+                *camera_notes,
+                *sources,
+                *_shifted(shift_s),
+                *pose_notes(poses),
+                *depth_notes,
+                *_repeated(scan, positions),
+            ),
             timestamps_s=(times_ns - times_ns[0]) / 1e9,
             group=parent_of(sequence.scene),
         )

@@ -58,6 +58,9 @@ def test_other_cameras_are_beside_camera_0(tmp_path, camera):
     aside[0, 3] = BASELINES_M[camera]
     np.testing.assert_allclose(read.world_from_camera, poses(3) @ aside, atol=1e-12)
     assert read.camera == Camera(64, 48, *INTRINSICS)
+    found = open_sequence("kitti-odometry", tmp_path)
+    np.testing.assert_array_equal(found.world_from_camera, read.world_from_camera)
+    assert f"images are those of camera {camera}" in found.notes
     other = (camera + 1) % 4
     with pytest.raises(DataError, match=f"image_{other}: no such directory"):
         open_sequence("kitti-odometry", tmp_path, camera=other)

@@ -12,7 +12,7 @@ from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.pose import invert
 from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_notes
-from tracknoise.sequences.images import image_size
+from tracknoise.sequences.images import first_readable, image_size
 from tracknoise.sequences.kitti.depth import KittiDepth
 from tracknoise.sequences.kitti.odometry_calibration import (
     read_camera_from_velodyne,
@@ -104,7 +104,7 @@ class KittiOdometry:
         frames = find_frames(course, number)
         P = read_projection(course.folder / CALIBRATION, number)
         (fx, _, cx), (_, fy, cy), _ = P[:, :3].tolist()
-        camera = Camera(*image_size(frames.images[0]), fx, fy, cx, cy)
+        camera = Camera(*image_size(first_readable(frames.images)), fx, fy, cx, cy)
         reference, pose_notes = read_reference_poses(course.poses, frames.numbers)
         timestamps_s, time_notes = read_times(course.folder / TIMES, frames.numbers)
         depth_of_scans = self._depth(course, number, frames.scans)

@@ -13,6 +13,7 @@ from benchmarks.attack.mutations import with_png_checksums
 from tracknoise.experiments.load import load_experiment
 from tracknoise.geometry.camera import Camera
 from tracknoise.report.contents import read_contents
+from tracknoise.sequences.camera_files import read_camera_file
 from tracknoise.sequences.colmap.reader import Colmap
 from tracknoise.sequences.dtu.calibration import read_calibration
 from tracknoise.sequences.dtu.relighting import read_leds
@@ -185,6 +186,7 @@ PARSERS: tuple[Parser, ...] = (
         partial(read_depth_png_float32, camera=CAMERA),
         with_png_checksums,
     ),
+    Parser("camera file", samples.camera_files, "*", read_camera_file),
     Parser("folder camera", samples.folder, "camera.json", partial(_open, Folder, 0)),
     Parser("folder poses", samples.folder, "poses.txt", partial(_open, Folder, 0)),
     Parser("sevenscenes", samples.sevenscenes, "*.txt", partial(_open, SevenScenes, 0)),

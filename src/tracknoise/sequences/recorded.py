@@ -11,7 +11,7 @@ from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.poses import require_some_poses
-from tracknoise.sequences.sequence import TruthKind
+from tracknoise.sequences.sequence import TRIANGULATED, TruthKind
 from tracknoise.tables.identity import SequenceId
 
 ImageSource = Callable[[int], NDArray[np.uint8]]
@@ -85,9 +85,9 @@ class RecordedSequence:
         return len(self.world_from_camera)
 
     @property
-    def truths(self) -> tuple[TruthKind, ...]:
-        """Birth where there are depths."""
-        return () if self.depths is None else (TruthKind.birth,)
+    def truths(self) -> tuple[str, ...]:
+        """Birth where there are depths, otherwise triangulated."""
+        return (TRIANGULATED,) if self.depths is None else (TruthKind.birth,)
 
     @property
     def surface(self) -> None:

@@ -24,6 +24,10 @@ class TruthKind(StrEnum):
     scan = "scan"
 
 
+TRIANGULATED = "triangulated"
+"""Kind of truth that needs poses only: a sequence without any of `TruthKind` offers it."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Scan:
     """Points on the surface of a scene, from a single scan, for features that are visible in one frame.

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
 from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_notes
-from tracknoise.sequences.images import image_size, read_depth_png16
+from tracknoise.sequences.images import first_readable, image_size, read_depth_png16
 from tracknoise.sequences.poses import checked_poses, read_matrix, require_poses
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.scenes import find_scenes, numbered_files, parent_of, require_unbroken, scene_folder
@@ -71,7 +71,7 @@ class SevenScenes:
         """
         folder = scene_folder(self._scenes(), sequence)
         images, poses, depths = _frame_files(folder)
-        camera, camera_notes = self._camera(folder, images[0])
+        camera, camera_notes = self._camera(folder, first_readable(images))
         world_from_camera, pose_notes = _read_poses(poses)
         return RecordedSequence(
             id=sequence,

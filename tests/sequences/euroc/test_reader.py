@@ -119,6 +119,17 @@ def test_the_place_of_the_sensor_of_poses_is_applied(scene):
     assert "poses come from state_groundtruth_estimate0" in open_sequence("euroc", scene).notes
 
 
+@pytest.mark.parametrize("text", [None, "sensor_type: pose\n"])
+def test_a_sensor_of_poses_without_a_place_is_the_body(scene, text):
+    sensor = table(scene).with_name("sensor.yaml")
+    sensor.unlink()
+    if text is not None:
+        sensor.write_text(text)
+    read = open_sequence("euroc", scene)
+    np.testing.assert_allclose(read.world_from_camera, motion(FRAMES_NS), atol=1e-9)
+    assert f"there is no T_BS in {sensor}, so the poses are taken as those of the body" in read.notes
+
+
 def write_tum_vi(root: Path) -> Path:
     """TUM-VI: no sensor files but a Kalibr chain, fisheye lenses, 16-bit images, poses of mocap0 in 8 columns."""
     folder = root / "dataset-room1_512_16"
@@ -239,7 +250,7 @@ def test_positions_without_rotations_are_refused(scene):
         ("state_groundtruth_estimate0/data.csv", f"{START_NS},1,2,3,1,0,x,0\n", ":1: 'x', expected a number"),
         ("state_groundtruth_estimate0/data.csv", f"{START_NS},1,2,3,1,1,0,0\n", ":1: a quaternion of norm 1.41421"),
         ("state_groundtruth_estimate0/sensor.yaml", "T_BS:\n  data: [1, 2]\n", "no matrix T_BS, expected T_BS with"),
-        ("state_groundtruth_estimate0/sensor.yaml", "comment: none\n", "no matrix T_BS, expected T_BS with"),
+        ("state_groundtruth_estimate0/sensor.yaml", "T_BS: [1]\n", "no matrix T_BS, expected T_BS with"),
     ],
 )
 def test_damaged_files_are_named_with_what_was_found(scene, file, text, message):

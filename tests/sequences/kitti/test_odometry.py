@@ -13,6 +13,7 @@ from tracknoise.exceptions import DataError, SettingsError, TracknoiseError
 from tracknoise.geometry.camera import Camera
 from tracknoise.sequences.kitti.odometry import KittiOdometry
 from tracknoise.sequences.registry import make_reader, open_sequence
+from tracknoise.sequences.sequence import TruthKind
 from tracknoise.sequences.simulated import Simulated
 
 INTRINSICS = (60.0, 61.0, 31.0, 24.0)
@@ -47,7 +48,7 @@ def test_a_simulated_recording_is_read_as_it_was_made(tmp_path):
     for index in range(5):
         np.testing.assert_array_equal(read.image(index), shown[index])
         assert read.depth(index) is None
-    assert read.truths == ()
+    assert read.truths == (TruthKind.triangulated,)
 
 
 @pytest.mark.parametrize("camera", range(4))
@@ -58,6 +59,9 @@ def test_other_cameras_are_beside_camera_0(tmp_path, camera):
     aside[0, 3] = BASELINES_M[camera]
     np.testing.assert_allclose(read.world_from_camera, poses(3) @ aside, atol=1e-12)
     assert read.camera == Camera(64, 48, *INTRINSICS)
+    found = open_sequence("kitti-odometry", tmp_path)
+    np.testing.assert_array_equal(found.world_from_camera, read.world_from_camera)
+    assert f"images are those of camera {camera}" in found.notes
     other = (camera + 1) % 4
     with pytest.raises(DataError, match=f"image_{other}: no such directory"):
         open_sequence("kitti-odometry", tmp_path, camera=other)

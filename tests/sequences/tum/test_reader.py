@@ -14,6 +14,7 @@ from tracknoise.exceptions import DataError, SettingsError, TracknoiseError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.registry import make_reader, open_sequence
+from tracknoise.sequences.sequence import TruthKind
 from tracknoise.sequences.simulated import Simulated
 from tracknoise.sequences.tum.reader import Tum
 
@@ -90,13 +91,14 @@ def test_frames_in_gaps_of_the_poses_have_none(scene):
     assert np.isfinite(open_sequence("tum", scene, max_pose_gap_s=0.3).world_from_camera).all()
 
 
-def test_rows_without_a_pose_are_left_out(scene):
-    text = (scene / "groundtruth.txt").read_text()
-    lost = re.sub(r"^(\S*1241\.033333) .*$", r"\1 nan nan nan nan nan nan nan", text, flags=re.MULTILINE)
-    (scene / "groundtruth.txt").write_text(lost)
+@pytest.mark.parametrize("lost", ["nan nan nan nan nan nan nan", "0 0 0 0 0 0 0"])
+def test_rows_without_a_pose_are_left_out(scene, lost):
+    path = scene / "groundtruth.txt"
+    path.write_text(re.sub(r"^(\S*1241\.033333) .*$", rf"\1 {lost}", path.read_text(), flags=re.MULTILINE))
     np.testing.assert_allclose(open_sequence("tum", scene).world_from_camera, poses(4), atol=1e-3)
     read = open_sequence("tum", scene, max_pose_gap_s=0.05)
     assert np.isnan(read.world_from_camera[:, 0, 0]).tolist() == [False, True, False, False]
+    assert f"{path}: 1 of 4 rows hold no pose (NaN or a quaternion of 0)" in read.notes
 
 
 def test_poses_of_another_clock_are_refused_with_both_ranges(scene):
@@ -124,7 +126,7 @@ def test_without_depth_there_is_no_truth_at_birth(scene):
     (scene / "depth.txt").unlink()
     read = open_sequence("tum", scene)
     assert read.depth(0) is None
-    assert read.truths == ()
+    assert read.truths == (TruthKind.triangulated,)
     write_list(scene, "depth", [1.0], [np.zeros((48, 64), np.uint16)])
     with pytest.raises(DataError, match=r"depth: depth maps: 1, but none within 0\.02 s of an image"):
         open_sequence("tum", scene)

@@ -13,11 +13,12 @@ from tracknoise.experiments.running.failures import Result, diagnose
 from tracknoise.experiments.running.lock import Claim
 from tracknoise.experiments.running.plan import Task, make_trackers, open_batch
 from tracknoise.experiments.settings import Experiment
+from tracknoise.findings.wording import SELF_REFERENTIAL
 from tracknoise.geometry.pose import position_rows
 from tracknoise.measurement.tracking import Progress
 from tracknoise.sequences.images import encode_png
 from tracknoise.sequences.poses import pose_notes
-from tracknoise.sequences.sequence import Sequence, group_of
+from tracknoise.sequences.sequence import TRIANGULATED, Sequence, group_of
 from tracknoise.statistics.lifetimes import count_ends
 from tracknoise.statistics.summarise import STATISTICS, statistics_of
 from tracknoise.tables.manifest import SequenceEntry
@@ -101,7 +102,11 @@ def sequence_entry(
         truth=measurement.truth,
         snapshot_frame=measurement.snapshot_frame,
         seconds=round(seconds, 3),
-        notes=(*sequence.notes, *pose_notes(sequence.world_from_camera[: measurement.n_frames])),
+        notes=(
+            *sequence.notes,
+            *pose_notes(sequence.world_from_camera[: measurement.n_frames]),
+            *((SELF_REFERENTIAL,) if measurement.truth == TRIANGULATED else ()),
+        ),
         inputs=inputs,
         key_frame=measurement.key_frame,
         group=group_of(sequence),

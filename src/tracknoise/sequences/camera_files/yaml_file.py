@@ -1,4 +1,4 @@
-"""YAML files that nobody has to trust: of bounded size, depth and number of values, without objects."""
+"""YAML files from unknown sources: of bounded size, depth and number of values, without objects."""
 
 from pathlib import Path
 from typing import Any

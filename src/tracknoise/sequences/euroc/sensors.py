@@ -36,19 +36,19 @@ def read_sensor_from_body(path: Path) -> tuple[NDArray[np.float64], tuple[str, .
     Returns
     -------
     sensor_from_body : (4, 4) float64
-        The inverse of T_BS; the identity where there is no file.
+        The inverse of T_BS; the identity where there is no file, or it does not state it.
     notes : tuple of str
-        A sentence if there is none.
+        A sentence in these cases.
 
     Raises
     ------
     DataError
         If the file is damaged.
     """
-    if not path.exists():
-        return np.eye(4), (f"{path}: no such file, so the poses are taken as those of the body",)
-    values = read_yaml(path).get(_EXTRINSICS)
-    poses, _ = checked_poses(_matrix(path, values)[None], [path])
+    values = read_yaml(path) if path.exists() else {}
+    if _EXTRINSICS not in values:
+        return np.eye(4), (f"there is no {_EXTRINSICS} in {path}, so the poses are taken as those of the body",)
+    poses, _ = checked_poses(_matrix(path, values[_EXTRINSICS])[None], [path])
     sensor_from_body: NDArray[np.float64] = invert(poses[0])
     return sensor_from_body, ()
 

@@ -12,7 +12,7 @@ from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.pose import invert
 from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_notes
-from tracknoise.sequences.images import image_size
+from tracknoise.sequences.images import first_readable, image_size
 from tracknoise.sequences.kitti.depth import KittiDepth
 from tracknoise.sequences.kitti.odometry_calibration import (
     read_camera_from_velodyne,
@@ -20,13 +20,11 @@ from tracknoise.sequences.kitti.odometry_calibration import (
     read_reference_poses,
     read_times,
 )
-from tracknoise.sequences.kitti.odometry_layout import CALIBRATION, TIMES, Course, find_courses, find_frames
+from tracknoise.sequences.kitti.odometry_layout import CALIBRATION, CAMERAS, TIMES, Course, find_courses, find_frames
 from tracknoise.sequences.kitti.values import camera_from_reference
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.scenes import scene_folder
 from tracknoise.tables.identity import SequenceId
-
-_LAST_CAMERA = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +36,7 @@ class KittiOdometry:
     root
         The data set's folder, or that of a single sequence.
     camera
-        Number of the camera: 0 and 1 are grey, 2 and 3 are in colour.
+        Number of the camera: 0 and 1 are grey, 2 and 3 are in colour. By default the first whose images are there.
     radius_px
         Largest distance from a feature to the nearest pixel with depth, px, where there are Velodyne scans.
 
@@ -54,12 +52,13 @@ class KittiOdometry:
 
     root: Path
     _: KW_ONLY
-    camera: int = 0
+    camera: int | None = None
     radius_px: float = 1.0
 
     def __post_init__(self) -> None:
-        require_at_least("camera", self.camera, 0)
-        require_at_most("camera", self.camera, _LAST_CAMERA)
+        if self.camera is not None:
+            require_at_least("camera", self.camera, 0)
+            require_at_most("camera", self.camera, CAMERAS[-1])
         require_at_least("radius_px", self.radius_px, 0)
 
     def sequences(self) -> list[SequenceId]:
@@ -101,13 +100,14 @@ class KittiOdometry:
         courses = find_courses(self.root)
         scene_folder({name: course.folder for name, course in courses.items()}, sequence)
         course = courses[sequence.scene]
-        frames = find_frames(course, self.camera)
-        P = read_projection(course.folder / CALIBRATION, self.camera)
+        number = course.first_camera if self.camera is None else self.camera
+        frames = find_frames(course, number)
+        P = read_projection(course.folder / CALIBRATION, number)
         (fx, _, cx), (_, fy, cy), _ = P[:, :3].tolist()
-        camera = Camera(*image_size(frames.images[0]), fx, fy, cx, cy)
+        camera = Camera(*image_size(first_readable(frames.images)), fx, fy, cx, cy)
         reference, pose_notes = read_reference_poses(course.poses, frames.numbers)
         timestamps_s, time_notes = read_times(course.folder / TIMES, frames.numbers)
-        depth_of_scans = self._depth(course, frames.scans)
+        depth_of_scans = self._depth(course, number, frames.scans)
         return RecordedSequence(
             id=sequence,
             source=str(course.folder),
@@ -115,13 +115,18 @@ class KittiOdometry:
             world_from_camera=reference @ invert(camera_from_reference(P)),
             images=ImageFiles(frames.images, camera),
             depths=None if depth_of_scans is None else depth_files(frames.scans, camera, depth_of_scans),
-            notes=(*pose_notes, *time_notes, *(depth_notes(frames.scans) if depth_of_scans else ())),
+            notes=(
+                f"images are those of camera {number}",
+                *pose_notes,
+                *time_notes,
+                *(depth_notes(frames.scans) if depth_of_scans else ()),
+            ),
             timestamps_s=timestamps_s,
         )
 
-    def _depth(self, course: Course, scans: tuple[Path | None, ...]) -> KittiDepth | None:
+    def _depth(self, course: Course, camera: int, scans: tuple[Path | None, ...]) -> KittiDepth | None:
         """What reads the depth of a frame from its scan; None where there are no scans."""
         if not any(scans):
             return None
-        camera_from_velodyne: NDArray[np.float64] = read_camera_from_velodyne(course.folder / CALIBRATION, self.camera)
+        camera_from_velodyne: NDArray[np.float64] = read_camera_from_velodyne(course.folder / CALIBRATION, camera)
         return KittiDepth(self.radius_px, camera_from_velodyne)

@@ -12,6 +12,7 @@ from tracknoise.exceptions import DataError
 from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken
 
 CALIBRATION, TIMES = "calib.txt", "times.txt"
+CAMERAS = range(4)
 _POSES, _VELODYNE = "poses", "velodyne"
 
 
@@ -35,6 +36,11 @@ class Course:
         beside = folder.parent.parent / _POSES / f"{folder.name}.txt"
         own = self.folder / f"{_POSES}.txt"
         return own if own.exists() and not beside.exists() else beside
+
+    @property
+    def first_camera(self) -> int:
+        """The first camera whose images are there."""
+        return next(camera for camera in CAMERAS if self.images(camera).exists())
 
     def images(self, camera: int) -> Path:
         """The folder of a camera's images."""
@@ -71,7 +77,7 @@ def find_courses(root: Path) -> dict[str, Course]:
     expected = f"sequences: folders with {CALIBRATION} and image_0 to image_3"
     folders = find_scenes(
         root,
-        lambda below, files: CALIBRATION in files and any(f"image_{camera}" in below for camera in range(4)),
+        lambda below, files: CALIBRATION in files and any(f"image_{camera}" in below for camera in CAMERAS),
         expected=expected,
     )
     courses: dict[str, Course] = {}

@@ -21,7 +21,7 @@ from tracknoise.sequences.camera_files import CameraFile
 from tracknoise.sequences.camera_files.entries import Entries
 from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_notes
 from tracknoise.sequences.image_names import natural_order
-from tracknoise.sequences.images import image_size, read_depth_npy, read_depth_png16
+from tracknoise.sequences.images import first_readable, image_size, read_depth_npy, read_depth_png16
 from tracknoise.sequences.nerfstudio.intrinsics import camera_of, intrinsics_in
 from tracknoise.sequences.poses import checked_poses
 from tracknoise.sequences.recorded import RecordedSequence
@@ -104,7 +104,7 @@ class Nerfstudio:
         Raises
         ------
         DataError
-            If the file is damaged, the first image is missing, a camera model is not supported, or the images have
+            If the file is damaged, no image can be read, a camera model is not supported, or the images have
             several sizes.
         UnknownNameError
             If there is no such scene or lighting.
@@ -194,7 +194,7 @@ def _path(entries: Entries, key: str) -> str:
 
 def _cameras(common: Entries, frames: list[_Frame]) -> tuple[CameraModel, ...]:
     """Camera of each frame, all of one size. What is said of a frame precedes what is said of all."""
-    size = image_size(frames[0].image)
+    size = image_size(first_readable(frame.image for frame in frames))
     made: dict[str, CameraModel] = {}
     cameras = []
     for frame in frames:

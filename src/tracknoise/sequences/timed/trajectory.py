@@ -37,7 +37,7 @@ class Trajectory:
 def trajectory(
     path: Path, times_s: NDArray[np.float64], pose_rows: NDArray[np.float64], places: list[str]
 ) -> Trajectory:
-    """Make a trajectory from the rows of a file. Rows whose whole pose is NaN hold no pose.
+    """Make a trajectory from the rows of a file. Rows whose pose is all NaN, or whose quaternion is 0, hold no pose.
 
     Parameters
     ----------
@@ -55,13 +55,15 @@ def trajectory(
     DataError
         Naming the first row that is no pose; or if there is none.
     """
-    known = np.flatnonzero(~np.isnan(pose_rows).all(axis=1))
+    known = np.flatnonzero(~(np.isnan(pose_rows).all(axis=1) | (pose_rows[:, 3:] == 0.0).all(axis=1)))
     if not len(known):
         raise DataError(path, "no poses", "rows of a time and a pose")
+    lost = len(pose_rows) - len(known)
+    lost_notes = (f"{path}: {lost} of {len(pose_rows)} rows hold no pose (NaN or a quaternion of 0)",) * (lost > 0)
     times_s, pose_rows, places = times_s[known], pose_rows[known], [places[index] for index in known]
     poses = quaternion_poses(pose_rows[:, :3], pose_rows[:, 3:], places)
     order = in_order(times_s)
-    return Trajectory(path, times_s[order], poses[order], order_notes(path, times_s))
+    return Trajectory(path, times_s[order], poses[order], (*lost_notes, *order_notes(path, times_s)))
 
 
 def poses_at(

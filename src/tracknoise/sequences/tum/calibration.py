@@ -12,10 +12,9 @@ from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.sequences.camera_files import read_camera_file
-from tracknoise.sequences.images import image_size
+from tracknoise.sequences.images import first_readable, image_size
 from tracknoise.sequences.poses import read_rows
 from tracknoise.sequences.tum.known import Recording, find_recording
-from tracknoise.sequences.tum.lists import find_first
 
 CAMERA_FILES = ("camera.yaml", "camera.yml", "camera.json", "calibration.yaml", "calibration.yml")
 PLAIN_CALIBRATION = "calibration.txt"
@@ -138,7 +137,7 @@ def _from_four_numbers(path: Path, images: tuple[Path, ...], known: Recording | 
     fx, fy, cx, cy = rows[0].tolist()
     if not (np.isfinite(rows).all() and fx > 0.0 and fy != 0.0):
         raise DataError(path, f"fx {fx:g}, fy {fy:g}, cx {cx:g}, cy {cy:g}", "focal lengths and a principal point, px")
-    camera = Camera(*image_size(find_first(images)), fx, abs(fy), cx, cy)
+    camera = Camera(*image_size(first_readable(images)), fx, abs(fy), cx, cy)
     return Calibration(
         camera=camera,
         notes=(f"the camera is that of {path}, without distortion", *_flip_notes(fy < 0.0)),

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
-from tracknoise.foreign.files import is_regular_file, read_text
+from tracknoise.foreign.files import read_text
 from tracknoise.sequences.timed.order import in_order, order_notes, require_seconds
 
 COLOUR, DEPTH = "rgb.txt", "depth.txt"
@@ -102,8 +102,3 @@ def _seconds(place: str, stamp: str) -> float:
         return float(stamp)
     except ValueError as error:
         raise DataError(place, repr(stamp), "a timestamp, seconds") from error
-
-
-def find_first(files: tuple[Path, ...]) -> Path:
-    """The first file that exists, to learn the size of all; the first of all where none exists."""
-    return next((file for file in files if is_regular_file(file)), files[0])

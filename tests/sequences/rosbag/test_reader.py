@@ -139,8 +139,32 @@ def test_frames_with_two_parents_are_refused(tmp_path, simulated):
         content.images(bag)
         for stamp in content.stamps():
             bag.tf("/tf", stamp, ("odom", OPTICAL, slide(stamp / 1e18)), ("base", OPTICAL, turn(stamp / 1e18)))
-    with pytest.raises(DataError, match=r"frame camera_optical_frame in odom and in base, expected one parent frame"):
+    with pytest.raises(DataError, match=r"frame camera_optical_frame in base and in odom, expected one parent frame"):
         opened(tmp_path)
+
+
+def test_transforms_in_a_circle_are_refused(write, simulated):
+    content = Content(simulated)
+    circle = ("odom", OPTICAL, slide(1.0)), (OPTICAL, "odom", slide(2.0))
+    root = write(content.images, content.intrinsics, lambda bag: bag.tf("/tf", START_NS, *circle))
+    with pytest.raises(
+        DataError, match="transforms in a circle: camera_optical_frame, odom, expected a tree of frames"
+    ):
+        opened(root)
+
+
+def test_frames_beside_the_chain_may_have_several_parents(write, simulated):
+    """Such as markers that several cameras see. ROS 1 wrote names of frames with a slash in front."""
+    content = Content(simulated)
+
+    def seen(bag: BagWriter) -> None:
+        for stamp, held in zip(content.stamps(), simulated.world_from_camera, strict=True):
+            bag.tf("/tf", stamp, ("/world", f"/{OPTICAL}", held))
+            bag.tf("/tf", stamp, ("other", "marker", held), (OPTICAL, "marker", held))
+
+    root = write(content.images, content.intrinsics, seen)
+    require_same(opened(root), simulated)
+    require_same(opened(root, world_frame="/world"), simulated)
 
 
 @EVERY
@@ -404,7 +428,7 @@ def test_depth_is_that_of_the_nearest_time(write, simulated):
     root = write(content.images, content.depths, content.intrinsics, content.odometry, content.static)
     assert opened(root, max_gap_s=0.003).depth(0) is None
     assert "4 of 4 frames have no depth" in opened(root, max_gap_s=0.003).notes
-    assert opened(root, depth_topic="").truths == ()
+    assert "birth" not in opened(root, depth_topic="").truths
     assert opened(root, depth_radius_px=1.5).depth(1).radius_px == 1.5
 
 

@@ -12,7 +12,7 @@ from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.rosbag.frames import Clock, times_ns
 from tracknoise.sequences.rosbag.links import Link
 from tracknoise.sequences.rosbag.scan import Scan
-from tracknoise.sequences.rosbag.trajectory import Step, chain, frame_list, poses_along, root_of, tree
+from tracknoise.sequences.rosbag.trajectory import Step, Tree, poses_along
 
 _BODY = "(body)"
 _OPTICAL = "optical"
@@ -104,10 +104,10 @@ def _steps(path: Path, scan: Scan, frames: Frames) -> tuple[list[Step], tuple[st
 
 def _of_tf(path: Path, scan: Scan, world: str | None, source: str) -> list[Step]:
     """The chain through tf alone, of which something must move."""
-    by_child = tree(path, scan.transforms)
-    steps = chain(path, by_child, world or root_of(path, by_child, source), source)
+    tree = Tree.of(path, scan.transforms)
+    steps = tree.chain(world or tree.root_of(source), source)
     if not steps:
-        raise DataError(f"{path} {scan.pose_topic}", f"no transform of {source}", f"one of {frame_list(by_child)}")
+        raise DataError(f"{path} {scan.pose_topic}", f"no transform of {source}", f"one of {tree.names()}")
     if all(step.link.is_static for step in steps):
         found = f"no transform between {source} and {world or steps[-1].link.parent} that changes"
         raise DataError(f"{path} {scan.pose_topic}", found, "a camera that moves; choose world_frame or pose_topic")
@@ -116,8 +116,8 @@ def _of_tf(path: Path, scan: Scan, world: str | None, source: str) -> list[Step]
 
 def _of_topic(path: Path, scan: Scan, pose: Link, world: str | None, measured: str, source: str) -> list[Step]:
     """The chain through tf to the frame whose pose is measured, through this pose, and through tf to the world."""
-    before = [] if source == measured else chain(path, tree(path, scan.transforms), measured, source)
-    after = [] if world in (None, pose.parent) else chain(path, tree(path, scan.transforms), str(world), pose.parent)
+    tree = Tree.of(path, scan.transforms)
+    before, after = tree.chain(measured, source), tree.chain(world or pose.parent, pose.parent)
     return [*before, Step(replace(pose, child=measured), True), *after]
 
 

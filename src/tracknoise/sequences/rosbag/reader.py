@@ -17,6 +17,7 @@ from tracknoise.sequences.rosbag.bag import BagFile, Position
 from tracknoise.sequences.rosbag.calibration import camera_of
 from tracknoise.sequences.rosbag.frames import BagDepths, BagImages, Clock, in_order, matching
 from tracknoise.sequences.rosbag.layout import find_bags
+from tracknoise.sequences.rosbag.links import frame_name
 from tracknoise.sequences.rosbag.poses import Frames, camera_poses
 from tracknoise.sequences.rosbag.scan import Scan, scan_bag
 from tracknoise.sequences.rosbag.topics import Wanted
@@ -183,7 +184,7 @@ class Rosbag:
         if self.body_from_camera is not None:
             matrix = np.array(self.body_from_camera, np.float64).reshape(1, 4, 4)
             given = checked_poses(matrix, ["body_from_camera"])[0][0]
-        return Frames(self.world_frame, self.camera_frame, self.pose_frame, given)
+        return Frames(_frame(self.world_frame), _frame(self.camera_frame), _frame(self.pose_frame), given)
 
     def _depths(
         self, file: BagFile, scan: Scan, times_ns: NDArray[np.int64]
@@ -200,6 +201,10 @@ class Rosbag:
             frames = f"{scan.depths.frame or '(no name)'} and {scan.images.frame or '(no name)'}"
             notes.append(f"depths and images are in the frames {frames}; they are taken as those of one camera")
         return BagDepths(file, topic, positions, self.depth_unit_m, self.depth_radius_px), tuple(notes)
+
+
+def _frame(name: str | None) -> str | None:
+    return None if name is None else frame_name(name)
 
 
 def _camera(path: Path, scan: Scan, calibration: CameraFile | None) -> tuple[CameraModel, tuple[str, ...]]:

@@ -25,8 +25,8 @@ class Messages:
         Its name.
     frame
         The frame that the first message names.
-    stamped_ns
-        (n,) int64, nanoseconds: in their headers.
+    stamped_ns, received_ns
+        (n,) int64, nanoseconds: in their headers, and when they were received.
     positions
         n positions in the bag.
     """
@@ -34,12 +34,8 @@ class Messages:
     topic: str
     frame: str
     stamped_ns: NDArray[np.int64]
+    received_ns: NDArray[np.int64]
     positions: tuple[Position, ...]
-
-    @property
-    def received_ns(self) -> NDArray[np.int64]:
-        """(n,) int64, nanoseconds."""
-        return np.array([position.received_ns for position in self.positions], np.int64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,7 +110,8 @@ def _messages(bag: Bag, topic: Topic) -> Messages:
         frame = frame or frame_name(message.header.frame_id)
         positions.append(position)
         stamps.append(stamp_ns(message.header))
-    return Messages(topic.name, frame, np.array(stamps, np.int64), tuple(positions))
+    received_ns = np.array([position.received_ns for position in positions], np.int64)
+    return Messages(topic.name, frame, np.array(stamps, np.int64), received_ns, tuple(positions))
 
 
 def _intrinsics(bag: Bag, topic: Topic) -> CameraInfo:

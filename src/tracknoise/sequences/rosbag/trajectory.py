@@ -31,58 +31,86 @@ class Step:
     upward: bool
 
 
-def tree(place: str | Path, links: Iterable[Link]) -> dict[str, Link]:
-    """Transforms by child frame. Of static transforms with the same two frames, the last holds.
+@dataclass(frozen=True, slots=True, eq=False)
+class Tree:
+    """Transforms between frames. A frame that has several parents is an error only where a chain leads through it.
 
-    Raises
-    ------
-    DataError
-        If a frame has several parents.
+    Parameters
+    ----------
+    place
+        The bag, for errors.
+    by_child
+        One transform by the name of its child frame.
+    several
+        All parents of the frames that have more than one.
     """
-    found: dict[str, Link] = {}
-    for link in links:
-        other = found.get(link.child)
-        if other is not None and other.parent != link.parent:
-            raise DataError(place, f"frame {link.child} in {other.parent} and in {link.parent}", "one parent frame")
-        both = (other, link) if other is not None else (link,)
-        found[link.child] = next((one for one in both if not one.is_static), link)
-    return found
 
+    place: str | Path
+    by_child: dict[str, Link]
+    several: dict[str, set[str]]
 
-def root_of(place: str | Path, by_child: dict[str, Link], frame: str) -> str:
-    """The frame at the root of the tree that a frame is in.
+    @classmethod
+    def of(cls, place: str | Path, links: Iterable[Link]) -> "Tree":
+        """From all transforms. Of those with the same two frames, one that changes precedes a static one."""
+        by_child: dict[str, Link] = {}
+        parents: dict[str, set[str]] = {}
+        for link in sorted(links, key=lambda link: not link.is_static):
+            by_child[link.child] = link
+            parents.setdefault(link.child, set()).add(link.parent)
+        return cls(place, by_child, {child: found for child, found in parents.items() if len(found) > 1})
 
-    Raises
-    ------
-    DataError
-        If the transforms go in a circle.
-    """
-    visited = [frame]
-    while frame in by_child:
-        frame = by_child[frame].parent
-        if frame in visited:
-            raise DataError(place, f"transforms in a circle: {', '.join(visited)}", "a tree of frames")
-        visited.append(frame)
-    return frame
+    def root_of(self, frame: str) -> str:
+        """The frame at the root of the tree that a frame is in.
 
+        Raises
+        ------
+        DataError
+            If a frame on the way has several parents, or the transforms go in a circle.
+        """
+        root = self._above(frame)[-1]
+        self._require_one_parent(root)
+        return root
 
-def chain(place: str | Path, by_child: dict[str, Link], target: str, source: str) -> list[Step]:
-    """The steps from a source frame to a target frame, in this order.
+    def chain(self, target: str, source: str) -> list[Step]:
+        """The steps from a source frame to a target frame, in this order.
 
-    Raises
-    ------
-    DataError
-        If there is no chain of transforms between them.
-    """
-    root_of(place, by_child, source)
-    above_source, above_target = _ancestry(by_child, source), _ancestry(by_child, target)
-    common = next((frame for frame in above_source if frame in above_target), None)
-    if common is None:
-        found = f"no chain of transforms from {source or '(no name)'} to {target or '(no name)'}"
-        raise DataError(place, found, f"connected frames among {frame_list(by_child)}, or body_from_camera")
-    up = above_source[: above_source.index(common)]
-    down = above_target[: above_target.index(common)][::-1]
-    return [Step(by_child[frame], True) for frame in up] + [Step(by_child[frame], False) for frame in down]
+        Raises
+        ------
+        DataError
+            If there is no chain of transforms between them.
+        """
+        above_source, above_target = self._above(source), self._above(target)
+        common = next((frame for frame in above_source if frame in above_target), None)
+        if common is None:
+            self._require_one_parent(above_source[-1], above_target[-1])
+            found = f"no chain of transforms from {source or '(no name)'} to {target or '(no name)'}"
+            raise DataError(self.place, found, f"connected frames among {self.names()}, or body_from_camera")
+        up = above_source[: above_source.index(common)]
+        down = above_target[: above_target.index(common)][::-1]
+        return [Step(self.by_child[frame], True) for frame in up] + [
+            Step(self.by_child[frame], False) for frame in down
+        ]
+
+    def names(self) -> str:
+        """Names of all frames in one line."""
+        frames = sorted({*self.by_child, *(link.parent for link in self.by_child.values())})
+        return ", ".join(frames[:_SHOWN]) + (" and others" if len(frames) > _SHOWN else "") if frames else "no frames"
+
+    def _above(self, frame: str) -> list[str]:
+        """A frame, its parent, the parent of this one and so on, up to the root or to a frame with several parents."""
+        frames = [frame]
+        while frames[-1] in self.by_child and frames[-1] not in self.several:
+            parent = self.by_child[frames[-1]].parent
+            if parent in frames:
+                raise DataError(self.place, f"transforms in a circle: {', '.join(frames)}", "a tree of frames")
+            frames.append(parent)
+        return frames
+
+    def _require_one_parent(self, *frames: str) -> None:
+        for frame in frames:
+            if frame in self.several:
+                parents = " and in ".join(sorted(self.several[frame]))
+                raise DataError(self.place, f"frame {frame} in {parents}", "one parent frame")
 
 
 def poses_along(
@@ -93,7 +121,7 @@ def poses_along(
     Parameters
     ----------
     steps
-        From `chain`.
+        From `Tree.chain`.
     times_of
         Times of the samples of a link, (k,) float64, seconds.
     at_s
@@ -113,20 +141,6 @@ def poses_along(
     found = poses.copy()
     found[~np.isfinite(found).all(axis=(1, 2))] = np.nan
     return found
-
-
-def frame_list(by_child: dict[str, Link]) -> str:
-    """Names of all frames in one line."""
-    frames = sorted({*by_child, *(link.parent for link in by_child.values())})
-    return ", ".join(frames[:_SHOWN]) + (" and others" if len(frames) > _SHOWN else "") if frames else "no frames"
-
-
-def _ancestry(by_child: dict[str, Link], frame: str) -> list[str]:
-    """A frame, its parent, the parent of this one, and so on."""
-    frames = [frame]
-    while frames[-1] in by_child and by_child[frames[-1]].parent not in frames:
-        frames.append(by_child[frames[-1]].parent)
-    return frames
 
 
 def _at(link: Link, times_s: NDArray[np.float64], at_s: NDArray[np.float64], max_gap_s: float) -> NDArray[np.float64]:

@@ -100,8 +100,12 @@ def test_compressed_images(tmp_path):
     found = opened(tmp_path / "jpeg", compressed("bgr8; jpeg compressed bgr8", jpeg))
     np.testing.assert_array_equal(found.image(0), expected)
     levels = {"image_levels": [0.0, 4095.0]}
-    found = opened(tmp_path / "png", compressed("mono16; png compressed ", png(GRAY16)), **levels)
-    np.testing.assert_array_equal(found.image(0), np.rint(GRAY16 / 4095.0 * 255))
+    for said in ("mono16; png compressed ", "png"):
+        root = tmp_path / said[:4]
+        found = opened(root, compressed(said, png(GRAY16)), **levels)
+        np.testing.assert_array_equal(found.image(0), np.rint(GRAY16 / 4095.0 * 255))
+        with pytest.raises(DataError, match="16-bit images and no image_levels"):
+            open_sequence("rosbag", root).image(0)
 
 
 @pytest.mark.parametrize(

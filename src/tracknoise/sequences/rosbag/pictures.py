@@ -135,13 +135,9 @@ def _scaled(place: str, pixels: NDArray[np.uint16], levels: Levels | None) -> ND
 
 
 def _compressed_gray(place: str, message: Any, levels: Levels | None) -> NDArray[np.uint8]:
-    data = bytes(message.data)
-    if "16" in message.format.split(";")[0]:  # such as "mono16; png compressed"
-        pixels = decode_image(place, data, cv2.IMREAD_UNCHANGED)
-        if pixels.dtype == np.uint16 and pixels.ndim == 2:
-            return _scaled(place, pixels, levels)
-    gray: NDArray[np.uint8] = decode_image(place, data, cv2.IMREAD_GRAYSCALE)
-    return gray
+    """What the content of the file says about its bits counts: not every driver states them in the format."""
+    pixels = decode_image(place, bytes(message.data), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
+    return pixels if pixels.dtype == np.uint8 else _scaled(place, pixels, levels)
 
 
 def _compressed_depth(place: str, message: Any, metres_per_unit: float) -> NDArray[np.floating]:

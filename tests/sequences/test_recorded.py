@@ -50,9 +50,9 @@ def test_is_a_sequence():
     assert make().surface is None
 
 
-def test_offers_truth_only_with_depth():
-    assert make().truths == ()
-    assert make(depths=depth_files((None, None), CAMERA, READ)).truths == ()
+def test_offers_truth_from_depth_only_where_there_is_some():
+    assert make().truths == ("triangulated",)
+    assert make(depths=depth_files((None, None), CAMERA, READ)).truths == ("triangulated",)
     assert make(depths=depth_files((None, Path("d.png")), CAMERA, READ)).truths == (TruthKind.birth,)
 
 

@@ -4,6 +4,8 @@ import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import polars as pl
+
 from tracknoise.cli.text_table import aligned
 from tracknoise.report.names import by_statement, together
 from tracknoise.report.report_data import ReportData
@@ -23,6 +25,7 @@ _TRACKS = (
     ("outlier\nratio", "outlier_ratio", "{:.3f}"),
     ("at\n{axis}", "at", "{}"),
 )
+_FITTED = ("truth", "noise")
 _ERRORS = (
     ("mean {axis}\npx", "nu", "{:+.3f}"),
     ("core {axis}\npx", "core", "{:.3f}"),
@@ -75,7 +78,8 @@ def summary_text(run: RunFolder) -> str:
     rows = [[parts[0] if len(parts) > 1 else "" for parts in headings], [parts[-1] for parts in headings]]
     rows += [[_cell(row[name], form) for _, name, form in shown] for row in table.iter_rows(named=True)]
     lines = aligned(rows, numeric=[place > 0 for place in range(len(shown))])
-    return "\n".join([*lines[:2], "-" * len(lines[1]), *lines[2:], *_others(data), *_where_trimming_matters(data)])
+    texts = [*_others(data), *_fitted(data), *_where_trimming_matters(data)]
+    return "\n".join([*lines[:2], "-" * len(lines[1]), *lines[2:], *texts])
 
 
 def _errors(data: ReportData) -> list[tuple[str, str, str]]:
@@ -95,6 +99,13 @@ def _errors(data: ReportData) -> list[tuple[str, str, str]]:
 def _where_trimming_matters(data: ReportData) -> list[str]:
     """The finding that says where trimmed and untrimmed errors disagree."""
     return [textwrap.fill(text, _WIDTH) for text in data.findings.filter(topic="trimming")["text"]]
+
+
+def _fitted(data: ReportData) -> list[str]:
+    """What errors about fitted points hide, and the noise that is corrected for the fit."""
+    if data.triangulated_noise.is_empty():
+        return []
+    return [textwrap.fill(text, _WIDTH) for text in data.findings.filter(pl.col("topic").is_in(_FITTED))["text"]]
 
 
 def _others(data: ReportData) -> list[str]:

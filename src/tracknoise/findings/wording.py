@@ -7,6 +7,11 @@ import polars as pl
 
 from tracknoise.tables.enumerations import Axis, Resampled, Shape
 
+SELF_REFERENTIAL = (
+    "The true positions are fitted to the tracks themselves: what a 3-D point can absorb, such as drift along the "
+    "epipolar line, is not in these errors."
+)
+"""What holds for errors of triangulated truth, wherever they are shown."""
 SPACE = "\N{NO-BREAK SPACE}"
 MINUS, DASH, TIMES = "\N{MINUS SIGN}", "\N{EN DASH}", "\N{MULTIPLICATION SIGN}"
 _VIEW = {

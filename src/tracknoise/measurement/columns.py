@@ -45,6 +45,7 @@ def _observations(recording: Recording, positions: TruePositions) -> dict[str, p
         "dv_px": _nullable(error[:, 1]),
         "kept": pl.repeat(True, len(error), eager=True),
         **_covariance(positions.covariance),
+        **_epipolar(positions.epipolar),
         **{schema.QUALITY_PREFIX + name: _nullable(values) for name, values in recording.quality.items()},
     }
 
@@ -54,6 +55,12 @@ def _covariance(covariance: NDArray[np.float64] | None) -> dict[str, pl.Series]:
         return {}
     values = covariance[:, [0, 0, 1], [0, 1, 1]].T
     return {name: _nullable(column) for name, column in zip(schema.TRUE_COVARIANCE, values, strict=True)}
+
+
+def _epipolar(epipolar: NDArray[np.float64] | None) -> dict[str, pl.Series]:
+    if epipolar is None:
+        return {}
+    return {name: _nullable(column) for name, column in zip(schema.EPIPOLAR, epipolar.T, strict=True)}
 
 
 def _tracks(recording: Recording, positions: TruePositions) -> dict[str, pl.Series]:

@@ -12,7 +12,7 @@ from tracknoise.findings.headlines.reported_conditions import (
     scalar_bounds,
     scale_estimate,
 )
-from tracknoise.findings.wording import DASH, SPACE, chance
+from tracknoise.findings.wording import DASH, SELF_REFERENTIAL, SPACE, chance, number
 from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.factors import ReferenceCondition
@@ -51,6 +51,34 @@ def verdicts(data: ReportData) -> Cells:
     caption = f"Verdicts{data.where}. {which}{combined} {lifetimes}"
     shown = [row for row in rows if row]
     return Cells(caption, headings, shown, [False, True, True, *[False] * (len(headings) - 3)], groups)
+
+
+def fitted_noise(data: ReportData) -> Cells | None:
+    """Noise by length of the track where true positions are fitted to the tracks; None where they are not."""
+    rows = data.reference(data.triangulated_noise).filter(trimming=data.trimming)
+    if rows.is_empty():
+        return None
+    shown = [
+        [
+            str(row["tracker"]),
+            str(row["speed"]),
+            str(row["measure"]),
+            _lengths(row["length_low"], row["length_high"]),
+            str(row["coordinate"]),
+            number(row["n"]),
+            _px(row["sigma_px"], Estimate.of_row(row, "sigma_px", "low", "high", "px")),
+        ]
+        for row in rows.to_dicts()
+    ]
+    headings = ["tracker", "speed", "from", "observations per track", "coordinate", "observations", "sigma (px)"]
+    caption = f"Noise of one coordinate{data.where}, corrected for the fit. {SELF_REFERENTIAL}"
+    return Cells(caption, headings, shown, [False, True, False, True, False, True, True])
+
+
+def _lengths(low: int | None, high: int | None) -> str:
+    if low is None:
+        return "all"
+    return f"{low} or more" if high is None else str(low) if low == high else f"{low} to {high}"
 
 
 def _row(data: ReportData, tracker: str, speed: int) -> list[str]:

@@ -23,6 +23,7 @@ _TRUTHS = {
     "occluded": "occluded",
     "out_of_image": "out of image",
     "behind_camera": "behind camera",
+    "no_pose": "no pose",
 }
 _ENDS = {
     "lost": "lost",
@@ -112,6 +113,11 @@ def truth_was_read(data: ReportData) -> bool:
     """Whether any true positions come from recorded poses and depth."""
     entries = data.manifest.sequences.values()
     return any(entry.truth != "raycast" and entry.sequence.dataset != "simulated" for entry in entries)
+
+
+def truth_is_fitted(data: ReportData) -> bool:
+    """Whether any true positions were fitted to the tracks themselves."""
+    return not data.triangulated_noise.is_empty()
 
 
 def without_truth(data: ReportData) -> list[tuple[str, str]]:

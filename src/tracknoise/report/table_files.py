@@ -61,6 +61,7 @@ EXPORTS: tuple[Export, ...] = (
         lambda data: data.reference(data.incidence),
     ),
     Export("seed-spread", "differences between random seeds", lambda data: data.seed_spread),
+    Export("triangulated-noise", "noise from triangulated truth", lambda data: data.triangulated_noise),
     Export("zero-mean", "tests of zero mean error", lambda data: data.zero_mean),
     Export("gaussianity", "shape of the error distribution", lambda data: data.gaussianity),
     Export("time-structure", "error growth", lambda data: data.time_structure),

@@ -24,6 +24,10 @@ class TruthKind(StrEnum):
     scan = "scan"
 
 
+TRIANGULATED = "triangulated"
+"""Kind of truth that needs poses only: a sequence without any of `TruthKind` offers it."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Scan:
     """Points on the surface of a scene, from a single scan, for features that are visible in one frame.
@@ -83,7 +87,7 @@ class Sequence(Protocol):
 
     @property
     def world_from_camera(self) -> NDArray[np.float64]:
-        """(n, 4, 4) float64: the pose of each frame, with exact rotations."""
+        """(n, 4, 4) float64: the pose of each frame, with exact rotations; all NaN for a frame without a pose."""
         ...
 
     @property

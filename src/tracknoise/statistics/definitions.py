@@ -15,6 +15,8 @@ REFERENCE_AGE = 10
 """Largest age at which the summary reports errors, frames of the nominal sequence."""
 LONG_LIVED_AGES = (5, 10, 20, 50, 100)
 """Ages that define long-lived tracks, frames of the nominal sequence."""
+LENGTHS: tuple[tuple[int, int | None], ...] = ((2, 2), (3, 4), (5, 9), (10, 19), (20, 49), (50, None))
+"""Classes of lengths of tracks, in observations, for noise that is corrected for a fit."""
 LEAST_MOTION_PX = 0.1
 """Shortest motion of a true position between two frames that has a direction, px."""
 LAGS = 5

@@ -9,6 +9,7 @@ import polars as pl
 from tracknoise.statistics.aspects import aspect_blocks, aspects
 from tracknoise.statistics.block_moments import block_moments
 from tracknoise.statistics.counts import counts
+from tracknoise.statistics.fitted_noise import fitted_noise
 from tracknoise.statistics.histogram import error_histogram
 from tracknoise.statistics.increments import increments
 from tracknoise.statistics.lifetimes import count_ends
@@ -34,6 +35,7 @@ STATISTICS: Mapping[str, Callable[[PreparedSequence], pl.DataFrame]] = MappingPr
         "aspect_blocks": aspect_blocks,
         "increments": increments,
         "samples": samples,
+        "fitted_noise": fitted_noise,
     }
 )
 """Tables of a sequence that are computed from its trimmed observations and tracks, by name."""

@@ -88,6 +88,16 @@ class Resampled(StrEnum):
     blocks = "blocks"
 
 
+class FittedMeasure(StrEnum):
+    """What the noise of tracks with triangulated truth is estimated from.
+
+    triangulated: errors about the fitted points. epipolar: distances from epipolar lines.
+    """
+
+    triangulated = "triangulated"
+    epipolar = "epipolar"
+
+
 class Behaviour(StrEnum):
     """How errors grow with age."""
 

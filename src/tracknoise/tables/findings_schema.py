@@ -10,7 +10,17 @@ asks for, with two exceptions. Shape, and what is fitted to growth, have `bca` i
 import polars as pl
 
 from tracknoise.tables.enumerations import Behaviour, EffectIntervalKind, IntervalKind, Resampled, Shape
-from tracknoise.tables.schema import ASPECT, CAUSES, CONDITION, POPULATION, TRIMMING, VERDICT, WEIGHTING, Schema
+from tracknoise.tables.schema import (
+    ASPECT,
+    CAUSES,
+    CONDITION,
+    FITTED_MEASURE,
+    POPULATION,
+    TRIMMING,
+    VERDICT,
+    WEIGHTING,
+    Schema,
+)
 
 RESAMPLED = pl.Enum(Resampled)
 INTERVAL_KIND = pl.Enum(IntervalKind)
@@ -78,6 +88,33 @@ INCIDENCE: Schema = {
 
 At every lifetime, the incidences of all causes and the survival of `LIFETIMES` add up to 1. Bounds are null where the
 incidence is 0 or 1, or nothing can be resampled.
+"""
+
+TRIANGULATED_NOISE: Schema = {
+    **_POOLED,
+    "measure": FITTED_MEASURE,
+    "trimming": TRIMMING,
+    "length_low": pl.Int64,
+    "length_high": pl.Int64,
+    "coordinate": pl.String,
+    "n": pl.Int64,
+    "sigma_px": pl.Float64,
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "kind": INTERVAL_KIND,
+    "level": pl.Float64,
+    "resampled": RESAMPLED,
+    "n_units": pl.Int32,
+    "n_scenes": pl.Int32,
+}
+"""Noise of tracks whose true positions are triangulated: standard deviation of one coordinate of a position, px.
+
+The measure `triangulated` is from errors about the fitted points, with 2 N - 3 degrees of freedom for a track of N
+observations. `epipolar` is from distances to the epipolar line of the first observation, which tracks of two
+observations have as well; its coordinate is `both`. length_low and length_high bound the number of observations of the
+tracks; both are null for all lengths together, and length_high for the longest class. n counts observations. White
+noise in every position is measured without bias. Errors along the epipolar line are not seen. The table has no rows for
+other kinds of truth.
 """
 
 SEED_SPREAD: Schema = {

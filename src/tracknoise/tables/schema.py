@@ -12,13 +12,23 @@ from enum import IntEnum
 import polars as pl
 
 from tracknoise.exceptions import SchemaError
-from tracknoise.tables.enumerations import Aspect, Axis, Population, TrimAmong, Trimming, Verdict, Weighting
+from tracknoise.tables.enumerations import (
+    Aspect,
+    Axis,
+    FittedMeasure,
+    Population,
+    TrimAmong,
+    Trimming,
+    Verdict,
+    Weighting,
+)
 
 
 class TruthStatus(IntEnum):
     """Whether the true position of an observation is known and visible.
 
     The true position of `valid`, `occluded` and `out_of_image` observations is known; that of the others is not.
+    no_pose: the frame has no pose, or the track began in one that has none.
     """
 
     valid = 0
@@ -27,6 +37,7 @@ class TruthStatus(IntEnum):
     occluded = 3
     out_of_image = 4
     behind_camera = 5
+    no_pose = 6
 
 
 class TrackEnd(IntEnum):
@@ -55,6 +66,7 @@ AMONG = pl.Enum(TrimAmong)
 WEIGHTING = pl.Enum(Weighting)
 VERDICT = pl.Enum(Verdict)
 ASPECT = pl.Enum(Aspect)
+FITTED_MEASURE = pl.Enum(FittedMeasure)
 
 CAUSES = tuple(end.name for end in TrackEnd if end is not TrackEnd.sequence_end)
 """Ends that are not censored: the causes that compete to end a track."""
@@ -79,21 +91,21 @@ QUALITY_NAME = "[a-z][a-z0-9_]*"
 class OpenSchema(Mapping[str, pl.DataType | type[pl.DataType]]):
     """Columns that every table of a kind has, and rules for further columns at its end.
 
-    The mapping contains the columns that every table has. After them, a table has either all of `group`, in its order,
-    or none. Any number of columns follow whose names match `pattern`, in alphabetical order.
+    The mapping contains the columns that every table has. After them, a table has either all columns of a group, in
+    their order, or none. Any number of columns follow whose names match `pattern`, in alphabetical order.
 
     Parameters
     ----------
     columns
         Columns that every table has.
-    group
+    groups
         Columns that a table has all together or not at all.
     pattern, dtype
         Regular expression of the names of further columns, and their type.
     """
 
     columns: Schema
-    group: Schema
+    groups: tuple[Schema, ...]
     pattern: str
     dtype: type[pl.DataType]
 
@@ -108,6 +120,7 @@ class OpenSchema(Mapping[str, pl.DataType | type[pl.DataType]]):
 
 
 TRUE_COVARIANCE: Schema = {"cov_true_uu": pl.Float64, "cov_true_uv": pl.Float64, "cov_true_vv": pl.Float64}
+EPIPOLAR: Schema = {"epipolar_px": pl.Float64, "epipolar_variance": pl.Float64}
 _OBSERVED: Schema = {
     **ORIGIN,
     "track": pl.UInt32,
@@ -122,10 +135,12 @@ _OBSERVED: Schema = {
     "dv_px": pl.Float64,
     "kept": pl.Boolean,
 }
-OBSERVATIONS = OpenSchema(_OBSERVED, TRUE_COVARIANCE, QUALITY_PREFIX + QUALITY_NAME, pl.Float32)
+OBSERVATIONS = OpenSchema(_OBSERVED, (TRUE_COVARIANCE, EPIPOLAR), QUALITY_PREFIX + QUALITY_NAME, pl.Float32)
 """One row per feature and frame in which its tracker found it; age counts frames of the nominal sequence.
 
-Where a truth states the covariance of true positions, the table also has `TRUE_COVARIANCE` (px^2). Where a tracker
+Where a truth states the covariance of true positions, the table also has `TRUE_COVARIANCE` (px^2). Where the truth is
+triangulated, this is the covariance for white noise of 1 px in the observations, and the table also has `EPIPOLAR`: the
+signed distance from the epipolar line, px, and the variance of this distance for the same noise, px^2. Where a tracker
 reports the quality of its observations, it has one column ``quality_<name>`` for each of them. All of these are null
 where they are unknown.
 """
@@ -164,7 +179,10 @@ POSES: Schema = {
     "frame": pl.UInt32,
     **dict.fromkeys(("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"), pl.Float64),
 }
-"""One row per frame: world_from_camera as the position of the camera and a unit quaternion with qw >= 0."""
+"""One row per frame: world_from_camera as the position of the camera and a unit quaternion with qw >= 0.
+
+All of them are null in a frame without a pose.
+"""
 
 MOMENTS: Schema = {
     **ORIGIN,
@@ -260,6 +278,23 @@ Rows of lag 0 hold the means and central sums of all blocks together (block is n
 Rows of lag l >= 1 hold sums over all ages together (age is null), over the n pairs of changes that are l steps apart:
 lagged is the sum of their products, squares half the sum of their squares. If the truth is a scan, these rows exist
 too, because a change does not depend on where the error is zero.
+"""
+
+FITTED_NOISE: Schema = {
+    **ORIGIN,
+    "block": pl.UInt8,
+    "measure": FITTED_MEASURE,
+    "trimming": TRIMMING,
+    "length_low": pl.UInt32,
+    "length_high": pl.UInt32,
+    "n": pl.Int64,
+    **dict.fromkeys(("squares_u", "freedom_u", "squares_v", "freedom_v", "squares", "freedom"), pl.Float64),
+}
+"""Sums for the noise of tracks with triangulated truth, by blocks of tracks and by length of the track.
+
+squares are sums of squared errors (px^2), freedom their degrees of freedom: 2 N - 3 for a track of N observations. For
+the measure `epipolar`, squares is the sum of squared distances over their variances for noise of 1 px, and freedom
+their number. The table has no rows for other kinds of truth.
 """
 
 SAMPLES: Schema = {
@@ -471,7 +506,7 @@ def layout_of(schema: Schema, names: Iterable[str]) -> Schema:
     if not isinstance(schema, OpenSchema):
         return schema
     found = set(names)
-    group = schema.group if found & schema.group.keys() else {}
+    group = {name: kind for group in schema.groups if found & group.keys() for name, kind in group.items()}
     more = sorted(name for name in found if re.fullmatch(schema.pattern, name))
     return {**schema.columns, **group, **dict.fromkeys(more, schema.dtype)}
 

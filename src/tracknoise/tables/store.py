@@ -54,6 +54,7 @@ SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "aspect_blocks": schema.ASPECT_BLOCKS,
     "increments": schema.INCREMENTS,
     "samples": schema.SAMPLES,
+    "fitted_noise": schema.FITTED_NOISE,
 }
 SEED_TABLES: Mapping[str, schema.Schema] = {
     f"seed_{name}": {"seed": pl.Int32, **SEQUENCE_TABLES[name]} for name in ("moments", "ends", "frames")
@@ -78,6 +79,7 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "changes": schema.CHANGES,
     "intervals": findings_schema.INTERVALS,
     "seed_spread": findings_schema.SEED_SPREAD,
+    "triangulated_noise": findings_schema.TRIANGULATED_NOISE,
     "incidence": findings_schema.INCIDENCE,
     "zero_mean": findings_schema.ZERO_MEAN,
     "gaussianity": findings_schema.GAUSSIANITY,

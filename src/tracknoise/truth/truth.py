@@ -26,12 +26,17 @@ class TruePositions:
         Depth of the point of each track in its first frame, metres; NaN where it is unknown.
     covariance : (n, 2, 2) float64, or None
         Covariance of each true position, px^2; NaN where it is unknown. None if this kind of truth has no covariances.
+        Where true positions are fitted to the observations, it is that for white noise of 1 px in these.
+    epipolar : (n, 2) float64, or None
+        Signed distance of each observation from the epipolar line of the first one of its track, px, and the variance
+        of this distance for white noise of 1 px, px^2; NaN where it is unknown. None if this kind of truth has none.
     """
 
     uv: NDArray[np.float64]
     status: NDArray[np.int8]
     depth_m: NDArray[np.float64]
     covariance: NDArray[np.float64] | None = None
+    epipolar: NDArray[np.float64] | None = None
 
 
 class TruthSession(Protocol):

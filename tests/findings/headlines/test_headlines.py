@@ -19,6 +19,7 @@ from tracknoise.tables.findings_schema import (
     INTERVALS,
     SEED_SPREAD,
     TIME_STRUCTURE,
+    TRIANGULATED_NOISE,
     ZERO_MEAN,
 )
 from tracknoise.tables.schema import EFFECTS, SUMMARY, Schema, check, empty
@@ -34,6 +35,7 @@ CONDITION = {
 }
 SCOPE = ReportedConditions(ReferenceCondition("l"), ("lk",), percentile=90.0, trimming=Trimming.trimmed)
 SCHEMAS: Mapping[str, Schema] = {
+    "triangulated_noise": TRIANGULATED_NOISE,
     "summary": SUMMARY,
     "effects": EFFECTS,
     "intervals": INTERVALS,

@@ -10,6 +10,7 @@ from tracknoise.experiments.analysis.groups_of_scenes import groups_of_scenes
 from tracknoise.experiments.analysis.reference_condition import reference_condition
 from tracknoise.experiments.settings import Experiment
 from tracknoise.findings.factors.dependence import dependence
+from tracknoise.findings.fitted_noise import fitted_noise_table
 from tracknoise.findings.growth.time_structure import LONG_LIVED, lagged, time_structure
 from tracknoise.findings.headlines.document import findings_json
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
@@ -21,7 +22,7 @@ from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.seed_spread import Repeat, seed_spread, widened
 from tracknoise.findings.shape.gaussianity import gaussianity
 from tracknoise.findings.zero_mean import zero_mean
-from tracknoise.sequences.sequence import TruthKind
+from tracknoise.sequences.sequence import TRIANGULATED, TruthKind
 from tracknoise.statistics.change_curves import change_curves
 from tracknoise.statistics.curves import aspect_curves
 from tracknoise.statistics.factors import ReferenceCondition
@@ -29,6 +30,9 @@ from tracknoise.statistics.lifetimes import horizons
 from tracknoise.statistics.trims import dropped_above
 from tracknoise.tables.schema import SEQUENCE, VIEW
 from tracknoise.tables.store import RunFolder
+
+_ABOUT_ANCHORS = ("zero_mean", "gaussianity", "radii", "time_structure")
+"""Findings about errors since a point was fixed. They are withheld where points are fitted to whole tracks."""
 
 
 def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping[str, pl.DataFrame]) -> None:
@@ -51,6 +55,8 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
     reference = reference_condition(run.manifest(), experiment, statistics["outliers"])
     tables = _tables(run, experiment, statistics, reference)
     reported = _reported(run, experiment, statistics["trims"], reference)
+    if reported.fitted:
+        tables |= {name: tables[name].clear() for name in _ABOUT_ANCHORS}
     tables["findings"] = headline_table({**statistics, **tables}, reported)
     run.write_statistics(tables)
     run.write_findings(findings_json({**statistics, **tables}))
@@ -95,6 +101,9 @@ def _tables(
         **pooled,
         "intervals": widened(intervals, spread),
         "seed_spread": spread,
+        "triangulated_noise": fitted_noise_table(
+            run.sequence_tables("fitted_noise"), groups=groups, kind=asked.intervals, level=asked.level
+        ),
         "incidence": incidence_table(read.ends, groups=groups, kind=asked.intervals, level=asked.level),
         "zero_mean": zero_mean(
             read.moments, statistics["curves"], groups=groups, key_frames=zeros, population=population
@@ -190,6 +199,7 @@ def _reported(
         population=experiment.truth.population,
         percentile=dropped_above(trims),
         recorded=truths != {TruthKind.raycast},
+        fitted=TRIANGULATED in truths,
         groups=groups_of_scenes(run.manifest().sequences, experiment.dataset.groups),
         trimming=experiment.findings.trimming,
     )

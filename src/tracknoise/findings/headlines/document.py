@@ -17,7 +17,7 @@ def findings_json(tables: RunTables) -> str:
     Parameters
     ----------
     tables
-        By their names: findings, zero_mean, gaussianity, time_structure, dependence and intervals.
+        By their names: findings, zero_mean, gaussianity, time_structure, dependence, intervals and triangulated_noise.
 
     Returns
     -------
@@ -33,6 +33,7 @@ def findings_json(tables: RunTables) -> str:
         "time_structure": tables["time_structure"],
         "dependence": tables["dependence"],
         "intervals": tables["intervals"].filter(pl.col("at").is_null()),
+        "triangulated_noise": tables["triangulated_noise"],
     }
     document = {"format": FORMAT, **{name: _rows(table) for name, table in chosen.items()}}
     return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"

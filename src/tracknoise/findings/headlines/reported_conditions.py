@@ -38,6 +38,8 @@ class ReportedConditions:
         Percentile of the largest errors of tracks above which tracks were dropped; None where none was.
     recorded
         Whether true positions come from recorded poses and depth, whose own errors are part of every number.
+    fitted
+        Whether true positions were fitted to the tracks, so that errors about them say nothing about drift.
     groups
         Groups of scenes that are not independent of each other.
     trimming
@@ -49,6 +51,7 @@ class ReportedConditions:
     population: str = POPULATION
     percentile: float | None = None
     recorded: bool = False
+    fitted: bool = False
     groups: SceneGroups = NO_GROUPS
     trimming: Trimming = TRIMMING
 

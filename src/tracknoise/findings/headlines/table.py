@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import polars as pl
 
-from tracknoise.findings.headlines import caveats, error_topics, tracking_topics
+from tracknoise.findings.headlines import caveats, error_topics, fitted_topics, tracking_topics
 from tracknoise.findings.headlines.error_size import size
 from tracknoise.findings.headlines.factor_topic import factors
 from tracknoise.findings.headlines.headline import Headline, RunTables
@@ -28,6 +28,16 @@ _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] 
     tracking_topics.lifetimes,
 )
 """Each makes a headline, or none where the tables have no rows about it; the most important first."""
+_FITTED_TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] = (
+    fitted_topics.self_referential,
+    caveats.few_scenes,
+    caveats.grouped_scenes,
+    fitted_topics.noise,
+    factors,
+    tracking_topics.outliers,
+    tracking_topics.lifetimes,
+)
+"""The same where true positions were fitted to the tracks."""
 
 
 def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.DataFrame:
@@ -36,7 +46,8 @@ def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.Data
     Parameters
     ----------
     tables
-        By their names: summary, effects, intervals, seed_spread, zero_mean, gaussianity, time_structure and dependence.
+        By their names: summary, effects, intervals, seed_spread, zero_mean, gaussianity, time_structure, dependence and
+        triangulated_noise.
         One without rows has no headline.
     conditions
         Which conditions the sentences are about.
@@ -47,7 +58,8 @@ def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.Data
         Schema `FINDINGS`. value, low and high are those of the first number in the text that has an interval.
         `figure` names a section of the report; `table` the table that holds the numbers.
     """
-    found = [headline for make in _TOPICS if (headline := make(tables, conditions))]
+    topics = _FITTED_TOPICS if conditions.fitted else _TOPICS
+    found = [headline for make in topics if (headline := make(tables, conditions))]
     rows = [
         {
             "rank": rank,

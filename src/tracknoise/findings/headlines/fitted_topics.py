@@ -1,0 +1,52 @@
+"""Headlines of runs whose true positions are fitted to the tracks: what that hides, and the noise corrected for it."""
+
+import polars as pl
+
+from tracknoise.findings.estimate import Estimate
+from tracknoise.findings.estimate_text import format_estimate
+from tracknoise.findings.headlines.headline import Headline, Part, RunTables, by_tracker
+from tracknoise.findings.headlines.reported_conditions import ReportedConditions
+from tracknoise.findings.wording import SELF_REFERENTIAL, interval_text
+from tracknoise.tables.enumerations import FittedMeasure
+
+_WITHHELD = (
+    "Bias, shape and growth of the errors, and survivorship bias, are therefore not reported. True positions also "
+    "contain the errors of poses and calibration."
+)
+_MEASURES = {
+    FittedMeasure.triangulated: "From errors about the fitted points, the noise of {} is",
+    FittedMeasure.epipolar: "From distances to epipolar lines it is",
+}
+
+
+def self_referential(_tables: RunTables, _conditions: ReportedConditions) -> Headline:
+    """Say what errors about fitted points cannot contain."""
+    return Headline("truth", f"{SELF_REFERENTIAL} {_WITHHELD}", "limits", "triangulated_noise")
+
+
+def noise(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """Noise of one coordinate of a position, corrected for what the fit absorbs."""
+    known = tables["triangulated_noise"]
+    made = known.select("level", "resampled", "n_scenes").drop_nulls().head(1).rows()
+    brackets = "".join(f" In brackets: {interval_text(level, resampled, [n])}." for level, resampled, n in made)
+    return by_tracker(
+        conditions.trackers,
+        lambda tracker: _noise_of(known, conditions, tracker),
+        opening=f"Noise of one coordinate {conditions.where(tables['summary'])}, as standard deviation.",
+        closing=f"A track of N observations has 2 N - 3 degrees of freedom, which the noise allows for.{brackets}",
+        topic="noise",
+        figure="findings",
+        table="triangulated_noise",
+    )
+
+
+def _noise_of(table: pl.DataFrame, conditions: ReportedConditions, tracker: str) -> Part | None:
+    chosen = conditions.of(table, tracker).filter(
+        pl.col("length_low").is_null(), trimming=conditions.trimming, coordinate="both"
+    )
+    sentences, estimates = [], []
+    for measure, text in _MEASURES.items():
+        for row in chosen.filter(measure=measure).to_dicts():
+            estimates.append(Estimate.of_row(row, "sigma_px", "low", "high", "px"))
+            sentences.append(f"{text.format(tracker)} {format_estimate(estimates[-1])}.")
+    return (" ".join(sentences), estimates) if sentences else None

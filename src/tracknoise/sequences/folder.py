@@ -24,7 +24,7 @@ from tracknoise.geometry.pose import position_rows
 from tracknoise.sequences.camera_files.camera_file import CameraFile
 from tracknoise.sequences.camera_files.read import read_camera_file
 from tracknoise.sequences.frame_files import DepthReader, ImageFiles, depth_files, depth_notes
-from tracknoise.sequences.images import image_size, read_depth_npy, read_depth_png16, require_levels
+from tracknoise.sequences.images import first_readable, image_size, read_depth_npy, read_depth_png16, require_levels
 from tracknoise.sequences.new_folder import new_folder
 from tracknoise.sequences.pinhole import only_camera
 from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses, surplus_notes
@@ -113,7 +113,7 @@ class Folder:
         stated = None if self.camera_file is not None else read_camera_file(folder / _CAMERA)
         rows, places = read_rows(folder / _POSES, _COLUMNS)
         images, depths = _frame_files(folder, poses=len(rows))
-        stated = stated or self._named_camera(images[0])
+        stated = stated or self._named_camera(first_readable(images))
         camera = stated.camera
         read_depth = _depth_reader(folder, depths, self.depth_unit_m or stated.depth_unit_m)
         return RecordedSequence(

@@ -18,7 +18,7 @@ from tracknoise.foreign.files import is_regular_file
 from tracknoise.geometry.accuracy import EXACT_DEPTH, EXACT_POSE, DepthAccuracy, PoseAccuracy
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.lenses import COEFFICIENTS, KnownCamera, make_camera
-from tracknoise.sequences.sequence import TruthKind
+from tracknoise.sequences.sequence import SecondCamera, TruthKind
 from tracknoise.simulation.light import LIGHTINGS
 from tracknoise.simulation.motion import MOTIONS
 from tracknoise.simulation.places import PLACES
@@ -30,7 +30,7 @@ from tracknoise.simulation.sdf.load import load_world
 from tracknoise.simulation.sensor import expose
 from tracknoise.tables.identity import DEFAULT_LIGHTING, SequenceId
 
-_WORLD, _PATH, _NOISE = range(3)  # independent streams of random numbers
+_WORLD, _PATH, _NOISE, _SECOND_NOISE = range(4)  # independent streams of random numbers
 _DEFAULT_WORLD = "plaza"
 _LIMITS = {
     "worlds": (1, 100_000),
@@ -72,6 +72,8 @@ class Simulated:
         model; pixels without a ray are black.
     distortion
         Coefficients of the lens, as the model has them; for double_sphere, xi and alpha.
+    baseline_m
+        Distance to a second camera on the right, for depth from stereo, metres; 0 for a single camera.
     supersampling
         Rays along each side of a pixel.
     noise_sigma
@@ -108,6 +110,7 @@ class Simulated:
     hfov_deg: float = 60.0
     lens: str = "pinhole"
     distortion: tuple[float, ...] = ()
+    baseline_m: float = 0.0
     supersampling: int = 2
     noise_sigma: float = 2.0
     shadows: bool = False
@@ -123,6 +126,7 @@ class Simulated:
         require_at_least("seed", self.seed, 0)
         require(0.0 < self.hfov_deg < 180.0, "hfov_deg", self.hfov_deg, "a number between 0 and 180")
         self._require_lens()
+        require_at_least("baseline_m", self.baseline_m, 0)
         require_at_least("noise_sigma", self.noise_sigma, 0)
         require(all(map(math.isfinite, self.origin)), "origin", self.origin, "three finite numbers (x, y, z in metres)")
         require(math.isfinite(self.yaw_deg), "yaw_deg", self.yaw_deg, "a finite number")
@@ -292,8 +296,16 @@ class SimulatedSequence:
 
     def image(self, index: int) -> NDArray[np.uint8]:
         """(height, width) uint8: one frame. It does not depend on the order in which frames are read."""
-        noise = _generator(self.settings.seed, _NOISE, f"{self.id.scene} {self.id.lighting}", index)
-        return expose(self._renderer.image(self.world_from_camera[index]), self.settings.noise_sigma, noise)
+        return self._exposed(self.world_from_camera[index], _NOISE, index)
+
+    @property
+    def second(self) -> SecondCamera | None:
+        """A camera of the same model, on the right of the first; None where the settings have none."""
+        if not self.settings.baseline_m:
+            return None
+        first_from_second = np.eye(4)
+        first_from_second[0, 3] = self.settings.baseline_m
+        return SecondCamera(self.camera, first_from_second, self._second_image)
 
     def depth(self, index: int) -> DepthMap:
         """Exact depth of one frame at the pixel centres, float64."""
@@ -326,6 +338,15 @@ class SimulatedSequence:
         hit : (n,) bool
         """
         return surface_points(self._raycaster, self.camera, self.world_from_camera[index], uv)
+
+    def _second_image(self, index: int) -> NDArray[np.uint8]:
+        pose = self.world_from_camera[index].copy()
+        pose[:3, 3] += self.settings.baseline_m * pose[:3, 0]
+        return self._exposed(pose, _SECOND_NOISE, index)
+
+    def _exposed(self, world_from_camera: NDArray[np.float64], stream: int, index: int) -> NDArray[np.uint8]:
+        noise = _generator(self.settings.seed, stream, f"{self.id.scene} {self.id.lighting}", index)
+        return expose(self._renderer.image(world_from_camera), self.settings.noise_sigma, noise)
 
     @cached_property
     def _scenery(self) -> Scenery:

@@ -14,7 +14,7 @@ from tracknoise.exceptions import DataError, SettingsError, TracknoiseError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.registry import make_reader, open_sequence
-from tracknoise.sequences.sequence import TruthKind
+from tracknoise.sequences.sequence import TRIANGULATED
 from tracknoise.sequences.simulated import Simulated
 from tracknoise.sequences.tum.reader import Tum
 
@@ -126,7 +126,7 @@ def test_without_depth_there_is_no_truth_at_birth(scene):
     (scene / "depth.txt").unlink()
     read = open_sequence("tum", scene)
     assert read.depth(0) is None
-    assert read.truths == (TruthKind.triangulated,)
+    assert read.truths == (TRIANGULATED,)
     write_list(scene, "depth", [1.0], [np.zeros((48, 64), np.uint16)])
     with pytest.raises(DataError, match=r"depth: depth maps: 1, but none within 0\.02 s of an image"):
         open_sequence("tum", scene)

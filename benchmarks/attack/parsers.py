@@ -8,14 +8,17 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from benchmarks.attack import samples
+from benchmarks.attack import recordings, samples, timed
 from benchmarks.attack.mutations import with_png_checksums
 from tracknoise.experiments.load import load_experiment
 from tracknoise.geometry.camera import Camera
 from tracknoise.report.contents import read_contents
+from tracknoise.sequences.camera_files import read_camera_file
+from tracknoise.sequences.colmap.reader import Colmap
 from tracknoise.sequences.dtu.calibration import read_calibration
 from tracknoise.sequences.dtu.relighting import read_leds
 from tracknoise.sequences.dtu.scan import read_scan as read_dtu_scan
+from tracknoise.sequences.euroc.reader import Euroc
 from tracknoise.sequences.folder import Folder
 from tracknoise.sequences.images import (
     image_size,
@@ -26,13 +29,17 @@ from tracknoise.sequences.images import (
 )
 from tracknoise.sequences.kitti.calibration import read_camera, read_camera_from_velodyne
 from tracknoise.sequences.kitti.depth import KittiDepth
+from tracknoise.sequences.kitti.odometry import KittiOdometry
 from tracknoise.sequences.kitti.reader import Kitti
 from tracknoise.sequences.kitti.rig import CAMERA_FROM_VELODYNE
+from tracknoise.sequences.nerfstudio.reader import Nerfstudio
 from tracknoise.sequences.poses import checked_poses, quaternion_poses, read_matrix, read_rows
 from tracknoise.sequences.registry import make_reader
+from tracknoise.sequences.rosbag.reader import Rosbag
 from tracknoise.sequences.sequence import Reader
 from tracknoise.sequences.sevenscenes import SevenScenes
 from tracknoise.sequences.tartanair import TartanAir
+from tracknoise.sequences.tum.reader import Tum
 from tracknoise.simulation.sdf.load import load_model, load_world
 from tracknoise.tables.store import RunFolder
 from tracknoise.trackers.registry import make_tracker
@@ -75,6 +82,14 @@ def _open(reader: type[Any], levels: int, path: Path) -> None:
     """Open the first sequence of a data set, and read its first frame."""
     made: Reader = reader(path.parents[levels])
     sequence = made.open(made.sequences()[0])
+    sequence.image(0)
+    sequence.depth(0)
+
+
+def _open_file(path: Path) -> None:
+    """Open a bag, and read its first frame."""
+    reader = Rosbag(path)
+    sequence = reader.open(reader.sequences()[0])
     sequence.image(0)
     sequence.depth(0)
 
@@ -171,6 +186,7 @@ PARSERS: tuple[Parser, ...] = (
         partial(read_depth_png_float32, camera=CAMERA),
         with_png_checksums,
     ),
+    Parser("camera file", samples.camera_files, "*", read_camera_file),
     Parser("folder camera", samples.folder, "camera.json", partial(_open, Folder, 0)),
     Parser("folder poses", samples.folder, "poses.txt", partial(_open, Folder, 0)),
     Parser("sevenscenes", samples.sevenscenes, "*.txt", partial(_open, SevenScenes, 0)),
@@ -180,9 +196,21 @@ PARSERS: tuple[Parser, ...] = (
     Parser("kitti timestamps", samples.kitti, "*/*/image_02/timestamps.txt", partial(_open, Kitti, 3)),
     Parser("kitti poses", samples.kitti_poses, "*/*/poses_image_02.txt", partial(_open, Kitti, 2)),
     Parser("velodyne", samples.kitti, "*/*/velodyne_points/data/*.bin", partial(_VELODYNE, camera=CAMERA)),
+    Parser("kitti odometry", timed.kitti_odometry, "sequences/00/*.txt", partial(_open, KittiOdometry, 2)),
+    Parser("kitti odometry poses", timed.kitti_odometry, "poses/00.txt", partial(_open, KittiOdometry, 1)),
+    Parser("tum", timed.tum, "*.txt", partial(_open, Tum, 0)),
+    Parser("tum pairs", timed.tum_pairs, "[al]*.*", partial(_open, Tum, 0)),
+    Parser("euroc", timed.euroc, "mav0/*/*.*", partial(_open, Euroc, 2)),
     Parser("dtu calibration", samples.dtu, "Calib*.mat", read_calibration),
     Parser("dtu scan", samples.dtu, "Clean*.mat", read_dtu_scan),
     Parser("dtu leds", samples.dtu, "leds.csv", read_leds),
+    Parser("ros 1 bag", recordings.bags, "*.bag", _open_file),
+    Parser("ros 2 sqlite", recordings.bags, "sqlite3/*.db3", _open_file),
+    Parser("ros 2 mcap", recordings.bags, "mcap/*.mcap", _open_file),
+    Parser("ros 2 metadata", recordings.bags, "*/metadata.yaml", partial(_open, Rosbag, 0)),
+    Parser("colmap", recordings.colmap, "*/*.*", partial(_open, Colmap, 0)),
+    Parser("colmap depth", recordings.colmap, "*/stereo/*/*.bin", partial(_open, Colmap, 2)),
+    Parser("nerfstudio", recordings.nerfstudio, "transforms.json", partial(_open, Nerfstudio, 0)),
     Parser("world", samples.world, "*.world", partial(load_world, models=None)),
     Parser("model", samples.world, "models/*/model.*", _model),
     Parser("material script", samples.world, "models/*/materials/scripts/*", _model),

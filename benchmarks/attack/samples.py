@@ -228,6 +228,62 @@ def images(folder: Path) -> None:
     np.save(folder / "depth" / "columns.npy", np.asfortranarray(depth))
 
 
+_CAMERA_FILES = {
+    "kalibr.yaml": """cam0:
+  T_cam_imu: [[0.0, 1.0, 0.0, 0.1], [-1.0, 0.0, 0.0, 0.2], [0.0, 0.0, 1.0, 0.3], [0.0, 0.0, 0.0, 1.0]]
+  camera_model: pinhole
+  distortion_coeffs: [0.003, 0.0007, -0.002, 0.0002]
+  distortion_model: equidistant
+  intrinsics: [20.0, 20.0, 11.5, 7.5]
+  resolution: [24, 16]
+  timeshift_cam_imu: -0.0012
+cam1:
+  T_cn_cnm1: [[1.0, 0.0, 0.0, -0.11], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+  camera_model: ds
+  intrinsics: [-0.17, 0.59, 20.0, 20.0, 11.5, 7.5]
+  resolution: [24, 16]
+""",
+    "euroc.yaml": """T_BS: {cols: 4, rows: 4, data: [0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}
+rate_hz: 20
+resolution: [24, 16]
+camera_model: pinhole
+intrinsics: [20.0, 20.0, 11.5, 7.5]
+distortion_model: radial-tangential
+distortion_coefficients: [-0.28, 0.07, 0.0002, 1.76e-05]
+""",
+    "opencv.yml": """%YAML:1.0
+---
+image_width: 24
+image_height: 16
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 20., 0., 11.5, 0., 20., 7.5, 0., 0., 1. ]
+distortion_coefficients: !!opencv-matrix
+   rows: 1
+   cols: 5
+   dt: d
+   data: [ -0.28, 0.07, 0., 0., 0. ]
+""",
+    "opencv.xml": """<?xml version="1.0"?>
+<opencv_storage>
+<image_width>24</image_width>
+<image_height>16</image_height>
+<camera_matrix type_id="opencv-matrix"><rows>3</rows><cols>3</cols><dt>d</dt>
+<data>20. 0. 11.5 0. 20. 7.5 0. 0. 1.</data></camera_matrix>
+</opencv_storage>
+""",
+}
+
+
+def camera_files(root: Path) -> None:
+    """Cameras as several programs describe them."""
+    root.mkdir()
+    for name, text in _CAMERA_FILES.items():
+        (root / name).write_text(text)
+
+
 def folder(root: Path) -> None:
     """A sequence in the plain layout."""
     (root / "images").mkdir(parents=True)

@@ -25,7 +25,8 @@ def test_datasets_lists_the_readers(tracknoise):
     code, out, _ = tracknoise("datasets")
     assert code == 0
     names = [line.split()[0] for line in out.splitlines()]
-    assert names == ["dtu", "folder", "kitti", "sevenscenes", "simulated", "tartanair"]
+    expected = ["dtu", "euroc", "folder", "kitti", "kitti-odometry", "sevenscenes", "simulated", "tartanair", "tum"]
+    assert names == expected
 
 
 def test_datasets_shows_the_options_of_a_reader_as_an_experiment_file_has_them(tracknoise):

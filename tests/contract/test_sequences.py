@@ -18,26 +18,39 @@ import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.writers.bags import BagWriter, Format
+from tests.writers.colmap import write_binary as write_reconstruction
+from tests.writers.colmap import write_depth_map
+from tests.writers.euroc import write_euroc
+from tests.writers.kitti_odometry import write_kitti_odometry
+from tests.writers.nerfstudio import write_transforms
+from tests.writers.tum import write_tum
 
 from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import invert, transform
+from tracknoise.sequences.colmap.reader import Colmap
 from tracknoise.sequences.dtu.matlab import write_mat
 from tracknoise.sequences.dtu.reader import Dtu
 from tracknoise.sequences.dtu.writer import calibration_variables
+from tracknoise.sequences.euroc.reader import Euroc
 from tracknoise.sequences.folder import Folder, write_folder
 from tracknoise.sequences.kitti.layout import Drive
+from tracknoise.sequences.kitti.odometry import KittiOdometry
 from tracknoise.sequences.kitti.oxts import records_of_poses, write_record
 from tracknoise.sequences.kitti.reader import Kitti
 from tracknoise.sequences.kitti.rig import CAMERA_FROM_IMU, write_calibration
+from tracknoise.sequences.nerfstudio.reader import Nerfstudio
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.registry import READERS, reader_defaults
+from tracknoise.sequences.rosbag.reader import Rosbag
 from tracknoise.sequences.sequence import Reader, Sequence, camera_at
 from tracknoise.sequences.sevenscenes import SevenScenes
 from tracknoise.sequences.simulated import Simulated
 from tracknoise.sequences.tartanair import TartanAir
+from tracknoise.sequences.tum.reader import Tum
 from tracknoise.simulation.light_stage.stage import arc, stage_camera
 from tracknoise.tables.identity import Direction, SequenceId
 
@@ -154,6 +167,41 @@ def kitti(root: Path, count: int) -> Written:
     )
 
 
+def colmap(root: Path, count: int) -> Written:
+    """Positions in files are half a pixel more: (0, 0) is the corner of the first pixel."""
+    names = [f"{index}.png" for index in range(count)]
+    for index, name in enumerate(names):
+        write_png(root / "scene" / "images" / name, images(count)[index])
+        write_depth_map(root / "scene" / "stereo" / "depth_maps" / f"{name}.geometric.bin", depths(count)[index])
+    camera = ("PINHOLE", 64, 48, [CAMERA.fx, CAMERA.fy, CAMERA.cx + 0.5, CAMERA.cy + 0.5])
+    registered = {name: (1, pose) for name, pose in zip(names, poses(count), strict=True)}
+    write_reconstruction(root / "scene" / "sparse" / "0", {1: camera}, registered)
+    return Written(Colmap(root), poses(count), images(count), depths(count), depth_tolerance_m=2e-6)
+
+
+def nerfstudio(root: Path, count: int) -> Written:
+    names = [f"images/{index}.png" for index in range(count)]
+    for index, name in enumerate(names):
+        write_png(root / "scene" / name, images(count)[index])
+        write_png(root / "scene" / f"depth{index}.png", np.rint(depths(count)[index] * 1000).astype(np.uint16))
+    further = [{"depth_file_path": f"depth{index}.png"} for index in range(count)]
+    intrinsics = {"fl_x": CAMERA.fx, "fl_y": CAMERA.fy, "cx": CAMERA.cx + 0.5, "cy": CAMERA.cy + 0.5}
+    write_transforms(root / "scene", names, poses(count), frames=further, **intrinsics)
+    return Written(Nerfstudio(root), poses(count), images(count), depths(count), depth_tolerance_m=0.5e-3)
+
+
+def rosbag(root: Path, count: int) -> Written:
+    with BagWriter(root / "run", Format.mcap) as bag:
+        k = (CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy)
+        bag.camera_info("/camera_info", 0, "optical", size=(CAMERA.width, CAMERA.height), k=k)
+        for index in range(count):
+            stamp_ns = 1_700_000_000_000_000_000 + index * 50_000_000
+            bag.image("/image", stamp_ns, "optical", "mono8", images(count)[index])
+            bag.image("/depth", stamp_ns, "optical", "32FC1", depths(count)[index].astype("<f4"))
+            bag.posed("/pose", stamp_ns, "Odometry", "world", "optical", poses(count)[index])
+    return Written(Rosbag(root), poses(count), images(count), depths(count), depth_tolerance_m=2e-6, timed=True)
+
+
 def dtu(root: Path, count: int) -> Written:
     """The condensed release, which has always 49 positions, at half the size of the calibration."""
     camera = stage_camera(32, 24)
@@ -201,14 +249,38 @@ def tape(root: Path, count: int) -> Written:
     return Written(foreign().Tape(root), poses(count), images(count), depths(count), timed=True)
 
 
+def tum(root: Path, count: int) -> Written:
+    """Depth maps lag behind the images by 5 ms."""
+    shown, deep = images(count), [np.minimum(depth, 13.0) for depth in depths(count)]
+    write_tum(root / "scene", shown, poses(count), depths=deep)
+    (root / "scene" / "calibration.txt").write_text("60 61 31 24\n")
+    return Written(Tum(root), poses(count), shown, deep, depth_tolerance_m=1e-4, timed=True)
+
+
+def euroc(root: Path, count: int) -> Written:
+    write_euroc(root / "MH_01_easy", images(count), poses(count), intrinsics=(60.0, 61.0, 31.0, 24.0))
+    return Written(Euroc(root), poses(count), images(count), timed=True)
+
+
+def kitti_odometry(root: Path, count: int) -> Written:
+    write_kitti_odometry(root, images(count), poses(count), intrinsics=(60.0, 61.0, 31.0, 24.0))
+    return Written(KittiOdometry(root), poses(count), images(count), timed=True)
+
+
 LAYOUTS: dict[str, Callable[[Path, int], Written]] = {
+    "colmap": colmap,
     "dtu": dtu,
+    "euroc": euroc,
     "folder": folder,
     "kitti": kitti,
+    "kitti-odometry": kitti_odometry,
+    "nerfstudio": nerfstudio,
+    "rosbag": rosbag,
     "sevenscenes": sevenscenes,
     "simulated": simulated,
     "tape": tape,
     "tartanair": tartanair,
+    "tum": tum,
 }
 Write = Callable[[int], Written]
 

@@ -10,7 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
+from tracknoise.geometry.double_sphere import DoubleSphereCamera
+from tracknoise.geometry.fisheye import EquidistantCamera
 from tracknoise.sequences.folder import Folder, write_folder
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.recorded import RecordedSequence
@@ -248,7 +251,9 @@ def test_bad_poses_are_named(scene: Path, rows: list[str], place: str, message: 
     expect(scene, place, message)
 
 
-NEEDED = "width, height, fx, fy, cx, cy and, if need be, distortion, depth_unit_m, source"
+NEEDED = (
+    "width, height, fx, fy, cx, cy and, if need be, model, distortion, xi, alpha, depth_unit_m, depth_scale, source"
+)
 
 NO_INVERSE = (
     "fx, fy, cx, cy and distortion that cannot be inverted over the whole image, "
@@ -422,3 +427,121 @@ def test_an_interrupted_write_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         write_folder(Made(), tmp_path / "scene", progress=stop)
     assert list(tmp_path.iterdir()) == []
+
+
+EQUIDISTANT = EquidistantCamera(WIDTH, HEIGHT, 8.5, 8.25, 9.3, 7.9, (0.01, -0.02, 0.001, 0.002))
+SPHERES = DoubleSphereCamera(WIDTH, HEIGHT, 8.5, 8.25, 9.3, 7.9, -0.2, 0.6)
+
+
+@pytest.mark.parametrize("camera", [EQUIDISTANT, SPHERES])
+def test_other_lenses_come_back_too(tmp_path: Path, camera: CameraModel) -> None:
+    made = Made()
+    made.camera = camera
+    write_folder(made, tmp_path / "scene")
+    assert opened(tmp_path / "scene").camera == camera
+
+
+@pytest.mark.parametrize(
+    ("entries", "message"),
+    [
+        ({"model": "omni"}, 'model = "omni", expected one of pinhole, radtan, equidistant, double_sphere'),
+        ({"model": 5}, "model = 5, expected a text"),
+        ({"xi": 0.1}, "xi for the model radtan, expected xi and alpha for the model double_sphere, and for no other"),
+        (
+            {"model": "double_sphere", "distortion": []},
+            "no xi, expected xi and alpha for the model double_sphere, and for no other",
+        ),
+        (
+            {"model": "equidistant", "distortion": [0.1]},
+            "distortion = [0.1], expected a list of 4 numbers (k1, k2, k3, k4)",
+        ),
+        (
+            {"model": "double_sphere", "xi": 7, "alpha": 0.5, "distortion": []},
+            "an impossible camera (xi must be above -1 and at most 1, not 7.0), expected a double_sphere camera",
+        ),
+    ],
+)
+def test_bad_lenses_are_named(scene: Path, entries: dict[str, object], message: str) -> None:
+    change_camera(scene, **entries)
+    expect(scene, "camera.json", f": {message}")
+
+
+KALIBR = f"""\
+cam0:
+  camera_model: pinhole
+  distortion_coeffs: [0.01, -0.02, 0.001, 0.002]
+  distortion_model: equidistant
+  intrinsics: [8.5, 8.25, 9.3, 7.9]
+  resolution: [{WIDTH}, {HEIGHT}]
+cam1:
+  camera_model: ds
+  intrinsics: [-0.2, 0.6, 8.5, 8.25, 9.3, 7.9]
+  resolution: [{WIDTH}, {HEIGHT}]
+"""
+
+
+def test_a_camera_file_replaces_those_of_the_scenes(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        write_folder(Made(), tmp_path / name)
+        (tmp_path / name / "camera.json").unlink()
+    path = tmp_path / "camchain.yaml"
+    path.write_text(KALIBR)
+    reader = Folder(tmp_path, camera_file=path)
+    assert [reader.open(item).camera for item in reader.sequences()] == [EQUIDISTANT] * 2
+    reader = Folder(tmp_path, camera_file=path, camera="cam1")
+    sequence = reader.open(reader.sequences()[0])
+    assert sequence.camera == SPHERES
+    assert sequence.depth(0) is not None
+    with pytest.raises(UnknownNameError, match="unknown camera 'cam7'"):
+        Folder(tmp_path, camera_file=path, camera="cam7").open(reader.sequences()[0])
+
+
+def test_the_images_say_their_size_where_the_camera_file_does_not(scene: Path) -> None:
+    path = scene.parent / "camera.yml"
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    storage.write("camera_matrix", CAMERA.matrix)
+    storage.write("distortion_coefficients", np.array([CAMERA.distortion]))
+    storage.release()
+    reader = Folder(scene, camera_file=path)
+    assert reader.open(reader.sequences()[0]).camera == CAMERA
+
+
+def test_a_camera_file_of_another_size_is_named(scene: Path) -> None:
+    path = scene.parent / "camchain.yaml"
+    path.write_text(
+        KALIBR.replace(f"[{WIDTH}, {HEIGHT}]", "[640, 480]").replace("8.5, 8.25, 9.3, 7.9", "400, 400, 320, 240")
+    )
+    reader = Folder(scene, camera_file=path)
+    with pytest.raises(DataError, match="size 20x16, expected the camera's 640x480"):
+        reader.open(reader.sequences()[0]).image(0)
+
+
+def test_the_unit_of_depth_may_be_an_option(scene: Path) -> None:
+    for index in range(2):
+        (scene / f"depth/00000{index}.npy").unlink()
+    cv2.imwrite(str(scene / "depth/000000.png"), np.full((HEIGHT, WIDTH), 5000, np.uint16))
+    reader = Folder(scene, depth_unit_m=0.0002)
+    assert reader.open(reader.sequences()[0]).depth(0).depth_m[3, 3] == pytest.approx(1.0)
+
+
+def test_16_bit_images_need_their_levels(scene: Path) -> None:
+    values = np.arange(WIDTH * HEIGHT, dtype=np.uint16).reshape(HEIGHT, WIDTH) * 10 + 500
+    for index in range(FRAMES):
+        cv2.imwrite(str(scene / f"images/{index:06d}.png"), values)
+    expect(
+        scene,
+        "images/000000.png",
+        ": a 16-bit image of 1 channel, expected 8 bits, or image_levels = [low, high] of the reader folder",
+    )
+    reader = make_reader("folder", scene, {"image_levels": [500, 3690]})
+    sequence = reader.open(reader.sequences()[0])
+    assert sequence.notes[0] == "16-bit images are scaled: 500 becomes 0 and 3690 becomes 255"
+    image = sequence.image(1)
+    assert (image[0, 0], image[-1, -1]) == (0, 255)
+    np.testing.assert_array_equal(image, np.rint((values - 500.0) * 255.0 / 3190.0))
+
+
+@pytest.mark.parametrize("levels", [[5, 5], [7, 5], [-1, 5], [0, 65536], [0], [0.0, float("nan")], "all"])
+def test_impossible_levels(scene: Path, levels: object) -> None:
+    with pytest.raises(SettingsError, match="reader 'folder': image_levels"):
+        make_reader("folder", scene, {"image_levels": levels})

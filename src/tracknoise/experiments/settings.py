@@ -101,6 +101,8 @@ class TruthSettings(_Section):
     kind: str | None = None
     """Kind of truth: `birth`, `raycast`, `scan`, `triangulated`, or one of another package. Default: the best that the
     data allow."""
+    depth: Literal["recorded", "stereo"] = "recorded"
+    """Depth for the truth `birth`: as `recorded`, or by semi-global matching with a second camera (`stereo`)."""
     population: Annotated[Population, Field(strict=False)] = defaults.POPULATION
     """Observations whose errors are used: only `visible` ones, or all with a true position (`projected`)."""
     scan_radius_px: Annotated[float, Field(gt=0)] = defaults.SCAN_RADIUS_PX

@@ -32,13 +32,13 @@ class _Header:
     scans: int = 1
 
 
-def require_whole_image(path: Path, data: bytes) -> None:
+def require_whole_image(path: str | Path, data: bytes) -> None:
     """Check that an image file is complete and that its image is not too large, without decoding it.
 
     Parameters
     ----------
     path
-        The file, for the error.
+        The file, or another origin, for the error.
     data
         Its content.
 

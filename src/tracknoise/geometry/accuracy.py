@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 
 @dataclass(frozen=True, slots=True)
 class PoseAccuracy:
@@ -21,7 +24,9 @@ class PoseAccuracy:
 
 @dataclass(frozen=True, slots=True)
 class DepthAccuracy:
-    """Standard deviation of the error of a depth Z, which is sqrt(constant_m^2 + (relative Z)^2); 0 where it is exact.
+    """Standard deviation of the error of a depth Z; 0 where it is exact.
+
+    It is sqrt(constant_m^2 + (relative Z)^2 + (quadratic_per_m Z^2)^2).
 
     Parameters
     ----------
@@ -29,10 +34,18 @@ class DepthAccuracy:
         The part that does not depend on the depth, metres.
     relative
         The part that is proportional to the depth, no unit.
+    quadratic_per_m
+        The part that is proportional to the square of the depth, as that of stereo, 1/m.
     """
 
     constant_m: float
     relative: float
+    quadratic_per_m: float = 0.0
+
+    def sigma_m(self, depth_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(...) float64: the standard deviation at depths, metres."""
+        varying = np.hypot(self.relative * depth_m, self.quadratic_per_m * depth_m * depth_m)
+        return np.hypot(self.constant_m, varying)
 
 
 EXACT_POSE = PoseAccuracy(0.0, 0.0)

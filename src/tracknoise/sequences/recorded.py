@@ -11,7 +11,7 @@ from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.poses import require_some_poses
-from tracknoise.sequences.sequence import TRIANGULATED, TruthKind
+from tracknoise.sequences.sequence import TRIANGULATED, SecondCamera, TruthKind
 from tracknoise.tables.identity import SequenceId
 
 ImageSource = Callable[[int], NDArray[np.uint8]]
@@ -47,6 +47,8 @@ class RecordedSequence:
         Stated uncertainty; None where unknown.
     group
         What the scene has in common with others, such as the place; None where it is independent of all others.
+    second
+        A second camera, for depth from stereo; None where there is none.
 
     Raises
     ------
@@ -67,6 +69,7 @@ class RecordedSequence:
     pose_accuracy: PoseAccuracy | None = None
     depth_accuracy: DepthAccuracy | None = None
     group: str | None = None
+    second: SecondCamera | None = None
 
     def __post_init__(self) -> None:
         place = f"{self.id.dataset} {self.id.scene}"

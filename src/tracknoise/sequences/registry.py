@@ -14,12 +14,18 @@ READERS: Plugins[Reader] = Plugins(
     what="reader",
     group="tracknoise.sequences",
     built_in={
+        "colmap": "tracknoise.sequences.colmap.reader:Colmap",
         "dtu": "tracknoise.sequences.dtu.reader:Dtu",
+        "euroc": "tracknoise.sequences.euroc.reader:Euroc",
         "folder": "tracknoise.sequences.folder:Folder",
         "kitti": "tracknoise.sequences.kitti.reader:Kitti",
+        "kitti-odometry": "tracknoise.sequences.kitti.odometry:KittiOdometry",
+        "nerfstudio": "tracknoise.sequences.nerfstudio.reader:Nerfstudio",
+        "rosbag": "tracknoise.sequences.rosbag.reader:Rosbag",
         "sevenscenes": "tracknoise.sequences.sevenscenes:SevenScenes",
         "simulated": "tracknoise.sequences.simulated:Simulated",
         "tartanair": "tracknoise.sequences.tartanair:TartanAir",
+        "tum": "tracknoise.sequences.tum.reader:Tum",
     },
     given=frozenset({"root"}),
 )

@@ -1,5 +1,6 @@
 """Interfaces of readers and sequences: images with cameras, poses and, if available, depth."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -183,6 +184,40 @@ class GroupedSequence(Protocol):
 def group_of(sequence: Sequence) -> str | None:
     """Name of the group of a sequence's scene; None where it is independent of all others, or nothing is known."""
     return sequence.group if isinstance(sequence, GroupedSequence) else None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SecondCamera:
+    """A calibrated camera beside the first, which took an image at the time of each frame.
+
+    Parameters
+    ----------
+    camera
+        Intrinsics of its images.
+    first_from_second
+        (4, 4) float64, metres: its pose in the frame of the first camera, constant.
+    images
+        Reads its image of a frame from the frame's index: (height, width) uint8. It must be possible to pickle it.
+    """
+
+    camera: CameraModel
+    first_from_second: NDArray[np.float64]
+    images: Callable[[int], NDArray[np.uint8]]
+
+
+@runtime_checkable
+class StereoSequence(Protocol):
+    """A `Sequence` that may have a second camera, from which `tracknoise.sequences.stereo` computes depth."""
+
+    @property
+    def second(self) -> SecondCamera | None:
+        """The second camera; None where there is none."""
+        ...
+
+
+def second_of(sequence: Sequence) -> SecondCamera | None:
+    """The second camera of a sequence; None where there is none."""
+    return sequence.second if isinstance(sequence, StereoSequence) else None
 
 
 class Reader(Protocol):

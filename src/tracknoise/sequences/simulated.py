@@ -16,9 +16,9 @@ from tracknoise.checks import require, require_at_least, require_at_most
 from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.foreign.files import is_regular_file
 from tracknoise.geometry.accuracy import EXACT_DEPTH, EXACT_POSE, DepthAccuracy, PoseAccuracy
-from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.sequences.sequence import TruthKind
+from tracknoise.geometry.lenses import COEFFICIENTS, KnownCamera, make_camera
+from tracknoise.sequences.sequence import SecondCamera, TruthKind
 from tracknoise.simulation.light import LIGHTINGS
 from tracknoise.simulation.motion import MOTIONS
 from tracknoise.simulation.places import PLACES
@@ -30,7 +30,7 @@ from tracknoise.simulation.sdf.load import load_world
 from tracknoise.simulation.sensor import expose
 from tracknoise.tables.identity import DEFAULT_LIGHTING, SequenceId
 
-_WORLD, _PATH, _NOISE = range(3)  # independent streams of random numbers
+_WORLD, _PATH, _NOISE, _SECOND_NOISE = range(4)  # independent streams of random numbers
 _DEFAULT_WORLD = "plaza"
 _LIMITS = {
     "worlds": (1, 100_000),
@@ -66,7 +66,14 @@ class Simulated:
     width, height
         Size of the images, px.
     hfov_deg
-        Horizontal field of view, degrees.
+        Horizontal field of view through the principal point, degrees.
+    lens
+        Model of the lens: a name in `tracknoise.geometry.lenses.COEFFICIENTS`. Each ray of the image is that of the
+        model; pixels without a ray are black.
+    distortion
+        Coefficients of the lens, as the model has them; for double_sphere, xi and alpha.
+    baseline_m
+        Distance to a second camera on the right, for depth from stereo, metres; 0 for a single camera.
     supersampling
         Rays along each side of a pixel.
     noise_sigma
@@ -101,6 +108,9 @@ class Simulated:
     width: int = 800
     height: int = 600
     hfov_deg: float = 60.0
+    lens: str = "pinhole"
+    distortion: tuple[float, ...] = ()
+    baseline_m: float = 0.0
     supersampling: int = 2
     noise_sigma: float = 2.0
     shadows: bool = False
@@ -115,10 +125,25 @@ class Simulated:
             require_at_most(name, getattr(self, name), most)
         require_at_least("seed", self.seed, 0)
         require(0.0 < self.hfov_deg < 180.0, "hfov_deg", self.hfov_deg, "a number between 0 and 180")
+        self._require_lens()
+        require_at_least("baseline_m", self.baseline_m, 0)
         require_at_least("noise_sigma", self.noise_sigma, 0)
         require(all(map(math.isfinite, self.origin)), "origin", self.origin, "three finite numbers (x, y, z in metres)")
         require(math.isfinite(self.yaw_deg), "yaw_deg", self.yaw_deg, "a finite number")
         self._require_that_world_and_motions_fit()
+
+    def _require_lens(self) -> None:
+        if self.lens not in COEFFICIENTS:
+            raise UnknownNameError("lens", self.lens, COEFFICIENTS)
+        require(all(map(math.isfinite, self.distortion)), "distortion", [*self.distortion], "finite numbers")
+        expected = "a lens that shows the ray at half of hfov_deg"
+        require(math.isfinite(self._edge()), "distortion", [*self.distortion], expected)
+
+    def _edge(self) -> float:
+        """Where a lens of focal length 1 shows the ray at half of the field of view; NaN where it does not."""
+        ray = np.array([float(np.tan(np.deg2rad(self.hfov_deg) / 2.0)), 0.0, 1.0])
+        u, _ = make_camera(self.lens, (1, 1), (1.0, 1.0, 0.0, 0.0), self.distortion).project(ray)
+        return float(u) if u > 0.0 else math.nan
 
     def _require_that_world_and_motions_fit(self) -> None:
         if self.world not in PLACES:
@@ -138,10 +163,11 @@ class Simulated:
                 raise ValueError(f"motion {motion!r} does not suit world {self.world!r}; {fitting} do")
 
     @property
-    def camera(self) -> Camera:
+    def camera(self) -> KnownCamera:
         """The camera of all sequences; its principal point is the image's centre."""
-        focal = self.width / 2.0 / float(np.tan(np.deg2rad(self.hfov_deg) / 2.0))
-        return Camera(self.width, self.height, focal, focal, (self.width - 1) / 2.0, (self.height - 1) / 2.0)
+        focal = self.width / 2.0 / self._edge()
+        centre = (self.width - 1) / 2.0, (self.height - 1) / 2.0
+        return make_camera(self.lens, (self.width, self.height), (focal, focal, *centre), self.distortion)
 
     def sequences(self) -> list[SequenceId]:
         """All sequences, sorted: scenes are named ``<motion>-<index of the world>``.
@@ -221,7 +247,7 @@ class SimulatedSequence:
     """
 
     id: SequenceId
-    camera: Camera
+    camera: KnownCamera
     world_from_camera: NDArray[np.float64]
     settings: Simulated
 
@@ -270,8 +296,16 @@ class SimulatedSequence:
 
     def image(self, index: int) -> NDArray[np.uint8]:
         """(height, width) uint8: one frame. It does not depend on the order in which frames are read."""
-        noise = _generator(self.settings.seed, _NOISE, f"{self.id.scene} {self.id.lighting}", index)
-        return expose(self._renderer.image(self.world_from_camera[index]), self.settings.noise_sigma, noise)
+        return self._exposed(self.world_from_camera[index], _NOISE, index)
+
+    @property
+    def second(self) -> SecondCamera | None:
+        """A camera of the same model, on the right of the first; None where the settings have none."""
+        if not self.settings.baseline_m:
+            return None
+        first_from_second = np.eye(4)
+        first_from_second[0, 3] = self.settings.baseline_m
+        return SecondCamera(self.camera, first_from_second, self._second_image)
 
     def depth(self, index: int) -> DepthMap:
         """Exact depth of one frame at the pixel centres, float64."""
@@ -304,6 +338,15 @@ class SimulatedSequence:
         hit : (n,) bool
         """
         return surface_points(self._raycaster, self.camera, self.world_from_camera[index], uv)
+
+    def _second_image(self, index: int) -> NDArray[np.uint8]:
+        pose = self.world_from_camera[index].copy()
+        pose[:3, 3] += self.settings.baseline_m * pose[:3, 0]
+        return self._exposed(pose, _SECOND_NOISE, index)
+
+    def _exposed(self, world_from_camera: NDArray[np.float64], stream: int, index: int) -> NDArray[np.uint8]:
+        noise = _generator(self.settings.seed, stream, f"{self.id.scene} {self.id.lighting}", index)
+        return expose(self._renderer.image(world_from_camera), self.settings.noise_sigma, noise)
 
     @cached_property
     def _scenery(self) -> Scenery:

@@ -7,7 +7,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.simulation.world import World
 
@@ -107,7 +107,7 @@ class Raycaster:
 
 
 def surface_points(
-    raycaster: Raycaster, camera: Camera, world_from_camera: NDArray[np.float64], uv: NDArray[np.float64]
+    raycaster: Raycaster, camera: CameraModel, world_from_camera: NDArray[np.float64], uv: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """First surface points on the rays through pixels: exact truth (truth.raycast).
 
@@ -125,14 +125,14 @@ def surface_points(
     Returns
     -------
     points_world : (n, 3) float64
-        Metres; the position of the camera where nothing is hit.
+        Metres; the position of the camera where nothing is hit, or the pixel has no ray.
     hit : (n,) bool
     """
     directions, depth_m, hit = _cast(raycaster, camera, world_from_camera, uv)
     return world_from_camera[:3, 3] + depth_m[:, None] * directions, hit
 
 
-def depth_map(raycaster: Raycaster, camera: Camera, world_from_camera: NDArray[np.float64]) -> DepthMap:
+def depth_map(raycaster: Raycaster, camera: CameraModel, world_from_camera: NDArray[np.float64]) -> DepthMap:
     """Exact depth at the pixel centres, float64.
 
     Parameters
@@ -159,9 +159,12 @@ def _embree(corners: NDArray[np.float32]) -> EmbreeScene:
 
 
 def _cast(
-    raycaster: Raycaster, camera: Camera, world_from_camera: NDArray[np.float64], uv: NDArray[np.float64]
+    raycaster: Raycaster, camera: CameraModel, world_from_camera: NDArray[np.float64], uv: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Directions of depth 1 through pixels, world frame; depths; hits."""
+    """Directions of depth 1 through pixels, world frame; depths; hits. A pixel without a ray hits nothing."""
     rotation, centre = world_from_camera[:3, :3], world_from_camera[:3, 3]
-    directions = np.einsum("ij,nj->ni", rotation, camera.bearings(uv))
-    return directions, *raycaster.distances(centre, directions)
+    bearings = camera.bearings(uv)
+    seeing = ~np.isnan(bearings[:, 0])
+    directions = np.einsum("ij,nj->ni", rotation, np.where(seeing[:, None], bearings, (0.0, 0.0, 1.0)))
+    depth_m, hit = raycaster.distances(centre, directions)
+    return directions, np.where(seeing, depth_m, 0.0), hit & seeing

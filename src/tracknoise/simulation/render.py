@@ -1,4 +1,4 @@
-"""Images of a world through a pinhole camera."""
+"""Images of a world through a camera of any model."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -6,14 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.simulation.light import Lighting
 from tracknoise.simulation.raycast import MISS, Raycaster
+from tracknoise.simulation.rays import Rays, image_rays
 from tracknoise.simulation.texture import Atlas
 from tracknoise.simulation.world import World, texture_gradients
 
 _RAYS_AT_ONCE = 16384  # so that the working set stays in the processor's cache
-_SKY = np.float32(0.8)
+_SKY, _BLACK = np.float32(0.8), np.float32(0.0)
 _TINY = 1e-300
 _SHADOW_TOLERANCE = 1e-3
 """Relative tolerance of the distance from a lamp to a point that counts as lit, no unit."""
@@ -85,31 +86,21 @@ class Renderer:
     raycaster
         Ray caster of the same world.
     camera
-        The camera; it must have no distortion.
+        The camera. Each ray is that of its model; pixels without a ray are black.
     lighting
         The light.
     quality
         The rendering quality.
-
-    Raises
-    ------
-    ValueError
-        If the camera has distortion.
     """
 
     def __init__(
-        self, world: World, raycaster: Raycaster, *, camera: Camera, lighting: Lighting, quality: Quality
+        self, world: World, raycaster: Raycaster, *, camera: CameraModel, lighting: Lighting, quality: Quality
     ) -> None:
-        if camera.distortion:
-            raise ValueError("the renderer does not support lens distortion")
         self._raycaster, self._camera, self._lighting, self._quality = raycaster, camera, lighting, quality
         self._atlas = Atlas(world.textures)
         self._texture = world.texture
         self._gradient, self._offset = texture_gradients(world)
-        right, down = sample_offsets(quality.supersampling).T
-        self._x = (np.arange(camera.width) + right[:, None] - camera.cx) / camera.fx
-        self._y = (np.arange(camera.height)[:, None] + down - camera.cy) / camera.fy
-        self._pitch = 1.0 / camera.fx, 1.0 / camera.fy
+        self._rays = image_rays(camera, sample_offsets(quality.supersampling))
         self._side = self._atlas.side(world.texture)
 
     def image(self, world_from_camera: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -150,13 +141,15 @@ class Renderer:
     def _render(self, world_from_camera: NDArray[np.float64], lights: _Lights) -> list[NDArray[np.float32]]:
         """(height, width) float32 each: one image per light."""
         view = self._view(world_from_camera)
-        step = max(_RAYS_AT_ONCE // self._x.size, 1)
+        camera, samples = self._camera, self._quality.supersampling**2
+        step = max(_RAYS_AT_ONCE // (samples * camera.width), 1)
         bands = []
-        for top in range(0, self._camera.height, step):
-            x, y = np.broadcast_arrays(self._x, self._y[top : top + step, :, None])  # (rows, samples, width)
-            seen = self._look(view, x.ravel(), y.ravel())
-            samples = [np.where(seen.missed, _SKY, seen.reflectance * light) for light in lights(view, seen)]
-            bands.append([sample.reshape(x.shape).mean(axis=1, dtype=np.float32) for sample in samples])
+        for top in range(0, camera.height, step):
+            rays = self._rays.rows(top, top + step)
+            seen = self._look(view, rays)
+            shades = [np.where(seen.missed, _SKY, seen.reflectance * light) for light in lights(view, seen)]
+            visible = [np.where(rays.blind, _BLACK, shade).reshape(-1, samples, camera.width) for shade in shades]
+            bands.append([shade.mean(axis=1, dtype=np.float32) for shade in visible])
         return [np.concatenate(image) for image in zip(*bands, strict=True)]
 
     def _view(self, world_from_camera: NDArray[np.float64]) -> _View:
@@ -183,26 +176,29 @@ class Renderer:
         heights: NDArray[np.float64] = above * seen_side
         return heights
 
-    def _look(self, view: _View, x: NDArray[np.float64], y: NDArray[np.float64]) -> _Seen:
-        """Visible points along the bearings (x, y, 1)."""
-        directions = _rotate(view.world_from_camera, x, y)
+    def _look(self, view: _View, rays: Rays) -> _Seen:
+        """Visible points along the rays."""
+        directions = _rotate(view.world_from_camera, rays.x, rays.y)
         centre = view.world_from_camera[:3, 3]
         found = self._raycaster.first_triangle(centre, directions.astype(np.float32))
         triangle = found.astype(np.intp)
-        s, t, depth_m, footprint = self._locate(view, triangle, x, y)
+        s, t, depth_m, footprint = self._locate(view, triangle, rays)
         reflectance = self._atlas.read(self._texture[triangle], s, t, footprint)
         return _Seen(triangle, centre + depth_m[:, None] * directions, reflectance, found == MISS)
 
     def _locate(
-        self, view: _View, triangle: NDArray[np.intp], x: NDArray[np.float64], y: NDArray[np.float64]
+        self, view: _View, triangle: NDArray[np.intp], rays: Rays
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float32]]:
-        """Texture coordinates, depth and footprint (texels) of the visible points along the bearings (x, y, 1)."""
+        """Texture coordinates, depth and footprint (texels) of the visible points along the rays."""
         a, b, c, d, e, f, g, h, i = view.rows.take(triangle, axis=0).T
+        x, y = rays.x, rays.y
         shrink = 1.0 / (g * x + h * y + i)
         s, t = (a * x + b * y + c) * shrink, (d * x + e * y + f) * shrink
-        step_x, step_y = shrink * self._pitch[0], shrink * self._pitch[1]
-        right = ((a - s * g) * step_x, (d - t * g) * step_x)
-        down = ((b - s * h) * step_y, (e - t * h) * step_y)
+        along_x, along_y = (a - s * g, d - t * g), (b - s * h, e - t * h)
+        right, down = (
+            (along_x[0] * step_x + along_y[0] * step_y, along_x[1] * step_x + along_y[1] * step_y)
+            for step_x, step_y in ((shrink * x, shrink * y) for x, y in (rays.right, rays.down))
+        )
         return s, t, view.ahead[triangle] * shrink, self._footprint(right, down, self._side[triangle])
 
     def _footprint(

@@ -45,9 +45,12 @@ def anchor_points(
     points_world : (n, 3) float64
         Metres; NaN where the status is not valid.
     status : (n,) int8
-        As given.
+        As given; no_depth where the camera model gives the pixel no ray.
     """
-    points_world = geometry.to_world(index, geometry.camera_at(index).unproject(uv, depth_m))
+    points = geometry.camera_at(index).unproject(uv, depth_m)
+    blind = (status == TruthStatus.valid) & np.isnan(points).any(axis=1)
+    status = np.where(blind, np.int8(TruthStatus.no_depth), status)
+    points_world = geometry.to_world(index, points)
     points_world[status != TruthStatus.valid] = np.nan
     return points_world, status
 

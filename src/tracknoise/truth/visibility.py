@@ -15,6 +15,9 @@ OCCLUSION_RELATIVE = 0.02
 OCCLUSION_LEAST_M = 0.005
 """A point that lies less than this behind the visible surface is never occluded, metres."""
 
+OCCLUSION_SIGMAS = 4.0
+"""Nor is one that lies less than this behind it, in standard deviations of the depth. Both depths have errors."""
+
 Depths = tuple[NDArray[np.float64], NDArray[np.bool_]]
 Located = tuple[NDArray[np.float64], NDArray[np.int8]]
 
@@ -68,8 +71,9 @@ def locate(
 ) -> Located:
     """Project world points into a frame: x_true = pi(camera_from_world X_w), and decide whether they can be seen.
 
-    A point is occluded if it lies more than max(2 % of the surface's depth, 5 mm) behind the visible surface. Where
-    the surface is unknown, no point is occluded. In a frame without a pose, no point has a position.
+    A point is occluded if it lies more than max(2 % of the surface's depth, 5 mm) behind the visible surface, and more
+    than 4 standard deviations of the depth where its uncertainty is stated. Where the surface is unknown, no point is
+    occluded. In a frame without a pose, no point has a position.
 
     Parameters
     ----------
@@ -98,8 +102,14 @@ def locate(
     ahead = points[:, 2] > 0
     inside = np.flatnonzero(ahead & camera.contains(uv))
     surface_m, known = surface.depths(index, uv[inside])
-    behind_m = points[inside, 2] - surface_m
-    occluded = known & (behind_m > np.maximum(OCCLUSION_RELATIVE * surface_m, OCCLUSION_LEAST_M))
+    occluded = known & (points[inside, 2] - surface_m > _tolerance_m(geometry, surface_m))
     status = np.where(ahead, TruthStatus.out_of_image, TruthStatus.behind_camera).astype(np.int8)
     status[inside] = np.where(occluded, TruthStatus.occluded, TruthStatus.valid)
     return uv, status
+
+
+def _tolerance_m(geometry: SequenceGeometry, surface_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distance behind surfaces of these depths at which points are still visible, metres."""
+    least = np.maximum(OCCLUSION_RELATIVE * surface_m, OCCLUSION_LEAST_M)
+    accuracy = geometry.sequence.depth_accuracy
+    return least if accuracy is None else np.maximum(least, OCCLUSION_SIGMAS * accuracy.sigma_m(surface_m))

@@ -9,6 +9,7 @@ from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.experiments.settings import DatasetSettings, Experiment
 from tracknoise.sequences.registry import make_reader, open_together
 from tracknoise.sequences.sequence import FilteringReader, Sequence, SharingReader
+from tracknoise.sequences.stereo import with_stereo_depth
 from tracknoise.sequences.views import view
 from tracknoise.tables.identity import Direction, SequenceId
 from tracknoise.trackers.registry import make_tracker
@@ -130,10 +131,14 @@ def open_batch(tasks: list[Task]) -> list[Sequence]:
     TracknoiseError
         If their data cannot be used.
     """
-    dataset = tasks[0].experiment.dataset
+    experiment = tasks[0].experiment
+    dataset = experiment.dataset
     recorded = [replace(task.sequence, rotation=0, direction=Direction.forward) for task in tasks]
     once = list(dict.fromkeys(recorded))
-    opened = dict(zip(once, open_together(make_reader(*_reader_arguments(dataset)), once), strict=True))
+    sequences = open_together(make_reader(*_reader_arguments(dataset)), once)
+    if experiment.truth.depth == "stereo":
+        sequences = [with_stereo_depth(sequence) for sequence in sequences]
+    opened = dict(zip(once, sequences, strict=True))
     return [
         view(
             opened[name],

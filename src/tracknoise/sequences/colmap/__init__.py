@@ -1,0 +1,1 @@
+"""Reconstructions of COLMAP: see docs/formats/colmap.md."""

@@ -1,0 +1,1 @@
+"""Data sets of nerfstudio: see docs/formats/nerfstudio.md."""

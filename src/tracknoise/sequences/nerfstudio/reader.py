@@ -1,0 +1,232 @@
+"""The reader of data sets of nerfstudio: see docs/formats/nerfstudio.md."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import KW_ONLY, dataclass
+from enum import StrEnum
+from functools import partial
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.checks import require_positive
+from tracknoise.exceptions import DataError
+from tracknoise.foreign.files import is_regular_file
+from tracknoise.foreign.json_file import read_json_object
+from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.geometry.depth import DepthMap
+from tracknoise.sequences.camera_files import CameraFile
+from tracknoise.sequences.camera_files.entries import Entries
+from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_notes
+from tracknoise.sequences.image_names import natural_order
+from tracknoise.sequences.images import first_readable, image_size, read_depth_npy, read_depth_png16
+from tracknoise.sequences.nerfstudio.intrinsics import camera_of, intrinsics_in
+from tracknoise.sequences.poses import checked_poses
+from tracknoise.sequences.recorded import RecordedSequence
+from tracknoise.sequences.scenes import find_scenes, parent_of, scene_folder
+from tracknoise.tables.identity import SequenceId
+
+_FILES = ("transforms.json", "transforms_train.json")
+_CV_FROM_GL = np.diag([1.0, -1.0, -1.0, 1.0])
+"""nerfstudio's cameras look along -z with y up, as those of OpenGL do."""
+_UNIT_KEYS = ("depth_unit_scale_factor", "integer_depth_scale")
+_MILLIMETRE = 0.001
+_SUFFIXES = ("", ".png", ".jpg", ".jpeg")
+_APPLIED = ("applied_transform", "applied_scale")
+_EXPECTED = "fl_x, fl_y, cx, cy and frames in JSON"
+
+
+class DepthFiles(StrEnum):
+    """Whether the depth files that are listed are read."""
+
+    listed = "listed"
+    none = "none"
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    entries: Entries
+    name: str
+    image: Path
+    depth: Path | None
+
+
+@dataclass(frozen=True, slots=True)
+class Nerfstudio:
+    """Reader of nerfstudio's ``transforms.json``, which Instant NGP and the original NeRF use too.
+
+    Parameters
+    ----------
+    root
+        Folder of ``transforms.json``, or a folder with several at any depth.
+    file
+        Name of the file; by default ``transforms.json``, or else ``transforms_train.json``.
+    depth_files
+        Whether depth files are read.
+    depth_unit_m
+        Depth of the number 1 in depth files, metres; by default what the file says, or 0.001.
+
+    Raises
+    ------
+    ValueError
+        If `depth_unit_m` is not above 0.
+    """
+
+    name: ClassVar[str] = "nerfstudio"
+    description: ClassVar[str] = "nerfstudio, Instant NGP and NeRF: transforms.json with images, depth if there is"
+    needs_root: ClassVar[bool] = True
+
+    root: Path
+    _: KW_ONLY
+    file: str | None = None
+    depth_files: DepthFiles = DepthFiles.listed
+    depth_unit_m: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.depth_unit_m is not None:
+            require_positive("depth_unit_m", self.depth_unit_m)
+
+    def sequences(self) -> list[SequenceId]:
+        """All data sets, sorted: each folder with such a file.
+
+        Raises
+        ------
+        DataError
+            If there is none.
+        """
+        return [SequenceId(self.name, scene) for scene in self._scenes()]
+
+    def open(self, sequence: SequenceId) -> RecordedSequence:
+        """Read and check one data set, except for its images and depths.
+
+        Raises
+        ------
+        DataError
+            If the file is damaged, no image can be read, a camera model is not supported, or the images have
+            several sizes.
+        UnknownNameError
+            If there is no such scene or lighting.
+        """
+        folder = scene_folder(self._scenes(), sequence)
+        path = next(folder / name for name in self._files() if is_regular_file(folder / name))
+        common = Entries(path, read_json_object(path, _EXPECTED))
+        frames = _frames(common)
+        cameras = _cameras(common, frames)
+        poses, pose_notes = _poses(frames)
+        listed = self.depth_files is DepthFiles.listed
+        depths = tuple(frame.depth if listed else None for frame in frames)
+        read_depth = partial(_read_depth, metres_per_unit=self._unit_m(common))
+        return RecordedSequence(
+            id=sequence,
+            source=str(path),
+            camera=cameras[0],
+            world_from_camera=poses,
+            images=ImageFiles(tuple(frame.image for frame in frames), cameras[0]),
+            depths=depth_files(depths, cameras[0], read_depth),
+            notes=(
+                *CameraFile(cameras[0]).notes,
+                *pose_notes,
+                *(depth_notes(depths) if any(depths) else ()),
+                *self._notes(common, depths),
+            ),
+            cameras=cameras if len(set(cameras)) > 1 else None,
+            group=parent_of(sequence.scene),
+        )
+
+    def _files(self) -> tuple[str, ...]:
+        return _FILES if self.file is None else (self.file,)
+
+    def _scenes(self) -> dict[str, Path]:
+        names = self._files()
+        expected = f"folders with {' or '.join(names)}"
+        return find_scenes(self.root, lambda _, files: not {*names}.isdisjoint(files), expected=expected)
+
+    def _unit_m(self, common: Entries) -> float:
+        name = common.name(*_UNIT_KEYS)
+        stated = _MILLIMETRE if name is None else common.number(name, positive=True)
+        return stated if self.depth_unit_m is None else self.depth_unit_m
+
+    def _notes(self, common: Entries, depths: tuple[Path | None, ...]) -> Iterator[str]:
+        yield "images are in the order of their names, and taken as consecutive frames of one camera path"
+        if any(depths):
+            yield f"the unit of depth files is {self._unit_m(common):g} m"
+        applied = [name for name in _APPLIED if name in common.values]
+        stays = f"; {' and '.join(applied)} stays applied" if applied else ""
+        yield f"lengths are in the unit of the poses, which need not be metres{stays}"
+
+
+def _frames(common: Entries) -> list[_Frame]:
+    """Frames in the order of their names."""
+    listed = common.values.get("frames")
+    if not isinstance(listed, list) or not listed:
+        raise DataError(common.place, "no frames", "a list of frames")
+    frames: dict[str, _Frame] = {}
+    for index, values in enumerate(listed):
+        frame = _frame(Path(common.place), index, values)
+        if frame.name in frames:
+            raise DataError(frame.entries.place, f"file_path {frame.name} again", "one frame for each image")
+        frames[frame.name] = frame
+    return [frames[name] for name in natural_order(frames)]
+
+
+def _frame(path: Path, index: int, values: Any) -> _Frame:
+    place = f"{path} frame {index}"
+    if not isinstance(values, dict):
+        raise DataError(place, "no object", "file_path and transform_matrix")
+    entries = Entries(place, values)
+    name = _path(entries, entries.required("file_path"))
+    depth = entries.name("depth_file_path")
+    depth = None if depth is None or values[depth] is None else depth
+    image = next((file for end in _SUFFIXES if is_regular_file(file := path.parent / f"{name}{end}")), None)
+    return _Frame(
+        entries, name, image or path.parent / name, None if depth is None else path.parent / _path(entries, depth)
+    )
+
+
+def _path(entries: Entries, key: str) -> str:
+    value = entries.values[key]
+    if not isinstance(value, str) or not value or "\0" in value:
+        raise entries.error(key, "the path of a file")
+    return value.replace("\\", "/")
+
+
+def _cameras(common: Entries, frames: list[_Frame]) -> tuple[CameraModel, ...]:
+    """Camera of each frame, all of one size. What is said of a frame precedes what is said of all."""
+    size = image_size(first_readable(frame.image for frame in frames))
+    made: dict[str, CameraModel] = {}
+    cameras = []
+    for frame in frames:
+        said = intrinsics_in({**common.values, **frame.entries.values})
+        key = json.dumps(said)
+        if key not in made:
+            made[key] = camera_of(Entries(frame.entries.place, said), size)
+        cameras.append(made[key])
+    sizes = {(camera.width, camera.height): frame.name for camera, frame in zip(cameras, frames, strict=True)}
+    if len(sizes) > 1:
+        found = ", ".join(f"{width}x{height} ({name})" for (width, height), name in sizes.items())
+        raise DataError(common.place, f"images of several sizes: {found}", "one size")
+    return tuple(cameras)
+
+
+def _poses(frames: list[_Frame]) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+    """(n, 4, 4) float64: world_from_camera, where the camera looks along z with y down."""
+    matrices = np.array([_matrix(frame.entries) for frame in frames])
+    poses, notes = checked_poses(matrices, [str(frame.entries.place) for frame in frames])
+    return poses @ _CV_FROM_GL, notes
+
+
+def _matrix(entries: Entries) -> NDArray[np.float64]:
+    """(4, 4) float64; the last row may be missing."""
+    name = entries.required("transform_matrix")
+    values = np.array(entries.numbers(name, 12, 16)).reshape(-1, 4)
+    return np.concatenate([values[:3], values[3:] if len(values) == 4 else [[0.0, 0.0, 0.0, 1.0]]])
+
+
+def _read_depth(path: Path, camera: CameraModel, *, metres_per_unit: float) -> DepthMap:
+    """A depth map from a 16-bit PNG or a NumPy file, both in the same unit, as nerfstudio has it."""
+    if path.suffix.lower() != ".npy":
+        return read_depth_png16(path, camera, metres_per_unit=metres_per_unit)
+    depth = read_depth_npy(path, camera)
+    return DepthMap(depth.depth_m * metres_per_unit, depth.valid)

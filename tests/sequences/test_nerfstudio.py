@@ -1,0 +1,198 @@
+"""nerfstudio's transforms.json, written from a simulated sequence by an independent writer."""
+
+import json
+import math
+
+import cv2
+import numpy as np
+import pytest
+from tests.writers.nerfstudio import write_transforms
+
+from tracknoise.exceptions import DataError, SettingsError
+from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.fisheye import EquidistantCamera
+from tracknoise.sequences.registry import make_reader, open_sequence
+
+NAMES = ["images/frame_1.png", "images/frame_2.png", "images/frame_10.png"]
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    return open_sequence("simulated", motions=["arvr"], frames=3, width=64, height=48, supersampling=1)
+
+
+def save(folder, sequence, names):
+    for index, name in enumerate(names):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        assert cv2.imwrite(str(folder / name), sequence.image(index))
+
+
+@pytest.fixture
+def intrinsics(simulated):
+    camera = simulated.camera
+    return {
+        "fl_x": camera.fx,
+        "fl_y": camera.fy,
+        "cx": camera.cx + 0.5,
+        "cy": camera.cy + 0.5,
+        "w": camera.width,
+        "h": camera.height,
+    }
+
+
+def test_what_was_simulated_is_read(tmp_path, simulated, intrinsics):
+    save(tmp_path / "scene", simulated, NAMES)
+    further = []
+    for index in range(3):
+        depth = simulated.depth(index)
+        plain = np.where(depth.valid & (depth.depth_m < 60), depth.depth_m, 0.0)
+        file = f"depth/{index}.png" if index < 2 else "depth/2.npy"
+        (tmp_path / "scene/depth").mkdir(exist_ok=True)
+        if index < 2:
+            assert cv2.imwrite(str(tmp_path / "scene" / file), np.rint(plain * 1000).astype(np.uint16))
+        else:
+            np.save(tmp_path / "scene" / file, (plain * 1000).astype(np.float32))
+        further.append({"depth_file_path": file})
+    order = [2, 0, 1]  # the file need not list frames in order
+    write_transforms(
+        tmp_path / "scene",
+        [NAMES[index] for index in order],
+        simulated.world_from_camera[order],
+        camera_model="OPENCV",
+        applied_transform=[[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0]],
+        frames=[further[index] for index in order],
+        **intrinsics,
+    )
+    found = open_sequence("nerfstudio", tmp_path)
+    assert found.id.scene == "scene"
+    assert found.camera == simulated.camera
+    np.testing.assert_allclose(found.world_from_camera, simulated.world_from_camera, atol=1e-12)
+    for index in range(3):
+        np.testing.assert_array_equal(found.image(index), simulated.image(index))
+        near = simulated.depth(index).depth_m < 60
+        np.testing.assert_array_equal(found.depth(index).valid, near)
+        np.testing.assert_allclose(found.depth(index).depth_m[near], simulated.depth(index).depth_m[near], atol=0.51e-3)
+    assert any("applied_transform stays applied" in note for note in found.notes)
+    assert "the unit of depth files is 0.001 m" in found.notes
+
+
+def test_the_unit_of_depth(tmp_path, simulated, intrinsics):
+    save(tmp_path, simulated, NAMES[:2])
+    cv2.imwrite(str(tmp_path / "d.png"), np.full((48, 64), 5000, np.uint16))
+    written = {"frames": [{"depth_file_path": "d.png"}, {}], **intrinsics}
+    write_transforms(tmp_path, NAMES[:2], simulated.world_from_camera[:2], depth_unit_scale_factor=0.01, **written)
+    found = open_sequence("nerfstudio", tmp_path)
+    np.testing.assert_allclose(found.depth(0).depth_m, 50.0)
+    assert found.depth(1) is None
+    assert "birth" not in open_sequence("nerfstudio", tmp_path, depth_files="none").truths
+    assert "1 of 2 frames have no depth" in found.notes
+    np.testing.assert_allclose(open_sequence("nerfstudio", tmp_path, depth_unit_m=1.0).depth(0).depth_m, 5000.0)
+    with pytest.raises(SettingsError, match=r"depth_unit_m is 0.0, expected a number above 0"):
+        make_reader("nerfstudio", tmp_path, {"depth_unit_m": 0.0})
+
+
+def test_the_original_layout_of_nerf(tmp_path, simulated):
+    """An angle of view, names without an ending, and no size: the principal point is the centre of the image."""
+    save(tmp_path, simulated, ["train/r_0.png", "train/r_1.png"])
+    names = ["./train/r_0", "./train/r_1"]
+    write_transforms(
+        tmp_path, names, simulated.world_from_camera[:2], name="transforms_train.json", camera_angle_x=math.pi / 2
+    )
+    found = open_sequence("nerfstudio", tmp_path)
+    camera = found.camera
+    assert (camera.width, camera.height, camera.cx, camera.cy, camera.distortion) == (64, 48, 31.5, 23.5, ())
+    assert (camera.fx, camera.fy) == pytest.approx((32.0, 32.0))
+    np.testing.assert_array_equal(found.image(1), simulated.image(1))
+    assert make_reader("nerfstudio", tmp_path, {"file": "transforms_train.json"}).sequences()
+    with pytest.raises(DataError, match=r"no scene, expected folders with transforms_test.json"):
+        make_reader("nerfstudio", tmp_path, {"file": "transforms_test.json"}).sequences()
+
+
+@pytest.mark.parametrize(
+    ("said", "expected"),
+    [
+        ({"camera_model": "PINHOLE"}, Camera(64, 48, 50.0, 52.0, 31.5, 23.5)),
+        ({"k1": 0.0, "p1": 0.0}, Camera(64, 48, 50.0, 52.0, 31.5, 23.5)),
+        (
+            {"camera_model": "OPENCV", "k1": -0.1, "k2": 0.01, "p1": 0.001, "p2": 0.002},
+            Camera(64, 48, 50.0, 52.0, 31.5, 23.5, (-0.1, 0.01, 0.001, 0.002)),
+        ),
+        (
+            {"k1": -0.1, "k2": 0.01, "k3": 0.003, "p1": 0.001, "p2": 0.002},
+            Camera(64, 48, 50.0, 52.0, 31.5, 23.5, (-0.1, 0.01, 0.001, 0.002, 0.003)),
+        ),
+        (
+            {"camera_model": "OPENCV_FISHEYE", "k1": 0.1, "k2": 0.01, "k3": 0.003, "k4": 0.001},
+            EquidistantCamera(64, 48, 50.0, 52.0, 31.5, 23.5, (0.1, 0.01, 0.003, 0.001)),
+        ),
+        ({"is_fisheye": True}, EquidistantCamera(64, 48, 50.0, 52.0, 31.5, 23.5)),
+    ],
+)
+def test_camera_models(tmp_path, simulated, said, expected):
+    save(tmp_path, simulated, NAMES)
+    common = {"fl_x": 50.0, "fl_y": 52.0, "cx": 32.0, "cy": 24.0, "w": 64, "h": 48.0}
+    write_transforms(tmp_path, NAMES, simulated.world_from_camera, **common, **said)
+    assert open_sequence("nerfstudio", tmp_path).camera == expected
+
+
+def test_intrinsics_of_single_frames(tmp_path, simulated, intrinsics):
+    save(tmp_path, simulated, NAMES)
+    further = [{}, {"fl_x": 70.0}, {}]
+    write_transforms(tmp_path, NAMES, simulated.world_from_camera, frames=further, **intrinsics)
+    found = open_sequence("nerfstudio", tmp_path)
+    expected = [simulated.camera.fx, 70.0, simulated.camera.fx]
+    assert [found.camera_at(index).fx for index in range(3)] == expected
+    write_transforms(tmp_path, NAMES, simulated.world_from_camera, frames=[{}, {"w": 32, "h": 24}, {}], **intrinsics)
+    with pytest.raises(
+        DataError, match=r"images of several sizes: 64x48 \(.*\), 32x24 \(images/frame_2.png\), expected"
+    ):
+        open_sequence("nerfstudio", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("common", "frame", "message"),
+    [
+        ({"camera_model": "EQUIRECTANGULAR"}, {}, 'camera_model = "EQUIRECTANGULAR", expected one of PINHOLE'),
+        ({"k4": 0.1}, {}, "k4 = 0.1, expected 0, since OpenCV's model has no such coefficient"),
+        ({"fl_x": -1.0}, {}, "fl_x = -1.0, expected a finite number above 0"),
+        ({"w": 64.5}, {}, "w = 64.5, expected a whole number"),
+        ({"cx": "left"}, {}, 'cx = "left", expected a finite number'),
+        ({}, {"file_path": 7}, "file_path = 7, expected the path of a file"),
+        ({}, {"file_path": "images/frame_2.png"}, "file_path images/frame_2.png again, expected one frame for each"),
+        ({}, {"transform_matrix": [[1.0] * 4] * 2}, "transform_matrix = .*, expected 12 or 16 numbers"),
+        ({}, {"transform_matrix": [[2.0, 0, 0, 0], [0, 2.0, 0, 0], [0, 0, 2.0, 0]]}, "frame 0: a pose whose singular"),
+    ],
+)
+def test_what_cannot_be_used_is_named(tmp_path, simulated, intrinsics, common, frame, message):
+    save(tmp_path, simulated, NAMES)
+    write_transforms(tmp_path, NAMES, simulated.world_from_camera, frames=[frame, {}, {}], **{**intrinsics, **common})
+    with pytest.raises(DataError, match=message) as caught:
+        open_sequence("nerfstudio", tmp_path)
+    assert str(tmp_path / "transforms.json") in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("{", "transforms.json:1: no JSON"),
+        ("[]", "JSON, but no object"),
+        ("{}", "no frames, expected a list of frames"),
+        ('{"frames": [3]}', "frame 0: no object, expected file_path and transform_matrix"),
+        ('{"frames": [{}]}', "frame 0: no file_path"),
+        (json.dumps({"frames": [{"file_path": "a.png"}]}), "a.png: no such file, expected an image"),
+    ],
+)
+def test_other_files(tmp_path, content, message):
+    (tmp_path / "transforms.json").write_text(content)
+    with pytest.raises(DataError, match=message):
+        open_sequence("nerfstudio", tmp_path)
+
+
+def test_neither_a_focal_length_nor_an_angle(tmp_path, simulated):
+    save(tmp_path, simulated, NAMES)
+    write_transforms(tmp_path, NAMES, simulated.world_from_camera)
+    with pytest.raises(DataError, match="no fl_x and no camera_angle_x, expected one of them"):
+        open_sequence("nerfstudio", tmp_path)
+    write_transforms(tmp_path, NAMES, simulated.world_from_camera, camera_angle_x=3.5)
+    with pytest.raises(DataError, match=r"camera_angle_x = 3.5, expected an angle below pi, in radians"):
+        open_sequence("nerfstudio", tmp_path)

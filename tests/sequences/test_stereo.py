@@ -1,0 +1,137 @@
+"""Depth from simulated stereo pairs, against the exact depth."""
+
+import pickle
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tracknoise.exceptions import DataError
+from tracknoise.geometry.pose import invert
+from tracknoise.sequences.sequence import SecondCamera, Sequence, StereoSequence, TruthKind
+from tracknoise.sequences.simulated import Simulated, SimulatedSequence
+from tracknoise.sequences.stereo import DISPARITY_SIGMA_PX, StereoDepth, with_stereo_depth
+from tracknoise.tables.schema import TruthStatus
+from tracknoise.truth.registry import make_truth
+
+LENSES = {
+    "pinhole": {},
+    "radtan": {"lens": "radtan", "distortion": (-0.28, 0.07, 0.0002, 0.00002), "hfov_deg": 80.0},
+    "equidistant": {"lens": "equidistant", "distortion": (-0.02, 0.01, -0.01, 0.001), "hfov_deg": 110.0},
+}
+
+
+def simulated(**options: object) -> SimulatedSequence:
+    reader = Simulated(
+        **{"motions": ("sideways",), "frames": 6, "width": 400, "height": 300, "supersampling": 1} | options
+    )
+    return reader.open(reader.sequences()[0])
+
+
+def errors(made: StereoDepth, exact: SimulatedSequence) -> tuple[np.ndarray, np.ndarray, float]:
+    """Relative errors of depth, errors in standard deviations as stated, and the share of pixels with depth."""
+    found, true = made.depth(1), exact.depth(1)
+    both = found.valid & true.valid
+    off = found.depth_m[both] - true.depth_m[both]
+    return off / true.depth_m[both], off / made.depth_accuracy.sigma_m(found.depth_m[both]), both.mean()
+
+
+@pytest.mark.parametrize(
+    ("lens", "motion", "baseline_m"),
+    [("pinhole", "sideways", 0.3), ("pinhole", "arvr", 0.1), ("radtan", "sideways", 0.3), ("equidistant", "arvr", 0.1)],
+)
+def test_depth_is_right_within_its_stated_uncertainty(lens, motion, baseline_m):
+    sequence = simulated(motions=(motion,), baseline_m=baseline_m, **LENSES[lens])
+    relative, in_sigmas, share = errors(with_stereo_depth(sequence), sequence)
+    assert share > 0.4
+    assert np.median(np.abs(relative)) < 0.025
+    assert 0.6 < np.mean(np.abs(in_sigmas) < 1.0) < 0.9
+    assert np.mean(np.abs(in_sigmas) < 2.0) > 0.9
+    assert abs(np.median(in_sigmas)) < 0.4
+
+
+@pytest.mark.parametrize(
+    ("shift_m", "rotvec"), [((-0.3, 0.01, 0.0), (0.02, -0.03, 0.01)), ((0.0, 0.3, 0.01), (0.0, 0.01, 0.0))]
+)
+def test_the_second_camera_may_be_anywhere_beside_the_first(shift_m, rotvec):
+    """A pair that is not rectified, with the second camera on the left or below: its images are those of a sequence."""
+    sequence = simulated(**LENSES["radtan"])
+    first_from_second = np.eye(4)
+    first_from_second[:3, :3], first_from_second[:3, 3] = Rotation.from_rotvec(rotvec).as_matrix(), shift_m
+    other = replace(sequence, world_from_camera=sequence.world_from_camera @ first_from_second)
+    pair = Paired(sequence, SecondCamera(sequence.camera, first_from_second, other.image))
+    relative, in_sigmas, share = errors(with_stereo_depth(pair), sequence)
+    assert share > 0.35
+    assert np.median(np.abs(relative)) < 0.025
+    assert np.mean(np.abs(in_sigmas) < 2.0) > 0.9
+
+
+class Paired:
+    """A sequence with a second camera of our choice."""
+
+    def __init__(self, sequence: Sequence, second: SecondCamera | None) -> None:
+        self._sequence, self.second = sequence, second
+
+    def __len__(self) -> int:
+        return len(self._sequence)
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._sequence, name)
+
+
+def test_images_of_trackers_stay_and_truth_is_from_this_depth():
+    sequence = simulated(baseline_m=0.3)
+    made = with_stereo_depth(sequence)
+    assert isinstance(sequence, StereoSequence)
+    assert isinstance(made, Sequence)
+    assert made.truths == (TruthKind.birth, TruthKind.raycast)
+    np.testing.assert_array_equal(made.image(2), sequence.image(2))
+    assert (made.camera, made.id, made.source) == (sequence.camera, sequence.id, sequence.source)
+    assert made.notes[-1] == (
+        "depth is from semi-global matching with a second camera 0.3 m away; "
+        f"a disparity is taken to have a standard deviation of {DISPARITY_SIGMA_PX:g} px"
+    )
+    copy = pickle.loads(pickle.dumps(made))
+    np.testing.assert_array_equal(copy.depth(1).depth_m, made.depth(1).depth_m)
+
+
+def test_truth_from_stereo_is_off_by_the_disparitys_error_at_most():
+    """The camera has moved by less than the baseline after 5 frames: errors of disparity shrink in the image."""
+    sequence = simulated(baseline_m=0.3)
+    corners = cv2.goodFeaturesToTrack(sequence.image(0), 500, 0.01, 6)[:, 0].astype(float)
+    truth, exact = make_truth(with_stereo_depth(sequence), "birth"), make_truth(sequence, "raycast")
+    points, status = truth.anchor(0, corners)
+    truly, _ = exact.anchor(0, corners)
+    at, seen = truth.locate(5, points)
+    expected, visible = exact.locate(5, truly)
+    anchored = status == TruthStatus.valid
+    both = anchored & (seen == TruthStatus.valid) & (visible == TruthStatus.valid)
+    assert both.sum() > 150
+    moved = np.linalg.norm((invert(sequence.world_from_camera[0]) @ sequence.world_from_camera[5])[:3, 3])
+    assert np.median(np.linalg.norm(at - expected, axis=1)[both]) < DISPARITY_SIGMA_PX * moved / 0.3
+    hidden = anchored & (seen == TruthStatus.occluded)
+    assert hidden.sum() <= 0.01 * anchored.sum()
+
+
+def test_what_has_no_second_camera_is_refused():
+    with pytest.raises(DataError, match=r'no second camera, expected one, as truth\.depth = "stereo" is set'):
+        with_stereo_depth(simulated())
+
+
+def test_a_second_camera_ahead_of_the_first_is_refused():
+    sequence = simulated()
+    ahead = np.eye(4)
+    ahead[2, 3] = 0.5
+    with pytest.raises(DataError, match=r"no stereo pair \(.*expected two cameras side by side"):
+        with_stereo_depth(Paired(sequence, SecondCamera(sequence.camera, ahead, sequence.image)))
+
+
+def test_images_of_another_size_are_refused():
+    sequence = simulated()
+    beside = np.eye(4)
+    beside[0, 3] = 0.5
+    second = SecondCamera(sequence.camera, beside, lambda index: np.zeros((10, 10), np.uint8))
+    with pytest.raises(DataError, match=r"second camera of shape \(10, 10\), expected shape \(300, 400\)"):
+        with_stereo_depth(Paired(sequence, second)).depth(0)

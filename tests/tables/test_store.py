@@ -53,7 +53,7 @@ def test_tables_that_are_read_together_are_those_of_each_sequence_and_damage_nam
     assert pl.concat(stacks).equals(pl.concat([run.sequence_table("frames", key) for key in keys]))
     path = run.path / "frames" / "s17.parquet"
     path.write_bytes(path.read_bytes()[:-20])
-    with pytest.raises(StoreError, match="s17.parquet: damaged"):
+    with pytest.raises(StoreError, match=r"s17\.parquet: damaged"):
         list(run.stacked_tables("frames", keys))
 
 

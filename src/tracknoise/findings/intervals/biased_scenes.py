@@ -5,13 +5,14 @@ factors, so that their logarithms are close to Gaussian. Biases are close to Gau
 zero: the logarithms of their squares have a long tail. Each part therefore has its own interval, and both are combined
 (Zou, Huo and Taleban 2009):
 
-    W + B - sqrt((W - W_low)^2 + B^2 (1 - d / chi2_high)^2)  to
-    W + B + sqrt((W_high - W)^2 + B^2 (d / chi2_low - 1)^2)    (biased)
+    W + B - sqrt(w^2 + b^2 + 2 r w b), w = W - W_low, b = B (1 - d / chi2_high)  to
+    W + B + sqrt(w^2 + b^2 + 2 r w b), w = W_high - W, b = B (d / chi2_low - 1)    (biased)
 
 W_low and W_high are those of `tracknoise.findings.sampling.jackknife` on the logarithmic scale. chi2_low and chi2_high
 are quantiles of chi-squared of d degrees. If biases are Gaussian, of mean m and variance s^2, B varies as if d were
 n (m^2 + s^2)^2 / (s^4 + 2 m^2 s^2), where n scenes of equal size would be as good. d is that or 2 B^2 over the variance
-of B among scenes, whichever is less, times (n - 1) / n.
+of B among scenes, whichever is less, times (n - 1) / n. r is the correlation of both parts among scenes, or 0 if that is
+negative.
 
 Source: G. Y. Zou, C. Y. Huo, J. Taleban, Environmetrics 20 (2009).
 """
@@ -109,8 +110,9 @@ def biased_interval(parts: Parts, within: EstimateArray, value: Array) -> tuple[
         tail = (1 - within.level) / 2
         least, most = (2 * inverse(degrees / 2, tail) for inverse in (special.gammaincinv, special.gammainccinv))
         factor = value / (within.value + mean)
-        below = np.hypot(within.value - within.low, mean * (1 - degrees / most))
-        above = np.hypot(within.high - within.value, mean * (degrees / least - 1))
+        related = _correlation(parts).T
+        below = _combined(within.value - within.low, mean * (1 - degrees / most), related)
+        above = _combined(within.high - within.value, mean * (degrees / least - 1), related)
         return value - factor * below, value + factor * above
 
 
@@ -133,6 +135,20 @@ def _variance(units: Units, parts: Parts, level: float) -> EstimateArray:
         return totals[1:] / np.where(totals[0] > 0, totals[0], np.nan)
 
     return pooled(joined, np.empty((0, len(sums))), mean, Method(IntervalKind.student, level), scales=["log"] * 2)
+
+
+def _combined(one: Array, other: Array, correlation: Array) -> Array:
+    """How far the end of a sum lies from it, from the distances of the ends of its parts."""
+    return np.sqrt(one**2 + other**2 + 2 * correlation * one * other)
+
+
+def _correlation(parts: Parts) -> Array:
+    """The r of (biased), (points, 2)."""
+    weights = shares_of(parts.sizes)
+    own = [part / np.where(parts.sizes > 0, parts.sizes, 1.0) for part in (parts.squares, parts.variances)]
+    a, b = (weights * (values - (weights * values).sum(axis=0)) for values in own)
+    products = (a * b).sum(axis=0) / np.sqrt(np.square(a).sum(axis=0) * np.square(b).sum(axis=0))
+    return np.asarray(np.clip(np.nan_to_num(products), 0.0, 1.0))
 
 
 def _degrees(parts: Parts) -> Array:

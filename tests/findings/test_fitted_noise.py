@@ -88,6 +88,7 @@ def test_the_findings_begin_with_what_errors_hide_and_withhold_what_they_cannot_
     assert noise["low"] < NOISE_PX < noise["high"]
     for name in ("zero_mean", "gaussianity", "radii", "time_structure"):
         assert run.table(name).is_empty()
+    assert run.table("dependence").drop_nulls("axis").is_empty()
     assert all(SELF_REFERENTIAL in notes for notes in run.sequences()["notes"])
 
 

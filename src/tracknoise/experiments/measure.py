@@ -124,8 +124,8 @@ def measure_together(
     speeds
         At speed s a tracker sees frames 0, s, 2s, ...
     truth
-        Kind of truth: ``birth``, ``raycast``, ``scan`` or one of another package; by default the best that a sequence
-        offers.
+        Kind of truth: ``birth``, ``raycast``, ``scan``, ``triangulated`` or one of another package; by default the
+        best that a sequence offers.
     scan_rule
         How features are associated with a scan, for the kind ``scan``.
     population

@@ -56,10 +56,16 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
     tables = _tables(run, experiment, statistics, reference)
     reported = _reported(run, experiment, statistics["trims"], reference)
     if reported.fitted:
-        tables |= {name: tables[name].clear() for name in _ABOUT_ANCHORS}
+        tables |= _without_verdicts_on_errors(tables)
     tables["findings"] = headline_table({**statistics, **tables}, reported)
     run.write_statistics(tables)
     run.write_findings(findings_json({**statistics, **tables}))
+
+
+def _without_verdicts_on_errors(tables: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+    """The tables that lose rows where points are fitted to whole tracks, without these."""
+    without_axis = tables["dependence"].filter(pl.col("axis").is_null())  # of lifetimes and outlier ratios
+    return {**{name: tables[name].clear() for name in _ABOUT_ANCHORS}, "dependence": without_axis}
 
 
 class _CurveOptions(TypedDict):

@@ -10,8 +10,8 @@ from tracknoise.findings.wording import SELF_REFERENTIAL, interval_text
 from tracknoise.tables.enumerations import FittedMeasure
 
 _WITHHELD = (
-    "Bias, shape and growth of the errors, and survivorship bias, are therefore not reported. True positions also "
-    "contain the errors of poses and calibration."
+    "Bias, shape and growth of the errors, survivorship bias, and effects of factors on errors are therefore not "
+    "reported. True positions also contain the errors of poses and calibration."
 )
 _MEASURES = {
     FittedMeasure.triangulated: "From errors about the fitted points, the noise of {} is",

@@ -96,7 +96,7 @@ class StereoDepth(View):
         disparity = self._disparity(index)[rows, columns]
         found = inside & (disparity >= _LEAST_DISPARITY_PX) & self._is_shown(columns - disparity, rows)
         depth_m = self._scale / np.where(found, disparity, 1.0) * depth_per_z
-        return DepthMap(np.where(found, depth_m, 0.0), found)
+        return DepthMap(np.where(found, depth_m, 0.0), found, accuracy=self.depth_accuracy)
 
     def _is_shown(self, columns: NDArray[np.float64], rows: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Whether the second image shows anything at positions of the rectified one: elsewhere nothing can match."""

@@ -24,9 +24,8 @@ LENSES = {
 
 
 def simulated(**options: object) -> SimulatedSequence:
-    reader = Simulated(
-        **{"motions": ("sideways",), "frames": 6, "width": 400, "height": 300, "supersampling": 1} | options
-    )
+    small = {"motions": ("sideways",), "frames": 6, "width": 480, "height": 360}
+    reader = Simulated(**(small | options))
     return reader.open(reader.sequences()[0])
 
 
@@ -133,5 +132,5 @@ def test_images_of_another_size_are_refused():
     beside = np.eye(4)
     beside[0, 3] = 0.5
     second = SecondCamera(sequence.camera, beside, lambda index: np.zeros((10, 10), np.uint8))
-    with pytest.raises(DataError, match=r"second camera of shape \(10, 10\), expected shape \(300, 400\)"):
+    with pytest.raises(DataError, match=r"second camera of shape \(10, 10\), expected shape \(360, 480\)"):
         with_stereo_depth(Paired(sequence, second)).depth(0)

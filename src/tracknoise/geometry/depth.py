@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.geometry.accuracy import EXACT_DEPTH, DepthAccuracy
+
 EDGE_RELATIVE_SPREAD = 0.02
 SPARSE_RELATIVE_SPREAD = 0.1
 
@@ -22,6 +24,8 @@ class DepthMap:
     radius_px
         None where depth is dense, and read by interpolation; where it is sparse (lidar), the largest
         distance to the nearest valid pixel, whose depth is used, px.
+    accuracy
+        Uncertainty of these depths where it matters for what is visible; exact by default.
 
     Raises
     ------
@@ -32,6 +36,7 @@ class DepthMap:
     depth_m: NDArray[np.floating]
     valid: NDArray[np.bool_]
     radius_px: float | None = None
+    accuracy: DepthAccuracy = EXACT_DEPTH
 
     def __post_init__(self) -> None:
         if self.depth_m.shape != self.valid.shape or self.depth_m.ndim != 2:

@@ -94,9 +94,14 @@ class StereoDepth(View):
         """
         columns, rows, inside, depth_per_z = self._back
         disparity = self._disparity(index)[rows, columns]
-        found = inside & (disparity >= _LEAST_DISPARITY_PX)
+        found = inside & (disparity >= _LEAST_DISPARITY_PX) & self._is_shown(columns - disparity, rows)
         depth_m = self._scale / np.where(found, disparity, 1.0) * depth_per_z
-        return DepthMap(np.where(found, depth_m, 0.0), found)
+        return DepthMap(np.where(found, depth_m, 0.0), found, accuracy=self.depth_accuracy)
+
+    def _is_shown(self, columns: NDArray[np.float64], rows: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Whether the second image shows anything at positions of the rectified one: elsewhere nothing can match."""
+        nearest = np.rint(columns).astype(np.intp)
+        return (nearest >= 0) & self._shown[rows, np.clip(nearest, 0, self.pair.camera.width - 1)]
 
     @property
     def _scale(self) -> float:
@@ -127,6 +132,12 @@ class StereoDepth(View):
             (self.second.camera, pair.second_from_rectified),
         )
         return tuple(_columns_and_rows(origins(pair.camera, camera, rotation)) for camera, rotation in sides)
+
+    @cached_property
+    def _shown(self) -> NDArray[np.bool_]:
+        """(height, width) bool of the rectified image: the second image has this position."""
+        camera = self.second.camera
+        return camera.contains(origins(self.pair.camera, camera, self.pair.second_from_rectified))
 
     @cached_property
     def _back(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_], NDArray[np.float64]]:

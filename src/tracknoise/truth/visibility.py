@@ -16,7 +16,7 @@ OCCLUSION_LEAST_M = 0.005
 """A point that lies less than this behind the visible surface is never occluded, metres."""
 
 OCCLUSION_SIGMAS = 4.0
-"""Nor is one that lies less than this behind it, in standard deviations of the depth. Both depths have errors."""
+"""How much farther away a surface of uncertain depth is taken to be, in standard deviations of that depth."""
 
 Depths = tuple[NDArray[np.float64], NDArray[np.bool_]]
 Located = tuple[NDArray[np.float64], NDArray[np.int8]]
@@ -59,11 +59,12 @@ class DepthMapSurface:
         self._geometry = geometry
 
     def depths(self, index: int, uv: NDArray[np.float64]) -> Depths:
-        """Farthest neighbouring depth: see `VisibleSurface.depths`. Unknown in a frame without depth."""
+        """Farthest depth that a neighbouring pixel may have: see `VisibleSurface.depths`. Unknown without depth."""
         depth = self._geometry.depth(index)
         if depth is None:
             return np.zeros(len(uv)), np.zeros(len(uv), np.bool_)
-        return farthest_neighbour(depth, uv)
+        farthest_m, known = farthest_neighbour(depth, uv)
+        return farthest_m + OCCLUSION_SIGMAS * depth.accuracy.sigma_m(farthest_m), known
 
 
 def locate(
@@ -71,9 +72,8 @@ def locate(
 ) -> Located:
     """Project world points into a frame: x_true = pi(camera_from_world X_w), and decide whether they can be seen.
 
-    A point is occluded if it lies more than max(2 % of the surface's depth, 5 mm) behind the visible surface, and more
-    than 4 standard deviations of the depth where its uncertainty is stated. Where the surface is unknown, no point is
-    occluded. In a frame without a pose, no point has a position.
+    A point is occluded if it lies more than max(2 % of the surface's depth, 5 mm) behind the visible surface. Where
+    the surface is unknown, no point is occluded. In a frame without a pose, no point has a position.
 
     Parameters
     ----------
@@ -102,14 +102,8 @@ def locate(
     ahead = points[:, 2] > 0
     inside = np.flatnonzero(ahead & camera.contains(uv))
     surface_m, known = surface.depths(index, uv[inside])
-    occluded = known & (points[inside, 2] - surface_m > _tolerance_m(geometry, surface_m))
+    behind_m = points[inside, 2] - surface_m
+    occluded = known & (behind_m > np.maximum(OCCLUSION_RELATIVE * surface_m, OCCLUSION_LEAST_M))
     status = np.where(ahead, TruthStatus.out_of_image, TruthStatus.behind_camera).astype(np.int8)
     status[inside] = np.where(occluded, TruthStatus.occluded, TruthStatus.valid)
     return uv, status
-
-
-def _tolerance_m(geometry: SequenceGeometry, surface_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distance behind surfaces of these depths at which points are still visible, metres."""
-    least = np.maximum(OCCLUSION_RELATIVE * surface_m, OCCLUSION_LEAST_M)
-    accuracy = geometry.sequence.depth_accuracy
-    return least if accuracy is None else np.maximum(least, OCCLUSION_SIGMAS * accuracy.sigma_m(surface_m))

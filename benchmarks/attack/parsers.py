@@ -133,7 +133,7 @@ def _model(path: Path) -> None:
 
 def _image(path: Path) -> None:
     image_size(path)
-    read_gray(path, CAMERA)
+    read_gray(path, CAMERA, levels=(0, 65535))
 
 
 def _matrix_pose(path: Path) -> None:

@@ -531,7 +531,7 @@ def test_16_bit_images_need_their_levels(scene: Path) -> None:
     expect(
         scene,
         "images/000000.png",
-        ": a 16-bit image of 1 channel, expected 8 bits, or image_levels = [low, high] of the reader folder",
+        ": a 16-bit image of 1 channel, expected 8 bits, or image_levels = [low, high] of folder or euroc",
     )
     reader = make_reader("folder", scene, {"image_levels": [500, 3690]})
     sequence = reader.open(reader.sequences()[0])

@@ -62,7 +62,7 @@ def test_16_bit_images_are_scaled_as_stated_and_never_as_guessed(write, colour):
     with pytest.raises(DataError) as caught:
         read_gray(path, CAMERA)
     assert str(caught.value) == (
-        f"{path}: a 16-bit image of 1 channel, expected 8 bits, or image_levels = [low, high] of the reader folder"
+        f"{path}: a 16-bit image of 1 channel, expected 8 bits, or image_levels = [low, high] of folder or euroc"
     )
     np.testing.assert_array_equal(read_gray(path, CAMERA, levels=(0, 65535)), colour[..., 0])
     np.testing.assert_array_equal(

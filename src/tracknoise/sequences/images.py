@@ -81,7 +81,7 @@ def read_gray(path: Path, camera: CameraModel, *, levels: Levels | None = None) 
     if image.dtype == np.uint8:
         return image
     if levels is None:
-        raise DataError(path, f"a {_layout(image)}", "8 bits, or image_levels = [low, high] of the reader folder")
+        raise DataError(path, f"a {_layout(image)}", "8 bits, or image_levels = [low, high] of folder or euroc")
     return scaled(image, levels)
 
 

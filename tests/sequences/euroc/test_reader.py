@@ -219,6 +219,32 @@ def test_another_camera_of_the_body(scene):
         open_sequence("euroc", scene, camera="cam7")
 
 
+def test_the_other_camera_of_a_pair_is_the_second_one(scene):
+    assert open_sequence("euroc", scene).second is None
+    body_from_other = BODY_FROM_CAMERA.copy()
+    body_from_other[:3, 3] += BODY_FROM_CAMERA[:3, 0] * 0.11
+    write_images(scene / "mav0", "cam1", FRAMES_NS.tolist(), images(4)[::-1])
+    write_sensor(scene / "mav0/cam1/sensor.yaml", (64, 48), INTRINSICS, body_from_camera=body_from_other)
+    second = open_sequence("euroc", scene).second
+    aside = np.eye(4)
+    aside[0, 3] = 0.11
+    np.testing.assert_allclose(second.first_from_second, aside, atol=1e-12)
+    np.testing.assert_array_equal(second.images(1), images(4)[2])
+    first = open_sequence("euroc", scene, camera="cam1").second
+    np.testing.assert_allclose(first.first_from_second, np.linalg.inv(aside), atol=1e-12)
+
+
+def test_a_second_camera_that_cannot_be_used_is_no_error(scene):
+    write_images(scene / "mav0", "cam1", FRAMES_NS[:3].tolist(), images(3))
+    read = open_sequence("euroc", scene)
+    assert read.second is None
+    assert any(note.startswith("cam1 gives no stereo depth: ") and "sensor.yaml" in note for note in read.notes)
+    write_sensor(scene / "mav0/cam1/sensor.yaml", (64, 48), INTRINSICS)
+    read = open_sequence("euroc", scene)
+    assert read.second is None
+    assert any("no image at 1 of 4 times" in note for note in read.notes)
+
+
 def test_a_recording_is_found_above_at_and_below_its_device_folder(scene):
     for root, name in ((scene.parent, scene.name), (scene, scene.name), (scene / "mav0", "mav0")):
         assert [item.scene for item in make_reader("euroc", root).sequences()] == [name]

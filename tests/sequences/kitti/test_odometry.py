@@ -2,6 +2,7 @@ import re
 from contextlib import suppress
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given
@@ -65,6 +66,23 @@ def test_other_cameras_are_beside_camera_0(tmp_path, camera):
     other = (camera + 1) % 4
     with pytest.raises(DataError, match=f"image_{other}: no such directory"):
         open_sequence("kitti-odometry", tmp_path, camera=other)
+
+
+@pytest.mark.parametrize(("first", "second"), [(0, 1), (2, 3), (1, 0)])
+def test_the_other_camera_of_a_pair_is_the_second_one(tmp_path, first, second):
+    folder = write_kitti_odometry(tmp_path, images(3), poses(3), intrinsics=INTRINSICS, camera=first)
+    assert open_sequence("kitti-odometry", tmp_path).second is None
+    (folder / f"image_{second}").mkdir()
+    for index in range(3):
+        assert cv2.imwrite(str(folder / f"image_{second}" / f"{index:06d}.png"), images(3)[2 - index])
+    other = open_sequence("kitti-odometry", tmp_path, camera=first).second
+    assert other.camera == Camera(64, 48, *INTRINSICS)
+    aside = np.eye(4)
+    aside[0, 3] = BASELINES_M[second] - BASELINES_M[first]
+    np.testing.assert_allclose(other.first_from_second, aside, atol=1e-12)
+    np.testing.assert_array_equal(other.images(0), images(3)[2])
+    (folder / f"image_{second}" / "000001.png").unlink()
+    assert open_sequence("kitti-odometry", tmp_path, camera=first).second is None
 
 
 def test_velodyne_scans_are_projected_into_the_camera(tmp_path):

@@ -11,8 +11,8 @@ zero: the logarithms of their squares have a long tail. Each part therefore has 
 W_low and W_high are those of `tracknoise.findings.sampling.jackknife` on the logarithmic scale. chi2_low and chi2_high
 are quantiles of chi-squared of d degrees. If biases are Gaussian, of mean m and variance s^2, B varies as if d were
 n (m^2 + s^2)^2 / (s^4 + 2 m^2 s^2), where n scenes of equal size would be as good. d is that or 2 B^2 over the variance
-of B among scenes, whichever is less, times (n - 1) / n. r is the correlation of both parts among scenes, or 0 if that is
-negative.
+of B among scenes, whichever is less, times (n - 1) / n. r is the correlation of both parts among scenes, or 0 if that
+is negative.
 
 Source: G. Y. Zou, C. Y. Huo, J. Taleban, Environmetrics 20 (2009).
 """

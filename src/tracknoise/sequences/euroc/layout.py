@@ -1,7 +1,6 @@
 """Where the files of a recording in the ASL layout lie: below ``mav0``, a folder for each sensor."""
 
 import re
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,8 +42,12 @@ class Files:
             If there is no such camera.
         """
         if not (self.device / camera).exists():
-            raise UnknownNameError("camera", camera, _names(self.device.glob("cam*")))
+            raise UnknownNameError("camera", camera, self.cameras())
         return self.device / camera / _DATA
+
+    def cameras(self) -> list[str]:
+        """Names of all cameras, sorted."""
+        return sorted(folder.name for folder in self.device.glob("cam*") if folder.is_dir())
 
     def image(self, camera: str, name: str) -> Path:
         """An image from its name in the list."""
@@ -115,7 +118,3 @@ def place_of(scene: str) -> str | None:
     """The place that recordings of EuRoC and TUM-VI share, from their names; None for others."""
     matches = (re.search(pattern, scene) for pattern in _PLACES)
     return next((match[1] for match in matches if match), None)
-
-
-def _names(folders: Iterable[Path]) -> list[str]:
-    return sorted(folder.name for folder in folders)

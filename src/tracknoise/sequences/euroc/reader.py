@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tracknoise.checks import require_at_least
 from tracknoise.sequences.euroc.layout import Files, find_recordings, place_of
+from tracknoise.sequences.euroc.second import find_second
 from tracknoise.sequences.euroc.sensors import read_camera, read_sensor_from_body
 from tracknoise.sequences.euroc.tables import file_names, pose_rows, read_table
 from tracknoise.sequences.frame_files import ImageFiles
@@ -101,6 +102,14 @@ class Euroc:
         times_s = _seconds_after(images.times_ns[order], start_ns)
         shift_s = (calibration.time_shift_s or 0.0) if self.time_shift_s is None else self.time_shift_s
         bodies, notes = self._body_poses(files, start_ns, times_s + shift_s)
+        second, second_notes = find_second(
+            files,
+            self.camera,
+            calibration.body_from_camera,
+            images.times_ns[order],
+            camera_file=self.camera_file,
+            levels=self.image_levels,
+        )
         return RecordedSequence(
             id=sequence,
             source=str(files.folder),
@@ -113,9 +122,11 @@ class Euroc:
                 *_shift_notes(shift_s),
                 *order_notes(images.path, images.times_ns),
                 *notes,
+                *second_notes,
             ),
             timestamps_s=times_s,
             group=place_of(sequence.scene),
+            second=second,
         )
 
     def _body_poses(

@@ -20,10 +20,19 @@ from tracknoise.sequences.kitti.odometry_calibration import (
     read_reference_poses,
     read_times,
 )
-from tracknoise.sequences.kitti.odometry_layout import CALIBRATION, CAMERAS, TIMES, Course, find_courses, find_frames
+from tracknoise.sequences.kitti.odometry_layout import (
+    CALIBRATION,
+    CAMERAS,
+    IMAGE_NAME,
+    TIMES,
+    Course,
+    find_courses,
+    find_frames,
+)
 from tracknoise.sequences.kitti.values import camera_from_reference
 from tracknoise.sequences.recorded import RecordedSequence
-from tracknoise.sequences.scenes import scene_folder
+from tracknoise.sequences.scenes import numbered_files, scene_folder
+from tracknoise.sequences.sequence import SecondCamera
 from tracknoise.tables.identity import SequenceId
 
 
@@ -103,8 +112,7 @@ class KittiOdometry:
         number = course.first_camera if self.camera is None else self.camera
         frames = find_frames(course, number)
         P = read_projection(course.folder / CALIBRATION, number)
-        (fx, _, cx), (_, fy, cy), _ = P[:, :3].tolist()
-        camera = Camera(*image_size(first_readable(frames.images)), fx, fy, cx, cy)
+        camera = _camera(P, frames.images)
         reference, pose_notes = read_reference_poses(course.poses, frames.numbers)
         timestamps_s, time_notes = read_times(course.folder / TIMES, frames.numbers)
         depth_of_scans = self._depth(course, number, frames.scans)
@@ -122,6 +130,7 @@ class KittiOdometry:
                 *(depth_notes(frames.scans) if depth_of_scans else ()),
             ),
             timestamps_s=timestamps_s,
+            second=_second(course, number, P, frames.numbers),
         )
 
     def _depth(self, course: Course, camera: int, scans: tuple[Path | None, ...]) -> KittiDepth | None:
@@ -130,3 +139,20 @@ class KittiOdometry:
             return None
         camera_from_velodyne: NDArray[np.float64] = read_camera_from_velodyne(course.folder / CALIBRATION, camera)
         return KittiDepth(self.radius_px, camera_from_velodyne)
+
+
+def _camera(P: NDArray[np.float64], images: tuple[Path, ...]) -> Camera:
+    (fx, _, cx), (_, fy, cy), _ = P[:, :3].tolist()
+    return Camera(*image_size(first_readable(images)), fx, fy, cx, cy)
+
+
+def _second(course: Course, first: int, P: NDArray[np.float64], numbers: range) -> SecondCamera | None:
+    """The other camera of a pair, 0 and 1 or 2 and 3, if it has an image of each frame."""
+    other = first ^ 1
+    images = numbered_files(course.images(other), IMAGE_NAME) if course.images(other).exists() else {}
+    if not images.keys() >= {*numbers}:
+        return None
+    other_P, paths = read_projection(course.folder / CALIBRATION, other), tuple(images[number] for number in numbers)
+    camera = _camera(other_P, paths)
+    first_from_second = camera_from_reference(P) @ invert(camera_from_reference(other_P))
+    return SecondCamera(camera, first_from_second, ImageFiles(paths, camera))

@@ -13,6 +13,7 @@ from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unb
 
 CALIBRATION, TIMES = "calib.txt", "times.txt"
 CAMERAS = range(4)
+IMAGE_NAME = r"(\d+)\.(?:png|jpe?g)"
 _POSES, _VELODYNE = "poses", "velodyne"
 
 
@@ -98,7 +99,7 @@ def find_frames(course: Course, camera: int) -> CourseFrames:
         Naming the first image that is missing where there are others around it, or the camera's folder.
     """
     folder, scans = course.images(camera), course.folder / _VELODYNE
-    images = numbered_files(folder, r"(\d+)\.(?:png|jpe?g)")
+    images = numbered_files(folder, IMAGE_NAME)
     numbers = require_unbroken(images, (), lambda number: folder / f"{number:06d}.png")
     scan_of = numbered_files(scans, r"(\d+)\.bin") if scans.exists() else {}
     return CourseFrames(numbers, tuple(images.values()), tuple(map(scan_of.get, numbers)))

@@ -1,0 +1,71 @@
+"""The other camera of a stereo pair, whose images were taken at the same times."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import DataError, TracknoiseError
+from tracknoise.geometry.pose import invert
+from tracknoise.sequences.euroc.layout import Files
+from tracknoise.sequences.euroc.sensors import read_camera
+from tracknoise.sequences.euroc.tables import file_names, read_table
+from tracknoise.sequences.frame_files import ImageFiles
+from tracknoise.sequences.images import Levels
+from tracknoise.sequences.sequence import SecondCamera
+
+
+def find_second(
+    files: Files,
+    first: str,
+    body_from_first: NDArray[np.float64],
+    times_ns: NDArray[np.int64],
+    *,
+    camera_file: Path | None,
+    levels: Levels | None,
+) -> tuple[SecondCamera | None, tuple[str, ...]]:
+    """Find the camera beside another one. It is not needed for other depth or truth, so its faults are no errors.
+
+    Parameters
+    ----------
+    files
+        Of the recording.
+    first
+        Name of the camera that is measured.
+    body_from_first
+        (4, 4) float64: where that is on the body.
+    times_ns
+        (n,) int64: times of its images.
+    camera_file
+        A file of both cameras, if it is used in place of the recording's.
+    levels
+        Of 16-bit images.
+
+    Returns
+    -------
+    second : SecondCamera or None
+        None where there is none, or it cannot be used.
+    notes : tuple of str
+        Why it cannot be used.
+    """
+    name = next((name for name in files.cameras() if name != first), None)
+    if name is None:
+        return None, ()
+    try:
+        calibration = read_camera(camera_file or files.calibration(name), name)
+        paths = _paths_at(files, name, times_ns)
+    except TracknoiseError as error:
+        return None, (f"{name} gives no stereo depth: {error}",)
+    assert calibration.body_from_camera is not None, "checked when it was read"
+    first_from_second = invert(body_from_first) @ calibration.body_from_camera
+    return SecondCamera(calibration.camera, first_from_second, ImageFiles(paths, calibration.camera, levels)), ()
+
+
+def _paths_at(files: Files, camera: str, times_ns: NDArray[np.int64]) -> tuple[Path, ...]:
+    """The image of a camera at each time, to the nanosecond: cameras of a pair are triggered together."""
+    table = read_table(files.list_of_images(camera), "a time and the name of an image")
+    names = dict(zip(table.times_ns.tolist(), file_names(table), strict=True))
+    missing = sum(time not in names for time in times_ns.tolist())
+    if missing:
+        raise DataError(table.path, f"no image at {missing} of {len(times_ns)} times", "an image for each frame")
+    return tuple(files.image(camera, names[time]) for time in times_ns.tolist())

@@ -43,6 +43,8 @@ class Measurement:
         One frame, (height, width) uint8, for figures that show the tracks.
     prepared
         Observations and tracks, checked and grouped: what further statistics are computed from.
+    notes
+        What trackers state about their results, one sentence each. `sequence` has the notes of the reader.
     """
 
     sequence: Sequence = field(repr=False)
@@ -58,6 +60,7 @@ class Measurement:
     snapshot_frame: int
     snapshot: NDArray[np.uint8]
     prepared: PreparedSequence = field(repr=False)
+    notes: tuple[str, ...] = ()
 
 
 def measure(
@@ -188,6 +191,7 @@ def complete(
         snapshot_frame=measured.snapshot_frame,
         snapshot=measured.snapshot,
         prepared=trimmed.sequence,
+        notes=measured.notes,
     )
 
 

@@ -11,7 +11,7 @@ from tracknoise.measurement.recording import Recorder, Recording
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.gradient import dominant_gradient
-from tracknoise.trackers.tracker import OracleTruth, SequenceContext, Tracker, TrackerSettings
+from tracknoise.trackers.tracker import NotedTracker, OracleTruth, SequenceContext, Tracker, TrackerSettings
 from tracknoise.truth.truth import TruePositions, Truth, TruthSession
 
 Progress = Callable[[int, int], None]
@@ -51,12 +51,15 @@ class TrackingResult:
         The frame that is kept for figures.
     snapshot : (height, width) uint8
         Its image.
+    notes
+        What trackers state about their results, one sentence each.
     """
 
     recordings: list[Recording]
     positions: list[TruePositions]
     snapshot_frame: int
     snapshot: NDArray[np.uint8]
+    notes: tuple[str, ...] = ()
 
 
 def run_trackers(
@@ -144,6 +147,7 @@ class _Pass:
             _Run(condition.speed, _start(condition, sequence, truth, seed), Recorder(), truth.start())
             for condition in conditions
         ]
+        self._notes = _notes(conditions, [run.tracker for run in self._runs])
         self._snapshot_frame = snapshot_frame
         self._snapshot: NDArray[np.uint8] = np.empty((0, 0), np.uint8)
 
@@ -159,7 +163,7 @@ class _Pass:
         """What was recorded, and the true positions."""
         recordings = [run.recorder.finish() for run in self._runs]
         positions = [run.truth.resolve() for run in self._runs]
-        return TrackingResult(recordings, positions, self._snapshot_frame, self._snapshot)
+        return TrackingResult(recordings, positions, self._snapshot_frame, self._snapshot, self._notes)
 
 
 def _start(condition: TrackerSetup, sequence: Sequence, truth: Truth, seed: int) -> Tracker:
@@ -171,8 +175,16 @@ def _start(condition: TrackerSetup, sequence: Sequence, truth: Truth, seed: int)
             speed=condition.speed,
             seed=seed,
             truth=truth if isinstance(truth, OracleTruth) else None,
+            timestamps_s=getattr(sequence, "timestamps_s", None),  # sequences of other packages may lack it
         )
     )
+
+
+def _notes(conditions: Items[TrackerSetup], trackers: Items[Tracker]) -> tuple[str, ...]:
+    """Notes of all trackers with their names, each once."""
+    pairs = [(one.tracker, tracker) for one, tracker in zip(conditions, trackers, strict=True)]
+    noted = (f"{name}: {note}" for name, one in pairs if isinstance(one, NotedTracker) for note in one.notes)
+    return tuple(dict.fromkeys(noted))
 
 
 def _snapshot_frame(n_frames: int, conditions: Items[TrackerSetup], key_frame: int | None) -> int:

@@ -100,7 +100,7 @@ def sequence_entry(
         truth=measurement.truth,
         snapshot_frame=measurement.snapshot_frame,
         seconds=round(seconds, 3),
-        notes=sequence.notes,
+        notes=(*sequence.notes, *measurement.notes),
         inputs=inputs,
         key_frame=measurement.key_frame,
         group=group_of(sequence),

@@ -37,7 +37,8 @@ def outliers(tables: RunTables, conditions: ReportedConditions) -> Headline | No
 def _outliers_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
     ratio = _value(conditions.of(tables["summary"], tracker), "outlier_ratio")
     if ratio is None:
-        return None
+        offered = _value(conditions.of(tables["outliers"], tracker), "offered")
+        return (f"The outliers of {tracker} are not recorded.", []) if offered else None
     intervals = conditions.of(tables["intervals"], tracker)
     estimate = Estimate.of(ratio, scalar_bounds(intervals, "outlier_ratio"), "share")
     text = f"{tracker} rejects {format_estimate(estimate)} of the features carried into a frame."

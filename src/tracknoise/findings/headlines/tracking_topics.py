@@ -35,15 +35,21 @@ def outliers(tables: RunTables, conditions: ReportedConditions) -> Headline | No
 
 
 def _outliers_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
-    ratio = _value(conditions.of(tables["summary"], tracker), "outlier_ratio")
+    summary = conditions.of(tables["summary"], tracker)
+    ratio = _value(summary, "outlier_ratio")
     if ratio is None:
-        offered = _value(conditions.of(tables["outliers"], tracker), "offered")
-        return (f"The outliers of {tracker} are not recorded.", []) if offered else None
+        return None if _reports_causes(summary) else (f"The outliers of {tracker} are not recorded.", [])
     intervals = conditions.of(tables["intervals"], tracker)
     estimate = Estimate.of(ratio, scalar_bounds(intervals, "outlier_ratio"), "share")
     text = f"{tracker} rejects {format_estimate(estimate)} of the features carried into a frame."
     text += "".join(f" {scenes}" for scenes in [scalar_scenes(intervals, "outlier_ratio")] if scenes)
     return text + _between_seeds(conditions.of(tables["seed_spread"], tracker)), [estimate]
+
+
+def _reports_causes(summary: pl.DataFrame) -> bool:
+    """Whether the tracker of a row reports why tracks end. If not, lifetimes until failure are unknown."""
+    lived, failed = (_value(summary, f"restricted_mean_{name}") for name in ("lifetime", "until_failure"))
+    return lived is None or failed is not None
 
 
 def _between_seeds(spread: pl.DataFrame) -> str:

@@ -4,6 +4,7 @@ import tomllib
 
 import pytest
 
+from tracknoise.api.run import open_run
 from tracknoise.cli.app import main
 from tracknoise.experiments.load import preset_names
 
@@ -87,12 +88,34 @@ def test_simulate_writes_what_the_folder_reader_measures(tracknoise, tmp_path):
     assert page.exists()
 
 
+def test_frames_speeds_and_trackers_are_chosen_on_the_command_line(tracknoise, tmp_path):
+    settings = 'name = "x"\nspeeds = [5]\n[dataset]\nreader = "simulated"\n[dataset.options]\nmotions = ["sideways"]\n'
+    settings += 'width = 80\nheight = 60\nframes = 9\n[[trackers]]\nkind = "oracle"\n'
+    (tmp_path / "x.toml").write_text(settings)
+    chosen = ["--frames", "2:8:2", "--speeds", "1,2", "--trackers", "lucas-kanade", "-w", "1", "--no-report"]
+    code, _, err = tracknoise("run", str(tmp_path / "x.toml"), "--out", str(tmp_path / "run"), *chosen)
+    assert code == 0
+    assert "frames 2 to 8 in steps of 2 of 9 are used; here they are numbered from 0" in err
+    run = open_run(tmp_path / "run")
+    assert run.sequences()["n_frames"].unique().to_list() == [4]
+    assert run.table("frames").select("tracker", "speed").unique().sort("speed").rows() == [
+        ("lucas-kanade", 1),
+        ("lucas-kanade", 2),
+    ]
+
+
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
         (["run", "x.toml", "--speeed", "3"], "--speeed"),
         (["run", "x.toml", "--workers", "0"], "--workers"),
         (["simulate", "--out", "x", "--frames", "few"], "--frames"),
+        (["run", "demo", "--frames", "few"], "--frames few: expected a number from 2, or FIRST:LAST"),
+        (["run", "demo", "--frames", "1"], "--frames 1: expected at least 2"),
+        (["run", "demo", "--frames", "9:3"], "frames = [9, 3], expected first, last and step"),
+        (["run", "demo", "--speeds", "1,fast"], "--speeds 1,fast: expected whole numbers such as 1,2,4"),
+        (["run", "demo", "--speeds", "0"], "speeds = [0], expected different whole numbers from 1"),
+        (["run", "demo", "--trackers", "lukas"], "unknown tracker 'lukas'"),
         (["demo", "extra"], "extra"),
         (["fly"], "fly"),
     ],

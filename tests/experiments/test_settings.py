@@ -57,6 +57,8 @@ def test_digest_ignores_where_the_data_lie_and_nothing_else():
         (MINIMAL.replace('name = "x"', ""), "x.toml: name: missing"),
         (MINIMAL + "[truth]\nkind = 3\n", "x.toml: truth.kind: found 3, expected a valid string"),
         (MINIMAL + "[truth]\nkind = \n", "x.toml: Invalid value"),
+        (MINIMAL.replace("[[", "frames = [9, 3]\n[["), "x.toml: dataset.frames: frames = [9, 3], expected first, last"),
+        (MINIMAL.replace("[[", "frames = 9\n[["), "x.toml: dataset.frames: found 9, expected a valid list"),
         (MINIMAL.replace('"x"', '"../x"'), "x.toml: name: found '../x', expected"),
     ],
 )
@@ -123,6 +125,23 @@ def test_every_other_preset_asks_for_its_data(name):
 
 def test_the_presets_are_the_demo_and_the_papers_four_experiments():
     assert preset_names() == ["demo", "dtu", "gazebo-arvr", "gazebo-linear", "kitti"]
+
+
+def test_frames_speeds_and_trackers_take_the_place_of_what_the_preset_says():
+    changed = load_experiment("demo", frames=[4, 20, 2], speeds=[3, 1], trackers=["correspondence", "oracle"])
+    assert (changed.dataset.frames, changed.speeds) == ([4, 20, 2], [3, 1])
+    assert [tracker.label for tracker in changed.trackers] == ["correspondence", "oracle"]
+    assert changed.trackers[0] in load_experiment("demo").trackers
+    assert load_experiment("demo", frames=7).dataset.max_frames == 7
+    for wrong, message in (
+        ({"speeds": [0]}, "speeds = [0], expected different whole numbers from 1"),
+        ({"speeds": [2, 2]}, "speeds = [2, 2], expected different whole numbers from 1"),
+        ({"trackers": []}, "expected different names"),
+        ({"trackers": ["lucas-kande"]}, "unknown tracker 'lucas-kande' (did you mean 'lucas-kanade'?)"),
+        ({"frames": [3, 2, 1]}, "frames = [3, 2, 1], expected first, last and step"),
+    ):
+        with pytest.raises(SettingsError, match=re.escape(message)):
+            load_experiment("demo", **wrong)
 
 
 def test_limits_and_options_take_the_place_of_what_the_preset_says():

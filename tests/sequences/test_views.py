@@ -5,13 +5,16 @@ import pickle
 import numpy as np
 import pytest
 
+import tracknoise
+from tracknoise.exceptions import DataError, TracknoiseError
 from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.pose import invert, transform
+from tracknoise.sequences.folder import write_folder
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.registry import open_sequence
 from tracknoise.sequences.sequence import Scan, Sequence, TruthKind
-from tracknoise.sequences.views import View, turned, view
+from tracknoise.sequences.views import View, chosen_frames, turned, view
 from tracknoise.tables.identity import Direction
 
 SIZE = {"width": 48, "height": 32, "frames": 5}
@@ -146,3 +149,77 @@ def test_views_can_be_sent_to_another_process(plain) -> None:
 def test_only_quarter_turns(plain) -> None:
     with pytest.raises(ValueError, match="multiples of 90 degrees, not by 45"):
         turned(plain, 45)
+
+
+def test_chosen_frames_are_numbered_from_0_and_their_source_is_noted(timed, plain) -> None:
+    shown = chosen_frames(timed, [1, 3, 2])
+    assert len(shown) == 2
+    assert shown.timestamps_s.tolist() == [11.0, 16.0]
+    assert [shown.camera_at(index).fx for index in range(2)] == [41.0, 43.0]
+    assert shown.camera == shown.camera_at(0)
+    assert shown.notes == (*timed.notes, "frames 1 to 3 in steps of 2 of 5 are used; here they are numbered from 0")
+    np.testing.assert_array_equal(shown.world_from_camera, plain.world_from_camera[[1, 3]])
+    shown = chosen_frames(plain, [1, 9])
+    assert len(shown) == 4
+    np.testing.assert_array_equal(shown.image(2), plain.image(3))
+    np.testing.assert_array_equal(shown.depth(2).depth_m, plain.depth(3).depth_m)
+    uv = np.array([[10.0, 20.0]])
+    np.testing.assert_array_equal(shown.surface.cast(1, uv)[0], plain.surface.cast(2, uv)[0])
+    assert "frames 1 to 4 of 5 are used; here they are numbered from 0" in shown.notes
+
+
+def test_chosen_frames_combine_with_their_largest_number(plain) -> None:
+    shown = view(plain, frames=[0, 4, 2], n_frames=2, direction=Direction.backward, rotation=0)
+    np.testing.assert_array_equal(shown.world_from_camera, plain.world_from_camera[[2, 0]])
+
+
+@pytest.mark.parametrize(
+    ("frames", "message"),
+    [
+        ([3], r"frames = \[3\], expected first, last and step"),
+        ([3, 3], "expected first, last and step"),
+        ([-1, 3], "expected first, last and step"),
+        ([0, 3, 0], "expected first, last and step"),
+        ([0, 3, 1, 1], "expected first, last and step"),
+        ([4, 9, 1], "5 frames, of which frames 4 to 9 in steps of 1 have 1, expected at least 2"),
+    ],
+)
+def test_a_bad_range_is_an_error(plain, frames, message) -> None:
+    with pytest.raises(TracknoiseError, match=message):
+        chosen_frames(plain, frames)
+
+
+def test_the_key_frame_is_counted_among_the_chosen_frames(plain) -> None:
+    class Scanned(View):
+        truths = (TruthKind.scan,)
+        scan = Scan(np.zeros((1, 3)), 3)
+
+    assert chosen_frames(Scanned(plain), [1, 4, 2]).scan.key_frame == 1
+    for frames in ([0, 4, 2], [4, 9]):
+        with pytest.raises(DataError, match=r"a choice with the key frame 3 in it|at least 2"):
+            assert chosen_frames(Scanned(plain), frames).scan
+
+
+def test_damage_outside_of_the_chosen_frames_does_not_matter(tmp_path, plain) -> None:
+    write_folder(plain, tmp_path / "scene")
+    for name in ("images/000000.png", "images/000004.png", "depth/000000.npy"):
+        (tmp_path / "scene" / name).write_bytes(b"damaged")
+    sequence = open_sequence("folder", tmp_path, frames=(1, 3, 1))
+    trackers = tracknoise.LucasKanade(min_features=10, max_features=20)
+    found = tracknoise.measure(sequence, trackers)
+    assert found.n_frames == 3
+    again = tracknoise.measure(open_sequence("folder", tmp_path), trackers, frames=[1, 4], max_frames=3)
+    assert again.observations.equals(found.observations)
+    with pytest.raises(DataError, match=r"000000\.png"):
+        tracknoise.measure(open_sequence("folder", tmp_path), trackers)
+
+
+def test_the_size_comes_from_an_image_that_can_be_read(tmp_path, write_sevenscenes) -> None:
+    folder = write_sevenscenes(tmp_path / "seq-01", frames=4)
+    (folder / "frame-000000.color.png").write_bytes(b"damaged")
+    sequence = open_sequence("sevenscenes", tmp_path, frames=[1, 3])
+    assert sequence.image(0).shape == (480, 640)
+    for path in folder.glob("*.color.png"):
+        path.write_bytes(b"damaged")
+    with pytest.raises(DataError, match=r"frame-000000\.color\.png"):
+        open_sequence("sevenscenes", tmp_path)

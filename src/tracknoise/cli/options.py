@@ -5,10 +5,52 @@ from typing import Annotated
 
 import typer
 
+from tracknoise.exceptions import SettingsError
+
+_FEWEST_FRAMES = 2
+_MOST_DIGITS = 15
+
 
 def _remember_debug(context: typer.Context, value: bool) -> bool:
     context.obj.debug = value
     return value
+
+
+def parse_frames(text: str | None) -> int | list[int] | None:
+    """Number of frames, or first, last and step.
+
+    Raises
+    ------
+    SettingsError
+        If it is neither.
+    """
+    if text is None:
+        return None
+    parts = parse_numbers("--frames", text, ":", "a number from 2, or FIRST:LAST or FIRST:LAST:STEP")
+    if len(parts) > 1:
+        return parts
+    if parts[0] < _FEWEST_FRAMES:
+        raise SettingsError(f"--frames {text}: expected at least {_FEWEST_FRAMES}")
+    return parts[0]
+
+
+def parse_numbers(option: str, text: str, between: str, expected: str) -> list[int]:
+    """Whole numbers with separators between them.
+
+    Raises
+    ------
+    SettingsError
+        If a part is not a whole number.
+    """
+    parts = [part.strip() for part in text.split(between)]
+    if not all(part.isascii() and part.isdigit() and len(part) <= _MOST_DIGITS for part in parts):
+        raise SettingsError(f"{option} {text}: expected {expected}")
+    return [int(part) for part in parts]
+
+
+def parse_names(text: str) -> list[str]:
+    """Names separated by commas."""
+    return [name.strip() for name in text.split(",") if name.strip()]
 
 
 def _remember_quiet(context: typer.Context, value: bool) -> bool:
@@ -26,7 +68,19 @@ WorkersOption = Annotated[
     int | None, typer.Option("--workers", "-w", min=1, help="Worker processes (default: one per core).")
 ]
 ScenesOption = Annotated[int | None, typer.Option("--scenes", min=1, help="Maximum number of scenes, sorted by name.")]
-FramesOption = Annotated[int | None, typer.Option("--frames", min=2, help="Maximum number of frames per scene.")]
+FramesOption = Annotated[
+    str | None,
+    typer.Option(
+        "--frames",
+        metavar="N|FIRST:LAST[:STEP]",
+        help="Maximum number of frames per scene, or which frames, counted from 0, the last included.",
+    ),
+]
+SpeedsOption = Annotated[str | None, typer.Option("--speeds", help="Speeds, separated by commas: 1,2,4.")]
+TrackersOption = Annotated[
+    str | None,
+    typer.Option("--trackers", help="Trackers by name or kind, separated by commas: lucas-kanade,correspondence."),
+]
 ModelsOption = Annotated[
     Path | None, typer.Option("--models", help="Folder of Gazebo models, for simulated worlds that use them.")
 ]

@@ -16,6 +16,7 @@ from tracknoise.cli.options import (
     QuietOption,
     ScenesOption,
     WorkersOption,
+    parse_frames,
 )
 from tracknoise.cli.running import measure, processes
 from tracknoise.exceptions import TracknoiseError
@@ -62,7 +63,7 @@ def replicate(
     for candidate in found:
         context.obj.say(f"{candidate.preset}: {candidate.found}")
     runs = _Runs(context.obj, out, processes(workers), fresh=fresh)
-    replicated = [_repeat(candidate, runs, Limits(scenes, frames, models)) for candidate in found]
+    replicated = [_repeat(candidate, runs, Limits(scenes, parse_frames(frames), models)) for candidate in found]
     if not any(item.run for item in replicated):
         context.obj.error("none of the paper's experiments could be measured")
         return 1

@@ -14,7 +14,12 @@ from tracknoise.cli.options import (
     QuietOption,
     ScenesOption,
     SchedulerOption,
+    SpeedsOption,
+    TrackersOption,
     WorkersOption,
+    parse_frames,
+    parse_names,
+    parse_numbers,
 )
 
 _PRESETS = "demo, dtu, gazebo-arvr, gazebo-linear, kitti"
@@ -40,6 +45,8 @@ def run(
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Run folder (default: runs/NAME).")] = None,
     scenes: ScenesOption = None,
     frames: FramesOption = None,
+    speeds: SpeedsOption = None,
+    trackers: TrackersOption = None,
     models: ModelsOption = None,
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
@@ -65,7 +72,15 @@ def run(
     from tracknoise.experiments.load import load_experiment
 
     options = {} if models is None else {"models": str(models.resolve())}
-    loaded = load_experiment(experiment, root=data, scenes=scenes, frames=frames, options=options)
+    loaded = load_experiment(
+        experiment,
+        root=data,
+        scenes=scenes,
+        frames=parse_frames(frames),
+        speeds=None if speeds is None else parse_numbers("--speeds", speeds, ",", "whole numbers such as 1,2,4"),
+        trackers=None if trackers is None else parse_names(trackers),
+        options=options,
+    )
     out = out or Path("runs") / loaded.name
     outcome = measure(context.obj, loaded, out, workers, scheduler=scheduler, fresh=fresh)
     return print_outcome(context.obj, out, outcome, report=report)

@@ -9,6 +9,7 @@ from tracknoise.experiments.option_paths import with_paths_from
 from tracknoise.experiments.resolve import resolve
 from tracknoise.experiments.settings import Experiment, parse_experiment
 from tracknoise.foreign.files import MIB, absolute, is_regular_file, read_text
+from tracknoise.sequences.frame_range import require_range
 
 _MOST_BYTES = MIB
 _PRESETS = resources.files("tracknoise.experiments") / "presets"
@@ -24,7 +25,9 @@ def load_experiment(
     *,
     root: Path | None = None,
     scenes: int | None = None,
-    frames: int | None = None,
+    frames: int | list[int] | None = None,
+    speeds: list[int] | None = None,
+    trackers: list[str] | None = None,
     options: Mapping[str, object] | None = None,
 ) -> Experiment:
     """Load an experiment with all its options written out.
@@ -35,8 +38,14 @@ def load_experiment(
         A TOML file, or the name of a preset. Relative paths in a file start from its folder.
     root
         Folder of the data, instead of the one that the file names.
-    scenes, frames
-        Maximum number of scenes, and of frames per scene, instead of those in the file.
+    scenes
+        Maximum number of scenes, instead of that in the file.
+    frames
+        Maximum number of frames per scene, or first, last and step of the frames, instead of those in the file.
+    speeds
+        Instead of those in the file, for all views.
+    trackers
+        Names of trackers in the file, or kinds of others, which get their default options.
     options
         Options of the reader, instead of what the file says.
 
@@ -58,12 +67,22 @@ def load_experiment(
     try:
         if is_file:
             experiment = with_paths_from(path.parent, experiment)
-        experiment = experiment.with_limits(scenes=scenes, frames=frames)
+        experiment = _with_frames(experiment, frames).with_limits(scenes=scenes, frames=None)
+        experiment = experiment if speeds is None else experiment.with_speeds(speeds)
+        experiment = experiment if trackers is None else experiment.with_trackers(trackers)
         for option, value in (options or {}).items():
             experiment = experiment.with_option(option, value)
         return resolve(experiment if root is None else experiment.with_root(absolute(Path(), root)))
     except TracknoiseError as error:
         raise SettingsError(f"{place}: {error}") from error
+
+
+def _with_frames(experiment: Experiment, frames: int | list[int] | None) -> Experiment:
+    """The experiment with a maximum number of frames, or with a range of them."""
+    if frames is None or isinstance(frames, int):
+        return experiment.with_limits(scenes=None, frames=frames)
+    require_range(frames)
+    return experiment.with_frames(frames)
 
 
 def _read(path: Path) -> str:

@@ -12,6 +12,7 @@ from tracknoise.exceptions import SettingsError
 from tracknoise.measurement.sequence_tables import SequenceTables, measure_sequences
 from tracknoise.measurement.tracking import Progress, TrackerSetup
 from tracknoise.sequences.sequence import Sequence
+from tracknoise.sequences.views import chosen_frames
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.trimming import trim
@@ -73,6 +74,7 @@ def measure(
     population: str = POPULATION,
     trim_percentile: float = TRIM_PERCENTILE,
     trim_among: str = TRIM_AMONG,
+    frames: Items[int] | None = None,
     max_frames: int | None = None,
     seed: int = 0,
     progress: Progress | None = None,
@@ -90,6 +92,7 @@ def measure(
         population=population,
         trim_percentile=trim_percentile,
         trim_among=trim_among,
+        frames=frames,
         max_frames=max_frames,
         seed=seed,
         progress=progress,
@@ -107,6 +110,7 @@ def measure_together(
     population: str = POPULATION,
     trim_percentile: float = TRIM_PERCENTILE,
     trim_among: str = TRIM_AMONG,
+    frames: Items[int] | None = None,
     max_frames: int | None = None,
     seed: int = 0,
     progress: Progress | None = None,
@@ -134,8 +138,11 @@ def measure_together(
     trim_among
         The tracks whose percentile it is: ``all`` that have an error, or those that were ``followed``, which have an
         error in a frame other than the one in which it is zero by construction.
+    frames
+        First, last and step of the frames that are measured, the last included; by default all. They are numbered
+        from 0 again, and nothing is read of the others.
     max_frames
-        Read no more frames than this; by default all.
+        Read no more frames than this, from the first of `frames`; by default all.
     seed
         Random seed, for trackers that need one.
     progress
@@ -152,6 +159,7 @@ def measure_together(
         If two trackers share a name, the sequence is too short for a speed or cannot be read, it does not offer
         the kind of truth, or no tracker finds a feature.
     """
+    sequences = [chosen_frames(sequence, frames) for sequence in sequences]
     setups = [TrackerSetup(name, settings, speed) for name, settings in _named(trackers).items() for speed in speeds]
     measured = measure_sequences(
         sequences, setups, truth=truth, scan_rule=scan_rule, max_frames=max_frames, seed=seed, progress=progress

@@ -58,13 +58,13 @@ class Limits:
     Attributes
     ----------
     scenes, frames
-        Maximum number of scenes, and of frames per scene; None for all.
+        Maximum number of scenes, and of frames per scene, or first, last and step of the frames; None for all.
     models
         Folder of Gazebo models, for simulated worlds that can contain them.
     """
 
     scenes: int | None = None
-    frames: int | None = None
+    frames: int | list[int] | None = None
     models: Path | None = None
 
 

@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import tomlkit
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from tracknoise.checks import MOST_LEVELS, require_storable
 from tracknoise.exceptions import SettingsError, UnknownNameError, first_line
 from tracknoise.printable import is_printable
+from tracknoise.sequences.frame_range import require_range
 from tracknoise.tables import defaults
 from tracknoise.tables.enumerations import IntervalKind, Population, TrimAmong, Trimming
 from tracknoise.tables.identity import Direction
@@ -40,8 +41,11 @@ class DatasetSettings(_Section):
     """Measure only these scenes. Default: all."""
     lightings: list[str] | None = None
     """Measure only these lightings. Default: all."""
+    frames: list[int] | None = None
+    """Measure only these frames of each sequence: `[first, last, step]`, counted from 0, the last included. The step
+    is optional. Frames are numbered from 0 again, and nothing is read of the others. Default: all."""
     max_frames: Annotated[int, Field(ge=2)] | None = None
-    """Maximum number of frames of each sequence, from the first. Default: all."""
+    """Maximum number of frames of each sequence, from the first of `frames`. Default: all."""
     max_scenes: Annotated[int, Field(ge=1)] | None = None
     """Maximum number of scenes, sorted by name. Default: all."""
     groups: dict[str, Annotated[list[str], Field(min_length=1)]] | None = None
@@ -50,6 +54,16 @@ class DatasetSettings(_Section):
     them so. Default: what the reader knows. It can be changed without measuring again."""
     options: dict[str, Any] = {}
     """Options of the reader: see `tracknoise datasets NAME`."""
+
+    @field_validator("frames")
+    @classmethod
+    def _frames_are_a_range(cls, frames: list[int] | None) -> list[int] | None:
+        if frames is not None:
+            try:
+                require_range(frames)
+            except SettingsError as error:
+                raise ValueError(str(error)) from error
+        return frames
 
 
 class ViewSettings(_Section):
@@ -180,6 +194,37 @@ class Experiment(_Section):
         """Return a copy with a maximum number of scenes, and of frames per scene; None changes nothing."""
         limits = {"max_scenes": scenes, "max_frames": frames}
         return self._with_dataset({name: value for name, value in limits.items() if value is not None})
+
+    def with_frames(self, frames: list[int] | None) -> "Experiment":
+        """Return a copy with other frames: first, last and step; None for all."""
+        return self._with_dataset({"frames": frames})
+
+    def with_speeds(self, speeds: list[int]) -> "Experiment":
+        """Return a copy with other speeds, of all views.
+
+        Raises
+        ------
+        SettingsError
+            If one is below 1 or occurs twice.
+        """
+        if min(speeds, default=0) < 1 or len(set(speeds)) < len(speeds):
+            raise SettingsError(f"speeds = {speeds}, expected different whole numbers from 1")
+        views = [view.model_copy(update={"speeds": None}) for view in self.views]
+        return self.model_copy(update={"speeds": speeds, "views": views})
+
+    def with_trackers(self, names: list[str]) -> "Experiment":
+        """Return a copy with other trackers: those of the experiment by name, others by kind with default options.
+
+        Raises
+        ------
+        SettingsError
+            If there is no name, or one occurs twice.
+        """
+        if not names or len(set(names)) < len(names):
+            raise SettingsError(f"trackers = {', '.join(names)}, expected different names")
+        known = {tracker.label: tracker for tracker in self.trackers}
+        chosen = [known.get(name) or TrackerChoice(kind=name) for name in names]
+        return self.model_copy(update={"trackers": chosen})
 
     def with_scenes(self, most: int | None) -> "Experiment":
         """Return a copy with a maximum number of scenes; None means all."""

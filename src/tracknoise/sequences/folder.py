@@ -8,13 +8,13 @@ import math
 from collections.abc import Callable
 from dataclasses import KW_ONLY, asdict, dataclass, replace
 from functools import partial
+from itertools import compress
 from pathlib import Path
 from typing import Any, ClassVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from tracknoise.checks import require_at_least
 from tracknoise.exceptions import DataError
@@ -22,11 +22,12 @@ from tracknoise.foreign.files import read_text
 from tracknoise.geometry.camera import DISTORTION_COUNTS, Camera
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
+from tracknoise.geometry.pose import position_rows
 from tracknoise.sequences.frame_files import DepthReader, ImageFiles, depth_files, depth_notes
 from tracknoise.sequences.images import read_depth_npy, read_depth_png16
 from tracknoise.sequences.new_folder import new_folder
 from tracknoise.sequences.pinhole import pinhole_of
-from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses
+from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses, surplus_notes
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.scenes import find_scenes, numbered_files, parent_of, require_unbroken, scene_folder
 from tracknoise.sequences.sequence import Sequence
@@ -102,10 +103,13 @@ class Folder:
             id=sequence,
             source=str(folder / _IMAGES),
             camera=camera,
-            world_from_camera=quaternion_poses(rows[:, :3], rows[:, 3:], places),
+            world_from_camera=_poses(rows[: len(images)], places),
             images=ImageFiles(images, camera),
             depths=depth_files(depths, camera, read_depth),
-            notes=depth_notes(depths) if (folder / _DEPTH).exists() else (),
+            notes=(
+                *surplus_notes(folder / _POSES, poses=len(rows), images=len(images)),
+                *(depth_notes(depths) if (folder / _DEPTH).exists() else ()),
+            ),
             group=parent_of(sequence.scene),
         )
 
@@ -163,20 +167,27 @@ def _plain(depth: DepthMap) -> NDArray[np.float32]:
 
 
 def _pose_lines(world_from_camera: NDArray[np.float64]) -> str:
-    """One row per frame, with all digits of a float64."""
-    xyzw = Rotation.from_matrix(world_from_camera[:, :3, :3]).as_quat()
-    rows = np.concatenate([world_from_camera[:, :3, 3], xyzw], axis=1).tolist()
+    """One row per frame, with all digits of a float64; nan where it has no pose."""
+    rows = position_rows(world_from_camera, canonical=False).tolist()
     lines = (" ".join(map(repr, row)) for row in rows)
     return "\n".join([f"# {_COLUMNS} (world_from_camera, metres; one row per frame)", *lines, ""])
 
 
 def _frame_files(folder: Path, *, poses: int) -> tuple[tuple[Path, ...], tuple[Path | None, ...]]:
-    """Image and depth (None where there is none) of each frame; there must be as many frames as poses."""
+    """Image and depth (None where there is none) of each frame. There may be more poses than images."""
     images = numbered_files(folder / _IMAGES, r"(\d+)\.(?:png|jpe?g)")
     depths = numbered_files(folder / _DEPTH, r"(\d+)\.(?:npy|png)") if (folder / _DEPTH).exists() else {}
-    frames = require_unbroken(images, {*range(poses), *depths}, lambda number: folder / _IMAGES / f"{number:06d}.png")
+    frames = require_unbroken(images, {0, *depths}, lambda number: folder / _IMAGES / f"{number:06d}.png")
     require_poses(folder / _POSES, poses=poses, images=len(frames))
     return tuple(images[number] for number in frames), tuple(map(depths.get, frames))
+
+
+def _poses(rows: NDArray[np.float64], places: list[str]) -> NDArray[np.float64]:
+    """(n, 4, 4) float64: the pose of each row, all NaN where every field of the row is nan."""
+    known = np.asarray(~np.isnan(rows).all(axis=1))
+    poses = np.full((len(rows), 4, 4), np.nan)
+    poses[known] = quaternion_poses(rows[known, :3], rows[known, 3:], list(compress(places, known)))
+    return poses
 
 
 def _depth_reader(folder: Path, depths: tuple[Path | None, ...], depth_unit_m: float | None) -> DepthReader:

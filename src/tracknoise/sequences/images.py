@@ -5,6 +5,7 @@ to be complete before it is decoded, and every image to have the camera's size. 
 that a small file cannot become a huge array.
 """
 
+from collections.abc import Iterable
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,18 @@ def image_size(path: Path) -> tuple[int, int]:
     """
     height, width = _decode(path, cv2.IMREAD_GRAYSCALE).shape
     return width, height
+
+
+def first_readable(paths: Iterable[Path]) -> Path:
+    """The first image file that can be read, or the first of all if none can: damage matters in frames that are used.
+
+    Parameters
+    ----------
+    paths
+        At least one.
+    """
+    first, *others = paths
+    return next((path for path in (first, *others) if _is_readable(path)), first)
 
 
 def read_gray(path: Path, camera: CameraModel) -> NDArray[np.uint8]:
@@ -142,6 +155,14 @@ def read_depth_png_float32(path: Path, camera: CameraModel, *, farthest_m: float
         raise DataError(path, _layout(channels), "8-bit four-channel depth")
     depth = np.ascontiguousarray(channels).view("<f4")[..., 0].astype(np.float32)
     return _depth_map(path, depth, camera, farthest_m)
+
+
+def _is_readable(path: Path) -> bool:
+    try:
+        image_size(path)
+    except DataError:
+        return False
+    return True
 
 
 def _decode(path: Path, flags: int) -> NDArray[Any]:

@@ -1,11 +1,13 @@
 """Readers by name: the built-in ones, and those of other packages' entry points ``tracknoise.sequences``."""
 
 from collections.abc import Iterator, Mapping
+from collections.abc import Sequence as Items
 from pathlib import Path
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.plugins import Plugins, plugin_defaults
 from tracknoise.sequences.sequence import Reader, Sequence, SharingReader
+from tracknoise.sequences.views import chosen_frames
 from tracknoise.tables.identity import SequenceId
 
 READERS: Plugins[Reader] = Plugins(
@@ -89,6 +91,7 @@ def open_sequence(
     *,
     scene: str | None = None,
     lighting: str | None = None,
+    frames: int | Items[int] | None = None,
     **options: object,
 ) -> Sequence:
     """Open one sequence of a data set.
@@ -101,6 +104,9 @@ def open_sequence(
         Folder of the data; None for ``simulated``.
     scene, lighting
         Which sequence; by default the first.
+    frames
+        Which of its frames: first, last and step, the last included. They are numbered from 0 again. By default all.
+        A single number is the option `frames` of the reader ``simulated``.
     **options
         Options of the reader.
 
@@ -109,8 +115,10 @@ def open_sequence(
     TracknoiseError
         If a name is unknown, an option is wrong, or the data cannot be used.
     """
+    if isinstance(frames, int):
+        options, frames = {**options, "frames": frames}, None
     made = make_reader(reader, None if root is None else Path(root), options)
-    return made.open(select(made, scene, lighting))
+    return chosen_frames(made.open(select(made, scene, lighting)), frames)
 
 
 def open_sequences(reader: str, root: str | Path | None = None, **options: object) -> Iterator[Sequence]:

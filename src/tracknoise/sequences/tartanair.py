@@ -22,7 +22,7 @@ from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.geometry.accuracy import EXACT_POSE, DepthAccuracy
 from tracknoise.geometry.camera import Camera
 from tracknoise.sequences.frame_files import DepthReader, ImageFiles, depth_files, depth_notes
-from tracknoise.sequences.images import image_size, read_depth_npy, read_depth_png_float32
+from tracknoise.sequences.images import first_readable, image_size, read_depth_npy, read_depth_png_float32
 from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.scenes import find_scenes, numbered_files, parent_of, require_unbroken, scene_folder
@@ -124,7 +124,7 @@ class TartanAir:
             images, others, lambda number: folder / f"image_{camera}" / f"{number:06d}_{camera}.png"
         )
         require_poses(folder / f"pose_{camera}.txt", poses=len(rows), images=frames.stop)
-        _require_size(images[frames[0]], version.intrinsics)
+        _require_size(first_readable(images.values()), version.intrinsics)
         depths = tuple(map(depth_paths.get, frames))
         return RecordedSequence(
             id=sequence,

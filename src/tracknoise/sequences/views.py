@@ -1,20 +1,30 @@
-"""Views of a sequence: its first frames only, played backward, or with turned images."""
+"""Views of a sequence: some of its frames only, played backward, or with turned images."""
 
+from collections.abc import Sequence as Items
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.exceptions import DataError
 from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
+from tracknoise.sequences.frame_range import frame_range, range_note
 from tracknoise.sequences.sequence import Scan, Sequence, Surface, camera_at, group_of
 from tracknoise.tables.identity import Direction, SequenceId
 
 QUARTER_DEG = 90
 
 
-def view(sequence: Sequence, *, n_frames: int | None, direction: Direction, rotation: int) -> Sequence:
+def view(
+    sequence: Sequence,
+    *,
+    n_frames: int | None,
+    direction: Direction,
+    rotation: int,
+    frames: Items[int] | None = None,
+) -> Sequence:
     """Make the view of a sequence that an experiment requires.
 
     Parameters
@@ -22,17 +32,40 @@ def view(sequence: Sequence, *, n_frames: int | None, direction: Direction, rota
     sequence
         The sequence as opened by its reader.
     n_frames
-        At most this many frames, from the first; None for all.
+        At most this many frames, from the first of those that are chosen; None for all.
     direction
         In which order they are played.
     rotation
         By how many degrees the images are turned counter-clockwise: a multiple of 90.
+    frames
+        First, last and step of the frames that are chosen; None for all.
+
+    Raises
+    ------
+    SettingsError, DataError
+        As `chosen_frames`.
     """
+    sequence = chosen_frames(sequence, frames)
     if n_frames is not None and n_frames < len(sequence):
-        sequence = Shortened(sequence, n_frames)
+        sequence = ChosenFrames(sequence, range(n_frames))
     if direction is Direction.backward:
         sequence = Backward(sequence)
     return turned(sequence, rotation)
+
+
+def chosen_frames(sequence: Sequence, frames: Items[int] | None) -> Sequence:
+    """The sequence with some of its frames only, numbered from 0; None for all.
+
+    Raises
+    ------
+    SettingsError
+        If `frames` is not first, last and step.
+    DataError
+        If fewer than two frames of the sequence are chosen.
+    """
+    if frames is None:
+        return sequence
+    return ChosenFrames(sequence, frame_range(frames, len(sequence), sequence.source))
 
 
 def turned(sequence: Sequence, degrees: int) -> Sequence:
@@ -145,33 +178,94 @@ class View:
         return surface.cast(index, uv)
 
 
+def source_frames(sequence: Sequence) -> range | None:
+    """Frames of the recording that a sequence consists of, in its order; None if nothing was chosen.
+
+    None also for a sequence that is played backward, whose frames have no numbers in the recording.
+    """
+    if isinstance(sequence, ChosenFrames):
+        inner = source_frames(sequence.sequence) or range(len(sequence.sequence))
+        return inner[sequence.frames.start : sequence.frames.stop : sequence.frames.step]
+    return source_frames(sequence.sequence) if isinstance(sequence, Turned) else None
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class Shortened(View):
-    """The first frames of a sequence.
+class ChosenFrames(View):
+    """Some frames of a sequence, numbered from 0. Nothing is read of the others.
 
     Parameters
     ----------
     sequence
         What is shown.
-    n_frames
-        How many of its frames, at most all.
+    frames
+        Which of its frames, ascending.
     """
 
-    n_frames: int
+    frames: range
 
     def __len__(self) -> int:
-        return self.n_frames
+        return len(self.frames)
+
+    @property
+    def camera(self) -> CameraModel:
+        """That of the first chosen frame."""
+        return self.camera_at(0)
 
     @property
     def world_from_camera(self) -> NDArray[np.float64]:
-        """(n, 4, 4) float64: of the frames that are left."""
-        return self.sequence.world_from_camera[: self.n_frames]
+        """(n, 4, 4) float64: of the chosen frames."""
+        return self.sequence.world_from_camera[self._slice]
 
     @property
     def timestamps_s(self) -> NDArray[np.float64] | None:
-        """(n,) float64, seconds, of the frames that are left; None where unknown."""
+        """(n,) float64, seconds, of the chosen frames; None where unknown."""
         times = self.sequence.timestamps_s
-        return None if times is None else times[: self.n_frames]
+        return None if times is None else times[self._slice]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Those of the sequence shown, and which of its frames are used unless they are the first."""
+        first = range(len(self.frames))
+        more = () if self.frames == first else (range_note(self.frames, len(self.sequence)),)
+        return (*self.sequence.notes, *more)
+
+    @property
+    def scan(self) -> Scan | None:
+        """That of the sequence shown, with its key frame counted among the chosen frames.
+
+        Raises
+        ------
+        DataError
+            If the key frame lies before the chosen frames or between two of them.
+        """
+        scan = self.sequence.scan
+        if scan is None:
+            return None
+        place, skipped = divmod(scan.key_frame - self.frames.start, self.frames.step)
+        if place < 0 or skipped:
+            found = f"frames {self.frames[0]} to {self.frames[-1]} in steps of {self.frames.step}"
+            raise DataError(self.source, found, f"a choice with the key frame {scan.key_frame} in it")
+        return replace(scan, key_frame=place)
+
+    def camera_at(self, index: int) -> CameraModel:
+        """Intrinsics of one frame: see `tracknoise.sequences.sequence.camera_at`."""
+        return camera_at(self.sequence, self.frames[index])
+
+    def image(self, index: int) -> NDArray[np.uint8]:
+        """(height, width) uint8: see `Sequence.image`."""
+        return self.sequence.image(self.frames[index])
+
+    def depth(self, index: int) -> DepthMap | None:
+        """Depth of one frame: see `Sequence.depth`."""
+        return self.sequence.depth(self.frames[index])
+
+    def cast(self, index: int, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """First surface points on the rays through pixels: see `Surface.cast`."""
+        return View.cast(self, self.frames[index], uv)
+
+    @property
+    def _slice(self) -> slice:
+        return slice(self.frames.start, self.frames.stop, self.frames.step)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

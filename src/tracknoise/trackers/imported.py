@@ -99,7 +99,8 @@ class Imported:
         """
         path = context.sequence.expand(self.path, speed=context.speed)
         kind = self.format or detected(path)
-        rows = read_rows(path, kind, n_frames=context.n_frames)
+        whole = context.source_frames is None
+        rows = read_rows(path, kind, n_frames=context.n_frames if whole else None)
         assignment = Assignment(
             Raster(self.origin or origin_of(kind), self.raster),
             self.first_frame,

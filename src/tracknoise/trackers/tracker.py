@@ -124,8 +124,12 @@ class SequenceContext:
         True positions, for the oracle only; None if this kind of truth cannot place points.
     repeat
         Number of the repetition with other random seeds; 0 for the first measurement.
+    frames_without_pose
+        Frames in which no true position is known.
     timestamps_s
         (n_frames,) float64: the time of each frame, seconds, increasing; None where unknown.
+    source_frames
+        Frames of the recording that are those of the sequence, where a part of it was chosen; None otherwise.
     """
 
     sequence: SequenceId
@@ -135,7 +139,9 @@ class SequenceContext:
     seed: int
     truth: OracleTruth | None
     repeat: int = 0
+    frames_without_pose: frozenset[int] = frozenset()
     timestamps_s: NDArray[np.float64] | None = field(default=None, compare=False)
+    source_frames: range | None = None
 
 
 @runtime_checkable

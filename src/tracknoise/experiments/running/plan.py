@@ -137,6 +137,7 @@ def open_batch(tasks: list[Task]) -> list[Sequence]:
     return [
         view(
             opened[name],
+            frames=dataset.frames,
             n_frames=dataset.max_frames,
             direction=task.sequence.direction,
             rotation=task.sequence.rotation,

@@ -11,7 +11,7 @@ from tracknoise.checks import require_at_least
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
 from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_notes
-from tracknoise.sequences.images import image_size
+from tracknoise.sequences.images import first_readable, image_size
 from tracknoise.sequences.kitti.calibration import read_camera, read_camera_from_velodyne
 from tracknoise.sequences.kitti.depth import KittiDepth, source_note
 from tracknoise.sequences.kitti.layout import IMAGES, Drive, find_drives, find_frames, recording_of
@@ -109,7 +109,7 @@ class Kitti:
         drive = drives[sequence.scene]
         frames = find_frames(drive)
         camera = read_camera(drive.day)
-        _require_size(frames.images[0], camera)
+        _require_size(first_readable(frames.images), camera)
         poses, notes = read_trajectory(drive, frames.numbers)
         if reason := self._still_stretch(poses, frames.numbers):
             raise DataError(drive.folder, reason, _OVERRIDE)

@@ -1,7 +1,7 @@
 """From rows of a file to tracks in the frames of a sequence, with the mistakes that the rows show."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,30 +69,34 @@ class Assignment:
     def _framed(self, rows: Rows, context: SequenceContext) -> tuple[Rows, int]:
         """Rows with frames, and how many rows belong to none."""
         if rows.frame is not None:
-            return self._numbered(rows, rows.frame, context.n_frames), 0
+            return self._numbered(rows, rows.frame, context), 0
         if context.timestamps_s is None:
             expected = "frame numbers, because the times of the sequence's frames are unknown"
             raise DataError(rows.path, "times", expected)
         assign = interpolated if self.asynchronous else nearest_frames
         return assign(in_seconds(rows, self.time_offset_s), context.timestamps_s, self.max_gap_s)
 
-    def _numbered(self, rows: Rows, frame: NDArray[np.int64], n_frames: int) -> Rows:
-        """Rows whose frames count from the first of the sequence."""
+    def _numbered(self, rows: Rows, frame: NDArray[np.int64], context: SequenceContext) -> Rows:
+        """Rows whose frames count from the first of the sequence. Frames of a recording that were not chosen go."""
+        if context.source_frames is not None:
+            return _chosen(rows, frame - self.first_frame, context.source_frames)
+        n_frames = context.n_frames
         first, last = self.first_frame, self.first_frame + n_frames - 1
         expected = f"a frame from {first} to {last} of the sequence"
         if first == 0 and frame.min() == 1 and frame.max() == n_frames:
             expected += "; frames are counted from 1: set first_frame = 1"
         rows.refuse((frame < first) | (frame > last), "frame", frame, expected)
-        return Rows(
-            rows.path,
-            rows.track,
-            rows.uv,
-            frame - first,
-            line=rows.line,
-            has_lines=rows.has_lines,
-            response=rows.response,
-            quality=rows.quality,
-        )
+        return replace(rows, frame=frame - first)
+
+
+def _chosen(rows: Rows, frame: NDArray[np.int64], source: range) -> Rows:
+    """The rows in frames of a recording that were chosen, with their numbers among these."""
+    place, skipped = np.divmod(frame - source.start, source.step)
+    kept = np.flatnonzero((skipped == 0) & (place >= 0) & (place < len(source)))
+    if not len(kept):
+        found = f"frames from {frame.min()} to {frame.max()}"
+        raise DataError(rows.path, found, f"some of the chosen frames, {source[0]} to {source[-1]} of the recording")
+    return rows.chosen(kept, place[kept], rows.uv[kept])
 
 
 def _frames(rows: Rows) -> NDArray[np.int64]:

@@ -24,7 +24,7 @@ _Keypoints = list[NDArray[np.float64]]
 _Matches = list[NDArray[np.int64]]
 
 
-def read_colmap(path: Path, *, n_frames: int) -> Rows:
+def read_colmap(path: Path, *, n_frames: int | None) -> Rows:
     """Read the keypoints of all images, and chain them to tracks by the inlier matches of consecutive images.
 
     Frames are images in the order of their names. A keypoint without a match in the next image is the last of its
@@ -34,17 +34,17 @@ def read_colmap(path: Path, *, n_frames: int) -> Rows:
     ------
     DataError
         If the file is missing or damaged, a match names a keypoint that does not exist, or the number of images is not
-        that of the frames.
+        that of the frames. None as `n_frames` allows any number.
     """
     size = require_regular(path, _EXPECTED, most=_MOST_BYTES)
     with damage_reported(path, "not readable", _EXPECTED, with_reason=True):
         keypoints, matches = call_in_child(_read, path, size=size)
-    if len(keypoints) != n_frames:
+    if n_frames not in (None, len(keypoints)):
         raise DataError(path, f"{len(keypoints)} images", f"one for each of the {n_frames} frames")
     counts = [len(points) for points in keypoints]
     if not sum(counts):
         raise DataError(path, "no keypoint", "at least one")
-    frame = np.repeat(np.arange(n_frames), counts)
+    frame = np.repeat(np.arange(len(counts)), counts)
     return Rows(path, _chained(counts, matches), np.concatenate(keypoints), frame=frame)
 
 

@@ -39,7 +39,7 @@ _BY_SUFFIX: Mapping[str, TrackFormat] = {
 }
 SUFFIXES = tuple(_BY_SUFFIX)
 """Endings of file names that show a format."""
-_READERS: Mapping[TrackFormat, Callable[[Path, int], Rows]] = {
+_READERS: Mapping[TrackFormat, Callable[[Path, int | None], Rows]] = {
     TrackFormat.table: lambda path, _: read_table(path),
     TrackFormat.xivo: lambda path, _: read_xivo(path),
     TrackFormat.events: lambda path, _: read_events(path),
@@ -63,7 +63,7 @@ def detected(path: Path) -> TrackFormat:
     return TrackFormat.xivo if path.suffix in (".csv", ".txt") and _is_xivo(path) else found
 
 
-def read_rows(path: Path, kind: TrackFormat, *, n_frames: int) -> Rows:
+def read_rows(path: Path, kind: TrackFormat, *, n_frames: int | None) -> Rows:
     """Read a file of tracks.
 
     Parameters
@@ -73,7 +73,7 @@ def read_rows(path: Path, kind: TrackFormat, *, n_frames: int) -> Rows:
     kind
         Its format.
     n_frames
-        Number of frames of the sequence.
+        Number of frames of the sequence; None if it is a part of the recording.
 
     Raises
     ------

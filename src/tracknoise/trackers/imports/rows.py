@@ -57,6 +57,19 @@ class Rows:
             return str(self.path)
         return f"{self.path}:{self.line[row]}" if self.has_lines else f"{self.path}: row {self.line[row]}"
 
+    def chosen(self, kept: NDArray[np.intp], frame: NDArray[np.intp], uv: NDArray[np.float64]) -> "Rows":
+        """Some of the rows, by index, with frames and positions."""
+        return Rows(
+            self.path,
+            self.track[kept],
+            uv,
+            frame=frame.astype(np.int64),
+            line=None if self.line is None else self.line[kept],
+            has_lines=self.has_lines,
+            response=None if self.response is None else self.response[kept],
+            quality={name: values[kept] for name, values in self.quality.items()},
+        )
+
     def refuse(self, bad: NDArray[np.bool_], name: str, values: NDArray[np.generic], expected: str) -> None:
         """Raise an error that shows the first bad value.
 

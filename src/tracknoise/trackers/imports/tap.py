@@ -18,7 +18,7 @@ _HIDDEN = {"occluded": False, "visible": True}
 """Arrays that state where points are seen, and the value that says so."""
 
 
-def read_tap(path: Path, *, n_frames: int) -> Rows:
+def read_tap(path: Path, *, n_frames: int | None) -> Rows:
     """Read an archive with ``tracks``, (points, frames, 2): u and v, and ``occluded``, (points, frames).
 
     ``visible`` can replace ``occluded``. With ``query_points``, (points, 3): frame, v and u, the frames before that of
@@ -52,7 +52,7 @@ def _read(path: Path) -> dict[str, NDArray[Any]]:
         return {name: archive[name] for name in ("tracks", *_HIDDEN, "query_points") if name in archive}
 
 
-def _positions(path: Path, arrays: dict[str, NDArray[Any]], n_frames: int) -> NDArray[np.float64]:
+def _positions(path: Path, arrays: dict[str, NDArray[Any]], n_frames: int | None) -> NDArray[np.float64]:
     """The array of positions as float64."""
     if "tracks" not in arrays:
         raise DataError(path, "no array tracks", _EXPECTED)
@@ -60,7 +60,7 @@ def _positions(path: Path, arrays: dict[str, NDArray[Any]], n_frames: int) -> ND
     if tracks.ndim != 3 or tracks.shape[2] != 2 or tracks.dtype.kind not in "fiu":
         found = f"tracks of shape {tracks.shape} and type {tracks.dtype}"
         raise DataError(path, found, "numbers of shape (points, frames, 2)")
-    if tracks.shape[1] > n_frames >= tracks.shape[0]:
+    if n_frames is not None and tracks.shape[1] > n_frames >= tracks.shape[0]:
         found = f"tracks of shape {tracks.shape} for {n_frames} frames"
         raise DataError(path, found, "shape (points, frames, 2): transpose the first two axes")
     return np.asarray(tracks, dtype=np.float64)

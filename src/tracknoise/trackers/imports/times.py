@@ -60,7 +60,7 @@ def nearest_frames(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float |
     first = np.ones(len(order), dtype=np.bool_)
     first[1:] = (np.diff(frame[order]) != 0) | (np.diff(rows.track[order]) != 0)
     kept = np.sort(order[first])
-    return _taken(rows, kept, frame[kept], rows.uv[kept]), len(time_s) - len(near)
+    return rows.chosen(kept, frame[kept], rows.uv[kept]), len(time_s) - len(near)
 
 
 def interpolated(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float | None) -> _Taken:
@@ -106,7 +106,7 @@ def interpolated(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float | N
     later = np.where(linked[row], row + 1, row)
     span = np.where(linked[row], time_s[later] - time_s[row], 1.0)
     share = (frames_s[frame] - time_s[row]) / span
-    return _taken(rows, order[row], frame, uv[row] + share[:, None] * (uv[later] - uv[row])), 0
+    return rows.chosen(order[row], frame, uv[row] + share[:, None] * (uv[later] - uv[row])), 0
 
 
 def _times(rows: Rows) -> NDArray[np.float64]:
@@ -133,16 +133,3 @@ def _require_one_each(
     twice = np.zeros(len(order), dtype=np.bool_)
     twice[order[1:]] = (np.diff(track) == 0) & (np.diff(time_s) == 0)
     rows.refuse(twice, "track", rows.track, "one row for each track and time")
-
-
-def _taken(rows: Rows, kept: NDArray[np.intp], frame: NDArray[np.intp], uv: NDArray[np.float64]) -> Rows:
-    return replace(
-        rows,
-        track=rows.track[kept],
-        uv=uv,
-        frame=frame.astype(np.int64),
-        time_s=None,
-        line=None if rows.line is None else rows.line[kept],
-        response=None if rows.response is None else rows.response[kept],
-        quality={name: values[kept] for name, values in rows.quality.items()},
-    )

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from tracknoise.api.run import Run, open_run
     from tracknoise.exceptions import TracknoiseError
     from tracknoise.experiments.measure import Measurement, measure
+    from tracknoise.sequences.arrays import Sequence
     from tracknoise.sequences.registry import open_sequence, open_sequences
     from tracknoise.statistics.curves import curves
     from tracknoise.statistics.lifetimes import lifetimes
@@ -37,6 +38,7 @@ __all__ = [
     "Oracle",
     "Rejection",
     "Run",
+    "Sequence",
     "TracknoiseError",
     "analyse",
     "curves",
@@ -59,6 +61,7 @@ _HOMES = {
     "Oracle": "trackers.oracle",
     "Rejection": "trackers.rejection",
     "Run": "api.run",
+    "Sequence": "sequences.arrays",
     "TracknoiseError": "exceptions",
     "analyse": "api.analyse",
     "curves": "statistics.curves",

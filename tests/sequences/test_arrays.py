@@ -18,7 +18,7 @@ def pictures(n: int = 4, shape: tuple[int, ...] = (48, 64)) -> np.ndarray:
 
 def test_arrays_become_a_sequence_that_can_be_measured_and_pickled():
     motion = np.stack([np.roll(pictures(1)[0], -k, axis=1) for k in range(4)])
-    depth = np.full((4, 48, 64), 1.2, np.float32)
+    depth = np.full((4, 48, 64), 1.2)
     sequence = tn.Sequence.from_arrays(motion, POSES, K, depth, timestamps_s=[0.0, 0.1, 0.2, 0.3], scene="a")
     assert (len(sequence), sequence.id.scene, sequence.truths) == (4, "a", ("birth",))
     assert sequence.camera == Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
@@ -67,7 +67,7 @@ def test_a_rotation_that_is_not_exact_is_noted():
         ({"K": [["a"]]}, "K is no array of numbers"),
         (
             {"depths": np.ones((4, 48, 64), np.uint16)},
-            r"depths\[0\] of shape \(48, 64\) and type uint16, expected .*metres",
+            r"depths\[0\] of shape .* type uint16, expected .*metres",
         ),
         ({"depths": np.ones((3, 48, 64))}, "3 depth maps, expected one for each"),
         ({"timestamps_s": [0.0, 0.1, 0.1, 0.3]}, "timestamps that do not increase"),

@@ -2,8 +2,9 @@
 
 from collections.abc import Iterable, Mapping
 from collections.abc import Sequence as Items
-from numbers import Integral
 from typing import TypeAlias, cast
+
+import numpy as np
 
 from tracknoise.exceptions import SettingsError
 from tracknoise.trackers.registry import make_tracker
@@ -27,8 +28,7 @@ def named_trackers(trackers: Trackers) -> dict[str, TrackerSettings]:
     if isinstance(trackers, Mapping):
         named = {name: _settings(tracker) for name, tracker in trackers.items()}
     else:
-        several = isinstance(trackers, Iterable) and not isinstance(trackers, str | type)
-        listed = [_settings(tracker) for tracker in (trackers if several else [trackers])]
+        listed = [_settings(tracker) for tracker in _several(trackers)]
         named = {settings.kind: settings for settings in listed}
         if len(named) < len(listed):
             raise SettingsError("two trackers of one kind, expected a mapping that names them")
@@ -48,7 +48,7 @@ def checked_speeds(speeds: object) -> list[int]:
     if not isinstance(speeds, Iterable) or isinstance(speeds, str):
         raise SettingsError(f"speeds = {speeds!r}, expected a list, such as [1] or [1, 2]")
     listed = list(speeds)
-    known = [int(speed) for speed in listed if isinstance(speed, Integral) and not isinstance(speed, bool)]
+    known = [int(speed) for speed in listed if type(speed) is int or isinstance(speed, np.integer)]
     if not known or len(set(known)) < len(listed) or min(known) < 1:
         raise SettingsError(f"speeds = {listed}, expected different whole numbers of 1 or more, such as [1, 2]")
     return known
@@ -66,6 +66,10 @@ def require_sequences(sequences: Items[object]) -> None:
         if isinstance(sequence, str | type) or not hasattr(sequence, "image"):
             expected = "a sequence, from tracknoise.open_sequence or tracknoise.Sequence.from_arrays"
             raise SettingsError(f"found {sequence!r}, expected {expected}")
+
+
+def _several(trackers: object) -> Iterable[object]:
+    return trackers if isinstance(trackers, Iterable) and not isinstance(trackers, str | type) else [trackers]
 
 
 def _settings(tracker: object) -> TrackerSettings:

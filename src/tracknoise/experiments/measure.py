@@ -159,12 +159,10 @@ def measure_together(
         If two trackers share a name, the sequence is too short for a speed or cannot be read, it does not offer
         the kind of truth, or no tracker finds a feature.
     """
-    sequences = [chosen_frames(sequence, frames) for sequence in sequences]
     require_sequences(sequences)
-    played = checked_speeds(speeds)
-    setups = [
-        TrackerSetup(name, settings, speed) for name, settings in named_trackers(trackers).items() for speed in played
-    ]
+    named, played = named_trackers(trackers), checked_speeds(speeds)
+    sequences = [chosen_frames(sequence, frames) for sequence in sequences]
+    setups = [TrackerSetup(name, settings, speed) for name, settings in named.items() for speed in played]
     measured = measure_sequences(
         sequences, setups, truth=truth, scan_rule=scan_rule, max_frames=max_frames, seed=seed, progress=progress
     )

@@ -12,6 +12,10 @@ from tracknoise.trackers.imports.rows import Rows, Tracks
 from tracknoise.trackers.imports.times import in_seconds, interpolated, nearest_frames
 from tracknoise.trackers.tracker import SequenceContext
 
+NEAREST_GAP = 0.5
+"""Largest distance between a row and its frame, as a share of the median time between frames."""
+INTERPOLATED_GAP = 1.5
+"""Largest distance between two rows with a frame between them, as such a share."""
 _LEAST_FRAMES = 3
 """With fewer frames, a regular distance between them proves nothing."""
 
@@ -29,7 +33,8 @@ class Assignment:
     time_offset_s
         Added to the times of the file to get those of the sequence, seconds.
     max_gap_s
-        See `tracknoise.trackers.imports.times`; None for the default.
+        Largest distance between a row and its frame, or between two rows with a frame between them, seconds. Default:
+        `NEAREST_GAP` or `INTERPOLATED_GAP` times the median time between frames.
     asynchronous
         Whether positions are interpolated at the times of frames. Otherwise each row belongs to the nearest frame.
     """
@@ -74,7 +79,16 @@ class Assignment:
             expected = "frame numbers, because the times of the sequence's frames are unknown"
             raise DataError(rows.path, "times", expected)
         assign = interpolated if self.asynchronous else nearest_frames
-        return assign(in_seconds(rows, self.time_offset_s), context.timestamps_s, self.max_gap_s)
+        limit = self._largest_gap_s(context.timestamps_s, context.source_frames)
+        framed, left_out = assign(in_seconds(rows, self.time_offset_s), context.timestamps_s, limit)
+        return framed, 0 if context.source_frames else left_out
+
+    def _largest_gap_s(self, frames_s: NDArray[np.float64], source: range | None) -> float:
+        """By default a share of the median time between frames of the recording."""
+        if self.max_gap_s is not None:
+            return self.max_gap_s
+        interval = float(np.median(np.diff(frames_s))) / (source.step if source else 1)
+        return (INTERPOLATED_GAP if self.asynchronous else NEAREST_GAP) * interval
 
     def _numbered(self, rows: Rows, frame: NDArray[np.int64], context: SequenceContext) -> Rows:
         """Rows whose frames count from the first of the sequence. Frames of a recording that were not chosen go."""
@@ -111,7 +125,7 @@ def _require_steps(rows: Rows, frame: NDArray[np.int64], speed: int) -> None:
         return
     step = int(np.gcd.reduce(np.diff(present)))
     if step > 1 and (speed % step or present[0] % step):
-        found = f"rows in every {step}th frame only: {', '.join(map(str, present[:3]))}, ..."
+        found = f"rows in one of {step} frames only: {', '.join(map(str, present[:3]))}, ..."
         expected = f"rows in consecutive frames that are seen at speed {speed}; for such tracks set speeds = [{step}]"
         raise DataError(rows.path, found, expected)
 

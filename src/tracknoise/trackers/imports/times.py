@@ -8,10 +8,6 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError
 from tracknoise.trackers.imports.rows import Rows
 
-NEAREST_GAP = 0.5
-"""Largest distance between an observation and a frame, as a share of the median time between frames."""
-INTERPOLATED_GAP = 1.5
-"""Largest distance between two observations with a frame between them, as such a share."""
 _Taken = tuple[Rows, int]
 
 
@@ -23,7 +19,7 @@ def in_seconds(rows: Rows, offset_s: float) -> Rows:
     return replace(rows, time_s=rows.time_s + offset_s)
 
 
-def nearest_frames(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float | None) -> _Taken:
+def nearest_frames(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float) -> _Taken:
     """Assign each row to the frame that is nearest in time.
 
     Of several rows of a track that are nearest to the same frame, the nearest is kept.
@@ -35,7 +31,7 @@ def nearest_frames(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float |
     frames_s
         (n,) float64, increasing: the time of each frame.
     max_gap_s
-        Rows that are farther from every frame are left out. Default: `NEAREST_GAP` times the median interval.
+        Rows that are farther from every frame are left out.
 
     Returns
     -------
@@ -50,11 +46,10 @@ def nearest_frames(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float |
         If all rows are.
     """
     time_s = _times(rows)
-    limit = NEAREST_GAP * _interval(frames_s) * (1 + 1e-9) if max_gap_s is None else max_gap_s
     after = np.clip(np.searchsorted(frames_s, time_s), 1, len(frames_s) - 1)
     frame = after - (time_s - frames_s[after - 1] <= frames_s[after] - time_s)
     gap = np.abs(time_s - frames_s[frame])
-    near = np.flatnonzero(gap <= limit)
+    near = np.flatnonzero(gap <= max_gap_s)
     _require_any(rows, near, frames_s)
     order = near[np.lexsort([gap[near], rows.track[near], frame[near]])]
     first = np.ones(len(order), dtype=np.bool_)
@@ -63,7 +58,7 @@ def nearest_frames(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float |
     return rows.chosen(kept, frame[kept], rows.uv[kept]), len(time_s) - len(near)
 
 
-def interpolated(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float | None) -> _Taken:
+def interpolated(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float) -> _Taken:
     """Positions of each track at the times of frames, linear between the observations before and after.
 
     Parameters
@@ -73,8 +68,7 @@ def interpolated(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float | N
     frames_s
         (n,) float64, increasing: the time of each frame.
     max_gap_s
-        A track has no position in a frame between two observations that are farther apart. Default: `INTERPOLATED_GAP`
-        times the median interval.
+        A track has no position in a frame between two observations that are farther apart.
 
     Returns
     -------
@@ -89,13 +83,12 @@ def interpolated(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float | N
         If no track has a position in any frame, or a track has two observations at one time.
     """
     time_s = _times(rows)
-    limit = INTERPOLATED_GAP * _interval(frames_s) if max_gap_s is None else max_gap_s
     order = np.lexsort([time_s, rows.track])
     track, time_s, uv = rows.track[order], time_s[order], rows.uv[order]
     _require_one_each(rows, order, track, time_s)
     same = np.append(track[1:] == track[:-1], np.False_)  # whether the next row is of the same track
     following = np.append(time_s[1:], np.nan)
-    linked = same & (following - time_s <= limit)
+    linked = same & (following - time_s <= max_gap_s)
     first = np.searchsorted(frames_s, time_s)
     last = np.where(linked, np.searchsorted(frames_s, np.where(linked, following, time_s)), first)
     at_row = (first < len(frames_s)) & (frames_s[np.minimum(first, len(frames_s) - 1)] == time_s)
@@ -112,10 +105,6 @@ def interpolated(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float | N
 def _times(rows: Rows) -> NDArray[np.float64]:
     assert rows.time_s is not None, "times are in seconds"
     return rows.time_s
-
-
-def _interval(frames_s: NDArray[np.float64]) -> float:
-    return float(np.median(np.diff(frames_s)))
 
 
 def _require_any(rows: Rows, used: NDArray[np.intp], frames_s: NDArray[np.float64]) -> None:

@@ -64,12 +64,13 @@ def lifetimes(tables: RunTables, conditions: ReportedConditions) -> Headline | N
     """Median and restricted mean lifetime of tracks, and the restricted mean until failure."""
     restricted = [_value(conditions.of(tables["summary"], name), "restricted_to") for name in conditions.trackers]
     horizon = next((frames for frames in restricted if frames is not None), None)
+    has_causes = any(_reports_causes(conditions.of(tables["summary"], name)) for name in conditions.trackers)
     means = "" if horizon is None else f", and means restricted to {count(int(horizon), 'frame')}"
     return by_tracker(
         conditions.trackers,
         lambda tracker: _lifetime_of(tables, conditions, tracker),
         opening=f"Median lifetime {conditions.where(tables['summary'])} (Kaplan-Meier){means}.",
-        closing="" if horizon is None else _FAILURE,
+        closing=_FAILURE if has_causes and horizon is not None else "",
         topic="lifetimes",
         figure="lifetimes",
         table="intervals",

@@ -69,9 +69,9 @@ def _numbers(data: ReportData, table: pl.DataFrame, subjects: Mapping[str, str])
     labels = table.group_by("tracker", "speed", "series").agg(pl.col("n_censored").sum())
     found = data.reference(data.summary).join(labels, on=["tracker", "speed"])
     rows = {row["series"]: row for row in found.to_dicts()}
-    return " ".join(
-        [*(_sentences(subject, rows[name]) for name, subject in subjects.items() if name in rows), _FAILURE]
-    )
+    until_failure = any(row["restricted_mean_until_failure"] is not None for row in rows.values())
+    sentences = [_sentences(subject, rows[name]) for name, subject in subjects.items() if name in rows]
+    return " ".join([*sentences, *([_FAILURE] if until_failure else [])])
 
 
 def _sentences(subject: str, row: Mapping[str, Any]) -> str:

@@ -8,10 +8,13 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+import numpy as np
+
 from benchmarks.attack import recordings, samples, timed
 from benchmarks.attack.mutations import with_png_checksums
 from tracknoise.experiments.load import load_experiment
 from tracknoise.geometry.camera import Camera
+from tracknoise.options import PathTemplate
 from tracknoise.report.contents import read_contents
 from tracknoise.sequences.camera_files import read_camera_file
 from tracknoise.sequences.colmap.reader import Colmap
@@ -41,11 +44,14 @@ from tracknoise.sequences.sevenscenes import SevenScenes
 from tracknoise.sequences.tartanair import TartanAir
 from tracknoise.sequences.tum.reader import Tum
 from tracknoise.simulation.sdf.load import load_model, load_world
+from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.store import RunFolder
+from tracknoise.trackers.imported import Imported
 from tracknoise.trackers.registry import make_tracker
-from tracknoise.trackers.track_file import read_tracks
+from tracknoise.trackers.tracker import SequenceContext
 
 CAMERA = Camera(*samples.SIZE, 20.0, 20.0, 11.5, 7.5)
+_TRACKS = ("csv", "parquet", "txt", "npz", "db")
 _VELODYNE = KittiDepth(1.0, CAMERA_FROM_VELODYNE)
 
 
@@ -110,6 +116,12 @@ def _listed_options(path: Path) -> list[Any]:
     return [item for item in listed if isinstance(item, list) and [*map(type, item)] == [str, str, dict]]
 
 
+def _read_tracks(path: Path) -> None:
+    """As the tracker `imported` does, for a sequence of four frames at 10 Hz."""
+    context = SequenceContext(SequenceId("d", "s"), (100, 100), 4, 1, 0, None, timestamps_s=np.arange(4) / 10)
+    Imported(PathTemplate(str(path).replace("{", "{{").replace("}", "}}"))).start(context)
+
+
 def _read_run(path: Path) -> None:
     run = RunFolder(path.parent)
     run.manifest()
@@ -168,8 +180,7 @@ _REAL = (
 PARSERS: tuple[Parser, ...] = (
     Parser("experiment", samples.experiments, "*.toml", load_experiment),
     Parser("options", samples.options, "*.json", _read_options),
-    Parser("tracks csv", samples.tracks, "*.csv", partial(read_tracks, n_frames=50)),
-    Parser("tracks parquet", samples.tracks, "*.parquet", partial(read_tracks, n_frames=50)),
+    *(Parser(f"tracks {suffix}", samples.tracks, f"*.{suffix}", _read_tracks) for suffix in _TRACKS),
     Parser("image", samples.images, "gray/*", _image, with_png_checksums),
     Parser("depth npy", samples.images, "depth/*.npy", partial(read_depth_npy, camera=CAMERA)),
     Parser(

@@ -3,6 +3,8 @@
 import json
 import os
 import shutil
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -197,7 +199,7 @@ def options(folder: Path) -> None:
 
 
 def tracks(folder: Path) -> None:
-    """Imported tracks in both formats, of different column types and compressions."""
+    """Imported tracks in all formats, of different column types and compressions."""
     folder.mkdir()
     rows = [(track, frame, 10.0 + frame, 5.0 + track, 0.5) for track in range(6) for frame in range(4)]
     table = pl.DataFrame(rows, schema=["track", "frame", "u_px", "v_px", "quality_sure"], orient="row")
@@ -207,6 +209,31 @@ def tracks(folder: Path) -> None:
     table.with_columns(pl.col("track").cast(pl.String), response=pl.lit(None, pl.Float32)).write_parquet(
         folder / "text.parquet"
     )
+
+    lines = [f"{track} {frame / 10} {u} {v}" for track, frame, u, v, _ in rows]
+    (folder / "events.txt").write_text("# id t x y\n" + "\n".join(lines) + "\n")
+    dump = [f"{frame * 1e8:.18e},{track},{u:.18e},{v:.18e},0.0,1.0" for track, frame, u, v, _ in rows]
+    (folder / "xivo.txt").write_text("\n".join(dump) + "\n")
+    positions = np.array(rows)[:, 2:4].reshape(6, 4, 2)
+    np.savez(folder / "tap.npz", tracks=positions, occluded=positions[..., 0] > 12)
+    np.savez_compressed(folder / "packed.npz", tracks=positions, visible=positions[..., 0] <= 12)
+    _colmap(folder / "colmap.db", positions)
+
+
+def _colmap(path: Path, positions: np.ndarray) -> None:
+    """A COLMAP database in which every keypoint is matched with that of the same number in the next image."""
+    count, n_images = positions.shape[:2]
+    with closing(sqlite3.connect(path)) as database, database:
+        database.execute("CREATE TABLE images (image_id INTEGER PRIMARY KEY, name TEXT)")
+        for name in ("keypoints (image_id", "two_view_geometries (pair_id"):
+            database.execute(f"CREATE TABLE {name} INTEGER PRIMARY KEY, rows INTEGER, cols INTEGER, data BLOB)")
+        same = np.repeat(np.arange(count, dtype=np.uint32), 2).tobytes()
+        for image in range(1, n_images + 1):
+            points = positions[:, image - 1].astype(np.float32).tobytes()
+            database.execute("INSERT INTO images VALUES (?, ?)", (image, f"{image:03}.png"))
+            database.execute("INSERT INTO keypoints VALUES (?, ?, 2, ?)", (image, count, points))
+            pair = image * (2**31 - 1) + image + 1
+            database.execute("INSERT INTO two_view_geometries VALUES (?, ?, 2, ?)", (pair, count, same))
 
 
 def images(folder: Path) -> None:

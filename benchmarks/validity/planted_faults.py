@@ -244,7 +244,7 @@ FAULTS = (
     fault(
         "imported tracks one frame late",
         (
-            "trackers/imported.py",
+            "trackers/imports/replay.py",
             "np.searchsorted(self._tracks.frame, [frame.index, frame.index + 1])",
             "np.searchsorted(self._tracks.frame, [frame.index - 1, frame.index])",
         ),

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from tracknoise.api.run import Run, open_run
     from tracknoise.exceptions import TracknoiseError
     from tracknoise.experiments.measure import Measurement, measure
+    from tracknoise.experiments.tap_metrics import tap_metrics
+    from tracknoise.sequences.arrays import Sequence
     from tracknoise.sequences.registry import open_sequence, open_sequences
     from tracknoise.statistics.curves import curves
     from tracknoise.statistics.lifetimes import lifetimes
@@ -37,6 +39,7 @@ __all__ = [
     "Oracle",
     "Rejection",
     "Run",
+    "Sequence",
     "TracknoiseError",
     "analyse",
     "curves",
@@ -48,6 +51,7 @@ __all__ = [
     "outlier_ratios",
     "summarise_sequence",
     "summary",
+    "tap_metrics",
 ]
 
 _HOMES = {
@@ -59,6 +63,7 @@ _HOMES = {
     "Oracle": "trackers.oracle",
     "Rejection": "trackers.rejection",
     "Run": "api.run",
+    "Sequence": "sequences.arrays",
     "TracknoiseError": "exceptions",
     "analyse": "api.analyse",
     "curves": "statistics.curves",
@@ -70,6 +75,7 @@ _HOMES = {
     "outlier_ratios": "statistics.outliers",
     "summarise_sequence": "statistics.summarise",
     "summary": "statistics.summary",
+    "tap_metrics": "experiments.tap_metrics",
 }
 
 

@@ -109,7 +109,7 @@ def test_a_file_without_rows_is_refused_by_name(suffix, tmp_path, setting):
 
 def test_frames_counted_from_1_are_noticed_by_the_one_beyond_the_sequence(tmp_path, setting):
     from_1 = {**ROWS, "frame": [frame + 1 for frame in ROWS["frame"]]}
-    beyond = r"row 6: frame 4, expected a frame from 0 to 3 of the sequence$"
+    beyond = r"row 6: frame 4, expected a frame from 0 to 3 .*; frames are counted from 1: set first_frame = 1$"
     with pytest.raises(DataError, match=r"tracks.parquet: " + beyond):
         written(tmp_path / "tracks.parquet", from_1).start(setting(n_frames=4))
     with pytest.raises(DataError, match=r"tracks.csv:7: frame 4, expected a frame from 0 to 3"):
@@ -149,7 +149,7 @@ def test_parquet_columns_of_whole_floats_are_read(tmp_path, setting):
         ("track,frame,u_px,v_px\nnan,0,2,3\n", r"tracks.csv:2: track 'nan', expected a whole number$"),
         ("track,frame,u_px,v_px\n1,-1,2,3\n", r"tracks.csv:2: frame -1, expected a frame from 0 to 5 of the"),
         ("track, track,frame,u_px,v_px\n1,1,0,2,3\n", r"tracks.csv: not readable \(.*duplicate.*\), expected"),
-        ("track,frame,u_px,v_px\n1,0,2,3\n2,0,2,3\n1,0,5,5\n", r"tracks.csv:4: track '1', expected one row for each"),
+        ("track,frame,u_px,v_px\n1,0,2,3\n2,0,2,3\n1,0,5,5\n", r"tracks.csv:4: track 1, expected one row for each"),
         ("track,frame,u_px,v_px,response\n1,0,2,3,high\n", r"tracks.csv:2: response 'high', expected a finite number$"),
         ("track,frame,u_px,v_px\n1,0,2,3,4\n", r"tracks.csv: not readable \(.*\), expected a .csv file of tracks$"),
         ("", r"tracks.csv: not readable \(.*\), expected a .csv file of tracks$"),
@@ -182,7 +182,7 @@ def test_bytes_that_are_no_table_are_refused(name, tmp_path, setting):
         Imported(str(tmp_path / name)).start(setting())
 
 
-@pytest.mark.parametrize("path", ["tracks.txt", "{scen}.csv", "{}.csv", "{scene.csv", "{scene.x}.csv"])
+@pytest.mark.parametrize("path", ["tracks.json", "{scen}.csv", "{}.csv", "{scene.csv", "{scene.x}.csv"])
 def test_impossible_paths_are_refused_by_name(path):
     with pytest.raises(ValueError, match="path is"):
         Imported(path)

@@ -67,4 +67,4 @@ def test_defaults_are_shown_as_toml_that_makes_the_same_tracker():
 
     for kind in ("lucas-kanade", "correspondence", "oracle"):
         assert make_tracker(kind, tomllib.loads(tracker_defaults(kind))) == TRACKERS.load(kind)()
-    assert tracker_defaults("imported") == "# path = ... (required)"
+    assert tracker_defaults("imported").splitlines()[0] == "# path = ... (required)"

@@ -29,7 +29,7 @@ SEQUENCES: Schema = {
 """One row per measured sequence: its key, its name, count and size (px) of its images, and the kind of its truth.
 
 camera is empty where there is only one. key_frame is null where truth is not a scan. notes are what its reader
-corrected or assumed.
+corrected or assumed, and what its trackers state.
 """
 FAILURES: Schema = {"sequence": pl.String, "cause": pl.String}
 """One row per sequence that could not be measured."""

@@ -1,6 +1,6 @@
 """Measure sequences: tables of observations and tracks, trimmed, and their moments."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from collections.abc import Sequence as Items
 from dataclasses import dataclass, field
 
@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.exceptions import SettingsError
+from tracknoise.experiments.arguments import Trackers, checked_speeds, named_trackers, require_sequences
 from tracknoise.measurement.sequence_tables import SequenceTables, measure_sequences
 from tracknoise.measurement.tracking import Progress, TrackerSetup
 from tracknoise.sequences.sequence import Sequence
@@ -17,7 +17,6 @@ from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.trimming import trim
 from tracknoise.tables.defaults import POPULATION, TRIM_AMONG, TRIM_PERCENTILE
-from tracknoise.trackers.tracker import TrackerSettings
 from tracknoise.truth.scan_rule import SCAN_RULE, ScanRule
 
 
@@ -44,6 +43,8 @@ class Measurement:
         One frame, (height, width) uint8, for figures that show the tracks.
     prepared
         Observations and tracks, checked and grouped: what further statistics are computed from.
+    notes
+        What trackers state about their results, one sentence each. `sequence` has the notes of the reader.
     """
 
     sequence: Sequence = field(repr=False)
@@ -59,11 +60,12 @@ class Measurement:
     snapshot_frame: int
     snapshot: NDArray[np.uint8]
     prepared: PreparedSequence = field(repr=False)
+    notes: tuple[str, ...] = ()
 
 
 def measure(
     sequence: Sequence,
-    trackers: TrackerSettings | Items[TrackerSettings] | Mapping[str, TrackerSettings],
+    trackers: Trackers,
     *,
     speeds: Items[int] = (1,),
     truth: str | None = None,
@@ -99,7 +101,7 @@ def measure(
 
 def measure_together(
     sequences: Items[Sequence],
-    trackers: TrackerSettings | Items[TrackerSettings] | Mapping[str, TrackerSettings],
+    trackers: Trackers,
     *,
     speeds: Items[int] = (1,),
     truth: str | None = None,
@@ -120,7 +122,8 @@ def measure_together(
         From `tracknoise.open_sequence`, or other implementations of `tracknoise.sequences.sequence.Sequence`; all with
         the same number of frames.
     trackers
-        Settings of one tracker or several. A mapping names them; otherwise each is named by its kind.
+        Settings of one tracker or several, or names of trackers with default settings. A mapping names them;
+        otherwise each is named by its kind.
     speeds
         At speed s a tracker sees frames 0, s, 2s, ...
     truth
@@ -156,8 +159,10 @@ def measure_together(
         If two trackers share a name, the sequence is too short for a speed or cannot be read, it does not offer
         the kind of truth, or no tracker finds a feature.
     """
+    require_sequences(sequences)
+    named, played = named_trackers(trackers), checked_speeds(speeds)
     sequences = [chosen_frames(sequence, frames) for sequence in sequences]
-    setups = [TrackerSetup(name, settings, speed) for name, settings in _named(trackers).items() for speed in speeds]
+    setups = [TrackerSetup(name, settings, speed) for name, settings in named.items() for speed in played]
     measured = measure_sequences(
         sequences, setups, truth=truth, scan_rule=scan_rule, max_frames=max_frames, seed=seed, progress=progress
     )
@@ -196,16 +201,5 @@ def complete(
         snapshot_frame=measured.snapshot_frame,
         snapshot=measured.snapshot,
         prepared=trimmed.sequence,
+        notes=measured.notes,
     )
-
-
-def _named(
-    trackers: TrackerSettings | Items[TrackerSettings] | Mapping[str, TrackerSettings],
-) -> Mapping[str, TrackerSettings]:
-    if isinstance(trackers, Mapping):
-        return trackers
-    listed = list(trackers) if isinstance(trackers, Items) else [trackers]
-    named = {settings.kind: settings for settings in listed}
-    if len(named) < len(listed):
-        raise SettingsError("two trackers of one kind, expected a mapping that names them")
-    return named

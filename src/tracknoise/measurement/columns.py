@@ -9,6 +9,7 @@ from tracknoise.measurement.tracking import TrackerSetup
 from tracknoise.tables import schema
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import TrackEnd, TruthStatus
+from tracknoise.trackers.tracker import reports_causes
 from tracknoise.truth.truth import TruePositions
 
 Tables = tuple[pl.DataFrame, pl.DataFrame, pl.DataFrame]
@@ -25,8 +26,8 @@ def setup_tables(sequence: SequenceId, setup: TrackerSetup, recording: Recording
     """
     return (
         _table(_observations(recording, positions), schema.OBSERVATIONS, sequence, setup),
-        _table(_tracks(recording, positions), schema.TRACKS, sequence, setup),
-        _table(_frames(recording), schema.FRAME_COUNTS, sequence, setup),
+        _table(_tracks(recording, positions, reports_causes(setup.settings)), schema.TRACKS, sequence, setup),
+        _table(_frames(recording, reports_causes(setup.settings)), schema.FRAME_COUNTS, sequence, setup),
     )
 
 
@@ -63,13 +64,14 @@ def _epipolar(epipolar: NDArray[np.float64] | None) -> dict[str, pl.Series]:
     return {name: _nullable(column) for name, column in zip(schema.EPIPOLAR, epipolar.T, strict=True)}
 
 
-def _tracks(recording: Recording, positions: TruePositions) -> dict[str, pl.Series]:
+def _tracks(recording: Recording, positions: TruePositions, has_causes: bool) -> dict[str, pl.Series]:
     count = len(recording.first_frame)
+    known = has_causes | (recording.end == TrackEnd.sequence_end)
     return {
         "track": pl.Series(np.arange(count, dtype=np.uint32)),
         "first_frame": pl.Series(recording.first_frame),
         "lifetime": pl.Series(recording.found),
-        "end": _names(recording.end, TrackEnd),
+        "end": _names(recording.end, TrackEnd).set(pl.Series(~known), None),
         "response": _nullable(recording.response),
         "depth_m": _nullable(positions.depth_m),
         "gradient_rad": _nullable(recording.gradient_rad),
@@ -78,9 +80,11 @@ def _tracks(recording: Recording, positions: TruePositions) -> dict[str, pl.Seri
     }
 
 
-def _frames(recording: Recording) -> dict[str, pl.Series]:
+def _frames(recording: Recording, has_causes: bool) -> dict[str, pl.Series]:
     names = ("frame", "offered", "matched", "outliers", "new", "alive")
-    return {name: pl.Series(recording.frames[:, column]) for column, name in enumerate(names)}
+    counts = {name: pl.Series(recording.frames[:, column]) for column, name in enumerate(names)}
+    unknown = pl.repeat(None, len(recording.frames), dtype=pl.UInt32, eager=True)
+    return counts if has_causes else {**counts, "outliers": unknown}
 
 
 def _table(

@@ -35,6 +35,8 @@ class SequenceTables:
         Number of frames read.
     snapshot_frame, snapshot
         One frame, (height, width) uint8, for figures that show the tracks.
+    notes
+        What trackers state about their results, one sentence each.
     """
 
     observations: pl.DataFrame
@@ -45,6 +47,7 @@ class SequenceTables:
     n_frames: int
     snapshot_frame: int
     snapshot: NDArray[np.uint8]
+    notes: tuple[str, ...] = ()
 
 
 def measure_sequences(
@@ -118,6 +121,7 @@ def _sequence_tables(
         n_frames=n_frames,
         snapshot_frame=result.snapshot_frame,
         snapshot=result.snapshot,
+        notes=result.notes,
     )
 
 

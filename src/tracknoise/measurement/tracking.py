@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from tracknoise.measurement.recording import Recorder, Recording
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.sequence import Sequence
+from tracknoise.sequences.views import source_frames
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.gradient import dominant_gradient
-from tracknoise.trackers.tracker import OracleTruth, SequenceContext, Tracker, TrackerSettings
+from tracknoise.trackers.tracker import NotedTracker, OracleTruth, SequenceContext, Tracker, TrackerSettings
 from tracknoise.truth.truth import TruePositions, Truth, TruthSession
 
 Progress = Callable[[int, int], None]
@@ -52,12 +53,15 @@ class TrackingResult:
         The frame that is kept for figures.
     snapshot : (height, width) uint8
         Its image.
+    notes
+        What trackers state about their results, one sentence each.
     """
 
     recordings: list[Recording]
     positions: list[TruePositions]
     snapshot_frame: int
     snapshot: NDArray[np.uint8]
+    notes: tuple[str, ...] = ()
 
 
 def run_trackers(
@@ -145,6 +149,7 @@ class _Pass:
             _Run(condition.speed, _start(condition, sequence, truth, seed), Recorder(), truth.start())
             for condition in conditions
         ]
+        self._notes = _notes(conditions, [run.tracker for run in self._runs])
         self._snapshot_frame = snapshot_frame
         self._snapshot: NDArray[np.uint8] = np.empty((0, 0), np.uint8)
 
@@ -160,7 +165,7 @@ class _Pass:
         """What was recorded, and the true positions."""
         recordings = [run.recorder.finish() for run in self._runs]
         positions = [run.truth.resolve() for run in self._runs]
-        return TrackingResult(recordings, positions, self._snapshot_frame, self._snapshot)
+        return TrackingResult(recordings, positions, self._snapshot_frame, self._snapshot, self._notes)
 
 
 def _start(condition: TrackerSetup, sequence: Sequence, truth: Truth, seed: int) -> Tracker:
@@ -173,8 +178,17 @@ def _start(condition: TrackerSetup, sequence: Sequence, truth: Truth, seed: int)
             seed=seed,
             truth=truth if isinstance(truth, OracleTruth) else None,
             frames_without_pose=frozenset(np.flatnonzero(~has_pose(sequence.world_from_camera)).tolist()),
+            timestamps_s=getattr(sequence, "timestamps_s", None),  # sequences of other packages may lack it
+            source_frames=source_frames(sequence),
         )
     )
+
+
+def _notes(conditions: Items[TrackerSetup], trackers: Items[Tracker]) -> tuple[str, ...]:
+    """Notes of all trackers with their names, each once."""
+    pairs = [(one.tracker, tracker) for one, tracker in zip(conditions, trackers, strict=True)]
+    noted = (f"{name}: {note}" for name, one in pairs if isinstance(one, NotedTracker) for note in one.notes)
+    return tuple(dict.fromkeys(noted))
 
 
 def _snapshot_frame(n_frames: int, conditions: Items[TrackerSetup], key_frame: int | None) -> int:

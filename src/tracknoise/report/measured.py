@@ -186,10 +186,13 @@ def _pivot(data: ReportData, kind: str, names: Mapping[str, str], caption: str) 
     """Counts with their shares: one row per measured condition, one column per name."""
     keys = data.condition_columns
     table = data.listed(data.counts).filter(kind=kind)
-    totals = [pl.col("n").filter(pl.col("name") == name).sum().alias(name) for name in names]
-    wide = table.group_by(list(keys)).agg(*totals, all=pl.col("n").sum())
+    totals = [_sum(pl.col("n").filter(pl.col("name") == name)).alias(name) for name in names]
+    wide = table.group_by(list(keys)).agg(*totals, all=_sum(pl.col("n")))
     every = data.listed(data.summary).select(list(keys)).unique()
-    wide = data.in_order(every.join(wide, on=list(keys), how="left").fill_null(0))
+    nothing = every.join(wide, on=list(keys), how="anti").with_columns(
+        pl.lit(0).alias(name) for name in (*names, "all")
+    )
+    wide = data.in_order(pl.concat([wide, nothing.select(wide.columns).cast(wide.schema)]))
     shown = [_with_share(pl.col(name), pl.col("all")).alias(name) for name in names]
     result = cells(wide.with_columns(shown), {**keys, "all": "all", **names}, caption + _chosen(data))
     words = ("tracker", "lighting", "direction", "camera")
@@ -232,8 +235,17 @@ def _chosen(data: ReportData) -> str:
     return f",{data.where}; {count(n, 'other condition')} in the table file"
 
 
+def _sum(counts: pl.Expr) -> pl.Expr:
+    """The sum of counts; null where one is null, because a tracker does not report it."""
+    return pl.when(counts.null_count() == 0).then(counts.sum())
+
+
 def _with_share(n: pl.Expr, total: pl.Expr) -> pl.Expr:
-    def written(row: Mapping[str, int]) -> str:
+    def written(row: Mapping[str, int | None]) -> str:
+        if row["n"] is None:
+            return "not recorded"
+        if row["total"] is None:
+            return number(row["n"])
         share = f" ({100 * row['n'] / row['total']:.1f} %)" if row["n"] else ""
         return f"{number(row['n'])}{share}"
 

@@ -178,6 +178,17 @@ class View:
         return surface.cast(index, uv)
 
 
+def source_frames(sequence: Sequence) -> range | None:
+    """Frames of the recording that a sequence consists of, in its order; None if nothing was chosen.
+
+    None also for a sequence that is played backward, whose frames have no numbers in the recording.
+    """
+    if isinstance(sequence, ChosenFrames):
+        inner = source_frames(sequence.sequence) or range(len(sequence.sequence))
+        return inner[sequence.frames.start : sequence.frames.stop : sequence.frames.step]
+    return source_frames(sequence.sequence) if isinstance(sequence, Turned) else None
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ChosenFrames(View):
     """Some frames of a sequence, numbered from 0. Nothing is read of the others.

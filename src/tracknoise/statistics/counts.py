@@ -21,7 +21,8 @@ def counts(sequence: PreparedSequence) -> pl.DataFrame:
     -------
     polars.DataFrame
         Schema `COUNTS`, sorted by all columns but `n`: every name of a kind, with 0 where there is none, for each
-        condition that the table has.
+        condition that the table has. Counts of ends are null, but for those of tracks that were alive at the end, in
+        conditions whose tracker does not report causes.
     """
     seen, tracks = sequence.seen, sequence.tracks
     statuses = _count(seen.conditions, seen.condition, sequence.observations["truth"], TruthStatus, "truth")
@@ -59,9 +60,12 @@ def _count(
 ) -> pl.DataFrame:
     """Rows with each name, by condition; `condition` is that of each row, `column` its name."""
     pooled = group_rows(conditions, POOLED)
-    codes = pooled.index[condition] * len(names) + column.to_physical().to_numpy()
-    n = np.bincount(codes, minlength=pooled.count * len(names))
+    place, stated = pooled.index[condition], column.is_not_null().to_numpy()
+    codes = place[stated] * len(names) + column.drop_nulls().to_physical().to_numpy()
+    n = pl.Series(np.bincount(codes, minlength=pooled.count * len(names)), dtype=pl.Int64)
+    unknown = np.isin(np.arange(pooled.count), place[~stated]).repeat(len(names))
+    n = n.set(pl.Series(unknown) & (n == 0), None)
     every = pl.DataFrame({"kind": kind, "name": [name.name for name in names]})
     grid = pooled.keys.join(every, how="cross", maintain_order="left_right")
     present = np.isin(np.arange(pooled.count), pooled.index[condition])
-    return grid.with_columns(n=pl.Series(n, dtype=pl.Int64)).filter(pl.Series(present.repeat(len(names))))
+    return grid.with_columns(n=n).filter(pl.Series(present.repeat(len(names))))

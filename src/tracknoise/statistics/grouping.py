@@ -226,5 +226,10 @@ def add_up(tables: pl.DataFrame | Iterable[pl.DataFrame], schema: Schema, name: 
     keys = [column for column in schema if column != "n"]
     total = empty(schema)
     for chunk in in_chunks(tables, schema, name):
-        total = pl.concat([total, chunk]).group_by(keys).agg(pl.col("n").sum())
+        total = pl.concat([total, chunk]).group_by(keys).agg(total_if_known("n", pl.col("n").sum()))
     return total
+
+
+def total_if_known(name: str, total: pl.Expr) -> pl.Expr:
+    """An expression of a column of counts where no count of its group is null; null in other groups."""
+    return pl.when(pl.col(name).null_count() == 0).then(total).alias(name)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tracknoise.statistics.blocks import blocks_of
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.statistics.grouping import group_rows, group_runs, in_chunks, number_combinations
+from tracknoise.statistics.grouping import group_rows, group_runs, in_chunks, number_combinations, total_if_known
 from tracknoise.tables.schema import BY_CAUSE, ENDS, FAILURES, LIFETIMES, ORIGIN, TRACKS, Schema, TrackEnd, check, empty
 
 MEAN_LIFETIMES: Schema = {
@@ -42,6 +42,7 @@ RESTRICTED = {
 }
 """Restricted means by the survival curve under which they are areas."""
 _SHARED = ["dataset", "speed"]
+_HAS_CAUSES = pl.col(next(iter(BY_CAUSE))).is_not_null()
 COUNTS = ("n_ended", "n_censored", *BY_CAUSE)
 """Columns of counts of `ENDS`."""
 _POOLED_END = [*POOLED, "lifetime", *COUNTS]
@@ -58,7 +59,8 @@ def count_ends(tracks: pl.DataFrame) -> pl.DataFrame:
     Returns
     -------
     polars.DataFrame
-        Schema `ENDS`, sorted by all columns but the counts; blocks are those of `tracknoise.statistics.blocks`.
+        Schema `ENDS`, sorted by all columns but the counts; blocks are those of `tracknoise.statistics.blocks`. Counts
+        by cause are null in a sequence and condition with tracks whose end is null.
 
     Raises
     ------
@@ -72,9 +74,12 @@ def count_ends(tracks: pl.DataFrame) -> pl.DataFrame:
     by_end = {kind: np.bincount(index[end == kind], minlength=len(condition)) for kind in TrackEnd}
     censored = by_end.pop(TrackEnd.sequence_end)
     columns = dict(zip(("block", "lifetime"), keys, strict=True))
-    columns |= {"n_ended": np.sum(list(by_end.values()), axis=0), "n_censored": censored}
+    columns |= {"n_ended": np.bincount(index, minlength=len(condition)) - censored, "n_censored": censored}
     columns |= {f"n_{kind.name}": count for kind, count in by_end.items()}
     counts = pl.DataFrame(columns).select(pl.col(name).cast(ENDS[name]) for name in columns)
+    unknown = np.bincount(groups.index, tracks["end"].is_null().to_numpy(), groups.count) > 0
+    known = pl.when(pl.Series(~unknown[condition]))
+    counts = counts.with_columns(known.then(pl.col(name)).alias(name) for name in BY_CAUSE)
     return check(groups.keys[condition].hstack(counts), ENDS, "ends")
 
 
@@ -122,7 +127,8 @@ def lifetimes_of_ends(ends: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFra
     -------
     polars.DataFrame
         Schema `LIFETIMES`, sorted by condition and lifetime: one row for each lifetime at which a track ended or was
-        censored. `survival` is null where no track was at risk, which is possible at the longest lifetime only.
+        censored. `survival` is null where no track was at risk, which is possible at the longest lifetime only. Counts
+        by cause and `survival_until_failure` are null in conditions whose tracker does not report causes.
         `n_scenes` counts the scenes of the condition, the same in each of its rows.
 
     Raises
@@ -132,9 +138,10 @@ def lifetimes_of_ends(ends: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFra
     """
     pooled, scenes = _pooled(ends)
     table = pooled.join(scenes, on=POOLED).sort(*POOLED, "lifetime")
+    table = table.with_columns(total_if_known(name, pl.col(name)).over(POOLED) for name in BY_CAUSE)
     at_risk = _total_from(pl.col("n_ended") + pl.col("n_censored")) - pl.col("n_censored")
     table = table.with_columns(at_risk=at_risk).with_columns(
-        survival=_beyond(pl.col("n_ended")), survival_until_failure=_beyond(_failed())
+        survival=_beyond(pl.col("n_ended")), survival_until_failure=pl.when(_HAS_CAUSES).then(_beyond(_failed()))
     )
     return check(table.select(*LIFETIMES), LIFETIMES, "lifetimes")
 
@@ -172,6 +179,7 @@ def mean_lifetime(lifetimes: pl.DataFrame) -> pl.DataFrame:
         mean_lifetime=pl.col("frames").sum() / pl.col("found").sum(),
         frames_per_end=pl.when(n_ended > 0).then((pl.col("frames").sum() - pl.col("n_censored").sum()) / n_ended),
         restricted_to=pl.col("restricted_to").first(),
+        has_causes=_HAS_CAUSES.all(),
     )
     areas = ordered.with_columns(_areas("survival"), _areas("survival_until_failure"))
     groups = group_rows(areas, POOLED)
@@ -180,6 +188,8 @@ def mean_lifetime(lifetimes: pl.DataFrame) -> pl.DataFrame:
         for name, curve in RESTRICTED.items()
     }
     table = totals.sort(POOLED).with_columns(**restricted)
+    until_failure = pl.when("has_causes").then("restricted_mean_until_failure").alias("restricted_mean_until_failure")
+    table = table.with_columns(until_failure)
     return check(table.select(*MEAN_LIFETIMES), MEAN_LIFETIMES, "mean lifetimes")
 
 
@@ -340,10 +350,13 @@ def _pooled(ends: pl.DataFrame | Iterable[pl.DataFrame]) -> tuple[pl.DataFrame, 
     longest = empty(ENDS).select("scene", *_POOLED_END)
     for chunk in in_chunks(ends, ENDS, "ends"):
         counts = pl.concat([histogram, chunk.select(_POOLED_END)])
-        histogram = counts.group_by(*POOLED, "lifetime").agg(pl.col(COUNTS).sum())
+        histogram = counts.group_by(*POOLED, "lifetime").agg(
+            total_if_known(name, pl.col(name).sum()) for name in COUNTS
+        )
         longest = _longest(pl.concat([longest, chunk.select("scene", *_POOLED_END)]))
     end = pl.col("n_ended") > 0
-    followed = pl.when(~end | (_failed() < pl.col("n_ended"))).then(pl.col("lifetime") + end.cast(pl.UInt32))
+    failed = _failed().fill_null(pl.col("n_ended"))
+    followed = pl.when(~end | (failed < pl.col("n_ended"))).then(pl.col("lifetime") + end.cast(pl.UInt32))
     scenes = longest.group_by(POOLED).agg(n_scenes=pl.len().cast(pl.Int32), followed_to=followed.min())
     return histogram, scenes
 
@@ -352,12 +365,13 @@ def _longest(counts: pl.DataFrame) -> pl.DataFrame:
     """Counts of each scene and condition at its longest lifetime only."""
     keys = ["scene", *POOLED]
     last = counts.filter(pl.col("lifetime") == pl.col("lifetime").max().over(keys))
-    return last.group_by(*keys, "lifetime").agg(pl.col(COUNTS).sum()).select(counts.columns)
+    totals = (total_if_known(name, pl.col(name).sum()) for name in COUNTS)
+    return last.group_by(*keys, "lifetime").agg(totals).select(counts.columns)
 
 
 def _failed() -> pl.Expr:
-    """Number of tracks that were lost or rejected as outliers."""
-    return pl.sum_horizontal(f"n_{cause}" for cause in FAILURES)
+    """Number of tracks that were lost or rejected as outliers; null where causes are unknown."""
+    return pl.sum_horizontal((f"n_{cause}" for cause in FAILURES), ignore_nulls=False)
 
 
 def _beyond(ended: pl.Expr) -> pl.Expr:

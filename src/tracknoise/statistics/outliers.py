@@ -7,10 +7,11 @@ import polars as pl
 
 from tracknoise.statistics.box import box_of_counts
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.statistics.grouping import in_chunks
+from tracknoise.statistics.grouping import in_chunks, total_if_known
 from tracknoise.tables.schema import FRAME_COUNTS, OUTLIERS, check, empty
 
-_RATIO = pl.when(pl.col("offered") > 0).then(pl.col("outliers") / pl.col("offered"))
+_HAS_FEATURES = pl.col("offered") > 0
+_RATIO = pl.when(_HAS_FEATURES).then(pl.col("outliers") / pl.col("offered"))
 
 
 def outlier_ratios(frames: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
@@ -26,7 +27,8 @@ def outlier_ratios(frames: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFram
     polars.DataFrame
         Schema `OUTLIERS`, sorted by condition: every condition that the frames have; see `tracknoise.statistics.box`
         for the box. `n_frames` and `n_scenes` count those with F(t-1) > 0. `pooled_ratio` is sum f1(t) / sum F(t-1).
-        Where a condition never had a feature to track, counts are 0 and ratios null.
+        Where a condition never had a feature to track, counts are 0 and ratios null. `outliers` and ratios are null
+        where the tracker does not report outliers.
 
     Raises
     ------
@@ -52,7 +54,7 @@ def _pooled(
     totals, ratios, scenes = _totals(seen), _ratios(seen), _scenes(seen)
     for chunk in in_chunks(frames, FRAME_COUNTS, "frames"):
         seen = chunk.with_columns(ratio=_RATIO)
-        counts = pl.col("n_frames", "offered", "outliers").sum()
+        counts = (total_if_known(name, pl.col(name).sum()) for name in ("n_frames", "offered", "outliers"))
         totals = pl.concat([totals, _totals(seen)]).group_by(POOLED).agg(counts)
         ratios = pl.concat([ratios, _ratios(seen)]).group_by(*POOLED, "ratio").agg(pl.col("times").sum())
         scenes = pl.concat([scenes, _scenes(seen)]).unique()
@@ -60,8 +62,8 @@ def _pooled(
 
 
 def _totals(seen: pl.DataFrame) -> pl.DataFrame:
-    offered, outliers = (pl.col(name).cast(pl.Int64).sum() for name in ("offered", "outliers"))
-    return seen.group_by(POOLED).agg(pl.col("ratio").count().cast(pl.Int64).alias("n_frames"), offered, outliers)
+    sums = (total_if_known(name, pl.col(name).cast(pl.Int64).sum()) for name in ("offered", "outliers"))
+    return seen.group_by(POOLED).agg(_HAS_FEATURES.sum().cast(pl.Int64).alias("n_frames"), *sums)
 
 
 def _ratios(seen: pl.DataFrame) -> pl.DataFrame:
@@ -70,7 +72,7 @@ def _ratios(seen: pl.DataFrame) -> pl.DataFrame:
 
 
 def _scenes(seen: pl.DataFrame) -> pl.DataFrame:
-    return seen.drop_nulls("ratio").select("scene", *POOLED).unique()
+    return seen.filter(_HAS_FEATURES).select("scene", *POOLED).unique()
 
 
 def _box(ratios: list[float] | None, times: list[int] | None) -> dict[str, float | None]:

@@ -1,41 +1,62 @@
-"""Imported tracks: what any other front end wrote to a file."""
+"""Imported tracks: what any other front end wrote to a file, or holds in memory."""
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import ClassVar
 
-import numpy as np
+from numpy.typing import ArrayLike
 
-from tracknoise.checks import require
+from tracknoise.checks import require, require_at_least, require_positive
 from tracknoise.options import PathTemplate
 from tracknoise.tables.identity import PLACEHOLDERS, SequenceId
-from tracknoise.tables.schema import TrackEnd
-from tracknoise.trackers.features import ALIVE, Features, report
-from tracknoise.trackers.frame import Frame
-from tracknoise.trackers.track_file import Tracks, read_tracks
-from tracknoise.trackers.tracker import SequenceContext, Step
+from tracknoise.trackers.imports.arrays import ImportedArrays
+from tracknoise.trackers.imports.assign import Assignment
+from tracknoise.trackers.imports.formats import SUFFIXES, TrackFormat, detected, origin_of, read_rows
+from tracknoise.trackers.imports.pixels import PixelOrigin, Raster
+from tracknoise.trackers.imports.replay import ImportedTracker, subsampled
+from tracknoise.trackers.tracker import SequenceContext
+
+_LARGEST_OFFSET_S = 4e9
 
 
 @dataclass(frozen=True, slots=True)
 class Imported:
-    """Settings of imported tracks.
+    """Settings of imported tracks. `docs/imported-tracks.md` describes the formats.
 
     Parameters
     ----------
     path
-        A ``.csv`` file with a header, or a ``.parquet`` file, with columns ``track`` (a whole number), ``frame``
-        (index in the nominal sequence, counted from 0), ``u_px`` and ``v_px`` (integer = pixel centre). Optional are
-        ``response``, the detector response, and columns whose names start with ``quality_``, such as
-        ``quality_confidence``: numbers that the front end states about each observation, which become columns of the
-        same names in the table `observations`. Their cells may be empty. Other columns are ignored. The order of rows
-        does not matter. ``{dataset}``, ``{scene}``, ``{lighting}``, ``{rotation}``, ``{direction}``, ``{camera}`` and
+        A file of tracks. ``{dataset}``, ``{scene}``, ``{lighting}``, ``{rotation}``, ``{direction}``, ``{camera}`` and
         ``{speed}`` in the path are replaced by those of the condition.
+    format
+        Its format; by default what its name and beginning show.
+    first_frame
+        Number that the file gives the first frame of the sequence: 1 if it counts frames from 1.
+    origin
+        What the position (0, 0) is: the ``centre`` of the first pixel, or its ``corner``. Default: corner for COLMAP,
+        centre for others.
+    raster
+        (width, height) of the images in the units of the file, such as [256, 256] for tracks of resized images, or
+        [1, 1] for positions from 0 to 1. Default: their size in px.
+    time_offset_s
+        Added to the times of the file to get those of the sequence, seconds.
+    max_gap_s
+        With times: largest distance between a row and its frame, seconds. For events: between two rows with a frame
+        between them. Default: half of the median time between frames; for events one and a half of it.
     """
 
     kind: ClassVar[str] = "imported"
-    description: ClassVar[str] = "tracks that another front end wrote to a CSV or Parquet file"
+    description: ClassVar[str] = "tracks that another front end wrote: CSV, Parquet, XIVO, event text, TAP, COLMAP"
+    reports_causes: ClassVar[bool] = False
 
     path: PathTemplate
+    _: KW_ONLY
+    format: TrackFormat | None = None
+    first_frame: int = 0
+    origin: PixelOrigin | None = None
+    raster: tuple[float, float] | None = None
+    time_offset_s: float = 0.0
+    max_gap_s: float | None = None
 
     def __post_init__(self) -> None:
         try:
@@ -44,61 +65,48 @@ class Imported:
         except ValueError:
             known = False
         require(known, "path", self.path, f"no placeholders but {', '.join(f'{{{name}}}' for name in PLACEHOLDERS)}")
-        suffix = Path(self.path).suffix
-        require(suffix in (".csv", ".parquet"), "path", self.path, "a file that ends in .csv or .parquet")
+        endings = f"a file that ends in {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}, or a format"
+        require(self.format is not None or Path(self.path).suffix in SUFFIXES, "path", self.path, endings)
+        require_at_least("first_frame", self.first_frame, 0)
+        for side in self.raster or ():
+            require_positive("raster", side)
+        largest = f"a number from {-_LARGEST_OFFSET_S:g} to {_LARGEST_OFFSET_S:g}"
+        require(abs(self.time_offset_s) <= _LARGEST_OFFSET_S, "time_offset_s", self.time_offset_s, largest)
+        if self.max_gap_s is not None:
+            require_positive("max_gap_s", self.max_gap_s)
 
-    def start(self, context: SequenceContext) -> "ImportedTracker":
+    @staticmethod
+    def from_arrays(
+        track: ArrayLike,
+        frame: ArrayLike,
+        u_px: ArrayLike,
+        v_px: ArrayLike,
+        *,
+        response: ArrayLike | None = None,
+        quality: dict[str, ArrayLike] | None = None,
+    ) -> ImportedArrays:
+        """Tracks that are in memory: see `ImportedArrays.of`."""
+        return ImportedArrays.of(track, frame, u_px, v_px, response=response, quality=quality)
+
+    def start(self, context: SequenceContext) -> ImportedTracker:
         """Read the file of one sequence and speed.
 
         Raises
         ------
         DataError
-            If it is missing, lacks a column, holds no track, something that is not a number, a frame that the
-            sequence does not have, or two rows for one track and frame. The error names the line.
+            If it is missing or damaged, holds no track, something that is not a number, a frame that the sequence does
+            not have, or two rows for one track and frame. The error names the line.
         """
         path = context.sequence.expand(self.path, speed=context.speed)
-        return ImportedTracker(read_tracks(path, n_frames=context.n_frames))
-
-
-class ImportedTracker:
-    """Imported tracks, reported frame by frame.
-
-    A track begins with its first row among the frames that the tracker sees. It ends as ``lost`` in the first frame
-    without a row; later rows are a new track, since a lifetime counts consecutive frames.
-
-    Parameters
-    ----------
-    tracks
-        All rows.
-    """
-
-    def __init__(self, tracks: Tracks) -> None:
-        self._tracks = tracks
-        self._features = Features.begin(0, np.empty((0, 2)))
-        self._names = np.empty(0, dtype=np.int64)
-        self._next_id = 0
-
-    def step(self, frame: Frame) -> Step:
-        """Report the rows of a frame."""
-        start, stop = np.searchsorted(self._tracks.frame, [frame.index, frame.index + 1])
-        names, uv = self._tracks.track[start:stop], self._tracks.uv[start:stop]
-        before = self._features
-        _, live, row = np.intersect1d(self._names, names, assume_unique=True, return_indices=True)
-        row = row[np.argsort(live)]
-        end = np.full(len(before), TrackEnd.lost, dtype=np.int8)
-        end[live] = ALIVE
-        first = np.delete(np.arange(len(names)), row)
-        found, new = before.chosen(np.sort(live), uv[row]), Features.begin(self._next_id, uv[first])
-        self._features = found.joined(new)
-        self._names = names[np.concatenate([row, first])]
-        self._next_id += len(new)
-        shown = start + np.concatenate([row, first])
-        return report(
-            offered=before.ids,
-            end=end,
-            matched=len(row),
-            found=found,
-            new=new,
-            response=self._tracks.response[start:stop][first],
-            quality={name: values[shown] for name, values in self._tracks.quality.items()},
+        kind = self.format or detected(path)
+        whole = context.source_frames is None
+        rows = read_rows(path, kind, n_frames=context.n_frames if whole else None)
+        assignment = Assignment(
+            Raster(self.origin or origin_of(kind), self.raster),
+            self.first_frame,
+            self.time_offset_s,
+            self.max_gap_s,
+            asynchronous=kind is TrackFormat.events,
         )
+        tracks, notes = assignment.tracks(rows, context)
+        return ImportedTracker(tracks, notes + subsampled(context, every_speed="{speed}" in self.path))

@@ -126,6 +126,10 @@ class SequenceContext:
         Number of the repetition with other random seeds; 0 for the first measurement.
     frames_without_pose
         Frames in which no true position is known.
+    timestamps_s
+        (n_frames,) float64: the time of each frame, seconds, increasing; None where unknown.
+    source_frames
+        Frames of the recording that are those of the sequence, where a part of it was chosen; None otherwise.
     """
 
     sequence: SequenceId
@@ -136,6 +140,18 @@ class SequenceContext:
     truth: OracleTruth | None
     repeat: int = 0
     frames_without_pose: frozenset[int] = frozenset()
+    timestamps_s: NDArray[np.float64] | None = field(default=None, compare=False)
+    source_frames: range | None = None
+
+
+@runtime_checkable
+class NotedTracker(Protocol):
+    """A `Tracker` that states what should be known about its results."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """One sentence each, known when the tracker starts."""
+        ...
 
 
 class TrackerSettings(Protocol):
@@ -155,6 +171,15 @@ class TrackerSettings(Protocol):
         ...
 
 
+def reports_causes(settings: TrackerSettings) -> bool:
+    """Whether a tracker reports why tracks end, and which features it rejects as outliers.
+
+    Settings of a tracker that does not have a class variable ``reports_causes = False``. Causes of ends and numbers of
+    outliers are then null in all tables.
+    """
+    return bool(getattr(settings, "reports_causes", True))
+
+
 @dataclass(frozen=True, slots=True)
 class RepeatedTracker:
     """A tracker with other random seeds.
@@ -172,6 +197,11 @@ class RepeatedTracker:
 
     settings: TrackerSettings
     repeat: int
+
+    @property
+    def reports_causes(self) -> bool:
+        """As the tracker itself: see `reports_causes`."""
+        return reports_causes(self.settings)
 
     def start(self, context: SequenceContext) -> Tracker:
         """Start the tracker on one sequence at one speed."""

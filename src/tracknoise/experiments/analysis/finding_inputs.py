@@ -9,6 +9,7 @@ from tracknoise.findings.sampling.groups import SceneGroups, scheme
 from tracknoise.statistics.conditions import TablesByCondition, by_condition
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.factors import ReferenceCondition
+from tracknoise.statistics.grouping import total_if_known
 from tracknoise.statistics.lifetimes import COUNTS
 from tracknoise.tables.enumerations import Population
 from tracknoise.tables.identity import SequenceId
@@ -119,4 +120,4 @@ def _ends(ends: pl.DataFrame, few: pl.DataFrame) -> pl.DataFrame:
     key = [*ORIGIN, "block", "lifetime"]
     marked = ends.join(few.with_columns(is_few=pl.lit(value=True)), on=POOLED, how="left")
     named = marked.with_columns(block=pl.when("is_few").then("block").otherwise(pl.lit(0, dtype=pl.UInt8)))
-    return named.group_by(key).agg(pl.col(COUNTS).sum()).sort(key)
+    return named.group_by(key).agg(total_if_known(name, pl.col(name).sum()) for name in COUNTS).sort(key)

@@ -106,6 +106,7 @@ def sequence_entry(
             *sequence.notes,
             *pose_notes(sequence.world_from_camera[: measurement.n_frames]),
             *((SELF_REFERENTIAL,) if measurement.truth == TRIANGULATED else ()),
+            *measurement.notes,
         ),
         inputs=inputs,
         key_frame=measurement.key_frame,

@@ -9,7 +9,7 @@ from tracknoise.experiments.measure import Measurement
 from tracknoise.experiments.validation import reference
 from tracknoise.experiments.validation.checks import Area, exact
 from tracknoise.experiments.validation.reference import Trim
-from tracknoise.experiments.validation.scripted import Script
+from tracknoise.experiments.validation.scripted import UNKNOWN, Script
 from tracknoise.statistics.change_curves import change_curves
 from tracknoise.statistics.curves import aspect_curves
 from tracknoise.tables.store import RunFolder
@@ -114,7 +114,7 @@ def _rates(
     summary, outliers = (run.statistics(name).filter(**condition) for name in ("summary", "outliers"))
     lived = pl.DataFrame({"mean_lifetime": [expected["mean_lifetime"]]})
     yield exact(Area.lifetimes, world, lived.with_columns(one=1), summary.with_columns(one=1), values=lived.columns)
-    rejected = pl.DataFrame({"pooled_ratio": [expected["outlier_ratio"]]})
+    rejected = pl.DataFrame({"pooled_ratio": [expected["outlier_ratio"]]}, schema={"pooled_ratio": pl.Float64})
     yield exact(Area.rates, world, rejected.with_columns(one=1), outliers.with_columns(one=1), values=rejected.columns)
 
 
@@ -146,7 +146,7 @@ def _tracks(script: Script, trim: Trim) -> pl.DataFrame:
             "track": np.arange(len(script.alive)),
             "first_frame": script.frames[script.birth],
             "lifetime": script.alive.sum(axis=1),
-            "end": script.end,
+            "end": pl.Series(script.end).replace(UNKNOWN, None),
             "depth_m": script.depth_m,
             "max_error_px": reference.threshold_px(script, trim)[1],
             "kept": reference.kept(script, trim),

@@ -7,7 +7,7 @@
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +27,7 @@ from tracknoise.experiments.validation.closed_form import Scene, occluded_scene
 from tracknoise.experiments.validation.comparison import compare_aspects, compare_statistics, compare_tracks
 from tracknoise.experiments.validation.recordings import WithSurface, in_memory, write_recording
 from tracknoise.experiments.validation.reference import Trim
-from tracknoise.experiments.validation.scripted import Script, Scripted
+from tracknoise.experiments.validation.scripted import UNKNOWN, Script, Scripted
 from tracknoise.experiments.validation.tracks import Lives, Shown, scripted_tracks
 from tracknoise.options import PathTemplate
 from tracknoise.sequences.folder import Folder
@@ -174,6 +174,8 @@ def _take(
     """Scripts of both trackers, or of one if there is no folder for tracks that are imported."""
     names = list(_LIVES) if imported else ["scripted"]
     scripts = {(name, one.speed): scripted_tracks(scene, one, _LIVES[name], rng) for name in names for one in shown}
+    for one in shown if imported else ():
+        scripts["imported", one.speed] = _without_causes(scripts["imported", one.speed])
     trackers: dict[str, TrackerSettings] = {
         "scripted": Scripted({(sequence.id.key, one.speed): scripts["scripted", one.speed] for one in shown})
     }
@@ -183,6 +185,11 @@ def _take(
             _write_tracks(scripts["imported", one.speed], file)
         trackers["imported"] = Imported(PathTemplate(f"{imported}/{sequence.id.key}-{{speed}}.parquet"))
     return _Take(sequence, trackers, scripts)
+
+
+def _without_causes(script: Script) -> Script:
+    """What is known of the same tracks when they are imported."""
+    return replace(script, end=np.where(script.end == "sequence_end", script.end, UNKNOWN))
 
 
 def _write_tracks(script: Script, file: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.experiments.validation.scripted import Script
+from tracknoise.experiments.validation.scripted import UNKNOWN, Script
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -107,21 +107,26 @@ def survival(scripts: Sequence[Script]) -> pl.DataFrame:
     return table.with_columns(pl.col("survival").fill_nan(None))
 
 
-def rates(scripts: Sequence[Script]) -> dict[str, float]:
-    """Mean lifetime, in frames that the tracker saw, and outliers over the features that were offered."""
+def rates(scripts: Sequence[Script]) -> dict[str, float | None]:
+    """Mean lifetime, in frames that the tracker saw, and outliers over the features that were offered.
+
+    The outlier ratio is None if the cause of an end is unknown.
+    """
     frames, tracks = (sum(int(count(script)) for script in scripts) for count in (_observations, _tracks))
     outliers = sum(int((script.end == "outlier").sum()) for script in scripts)
     offered = sum(int(script.alive[:, :-1].sum()) for script in scripts)
-    return {"mean_lifetime": frames / tracks, "outlier_ratio": outliers / offered}
+    known = all((script.end != UNKNOWN).all() for script in scripts)
+    return {"mean_lifetime": frames / tracks, "outlier_ratio": outliers / offered if known else None}
 
 
 def counts(scripts: Sequence[Script]) -> pl.DataFrame:
-    """Number of observations by status, and of tracks by end."""
+    """Number of observations by status, and of tracks by known end."""
     found = {"truth": [script.status[script.alive] for script in scripts], "end": [script.end for script in scripts]}
     rows = [
         (kind, str(name), int(n))
         for kind, parts in found.items()
         for name, n in zip(*np.unique(np.concatenate(parts), return_counts=True), strict=True)
+        if name != UNKNOWN
     ]
     return pl.DataFrame(rows, schema=["kind", "name", "n"], orient="row")
 

@@ -18,6 +18,10 @@ from tracknoise.trackers.tracker import SequenceContext, Step
 Array = NDArray[np.float64]
 
 
+UNKNOWN = ""
+"""End of a track whose cause is not reported."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Script:
     """All tracks of one tracker at one speed on one sequence, in the order of their birth.
@@ -36,7 +40,7 @@ class Script:
     status : (tracks, steps) <U16
         Names of `tracknoise.tables.schema.TruthStatus`.
     end : (tracks,) <U16
-        Names of `TrackEnd`.
+        Names of `TrackEnd`; `UNKNOWN` where the tracker does not report causes.
     depth_m : (tracks,) float64
         Depth of the point in the first frame of the track; NaN where it has no true position.
     zero_frame : (tracks,) int64

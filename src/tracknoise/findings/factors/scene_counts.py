@@ -15,6 +15,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.findings.factors.differences import Differences, at_both, pairs_of
+from tracknoise.statistics.grouping import total_if_known
 from tracknoise.statistics.lifetimes import follow_up, restricted_mean
 
 LEAST_OUTLIERS = 2.0
@@ -28,11 +29,12 @@ def outlier_differences(tables: Sequence[pl.DataFrame], scenes: Sequence[str]) -
     Parameters
     ----------
     tables
-        `FRAME_COUNTS` of each level.
+        `FRAME_COUNTS` of each level. A level whose tracker does not report outliers takes no part.
     scenes
         Names of all scenes of the dataset, sorted.
     """
-    sums = [table.group_by("scene").agg(pl.col("offered", "outliers").cast(pl.Int64).sum()) for table in tables]
+    counts = [total_if_known(name, pl.col(name).cast(pl.Int64).sum()) for name in ("offered", "outliers")]
+    sums = [table.group_by("scene").agg(counts) for table in tables]
     offered, outliers = (_of_scenes(sums, name, scenes) for name in ("offered", "outliers"))
     pairs = pairs_of(len(tables))
     log_ratio = np.log((outliers + 0.5) / (offered + 1))

@@ -35,14 +35,21 @@ def outliers(tables: RunTables, conditions: ReportedConditions) -> Headline | No
 
 
 def _outliers_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
-    ratio = _value(conditions.of(tables["summary"], tracker), "outlier_ratio")
+    summary = conditions.of(tables["summary"], tracker)
+    ratio = _value(summary, "outlier_ratio")
     if ratio is None:
-        return None
+        return None if _reports_causes(summary) else (f"The outliers of {tracker} are not recorded.", [])
     intervals = conditions.of(tables["intervals"], tracker)
     estimate = Estimate.of(ratio, scalar_bounds(intervals, "outlier_ratio"), "share")
     text = f"{tracker} rejects {format_estimate(estimate)} of the features carried into a frame."
     text += "".join(f" {scenes}" for scenes in [scalar_scenes(intervals, "outlier_ratio")] if scenes)
     return text + _between_seeds(conditions.of(tables["seed_spread"], tracker)), [estimate]
+
+
+def _reports_causes(summary: pl.DataFrame) -> bool:
+    """Whether the tracker of a row reports why tracks end. If not, lifetimes until failure are unknown."""
+    lived, failed = (_value(summary, f"restricted_mean_{name}") for name in ("lifetime", "until_failure"))
+    return lived is None or failed is not None
 
 
 def _between_seeds(spread: pl.DataFrame) -> str:
@@ -57,12 +64,13 @@ def lifetimes(tables: RunTables, conditions: ReportedConditions) -> Headline | N
     """Median and restricted mean lifetime of tracks, and the restricted mean until failure."""
     restricted = [_value(conditions.of(tables["summary"], name), "restricted_to") for name in conditions.trackers]
     horizon = next((frames for frames in restricted if frames is not None), None)
+    has_causes = any(_reports_causes(conditions.of(tables["summary"], name)) for name in conditions.trackers)
     means = "" if horizon is None else f", and means restricted to {count(int(horizon), 'frame')}"
     return by_tracker(
         conditions.trackers,
         lambda tracker: _lifetime_of(tables, conditions, tracker),
         opening=f"Median lifetime {conditions.where(tables['summary'])} (Kaplan-Meier){means}.",
-        closing="" if horizon is None else _FAILURE,
+        closing=_FAILURE if has_causes and horizon is not None else "",
         topic="lifetimes",
         figure="lifetimes",
         table="intervals",

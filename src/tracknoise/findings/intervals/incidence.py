@@ -49,8 +49,8 @@ def incidence_table(
     Returns
     -------
     polars.DataFrame
-        Schema `INCIDENCE`, sorted. Bounds are on the logit scale. They are null where the incidence is 0 or 1, and in
-        conditions of too few units.
+        Schema `INCIDENCE`, sorted. Conditions whose tracker does not report causes have no row. Bounds are on the logit
+        scale. They are null where the incidence is 0 or 1, and in conditions of too few units.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def incidence_table(
             pl.lit(value, dtype=INCIDENCE[name]).alias(name) for name, value in zip(POOLED, key, strict=True)
         )
         for key, part in conditions.items()
-        if part.height
+        if part.height and not part[_COLUMNS[-1]].null_count()
     ]
     typed = [part.select(pl.col(name).cast(dtype) for name, dtype in INCIDENCE.items()) for part in parts]
     table = pl.concat([empty(INCIDENCE), *typed]).with_columns(pl.col("incidence", "low", "high").fill_nan(None))

@@ -50,6 +50,8 @@ def lifetime_bounds(
 ) -> Iterator[LabelledEstimates]:
     """Means of lifetimes, survival beyond each lifetime, and the lifetimes that certain shares of the tracks exceed.
 
+    Without those until failure where the tracker does not report causes.
+
     Parameters
     ----------
     ends
@@ -63,6 +65,7 @@ def lifetime_bounds(
     horizon
         Of restricted means, frames: at most what all scenes of the condition reach.
     """
+    curves = _CURVES if not ends[f"n_{FAILURES[0]}"].null_count() else {survival: _CURVES[survival]}
     counts = ends.with_columns(n_failed=pl.sum_horizontal(f"n_{cause}" for cause in FAILURES))
     sums = ["n_ended", "n_censored", "n_failed"]
     units = units_of(counts, counts, points=["lifetime"], columns=sums, groups=groups)
@@ -76,7 +79,7 @@ def lifetime_bounds(
     between = between_scenes(units, mean_of, ["log"], mean)
     yield LabelledEstimates(_labels("mean_lifetime"), mean, units, between)
     sizes = np.broadcast_to(tracks, (len(lifetimes), len(tracks)))
-    for survival_of, names in _CURVES.items():
+    for survival_of, names in curves.items():
         restricted = partial(_restricted, survival_of, lifetimes, horizon)
         share = pooled(units, weights, restricted, method, scales=["logit"], sizes=tracks[None])
         mean = replace(share, **{name: horizon * getattr(share, name) for name in ("value", "low", "high")})
@@ -91,7 +94,7 @@ def lifetime_bounds(
 def outlier_bounds(
     frames: pl.DataFrame, draws: Draws, method: Method, groups: SceneGroups = NO_GROUPS
 ) -> Iterator[LabelledEstimates]:
-    """Pooled outlier ratio: outliers over the features that were offered.
+    """Pooled outlier ratio: outliers over the features that were offered. None if outliers are not reported.
 
     Parameters
     ----------
@@ -100,6 +103,8 @@ def outlier_bounds(
     draws, method, groups
         As in `lifetime_bounds`.
     """
+    if frames["outliers"].null_count():
+        return
     order, size = pl.int_range(pl.len()).over("scene"), pl.len().over("scene")
     blocks = frames.sort("scene", "frame").with_columns(block=block_of(order, size))
     units = units_of(blocks, blocks, points=[], columns=["offered", "outliers"], groups=groups)

@@ -25,7 +25,7 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
     """Each tracker at the lowest speed."""
     table = data.nominal(data.incidence)
     if table.is_empty():
-        return [Absence(_ID, _TITLE, "No incidences were computed for this run.")]
+        return [Absence(_ID, _TITLE, "No tracker of this run reports why tracks end.")]
     table = table.with_columns(
         series=pl.col("cause").cast(pl.String).replace_strict(_NAMES), n_resampled=pl.col("n_scenes")
     )

@@ -69,9 +69,9 @@ def _numbers(data: ReportData, table: pl.DataFrame, subjects: Mapping[str, str])
     labels = table.group_by("tracker", "speed", "series").agg(pl.col("n_censored").sum())
     found = data.reference(data.summary).join(labels, on=["tracker", "speed"])
     rows = {row["series"]: row for row in found.to_dicts()}
-    return " ".join(
-        [*(_sentences(subject, rows[name]) for name, subject in subjects.items() if name in rows), _FAILURE]
-    )
+    until_failure = any(row["restricted_mean_until_failure"] is not None for row in rows.values())
+    sentences = [_sentences(subject, rows[name]) for name, subject in subjects.items() if name in rows]
+    return " ".join([*sentences, *([_FAILURE] if until_failure else [])])
 
 
 def _sentences(subject: str, row: Mapping[str, Any]) -> str:
@@ -79,10 +79,9 @@ def _sentences(subject: str, row: Mapping[str, Any]) -> str:
     half = "longer than the data (more than half are censored)" if median is None else count(median, "frame")
     lived = f"Mean lifetime: {number(row['mean_lifetime'])} frames. Median lifetime: {half}."
     censored = percent(row["n_censored"] / row["n_tracks"])
-    means = [number(row[name]) for name in ("restricted_mean_lifetime", "restricted_mean_until_failure")]
-    restricted = (
-        f"Mean restricted to {count(row['restricted_to'], 'frame')}: {means[0]} frames, or {means[1]} until failure."
-    )
+    mean, failure = (row[name] for name in ("restricted_mean_lifetime", "restricted_mean_until_failure"))
+    until = "; the causes of ends are not recorded" if failure is None else f", or {number(failure)} until failure"
+    restricted = f"Mean restricted to {count(row['restricted_to'], 'frame')}: {number(mean)} frames{until}."
     return f"{subject} has {count(row['n_tracks'], 'track')}. {lived} {restricted} Censored: {censored}."
 
 

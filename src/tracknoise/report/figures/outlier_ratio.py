@@ -22,14 +22,14 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
     """By speed, and by lighting where there are several."""
     table = data.reference(_entered(data))
     if table.is_empty():
-        why = "No tracker carried a feature from one frame to the next, so there is no outlier ratio."
+        why = "No tracker that reports outliers carried a feature from one frame to the next."
         return [Absence("outlier-ratio", _TITLE, why)]
     return [_by_speed(data, table), *_by_lighting(data)]
 
 
 def _entered(data: ReportData) -> pl.DataFrame:
-    """Conditions with an outlier ratio: those that carried a feature into some frame."""
-    return of_scalar(data.outliers.filter(pl.col("n_frames") > 0), data.intervals, "outlier_ratio")
+    """Conditions with an outlier ratio: those that carried a feature into some frame, and report outliers."""
+    return of_scalar(data.outliers.filter(pl.col("pooled_ratio").is_not_null()), data.intervals, "outlier_ratio")
 
 
 def _by_speed(data: ReportData, table: pl.DataFrame) -> Figure:

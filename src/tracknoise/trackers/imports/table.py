@@ -1,7 +1,6 @@
-"""Files of tracks that other front ends write: reading and checks."""
+"""Tables of tracks: CSV files with a header, and Parquet files."""
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -14,77 +13,68 @@ from tracknoise.foreign.child import call_in_child
 from tracknoise.foreign.files import MIB, require_regular
 from tracknoise.foreign.parsing import damage_reported
 from tracknoise.tables.schema import QUALITY_NAME, QUALITY_PREFIX
+from tracknoise.trackers.imports.rows import Rows
 from tracknoise.trackers.quality import is_quality_name
 
 _COLUMNS: dict[str, type[pl.DataType]] = {"track": pl.Int64, "frame": pl.Int64, "u_px": pl.Float64, "v_px": pl.Float64}
+_TIMES = ("time_s", "timestamp")
+"""Columns that can replace ``frame``."""
+_COVARIANCE = ("cov_uu", "cov_uv", "cov_vv")
+"""Columns that are kept as if their names started with `QUALITY_PREFIX`."""
 _RESPONSE = "response"
+_USED = {*_COLUMNS, *_TIMES, *_COVARIANCE, _RESPONSE}
+_LEAST_NANOSECONDS = 1e14
+"""Whole timestamps from here on are nanoseconds: as seconds they would be 3 million years."""
+_MOST_NANOSECONDS = 4.1e18
 _MOST_BYTES, _MOST_ROWS, _MOST_COLUMNS = 4096 * MIB, 1 << 20, 1000
 
 
-@dataclass(frozen=True, slots=True)
-class Tracks:
-    """Rows of a file of tracks, sorted by frame and track.
-
-    Attributes
-    ----------
-    track, frame : (n,) int64
-    uv : (n, 2) float64
-        px.
-    response : (n,) float32
-        NaN where unknown.
-    quality : (n,) float32 each
-        Columns ``quality_<name>`` by name; NaN where unknown.
-    """
-
-    track: NDArray[np.int64]
-    frame: NDArray[np.int64]
-    uv: NDArray[np.float64]
-    response: NDArray[np.float32]
-    quality: Mapping[str, NDArray[np.float32]]
-
-
-def read_tracks(path: Path, *, n_frames: int) -> Tracks:
-    """Read and check a file of tracks; see `Imported`.
-
-    Parameters
-    ----------
-    path
-        Of the file.
-    n_frames
-        Number of frames of the whole sequence. A frame beyond it is refused: it means that frames are counted
-        from 1, or that the tracks belong to another sequence.
+def read_table(path: Path) -> Rows:
+    """Read a CSV file with a header, or a Parquet file; see `tracknoise.trackers.imported.Imported`.
 
     Raises
     ------
     DataError
-        Naming the file and, where it has one, the line or row.
+        If it is missing or damaged, lacks a column, holds no row, or something that is not a number. The error names
+        the file and, where it has one, the line or row.
     """
     table = _read(path)
     if table.is_empty():
         raise DataError(path, "no track", "at least one row")
-    columns = {name: _numbers(path, table[name], kind) for name, kind in _COLUMNS.items()}
-    track, frame = columns["track"], columns["frame"]
-    outside = (frame < 0) | (frame >= n_frames)
-    _refuse(path, outside, pl.Series("frame", frame), f"a frame from 0 to {n_frames - 1} of the sequence")
-    order = np.lexsort([track, frame])
-    again = (np.diff(frame[order]) == 0) & (np.diff(track[order]) == 0)
-    twice = np.zeros(len(order), dtype=np.bool_)
-    twice[order[1:][again]] = True
-    _refuse(path, twice, table["track"], "one row for each track and frame")
-    uv = np.column_stack([columns["u_px"], columns["v_px"]])
-    response = np.full(len(table), np.nan, dtype=np.float32)
-    if _RESPONSE in table.columns:
-        response = _optional(path, table[_RESPONSE])
-    quality = {name: values[order] for name, values in _quality(path, table).items()}
-    return Tracks(track[order], frame[order], uv[order], response[order], quality)
+    uv = np.column_stack([_numbers(path, table[name], pl.Float64) for name in ("u_px", "v_px")])
+    first = 2 if path.suffix == ".csv" else 1
+    return Rows(
+        path,
+        _numbers(path, table["track"], pl.Int64),
+        uv,
+        **_when(path, table),
+        line=np.arange(first, first + len(table)),
+        has_lines=path.suffix == ".csv",
+        response=_optional(path, table[_RESPONSE]) if _RESPONSE in table.columns else None,
+        quality=_quality(path, table),
+    )
+
+
+def _when(path: Path, table: pl.DataFrame) -> dict[str, NDArray[Any]]:
+    """The frames or times, by the name that `Rows` has for them. Whole numbers of 15 digits or more are nanoseconds."""
+    if "frame" in table.columns:
+        return {"frame": _numbers(path, table["frame"], pl.Int64)}
+    name = next(name for name in _TIMES if name in table.columns)
+    seconds = _numbers(path, table[name], pl.Float64)
+    whole = _whole(_stripped(table[name]))
+    if name == "time_s" or whole.null_count() or np.abs(seconds).min() < _LEAST_NANOSECONDS:
+        return {"time_s": seconds}
+    _refuse(path, np.abs(seconds) > _MOST_NANOSECONDS, table[name], "a time before the year 2100")
+    return {"time_ns": whole.to_numpy()}
 
 
 def _quality(path: Path, table: pl.DataFrame) -> dict[str, NDArray[np.float32]]:
-    """The columns ``quality_<name>``, by name."""
+    """The columns ``quality_<name>`` and the covariance, by name."""
     columns = [column for column in table.columns if column.startswith(QUALITY_PREFIX)]
     for column in columns:
         if not is_quality_name(column.removeprefix(QUALITY_PREFIX)):
             raise DataError(path, f"column {column}", f"a name of the form {QUALITY_PREFIX}{QUALITY_NAME}")
+    columns += [column for column in _COVARIANCE if column in table.columns]
     return {column.removeprefix(QUALITY_PREFIX): _optional(path, table[column]) for column in columns}
 
 
@@ -130,7 +120,8 @@ def _read_parquet(path: Path, size: int) -> pl.DataFrame:
 
 def _require_columns(path: Path, columns: pl.Schema) -> None:
     """Check that the columns that are needed are there, and that all that are used may contain numbers."""
-    missing = [column for column in _COLUMNS if column not in columns]
+    has_time = any(name in columns for name in _TIMES)
+    missing = [name for name in _COLUMNS if name not in columns and not (name == "frame" and has_time)]
     if missing:
         raise DataError(path, f"no column {', '.join(missing)} among {', '.join(columns)}", ", ".join(_COLUMNS))
     for name, dtype in columns.items():
@@ -143,7 +134,7 @@ def _used(columns: Iterable[str]) -> list[str]:
 
 
 def _is_used(column: str) -> bool:
-    return column in _COLUMNS or column == _RESPONSE or column.startswith(QUALITY_PREFIX)
+    return column in _USED or column.startswith(QUALITY_PREFIX)
 
 
 def _expected(kind: type[pl.DataType] | None) -> str:
@@ -152,11 +143,15 @@ def _expected(kind: type[pl.DataType] | None) -> str:
 
 def _numbers(path: Path, column: pl.Series, kind: type[pl.DataType], *, optional: bool = False) -> NDArray[Any]:
     """The finite numbers of a column, NaN where they may be missing; an error shows the first cell that is none."""
-    text = column.str.strip_chars() if column.dtype == pl.String else column
+    text = _stripped(column)
     cast = _whole(text) if kind is pl.Int64 else text.cast(kind, strict=False)
     bad = cast.is_null() if kind is pl.Int64 else ~cast.is_finite().fill_null(value=False)
     _refuse(path, (bad & column.is_not_null()).to_numpy() if optional else bad.to_numpy(), column, _expected(kind))
     return cast.fill_null(np.nan).to_numpy() if optional else cast.to_numpy()
+
+
+def _stripped(column: pl.Series) -> pl.Series:
+    return column.str.strip_chars() if column.dtype == pl.String else column
 
 
 def _whole(text: pl.Series) -> pl.Series:

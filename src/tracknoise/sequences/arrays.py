@@ -1,0 +1,172 @@
+"""Sequences in memory: images, poses and depths as arrays."""
+
+from collections.abc import Sequence as Items
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tracknoise.exceptions import DataError, first_line
+from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.geometry.depth import DepthMap
+from tracknoise.sequences.poses import checked_poses, has_pose
+from tracknoise.sequences.recorded import RecordedSequence
+from tracknoise.tables.identity import SequenceId
+
+_PLACE = "arrays"
+
+
+class Sequence(RecordedSequence):
+    """A sequence in memory. `Sequence.from_arrays` makes one."""
+
+    __slots__ = ()
+
+    @classmethod
+    def from_arrays(
+        cls,
+        images: Items[ArrayLike] | NDArray[Any],
+        poses: ArrayLike,
+        K: ArrayLike | CameraModel,
+        depths: Items[ArrayLike | None] | NDArray[Any] | None = None,
+        *,
+        timestamps_s: ArrayLike | None = None,
+        distortion: Items[float] = (),
+        dataset: str = "arrays",
+        scene: str = "scene",
+    ) -> "Sequence":
+        """Make a sequence of arrays, which are not copied where that is not needed.
+
+        Parameters
+        ----------
+        images
+            n arrays (height, width) uint8 in grayscale, or (height, width, 3) uint8 in RGB.
+        poses
+            (n, 4, 4), or (n, 3, 4) without the last row: world_from_camera, so that the last column is the position of
+            the camera in metres. Axes of the camera: x to the right, y down, z forward. All NaN for a frame without a
+            pose.
+        K
+            (3, 3) matrix of intrinsics without skew, px, where (0, 0) is the centre of the first pixel; or a camera
+            with another model.
+        depths
+            n arrays (height, width) of floats: depth along z, metres; 0, negative or not finite where unknown. None
+            for a frame without depth, or for all of them.
+        timestamps_s
+            (n,) seconds, increasing.
+        distortion
+            Radial-tangential coefficients as OpenCV orders them: 4, 5 or 8.
+        dataset, scene
+            Names in the tables. Each sequence of an analysis needs its own scene.
+
+        Raises
+        ------
+        DataError
+            Naming the array, its shape and what was expected.
+        """
+        pictures = _Images(tuple(_gray(index, image) for index, image in enumerate(images)))
+        if not len(pictures):
+            raise DataError(_PLACE, "no image", "at least one")
+        camera = _camera(K, distortion, pictures.images[0].shape)
+        matrices, notes = _poses(poses)
+        return cls(
+            id=SequenceId(dataset, scene),
+            source=f"{dataset} {scene}",
+            camera=camera,
+            world_from_camera=matrices,
+            images=pictures,
+            depths=None if depths is None else _Depths(tuple(_depth(*item) for item in enumerate(depths))),
+            notes=notes,
+            timestamps_s=None if timestamps_s is None else _floats("timestamps_s", timestamps_s, 1),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Images:
+    """Images by index."""
+
+    images: tuple[NDArray[np.uint8], ...]
+
+    def __len__(self) -> int:
+        return len(self.images)
+
+    def __call__(self, index: int) -> NDArray[np.uint8]:
+        return self.images[index]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Depths:
+    """Depth maps by index."""
+
+    depths: tuple[DepthMap | None, ...]
+
+    def __len__(self) -> int:
+        return len(self.depths)
+
+    def __call__(self, index: int) -> DepthMap | None:
+        return self.depths[index]
+
+
+def _gray(index: int, image: ArrayLike) -> NDArray[np.uint8]:
+    found = np.asarray(image)
+    is_colour = found.ndim == 3 and found.shape[2] == 3
+    if found.dtype != np.uint8 or not (found.ndim == 2 or is_colour) or not found.size:
+        expected = "shape (height, width) or (height, width, 3) and type uint8"
+        raise DataError(_PLACE, f"images[{index}] of shape {found.shape} and type {found.dtype}", expected)
+    gray: NDArray[np.uint8] = cv2.cvtColor(found, cv2.COLOR_RGB2GRAY) if is_colour else found  # type: ignore[assignment]
+    return gray
+
+
+def _depth(index: int, depth: ArrayLike | None) -> DepthMap | None:
+    if depth is None:
+        return None
+    found = np.asarray(depth)
+    if found.ndim != 2 or found.dtype not in (np.float32, np.float64):
+        found_text = f"depths[{index}] of shape {found.shape} and type {found.dtype}"
+        raise DataError(_PLACE, found_text, "shape (height, width) and floats, in metres")
+    return DepthMap(found, np.isfinite(found) & (found > 0))
+
+
+def _camera(K: ArrayLike | CameraModel, distortion: Items[float], shape: tuple[int, ...]) -> CameraModel:
+    """The camera of a matrix of intrinsics, or the one that was given."""
+    if isinstance(K, CameraModel):
+        if distortion:
+            raise DataError(_PLACE, "a camera and distortion", "the distortion in the camera")
+        return K
+    matrix = _floats("K", K, 2)
+    expected = "3 x 3 intrinsics fx 0 cx, 0 fy cy, 0 0 1"
+    if matrix.shape != (3, 3) or not np.array_equal(matrix * [[0, 1, 0], [1, 0, 0], [1, 1, 1]], np.diag([0.0, 0, 1])):
+        raise DataError(_PLACE, f"K {matrix.tolist()}", expected)
+    fx, fy, cx, cy = (float(matrix[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    try:
+        camera = Camera(shape[1], shape[0], fx, fy, cx, cy, tuple(map(float, distortion)))
+    except ValueError as error:
+        raise DataError(_PLACE, f"K {matrix.tolist()} and distortion {list(distortion)}", first_line(error)) from error
+    if not camera.is_invertible:
+        raise DataError(_PLACE, f"distortion {list(distortion)}", "one that can be inverted up to the image's border")
+    return camera
+
+
+def _poses(poses: ArrayLike) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+    """Rigid matrices (n, 4, 4), and notes about their correction."""
+    found = _floats("poses", poses, 3, finite=False)
+    if found.shape[1:] == (3, 4):
+        last = np.where(has_pose(found)[:, None], (0.0, 0.0, 0.0, 1.0), np.nan)
+        found = np.concatenate([found, last[:, None]], axis=1)
+    if found.shape[1:] != (4, 4):
+        raise DataError(_PLACE, f"poses of shape {found.shape}", "shape (n, 4, 4) or (n, 3, 4), world_from_camera")
+    known = np.flatnonzero(has_pose(found))
+    matrices = np.full_like(found, np.nan)
+    matrices[known], notes = checked_poses(found[known], [f"poses[{index}]" for index in known])
+    return matrices, notes
+
+
+def _floats(name: str, values: ArrayLike, axes: int, *, finite: bool = True) -> NDArray[np.float64]:
+    try:
+        found = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise DataError(_PLACE, f"{name} is no array of numbers ({first_line(error)})", "numbers") from error
+    if found.ndim != axes or (finite and not np.isfinite(found).all()):
+        raise DataError(_PLACE, f"{name} of shape {found.shape}", f"{axes} axes of finite numbers")
+    return found

@@ -1,0 +1,95 @@
+"""Positions of imported tracks as pixels of the images, and mistakes that positions show."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import DataError
+from tracknoise.trackers.imports.rows import Rows
+
+_LARGEST_NORMALISED = 2.0
+_LEAST_ROWS = 10
+"""With fewer rows, small positions do not prove normalised coordinates."""
+_INSIDE_IF_SWAPPED, _INSIDE_AS_STATED = 0.99, 0.9
+NOTED_OUTSIDE = 0.01
+"""Share of positions outside the image from which on it is noted."""
+
+
+class PixelOrigin(StrEnum):
+    """What the position (0, 0) of a file is: the centre of the first pixel, or its corner, the corner of the image."""
+
+    centre = "centre"
+    corner = "corner"
+
+
+@dataclass(frozen=True, slots=True)
+class Raster:
+    """Coordinates of a file.
+
+    Parameters
+    ----------
+    origin
+        What (0, 0) is.
+    size
+        (width, height) of the images in the units of the file; None if that is their size in px.
+    """
+
+    origin: PixelOrigin
+    size: tuple[float, float] | None = None
+
+    def to_pixels(self, uv: NDArray[np.float64], image: tuple[int, int]) -> NDArray[np.float64]:
+        """Positions (n, 2) in an image of (width, height) px; an integer is the centre of a pixel."""
+        if self.size is None:
+            return uv if self.origin is PixelOrigin.centre else uv - 0.5
+        from_corner = uv + 0.5 if self.origin is PixelOrigin.centre else uv
+        pixels: NDArray[np.float64] = from_corner * (np.array(image) / self.size) - 0.5
+        return pixels
+
+
+def check_coordinates(rows: Rows, raster: Raster, image: tuple[int, int]) -> None:
+    """Refuse positions that are normalised, or whose columns are swapped.
+
+    Parameters
+    ----------
+    rows
+        Positions as the file states them.
+    raster
+        Their coordinates.
+    image
+        (width, height), px.
+
+    Raises
+    ------
+    DataError
+        Naming the mistake and what to do.
+    """
+    if raster.size is None and _are_normalised(rows.uv, image):
+        low, high = rows.uv.min(), rows.uv.max()
+        found = f"positions from {low:.3g} to {high:.3g} in images of {image[0]} x {image[1]} px"
+        expected = "pixels, and these look like normalised coordinates: if they run from 0 to 1 across the image, set"
+        rest = 'raster = [1, 1] and origin = "corner"; if they are x/z and y/z, multiply by the intrinsics'
+        raise DataError(rows.path, found, f"{expected} {rest}")
+    uv = raster.to_pixels(rows.uv, image)
+    stated, swapped = _inside(uv, image).mean(), _inside(uv[:, ::-1], image).mean()
+    if stated < _INSIDE_AS_STATED and swapped > _INSIDE_IF_SWAPPED:
+        found = (
+            f"{stated:.0%} of positions inside images of {image[0]} x {image[1]} px, {swapped:.0%} with u and v swapped"
+        )
+        raise DataError(rows.path, found, "u to the right and v down: the columns are swapped")
+
+
+def share_outside(uv: NDArray[np.float64], image: tuple[int, int]) -> float:
+    """Share of positions (n, 2) outside an image of (width, height) px."""
+    return float(1 - _inside(uv, image).mean())
+
+
+def _are_normalised(uv: NDArray[np.float64], image: tuple[int, int]) -> bool:
+    if len(uv) < _LEAST_ROWS or min(image) < 10 * _LARGEST_NORMALISED:
+        return False
+    return bool(np.abs(uv).max() <= _LARGEST_NORMALISED and (uv != np.rint(uv)).any())
+
+
+def _inside(uv: NDArray[np.float64], image: tuple[int, int]) -> NDArray[np.bool_]:
+    return np.asarray(((uv >= -0.5) & (uv <= np.array(image) - 0.5)).all(axis=1))

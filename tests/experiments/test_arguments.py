@@ -1,0 +1,56 @@
+import numpy as np
+import pytest
+
+import tracknoise as tn
+from tracknoise.exceptions import SettingsError, UnknownNameError
+
+
+@pytest.fixture(scope="module")
+def sequence():
+    return tn.open_sequence("simulated", motions=["forward"], frames=3, width=64, height=48)
+
+
+@pytest.mark.parametrize(
+    ("speeds", "message"),
+    [
+        (1, r"speeds = 1, expected a list, such as \[1\]"),
+        ("12", r"speeds = '12', expected a list"),
+        ([0], r"speeds = \[0\], expected different whole numbers of 1 or more"),
+        ([], r"speeds = \[\], expected"),
+        ([1, 1], r"speeds = \[1, 1\], expected different"),
+        ([1.5], r"speeds = \[1.5\], expected"),
+        ([True], r"speeds = \[True\], expected"),
+    ],
+)
+def test_wrong_speeds_are_refused_with_what_to_write(sequence, speeds, message):
+    with pytest.raises(SettingsError, match=message):
+        tn.measure(sequence, tn.LucasKanade(), speeds=speeds)
+
+
+@pytest.mark.parametrize(
+    ("trackers", "message"),
+    [
+        (tn.LucasKanade, r"found the class LucasKanade, expected an instance: LucasKanade\(\)"),
+        ([tn.LucasKanade(), tn.Correspondence], "found the class Correspondence, expected an instance"),
+        ({"a": 3}, "found 3, expected settings of a tracker"),
+        (None, "found None, expected settings of a tracker"),
+        ([], "no trackers, expected at least one"),
+        ([tn.LucasKanade(), "lucas-kanade"], "two trackers of one kind"),
+    ],
+)
+def test_wrong_trackers_are_refused_with_what_to_write(sequence, trackers, message):
+    with pytest.raises(SettingsError, match=message):
+        tn.measure(sequence, trackers)
+
+
+def test_a_tracker_may_be_named_and_a_name_nearly_right_is_suggested(sequence):
+    measured = tn.measure(sequence, "lucas-kanade", speeds=np.array([1, 2]))
+    assert measured.tracks.equals(tn.measure(sequence, tn.LucasKanade(), speeds=(1, 2)).tracks)
+    with pytest.raises(UnknownNameError, match=r"'lucas_kanade' \(did you mean 'lucas-kanade'\?\)"):
+        tn.measure(sequence, "lucas_kanade")
+
+
+@pytest.mark.parametrize("wrong", ["/data/office", None, tn.Sequence])
+def test_what_is_no_sequence_is_refused(wrong):
+    with pytest.raises(SettingsError, match=r"expected a sequence, from tracknoise.open_sequence"):
+        tn.measure(wrong, tn.LucasKanade())

@@ -1,0 +1,238 @@
+"""Mistakes in files of tracks are recognised and named."""
+
+import sqlite3
+from contextlib import closing
+
+import numpy as np
+import polars as pl
+import pytest
+from tests.writers.track_files import Observed, colmap, events, tap
+
+from tracknoise.exceptions import DataError
+from tracknoise.tables.identity import SequenceId
+from tracknoise.trackers.frame import Frame
+from tracknoise.trackers.imported import Imported
+from tracknoise.trackers.imports.formats import TrackFormat
+from tracknoise.trackers.imports.pixels import PixelOrigin
+from tracknoise.trackers.tracker import SequenceContext
+
+SIZE, N_FRAMES = (320, 240), 10
+
+
+def context(speed=1, times=None, size=SIZE) -> SequenceContext:
+    return SequenceContext(SequenceId("d", "s"), size, N_FRAMES, speed, 0, None, timestamps_s=times)
+
+
+def table(n_tracks=6, seed=0) -> pl.DataFrame:
+    rng = np.random.default_rng(seed)
+    track, frame = (a.ravel() for a in np.meshgrid(np.arange(n_tracks), np.arange(N_FRAMES), indexing="ij"))
+    u, v = rng.uniform(0, 319, len(track)), rng.uniform(0, 239, len(track))
+    return pl.DataFrame({"track": track, "frame": frame, "u_px": u, "v_px": v})
+
+
+def start(tmp_path, rows: pl.DataFrame, where: SequenceContext | None = None, **options):
+    rows.write_csv(tmp_path / "tracks.csv")
+    return Imported(str(tmp_path / "tracks.csv"), **options).start(where or context())
+
+
+def positions(tracker, index: int) -> np.ndarray:
+    return tracker.step(Frame(index, np.zeros(SIZE[::-1], np.uint8))).uv
+
+
+def test_frames_counted_from_1_are_named_and_the_option_corrects_them(tmp_path):
+    rows = table().with_columns(pl.col("frame") + 1)
+    with pytest.raises(DataError, match=r"frame 10, .* counted from 1: set first_frame = 1"):
+        start(tmp_path, rows)
+    tracker = start(tmp_path, rows, first_frame=1)
+    np.testing.assert_array_equal(positions(tracker, 0), table().filter(frame=0).select("u_px", "v_px").to_numpy())
+    (note,) = start(tmp_path, rows.filter(pl.col("frame") < 9)).notes
+    assert "no row in frame 0: if their frames are counted from 1, set first_frame = 1" in note
+
+
+@pytest.mark.parametrize("scale", [1.0, 2.0])
+def test_normalised_coordinates_are_named_and_a_raster_corrects_them(scale, tmp_path):
+    """From 0 to 1, and from -1 to 1."""
+    shift = (scale - 1) / 2
+    unit = {"u_px": (pl.col("u_px") + 0.5) / 320, "v_px": (pl.col("v_px") + 0.5) / 240}
+    rows = table().with_columns(**{name: scale * value - 2 * shift for name, value in unit.items()})
+    with pytest.raises(DataError, match=r"in images of 320 x 240 px, expected pixels, .* raster = \[1, 1\] and origin"):
+        start(tmp_path, rows)
+    if scale == 1.0:
+        tracker = start(tmp_path, rows, raster=(1.0, 1.0), origin=PixelOrigin.corner)
+        np.testing.assert_allclose(positions(tracker, 0), table().filter(frame=0)[["u_px", "v_px"]].to_numpy())
+
+
+def test_tracks_of_resized_images_are_scaled(tmp_path):
+    rows = table().with_columns((pl.col("u_px") + 0.5) * 256 / 320 - 0.5, (pl.col("v_px") + 0.5) * 256 / 240 - 0.5)
+    tracker = start(tmp_path, rows, raster=(256.0, 256.0))
+    np.testing.assert_allclose(positions(tracker, 0), table().filter(frame=0)[["u_px", "v_px"]].to_numpy())
+
+
+def test_swapped_columns_are_named(tmp_path):
+    rows = table().rename({"u_px": "v_px", "v_px": "u_px"})
+    with pytest.raises(DataError, match=r"\d\d% of positions inside .*: the columns are swapped$"):
+        start(tmp_path, rows)
+
+
+def test_positions_outside_the_image_are_noted_with_their_share(tmp_path):
+    rows = table().with_columns(u_px=pl.when(pl.col("track") == 0).then(-20.0).otherwise("u_px"))
+    assert start(tmp_path, rows).notes == ("16.7% of imported positions are outside the image",)
+    assert start(tmp_path, table()).notes == ()
+
+
+def test_frames_that_are_skipped_are_named_unless_the_speed_is_theirs(tmp_path):
+    rows = table().filter(pl.col("frame") % 3 == 0)
+    with pytest.raises(DataError, match=r"rows in one of 3 frames only: 0, 3, 6, .* set speeds = \[3\]"):
+        start(tmp_path, rows)
+    assert len(positions(start(tmp_path, rows, context(speed=3)), 3)) == 6
+
+
+def test_a_higher_speed_of_the_same_file_is_noted(tmp_path):
+    assert "subsampled" in start(tmp_path, table(), context(speed=2)).notes[0]
+    table().write_csv(tmp_path / "tracks-2.csv")
+    assert Imported(str(tmp_path / "tracks-{speed}.csv")).start(context(speed=2)).notes == ()
+
+
+TIMES = 100.0 + 0.1 * np.arange(N_FRAMES)
+
+
+def timed(shift=0.0) -> pl.DataFrame:
+    return table().with_columns(time_s=100.0 + 0.1 * pl.col("frame") + shift).drop("frame")
+
+
+def test_times_belong_to_the_nearest_frame_and_far_ones_are_left_out_and_counted(tmp_path):
+    tracker = start(tmp_path, timed(0.03), context(times=TIMES))
+    np.testing.assert_array_equal(positions(tracker, 4), table().filter(frame=4)[["u_px", "v_px"]].to_numpy())
+    (note,) = start(tmp_path, timed(0.2), context(times=TIMES)).notes
+    assert note == "20.0% of imported rows are too far in time from every frame, and were left out"
+
+
+def test_of_several_rows_near_a_frame_the_nearest_counts(tmp_path):
+    rows = {"track": [1, 1, 1], "time_s": [100.0, 100.04, 100.12], "u_px": [1.0, 2.0, 3.0], "v_px": [5.0, 5.0, 5.0]}
+    tracker = start(tmp_path, pl.DataFrame(rows), context(times=TIMES))
+    assert [positions(tracker, k).tolist() for k in range(3)] == [[[1.0, 5.0]], [[3.0, 5.0]], []]
+
+
+def test_another_clock_is_named_with_the_offset_that_corrects_it(tmp_path):
+    with pytest.raises(DataError, match=r"times from 900 to 900.9 s, .* 100 to 100.9 s; .*time_offset_s.*: -800.0"):
+        start(tmp_path, timed(800.0), context(times=TIMES))
+    assert len(positions(start(tmp_path, timed(800.0), context(times=TIMES), time_offset_s=-800.0), 0)) == 6
+    with pytest.raises(DataError, match="times, expected frame numbers, because the times of the sequence's frames"):
+        start(tmp_path, timed())
+
+
+def test_events_are_interpolated_between_their_updates_but_not_over_gaps(tmp_path):
+    lines = ["1 99.95 10 20", "1 100.05 12 20", "1 100.17 14 26", "1 100.6 20 20", "2 100.1 5 6"]
+    (tmp_path / "tracks.txt").write_text("\n".join(lines))
+    tracker = Imported(str(tmp_path / "tracks.txt")).start(context(times=TIMES))
+    found = [positions(tracker, k) for k in range(N_FRAMES)]
+    np.testing.assert_allclose(found[0], [[11.0, 20.0]])
+    np.testing.assert_allclose(found[1], [[12 + 2 * 5 / 12, 20 + 6 * 5 / 12], [5.0, 6.0]])
+    assert [len(one) for one in found] == [1, 2, 0, 0, 0, 0, 1, 0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("1 0.0 5\n", r"tracks.txt:1: 3 columns, expected at least 4: id, t, x, y$"),
+        ("# id t x y\n\n1 0.0 5 x\n", r"tracks.txt:3: y 'x', expected a finite number$"),
+        ("1.5 0.0 5 6\n", r"tracks.txt:1: id 1.5, expected a whole number$"),
+        ("1 0 5 6\n1 0 7 8\n", r"tracks.txt:2: track 1, expected one row for each track and time$"),
+        ("# nothing\n", r"no track, expected at least one row$"),
+        ("1 0.0 5 6" + " 7" * 40000, r"tracks.txt:1: a line of 65536 characters or more"),
+    ],
+)
+def test_bad_lines_of_event_text_are_named(text, message, tmp_path):
+    (tmp_path / "tracks.txt").write_text(text)
+    with pytest.raises(DataError, match=message):
+        Imported(str(tmp_path / "tracks.txt")).start(context(times=TIMES - 100))
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({"occluded": np.zeros((2, 10), bool)}, "no array tracks"),
+        ({"tracks": np.zeros((2, 10, 2))}, "no array occluded or visible"),
+        ({"tracks": np.zeros((10, 40, 2)), "occluded": np.zeros((10, 40), bool)}, "transpose the first two axes"),
+        (
+            {"tracks": np.zeros((2, 10)), "occluded": np.zeros((2, 10))},
+            r"expected numbers of shape \(points, frames, 2",
+        ),
+        ({"tracks": np.zeros((2, 10, 2)), "occluded": np.full((2, 10), 0.5)}, "expected true or false"),
+        ({"tracks": np.full((2, 10, 2), np.nan), "occluded": np.zeros((2, 10))}, "tracks of point 0 in frame 0"),
+        ({"tracks": np.zeros((2, 10, 2)), "occluded": np.ones((2, 10))}, "no visible point"),
+        (
+            {"tracks": np.zeros((2, 10, 2)), "occluded": np.zeros((2, 10)), "query_points": np.zeros((3, 3))},
+            r"expected finite numbers of shape \(2, 3\)",
+        ),
+        ({"tracks": np.array([{}]), "occluded": np.zeros(1)}, "not readable"),
+    ],
+)
+def test_bad_tap_archives_are_refused(arrays, message, tmp_path):
+    np.savez(tmp_path / "points.npz", **arrays)
+    with pytest.raises(DataError, match=message):
+        Imported(str(tmp_path / "points.npz")).start(context())
+
+
+def test_points_of_a_tap_archive_begin_with_their_query(tmp_path):
+    tracks = np.full((2, N_FRAMES, 2), 30.0)
+    queries = np.array([[3, 30, 30], [0, 30, 30]])
+    np.savez(tmp_path / "points.npz", tracks=tracks, visible=np.ones((2, N_FRAMES)), query_points=queries)
+    tracker = Imported(str(tmp_path / "points.npz")).start(context())
+    assert [len(positions(tracker, k)) for k in range(5)] == [1, 1, 1, 2, 2]
+
+
+def observed() -> Observed:
+    rows = table(4)
+    return Observed(*(rows[name].to_numpy() for name in rows.columns), TIMES)
+
+
+def test_colmap_databases_of_other_images_or_with_impossible_matches_are_refused(tmp_path):
+    colmap(tmp_path / "colmap.db", observed())
+    settings = Imported(str(tmp_path / "colmap.db"))
+    assert len(positions(settings.start(context()), 0)) == 4
+    with closing(sqlite3.connect(tmp_path / "colmap.db")) as database, database:
+        database.execute("UPDATE two_view_geometries SET data = ?", (np.full((4, 2), 9, np.uint32).tobytes(),))
+    with pytest.raises(DataError, match=r"matches of images \d+ and \d+, expected two numbers of keypoints that exist"):
+        settings.start(context())
+    with closing(sqlite3.connect(tmp_path / "colmap.db")) as database, database:
+        database.execute("UPDATE keypoints SET rows = 1000000000")
+    with pytest.raises(DataError, match=r"keypoints of 1000000000 x 6 numbers in 96 bytes"):
+        settings.start(context())
+    with closing(sqlite3.connect(tmp_path / "colmap.db")) as database, database:
+        database.execute("DELETE FROM images WHERE name = 'frame00003.png'")
+        database.execute("DELETE FROM keypoints")
+        database.execute("DELETE FROM two_view_geometries")
+    with pytest.raises(DataError, match=r"9 images, expected one for each of the 10 frames"):
+        settings.start(context())
+
+
+def test_a_format_can_be_stated_for_a_file_with_another_ending(tmp_path):
+    events(tmp_path / "tracks.log", observed())
+    tap(tmp_path / "points.npz", observed())
+    with pytest.raises(ValueError, match=r"path is .*, expected a file that ends in .csv, .* or .db, or a format$"):
+        Imported(str(tmp_path / "tracks.log"))
+    stated = Imported(str(tmp_path / "tracks.log"), format=TrackFormat.events).start(context(times=TIMES))
+    native = Imported(str(tmp_path / "points.npz")).start(context())
+    np.testing.assert_array_equal(positions(stated, 0), positions(native, 0))
+
+
+def test_covariances_are_kept_as_quality(tmp_path):
+    rows = table().with_columns(cov_uu=pl.lit(0.25), cov_uv=pl.lit(0.0), cov_vv=pl.lit(0.5), quality_age=pl.lit(3.0))
+    step = start(tmp_path, rows).step(Frame(0, np.zeros(SIZE[::-1], np.uint8)))
+    assert {name: values[0] for name, values in step.quality.items()} == {
+        "age": 3.0,
+        "cov_uu": 0.25,
+        "cov_uv": 0.0,
+        "cov_vv": 0.5,
+    }
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"first_frame": -1}, {"raster": (0.0, 1.0)}, {"time_offset_s": 1e10}, {"max_gap_s": 0.0}],
+)
+def test_impossible_options_are_refused_by_name(options):
+    (name,) = options
+    with pytest.raises(ValueError, match=rf"{name} is"):
+        Imported("tracks.csv", **options)

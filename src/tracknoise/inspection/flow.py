@@ -137,8 +137,7 @@ def _begin(sequence: Sequence, index: int, image: NDArray[np.uint8], *, wide: bo
     margin = np.zeros_like(image)
     margin[_MARGIN_PX:-_MARGIN_PX, _MARGIN_PX:-_MARGIN_PX] = 255
     found = cv2.goodFeaturesToTrack(image, _POINTS, _LEAST_QUALITY, _SPACING_PX, mask=margin)
-    uv = np.atleast_1d(np.asarray(found, dtype=np.float64)).reshape(-1)
-    uv = uv[: len(uv) // 2 * 2].reshape(-1, 2)  # an image without corners gives None, which becomes no point
+    uv: NDArray[np.float64] = np.array([] if np.ndim(found) == 0 else found, dtype=np.float64).reshape(-1, 2)
     return _Chain(index, uv, uv, _depths(sequence.depth(index), uv), (SHORT_PX, LONG_PX) if wide else ())
 
 

@@ -21,15 +21,15 @@ MOST_SEQUENCES = 3
 _FROM_POSES: tuple[Callable[[Sequence], Item], ...] = (counts, timestamps, rotations, pose_jumps, intrinsics, depths)
 
 
-def check_sequence(sequence: Sequence, *, evidence: Evidence | None = None) -> SequenceReport:
+def check_sequence(sequence: Sequence, *, seen: Callable[[Sequence, Evidence], None] | None = None) -> SequenceReport:
     """Check one sequence.
 
     Parameters
     ----------
     sequence
         As opened by its reader.
-    evidence
-        Its image motion, if it has been measured already.
+    seen
+        Called with the sequence and its image motion, if its images were read.
 
     Returns
     -------
@@ -41,13 +41,22 @@ def check_sequence(sequence: Sequence, *, evidence: Evidence | None = None) -> S
         items += (topic(sequence) for topic in _FROM_POSES)
         items += reader_notes(sequence)
         if not any(item.topic == "counts" and item.severity is Severity.fatal for item in items):
-            items += _from_images(sequence, evidence or Evidence.measured(sequence))
+            evidence = Evidence.measured(sequence)
+            items += _from_images(sequence, evidence)
+            if seen is not None:
+                seen(sequence, evidence)
     except DataError as error:
         items.append(_unreadable(error))
     return SequenceReport(sequence.id.key, tuple(items))
 
 
-def check_reader(reader: Reader, source: str, *, most: int = MOST_SEQUENCES) -> CheckReport:
+def check_reader(
+    reader: Reader,
+    source: str,
+    *,
+    most: int = MOST_SEQUENCES,
+    seen: Callable[[Sequence, Evidence], None] | None = None,
+) -> CheckReport:
     """Check the sequences of a data set.
 
     Parameters
@@ -58,6 +67,8 @@ def check_reader(reader: Reader, source: str, *, most: int = MOST_SEQUENCES) -> 
         Its folder, for the report.
     most
         Of how many sequences images are read.
+    seen
+        Called with each sequence whose images were read, and with its image motion.
 
     Raises
     ------
@@ -74,7 +85,7 @@ def check_reader(reader: Reader, source: str, *, most: int = MOST_SEQUENCES) -> 
             continue
         opened.append(sequence)
         if place < most:
-            reports.append(check_sequence(sequence))
+            reports.append(check_sequence(sequence, seen=seen))
     about_all = list(filter(None, [_unread(len(listed), most), independence(opened)]))
     return CheckReport(reader.name, source, tuple(reports), tuple(about_all))
 

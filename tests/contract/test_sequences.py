@@ -18,6 +18,9 @@ import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.writers.euroc import write_euroc
+from tests.writers.kitti_odometry import write_kitti_odometry
+from tests.writers.tum import write_tum
 
 from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.geometry.camera import Camera
@@ -27,8 +30,10 @@ from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.dtu.matlab import write_mat
 from tracknoise.sequences.dtu.reader import Dtu
 from tracknoise.sequences.dtu.writer import calibration_variables
+from tracknoise.sequences.euroc.reader import Euroc
 from tracknoise.sequences.folder import Folder, write_folder
 from tracknoise.sequences.kitti.layout import Drive
+from tracknoise.sequences.kitti.odometry import KittiOdometry
 from tracknoise.sequences.kitti.oxts import records_of_poses, write_record
 from tracknoise.sequences.kitti.reader import Kitti
 from tracknoise.sequences.kitti.rig import CAMERA_FROM_IMU, write_calibration
@@ -38,6 +43,7 @@ from tracknoise.sequences.sequence import Reader, Sequence, camera_at
 from tracknoise.sequences.sevenscenes import SevenScenes
 from tracknoise.sequences.simulated import Simulated
 from tracknoise.sequences.tartanair import TartanAir
+from tracknoise.sequences.tum.reader import Tum
 from tracknoise.simulation.light_stage.stage import arc, stage_camera
 from tracknoise.tables.identity import Direction, SequenceId
 
@@ -201,14 +207,35 @@ def tape(root: Path, count: int) -> Written:
     return Written(foreign().Tape(root), poses(count), images(count), depths(count), timed=True)
 
 
+def tum(root: Path, count: int) -> Written:
+    """Depth maps lag behind the images by 5 ms."""
+    shown, deep = images(count), [np.minimum(depth, 13.0) for depth in depths(count)]
+    write_tum(root / "scene", shown, poses(count), depths=deep)
+    (root / "scene" / "calibration.txt").write_text("60 61 31 24\n")
+    return Written(Tum(root), poses(count), shown, deep, depth_tolerance_m=1e-4, timed=True)
+
+
+def euroc(root: Path, count: int) -> Written:
+    write_euroc(root / "MH_01_easy", images(count), poses(count), intrinsics=(60.0, 61.0, 31.0, 24.0))
+    return Written(Euroc(root), poses(count), images(count), timed=True)
+
+
+def kitti_odometry(root: Path, count: int) -> Written:
+    write_kitti_odometry(root, images(count), poses(count), intrinsics=(60.0, 61.0, 31.0, 24.0))
+    return Written(KittiOdometry(root), poses(count), images(count), timed=True)
+
+
 LAYOUTS: dict[str, Callable[[Path, int], Written]] = {
     "dtu": dtu,
+    "euroc": euroc,
     "folder": folder,
     "kitti": kitti,
+    "kitti-odometry": kitti_odometry,
     "sevenscenes": sevenscenes,
     "simulated": simulated,
     "tape": tape,
     "tartanair": tartanair,
+    "tum": tum,
 }
 Write = Callable[[int], Written]
 

@@ -12,6 +12,7 @@ from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.folder import Folder, write_folder
+from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.registry import make_reader
 from tracknoise.sequences.sequence import TruthKind
@@ -169,9 +170,27 @@ def test_a_missing_image_is_named(scene: Path) -> None:
     expect(scene, "images/000001.png", ": missing image, expected images 0 to 2 without a gap")
 
 
-def test_a_missing_last_image_is_named(scene: Path) -> None:
+def test_poses_may_outnumber_images(scene: Path) -> None:
     (scene / "images/000002.png").unlink()
-    expect(scene, "images/000002.png", ": missing image, expected images 0 to 2 without a gap")
+    sequence = opened(scene)
+    assert len(sequence) == len(sequence.world_from_camera) == 2
+    assert sequence.notes == (f"{scene / 'poses.txt'}: 3 poses for 2 images: only the first 2 are used",)
+
+
+def test_frames_without_a_pose_are_kept_and_written_again(scene: Path, tmp_path: Path) -> None:
+    (scene / "poses.txt").write_text(f"{STILL}\n{' '.join(['nan'] * 7)}\n1 {STILL[2:]}\n")
+    sequence = opened(scene)
+    assert has_pose(sequence.world_from_camera).tolist() == [True, False, True]
+    assert np.isnan(sequence.world_from_camera[1]).all()
+    write_folder(sequence, tmp_path / "again")
+    again = opened(tmp_path / "again")
+    np.testing.assert_array_equal(again.world_from_camera, sequence.world_from_camera)
+
+
+def test_a_single_pose_is_too_few(scene: Path) -> None:
+    (scene / "poses.txt").write_text(f"{' '.join(['nan'] * 7)}\n{STILL}\n{' '.join(['nan'] * 7)}\n")
+    with pytest.raises(DataError, match="1 pose for 3 frames, expected poses for at least 2"):
+        read_all(scene)
 
 
 def test_a_truncated_image_is_named(scene: Path) -> None:
@@ -218,7 +237,6 @@ STILL = "0 0 0 0 0 0 1"
     [
         ([STILL] * 2, "poses.txt", ": 2 poses, expected at least 3, one for each image"),
         ([], "poses.txt", ": 0 poses, expected at least 3, one for each image"),
-        ([STILL] * 4, "images/000003.png", ": missing image, expected images 0 to 3 without a gap"),
         ([STILL, "0 nan 0 0 0 0 1", STILL], "poses.txt", ":2: NaN or infinity in the pose, expected finite numbers"),
         ([STILL, "0 0 0 0 0 1 1", STILL], "poses.txt", ":2: a quaternion of norm 1.41421, expected norm 1"),
         (["0 0 0 0 0 1"], "poses.txt", ":1: 6 fields, expected 7 (tx ty tz qx qy qz qw)"),
@@ -230,7 +248,9 @@ def test_bad_poses_are_named(scene: Path, rows: list[str], place: str, message: 
     expect(scene, place, message)
 
 
-NEEDED = "width, height, fx, fy, cx, cy and, if need be, distortion, depth_unit_m, source"
+NEEDED = (
+    "width, height, fx, fy, cx, cy and, if need be, model, distortion, xi, alpha, depth_unit_m, depth_scale, source"
+)
 
 NO_INVERSE = (
     "fx, fy, cx, cy and distortion that cannot be inverted over the whole image, "

@@ -49,16 +49,33 @@ def test_gray_of_a_jpeg_is_its_luma_and_not_a_conversion_of_its_colours(write, c
     assert np.any(read_gray(path, CAMERA) != converted)
 
 
-@pytest.mark.parametrize(
-    ("array", "name"), [("gray", "a.png"), ("gray", "a.jpg"), ("gray", "a.bmp"), ("gray16", "a.png")]
-)
-def test_gray_of_other_layouts_is_8_bit(write, colour, array, name):
-    source = colour[..., 0] if array == "gray" else colour[..., 0].astype(np.uint16) * 257
-    path = write(name, source)
-    image = read_gray(path, CAMERA)
+@pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.bmp"])
+def test_gray_of_one_channel_is_read_as_it_is(write, colour, name):
+    image = read_gray(write(name, colour[..., 0]), CAMERA)
     assert image.dtype == np.uint8
-    if name.endswith("png"):
+    if not name.endswith("jpg"):
         np.testing.assert_array_equal(image, colour[..., 0])
+
+
+def test_16_bit_images_are_scaled_as_stated_and_never_as_guessed(write, colour):
+    path = write("a.png", colour[..., 0].astype(np.uint16) * 257)
+    with pytest.raises(DataError) as caught:
+        read_gray(path, CAMERA)
+    assert str(caught.value) == (
+        f"{path}: a 16-bit image of 1 channel, expected 8 bits, or image_levels = [low, high] of the reader folder"
+    )
+    np.testing.assert_array_equal(read_gray(path, CAMERA, levels=(0, 65535)), colour[..., 0])
+    np.testing.assert_array_equal(
+        read_gray(write("b.png", colour), CAMERA, levels=(0, 1)), read_gray(path.with_name("b.png"), CAMERA)
+    )
+
+
+def test_levels_are_rounded_and_clipped(write):
+    values = np.zeros((48, 64), np.uint16)
+    values[0, :6] = (0, 1000, 1002, 2000, 3000, 65535)
+    image = read_gray(write("a.png", values), CAMERA, levels=(1000, 3000))
+    assert image.dtype == np.uint8
+    assert image[0, :6].tolist() == [0, 0, 0, 128, 255, 255]
 
 
 @pytest.mark.parametrize("name", ["image.png", "image.jpg", "image.bmp"])

@@ -100,7 +100,6 @@ def test_rotations_are_made_exact_with_a_warning_of_the_size(tmp_path, write_sev
 @pytest.mark.parametrize(
     ("pose", "message"),
     [
-        (np.diag([np.nan, 1, 1, 1]), "NaN or infinity in the pose, expected finite numbers"),
         (np.diag([2.0, 1, 1, 1]), "singular values differ from 1 by 1, expected a rotation"),
         (np.eye(3), "3 fields, expected 4"),
         (np.eye(4)[:3], "3 rows, expected a 4x4 matrix"),
@@ -113,6 +112,22 @@ def test_damaged_poses_name_their_file(tmp_path, write_sevenscenes, pose, messag
         only(tmp_path)
     assert str(caught.value).startswith(f"{folder / 'frame-000001.pose.txt'}:")
     assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("unknown", ["nan", "-1.#IND", "1.#QNAN0", "-inf", "1.#INF"])
+def test_a_frame_without_a_pose_is_kept(tmp_path, write_sevenscenes, unknown):
+    folder = write_sevenscenes(tmp_path / "seq-01")
+    (folder / "frame-000001.pose.txt").write_text(f"{unknown} 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n")
+    sequence = only(tmp_path)
+    assert np.isnan(sequence.world_from_camera[1]).all()
+    np.testing.assert_array_equal(sequence.world_from_camera[2, :3, 3], (0.2, 0.0, 0.0))
+
+
+def test_poses_may_outnumber_images(tmp_path, write_sevenscenes):
+    folder = write_sevenscenes(tmp_path / "seq-01", frames=4)
+    for kind in ("color", "depth"):
+        (folder / f"frame-000003.{kind}.png").unlink()
+    assert len(only(tmp_path)) == 3
 
 
 @pytest.mark.parametrize("missing", [1, 2])

@@ -19,7 +19,7 @@ def test_an_empty_table_meets_its_own_schema(name: str) -> None:
 
 
 def test_enumerations_list_the_names_in_the_order_of_their_numbers() -> None:
-    assert schema.TRUTH.categories.to_list() == [TruthStatus(value).name for value in range(6)]
+    assert schema.TRUTH.categories.to_list() == [TruthStatus(value).name for value in range(7)]
     assert schema.END.categories.to_list() == [TrackEnd(value).name for value in range(5)]
 
 
@@ -31,6 +31,7 @@ def test_the_known_truth_statuses_are_those_with_a_true_position() -> None:
         "occluded",
         "out_of_image",
         "behind_camera",
+        "no_pose",
     ]
 
 

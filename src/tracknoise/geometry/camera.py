@@ -1,21 +1,20 @@
 """The pinhole camera, with radial-tangential distortion or without."""
 
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.geometry.distortion import distort, undistort
+from tracknoise.geometry.intrinsics import Intrinsics, ahead
 
 DISTORTION_COUNTS = (0, 4, 5, 8)
 """How many distortion coefficients a camera can have."""
 
-_OUTLINE_POSITIONS = 1001
-_ROUND_TRIP_PX = 1e-6
-
 
 @dataclass(frozen=True, slots=True)
-class Camera:
+class Camera(Intrinsics):
     """Intrinsics of one camera.
 
     Parameters
@@ -36,130 +35,28 @@ class Camera:
         If a size or focal length is not positive, or the distortion has another count of coefficients.
     """
 
-    width: int
-    height: int
-    fx: float
-    fy: float
-    cx: float
-    cy: float
     distortion: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        if self.width < 1 or self.height < 1 or not (self.fx > 0 and self.fy > 0):
-            raise ValueError(f"sizes and focal lengths must be positive: {self}")
+        Intrinsics.__post_init__(self)
         if len(self.distortion) not in DISTORTION_COUNTS:
             expected = "0, 4, 5 or 8"
             raise ValueError(f"distortion must have {expected} coefficients, not {len(self.distortion)}")
 
-    @property
-    def matrix(self) -> NDArray[np.float64]:
-        """The 3x3 float64 matrix K."""
-        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+    def _seen_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        xy = points[..., :2] / ahead(points)[..., None]
+        return distort(xy, self.distortion) if self.distortion else xy
 
-    @property
-    def is_invertible(self) -> bool:
-        """Whether every position on the outline of the image has a ray, and this leads back to it within 1e-6 px."""
-        u = np.linspace(-0.5, self.width - 0.5, _OUTLINE_POSITIONS)
-        v = np.linspace(-0.5, self.height - 0.5, _OUTLINE_POSITIONS)
-        left, top = np.full_like(v, u[0]), np.full_like(u, v[0])
-        right, bottom = np.full_like(v, u[-1]), np.full_like(u, v[-1])
-        sides = [(u, top), (u, bottom), (left, v), (right, v)]
-        outline = np.concatenate([np.stack(side, axis=-1) for side in sides])
-        with np.errstate(all="ignore"):
-            there_and_back = self.project(self.bearings(outline))
-            return bool(np.all(np.abs(there_and_back - outline) <= _ROUND_TRIP_PX))
+    def _looking_along(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        return undistort(xy, self.distortion) if self.distortion else xy
 
-    def project(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Project points of the camera frame: pi(X).
-
-        Parameters
-        ----------
-        points
-            (..., 3) float64, metres, camera frame.
-
-        Returns
-        -------
-        (..., 2) float64
-            Pixel coordinates u, v. NaN for points that have no image: those with z <= 0, and those so far from the
-            axis that the distortion would fold them back.
-        """
-        depth = np.where(points[..., 2] > 0.0, points[..., 2], np.nan)
-        xy = points[..., :2] / depth[..., None]
-        if self.distortion:
-            xy = distort(xy, self.distortion)
-        return xy * (self.fx, self.fy) + (self.cx, self.cy)
-
-    def bearings(self, uv: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Rays through pixels, scaled to depth 1.
-
-        Parameters
-        ----------
-        uv
-            (..., 2) float64, px.
-
-        Returns
-        -------
-        (..., 3) float64
-            Camera frame, z = 1; x and y are NaN where the distortion gives the pixel no ray (see `is_invertible`).
-        """
-        xy = (np.asarray(uv, dtype=np.float64) - (self.cx, self.cy)) / (self.fx, self.fy)
-        if self.distortion:
-            xy = undistort(xy, self.distortion)
-        return np.concatenate([xy, np.ones_like(xy[..., :1])], axis=-1)
-
-    def unproject(self, uv: NDArray[np.float64], depth_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Points of the camera frame at given depths: pi^-1(x, Z).
-
-        Parameters
-        ----------
-        uv
-            (..., 2) float64, px.
-        depth_m
-            (...) float64, depth along z, metres.
-
-        Returns
-        -------
-        (..., 3) float64
-            Metres, camera frame.
-        """
-        return self.bearings(uv) * np.asarray(depth_m, dtype=np.float64)[..., None]
-
-    def contains(self, uv: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether pixels lie in the image, its outermost half pixels included; NaN does not.
-
-        Parameters
-        ----------
-        uv
-            (..., 2) float64, px.
-
-        Returns
-        -------
-        (...) bool
-        """
-        u, v = uv[..., 0], uv[..., 1]
-        return (u >= -0.5) & (u < self.width - 0.5) & (v >= -0.5) & (v < self.height - 0.5)
-
-    def halved(self) -> "Camera":
-        """The camera of the image at half size, where u becomes (u + 0.5) / 2 - 0.5."""
-        return replace(
-            self,
-            width=self.width // 2,
-            height=self.height // 2,
-            fx=self.fx / 2,
-            fy=self.fy / 2,
-            cx=(self.cx + 0.5) / 2 - 0.5,
-            cy=(self.cy + 0.5) / 2 - 0.5,
-        )
-
-    def turned(self) -> "Camera":
+    def turned(self) -> Self:
         """The camera of the image turned a quarter counter-clockwise, where (u, v) becomes (v, width - 1 - u).
 
         In its own axes (x', y') = (y, -x). The tangential distortion turns with them: p1' = -p2, p2' = p1.
         """
-        distortion = self.distortion
-        if distortion:
-            k1, k2, p1, p2, *higher = distortion
-            distortion = (k1, k2, -p2, p1, *higher)
-        return Camera(
-            self.height, self.width, self.fy, self.fx, self.cy, self.width - 1 - self.cx, distortion=distortion
-        )
+        turned = Intrinsics.turned(self)
+        if not self.distortion:
+            return turned
+        k1, k2, p1, p2, *higher = self.distortion
+        return replace(turned, distortion=(k1, k2, -p2, p1, *higher))

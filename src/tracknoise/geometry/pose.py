@@ -31,6 +31,29 @@ def from_quaternion(translation_m: NDArray[np.float64], xyzw: NDArray[np.float64
     return poses
 
 
+def position_rows(poses: NDArray[np.float64], *, canonical: bool = True) -> NDArray[np.float64]:
+    """Poses as positions and unit quaternions: the inverse of `from_quaternion`.
+
+    Parameters
+    ----------
+    poses
+        (n, 4, 4) float64, rigid, or all NaN where there is no pose.
+    canonical
+        Whether the scalar of each quaternion is made positive; otherwise its sign is arbitrary.
+
+    Returns
+    -------
+    (n, 7) float64
+        x, y, z in metres, then qx, qy, qz, qw; NaN where there is no pose.
+    """
+    rows = np.full((len(poses), 7), np.nan)
+    known = np.isfinite(poses).all(axis=(1, 2))
+    if known.any():
+        quaternions = Rotation.from_matrix(poses[known, :3, :3]).as_quat(canonical=canonical)
+        rows[known] = np.hstack([poses[known, :3, 3], quaternions])
+    return rows
+
+
 def invert(poses: NDArray[np.float64]) -> NDArray[np.float64]:
     """Inverse of rigid transforms.
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.measurement.columns import setup_tables
 from tracknoise.measurement.tracking import Progress, TrackerSetup, TrackingResult, run_trackers
+from tracknoise.sequences.poses import require_some_poses
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.tables import schema
 from tracknoise.truth.registry import make_truths
@@ -83,8 +84,8 @@ def measure_sequences(
     Raises
     ------
     DataError
-        If a sequence is too short for a speed, an image, depth map or pose cannot be used, no tracker finds a
-        feature, or no feature has a true position.
+        If a sequence is too short for a speed or has fewer than 2 poses, an image, depth map or pose cannot be used,
+        no tracker finds a feature, or no feature has a true position.
     SettingsError
         If a speed skips the key frame of a scan.
     UnknownNameError
@@ -132,6 +133,7 @@ def _check_length(sequence: Sequence, n_frames: int, setups: Items[TrackerSetup]
                 f"speed {setup.speed} for a sequence of {n_frames} frames",
                 f"a speed of at most {n_frames - 1}",
             )
+    require_some_poses(sequence.world_from_camera[:n_frames], sequence.source)
 
 
 def _check_key_frame(sequence: Sequence, n_frames: int, setups: Items[TrackerSetup], key_frame: int | None) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.measurement.recording import Recorder, Recording
+from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.gradient import dominant_gradient
@@ -171,6 +172,7 @@ def _start(condition: TrackerSetup, sequence: Sequence, truth: Truth, seed: int)
             speed=condition.speed,
             seed=seed,
             truth=truth if isinstance(truth, OracleTruth) else None,
+            frames_without_pose=frozenset(np.flatnonzero(~has_pose(sequence.world_from_camera)).tolist()),
         )
     )
 

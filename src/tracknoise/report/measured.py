@@ -23,6 +23,7 @@ _TRUTHS = {
     "occluded": "occluded",
     "out_of_image": "out of image",
     "behind_camera": "behind camera",
+    "no_pose": "no pose",
 }
 _ENDS = {
     "lost": "lost",

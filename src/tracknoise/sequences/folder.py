@@ -4,29 +4,30 @@
 """
 
 import json
-import math
 from collections.abc import Callable
 from dataclasses import KW_ONLY, asdict, dataclass, replace
 from functools import partial
+from itertools import compress
 from pathlib import Path
 from typing import Any, ClassVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
-from tracknoise.checks import require_at_least
+from tracknoise.checks import require_at_least, require_positive
 from tracknoise.exceptions import DataError
-from tracknoise.foreign.files import read_text
-from tracknoise.geometry.camera import DISTORTION_COUNTS, Camera
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
+from tracknoise.geometry.lenses import COEFFICIENTS, KnownCamera, model_of
+from tracknoise.geometry.pose import position_rows
+from tracknoise.sequences.camera_files.camera_file import CameraFile
+from tracknoise.sequences.camera_files.read import read_camera_file
 from tracknoise.sequences.frame_files import DepthReader, ImageFiles, depth_files, depth_notes
-from tracknoise.sequences.images import read_depth_npy, read_depth_png16
+from tracknoise.sequences.images import image_size, read_depth_npy, read_depth_png16, require_levels
 from tracknoise.sequences.new_folder import new_folder
-from tracknoise.sequences.pinhole import pinhole_of
-from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses
+from tracknoise.sequences.pinhole import only_camera
+from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses, surplus_notes
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.scenes import find_scenes, numbered_files, parent_of, require_unbroken, scene_folder
 from tracknoise.sequences.sequence import Sequence
@@ -35,10 +36,7 @@ from tracknoise.tables.identity import SequenceId
 _IMAGES, _DEPTH, _POSES, _CAMERA = "images", "depth", "poses.txt", "camera.json"
 _PARTS = frozenset((_IMAGES, _DEPTH, _POSES, _CAMERA))
 _COLUMNS = "tx ty tz qx qy qz qw"
-_COUNTS, _FOCAL, _CENTRE = ("width", "height"), ("fx", "fy"), ("cx", "cy")
-_DISTORTION = "a list of 0, 4, 5 or 8 numbers (k1, k2, p1, p2, k3, k4, k5, k6)"
-_SHOWN = 60
-_OPTIONAL = ("distortion", "depth_unit_m", "source")
+_DEFAULT_MODEL = "radtan"
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,11 +50,21 @@ class Folder:
     depth_radius_px
         None for dense depth, which is interpolated. For sparse depth (lidar), the largest distance from a feature to
         the nearest pixel with depth, px.
+    depth_unit_m
+        Depth of the integer 1 in 16-bit depth images, metres; by default, what the camera file states.
+    camera_file
+        File of the camera, in place of each scene's ``camera.json``: of OpenCV, Kalibr, ROS or EuRoC (see
+        docs/formats/cameras.md).
+    camera
+        Which camera of that file, where it has several, such as ``cam1``; by default the first.
+    image_levels
+        Values of 16-bit images that become 0 and 255; values between are scaled linearly, others are clipped. Images
+        of 8 bits are not changed.
 
     Raises
     ------
     ValueError
-        If `depth_radius_px` is below 0 or not finite.
+        If an option has an impossible value.
     """
 
     name: ClassVar[str] = "folder"
@@ -66,10 +74,18 @@ class Folder:
     root: Path
     _: KW_ONLY
     depth_radius_px: float | None = None
+    depth_unit_m: float | None = None
+    camera_file: Path | None = None
+    camera: str | None = None
+    image_levels: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         if self.depth_radius_px is not None:
             require_at_least("depth_radius_px", self.depth_radius_px, 0)
+        if self.depth_unit_m is not None:
+            require_positive("depth_unit_m", self.depth_unit_m)
+        if self.image_levels is not None:
+            require_levels("image_levels", self.image_levels)
 
     def sequences(self) -> list[SequenceId]:
         """All sequences, sorted: each folder that holds two of ``images``, ``depth``, ``poses.txt``, ``camera.json``.
@@ -94,20 +110,38 @@ class Folder:
             If there is no such scene or lighting.
         """
         folder = scene_folder(self._scenes(), sequence)
-        camera, depth_unit_m = _read_camera(folder / _CAMERA)
+        stated = None if self.camera_file is not None else read_camera_file(folder / _CAMERA)
         rows, places = read_rows(folder / _POSES, _COLUMNS)
         images, depths = _frame_files(folder, poses=len(rows))
-        read_depth = partial(_with_radius, _depth_reader(folder, depths, depth_unit_m), self.depth_radius_px)
+        stated = stated or self._named_camera(images[0])
+        camera = stated.camera
+        read_depth = _depth_reader(folder, depths, self.depth_unit_m or stated.depth_unit_m)
         return RecordedSequence(
             id=sequence,
             source=str(folder / _IMAGES),
             camera=camera,
-            world_from_camera=quaternion_poses(rows[:, :3], rows[:, 3:], places),
-            images=ImageFiles(images, camera),
-            depths=depth_files(depths, camera, read_depth),
-            notes=depth_notes(depths) if (folder / _DEPTH).exists() else (),
+            world_from_camera=_poses(rows[: len(images)], places),
+            images=ImageFiles(images, camera, self.image_levels),
+            depths=depth_files(depths, camera, partial(_with_radius, read_depth, self.depth_radius_px)),
+            notes=(
+                *stated.notes,
+                *self._notes(),
+                *surplus_notes(folder / _POSES, poses=len(rows), images=len(images)),
+                *(depth_notes(depths) if (folder / _DEPTH).exists() else ()),
+            ),
             group=parent_of(sequence.scene),
         )
+
+    def _named_camera(self, image: Path) -> CameraFile:
+        """The camera of the file that the options name; an image says its size where the file does not."""
+        assert self.camera_file is not None, "otherwise each scene has its own"
+        return read_camera_file(self.camera_file, camera=self.camera, size=image_size(image))
+
+    def _notes(self) -> tuple[str, ...]:
+        if self.image_levels is None:
+            return ()
+        black, white = self.image_levels
+        return (f"16-bit images are scaled: {black:g} becomes 0 and {white:g} becomes 255",)
 
     def _scenes(self) -> dict[str, Path]:
         return find_scenes(
@@ -134,7 +168,8 @@ def write_folder(sequence: Sequence, path: Path, *, progress: Callable[[int, int
     Raises
     ------
     DataError
-        If the camera is not a pinhole camera or changes, or the folder is neither new nor empty, or cannot be written.
+        If the camera is of a model that the layout cannot hold, or changes, or the folder is neither new nor empty, or
+        cannot be written.
     """
     with new_folder(path) as unfinished:
         _write_files(sequence, unfinished, progress)
@@ -152,9 +187,20 @@ def _write_files(sequence: Sequence, folder: Path, progress: Callable[[int, int]
         if progress is not None:
             progress(index + 1, len(sequence))
     source = f"{sequence.id.dataset} {sequence.id.scene} {sequence.id.lighting}"
-    camera = {**asdict(pinhole_of(sequence)), "source": source}
+    camera = {**_camera_entries(sequence), "source": source}
     (folder / _CAMERA).write_text(json.dumps(camera, indent=2) + "\n", encoding="utf-8")
     (folder / _POSES).write_text(_pose_lines(sequence.world_from_camera), encoding="utf-8")
+
+
+def _camera_entries(sequence: Sequence) -> dict[str, Any]:
+    """Keys of camera.json; without ``model`` where that is the default."""
+    camera = only_camera(sequence)
+    if not isinstance(camera, KnownCamera):
+        raise DataError(
+            sequence.source, f"a camera of the model {type(camera).__name__}", f"one of {', '.join(COEFFICIENTS)}"
+        )
+    model = model_of(camera)
+    return ({} if model == _DEFAULT_MODEL else {"model": model}) | asdict(camera)
 
 
 def _plain(depth: DepthMap) -> NDArray[np.float32]:
@@ -163,20 +209,27 @@ def _plain(depth: DepthMap) -> NDArray[np.float32]:
 
 
 def _pose_lines(world_from_camera: NDArray[np.float64]) -> str:
-    """One row per frame, with all digits of a float64."""
-    xyzw = Rotation.from_matrix(world_from_camera[:, :3, :3]).as_quat()
-    rows = np.concatenate([world_from_camera[:, :3, 3], xyzw], axis=1).tolist()
+    """One row per frame, with all digits of a float64; nan where it has no pose."""
+    rows = position_rows(world_from_camera, canonical=False).tolist()
     lines = (" ".join(map(repr, row)) for row in rows)
     return "\n".join([f"# {_COLUMNS} (world_from_camera, metres; one row per frame)", *lines, ""])
 
 
 def _frame_files(folder: Path, *, poses: int) -> tuple[tuple[Path, ...], tuple[Path | None, ...]]:
-    """Image and depth (None where there is none) of each frame; there must be as many frames as poses."""
+    """Image and depth (None where there is none) of each frame. There may be more poses than images."""
     images = numbered_files(folder / _IMAGES, r"(\d+)\.(?:png|jpe?g)")
     depths = numbered_files(folder / _DEPTH, r"(\d+)\.(?:npy|png)") if (folder / _DEPTH).exists() else {}
-    frames = require_unbroken(images, {*range(poses), *depths}, lambda number: folder / _IMAGES / f"{number:06d}.png")
+    frames = require_unbroken(images, {0, *depths}, lambda number: folder / _IMAGES / f"{number:06d}.png")
     require_poses(folder / _POSES, poses=poses, images=len(frames))
     return tuple(images[number] for number in frames), tuple(map(depths.get, frames))
+
+
+def _poses(rows: NDArray[np.float64], places: list[str]) -> NDArray[np.float64]:
+    """(n, 4, 4) float64: the pose of each row, all NaN where every field of the row is nan."""
+    known = np.asarray(~np.isnan(rows).all(axis=1))
+    poses = np.full((len(rows), 4, 4), np.nan)
+    poses[known] = quaternion_poses(rows[known, :3], rows[known, 3:], list(compress(places, known)))
+    return poses
 
 
 def _depth_reader(folder: Path, depths: tuple[Path | None, ...], depth_unit_m: float | None) -> DepthReader:
@@ -193,73 +246,3 @@ def _depth_reader(folder: Path, depths: tuple[Path | None, ...], depth_unit_m: f
 
 def _with_radius(read: DepthReader, radius_px: float | None, path: Path, camera: CameraModel) -> DepthMap:
     return replace(read(path, camera), radius_px=radius_px)
-
-
-def _read_camera(path: Path) -> tuple[Camera, float | None]:
-    """Camera and depth unit of a ``camera.json`` file."""
-    entries = _read_object(path)
-    _require_keys(path, entries)
-    width, height = (_number(path, key, entries[key], whole=True, positive=True) for key in _COUNTS)
-    fx, fy = (_number(path, key, entries[key], positive=True) for key in _FOCAL)
-    cx, cy = (_number(path, key, entries[key]) for key in _CENTRE)
-    distortion = entries.get("distortion", [])
-    if not isinstance(distortion, list) or len(distortion) not in DISTORTION_COUNTS:
-        raise DataError(path, f"distortion = {_shown(distortion)}", _DISTORTION)
-    coefficients = tuple(_number(path, "distortion", value) for value in distortion)
-    unit = _number(path, "depth_unit_m", entries["depth_unit_m"], positive=True) if "depth_unit_m" in entries else None
-    camera = Camera(int(width), int(height), fx, fy, cx, cy, coefficients)
-    if not camera.is_invertible:
-        found = "fx, fy, cx, cy and distortion that cannot be inverted over the whole image"
-        raise DataError(path, found, "a ray of its own for every pixel")
-    return camera, unit
-
-
-def _require_keys(path: Path, entries: dict[str, Any]) -> None:
-    required = (*_COUNTS, *_FOCAL, *_CENTRE)
-    expected = f"{', '.join(required)} and, if need be, {', '.join(_OPTIONAL)}"
-    for key in required:
-        if key not in entries:
-            raise DataError(path, f"no {key}", expected)
-    for key in entries:
-        if key not in (*required, *_OPTIONAL):
-            raise DataError(path, f"unknown key {key!r}", expected)
-
-
-def _read_object(path: Path) -> dict[str, Any]:
-    try:
-        entries = json.loads(read_text(path, "the camera's width, height, fx, fy, cx and cy in JSON"))
-    except json.JSONDecodeError as error:
-        raise DataError(f"{path}:{error.lineno}", f"no JSON ({error.msg})", "a JSON object") from error
-    except (ValueError, RecursionError) as error:  # a number of thousands of digits, or thousands of brackets
-        raise DataError(path, "unreadable file", "a JSON object") from error
-    if not isinstance(entries, dict):
-        raise DataError(path, "JSON, but no object", "a JSON object")
-    return entries
-
-
-def _number(path: Path, key: str, value: Any, *, whole: bool = False, positive: bool = False) -> float:
-    kinds = int if whole else int | float
-    if isinstance(value, kinds) and not isinstance(value, bool):
-        number = _finite(value)
-        if number is not None and (number > 0.0 or not positive):
-            return number
-    raise DataError(
-        path, f"{key} = {_shown(value)}", f"a {'whole' if whole else 'finite'} number{' above 0' if positive else ''}"
-    )
-
-
-def _finite(value: float) -> float | None:
-    try:
-        number = float(value)
-    except OverflowError:
-        return None
-    return number if math.isfinite(number) else None
-
-
-def _shown(value: Any) -> str:
-    """A value as JSON, cut off where it is long."""
-    try:
-        text = json.dumps(value)
-    except RecursionError:
-        return "lists in lists"
-    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."

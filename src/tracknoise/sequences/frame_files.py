@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.sequences.images import read_gray
+from tracknoise.sequences.images import Levels, read_gray
 
 DepthReader = Callable[[Path, CameraModel], DepthMap]
 """Reads one depth file: a module's function, or a `functools.partial` of one, so that it can be pickled."""
@@ -25,17 +25,20 @@ class ImageFiles:
         One file for each frame.
     camera
         Whose size the images must have.
+    levels
+        Values of 16-bit images that become 0 and 255; None where all images must have 8 bits.
     """
 
     paths: tuple[Path, ...]
     camera: CameraModel
+    levels: Levels | None = None
 
     def __len__(self) -> int:
         return len(self.paths)
 
     def __call__(self, index: int) -> NDArray[np.uint8]:
         """(height, width) uint8: see `tracknoise.sequences.images.read_gray`."""
-        return read_gray(self.paths[index], self.camera)
+        return read_gray(self.paths[index], self.camera, levels=self.levels)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.checks import require
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.files import read_bytes
 from tracknoise.foreign.image_header import KINDS, require_whole_image
@@ -20,6 +21,10 @@ from tracknoise.foreign.parsing import damage_reported
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 
+Levels = tuple[float, float]
+"""Values of a 16-bit image that become 0 and 255."""
+
+_MOST_LEVEL = 65535
 _NUMPY_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
@@ -35,8 +40,10 @@ def image_size(path: Path) -> tuple[int, int]:
     return width, height
 
 
-def read_gray(path: Path, camera: CameraModel) -> NDArray[np.uint8]:
+def read_gray(path: Path, camera: CameraModel, *, levels: Levels | None = None) -> NDArray[np.uint8]:
     """Read a PNG, JPEG or BMP file in 8-bit grayscale, exactly as ``cv2.imread(path, cv2.IMREAD_GRAYSCALE)`` gives it.
+
+    That would divide an image of 16 bits by 256, although most such images use a part of the range: see `scaled`.
 
     Parameters
     ----------
@@ -44,6 +51,8 @@ def read_gray(path: Path, camera: CameraModel) -> NDArray[np.uint8]:
         The file; of a JPEG in colour, the result is the luma plane.
     camera
         Whose size the image must have.
+    levels
+        Values of an image of 16 bits that become 0 and 255; without them, it is refused.
 
     Returns
     -------
@@ -52,11 +61,40 @@ def read_gray(path: Path, camera: CameraModel) -> NDArray[np.uint8]:
     Raises
     ------
     DataError
-        If the file is missing, truncated, no image, or of another size than the camera's.
+        If the file is missing, truncated, no image, of another size than the camera's, or of 16 bits without levels.
     """
-    image: NDArray[np.uint8] = _decode(path, cv2.IMREAD_GRAYSCALE)
+    image = _decode(path, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
     _require_size(path, image.shape, camera)
-    return image
+    if image.dtype == np.uint8:
+        return image
+    if levels is None:
+        raise DataError(path, f"a {_layout(image)}", "8 bits, or image_levels = [low, high] of the reader folder")
+    return scaled(image, levels)
+
+
+def scaled(image: NDArray[np.uint16], levels: Levels) -> NDArray[np.uint8]:
+    """Scale an image of 16 bits linearly to 8 bits, rounded; values outside of the levels are clipped.
+
+    Parameters
+    ----------
+    image
+        (height, width) uint16.
+    levels
+        Values that become 0 and 255, the lower first.
+
+    Returns
+    -------
+    (height, width) uint8
+    """
+    black, white = levels
+    grey = (image.astype(np.float64) - black) * (255.0 / (white - black))
+    return np.clip(np.rint(grey), 0.0, 255.0).astype(np.uint8)
+
+
+def require_levels(field: str, levels: Levels) -> None:
+    """Raise ValueError unless `levels` are two values of 16 bits, the lower first."""
+    black, white = levels
+    require(0 <= black < white <= _MOST_LEVEL, field, [*levels], f"[low, high] with 0 <= low < high <= {_MOST_LEVEL}")
 
 
 def read_depth_npy(path: Path, camera: CameraModel, *, farthest_m: float = np.inf) -> DepthMap:

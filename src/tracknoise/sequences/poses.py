@@ -1,5 +1,6 @@
 """Pose files: rows of numbers, and the check that they are rigid transforms."""
 
+import re
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,6 +23,10 @@ CORRECTION_NOTED = 1e-3
 """Corrections of a rotation's entries above this are worth a warning: at 500 px focal length, half a pixel."""
 
 _FARTHEST_M = 1e9
+_FEWEST = 2
+
+_UNKNOWN = re.compile(r"[-+]?1\.#(?:IND|[QS]?NAN|INF)\d*", re.ASCII)
+"""How programs by Microsoft's compiler write numbers that are not finite."""
 
 Place = str | Path
 
@@ -46,6 +51,7 @@ def read_rows(path: Path, columns: str) -> tuple[NDArray[np.float64], list[str]]
     ------
     DataError
         If the file is missing or unreadable, or a row has a different number of fields or a field that is not a number.
+        ``nan``, ``inf`` and what Microsoft's compiler writes for them, such as ``-1.#IND``, count as numbers.
     """
     rows, places = [], []
     for number, line in enumerate(read_text(path, f"rows of {columns}").splitlines(), start=1):
@@ -142,6 +148,48 @@ def checked_poses(poses: NDArray[np.float64], places: Sequence[Place]) -> tuple[
     return rigid, (note,)
 
 
+def has_pose(world_from_camera: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether each frame has a pose: (n,) bool, from (n, 4, 4) float64 poses that are NaN where there is none."""
+    return np.asarray(~np.isnan(world_from_camera).all(axis=(1, 2)))
+
+
+def pose_notes(world_from_camera: NDArray[np.float64]) -> tuple[str, ...]:
+    """A sentence if there are frames without a pose."""
+    known = has_pose(world_from_camera)
+    missing = int(np.count_nonzero(~known))
+    counted = f"{missing} of {len(known)} frames {'has' if missing == 1 else 'have'} no pose"
+    return (f"{counted}: their observations have no true position",) if missing else ()
+
+
+def surplus_notes(place: Place, *, poses: int, images: int) -> tuple[str, ...]:
+    """A sentence if there are more poses than images."""
+    return (f"{place}: {poses} poses for {images} images: only the first {images} are used",) * (poses > images)
+
+
+def require_some_poses(world_from_camera: NDArray[np.float64], place: Place) -> None:
+    """Check that each pose is complete or missing, and that at least 2 are there (1 of a single frame).
+
+    Parameters
+    ----------
+    world_from_camera
+        (n, 4, 4) float64: all NaN for a frame without a pose.
+    place
+        Origin of the poses, for messages.
+
+    Raises
+    ------
+    DataError
+        If a pose is partly NaN or infinite, or there are too few.
+    """
+    known = has_pose(world_from_camera)
+    for index in np.flatnonzero(known & ~np.isfinite(world_from_camera).all(axis=(1, 2)))[:1]:
+        raise DataError(place, f"pose {index} with NaN or infinity in it", "finite numbers, or NaN in all of it")
+    count, least = int(np.count_nonzero(known)), min(_FEWEST, len(known))
+    if count < least:
+        found = f"{count} pose{'s' if count != 1 else ''} for {len(known)} frames"
+        raise DataError(place, found, f"poses for at least {least}")
+
+
 def require_poses(place: Place, *, poses: int, images: int) -> None:
     """Check that there is a pose for every image; there may be more.
 
@@ -158,10 +206,11 @@ def _numbers(fields: list[str], columns: str, place: str) -> list[float]:
     expected = len(columns.split())
     if len(fields) != expected:
         raise DataError(place, f"{len(fields)} field{'s' if len(fields) != 1 else ''}", f"{expected} ({columns})")
-    for field in fields:
+    plain = ["nan" if _UNKNOWN.fullmatch(field) else field for field in fields]
+    for field in plain:
         if not _is_number(field):
             raise DataError(place, repr(field), f"a number ({columns})")
-    return [float(field) for field in fields]
+    return [float(field) for field in plain]
 
 
 def _is_number(field: str) -> bool:

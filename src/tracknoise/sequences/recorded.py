@@ -10,6 +10,7 @@ from tracknoise.exceptions import DataError
 from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
+from tracknoise.sequences.poses import require_some_poses
 from tracknoise.sequences.sequence import TruthKind
 from tracknoise.tables.identity import SequenceId
 
@@ -30,7 +31,7 @@ class RecordedSequence:
     camera
         Intrinsics of all images; where they change, of the first.
     world_from_camera
-        (n, 4, 4) float64, rigid: one pose for each frame, at least one.
+        (n, 4, 4) float64, rigid: one pose for each frame, all NaN for a frame without a pose.
     images
         Reads the image of a frame from its index: (height, width) uint8. It must be possible to pickle it. If it has a
         length, that must be n. `tracknoise.sequences.frame_files.ImageFiles` reads files.
@@ -50,8 +51,8 @@ class RecordedSequence:
     Raises
     ------
     DataError
-        If there is no frame, the counts of images, depths, timestamps or cameras differ from that of the poses, the
-        timestamps do not increase, or the cameras have different sizes.
+        If there is no frame, fewer than two of several frames have a pose, the counts of images, depths, timestamps or
+        cameras differ from that of the poses, the timestamps do not increase, or the cameras have different sizes.
     """
 
     id: SequenceId
@@ -74,6 +75,7 @@ class RecordedSequence:
         for name, count in self._counts():
             if count != len(self):
                 raise DataError(place, f"{count} {name}", f"one for each of the {len(self)} poses")
+        require_some_poses(self.world_from_camera, place)
         if self.timestamps_s is not None and not np.all(np.diff(self.timestamps_s) > 0.0):
             raise DataError(place, "timestamps that do not increase", "increasing timestamps")
         if len({(camera.width, camera.height) for camera in (self.camera, *(self.cameras or ()))}) > 1:

@@ -13,11 +13,14 @@ READERS: Plugins[Reader] = Plugins(
     group="tracknoise.sequences",
     built_in={
         "dtu": "tracknoise.sequences.dtu.reader:Dtu",
+        "euroc": "tracknoise.sequences.euroc.reader:Euroc",
         "folder": "tracknoise.sequences.folder:Folder",
         "kitti": "tracknoise.sequences.kitti.reader:Kitti",
+        "kitti-odometry": "tracknoise.sequences.kitti.odometry:KittiOdometry",
         "sevenscenes": "tracknoise.sequences.sevenscenes:SevenScenes",
         "simulated": "tracknoise.sequences.simulated:Simulated",
         "tartanair": "tracknoise.sequences.tartanair:TartanAir",
+        "tum": "tracknoise.sequences.tum.reader:Tum",
     },
     given=frozenset({"root"}),
 )

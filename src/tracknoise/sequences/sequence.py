@@ -83,7 +83,7 @@ class Sequence(Protocol):
 
     @property
     def world_from_camera(self) -> NDArray[np.float64]:
-        """(n, 4, 4) float64: the pose of each frame, with exact rotations."""
+        """(n, 4, 4) float64: the pose of each frame, with exact rotations; all NaN for a frame without a pose."""
         ...
 
     @property

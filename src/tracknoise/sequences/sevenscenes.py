@@ -1,16 +1,19 @@
 """7-Scenes (Shotton et al., CVPR 2013): hand-held Kinect, rooms, poses by KinectFusion.
 
 Layout of a scene: ``frame-NNNNNN.color.png`` (or .jpg), ``frame-NNNNNN.depth.png`` (16 bit, millimetres) and
-``frame-NNNNNN.pose.txt`` (4x4, world_from_camera); ``camera-intrinsics.txt`` (3x3) there or in a folder above.
+``frame-NNNNNN.pose.txt`` (4x4, world_from_camera; NaN or infinity where the pose is unknown);
+``camera-intrinsics.txt`` (3x3) there or in a folder above.
 """
 
 import re
 from dataclasses import dataclass
 from functools import partial
+from itertools import compress
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
@@ -61,14 +64,15 @@ class SevenScenes:
         Raises
         ------
         DataError
-            If an image or pose is missing or damaged, or the intrinsics cannot be used.
+            If an image or pose file is missing or damaged, fewer than two frames have a pose, or the intrinsics cannot
+            be used.
         UnknownNameError
             If there is no such scene or lighting.
         """
         folder = scene_folder(self._scenes(), sequence)
         images, poses, depths = _frame_files(folder)
         camera, camera_notes = self._camera(folder, images[0])
-        world_from_camera, pose_notes = checked_poses(np.stack([read_matrix(path, size=4) for path in poses]), poses)
+        world_from_camera, pose_notes = _read_poses(poses)
         return RecordedSequence(
             id=sequence,
             source=str(folder),
@@ -101,13 +105,22 @@ def _frame_files(folder: Path) -> tuple[tuple[Path, ...], tuple[Path, ...], tupl
     images = numbered_files(folder, r"frame-(\d+)\.color\.(?:png|jpg)")
     depths = numbered_files(folder, r"frame-(\d+)\.depth\.png")
     poses = numbered_files(folder, _POSE.pattern)
-    frames = require_unbroken(images, {*poses, *depths}, lambda number: folder / f"frame-{number:06d}.color.png")
+    frames = require_unbroken(images, depths, lambda number: folder / f"frame-{number:06d}.color.png")
     for number in frames:
         if number not in poses:
             require_poses(folder / f"frame-{number:06d}.pose.txt", poses=len(poses), images=len(frames))
     in_order = [(images[number], poses[number], depths.get(number)) for number in frames]
     image_paths, pose_paths, depth_paths = zip(*in_order, strict=True)
     return image_paths, pose_paths, depth_paths
+
+
+def _read_poses(paths: tuple[Path, ...]) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+    """(n, 4, 4) float64, and what was corrected; all NaN where a file has numbers that are not finite."""
+    poses = np.stack([read_matrix(path, size=4) for path in paths])
+    known = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
+    poses[~known] = np.nan
+    poses[known], notes = checked_poses(poses[known], list(compress(paths, known)))
+    return poses, notes
 
 
 def _read_intrinsics(path: Path) -> tuple[float, float, float, float]:

@@ -19,6 +19,7 @@ class TruthStatus(IntEnum):
     """Whether the true position of an observation is known and visible.
 
     The true position of `valid`, `occluded` and `out_of_image` observations is known; that of the others is not.
+    no_pose: the frame has no pose, or the track began in one that has none.
     """
 
     valid = 0
@@ -27,6 +28,7 @@ class TruthStatus(IntEnum):
     occluded = 3
     out_of_image = 4
     behind_camera = 5
+    no_pose = 6
 
 
 class TrackEnd(IntEnum):
@@ -164,7 +166,10 @@ POSES: Schema = {
     "frame": pl.UInt32,
     **dict.fromkeys(("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"), pl.Float64),
 }
-"""One row per frame: world_from_camera as the position of the camera and a unit quaternion with qw >= 0."""
+"""One row per frame: world_from_camera as the position of the camera and a unit quaternion with qw >= 0.
+
+All of them are null in a frame without a pose.
+"""
 
 MOMENTS: Schema = {
     **ORIGIN,

@@ -90,7 +90,7 @@ class OracleTracker:
 
     In each step one random draw per feature decides whether it is lost, an outlier, or neither, so that both rates are
     relative to the features offered. A feature that is neither ends as ``masked`` if its true position has left the
-    image.
+    image. In a frame without a pose, true positions are unknown. Features then stay at their last one, and none begin.
 
     Parameters
     ----------
@@ -109,14 +109,15 @@ class OracleTracker:
         self._rng = _generator(settings.seed, context)
         self._root = _root(settings.covariance_px2)
         self._features = Features.begin(0, np.empty((0, 2)))
-        self._points = np.empty((0, 3))
+        self._points, self._true_uv = np.empty((0, 3)), np.empty((0, 2))
+        self._without_pose = context.frames_without_pose
         self._born = np.empty(0, dtype=np.int64)
         self._next_id = 0
 
     def step(self, frame: Frame) -> Step:
         """Project the features into the next frame, and add the errors."""
         before = self._features
-        true_uv = self._truth.project(frame.index, self._points)
+        true_uv = self._true_positions(frame.index)
         end = self._fates(true_uv)
         alive = end == ALIVE
         uv = true_uv + self._errors(frame.index - self._born)
@@ -124,6 +125,7 @@ class OracleTracker:
         new, points = self._begin(frame.index, len(found))
         self._features = found.joined(new)
         self._points = np.concatenate([self._points[alive], points])
+        self._true_uv = np.concatenate([true_uv[alive], new.uv])
         self._born = np.concatenate([self._born[alive], np.full(len(new), frame.index)])
         self._next_id += len(new)
         return report(
@@ -134,6 +136,10 @@ class OracleTracker:
             new=new,
             response=np.full(len(new), np.nan, dtype=np.float32),
         )
+
+    def _true_positions(self, index: int) -> NDArray[np.float64]:
+        """True positions of the features; the last that are known where the frame has no pose."""
+        return self._true_uv if index in self._without_pose else self._truth.project(index, self._points)
 
     def _fates(self, true_uv: NDArray[np.float64]) -> NDArray[np.int8]:
         draw = self._rng.random(len(true_uv))

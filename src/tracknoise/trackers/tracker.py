@@ -124,6 +124,8 @@ class SequenceContext:
         True positions, for the oracle only; None if this kind of truth cannot place points.
     repeat
         Number of the repetition with other random seeds; 0 for the first measurement.
+    frames_without_pose
+        Frames in which no true position is known.
     """
 
     sequence: SequenceId
@@ -133,6 +135,7 @@ class SequenceContext:
     seed: int
     truth: OracleTruth | None
     repeat: int = 0
+    frames_without_pose: frozenset[int] = frozenset()
 
 
 class TrackerSettings(Protocol):

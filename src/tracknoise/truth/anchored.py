@@ -88,13 +88,15 @@ class AnchoredTruth:
         return BirthSession(self)
 
     def anchor(self, index: int, uv: NDArray[np.float64]) -> Anchors:
-        """World points of features by their positions in a frame: see `anchor_points`.
+        """World points of features by their positions in a frame: see `anchor_points`; no_pose if the frame has none.
 
         Raises
         ------
         DataError
             If the frame's depth cannot be read.
         """
+        if not self._geometry.has_pose(index):
+            return np.full((len(uv), 3), np.nan), np.full(len(uv), TruthStatus.no_pose, np.int8)
         return self._anchor(index, uv)
 
     def project(self, index: int, points_world: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -53,7 +53,8 @@ class AnchoredTracks:
         """Add the true positions of tracks observed in a frame."""
         uv, seen = self._locate(index, self._points[tracks])
         status = self._status[tracks]
-        self._located.append((uv, np.where(status == TruthStatus.valid, seen, status)))
+        known = (status == TruthStatus.valid) | (seen == TruthStatus.no_pose)
+        self._located.append((uv, np.where(known, seen, status)))
 
     def positions(self) -> TruePositions:
         """True positions in all frames, in the order in which they were located."""

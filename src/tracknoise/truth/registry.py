@@ -86,4 +86,6 @@ def _is_same_scan(one: Sequence, other: Sequence) -> bool:
     scan, scanned = one.scan, other.scan
     if scan is None or scanned is None or scan.points_world is not scanned.points_world:
         return False
-    return scan.key_frame == scanned.key_frame and np.array_equal(one.world_from_camera, other.world_from_camera)
+    return scan.key_frame == scanned.key_frame and np.array_equal(
+        one.world_from_camera, other.world_from_camera, equal_nan=True
+    )

@@ -37,12 +37,15 @@ class KeyFrameScan:
         Raises
         ------
         DataError
-            If the sequence has no scan, or its file is missing or damaged.
+            If the sequence has no scan, its file is missing or damaged, or the key frame has no pose.
         """
         scan = sequence.scan
         if scan is None:
             raise DataError(sequence.source, "no scan", "one, as the sequence offers the truth 'scan'")
         geometry = SequenceGeometry(sequence)
+        if 0 <= scan.key_frame < len(sequence) and not geometry.has_pose(scan.key_frame):
+            found = f"no pose of the key frame {scan.key_frame}"
+            raise DataError(sequence.source, found, "one, so that features can be associated with the scan")
         points = ScanPoints(geometry, scan.points_world, self.rule)
         return ScanTruth(geometry, points.anchor, scan.key_frame)
 

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import invert, transform
+from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.sequence import Sequence, camera_at
 
 
@@ -28,6 +29,10 @@ class SequenceGeometry:
     def camera_at(self, index: int) -> CameraModel:
         """Camera of one frame."""
         return camera_at(self.sequence, index)
+
+    def has_pose(self, index: int) -> bool:
+        """Whether one frame has a pose."""
+        return bool(has_pose(self.sequence.world_from_camera[index][None])[0])
 
     def depth(self, index: int) -> DepthMap | None:
         """Depth of one frame, or None where it has none. Repeated calls for one frame read it once.

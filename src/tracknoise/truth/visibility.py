@@ -69,7 +69,7 @@ def locate(
     """Project world points into a frame: x_true = pi(camera_from_world X_w), and decide whether they can be seen.
 
     A point is occluded if it lies more than max(2 % of the surface's depth, 5 mm) behind the visible surface. Where
-    the surface is unknown, no point is occluded.
+    the surface is unknown, no point is occluded. In a frame without a pose, no point has a position.
 
     Parameters
     ----------
@@ -87,8 +87,11 @@ def locate(
     uv : (n, 2) float64
         px; NaN behind the camera and where its distortion has no image. Points outside the image have positions too.
     status : (n,) int8
-        `TruthStatus`: behind_camera, out_of_image, occluded or valid; arbitrary where the point is unknown.
+        `TruthStatus`: behind_camera, out_of_image, occluded or valid, arbitrary where the point is unknown; no_pose
+        for all if the frame has none.
     """
+    if not geometry.has_pose(index):
+        return np.full((len(points_world), 2), np.nan), np.full(len(points_world), TruthStatus.no_pose, np.int8)
     points = geometry.to_camera(index, points_world)
     camera = geometry.camera_at(index)
     uv = camera.project(points)

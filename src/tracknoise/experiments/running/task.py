@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 import polars as pl
-from scipy.spatial.transform import Rotation
 
 from tracknoise.exceptions import DataWarning
 from tracknoise.experiments.measure import Measurement, measure_together
@@ -14,8 +13,10 @@ from tracknoise.experiments.running.failures import Result, diagnose
 from tracknoise.experiments.running.lock import Claim
 from tracknoise.experiments.running.plan import Task, make_trackers, open_batch
 from tracknoise.experiments.settings import Experiment
+from tracknoise.geometry.pose import position_rows
 from tracknoise.measurement.tracking import Progress
 from tracknoise.sequences.images import encode_png
+from tracknoise.sequences.poses import pose_notes
 from tracknoise.sequences.sequence import Sequence, group_of
 from tracknoise.statistics.lifetimes import count_ends
 from tracknoise.statistics.summarise import STATISTICS, statistics_of
@@ -100,7 +101,7 @@ def sequence_entry(
         truth=measurement.truth,
         snapshot_frame=measurement.snapshot_frame,
         seconds=round(seconds, 3),
-        notes=sequence.notes,
+        notes=(*sequence.notes, *pose_notes(sequence.world_from_camera[: measurement.n_frames])),
         inputs=inputs,
         key_frame=measurement.key_frame,
         group=group_of(sequence),
@@ -160,9 +161,8 @@ def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Meas
 
 def _poses(sequence: Sequence, n_frames: int) -> pl.DataFrame:
     """Table `POSES` of the frames that were read."""
-    poses = sequence.world_from_camera[:n_frames]
-    quaternions = Rotation.from_matrix(poses[:, :3, :3]).as_quat(canonical=True)
     columns = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
-    values = dict(zip(columns, np.hstack([poses[:, :3, 3], quaternions]).T, strict=True))
+    rows = position_rows(sequence.world_from_camera[:n_frames])
+    values = {name: pl.Series(row, nan_to_null=True) for name, row in zip(columns, rows.T, strict=True)}
     labels = {column: [getattr(sequence.id, column)] * n_frames for column in SEQUENCE}
     return pl.DataFrame({**labels, "frame": np.arange(n_frames), **values}, schema=dict(POSES))

@@ -36,6 +36,7 @@ class Path:
     scene
         Its name.
     frame : (n,) int64
+        Those that have a pose.
     places_m : (n, 3) float64
         The camera's centre in the world.
     forwards : (n, 3) float64
@@ -87,7 +88,7 @@ def first_of_each_motion(keys: Sequence[str]) -> list[str]:
 
 
 def _path(data: ReportData, key: str) -> Path:
-    poses = data.run.sequence_table("poses", key).sort("frame")
+    poses = data.run.sequence_table("poses", key).drop_nulls().sort("frame")
     places = poses.select("x_m", "y_m", "z_m").to_numpy()
     rotations = Rotation.from_quat(poses.select("qx", "qy", "qz", "qw").to_numpy())
     steps = np.asarray((rotations[:-1].inv() * rotations[1:]).magnitude())

@@ -8,9 +8,8 @@ from tracknoise.geometry.pose import invert
 from tracknoise.sequences.kitti.calibration import read_camera_from_imu
 from tracknoise.sequences.kitti.layout import OXTS, POSES, Drive
 from tracknoise.sequences.kitti.oxts import poses_of_records, read_records
-from tracknoise.sequences.poses import checked_poses, read_rows
-
-_COLUMNS = "r11 r12 r13 tx r21 r22 r23 ty r31 r32 r33 tz"
+from tracknoise.sequences.kitti.values import POSE_COLUMNS, poses_of_rows
+from tracknoise.sequences.poses import read_rows, require_poses, surplus_notes
 
 Trajectory = tuple[NDArray[np.float64], tuple[str, ...]]
 
@@ -48,10 +47,8 @@ def read_trajectory(drive: Drive, numbers: range) -> Trajectory:
 
 
 def _read_poses(drive: Drive, images: int) -> Trajectory:
-    rows, places = read_rows(drive.poses, _COLUMNS)
-    if len(rows) != images:
-        raise DataError(drive.poses, f"{len(rows)} poses", f"{images}, one for each image")
-    stacked = np.broadcast_to(np.eye(4), (len(rows), 4, 4)).copy()
-    stacked[:, :3] = rows.reshape(-1, 3, 4)
-    poses, notes = checked_poses(stacked, places)
-    return poses, (f"there is no {OXTS}: poses come from {POSES}", *notes)
+    rows, places = read_rows(drive.poses, POSE_COLUMNS)
+    require_poses(drive.poses, poses=len(rows), images=images)
+    surplus = surplus_notes(drive.poses, poses=len(rows), images=images)
+    poses, notes = poses_of_rows(rows[:images], places)
+    return poses, (f"there is no {OXTS}: poses come from {POSES}", *surplus, *notes)

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.foreign.xml_file import Element, read_xml
 from tracknoise.simulation.sdf.library import Library, model_file
 from tracknoise.simulation.sdf.remarks import Remarks
-from tracknoise.simulation.sdf.xml import Element, child_numbers, numbers, pose_of, read_xml, text_of
+from tracknoise.simulation.sdf.xml import child_numbers, numbers, pose_of, text_of
 
 MOST_INCLUDE_LEVELS, MOST_INCLUDES = 8, 1000
 """How deep files include each other, and how many includes a world has in all."""

@@ -6,7 +6,7 @@ from urllib.parse import unquote
 
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.files import absolute, is_folder, is_regular_file
-from tracknoise.simulation.sdf.xml import read_xml
+from tracknoise.foreign.xml_file import read_xml
 
 _MODEL = "model://"
 MODEL_CONFIG = "model.config"

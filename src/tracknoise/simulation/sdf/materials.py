@@ -4,10 +4,11 @@ import re
 from pathlib import Path
 
 from tracknoise.foreign.files import is_regular_file, read_any_text
+from tracknoise.foreign.xml_file import Element
 from tracknoise.simulation.sdf.library import Library
 from tracknoise.simulation.sdf.part import NUMBER, Look, even
 from tracknoise.simulation.sdf.remarks import Remarks
-from tracknoise.simulation.sdf.xml import Element, numbers, text_of
+from tracknoise.simulation.sdf.xml import numbers, text_of
 
 
 def own_look(material: Element | None, file: Path, library: Library, remarks: Remarks) -> Look | None:

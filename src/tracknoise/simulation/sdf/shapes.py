@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tracknoise.exceptions import DataError
+from tracknoise.foreign.xml_file import Element
 from tracknoise.simulation.quad import box
 from tracknoise.simulation.sdf.part import Part
-from tracknoise.simulation.sdf.xml import Element, child_numbers
+from tracknoise.simulation.sdf.xml import child_numbers
 
 _AROUND = 32  # number of segments, as in Gazebo
 _UPWARDS = 16

@@ -1,0 +1,59 @@
+"""Poses at times between those that were recorded."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+
+def interpolate_poses(
+    times_s: NDArray[np.float64], poses: NDArray[np.float64], at_s: NDArray[np.float64], *, max_gap_s: float
+) -> NDArray[np.float64]:
+    """Interpolate between the two poses around each time: linear in position, spherically linear in rotation.
+
+    Parameters
+    ----------
+    times_s
+        (n,) float64, seconds, increasing.
+    poses
+        (n, 4, 4) float64, rigid.
+    at_s
+        (m,) float64, seconds, in any order.
+    max_gap_s
+        Longest time between two poses that are interpolated, seconds. A time that equals that of a pose has this pose.
+
+    Returns
+    -------
+    (m, 4, 4) float64
+        NaN for times before the first pose, after the last, or in a longer gap.
+
+    Raises
+    ------
+    ValueError
+        If `times_s` do not increase.
+    """
+    if not np.all(np.diff(times_s) > 0.0):
+        raise ValueError("the times of poses must increase")
+    found = np.full((len(at_s), 4, 4), np.nan)
+    if not len(times_s):
+        return found
+    before = np.searchsorted(times_s, at_s, side="right") - 1
+    after = np.minimum(before + 1, len(times_s) - 1)
+    gap_s = times_s[after] - times_s[before]
+    elapsed_s = at_s - times_s[before]
+    inside = (at_s >= times_s[0]) & (at_s <= times_s[-1])
+    known = inside & ((gap_s <= max_gap_s) | (elapsed_s == 0.0))
+    fraction = np.where(gap_s > 0.0, elapsed_s, 0.0) / np.where(gap_s > 0.0, gap_s, 1.0)
+    found[known] = _between(poses[before[known]], poses[after[known]], fraction[known])
+    return found
+
+
+def _between(
+    first: NDArray[np.float64], second: NDArray[np.float64], fraction: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Poses at a fraction of the way from one to another, along the shortest rotation."""
+    start, end = Rotation.from_matrix(first[:, :3, :3]), Rotation.from_matrix(second[:, :3, :3])
+    turned = start * Rotation.from_rotvec(fraction[:, None] * (start.inv() * end).as_rotvec())
+    poses = first.copy()
+    poses[:, :3, :3] = turned.as_matrix()
+    poses[:, :3, 3] += fraction[:, None] * (second[:, :3, 3] - first[:, :3, 3])
+    return poses

@@ -75,7 +75,9 @@ def summary_text(run: RunFolder) -> str:
     rows = [[parts[0] if len(parts) > 1 else "" for parts in headings], [parts[-1] for parts in headings]]
     rows += [[_cell(row[name], form) for _, name, form in shown] for row in table.iter_rows(named=True)]
     lines = aligned(rows, numeric=[place > 0 for place in range(len(shown))])
-    return "\n".join([*lines[:2], "-" * len(lines[1]), *lines[2:], *_others(data), *_where_trimming_matters(data)])
+    return "\n".join(
+        [*_doubts(data), *lines[:2], "-" * len(lines[1]), *lines[2:], *_others(data), *_where_trimming_matters(data)]
+    )
 
 
 def _errors(data: ReportData) -> list[tuple[str, str, str]]:
@@ -90,6 +92,11 @@ def _errors(data: ReportData) -> list[tuple[str, str, str]]:
         *shown,
         *((f"rms {axis}\n{other}", f"{other}_rms_{axis}_px", "{:.3f}") for other in others for axis in "uv"),
     ]
+
+
+def _doubts(data: ReportData) -> list[str]:
+    """The finding that says why the data look wrong, before any number."""
+    return [f"{textwrap.fill(text, _WIDTH)}\n" for text in data.findings.filter(topic="data")["text"]]
 
 
 def _where_trimming_matters(data: ReportData) -> list[str]:

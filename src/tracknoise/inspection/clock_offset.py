@@ -133,10 +133,10 @@ class _Refinement:
         at_start = observed - factors * self.predicted(self.start)[known]
         scale = max(1.4826 * float(np.median(np.abs(at_start))), 1e-9)
 
-        def left(offset: NDArray[np.float64]) -> NDArray[np.float64]:
-            there = self.predicted(float(offset[0]))[known]
-            return (observed - _factors(there, observed) * there).ravel() / scale
+        def left(moved: NDArray[np.float64]) -> NDArray[np.float64]:
+            there = self.predicted(self.start + float(moved[0]) - 1.0)[known]
+            return np.asarray((observed - _factors(there, observed) * there).ravel() / scale, dtype=np.float64)
 
-        limits = self.start - _REFINED_FRAMES, self.start + _REFINED_FRAMES
-        fit = least_squares(left, [self.start], bounds=limits, loss="soft_l1", diff_step=[1e-3])
-        return float(fit.x[0])
+        limits = 1.0 - _REFINED_FRAMES, 1.0 + _REFINED_FRAMES  # around 1, because differences are relative
+        fit = least_squares(left, [1.0], bounds=limits, loss="soft_l1", diff_step=[1e-3])
+        return self.start + float(fit.x[0]) - 1.0

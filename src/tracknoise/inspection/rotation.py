@@ -8,14 +8,16 @@ from scipy.spatial.transform import Rotation
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.inspection.flow import FEWEST_POINTS, Pair
 
-_ITERATIONS = 12
+_ITERATIONS, _CONVERGED_RAD = 12, 1e-8
 _STEP_M = 1e-6
 _TUKEY = 4.685
 _SMALLEST = 1e-3
 """Lengths of epipolar lines below this count less: the direction of the point is almost that of the motion."""
 
 
-def image_rotation(pair: Pair, camera: CameraModel) -> NDArray[np.float64]:
+def image_rotation(
+    pair: Pair, camera: CameraModel, translation_m: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
     """(3,) float64: rotation vector of second_from_first in radians; NaN where it cannot be estimated.
 
     Parameters
@@ -24,44 +26,56 @@ def image_rotation(pair: Pair, camera: CameraModel) -> NDArray[np.float64]:
         Points of the two images. Their depths are used where there are enough.
     camera
         Intrinsics of both images.
+    translation_m
+        (3,) float64, metres: translation of second_from_first where it is known. It is used with depths only. Without
+        it a small translation and a small rotation look much alike.
     """
-    rotation = _from_depth(pair, camera) if pair.has_depth else _from_directions(pair, camera)
+    rotation = _from_depth(pair, camera, translation_m) if pair.has_depth else _from_directions(pair, camera)
     return rotation if np.isfinite(rotation).all() else np.full(3, np.nan)
 
 
-def _from_depth(pair: Pair, camera: CameraModel) -> NDArray[np.float64]:
-    """Rotation that, with some translation, moves the points of the first frame onto those of the second."""
+def _from_depth(pair: Pair, camera: CameraModel, translation_m: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    """Rotation that, with the translation or any, moves the points of the first frame onto those of the second."""
     known = np.isfinite(pair.depth_first_m)
-    points = camera.unproject(pair.uv_first[known], pair.depth_first_m[known])
-    rotation, moved = Rotation.identity(), points
+    points, observed = camera.unproject(pair.uv_first[known], pair.depth_first_m[known]), pair.uv_second[known]
+    rotation = Rotation.identity()
+    shift = np.zeros(3) if translation_m is None else translation_m
     for _ in range(_ITERATIONS):
-        residual = pair.uv_second[known] - camera.project(moved)
+        turned = rotation.apply(points)
+        residual = observed - camera.project(turned + shift)
         usable = np.isfinite(residual).all(axis=1)
         if usable.sum() < FEWEST_POINTS:
             return np.full(3, np.nan)
-        step = _weighted_step(_jacobian(camera, moved[usable]), residual[usable])
-        turn = Rotation.from_rotvec(step[:3])
-        rotation, moved = turn * rotation, turn.apply(moved) + step[3:]
-        if np.linalg.norm(step[:3]) < 1e-9:
+        by_point = _by_point(camera, (turned + shift)[usable])
+        jacobian = _by_rotation(by_point, turned[usable])
+        if translation_m is None:
+            jacobian = np.concatenate([jacobian, by_point], axis=-1)
+        step = _weighted_step(jacobian, residual[usable])
+        rotation = Rotation.from_rotvec(step[:3]) * rotation
+        shift = shift if translation_m is not None else shift + step[3:]
+        if np.linalg.norm(step[:3]) < _CONVERGED_RAD:
             break
-    return rotation.as_rotvec()
+    return np.asarray(rotation.as_rotvec(), dtype=np.float64)
 
 
-def _jacobian(camera: CameraModel, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n, 2, 6) float64: derivative of pixels with respect to a small rotation and translation of the points."""
+def _by_point(camera: CameraModel, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 2, 3) float64: derivative of pixels with respect to the points, px/m."""
     size = _STEP_M * points[:, 2:]
     sides = ((camera.project(points + size * axis), camera.project(points - size * axis)) for axis in np.eye(3))
-    by_point = np.stack([(above - below) / (2 * size) for above, below in sides], axis=-1)
-    by_rotation = np.stack([np.einsum("nij,nj->ni", by_point, np.cross(axis, points)) for axis in np.eye(3)], axis=-1)
-    return np.concatenate([by_rotation, by_point], axis=-1)
+    return np.stack([(above - below) / (2 * size) for above, below in sides], axis=-1)
+
+
+def _by_rotation(by_point: NDArray[np.float64], turned: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 2, 3) float64: derivative of pixels with respect to a small rotation of the points, px/rad."""
+    return np.stack([np.einsum("nij,nj->ni", by_point, np.cross(axis, turned)) for axis in np.eye(3)], axis=-1)
 
 
 def _weighted_step(jacobian: NDArray[np.float64], residual: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(6,) float64: least squares with Tukey's weights, whose scale is the median residual."""
+    """(3 or 6,) float64: least squares with Tukey's weights, whose scale is the median residual."""
     length = np.linalg.norm(residual, axis=1)
     ratio = length / (_TUKEY * max(1.4826 * float(np.median(length)), 1e-3))
     root = np.where(ratio < 1.0, 1.0 - ratio**2, 0.0)[:, None]
-    rows = (jacobian * root[..., None]).reshape(-1, 6)
+    rows = (jacobian * root[..., None]).reshape(-1, jacobian.shape[-1])
     return np.asarray(np.linalg.lstsq(rows, (residual * root).ravel(), rcond=1e-9)[0], dtype=np.float64)
 
 

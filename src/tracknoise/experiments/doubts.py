@@ -12,9 +12,9 @@ from tracknoise.inspection.check_report import Item, Severity
 from tracknoise.inspection.depths import FARTHEST_M, NEAREST_M
 from tracknoise.inspection.evidence import Evidence
 from tracknoise.inspection.files_and_rates import intrinsics
-from tracknoise.inspection.flow import FEWEST_POINTS, Flow, Pair
 from tracknoise.inspection.jumps import pose_jumps
 from tracknoise.inspection.mistakes import mistakes
+from tracknoise.inspection.pairs import FEWEST_POINTS, Flow, Pair
 from tracknoise.sequences.sequence import ChangingCamera, TruthKind
 
 if TYPE_CHECKING:

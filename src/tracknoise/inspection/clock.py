@@ -16,6 +16,8 @@ MOST_SD_FRAMES = 0.25
 """Offsets with a larger standard deviation are not known."""
 LEAST_FRAMES, SURE_SD = 0.1, 3.0
 """Offsets smaller than this, or than this many standard deviations, are no offsets."""
+LEAST_EFFECT_PX = 0.1
+"""Offsets that move points by less than this from frame to frame are no caveat."""
 _MOST_UNEXPLAINED = 0.8
 _PASSES, _NEIGHBOURS_FRAMES = 3, 1.5
 _LEAST_RATE_PX = 0.3
@@ -44,7 +46,8 @@ def clock(evidence: Evidence, timestamps_s: NDArray[np.float64] | None) -> Item:
         "sd_s": None if step is None else found.sd_frames * step,
     }
     size = _size(found, step)
-    if abs(found.frames) < max(LEAST_FRAMES, SURE_SD * found.sd_frames):
+    effect_px = abs(found.frames) * found.rate_change * focal_px(evidence.camera)
+    if abs(found.frames) < max(LEAST_FRAMES, SURE_SD * found.sd_frames) or effect_px < LEAST_EFFECT_PX:
         return Item("clock", Severity.ok, f"Clocks of images and poses agree: the offset is {size}.", values)
     text = f"Poses and images differ in time: the pose that fits an image is the one of {size} later."
     return Item("clock", Severity.caveat, text.replace("later", "later" if found.frames > 0 else "earlier"), values)

@@ -47,11 +47,14 @@ class ClockOffset:
         frame i plus the offset fits image i.
     unexplained
         Median difference of the rates at this offset, relative to the median variation of the image's rate.
+    rate_change
+        Median change of the rate of the poses from step to step, radians per frame.
     """
 
     frames: float
     sd_frames: float
     unexplained: float
+    rate_change: float
 
 
 def estimate_offset(rates: Rates) -> ClockOffset | None:
@@ -78,7 +81,8 @@ def estimate_offset(rates: Rates) -> ClockOffset | None:
     left_out = [refined(np.setdiff1d(every, block)) for block in np.array_split(every, _BLOCKS)]
     offset = refined(every)
     sd = float(np.sqrt((_BLOCKS - 1) * np.var(left_out)))
-    return ClockOffset(offset, sd, _unexplained(predicted(offset), observed))
+    changes = np.concatenate([np.linalg.norm(np.diff(run.by_poses, axis=0), axis=1) for run in runs])
+    return ClockOffset(offset, sd, _unexplained(predicted(offset), observed), float(np.median(changes)))
 
 
 def _runs(rates: Rates) -> list[Rates]:

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from tracknoise.geometry.pose import transform
 from tracknoise.inspection.evidence import Evidence
-from tracknoise.inspection.flow import Pair
 from tracknoise.inspection.hypotheses import AS_GIVEN, AS_RAY_DEPTH, Hypothesis
 from tracknoise.inspection.jackknife import jackknife
+from tracknoise.inspection.pairs import Pair
 from tracknoise.inspection.residuals import relative_pose
 
 _MOST_RELATIVE = 0.05

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.geometry.camera_model import CameraModel
-from tracknoise.inspection.flow import Flow, Pair, measure_flow, windows
+from tracknoise.inspection.flow import measure_flow, windows
 from tracknoise.inspection.hypotheses import Hypothesis
+from tracknoise.inspection.pairs import Flow, Pair
 from tracknoise.inspection.residuals import median_residual_px
 from tracknoise.sequences.sequence import Sequence
 

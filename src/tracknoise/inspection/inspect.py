@@ -91,8 +91,8 @@ def check_reader(
 
 
 def _from_images(sequence: Sequence, evidence: Evidence) -> Iterator[Item]:
-    yield warping(evidence)
     yield mistakes(evidence)
+    yield warping(evidence)
     yield focal_length(evidence)
     yield clock(evidence, sequence.timestamps_s)
 

@@ -10,8 +10,8 @@ from tracknoise.inspection.check_report import Item, Severity, Values
 from tracknoise.inspection.depth_kind import depth_kind
 from tracknoise.inspection.depths import FARTHEST_M, NEAREST_M
 from tracknoise.inspection.evidence import Evidence, residual_px, thinned
-from tracknoise.inspection.flow import Pair
 from tracknoise.inspection.hypotheses import AS_GIVEN, AS_RAY_DEPTH, Hypothesis, corrected, hypotheses
+from tracknoise.inspection.pairs import Pair
 
 MOST_GAIN, LEAST_BETTER = 0.75, 0.75
 """A mistake is named if residuals fall below this share, in at least this share of the pairs that did not choose it."""

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError
 from tracknoise.inspection.check_report import CheckReport
 from tracknoise.inspection.evidence import Evidence
-from tracknoise.inspection.flow import Pair
 from tracknoise.inspection.hypotheses import AS_GIVEN
+from tracknoise.inspection.pairs import Pair
 from tracknoise.inspection.residuals import relative_pose, reprojection_px
 from tracknoise.printable import printable
 from tracknoise.sequences.sequence import Sequence

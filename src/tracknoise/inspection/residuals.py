@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.pose import invert, transform
-from tracknoise.inspection.flow import FEWEST_POINTS, Pair
 from tracknoise.inspection.hypotheses import Hypothesis, Poses
 from tracknoise.inspection.optics import focal_px
+from tracknoise.inspection.pairs import FEWEST_POINTS, Pair
 
 
 def relative_pose(poses: Poses, pair: Pair) -> NDArray[np.float64]:

@@ -6,7 +6,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from tracknoise.geometry.camera_model import CameraModel
-from tracknoise.inspection.flow import FEWEST_POINTS, Pair
+from tracknoise.inspection.pairs import FEWEST_POINTS, Pair
 
 _ITERATIONS, _CONVERGED_RAD = 12, 1e-8
 _STEP_M = 1e-6

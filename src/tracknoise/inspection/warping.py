@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from tracknoise.geometry.pose import transform
 from tracknoise.inspection.check_report import Item, Severity
 from tracknoise.inspection.evidence import Evidence, residual_px
-from tracknoise.inspection.flow import LONG_PX, SHORT_PX, Pair
 from tracknoise.inspection.hypotheses import AS_GIVEN
+from tracknoise.inspection.pairs import LONG_PX, SHORT_PX, Pair
 from tracknoise.inspection.residuals import relative_pose
 
 _CAVEAT_SHARE, _FATAL_SHARE = 0.3, 0.8

@@ -24,7 +24,7 @@ SYNTHETIC = frozenset({"oracle"})
 """Kinds of trackers whose positions do not come from images."""
 
 _MOST_PAIRS, _MOST_POINTS = 24, 150
-_BASELINES = 1, 2, 4, 8
+_BASELINES = 1, 2, 3, 4, 6, 8, 12, 16, 24
 _YOUNG_FRAMES = 5
 _RIVAL_SHARE, _LEAST_ERROR_PX = 0.8, 1.0
 _HIDDEN_SHARE = 0.5

@@ -14,8 +14,9 @@ from tracknoise.trackers.correspondence import Correspondence
 from tracknoise.trackers.lucas_kanade import LucasKanade
 
 KINDS = {"lucas-kanade": "lucas-kanade", "correspondence": "correspondence"}
-TOLD_FROM_TRACKS = [name for name in MISTAKES if name not in ("ray depth",)]
-"""Distances along the ray need depths in two images, which tracks do not have, unless the motion is large."""
+SEEN_IN_SLOW_TRACKS = [name for name in MISTAKES if name not in ("ray depth", "one frame late", "one frame early")]
+"""In this slow world one frame moves points by less than 0.1 px, and distances along the ray need depths in two images,
+which tracks do not have. `tracknoise check` names both; so does a run of a recording that moves faster."""
 
 
 @cache
@@ -27,7 +28,7 @@ def measured(sequence):
     return measure(sequence, LucasKanade(), truth="birth")  # a ray cast from wrong poses would give other depths
 
 
-@pytest.mark.parametrize("name", TOLD_FROM_TRACKS)
+@pytest.mark.parametrize("name", SEEN_IN_SLOW_TRACKS)
 def test_a_planted_mistake_is_named(name):
     plant, _, words = MISTAKES[name]
     found = doubts(measured(plant(simulated())), KINDS)

@@ -8,7 +8,19 @@ import typer
 
 from tracknoise import __version__
 
-_COMMANDS = ("demo", "run", "replicate", "report", "findings", "simulate", "datasets", "trackers", "selfcheck")
+_COMMANDS = (
+    "demo",
+    "check",
+    "init",
+    "run",
+    "replicate",
+    "report",
+    "findings",
+    "simulate",
+    "datasets",
+    "trackers",
+    "selfcheck",
+)
 """Modules of this package, in the order of the help. Each has a function `register`."""
 
 app = typer.Typer(

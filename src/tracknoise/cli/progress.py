@@ -42,6 +42,10 @@ class Output(Protocol):
         """Print a message."""
         ...
 
+    def warn(self, text: str) -> None:
+        """Print a warning."""
+        ...
+
     def error(self, text: str) -> None:
         """Print an error."""
         ...
@@ -181,11 +185,13 @@ class RunProgress:
         self._bars.update(self._frames, description=key, completed=done, total=total)
 
     def measured(self, key: str, entry: "SequenceEntry") -> None:
-        """Print that a sequence is done, and the notes of its reader."""
+        """Print that a sequence is done, the notes of its reader, and why its data look wrong."""
         self._advance()
         self._terminal.say(f"measured {key}: {entry.n_frames} frames in {entry.seconds:.1f} s ({self._position()})")
         for note in entry.notes:
             self._terminal.say(f"note: {key}: {note}")
+        for doubt in entry.doubts:
+            self._terminal.warn(f"{key}: {doubt}")
 
     def failed(self, keys: list[str], cause: str) -> None:
         """Print that sequences failed, and why. Sequences that were read together share one line."""

@@ -79,7 +79,7 @@ def summary_text(run: RunFolder) -> str:
     rows += [[_cell(row[name], form) for _, name, form in shown] for row in table.iter_rows(named=True)]
     lines = aligned(rows, numeric=[place > 0 for place in range(len(shown))])
     texts = [*_others(data), *_fitted(data), *_where_trimming_matters(data)]
-    return "\n".join([*lines[:2], "-" * len(lines[1]), *lines[2:], *texts])
+    return "\n".join([*_doubts(data), *lines[:2], "-" * len(lines[1]), *lines[2:], *texts])
 
 
 def _errors(data: ReportData) -> list[tuple[str, str, str]]:
@@ -94,6 +94,11 @@ def _errors(data: ReportData) -> list[tuple[str, str, str]]:
         *shown,
         *((f"rms {axis}\n{other}", f"{other}_rms_{axis}_px", "{:.3f}") for other in others for axis in "uv"),
     ]
+
+
+def _doubts(data: ReportData) -> list[str]:
+    """The finding that says why the data look wrong, before any number."""
+    return [f"{textwrap.fill(text, _WIDTH)}\n" for text in data.findings.filter(topic="data")["text"]]
 
 
 def _where_trimming_matters(data: ReportData) -> list[str]:

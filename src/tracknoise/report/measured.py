@@ -76,6 +76,12 @@ def notes(data: ReportData) -> list[tuple[str, str]]:
     return [(together(keys), note) for note, keys in by_statement(pairs).items()]
 
 
+def doubts(data: ReportData) -> list[tuple[str, str]]:
+    """Why data look wrong: the sequences of each reason."""
+    pairs = ((key, doubt) for key, entry in sorted(data.manifest.sequences.items()) for doubt in entry.doubts)
+    return [(together(keys), doubt) for doubt, keys in by_statement(pairs).items()]
+
+
 def trackers(data: ReportData) -> Cells:
     """One row per tracker, with the options that the experiment sets."""
     rows = [

@@ -36,6 +36,8 @@ class SequenceEntry:
         value that the hash of the manifest does not cover, so that equal runs have equal hashes.
     notes
         What was corrected or assumed while reading, one sentence each.
+    doubts
+        Why its data look wrong, one or two sentences each; empty where nothing does.
     inputs
         Hash of the files, other than images, on which the results depend.
     key_frame
@@ -57,6 +59,7 @@ class SequenceEntry:
     inputs: str = ""
     key_frame: int | None = None
     group: str | None = None
+    doubts: tuple[str, ...] = ()
     sha256: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -173,7 +176,11 @@ def _digest(document: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps({**document, "sequences": timeless}).encode()).hexdigest()
 
 
-def _entry(*, sequence: dict[str, Any], notes: list[str], **rest: Any) -> SequenceEntry:
+def _entry(
+    *, sequence: dict[str, Any], notes: list[str], doubts: list[str] | None = None, **rest: Any
+) -> SequenceEntry:
     """What `Manifest.to_json` wrote of one sequence."""
     direction = Direction(sequence.pop("direction"))
-    return SequenceEntry(SequenceId(**sequence, direction=direction), notes=tuple(notes), **rest)
+    return SequenceEntry(
+        SequenceId(**sequence, direction=direction), notes=tuple(notes), doubts=tuple(doubts or ()), **rest
+    )

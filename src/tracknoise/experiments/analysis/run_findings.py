@@ -28,6 +28,7 @@ from tracknoise.statistics.curves import aspect_curves
 from tracknoise.statistics.factors import ReferenceCondition
 from tracknoise.statistics.lifetimes import horizons
 from tracknoise.statistics.trims import dropped_above
+from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.schema import SEQUENCE, VIEW
 from tracknoise.tables.store import RunFolder
 
@@ -208,4 +209,14 @@ def _reported(
         fitted=TRIANGULATED in truths,
         groups=groups_of_scenes(run.manifest().sequences, experiment.dataset.groups),
         trimming=experiment.findings.trimming,
+        doubts=doubts_by_scene(run.manifest()),
     )
+
+
+def doubts_by_scene(manifest: Manifest) -> dict[str, list[str]]:
+    """Why data look wrong, by scene; scenes without doubts are left out."""
+    found: dict[str, list[str]] = {}
+    for _, entry in sorted(manifest.sequences.items()):
+        if entry.doubts:
+            found.setdefault(entry.sequence.scene, []).extend(entry.doubts)
+    return {scene: list(dict.fromkeys(sentences)) for scene, sentences in found.items()}

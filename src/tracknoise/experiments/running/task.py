@@ -3,11 +3,13 @@
 import time
 import warnings
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
 
 from tracknoise.exceptions import DataWarning
+from tracknoise.experiments.doubts import doubts
 from tracknoise.experiments.measure import Measurement, measure_together
 from tracknoise.experiments.running.failures import Result, diagnose
 from tracknoise.experiments.running.lock import Claim
@@ -85,7 +87,9 @@ def run_batch(
                 claim.check()
             hashes = run.write_sequence(task.key, tables, snapshot)
             seconds = (time.monotonic() - started) / len(batch)
-            entries.append(sequence_entry(measurement, seconds=seconds, inputs=task.inputs, sha256=hashes))
+            entry = sequence_entry(measurement, seconds=seconds, inputs=task.inputs, sha256=hashes)
+            kinds = {choice.label: choice.kind for choice in task.experiment.trackers}
+            entries.append(replace(entry, doubts=doubts(measurement, kinds)))
     return entries
 
 

@@ -1,4 +1,4 @@
-"""Headlines that limit what the others mean: few scenes, groups of them, and a truth that was measured."""
+"""Headlines that limit what the others mean: doubtful data, few scenes, groups of them, and a measured truth."""
 
 import polars as pl
 
@@ -11,8 +11,25 @@ from tracknoise.tables.enumerations import Resampled
 
 ENOUGH_SCENES = 8
 """With fewer scenes than this, intervals contain the true value less often than their level says."""
+MOST_DOUBTS = 3
+"""More reasons to doubt the data than this are counted, but not named."""
 MOST_NAMED = 6
 """More groups than this are counted, but not named."""
+
+
+def doubtful_data(_tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """Warn where the data themselves look wrong: then the numbers are not those of the trackers."""
+    if not conditions.doubts:
+        return None
+    scenes = list(conditions.doubts)
+    whose = f"Data of {listing(scenes)} look" if len(scenes) <= MOST_NAMED else f"Data of {len(scenes)} scenes look"
+    sentences = list(dict.fromkeys(sentence for found in conditions.doubts.values() for sentence in found))
+    more = len(sentences) - MOST_DOUBTS
+    others = [f"There are {count(more, 'further reason')}: see the measurement section."] if more > 0 else []
+    text = " ".join(
+        [f"{whose} wrong, so that errors are not those of the trackers.", *sentences[:MOST_DOUBTS], *others]
+    )
+    return Headline("data", text, "limits", "counts")
 
 
 def few_scenes(tables: RunTables, _conditions: ReportedConditions) -> Headline | None:

@@ -1,7 +1,7 @@
 """Which conditions of a run headlines are about, and their numbers with intervals."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import polars as pl
 
@@ -44,6 +44,8 @@ class ReportedConditions:
         Groups of scenes that are not independent of each other.
     trimming
         Errors that verdicts are about.
+    doubts
+        Why data look wrong, by scene: sentences, the most telling first. Scenes without doubts are left out.
     """
 
     reference: ReferenceCondition
@@ -54,6 +56,7 @@ class ReportedConditions:
     fitted: bool = False
     groups: SceneGroups = NO_GROUPS
     trimming: Trimming = TRIMMING
+    doubts: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     @property
     def axis(self) -> Axis:

@@ -14,6 +14,7 @@ from tracknoise.tables.findings_schema import FINDINGS
 from tracknoise.tables.schema import check
 
 _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] = (
+    caveats.doubtful_data,
     caveats.few_scenes,
     caveats.grouped_scenes,
     caveats.recorded_truth,

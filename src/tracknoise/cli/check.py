@@ -1,0 +1,81 @@
+"""``tracknoise check``: whether a recording can be measured, and what is wrong with it if it cannot."""
+
+import textwrap
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tracknoise.cli.options import DebugOption, QuietOption
+from tracknoise.cli.recording import OptionOption, RecordingArgument
+
+if TYPE_CHECKING:
+    from tracknoise.inspection.check_report import CheckReport, Item
+
+STATUS = {"ready": 0, "caveats": 3, "unusable": 4}
+"""Exit status of each verdict."""
+_WIDTH = 110
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("check", no_args_is_help=True)(check)
+
+
+def check(
+    context: typer.Context,
+    recording: RecordingArgument,
+    option: OptionOption = None,
+    scenes: Annotated[int, typer.Option("--scenes", min=1, help="Read the images of this many sequences.")] = 3,
+    html: Annotated[Path | None, typer.Option("--html", help="Write a page with pictures to this file.")] = None,
+    json: Annotated[Path | None, typer.Option("--json", help="Write the report as JSON to this file.")] = None,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+) -> int:
+    """Check whether a recording can be measured: poses, clock, depth and intrinsics against its images.
+
+    Names the usual mistakes: inverted poses, quaternion order, axes, units, intrinsics of another resolution, poses off
+    by frames. Exit status 0 if it is ready, 3 if it is usable with caveats, 4 if it is not usable.
+
+    Examples: `tracknoise check /data/my-recording`, `tracknoise check tum /data/fr1 --html check.html`
+    """
+    from tracknoise.cli.recording import open_reader
+    from tracknoise.inspection.inspect import check_reader
+    from tracknoise.inspection.page import Pictures
+    from tracknoise.tables.files import write_atomically
+
+    reader, path = open_reader(recording, option)
+    context.obj.say(f"reader: {reader.name}")
+    pictures = Pictures()
+    report = check_reader(reader, str(path or reader.name), most=scenes, seen=pictures.take if html else None)
+    if json is not None:
+        write_atomically(json, report.to_json().encode())
+    if html is not None:
+        write_atomically(html, pictures.page(report).encode())
+    context.obj.result(report_text(report))
+    return STATUS[report.verdict.name]
+
+
+def report_text(report: "CheckReport") -> str:
+    """All items, and the verdict with its reasons as the last lines."""
+    lines = []
+    for sequence in report.sequences:
+        lines += [f"{sequence.sequence}:", *map(_line, sequence.items)]
+    lines += map(_line, report.items)
+    return "\n".join([*lines, "", *_verdict(report)])
+
+
+def _verdict(report: "CheckReport") -> list[str]:
+    reasons = report.reasons()
+    if not reasons:
+        return [f"{report.verdict}."]
+    joined = ", because" if report.verdict.name == "unusable" else ""
+    return [f"{report.verdict}{joined}:", *(_filled(f"- {reason}", "  ") for reason in reasons)]
+
+
+def _line(item: "Item") -> str:
+    return _filled(f"  {item.severity:<7}  {item.topic}: {item.text}", " " * 11)
+
+
+def _filled(text: str, indent: str) -> str:
+    return textwrap.fill(text, _WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)

@@ -1,0 +1,41 @@
+"""``tracknoise init``: an experiment file for a recording, to begin with."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tracknoise.cli.options import DebugOption
+from tracknoise.cli.recording import OptionOption, RecordingArgument
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("init", no_args_is_help=True)(init)
+
+
+def init(
+    context: typer.Context,
+    recording: RecordingArgument,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="File to write (default: NAME.toml).")] = None,
+    option: OptionOption = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
+    debug: DebugOption = False,
+) -> int:
+    """Recognise the format of a recording and write an experiment file for it.
+
+    Examples: `tracknoise init /data/my-recording`, `tracknoise init tum /data/fr1 --out fr1.toml`
+    """
+    from tracknoise.cli.recording import open_reader, options_of
+    from tracknoise.exceptions import SettingsError
+    from tracknoise.experiments.template import experiment_template
+    from tracknoise.tables.files import write_atomically
+
+    reader, path = open_reader(recording, option)
+    text = experiment_template(reader, path, options_of(option))
+    file = out or Path(f"{(path or Path(reader.name)).resolve().name}.toml")
+    if file.exists() and not force:
+        raise SettingsError(f"{file}: exists, expected a new file; --force replaces it")
+    write_atomically(file, text.encode())
+    context.obj.result(f"{file}: reader {reader.name}. Measure with: tracknoise run {file}")
+    return 0

@@ -1,0 +1,175 @@
+"""Reasons to doubt the data of a sequence, from what was measured in it; no image is read again."""
+
+from collections.abc import Iterator, Mapping
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.inspection.check_report import Item, Severity
+from tracknoise.inspection.depths import FARTHEST_M, NEAREST_M
+from tracknoise.inspection.evidence import Evidence
+from tracknoise.inspection.files_and_rates import intrinsics
+from tracknoise.inspection.jumps import pose_jumps
+from tracknoise.inspection.mistakes import mistakes
+from tracknoise.inspection.pairs import FEWEST_POINTS, Flow, Pair
+from tracknoise.sequences.sequence import ChangingCamera, TruthKind
+
+if TYPE_CHECKING:
+    from tracknoise.experiments.measure import Measurement
+
+SYNTHETIC = frozenset({"oracle"})
+"""Kinds of trackers whose positions do not come from images."""
+
+_MOST_PAIRS, _MOST_POINTS = 24, 150
+_BASELINES = 1, 2, 3, 4, 6, 8, 12, 16, 24
+_YOUNG_FRAMES = 5
+_RIVAL_SHARE, _LEAST_ERROR_PX = 0.8, 1.0
+_HIDDEN_SHARE = 0.5
+_COMMON_CORRELATION, _COMMON_PX, _FEWEST_CHANGES = 0.8, 0.5, 15
+_KNOWN = ("valid", "occluded", "out_of_image", "behind_camera")
+
+
+def doubts(measurement: "Measurement", kinds: Mapping[str, str]) -> tuple[str, ...]:
+    """Sentences that say why the data of a sequence look wrong, the most telling first; empty where nothing does.
+
+    Parameters
+    ----------
+    measurement
+        What was measured.
+    kinds
+        Kind of each tracker, by its name.
+    """
+    of_images = [name for name, kind in kinds.items() if kind not in SYNTHETIC]
+    observed = measurement.observations.filter(pl.col("tracker").is_in(of_images))
+    if observed.is_empty():
+        return ()
+    slowest = observed.filter(pl.col("speed") == observed["speed"].min())
+    items = [*_of_poses(measurement), *_of_mistakes(measurement, slowest.filter(tracker=slowest["tracker"][0]))]
+    found = [item.text for item in items if item.severity in (Severity.caveat, Severity.fatal)]
+    return (*found, *_of_errors(slowest), *_of_depths(measurement))
+
+
+def _of_poses(measurement: "Measurement") -> list[Item]:
+    """Topics that need poses and intrinsics alone."""
+    return [pose_jumps(measurement.sequence), intrinsics(measurement.sequence)]
+
+
+def _of_mistakes(measurement: "Measurement", observed: pl.DataFrame) -> list[Item]:
+    """The usual mistakes, from the tracks of one tracker. A camera that changes is left out."""
+    sequence = measurement.sequence
+    if isinstance(sequence, ChangingCamera) and len({sequence.camera_at(i) for i in range(measurement.n_frames)}) > 1:
+        return []
+    born = measurement.truth in (TruthKind.birth, TruthKind.raycast)
+    pairs = tuple(_pairs(observed, _depths_at_birth(measurement, observed) if born else {}))
+    poses = sequence.world_from_camera[: measurement.n_frames]
+    return [mistakes(Evidence.of(Flow(pairs, ()), poses, sequence.camera))]
+
+
+def _depths_at_birth(measurement: "Measurement", observed: pl.DataFrame) -> dict[int, float]:
+    tracker, speed = observed["tracker"][0], observed["speed"][0]
+    tracks = measurement.tracks.filter(tracker=tracker, speed=speed).drop_nulls("depth_m")
+    return dict(zip(tracks["track"].to_list(), tracks["depth_m"].to_list(), strict=True))
+
+
+def _pairs(observed: pl.DataFrame, depths_m: Mapping[int, float]) -> Iterator[Pair]:
+    """Tracks from the frame in which they began to some frames later, spread evenly over the sequence."""
+    step = int(observed["speed"][0])
+    born = observed.filter(pl.col("age") == 0).select("track", first="frame", u="u_px", v="v_px")
+    later = observed.filter(pl.col("age").is_in([step * baseline for baseline in _BASELINES]))
+    joined = later.join(born, on="track", maintain_order="left")
+    groups = joined.partition_by("first", "frame", maintain_order=True)
+    enough = sorted(
+        (group for group in groups if group.height >= FEWEST_POINTS),
+        key=lambda group: group.row(0, named=True)["first"],
+    )
+    for place in np.unique(np.linspace(0, len(enough) - 1, min(_MOST_PAIRS, len(enough))).astype(int)).tolist():
+        yield _pair(enough[place].head(_MOST_POINTS), depths_m)
+
+
+def _pair(group: pl.DataFrame, depths_m: Mapping[int, float]) -> Pair:
+    depth = np.array([depths_m.get(track, np.nan) for track in group["track"].to_list()])
+    return Pair(
+        first=int(group["first"][0]),
+        second=int(group["frame"][0]),
+        uv_first=group.select("u", "v").to_numpy(),
+        uv_second=group.select("u_px", "v_px").to_numpy(),
+        depth_first_m=depth,
+        depth_second_m=np.full(len(depth), np.nan),
+    )
+
+
+def _of_errors(observed: pl.DataFrame) -> Iterator[str]:
+    """What the errors and statuses of young tracks say, and what errors of all features have in common."""
+    young = observed.filter(pl.col("age").is_between(1, _YOUNG_FRAMES * int(observed["speed"][0])))
+    known = young.filter(pl.col("truth").is_in(_KNOWN))
+    if known.height >= FEWEST_POINTS:
+        share = known.filter(pl.col("truth") != "valid").height / known.height
+        if share > _HIDDEN_SHARE:
+            yield (
+                f"{share:.0%} of true positions are occluded or out of the image right after features were found. "
+                "Poses, depth or intrinsics are probably wrong."
+            )
+    yield from _rivals(observed, young)
+    yield from _common(observed)
+
+
+def _rivals(observed: pl.DataFrame, young: pl.DataFrame) -> Iterator[str]:
+    """Errors as large as the image motion."""
+    born = observed.filter(pl.col("age") == 0).select("track", "tracker", u="u_px", v="v_px")
+    moved = young.drop_nulls("du_px").join(born, on=["track", "tracker"])
+    if moved.height < FEWEST_POINTS:
+        return
+    error_px = float(np.median(np.hypot(moved["du_px"], moved["dv_px"])))
+    motion_px = float(np.median(np.hypot(moved["u_px"] - moved["u"], moved["v_px"] - moved["v"])))
+    if error_px > _LEAST_ERROR_PX and error_px > _RIVAL_SHARE * motion_px:
+        yield (
+            f"Errors rival the image motion: the median error is {error_px:.2g} px, the median motion since birth is "
+            f"{motion_px:.2g} px. Poses, depth or intrinsics are probably wrong."
+        )
+
+
+def _common(observed: pl.DataFrame) -> Iterator[str]:
+    """Changes of errors that all features of a frame share, and that unlike trackers agree about."""
+    changes = {name: _frame_changes(table) for (name,), table in observed.partition_by("tracker", as_dict=True).items()}
+    for one, other in combinations(changes, 2):
+        both = changes[one].join(changes[other], on="frame", suffix="_other")
+        if both.height < _FEWEST_CHANGES:
+            continue
+        moved, moved_other = both.select("du", "dv").to_numpy(), both.select("du_other", "dv_other").to_numpy()
+        correlation = min(_correlation(moved[:, axis], moved_other[:, axis]) for axis in (0, 1))
+        size_px = float(np.sqrt((moved**2).sum(axis=1).mean()))
+        if correlation > _COMMON_CORRELATION and size_px > _COMMON_PX:
+            yield (
+                f"Errors of all features change together from frame to frame, by {size_px:.2g} px. These changes "
+                f"correlate by {correlation:.2f} between {one} and {other}: they are errors of poses, clock or "
+                "calibration, and not of the trackers."
+            )
+            return
+
+
+def _correlation(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+    """Correlation of two series; 0 where one does not vary."""
+    one, other = one - one.mean(), other - other.mean()
+    size = float(np.linalg.norm(one) * np.linalg.norm(other))
+    return float(one @ other) / size if size > 0.0 else 0.0
+
+
+def _frame_changes(observed: pl.DataFrame) -> pl.DataFrame:
+    """Median change of the errors from the frame before, by frame."""
+    errors = observed.drop_nulls("du_px").sort("track", "frame")
+    step = pl.col("frame").cast(pl.Int64).diff().over("track")
+    changed = errors.with_columns(
+        du=pl.col("du_px").diff().over("track"), dv=pl.col("dv_px").diff().over("track"), step=step
+    ).filter(pl.col("step") == int(observed["speed"][0]))
+    median = changed.group_by("frame").agg(pl.col("du", "dv").median(), n=pl.len())
+    return median.filter(pl.col("n") >= FEWEST_POINTS).drop("n").sort("frame")
+
+
+def _of_depths(measurement: "Measurement") -> Iterator[str]:
+    """A median depth of features that cannot be in metres."""
+    depths_m: NDArray[np.float64] = measurement.tracks["depth_m"].drop_nulls().to_numpy()
+    if len(depths_m) and not NEAREST_M <= float(np.median(depths_m)) <= FARTHEST_M:
+        yield f"The median depth of features is {np.median(depths_m):.3g} m. The unit is probably not metres."

@@ -1,0 +1,81 @@
+"""A first experiment file for a recording."""
+
+from collections.abc import Mapping
+from itertools import chain
+from pathlib import Path
+
+import tomlkit
+
+from tracknoise.sequences.registry import reader_defaults
+from tracknoise.sequences.sequence import Reader, Sequence
+
+_MOST_NAMED = 6
+_TRACKERS = ("lucas-kanade", "correspondence")
+_FEW_FRAMES = 60
+"""Shorter sequences are measured at speed 1 only."""
+
+
+def experiment_template(reader: Reader, path: Path | None, options: Mapping[str, object]) -> str:
+    """Experiment file (TOML) that measures all sequences of a reader with two trackers.
+
+    Parameters
+    ----------
+    reader
+        Of the recording.
+    path
+        Folder of the data; None where the reader needs none.
+    options
+        Options of the reader that differ from the defaults.
+
+    Raises
+    ------
+    DataError
+        If the reader finds no sequence, or cannot open the first.
+    """
+    listed = reader.sequences()
+    first = reader.open(listed[0])
+    scenes = list(dict.fromkeys(item.scene for item in listed))
+    name = (path or Path(reader.name)).resolve().name.strip(".") or reader.name
+    parts = [_heading(name, first), _dataset(reader, path, scenes), _options(reader.name, options), _trackers()]
+    return "\n".join(chain.from_iterable(parts)) + "\n"
+
+
+def _heading(name: str, first: Sequence) -> list[str]:
+    speeds = [1] if len(first) < _FEW_FRAMES else [1, 2, 4]
+    return [
+        f"# {len(first)} frames of {first.camera.width}x{first.camera.height} px in the first sequence.",
+        *(f"# Note of the reader: {' '.join(note.split())}" for note in first.notes),
+        "# All keys: tracknoise run --schema. Check the recording first: tracknoise check",
+        _entry("name", name),
+        f"{_entry('speeds', speeds)}  # at speed s, trackers see every s-th frame",
+    ]
+
+
+def _dataset(reader: Reader, path: Path | None, scenes: list[str]) -> list[str]:
+    named = scenes[:_MOST_NAMED]
+    more = f" (and {len(scenes) - len(named)} more)" if len(scenes) > len(named) else ""
+    root = [] if path is None else [_entry("root", str(path.resolve()))]
+    return [
+        "",
+        "[dataset]",
+        _entry("reader", reader.name),
+        *root,
+        f"# {_entry('scenes', named)}  # to measure only some{more}",
+        "# max_frames = 300  # to measure only the first frames of each sequence",
+    ]
+
+
+def _options(name: str, options: Mapping[str, object]) -> list[str]:
+    """The options that were chosen; the defaults of all as comments."""
+    defaults = [line if line.startswith("#") else f"# {line}" for line in reader_defaults(name).splitlines() if line]
+    if not defaults:
+        return []
+    return ["", "[dataset.options]", *(_entry(key, value) for key, value in options.items()), *defaults]
+
+
+def _trackers() -> list[str]:
+    return list(chain.from_iterable(("", "[[trackers]]", _entry("kind", kind)) for kind in _TRACKERS))
+
+
+def _entry(key: str, value: object) -> str:
+    return tomlkit.dumps({key: value}).strip()

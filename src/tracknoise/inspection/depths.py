@@ -1,0 +1,43 @@
+"""The topic depth: whether its unit can be metres, and how much of the image has it."""
+
+import numpy as np
+
+from tracknoise.inspection.check_report import Item, Severity, Values
+from tracknoise.sequences.sequence import Sequence
+
+NEAREST_M, FARTHEST_M = 0.05, 1000.0
+"""A median depth outside of this range is not metres."""
+_LEAST_SHARE = 0.2
+_FRAMES = 8
+
+
+def depths(sequence: Sequence) -> Item:
+    """Median depth and share of pixels with depth in some frames.
+
+    Raises
+    ------
+    DataError
+        If a depth map cannot be read.
+    """
+    chosen = np.unique(np.linspace(0, len(sequence) - 1, _FRAMES).astype(int)).tolist()
+    maps = [depth for index in chosen if (depth := sequence.depth(index)) is not None]
+    if not maps:
+        if sequence.truths:
+            return Item("depth", Severity.ok, f"There are no depth maps; truth is possible by {sequence.truths[0]}.")
+        return Item("depth", Severity.caveat, "There is no depth: truth by depth is not possible.")
+    share = float(np.mean([depth.valid.mean() for depth in maps]))
+    values = np.concatenate([depth.depth_m[depth.valid] for depth in maps])
+    if not len(values):
+        return Item("depth", Severity.fatal, "No pixel has a valid depth.", {"share": 0.0})
+    low, median, high = (float(value) for value in np.percentile(values, [5, 50, 95]))
+    numbers: Values = {"share": share, "median_m": median, "low_m": low, "high_m": high}
+    text = (
+        f"The median depth is {median:.3g} m; 90 % lie between {low:.3g} and {high:.3g} m. "
+        f"{share:.0%} of pixels have depth."
+    )
+    if not NEAREST_M <= median <= FARTHEST_M:
+        return Item("depth", Severity.fatal, f"{text} The unit is probably not metres.", numbers)
+    is_dense = maps[0].radius_px is None
+    if is_dense and share < _LEAST_SHARE:
+        return Item("depth", Severity.caveat, f"{text} Few features will have a truth.", numbers)
+    return Item("depth", Severity.ok, text, numbers)

@@ -1,0 +1,136 @@
+"""Recognise the format of a data set from the names of its files and folders."""
+
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from tracknoise.exceptions import DataError
+from tracknoise.foreign.files import is_folder, is_regular_file
+from tracknoise.sequences.registry import READERS
+
+_MOST_ENTRIES, _MOST_LEVELS = 20_000, 6
+
+
+@dataclass(frozen=True, slots=True)
+class Signature:
+    """Names by which the files of a reader are known.
+
+    Attributes
+    ----------
+    reader
+        Its name.
+    pattern
+        Regular expression that a whole path below the data set's folder matches, this folder's name included. Folders
+        end with a slash.
+    layout
+        What the pattern means, for people.
+    names
+        Further files and folders of the layout, to find the nearest format where none fits.
+    """
+
+    reader: str
+    pattern: str
+    layout: str
+    names: frozenset[str]
+
+
+def _signature(reader: str, pattern: str, layout: str, names: str) -> Signature:
+    return Signature(reader, rf"(?:.*/)?{pattern}", layout, frozenset(names.split()))
+
+
+SIGNATURES = (
+    _signature("rosbag", r"[^/]+\.(?:bag|db3|mcap)", "a .bag, .db3 or .mcap file", "metadata.yaml"),
+    _signature("euroc", r"mav0/|cam0/data\.csv", "mav0/cam0/data.csv", "mav0 cam0 sensor.yaml imu0 body.yaml data.csv"),
+    _signature("nerfstudio", r"transforms\.json", "transforms.json", "transforms_train.json images"),
+    _signature(
+        "colmap", r"(?:cameras|images)\.(?:bin|txt)", "cameras.bin or cameras.txt", "points3D.bin points3D.txt sparse"
+    ),
+    _signature(
+        "tum", r"(?:rgb\.txt|groundtruth\.txt)", "rgb.txt and groundtruth.txt", "rgb depth depth.txt accelerometer.txt"
+    ),
+    _signature("sevenscenes", r"frame-\d+\.pose\.txt", "frame-NNNNNN.pose.txt", "camera-intrinsics.txt"),
+    _signature(
+        "tartanair",
+        r"pose_(?:left|right|[lr]cam_[a-z]+)\.txt",
+        "image_left/ and pose_left.txt",
+        "image_left depth_left image_lcam_front depth_lcam_front flow",
+    ),
+    _signature(
+        "kitti-odometry",
+        r"sequences/\d\d/(?:calib\.txt|image_\d/)",
+        "sequences/NN/ and poses/NN.txt",
+        "poses times.txt",
+    ),
+    _signature(
+        "kitti",
+        r"(?:calib_cam_to_cam\.txt|image_0[0-3]/data/|oxts/)",
+        "image_02/data/ and calib_cam_to_cam.txt",
+        "velodyne_points proj_depth image_02",
+    ),
+    _signature(
+        "dtu", r"Img\d{3}_\d{2}\.(?:bmp|png)|Calib_Results_11\.mat", "SETnnn/Img025_07.bmp", "CleanRecon_2009_11_16"
+    ),
+    _signature(
+        "folder", r"(?:poses\.txt|camera\.json)", "images/, camera.json and poses.txt", "images depth poses.csv"
+    ),
+)
+"""The most telling names come first."""
+
+
+def recognise(path: Path) -> str:
+    """Name of the reader whose layout a data set has.
+
+    Parameters
+    ----------
+    path
+        Folder of the data set, or a file such as a bag.
+
+    Raises
+    ------
+    DataError
+        If there is nothing there, or no reader knows the layout. The message names the nearest format.
+    """
+    if not is_folder(path) and not is_regular_file(path):
+        raise DataError(path, "no such file or folder", "a recording")
+    found = list(_names(path))
+    known = set(READERS.names())
+    for signature in SIGNATURES:
+        if signature.reader in known and any(re.fullmatch(signature.pattern, name) for name in found):
+            return signature.reader
+    raise DataError(path, *_unknown(found, known))
+
+
+def _unknown(found: list[str], known: set[str]) -> tuple[str, str]:
+    """What was found and expected where no layout fits."""
+    offered = [signature for signature in SIGNATURES if signature.reader in known]
+    parts = {part for name in found for part in name.strip("/").split("/")}
+    nearest = max(offered, key=lambda signature: len(signature.names & parts))
+    layouts = "; ".join(f"{signature.reader} ({signature.layout})" for signature in offered)
+    some = ", ".join(name.split("/", 1)[-1] for name in found[1:5]) or "nothing"
+    hint = f"the nearest format is {nearest.reader}. " if nearest.names & parts else ""
+    return (
+        f"no known layout ({some})",
+        f"one of: {layouts}; {hint.rstrip('. ') + '; ' if hint else ''}"
+        "other recordings can be put into the layout of reader folder (docs/folder-layout.md)",
+    )
+
+
+def _names(path: Path) -> Iterator[str]:
+    """Paths of files and folders from the data set's own name on, with slashes; folders first, up to a limit."""
+    own = path.resolve().name
+    if not is_folder(path):
+        yield own
+        return
+    yield f"{own}/"
+    left = _MOST_ENTRIES
+    for name, folders, files in os.walk(path):
+        below = Path(name).relative_to(path)
+        entries = [*(f"{folder}/" for folder in sorted(folders)), *sorted(files)]
+        yield from (f"{own}/{(below / entry).as_posix()}{'/' * entry.endswith('/')}" for entry in entries[:left])
+        left -= len(entries)
+        if left <= 0:
+            return
+        if len(below.parts) >= _MOST_LEVELS:
+            folders.clear()

@@ -1,0 +1,66 @@
+"""What a run says about data that are wrong, and that it says nothing about data that are right."""
+
+from dataclasses import replace
+from functools import cache
+
+import polars as pl
+import pytest
+from tests.inspection.planted import MISTAKES, Planted, scaled_positions
+
+from tracknoise.experiments.doubts import doubts
+from tracknoise.experiments.measure import measure
+from tracknoise.sequences.registry import open_sequence
+from tracknoise.trackers.correspondence import Correspondence
+from tracknoise.trackers.lucas_kanade import LucasKanade
+
+KINDS = {"lucas-kanade": "lucas-kanade", "correspondence": "correspondence"}
+SEEN_IN_SLOW_TRACKS = [name for name in MISTAKES if name not in ("ray depth", "one frame late", "one frame early")]
+"""In this slow world one frame moves points by less than 0.1 px, and distances along the ray need depths in two images,
+which tracks do not have. `tracknoise check` names both; so does a run of a recording that moves faster."""
+
+
+@cache
+def simulated():
+    return open_sequence("simulated", motions=("arvr",), frames=40, width=320, height=240)
+
+
+def measured(sequence):
+    return measure(sequence, LucasKanade(), truth="birth")  # a ray cast from wrong poses would give other depths
+
+
+@pytest.mark.parametrize("name", SEEN_IN_SLOW_TRACKS)
+def test_a_planted_mistake_is_named(name):
+    plant, _, words = MISTAKES[name]
+    found = doubts(measured(plant(simulated())), KINDS)
+    assert any(words in sentence for sentence in found), found
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_in_a_real_recording_is_named(name, sample):
+    plant, _, words = MISTAKES[name]
+    found = doubts(measured(plant(open_sequence("tartanair", sample("tartanair_v2")))), KINDS)
+    assert any(words in sentence for sentence in found), found
+
+
+@pytest.mark.parametrize("name", ["tartanair_v1", "tartanair_v2", "sevenscenes", "kitti"])
+def test_nothing_is_said_about_recordings_that_are_right(name, sample):
+    sequence = open_sequence(name.split("_")[0], sample(name))
+    assert doubts(measure(sequence, [LucasKanade(), Correspondence()], max_frames=40), KINDS) == ()
+
+
+def test_errors_that_all_features_share_are_said_to_be_of_the_poses(sample):
+    sequence = open_sequence("tum", sample("tum_rgbd"))
+    found = doubts(measure(sequence, [LucasKanade(), Correspondence()]), KINDS)
+    assert any("change together" in sentence for sentence in found)
+
+
+def test_positions_that_were_made_up_say_nothing_about_data():
+    wrong = measured(Planted(simulated(), poses=scaled_positions(1000)))
+    assert doubts(wrong, KINDS)
+    assert doubts(wrong, {"lucas-kanade": "oracle"}) == ()
+
+
+def test_depths_that_cannot_be_metres_are_named():
+    right = measured(simulated())
+    far = replace(right, tracks=right.tracks.with_columns(pl.col("depth_m") * 1e4))
+    assert any("not metres" in sentence for sentence in doubts(far, KINDS))

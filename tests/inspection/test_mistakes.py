@@ -1,0 +1,107 @@
+"""Each usual mistake is named where it was planted, and none where none was."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from tests.inspection.planted import MISTAKES
+
+from tracknoise.inspection.check_report import Severity
+from tracknoise.inspection.evidence import Evidence
+from tracknoise.inspection.hypotheses import AS_GIVEN, axis_rotations, hypotheses
+from tracknoise.inspection.mistakes import mistakes
+from tracknoise.sequences.registry import open_sequence
+
+RECORDINGS = ("simulated", "tartanair", "sevenscenes")
+
+
+@cache
+def recording(name, data_root):
+    if name == "simulated":
+        return open_sequence("simulated", motions=("arvr",), frames=40, width=320, height=240)
+    return open_sequence(name, data_root / {"tartanair": "tartanair_v2"}.get(name, name))
+
+
+@cache
+def evidence(name, data_root):
+    return Evidence.measured(recording(name, data_root))
+
+
+def depths_at(sequence, pairs):
+    """Depths of planted maps at the points of pairs, from the depths as they are: the change depends on the pixel."""
+    for pair in pairs:
+        first, second = (
+            _changed(sequence, uv, depth_m)
+            for uv, depth_m in ((pair.uv_first, pair.depth_first_m), (pair.uv_second, pair.depth_second_m))
+        )
+        yield replace(pair, depth_first_m=first, depth_second_m=second)
+
+
+def _changed(sequence, uv, depth_m):
+    camera = sequence.sequence.camera
+    factor = sequence.depths(np.ones((camera.height, camera.width)), camera)
+    column, row = np.clip(np.round(uv).astype(int), 0, (camera.width - 1, camera.height - 1)).T
+    return depth_m * factor[row, column]
+
+
+def planted(name, sequence, seen):
+    """Evidence about a sequence with a mistake; the image motion is what it is."""
+    made = MISTAKES[name][0](sequence)
+    flow = replace(
+        seen.flow, steps=tuple(depths_at(made, seen.flow.steps)), wide=tuple(depths_at(made, seen.flow.wide))
+    )
+    return Evidence.of(flow, made.world_from_camera, made.camera)
+
+
+@pytest.mark.parametrize("where", RECORDINGS)
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_planted_mistake_is_named(name, where, data_root):
+    _, kind, words = MISTAKES[name]
+    item = mistakes(planted(name, recording(where, data_root), evidence(where, data_root)))
+    assert item.severity is Severity.fatal, item.text
+    assert (item.values["mistake"], words in item.text) == (kind, True), item.text
+
+
+@pytest.mark.parametrize("where", RECORDINGS)
+def test_no_mistake_is_named_where_there_is_none(where, data_root):
+    item = mistakes(evidence(where, data_root))
+    assert item.severity is Severity.ok, item.text
+
+
+def test_without_depth_a_mistake_is_seen_in_epipolar_lines(data_root):
+    seen = evidence("sevenscenes", data_root)
+    blind = [
+        replace(pair, depth_first_m=np.full(len(pair.uv_first), np.nan)) for pair in (*seen.flow.steps, *seen.flow.wide)
+    ]
+    flow = replace(seen.flow, steps=tuple(blind), wide=())
+    right = Evidence.of(flow, seen.poses, seen.camera)
+    wrong = Evidence.of(flow, np.linalg.inv(seen.poses), seen.camera)
+    assert not right.has_depth
+    assert mistakes(right).severity is Severity.ok
+    assert mistakes(wrong).values["mistake"] == "inverted"
+
+
+def test_a_recording_without_motion_says_that_nothing_can_be_seen(data_root):
+    seen = evidence("simulated", data_root)
+    still = Evidence.of(replace(seen.flow, steps=(), wide=()), seen.poses, seen.camera)
+    assert mistakes(still).severity is Severity.unknown
+
+
+def test_what_cannot_be_distinguished_is_named_too():
+    sequence = open_sequence("simulated", motions=("sideways",), frames=14, width=200, height=150)
+    item = mistakes(planted("body", sequence, Evidence.measured(sequence)))
+    assert item.severity is Severity.fatal
+    assert "cannot distinguish" in item.text
+
+
+def test_the_24_axis_rotations_are_rotations_and_differ():
+    found = axis_rotations()
+    assert len({tuple(matrix.ravel()) for matrix in found}) == 24
+    assert all(np.isclose(np.linalg.det(matrix), 1.0) for matrix in found)
+    assert np.array_equal(found[0], np.eye(3))
+
+
+def test_every_mistake_can_be_undone_on_any_poses():
+    poses = np.tile(np.eye(4), (6, 1, 1))
+    assert {one.poses(poses).shape for one in (*hypotheses(), AS_GIVEN)} == {(6, 4, 4)}

@@ -292,7 +292,7 @@ def _loaded(text: str, place: str) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         raise SettingsError(f"{place}: {error}, expected TOML") from error
     except RecursionError as error:
-        raise SettingsError(f"{place}: lists in lists, expected at most {MOST_LEVELS} levels") from error
+        raise SettingsError(f"{place}: lists and tables more than {MOST_LEVELS} deep, expected fewer levels") from error
     except ValueError as error:  # also of numbers with thousands of digits
         raise SettingsError(f"{place}: {first_line(error)}") from error
     return settings

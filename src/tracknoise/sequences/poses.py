@@ -157,8 +157,9 @@ def pose_notes(world_from_camera: NDArray[np.float64]) -> tuple[str, ...]:
     """A sentence if there are frames without a pose."""
     known = has_pose(world_from_camera)
     missing = int(np.count_nonzero(~known))
-    counted = f"{missing} of {len(known)} frames {'has' if missing == 1 else 'have'} no pose"
-    return (f"{counted}: their observations have no true position",) if missing else ()
+    verb, whose = ("has", "its") if missing == 1 else ("have", "their")
+    counted = f"{missing} of {len(known)} frames {verb} no pose"
+    return (f"{counted}: {whose} observations have no true position",) if missing else ()
 
 
 def surplus_notes(place: Place, *, poses: int, images: int) -> tuple[str, ...]:

@@ -29,7 +29,7 @@ def scene(tmp_path):
         cv2.imwrite(str(folder / f"frame-{i:06d}.color.png"), wall[:, 2 * i : 2 * i + SIZE[1]])
         cv2.imwrite(str(folder / f"frame-{i:06d}.depth.png"), depth)
         np.savetxt(folder / f"frame-{i:06d}.pose.txt", pose)
-    np.savetxt(folder / "camera-intrinsics.txt", [[585, 0, 63.5], [0, 585, 47.5], [0, 0, 1]])
+    np.savetxt(folder / "camera-intrinsics.txt", [[117, 0, 63.5], [0, 117, 47.5], [0, 0, 1]])
     (tmp_path / "x.toml").write_text(
         'name = "x"\nspeeds = [1]\n[dataset]\nreader = "sevenscenes"\nroot = "data"\n'
         '[[trackers]]\nkind = "lucas-kanade"\n[statistics]\nmin_features = 2\n'

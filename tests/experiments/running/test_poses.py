@@ -64,7 +64,7 @@ def test_frames_without_a_pose_are_missing_in_tables_and_counted(tmp_path) -> No
     run = RunFolder(tmp_path / "run")
     execute(parse_experiment(text, place="gap.toml"), run, listener=Silent())
     ((key, entry),) = run.manifest().sequences.items()
-    assert "1 of 6 frames has no pose: their observations have no true position" in entry.notes
+    assert "1 of 6 frames has no pose: its observations have no true position" in entry.notes
     poses = run.sequence_table("poses", key)
     assert poses["x_m"].is_null().to_list() == poses["qw"].is_null().to_list() == [False, False, True] + [False] * 3
     observations = run.sequence_table("observations", key)

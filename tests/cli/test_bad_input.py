@@ -22,10 +22,10 @@ def scene(tmp_path):
     rng = np.random.default_rng(0)
     wall = cv2.GaussianBlur(rng.integers(0, 256, (SIZE[0], SIZE[1] + 40), dtype=np.uint8), (0, 0), 1.2)
     wall = cv2.normalize(wall, None, 0, 255, cv2.NORM_MINMAX)
-    depth = np.full(SIZE, 585, np.uint16)
+    depth = np.full(SIZE, 117, np.uint16)
     for i in range(N_FRAMES):
         pose = np.eye(4)
-        pose[0, 3] = i * 2e-3  # at 0.585 m and a focal length of 585 px, 1 mm is 1 px
+        pose[0, 3] = i * 2e-3  # at 0.117 m and a focal length of 117 px, 1 mm is 1 px
         cv2.imwrite(str(folder / f"frame-{i:06d}.color.png"), wall[:, 2 * i : 2 * i + SIZE[1]])
         cv2.imwrite(str(folder / f"frame-{i:06d}.depth.png"), depth)
         np.savetxt(folder / f"frame-{i:06d}.pose.txt", pose)

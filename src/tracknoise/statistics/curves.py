@@ -114,9 +114,10 @@ def _curves(chunks: Iterable[pl.DataFrame], schema: Schema, labels: Sequence[str
 
 def _pooled(chunks: Iterable[pl.DataFrame], schema: Schema, point: list[str]) -> pl.DataFrame:
     """The moments of every point, all scenes together, and the sums over scenes of each one's own statistics."""
-    points, keys = _with_sums(empty(schema), point), [column for column in schema if column not in MOMENT_VALUES]
+    points = _with_sums(empty(schema), point)
+    others = [column for column in schema if column not in MOMENT_VALUES and column not in point]
     for chunk in chunks:
-        scenes = chunk.filter(pl.col("n") > 0).sort(keys)
+        scenes = chunk.filter(pl.col("n") > 0).sort(others, maintain_order=True)
         points = _added(pl.concat([points, _with_sums(scenes, point)]), point)
     return points
 

@@ -175,7 +175,8 @@ def merge(moments: pl.DataFrame, *, by: Sequence[str], orders: Sequence[Order] =
     values = ["n", *_MEANS, *_sums(orders, "m_"), *_ABSOLUTE_MEANS, *_sums(variances, "m_abs_")]
     schema = {name: MOMENT_VALUES[name] for name in values}
     check(moments.select(column for column in values if column in moments.columns), schema, "moments")
-    ordered = moments.sort([column for column in moments.columns if column not in MOMENT_VALUES], maintain_order=True)
+    others = [column for column in moments.columns if column not in MOMENT_VALUES and column not in by]
+    ordered = moments.sort(others, maintain_order=True) if others else moments
     groups = group_rows(ordered, by)
     signed, absolute = (
         pool_moments(_joint(ordered, powers, means, prefix), groups.index, groups.count)

@@ -1,5 +1,6 @@
 import re
 from contextlib import suppress
+from decimal import Decimal
 from pathlib import Path
 
 import cv2
@@ -264,6 +265,19 @@ def test_positions_without_rotations_are_refused(scene):
     leica.parent.rmdir()
     with pytest.raises(DataError, match="mav0: no poses, expected state_groundtruth_estimate0"):
         open_sequence("euroc", scene)
+
+
+@pytest.mark.parametrize("written", ["{}.0", "{:.18e}", " {}"])
+def test_whole_nanoseconds_may_be_written_as_decimal_numbers(scene, written):
+    plain = open_sequence("euroc", scene)
+    for path in (scene / "mav0/cam0/data.csv", table(scene)):
+        header, *rows = path.read_text().splitlines()
+        fields = [row.split(",", 1) for row in rows]
+        times = [written.format(Decimal(time) if "e" in written else time) for time, _ in fields]
+        path.write_text("\n".join([header, *(f"{time},{rest}" for time, (_, rest) in zip(times, fields, strict=True))]))
+    found = open_sequence("euroc", scene)
+    np.testing.assert_array_equal(found.world_from_camera, plain.world_from_camera)
+    np.testing.assert_array_equal(found.timestamps_s, plain.timestamps_s)
 
 
 @pytest.mark.parametrize(

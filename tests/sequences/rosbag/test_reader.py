@@ -288,6 +288,12 @@ def test_a_topic_is_not_guessed_where_several_fit(write, simulated):
         opened(root, image_topic="/other/image", pose_topic="/pose")
 
 
+def test_a_bag_without_intrinsics_points_to_the_camera_file(write, simulated):
+    content = Content(simulated)
+    with pytest.raises(DataError, match=r"one topic of sensor_msgs/msg/CameraInfo, or the option camera_file"):
+        opened(write(content.images, content.odometry))
+
+
 def test_a_bag_without_poses_lists_its_topics(write, simulated):
     content = Content(simulated)
     root = write(content.images, content.intrinsics)

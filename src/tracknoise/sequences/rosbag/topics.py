@@ -122,6 +122,10 @@ def _camera_info(bag: Bag, name: str | None, image: Topic, filled: list[Topic]) 
     parts = image.name.split("/")
     beside = "/".join([*parts[: -2 if parts[-1] in _TRANSPORTS else -1], "camera_info"])
     siblings = [topic for topic in infos if topic.name == beside]
+    if name is None and not infos:
+        raise DataError(
+            bag.path, listing(bag.topics.values()), f"one topic of {CAMERA_INFO}, or the option camera_file"
+        )
     return _only(bag, "camera_info_topic", name, siblings or infos, [CAMERA_INFO])
 
 

@@ -26,6 +26,8 @@ Levels = tuple[float, float]
 """Values of a 16-bit image that become 0 and 255."""
 
 _MOST_LEVEL = 65535
+NO_DEPTH = (0, _MOST_LEVEL)
+"""16-bit integers that are no depth: nothing was measured, or more than can be written."""
 _NUMPY_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
@@ -141,10 +143,8 @@ def read_depth_npy(path: Path, camera: CameraModel, *, farthest_m: float = np.in
     return _depth_map(path, depth, camera, farthest_m)
 
 
-def read_depth_png16(
-    path: Path, camera: CameraModel, *, metres_per_unit: float, invalid: tuple[int, ...] = (0,)
-) -> DepthMap:
-    """Read depth from a PNG file of 16-bit integers.
+def read_depth_png16(path: Path, camera: CameraModel, *, metres_per_unit: float) -> DepthMap:
+    """Read depth from a PNG file of 16-bit integers. 0 and 65535, the largest that can be written, are no depth.
 
     Parameters
     ----------
@@ -154,15 +154,13 @@ def read_depth_png16(
         Whose size the depth map must have.
     metres_per_unit
         Depth of the integer 1, metres.
-    invalid
-        Integers that mean no depth.
 
     Raises
     ------
     DataError
         If the file is missing, truncated, no 16-bit single-channel PNG, or of another size.
     """
-    return _depth_map(path, _metres(path, metres_per_unit, invalid), camera)
+    return _depth_map(path, _metres(path, metres_per_unit), camera)
 
 
 def read_enlarged_depth_png16(path: Path, camera: CameraModel, *, metres_per_unit: float) -> DepthMap:
@@ -170,19 +168,19 @@ def read_enlarged_depth_png16(path: Path, camera: CameraModel, *, metres_per_uni
 
     Depth sensors of phones have fewer pixels than their cameras, and their maps show the same as the images.
     """
-    depth_m = _metres(path, metres_per_unit, (0,))
+    depth_m = _metres(path, metres_per_unit)
     height, width = depth_m.shape
     if width >= camera.width or width * camera.height != height * camera.width:
         return _depth_map(path, depth_m, camera)
     return enlarged(DepthMap(depth_m, depth_m > 0.0), camera.width, camera.height)
 
 
-def _metres(path: Path, metres_per_unit: float, invalid: tuple[int, ...]) -> NDArray[np.float64]:
+def _metres(path: Path, metres_per_unit: float) -> NDArray[np.float64]:
     """(height, width) float64 of a 16-bit PNG file; 0 where there is no depth."""
     units = _decode(path, cv2.IMREAD_UNCHANGED)
     if units.ndim != 2 or units.dtype != np.uint16:
         raise DataError(path, _layout(units), "16-bit single-channel depth")
-    return np.where(np.isin(units, invalid), 0.0, units * metres_per_unit)
+    return np.where(np.isin(units, NO_DEPTH), 0.0, units * metres_per_unit)
 
 
 def read_depth_png_float32(path: Path, camera: CameraModel, *, farthest_m: float = np.inf) -> DepthMap:

@@ -197,6 +197,17 @@ def test_damaged_text_names_its_line(tmp_path, simulated, file, old, new, messag
         open_sequence("colmap", tmp_path)
 
 
+@pytest.mark.parametrize("name", ["{}.png", "my images {}.png"])
+def test_images_without_their_lines_of_points_are_refused(tmp_path, simulated, name):
+    names = [name.format(index) for index in range(2)]
+    save(tmp_path / "images", simulated, names)
+    write_text(tmp_path / "sparse", {1: pinhole(simulated.camera)}, posed(simulated, names))
+    path = tmp_path / "sparse" / "images.txt"
+    path.write_text("\n".join(line for line in path.read_text().splitlines() if line.endswith("png")))
+    with pytest.raises(DataError, match=r"images.txt:2: '2 .*', expected points \(X Y POINT3D_ID\), or an empty line"):
+        open_sequence("colmap", tmp_path)
+
+
 @pytest.mark.parametrize("file", ["cameras.bin", "images.bin"])
 def test_truncated_and_exaggerated_binaries(tmp_path, simulated, file):
     save(tmp_path / "images", simulated, ["0.png", "1.png"])

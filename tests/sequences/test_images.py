@@ -181,7 +181,7 @@ def test_an_image_of_another_size_is_refused(write, shape):
 def test_integer_depth(write):
     units = np.full((48, 64), 1234, np.uint16)
     units[0, :3] = 0, 65535, 40000
-    depth = read_depth_png16(write("depth.png", units), CAMERA, **MILLIMETRES, invalid=(0, 65535))
+    depth = read_depth_png16(write("depth.png", units), CAMERA, **MILLIMETRES)
     assert depth.valid[0, :4].tolist() == [False, False, True, True]
     np.testing.assert_allclose(depth.depth_m[0, 2:4], (40.0, 1.234), rtol=1e-15)
 

@@ -91,6 +91,30 @@ def test_the_unit_of_depth(tmp_path, simulated, intrinsics):
         make_reader("nerfstudio", tmp_path, {"depth_unit_m": 0.0})
 
 
+def test_smaller_depth_maps_are_enlarged(tmp_path, simulated, intrinsics):
+    """Of a slanted plane, whose inverse depth is linear in the image."""
+
+    def inverse(u, v):
+        return 0.3 + 0.0002 * u - 0.0004 * v
+
+    save(tmp_path, simulated, NAMES[:2])
+    v, u = np.indices((12, 16)) * 4.0 + 1.5  # centres of 4x4 pixels
+    small = np.rint(1e4 / inverse(u, v)).astype(np.uint16)
+    small[5, 8] = 0
+    assert cv2.imwrite(str(tmp_path / "d.png"), small)
+    assert cv2.imwrite(str(tmp_path / "bad.png"), small[:, :15])
+    written = {"frames": [{"depth_file_path": "d.png"}, {"depth_file_path": "bad.png"}], **intrinsics}
+    write_transforms(tmp_path, NAMES[:2], simulated.world_from_camera[:2], integer_depth_scale=1e-4, **written)
+    found = open_sequence("nerfstudio", tmp_path)
+    depth, (rows, columns) = found.depth(0), np.indices((48, 64))
+    known = (columns >= 2) & (columns <= 61) & (rows >= 2) & (rows <= 45)
+    np.testing.assert_array_equal(depth.valid, known & ~((abs(columns - 33.5) < 4) & (abs(rows - 21.5) < 4)))
+    np.testing.assert_allclose(depth.depth_m[depth.valid], (1 / inverse(columns, rows))[depth.valid], rtol=3e-5)
+    assert "depth maps of 16x12 pixels are enlarged to the 64x48 of the images" in found.notes
+    with pytest.raises(DataError, match=r"bad.png: size 15x12, expected the camera's 64x48"):
+        found.depth(1)
+
+
 def test_the_original_layout_of_nerf(tmp_path, simulated):
     """An angle of view, names without an ending, and no size: the principal point is the centre of the image."""
     save(tmp_path, simulated, ["train/r_0.png", "train/r_1.png"])

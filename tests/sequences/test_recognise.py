@@ -34,6 +34,22 @@ def test_a_layout_is_recognised_from_above_and_from_within(reader, tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("reader", "files"),
+    [
+        ("tum", ["living_room/associations.txt", "living_room/livingRoom0.gt.freiburg", "living_room/rgb/0.png"]),
+        ("nerfstudio", ["lego/transforms_train.json", "lego/train/r_0.png"]),
+        ("kitti-odometry", ["00/calib.txt", "00/image_0/000000.png", "00/times.txt"]),
+        ("kitti-odometry", ["00/calib.txt", "00/image_2/000000.png", "00/poses.txt"]),
+        ("rosbag", ["run/metadata.yaml", "run/run_0.db3.zstd"]),
+    ],
+)
+def test_variants_of_a_layout_are_recognised_too(reader, files, tmp_path):
+    made(tmp_path, files)
+    assert recognise(tmp_path) == reader
+    assert recognise(tmp_path / files[0].partition("/")[0]) == reader
+
+
+@pytest.mark.parametrize(
     ("reader", "name"),
     [
         ("sevenscenes", "sevenscenes"),

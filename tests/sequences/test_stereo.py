@@ -2,6 +2,7 @@
 
 import pickle
 from dataclasses import replace
+from functools import cache
 
 import cv2
 import numpy as np
@@ -16,17 +17,37 @@ from tracknoise.sequences.stereo import DISPARITY_SIGMA_PX, StereoDepth, with_st
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.truth.registry import make_truth
 
-LENSES = {
-    "pinhole": {},
-    "radtan": {"lens": "radtan", "distortion": (-0.28, 0.07, 0.0002, 0.00002), "hfov_deg": 80.0},
-    "equidistant": {"lens": "equidistant", "distortion": (-0.02, 0.01, -0.01, 0.001), "hfov_deg": 110.0},
+RADTAN = {"lens": "radtan", "distortion": (-0.28, 0.07, 0.0002, 0.00002), "hfov_deg": 80.0}
+EQUIDISTANT = {"lens": "equidistant", "distortion": (-0.02, 0.01, -0.01, 0.001), "hfov_deg": 110.0}
+PAIRS = {
+    "pinhole": {"motions": ("sideways",), "baseline_m": 0.3},
+    "pinhole near": {"motions": ("arvr",), "baseline_m": 0.1},
+    "radtan": {"motions": ("sideways",), "baseline_m": 0.3, **RADTAN},
+    "equidistant near": {"motions": ("arvr",), "baseline_m": 0.1, "width": 480, "height": 360, **EQUIDISTANT},
 }
+FRAMES = 6
+BESIDE = [((-0.3, 0.01, 0.0), (0.02, -0.03, 0.01)), ((0.0, 0.3, 0.01), (0.0, 0.01, 0.0))]
+"""Other places of a second camera, on the left and below: position and rotation vector in the first."""
 
 
-def simulated(**options: object) -> SimulatedSequence:
-    small = {"motions": ("sideways",), "frames": 6, "width": 480, "height": 360}
-    reader = Simulated(**(small | options))
-    return reader.open(reader.sequences()[0])
+def beside(which: int) -> np.ndarray:
+    shift_m, rotvec = BESIDE[which]
+    first_from_second = np.eye(4)
+    first_from_second[:3, :3], first_from_second[:3, 3] = Rotation.from_rotvec(rotvec).as_matrix(), shift_m
+    return first_from_second
+
+
+@cache
+def simulated(pair: str) -> SimulatedSequence:
+    """Frames of the first camera; behind them, those that cameras at the places `BESIDE` would see at the same times.
+
+    Tests share it: rays of all pixels through a lens with distortion take seconds.
+    """
+    reader = Simulated(**({"frames": FRAMES, "width": 400, "height": 300} | PAIRS[pair]))
+    sequence = reader.open(reader.sequences()[0])
+    poses = sequence.world_from_camera
+    others = [poses @ beside(which) for which in range(len(BESIDE))]
+    return replace(sequence, world_from_camera=np.concatenate([poses, *others]))
 
 
 def errors(made: StereoDepth, exact: SimulatedSequence) -> tuple[np.ndarray, np.ndarray, float]:
@@ -37,12 +58,9 @@ def errors(made: StereoDepth, exact: SimulatedSequence) -> tuple[np.ndarray, np.
     return off / true.depth_m[both], off / made.depth_accuracy.sigma_m(found.depth_m[both]), both.mean()
 
 
-@pytest.mark.parametrize(
-    ("lens", "motion", "baseline_m"),
-    [("pinhole", "sideways", 0.3), ("pinhole", "arvr", 0.1), ("radtan", "sideways", 0.3), ("equidistant", "arvr", 0.1)],
-)
-def test_depth_is_right_within_its_stated_uncertainty(lens, motion, baseline_m):
-    sequence = simulated(motions=(motion,), baseline_m=baseline_m, **LENSES[lens])
+@pytest.mark.parametrize("pair", PAIRS)
+def test_depth_is_right_within_its_stated_uncertainty(pair):
+    sequence = simulated(pair)
     relative, in_sigmas, share = errors(with_stereo_depth(sequence), sequence)
     assert share > 0.4
     assert np.median(np.abs(relative)) < 0.025
@@ -51,16 +69,12 @@ def test_depth_is_right_within_its_stated_uncertainty(lens, motion, baseline_m):
     assert abs(np.median(in_sigmas)) < 0.4
 
 
-@pytest.mark.parametrize(
-    ("shift_m", "rotvec"), [((-0.3, 0.01, 0.0), (0.02, -0.03, 0.01)), ((0.0, 0.3, 0.01), (0.0, 0.01, 0.0))]
-)
-def test_the_second_camera_may_be_anywhere_beside_the_first(shift_m, rotvec):
+@pytest.mark.parametrize("which", range(len(BESIDE)))
+def test_the_second_camera_may_be_anywhere_beside_the_first(which):
     """A pair that is not rectified, with the second camera on the left or below: its images are those of a sequence."""
-    sequence = simulated(**LENSES["radtan"])
-    first_from_second = np.eye(4)
-    first_from_second[:3, :3], first_from_second[:3, 3] = Rotation.from_rotvec(rotvec).as_matrix(), shift_m
-    other = replace(sequence, world_from_camera=sequence.world_from_camera @ first_from_second)
-    pair = Paired(sequence, SecondCamera(sequence.camera, first_from_second, other.image))
+    sequence, first_frame = simulated("radtan"), FRAMES * (1 + which)
+    second = SecondCamera(sequence.camera, beside(which), lambda index: sequence.image(first_frame + index))
+    pair = Paired(sequence, second)
     relative, in_sigmas, share = errors(with_stereo_depth(pair), sequence)
     assert share > 0.35
     assert np.median(np.abs(relative)) < 0.025
@@ -81,7 +95,7 @@ class Paired:
 
 
 def test_images_of_trackers_stay_and_truth_is_from_this_depth():
-    sequence = simulated(baseline_m=0.3)
+    sequence = simulated("pinhole")
     made = with_stereo_depth(sequence)
     assert isinstance(sequence, StereoSequence)
     assert isinstance(made, Sequence)
@@ -98,7 +112,7 @@ def test_images_of_trackers_stay_and_truth_is_from_this_depth():
 
 def test_truth_from_stereo_is_off_by_the_disparitys_error_at_most():
     """The camera has moved by less than the baseline after 5 frames: errors of disparity shrink in the image."""
-    sequence = simulated(baseline_m=0.3)
+    sequence = simulated("pinhole")
     corners = cv2.goodFeaturesToTrack(sequence.image(0), 500, 0.01, 6)[:, 0].astype(float)
     truth, exact = make_truth(with_stereo_depth(sequence), "birth"), make_truth(sequence, "raycast")
     points, status = truth.anchor(0, corners)
@@ -116,11 +130,11 @@ def test_truth_from_stereo_is_off_by_the_disparitys_error_at_most():
 
 def test_what_has_no_second_camera_is_refused():
     with pytest.raises(DataError, match=r'no second camera, expected one, as truth\.depth = "stereo" is set'):
-        with_stereo_depth(simulated())
+        with_stereo_depth(Paired(simulated("pinhole"), None))
 
 
 def test_a_second_camera_ahead_of_the_first_is_refused():
-    sequence = simulated()
+    sequence = simulated("pinhole")
     ahead = np.eye(4)
     ahead[2, 3] = 0.5
     with pytest.raises(DataError, match=r"no stereo pair \(.*expected two cameras side by side"):
@@ -128,9 +142,7 @@ def test_a_second_camera_ahead_of_the_first_is_refused():
 
 
 def test_images_of_another_size_are_refused():
-    sequence = simulated()
-    beside = np.eye(4)
-    beside[0, 3] = 0.5
-    second = SecondCamera(sequence.camera, beside, lambda index: np.zeros((10, 10), np.uint8))
-    with pytest.raises(DataError, match=r"second camera of shape \(10, 10\), expected shape \(360, 480\)"):
+    sequence = simulated("pinhole")
+    second = SecondCamera(sequence.camera, beside(0), lambda index: np.zeros((10, 10), np.uint8))
+    with pytest.raises(DataError, match=r"second camera of shape \(10, 10\), expected shape \(300, 400\)"):
         with_stereo_depth(Paired(sequence, second)).depth(0)

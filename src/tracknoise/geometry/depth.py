@@ -105,6 +105,24 @@ def interpolate(depth: DepthMap, uv: NDArray[np.float64], *, spread: float = EDG
     return DepthSample(np.where(usable, 1.0 / inverse, 1.0), usable, known & ~agree)
 
 
+def enlarged(depth: DepthMap, width: int, height: int) -> DepthMap:
+    """A dense map of a smaller image that shows the same, at the pixels of a larger one: see `interpolate`.
+
+    Pixels on edges have no depth, nor have those beyond the centres of the outermost pixels of the smaller image.
+
+    Parameters
+    ----------
+    depth
+        The map.
+    width, height
+        Size of the larger image, px; the corners of both images are the same.
+    """
+    rows, columns = depth.depth_m.shape
+    u, v = ((np.arange(side) + 0.5) * own / side - 0.5 for side, own in ((width, columns), (height, rows)))
+    found = interpolate(depth, np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2))
+    return DepthMap(found.depth_m.reshape(height, width), found.valid.reshape(height, width), accuracy=depth.accuracy)
+
+
 def nearest(
     depth: DepthMap, uv: NDArray[np.float64], radius_px: float, *, spread: float = SPARSE_RELATIVE_SPREAD
 ) -> DepthSample:

@@ -20,12 +20,14 @@ from tracknoise.foreign.files import read_bytes
 from tracknoise.foreign.image_header import KINDS, require_whole_image
 from tracknoise.foreign.parsing import damage_reported
 from tracknoise.geometry.camera_model import CameraModel
-from tracknoise.geometry.depth import DepthMap
+from tracknoise.geometry.depth import DepthMap, enlarged
 
 Levels = tuple[float, float]
 """Values of a 16-bit image that become 0 and 255."""
 
 _MOST_LEVEL = 65535
+NO_DEPTH = (0, _MOST_LEVEL)
+"""16-bit integers that are no depth: nothing was measured, or more than can be written."""
 _NUMPY_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
@@ -50,7 +52,7 @@ def first_readable(paths: Iterable[Path]) -> Path:
         At least one.
     """
     first, *others = paths
-    return next((path for path in (first, *others) if _is_readable(path)), first)
+    return next((path for path in (first, *others) if is_readable(path)), first)
 
 
 def read_gray(path: Path, camera: CameraModel, *, levels: Levels | None = None) -> NDArray[np.uint8]:
@@ -141,10 +143,8 @@ def read_depth_npy(path: Path, camera: CameraModel, *, farthest_m: float = np.in
     return _depth_map(path, depth, camera, farthest_m)
 
 
-def read_depth_png16(
-    path: Path, camera: CameraModel, *, metres_per_unit: float, invalid: tuple[int, ...] = (0,)
-) -> DepthMap:
-    """Read depth from a PNG file of 16-bit integers.
+def read_depth_png16(path: Path, camera: CameraModel, *, metres_per_unit: float) -> DepthMap:
+    """Read depth from a PNG file of 16-bit integers. 0 and 65535, the largest that can be written, are no depth.
 
     Parameters
     ----------
@@ -154,19 +154,33 @@ def read_depth_png16(
         Whose size the depth map must have.
     metres_per_unit
         Depth of the integer 1, metres.
-    invalid
-        Integers that mean no depth.
 
     Raises
     ------
     DataError
         If the file is missing, truncated, no 16-bit single-channel PNG, or of another size.
     """
+    return _depth_map(path, _metres(path, metres_per_unit), camera)
+
+
+def read_enlarged_depth_png16(path: Path, camera: CameraModel, *, metres_per_unit: float) -> DepthMap:
+    """As `read_depth_png16`; a smaller map of the same proportions is `tracknoise.geometry.depth.enlarged`.
+
+    Depth sensors of phones have fewer pixels than their cameras, and their maps show the same as the images.
+    """
+    depth_m = _metres(path, metres_per_unit)
+    height, width = depth_m.shape
+    if width >= camera.width or width * camera.height != height * camera.width:
+        return _depth_map(path, depth_m, camera)
+    return enlarged(DepthMap(depth_m, depth_m > 0.0), camera.width, camera.height)
+
+
+def _metres(path: Path, metres_per_unit: float) -> NDArray[np.float64]:
+    """(height, width) float64 of a 16-bit PNG file; 0 where there is no depth."""
     units = _decode(path, cv2.IMREAD_UNCHANGED)
     if units.ndim != 2 or units.dtype != np.uint16:
         raise DataError(path, _layout(units), "16-bit single-channel depth")
-    depth = np.where(np.isin(units, invalid), 0.0, units * metres_per_unit)
-    return _depth_map(path, depth, camera)
+    return np.where(np.isin(units, NO_DEPTH), 0.0, units * metres_per_unit)
 
 
 def read_depth_png_float32(path: Path, camera: CameraModel, *, farthest_m: float = np.inf) -> DepthMap:
@@ -195,7 +209,8 @@ def read_depth_png_float32(path: Path, camera: CameraModel, *, farthest_m: float
     return _depth_map(path, depth, camera, farthest_m)
 
 
-def _is_readable(path: Path) -> bool:
+def is_readable(path: Path) -> bool:
+    """Whether a file holds an image that can be decoded."""
     try:
         image_size(path)
     except DataError:

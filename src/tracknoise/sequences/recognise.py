@@ -41,14 +41,17 @@ def _signature(reader: str, pattern: str, layout: str, names: str) -> Signature:
 
 
 SIGNATURES = (
-    _signature("rosbag", r"[^/]+\.(?:bag|db3|mcap)", "a .bag, .db3 or .mcap file", "metadata.yaml"),
+    _signature("rosbag", r"[^/]+\.(?:bag|(?:db3|mcap)(?:\.zstd)?)", "a .bag, .db3 or .mcap file", "metadata.yaml"),
     _signature("euroc", r"mav0/|cam0/data\.csv", "mav0/cam0/data.csv", "mav0 cam0 sensor.yaml imu0 body.yaml data.csv"),
-    _signature("nerfstudio", r"transforms\.json", "transforms.json", "transforms_train.json images"),
+    _signature("nerfstudio", r"transforms(?:_train)?\.json", "transforms.json", "transforms_train.json images"),
     _signature(
         "colmap", r"(?:cameras|images)\.(?:bin|txt)", "cameras.bin or cameras.txt", "points3D.bin points3D.txt sparse"
     ),
     _signature(
-        "tum", r"(?:rgb\.txt|groundtruth\.txt)", "rgb.txt and groundtruth.txt", "rgb depth depth.txt accelerometer.txt"
+        "tum",
+        r"(?:rgb\.txt|groundtruth\.txt|associat(?:ions?|ed)\.txt|[^/]+\.gt\.freiburg)",
+        "rgb.txt and groundtruth.txt",
+        "rgb depth depth.txt accelerometer.txt",
     ),
     _signature("sevenscenes", r"frame-\d+\.pose\.txt", "frame-NNNNNN.pose.txt", "camera-intrinsics.txt"),
     _signature(
@@ -59,7 +62,7 @@ SIGNATURES = (
     ),
     _signature(
         "kitti-odometry",
-        r"sequences/\d\d/(?:calib\.txt|image_\d/)",
+        r"(?:sequences/\d\d/calib\.txt|image_[0-3]/)",
         "sequences/NN/ and poses/NN.txt",
         "poses times.txt",
     ),

@@ -188,7 +188,7 @@ def group_of(sequence: Sequence) -> str | None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SecondCamera:
-    """A calibrated camera beside the first, which took an image at the time of each frame.
+    """A calibrated camera beside the first, which took images at the times of frames.
 
     Parameters
     ----------
@@ -197,12 +197,13 @@ class SecondCamera:
     first_from_second
         (4, 4) float64, metres: its pose in the frame of the first camera, constant.
     images
-        Reads its image of a frame from the frame's index: (height, width) uint8. It must be possible to pickle it.
+        Reads its image of a frame from the frame's index: (height, width) uint8; None of a frame without one. It must
+        be possible to pickle it.
     """
 
     camera: CameraModel
     first_from_second: NDArray[np.float64]
-    images: Callable[[int], NDArray[np.uint8]]
+    images: Callable[[int], NDArray[np.uint8] | None]
 
 
 @runtime_checkable

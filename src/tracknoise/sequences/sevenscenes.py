@@ -29,7 +29,7 @@ _INTRINSICS = "camera-intrinsics.txt"
 _KINECT_SIZE = (640, 480)
 _KINECT = (585.0, 585.0, 320.0, 240.0)
 _ONE_CAMERA = "colour and depth are assumed to share one camera: the data set does not give their calibration"
-_read_depth = partial(read_depth_png16, metres_per_unit=0.001, invalid=(0, 65535))
+_read_depth = partial(read_depth_png16, metres_per_unit=0.001)
 
 
 @dataclass(frozen=True, slots=True)

@@ -84,16 +84,19 @@ class StereoDepth(View):
         )
         return (*self.sequence.notes, note)
 
-    def depth(self, index: int) -> DepthMap:
-        """Depth of the pixels of one frame for which a disparity was found.
+    def depth(self, index: int) -> DepthMap | None:
+        """Depth of the pixels of one frame for which a disparity was found; None where the second camera has no image.
 
         Raises
         ------
         DataError
             If an image cannot be read, or the images of the second camera are not of its size.
         """
+        second = self.second.images(index)
+        if second is None:
+            return None
         columns, rows, inside, depth_per_z = self._back
-        disparity = self._disparity(index)[rows, columns]
+        disparity = self._disparity(self.sequence.image(index), second)[rows, columns]
         found = inside & (disparity >= _LEAST_DISPARITY_PX) & self._is_shown(columns - disparity, rows)
         depth_m = self._scale / np.where(found, disparity, 1.0) * depth_per_z
         return DepthMap(np.where(found, depth_m, 0.0), found, accuracy=self.depth_accuracy)
@@ -108,9 +111,9 @@ class StereoDepth(View):
         """Depth at disparity 1, metres px."""
         return self.pair.camera.fx * self.pair.baseline_m
 
-    def _disparity(self, index: int) -> NDArray[np.float64]:
+    def _disparity(self, first: NDArray[np.uint8], second: NDArray[np.uint8]) -> NDArray[np.float64]:
         """(height, width) float64 of the rectified image, px; below 0 where none was found."""
-        images = (self.sequence.image(index), _checked(self.second.images(index), self.second.camera, self.source))
+        images = (first, _checked(second, self.second.camera, self.source))
         padding = self._most_disparity
         rectified = [
             cv2.copyMakeBorder(cv2.remap(image, *maps, cv2.INTER_LINEAR), 0, 0, padding, 0, cv2.BORDER_CONSTANT)

@@ -1,5 +1,6 @@
 import re
 from contextlib import suppress
+from decimal import Decimal
 from pathlib import Path
 
 import cv2
@@ -24,6 +25,7 @@ from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.fisheye import EquidistantCamera
 from tracknoise.sequences.registry import make_reader, open_sequence
 from tracknoise.sequences.simulated import Simulated
+from tracknoise.sequences.stereo import with_stereo_depth
 
 INTRINSICS = (60.0, 61.0, 31.0, 24.0)
 RADTAN = (-0.28, 0.07, 0.0002, 1.8e-05)
@@ -234,15 +236,30 @@ def test_the_other_camera_of_a_pair_is_the_second_one(scene):
     np.testing.assert_allclose(first.first_from_second, np.linalg.inv(aside), atol=1e-12)
 
 
+def test_frames_without_an_image_of_the_second_camera_have_no_depth(scene):
+    """As in V2_03 of EuRoC, where cam1 lost some of its images."""
+    body_from_other = BODY_FROM_CAMERA.copy()
+    body_from_other[:3, 3] += BODY_FROM_CAMERA[:3, 0] * 0.11
+    write_images(scene / "mav0", "cam1", FRAMES_NS[[0, 1, 3]].tolist(), images(4)[:3])
+    write_sensor(scene / "mav0/cam1/sensor.yaml", (64, 48), INTRINSICS, body_from_camera=body_from_other)
+    read = open_sequence("euroc", scene)
+    np.testing.assert_array_equal(read.second.images(3), images(4)[2])
+    assert read.second.images(2) is None
+    assert "1 of 4 frames have no image of cam1, and no stereo depth" in read.notes
+    made = with_stereo_depth(read)
+    assert made.depth(2) is None
+    assert made.depth(3) is not None
+
+
 def test_a_second_camera_that_cannot_be_used_is_no_error(scene):
-    write_images(scene / "mav0", "cam1", FRAMES_NS[:3].tolist(), images(3))
+    write_images(scene / "mav0", "cam1", (FRAMES_NS[:3] + 1).tolist(), images(3))
     read = open_sequence("euroc", scene)
     assert read.second is None
     assert any(note.startswith("cam1 gives no stereo depth: ") and "sensor.yaml" in note for note in read.notes)
     write_sensor(scene / "mav0/cam1/sensor.yaml", (64, 48), INTRINSICS)
     read = open_sequence("euroc", scene)
     assert read.second is None
-    assert any("no image at 1 of 4 times" in note for note in read.notes)
+    assert any("no image at any of 4 times" in note for note in read.notes)
 
 
 def test_a_recording_is_found_above_at_and_below_its_device_folder(scene):
@@ -264,6 +281,19 @@ def test_positions_without_rotations_are_refused(scene):
     leica.parent.rmdir()
     with pytest.raises(DataError, match="mav0: no poses, expected state_groundtruth_estimate0"):
         open_sequence("euroc", scene)
+
+
+@pytest.mark.parametrize("written", ["{}.0", "{:.18e}", " {}"])
+def test_whole_nanoseconds_may_be_written_as_decimal_numbers(scene, written):
+    plain = open_sequence("euroc", scene)
+    for path in (scene / "mav0/cam0/data.csv", table(scene)):
+        header, *rows = path.read_text().splitlines()
+        fields = [row.split(",", 1) for row in rows]
+        times = [written.format(Decimal(time) if "e" in written else time) for time, _ in fields]
+        path.write_text("\n".join([header, *(f"{time},{rest}" for time, (_, rest) in zip(times, fields, strict=True))]))
+    found = open_sequence("euroc", scene)
+    np.testing.assert_array_equal(found.world_from_camera, plain.world_from_camera)
+    np.testing.assert_array_equal(found.timestamps_s, plain.timestamps_s)
 
 
 @pytest.mark.parametrize(

@@ -43,6 +43,14 @@ def test_models(tmp_path, kind, model, d, expected):
     assert camera_of(tmp_path, kind=kind, model=model, d=d)[0] == expected
 
 
+@pytest.mark.parametrize(
+    ("topic", "focal"), [("/direct/image", 90.0), ("/a/image_rect_color", 70.0), ("/rect/a", 70.0)]
+)
+def test_images_are_rectified_only_where_a_word_of_their_topic_says_so(tmp_path, topic, focal):
+    p = np.array([70.0, 0.0, 39.5, 0.0, 0.0, 70.0, 29.5, 0.0, 0.0, 0.0, 1.0, 0.0])
+    assert camera_of(tmp_path, topic=topic, p=p)[0].fx == focal
+
+
 def test_joined_pixels_and_a_part_of_the_image(tmp_path):
     """The same ray has the position u in the full image, and (u + 0.5 - left) / 2 - 0.5 in the part at half size."""
     camera, _ = camera_of(tmp_path, shape=(20, 30), binning=(2, 2), roi=(10, 4, 60, 40), d=RADTAN)

@@ -160,6 +160,13 @@ def test_images_that_cannot_be_used_are_named(tmp_path, part, message):
     assert str(tmp_path / "run.bag") in str(caught.value)
 
 
+def test_the_largest_integer_is_no_depth(tmp_path):
+    deep = np.full((6, 8), 65534, np.uint16)
+    deep[0, :2] = 65535
+    found = opened(tmp_path, image("mono8", GRAY), image("16UC1", deep, "/depth")).depth(0)
+    np.testing.assert_array_equal(found.valid, deep != 65535)
+
+
 def test_other_depths_are_refused(tmp_path):
     squeezed = compressed("16UC1; compressedDepth rvl", bytes(40), "/d")
     with pytest.raises(DataError, match="depth in the format '16UC1; compressedDepth rvl', expected compressedDepth"):

@@ -2,6 +2,7 @@
 
 import pickle
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -288,6 +289,12 @@ def test_a_topic_is_not_guessed_where_several_fit(write, simulated):
         opened(root, image_topic="/other/image", pose_topic="/pose")
 
 
+def test_a_bag_without_intrinsics_points_to_the_camera_file(write, simulated):
+    content = Content(simulated)
+    with pytest.raises(DataError, match=r"one topic of sensor_msgs/msg/CameraInfo, or the option camera_file"):
+        opened(write(content.images, content.odometry))
+
+
 def test_a_bag_without_poses_lists_its_topics(write, simulated):
     content = Content(simulated)
     root = write(content.images, content.intrinsics)
@@ -430,6 +437,41 @@ def test_depth_is_that_of_the_nearest_time(write, simulated):
     assert "4 of 4 frames have no depth" in opened(root, max_gap_s=0.003).notes
     assert "birth" not in opened(root, depth_topic="").truths
     assert opened(root, depth_radius_px=1.5).depth(1).radius_px == 1.5
+
+
+def realsense_depths(bag: BagWriter, kind: str, frame: str, focal: float, metres: float) -> None:
+    """Depth maps with their intrinsics, as the driver of a RealSense names them."""
+    for index in range(4):
+        pixels = np.full((48, 64), 1000 * metres, "<u2")
+        bag.image(f"/camera/{kind}/image", START_NS + index * STEP_NS, frame, "16UC1", pixels)
+    bag.camera_info(f"/camera/{kind}/camera_info", START_NS, frame, size=(64, 48), k=(focal, focal, 31.5, 23.5))
+
+
+def test_depth_in_the_frame_of_the_images_precedes_that_of_another_camera(write, simulated):
+    content, focal = Content(simulated), simulated.camera.fx
+    root = write(
+        content.images,
+        content.intrinsics,
+        content.odometry,
+        content.static,
+        lambda bag: realsense_depths(bag, "depth", "depth_optical", 1.2 * focal, 3.0),
+        lambda bag: realsense_depths(bag, "aligned", OPTICAL, focal, 2.0),
+    )
+    np.testing.assert_allclose(opened(root).depth(0).depth_m, 2.0)
+
+
+def test_depth_of_another_camera_is_refused(write, simulated):
+    """It is known by its intrinsics: another frame alone may be another name."""
+    content, focal = Content(simulated), simulated.camera.fx
+    depths = partial(realsense_depths, kind="depth", frame="depth_optical", metres=3.0)
+    parts = (content.images, content.intrinsics, content.odometry, content.static)
+    root = write(*parts, partial(depths, focal=focal))
+    assert any("depths and images are in the frames depth_optical" in note for note in opened(root).notes)
+    (root / "run.bag").unlink()
+    root = write(*parts, partial(depths, focal=1.2 * focal))
+    with pytest.raises(DataError, match=r"/camera/depth/image: depth of another camera: .* in the frame camera_opt"):
+        opened(root)
+    assert "birth" not in opened(root, depth_topic="").truths
 
 
 def test_a_camera_file_replaces_the_topic(write, simulated, tmp_path):

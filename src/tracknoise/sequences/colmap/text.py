@@ -11,7 +11,9 @@ from tracknoise.sequences.colmap.model import PARAMETERS, ColmapCamera, ColmapIm
 _MOST_BYTES = 4096 * MIB
 _CAMERA = "CAMERA_ID MODEL WIDTH HEIGHT PARAMS"
 _IMAGE = "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME"
+_POINT = "X Y POINT3D_ID"
 _LONGEST_NUMBER = 40
+_LONGEST_SHOWN = 80
 
 
 def read_cameras(path: Path) -> dict[int, ColmapCamera]:
@@ -28,7 +30,7 @@ def read_cameras(path: Path) -> dict[int, ColmapCamera]:
             continue
         fields = line.split()
         if len(fields) < 4 or fields[1] not in PARAMETERS:
-            raise DataError(place, repr(line[:80]), f"{_CAMERA} with MODEL one of {', '.join(PARAMETERS)}")
+            raise DataError(place, repr(line[:_LONGEST_SHOWN]), f"{_CAMERA} with MODEL one of {', '.join(PARAMETERS)}")
         number, width, height = (_whole(place, field) for field in (fields[0], *fields[2:4]))
         parameters = tuple(_number(place, field) for field in fields[4:])
         if len(parameters) != PARAMETERS[fields[1]]:
@@ -44,7 +46,7 @@ def read_images(path: Path) -> list[ColmapImage]:
     Raises
     ------
     DataError
-        If the file is missing, or naming the first line that is damaged.
+        If the file is missing, or naming the first line that is damaged or no list of points.
     """
     images: list[ColmapImage] = []
     lines = _lines(path, _IMAGE)
@@ -56,8 +58,16 @@ def read_images(path: Path) -> list[ColmapImage]:
             raise DataError(place, f"{len(fields)} fields", f"10 ({_IMAGE})")
         pose = tuple(_number(place, field) for field in fields[1:8])
         images.append(ColmapImage(place, fields[9], _whole(place, fields[8]), pose))
-        next(lines, None)
+        _require_points(*next(lines, (place, "")))
     return images
+
+
+def _require_points(place: str, line: str) -> None:
+    """Check that a line lists points. Where files lack these lines, every second image would be taken for one."""
+    fields = line.split()
+    last = fields[-1].removeprefix("-") if fields else "0"
+    if len(fields) % len(_POINT.split()) or not last.isdecimal():
+        raise DataError(place, repr(line[:_LONGEST_SHOWN]), f"points ({_POINT}), or an empty line, after each image")
 
 
 def _lines(path: Path, expected: str) -> Iterator[tuple[str, str]]:

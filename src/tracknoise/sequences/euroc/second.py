@@ -1,17 +1,18 @@
 """The other camera of a stereo pair, whose images were taken at the same times."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, TracknoiseError
+from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.pose import invert
 from tracknoise.sequences.euroc.layout import Files
 from tracknoise.sequences.euroc.sensors import read_camera
 from tracknoise.sequences.euroc.tables import file_names, read_table
-from tracknoise.sequences.frame_files import ImageFiles
-from tracknoise.sequences.images import Levels
+from tracknoise.sequences.images import Levels, read_gray
 from tracknoise.sequences.sequence import SecondCamera
 
 
@@ -46,7 +47,7 @@ def find_second(
     second : SecondCamera or None
         None where there is none, or it cannot be used.
     notes : tuple of str
-        Why it cannot be used.
+        Why it cannot be used, or how many frames it has no image of.
     """
     name = next((name for name in files.cameras() if name != first), None)
     if name is None:
@@ -58,14 +59,28 @@ def find_second(
         return None, (f"{name} gives no stereo depth: {error}",)
     assert calibration.body_from_camera is not None, "checked when it was read"
     first_from_second = invert(body_from_first) @ calibration.body_from_camera
-    return SecondCamera(calibration.camera, first_from_second, ImageFiles(paths, calibration.camera, levels)), ()
+    missing = paths.count(None)
+    notes = (f"{missing} of {len(paths)} frames have no image of {name}, and no stereo depth",) if missing else ()
+    return SecondCamera(calibration.camera, first_from_second, _SomeImages(paths, calibration.camera, levels)), notes
 
 
-def _paths_at(files: Files, camera: str, times_ns: NDArray[np.int64]) -> tuple[Path, ...]:
+@dataclass(frozen=True, slots=True)
+class _SomeImages:
+    """Reads the image of a frame; None for a frame without one."""
+
+    paths: tuple[Path | None, ...]
+    camera: CameraModel
+    levels: Levels | None
+
+    def __call__(self, index: int) -> NDArray[np.uint8] | None:
+        path = self.paths[index]
+        return None if path is None else read_gray(path, self.camera, levels=self.levels)
+
+
+def _paths_at(files: Files, camera: str, times_ns: NDArray[np.int64]) -> tuple[Path | None, ...]:
     """The image of a camera at each time, to the nanosecond: cameras of a pair are triggered together."""
     table = read_table(files.list_of_images(camera), "a time and the name of an image")
     names = dict(zip(table.times_ns.tolist(), file_names(table), strict=True))
-    missing = sum(time not in names for time in times_ns.tolist())
-    if missing:
-        raise DataError(table.path, f"no image at {missing} of {len(times_ns)} times", "an image for each frame")
-    return tuple(files.image(camera, names[time]) for time in times_ns.tolist())
+    if names.keys().isdisjoint(times_ns.tolist()):
+        raise DataError(table.path, f"no image at any of {len(times_ns)} times", "images at the times of frames")
+    return tuple(files.image(camera, names[time]) if time in names else None for time in times_ns.tolist())

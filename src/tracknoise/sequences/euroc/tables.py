@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.files import read_text
 
-_WHOLE = re.compile(r"[0-9]{1,19}")
+_NUMBER = re.compile(r"[0-9]{1,19}(?:\.[0-9]{0,30})?(?:[eE]\+?[0-9]{1,2})?")
 _LARGEST_NS = 2**63 - 1
 _POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
 _USUAL = (1, 2, 3, 5, 6, 7, 4)
@@ -118,9 +119,11 @@ def _is_text(field: str) -> bool:
 
 
 def _nanoseconds(place: str, field: str) -> int:
-    if not _WHOLE.fullmatch(field) or int(field) > _LARGEST_NS:
+    """A whole number, which may be written with a point or a power of ten: 1403636579763555584.0 or 1.4e18."""
+    time = Decimal(field) if _NUMBER.fullmatch(field) else Decimal(-1)
+    if not 0 <= time <= _LARGEST_NS or time != int(time):
         raise DataError(place, f"a time of {field!r}", "a whole number of nanoseconds")
-    return int(field)
+    return int(time)
 
 
 def _number(place: str, row: list[str], column: int) -> float:

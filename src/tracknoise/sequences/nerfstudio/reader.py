@@ -21,7 +21,13 @@ from tracknoise.sequences.camera_files import CameraFile
 from tracknoise.sequences.camera_files.entries import Entries
 from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_notes
 from tracknoise.sequences.image_names import natural_order
-from tracknoise.sequences.images import first_readable, image_size, read_depth_npy, read_depth_png16
+from tracknoise.sequences.images import (
+    first_readable,
+    image_size,
+    is_readable,
+    read_depth_npy,
+    read_enlarged_depth_png16,
+)
 from tracknoise.sequences.nerfstudio.intrinsics import camera_of, intrinsics_in
 from tracknoise.sequences.poses import checked_poses
 from tracknoise.sequences.recorded import RecordedSequence
@@ -129,6 +135,7 @@ class Nerfstudio:
                 *CameraFile(cameras[0]).notes,
                 *pose_notes,
                 *(depth_notes(depths) if any(depths) else ()),
+                *_enlarged_notes(depths, cameras[0]),
                 *self._notes(common, depths),
             ),
             cameras=cameras if len(set(cameras)) > 1 else None,
@@ -224,9 +231,22 @@ def _matrix(entries: Entries) -> NDArray[np.float64]:
     return np.concatenate([values[:3], values[3:] if len(values) == 4 else [[0.0, 0.0, 0.0, 1.0]]])
 
 
+def _enlarged_notes(depths: tuple[Path | None, ...], camera: CameraModel) -> tuple[str, ...]:
+    """A sentence where the first depth map that can be read is smaller than the images."""
+    files = [path for path in depths if path is not None and path.suffix.lower() == ".png"]
+    path = first_readable(files) if files else None
+    if path is None or not is_readable(path) or image_size(path)[0] >= camera.width:
+        return ()
+    width, height = image_size(path)
+    return (f"depth maps of {width}x{height} pixels are enlarged to the {camera.width}x{camera.height} of the images",)
+
+
 def _read_depth(path: Path, camera: CameraModel, *, metres_per_unit: float) -> DepthMap:
-    """A depth map from a 16-bit PNG or a NumPy file, both in the same unit, as nerfstudio has it."""
-    if path.suffix.lower() != ".npy":
-        return read_depth_png16(path, camera, metres_per_unit=metres_per_unit)
-    depth = read_depth_npy(path, camera)
-    return DepthMap(depth.depth_m * metres_per_unit, depth.valid)
+    """A depth map from a 16-bit PNG or a NumPy file, both in the same unit, as nerfstudio has it.
+
+    PNG files of phones are smaller than the images, and enlarged.
+    """
+    if path.suffix.lower() == ".npy":
+        depth = read_depth_npy(path, camera)
+        return DepthMap(depth.depth_m * metres_per_unit, depth.valid)
+    return read_enlarged_depth_png16(path, camera, metres_per_unit=metres_per_unit)

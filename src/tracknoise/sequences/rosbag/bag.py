@@ -20,6 +20,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from tracknoise.foreign.parsing import damage_reported
 from tracknoise.sequences.rosbag.layout import ROS1_SUFFIX, bag_size
+from tracknoise.sequences.rosbag.mcap import ROS1, ROS2, McapConnection, McapReader, is_of_other_program
 
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _OLD_TRANSFORMS = "tf/msg/tfMessage"
@@ -78,14 +79,14 @@ class Bag:
         self.path = path
         bag_size(path)
         with _damage(path):
-            self._reader: Any = Ros1Reader(path) if path.suffix == ROS1_SUFFIX else Ros2Reader(path)
+            self._reader: Any = _reader(path)
             self._reader.open()
         weakref.finalize(self, self._reader.close)
         with _damage(path):
             topics = self._reader.topics.items()
             listed = [Topic(name, _kind(info.msgtype), info.msgcount) for name, info in topics]
         self.topics = {topic.name: topic for topic in listed}
-        self._decode = _decoder(path.suffix == ROS1_SUFFIX)
+        self._encoding = ROS1 if path.suffix == ROS1_SUFFIX else ROS2
         self._lock = threading.Lock()
 
     def messages(self, topic: str) -> Iterator[tuple[Position, Any]]:
@@ -114,10 +115,11 @@ class Bag:
         kind, previous = self.topics[topic].kind, Position(-1, 0)
         with _damage(f"{self.path} {topic}"):
             connections = [one for one in self._reader.connections if one.topic == topic]
-            for _, received_ns, data in self._reader.messages(connections, start=start_ns, stop=stop_ns):
+            for one, received_ns, data in self._reader.messages(connections, start=start_ns, stop=stop_ns):
                 nth = previous.nth + 1 if received_ns == previous.received_ns else 0
                 previous = Position(received_ns, nth)
-                yield previous, self._decode(data, kind)
+                encoding = one.encoding if isinstance(one, McapConnection) else self._encoding
+                yield previous, _decoder(encoding)(data, kind)
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,13 +153,22 @@ def _opened(file: BagFile, process: int) -> Bag:
     return Bag(file.path)
 
 
+def _reader(path: Path) -> Ros1Reader | Ros2Reader | McapReader:
+    if path.suffix == ROS1_SUFFIX:
+        return Ros1Reader(path)
+    return McapReader(path) if path.is_file() and is_of_other_program(path) else Ros2Reader(path)
+
+
 @lru_cache
-def _decoder(ros1: bool) -> Any:
+def _decoder(encoding: str) -> Any:
     """What decodes the bytes of a message, given its type."""
-    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
-    if ros1:
-        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TRANSFORMS))
-    return store.deserialize_ros1 if ros1 else store.deserialize_cdr
+    if encoding not in (ROS1, ROS2):
+        raise ValueError(f"messages encoded as {encoding!r}, neither as {ROS1!r} nor as {ROS2!r}")
+    if encoding == ROS2:
+        return get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr
+    store = get_typestore(Stores.ROS1_NOETIC)
+    store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TRANSFORMS))
+    return store.deserialize_ros1
 
 
 def _kind(kind: str | None) -> str:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.image_header import MOST_PIXELS
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.sequences.images import Levels, decode_image, scaled
+from tracknoise.sequences.images import NO_DEPTH, Levels, decode_image, scaled
 
 _TO_GRAY = {
     "rgb8": cv2.COLOR_RGB2GRAY,
@@ -95,11 +95,15 @@ def _depths(place: str, message: Any, metres_per_unit: float) -> NDArray[np.floa
         return _compressed_depth(place, message, metres_per_unit)
     encoding = message.encoding.lower()
     if encoding in _GRAY16:
-        return _pixels16(place, message) * metres_per_unit
+        return _metres(_pixels16(place, message), metres_per_unit)
     if encoding != _DEPTH32:
         raise DataError(place, f"depth with the encoding {message.encoding!r}", "16UC1 or 32FC1")
     order = ">" if message.is_bigendian else "<"
     return _raw(place, message, 4).view(f"{order}f4").reshape(message.height, message.width).astype(np.float32)
+
+
+def _metres(units: NDArray[np.uint16], metres_per_unit: float) -> NDArray[np.float64]:
+    return np.where(np.isin(units, NO_DEPTH), 0.0, units * metres_per_unit)
 
 
 def _raw(place: str, message: Any, bytes_per_pixel: int) -> NDArray[np.uint8]:
@@ -150,8 +154,7 @@ def _compressed_depth(place: str, message: Any, metres_per_unit: float) -> NDArr
     if units.dtype != np.uint16 or units.ndim != 2:
         raise DataError(place, "a compressed depth map that is not a 16-bit image", "16-bit single-channel depth")
     if not (with_header and written.startswith(_DEPTH32)):
-        scaled: NDArray[np.floating] = units * metres_per_unit
-        return scaled
+        return _metres(units, metres_per_unit)
     _, scale, offset = _COMPRESSED_DEPTH.unpack_from(data)
     with np.errstate(all="ignore"):
         return np.where(units > 0, scale / (units.astype(np.float64) - offset), 0.0)

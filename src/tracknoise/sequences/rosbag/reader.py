@@ -1,5 +1,6 @@
 """The reader of bags: see docs/formats/rosbag.md."""
 
+import re
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -25,7 +26,8 @@ from tracknoise.sequences.scenes import parent_of, scene_folder
 from tracknoise.tables.identity import SequenceId
 
 _POSE_NUMBERS = 16
-_RECTIFIED = "rect"
+_RECTIFIED = re.compile(r"(?:^|[/_])rect(?:ified)?(?:[/_]|$)", re.IGNORECASE)
+"""A word of its own: a topic /direct/image is not rectified."""
 _LONGEST_SHIFT_S = 86_400.0
 
 
@@ -212,7 +214,7 @@ def _camera(path: Path, scan: Scan, calibration: CameraFile | None) -> tuple[Cam
         return calibration.camera, calibration.notes
     assert scan.camera_info is not None, "a topic is chosen where no file is given"
     place = f"{path} {scan.camera_info_topic}"
-    file, notes = camera_of(place, scan.camera_info, rectified=_RECTIFIED in scan.images.topic.lower())
+    file, notes = camera_of(place, scan.camera_info, rectified=_RECTIFIED.search(scan.images.topic) is not None)
     return file.camera, notes
 
 

@@ -90,12 +90,16 @@ def _scan(path: Path, wanted: Wanted) -> Scan:
     bag = Bag(path)
     chosen = choose_topics(bag, wanted)
     info = None if chosen.camera_info is None else _intrinsics(bag, chosen.camera_info)
+    images = _messages(bag, chosen.image)
+    depths = None if chosen.depth is None else _messages(bag, chosen.depth)
+    if info is not None and depths is not None and chosen.depth_info is not None and depths.frame != images.frame:
+        _require_aligned(f"{path} {depths.topic}", info, _intrinsics(bag, chosen.depth_info), images.frame)
     pose = None if chosen.pose.kind == TRANSFORMS else pose_link(bag, chosen.pose)
     moving = [link for topic in chosen.transforms for link in transform_links(bag, topic, moving=True)]
     static = [link for topic in chosen.static_transforms for link in transform_links(bag, topic, moving=False)]
     return Scan(
-        images=_messages(bag, chosen.image),
-        depths=None if chosen.depth is None else _messages(bag, chosen.depth),
+        images=images,
+        depths=depths,
         camera_info=info,
         camera_info_topic="" if chosen.camera_info is None else chosen.camera_info.name,
         pose_topic=chosen.pose.name,
@@ -112,6 +116,16 @@ def _messages(bag: Bag, topic: Topic) -> Messages:
         stamps.append(stamp_ns(message.header))
     received_ns = np.array([position.received_ns for position in positions], np.int64)
     return Messages(topic.name, frame, np.array(stamps, np.int64), received_ns, tuple(positions))
+
+
+def _require_aligned(place: str, images: CameraInfo, depths: CameraInfo, frame: str) -> None:
+    """Check that depths in another frame than the images are not those of another camera, as those of a RealSense."""
+    if (images.width, images.height, images.k) != (depths.width, depths.height, depths.k):
+        raise DataError(
+            place,
+            "depth of another camera: it has other intrinsics and another frame than the images",
+            f'depth that is aligned with the images, in the frame {frame}, or depth_topic = ""',
+        )
 
 
 def _intrinsics(bag: Bag, topic: Topic) -> CameraInfo:

@@ -48,6 +48,8 @@ class Chosen:
     ----------
     image, depth, camera_info
         Of images, depths and intrinsics; None where there are none.
+    depth_info
+        Of the intrinsics beside the depths; None where there are none.
     pose
         Of poses; may be one of transforms.
     transforms, static_transforms
@@ -57,6 +59,7 @@ class Chosen:
     image: Topic
     depth: Topic | None
     camera_info: Topic | None
+    depth_info: Topic | None
     pose: Topic
     transforms: tuple[Topic, ...]
     static_transforms: tuple[Topic, ...]
@@ -76,10 +79,13 @@ def choose_topics(bag: Bag, wanted: Wanted) -> Chosen:
     static = tuple(topic for topic in _of_kinds(filled, [TRANSFORMS]) if topic.name.endswith(_STATIC))
     images, depths = _split(_of_kinds(filled, _IMAGE_KINDS), deep)
     image = _only(bag, "image_topic", wanted.image, images, _IMAGE_KINDS)
+    depth = _depth(bag, wanted.depth, depths, image)
+    infos = _of_kinds(filled, [CAMERA_INFO])
     return Chosen(
         image=image,
-        depth=_depth(bag, wanted.depth, depths),
-        camera_info=None if wanted.intrinsics_given else _camera_info(bag, wanted.camera_info, image, filled),
+        depth=depth,
+        depth_info=None if depth is None else next(iter(_beside(depth, infos)), None),
+        camera_info=None if wanted.intrinsics_given else _camera_info(bag, wanted.camera_info, image, infos),
         pose=_only(
             bag, "pose_topic", wanted.pose, [*_of_kinds(filled, POSE_KINDS), *moving], (*POSE_KINDS, TRANSFORMS)
         ),
@@ -110,19 +116,35 @@ def _is_depth(bag: Bag, topic: Topic) -> bool:
     return "compresseddepth" in written.lower() or written.lower().startswith(_DEPTH_ENCODINGS)
 
 
-def _depth(bag: Bag, name: str | None, depths: list[Topic]) -> Topic | None:
+def _depth(bag: Bag, name: str | None, depths: list[Topic], image: Topic) -> Topic | None:
+    """In the frame of the images, or the only one."""
     if name == "" or (name is None and not depths):
         return None
-    return _only(bag, "depth_topic", name, depths, _IMAGE_KINDS)
+    aligned = [topic for topic in depths if _frame(bag, topic) == _frame(bag, image)]
+    return _only(bag, "depth_topic", name, aligned or depths, _IMAGE_KINDS)
 
 
-def _camera_info(bag: Bag, name: str | None, image: Topic, filled: list[Topic]) -> Topic:
+def _frame(bag: Bag, topic: Topic) -> str:
+    """Frame that the first message of a topic names."""
+    _, first = next(bag.messages(topic.name))
+    return str(first.header.frame_id)
+
+
+def _camera_info(bag: Bag, name: str | None, image: Topic, infos: list[Topic]) -> Topic:
     """Beside the images, as ROS has it, or the only one."""
-    infos = _of_kinds(filled, [CAMERA_INFO])
-    parts = image.name.split("/")
-    beside = "/".join([*parts[: -2 if parts[-1] in _TRANSPORTS else -1], "camera_info"])
-    siblings = [topic for topic in infos if topic.name == beside]
+    siblings = _beside(image, infos)
+    if name is None and not infos:
+        raise DataError(
+            bag.path, listing(bag.topics.values()), f"one topic of {CAMERA_INFO}, or the option camera_file"
+        )
     return _only(bag, "camera_info_topic", name, siblings or infos, [CAMERA_INFO])
+
+
+def _beside(topic: Topic, infos: list[Topic]) -> list[Topic]:
+    """The intrinsics beside a topic of images; empty where there are none."""
+    parts = topic.name.split("/")
+    beside = "/".join([*parts[: -2 if parts[-1] in _TRANSPORTS else -1], "camera_info"])
+    return [info for info in infos if info.name == beside]
 
 
 def _only(bag: Bag, option: str, name: str | None, fitting: list[Topic], kinds: Iterable[str]) -> Topic:

@@ -14,6 +14,7 @@ from tracknoise.report import paper, style
 from tracknoise.report.axis import AGE, FRAME, Axis
 from tracknoise.report.bands import BOUNDS, with_bounds
 from tracknoise.report.names import identifiers
+from tracknoise.sequences.sequence import TRIANGULATED
 from tracknoise.statistics.lightings import lightings_in_order
 from tracknoise.statistics.trims import dropped_above
 from tracknoise.tables.defaults import MARGIN
@@ -114,6 +115,11 @@ class ReportData:
     def percentile(self) -> float | None:
         """Percentile of the tracks' largest error above which tracks were dropped. None where none were."""
         return dropped_above(self.trims)
+
+    @property
+    def truth_is_fitted(self) -> bool:
+        """Whether any true positions were fitted to the tracks themselves."""
+        return any(entry.truth == TRIANGULATED for entry in self.manifest.sequences.values())
 
     @property
     def trimming(self) -> Trimming:
@@ -311,12 +317,16 @@ class ReportData:
 
     @cached_property
     def comparison(self) -> pl.DataFrame:
-        """Verdicts on factors with those of the paper (`tracknoise.report.paper.COMPARISON`)."""
+        """Verdicts on factors with those of the paper (`tracknoise.report.paper.COMPARISON`).
+
+        Those on errors are left out where true positions are fitted to the tracks.
+        """
         entries = self.settings.get("trackers", [])
         kinds = {entry.get("name") or entry.get("kind"): str(entry.get("kind", "")) for entry in entries}
         trackers = {name: kinds.get(name, "") for name in self.trackers}
         asked = paper.Asked(self.settings.get("paper"), trackers, self.slowest)
-        return paper.compare(self.effects, self.dependence, asked)
+        effects = self.effects.filter(pl.col("axis").is_null()) if self.truth_is_fitted else self.effects
+        return paper.compare(effects, self.dependence, asked)
 
     @property
     def condition_columns(self) -> dict[str, str]:

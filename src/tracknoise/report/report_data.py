@@ -14,7 +14,6 @@ from tracknoise.report import paper, style
 from tracknoise.report.axis import AGE, FRAME, Axis
 from tracknoise.report.bands import BOUNDS, with_bounds
 from tracknoise.report.names import identifiers
-from tracknoise.sequences.sequence import TRIANGULATED
 from tracknoise.statistics.lightings import lightings_in_order
 from tracknoise.statistics.trims import dropped_above
 from tracknoise.tables.defaults import MARGIN
@@ -119,7 +118,7 @@ class ReportData:
     @property
     def truth_is_fitted(self) -> bool:
         """Whether any true positions were fitted to the tracks themselves."""
-        return any(entry.truth == TRIANGULATED for entry in self.manifest.sequences.values())
+        return any(entry.truth == "triangulated" for entry in self.manifest.sequences.values())
 
     @property
     def trimming(self) -> Trimming:

@@ -44,7 +44,8 @@ def _noise_of(table: pl.DataFrame, conditions: ReportedConditions, tracker: str)
     chosen = conditions.of(table, tracker).filter(
         pl.col("length_low").is_null(), trimming=conditions.trimming, coordinate="both"
     )
-    sentences, estimates = [], []
+    sentences: list[str] = []
+    estimates: list[Estimate] = []
     for measure, source in _MEASURES.items():
         for row in chosen.filter(measure=measure).to_dicts():
             estimates.append(Estimate.of_row(row, "sigma_px", "low", "high", "px"))

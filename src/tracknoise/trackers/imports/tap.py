@@ -86,7 +86,7 @@ def _positions(path: Path, arrays: _Arrays, n_frames: int | None) -> NDArray[np.
         raise DataError(path, found, "numbers of shape (points, frames, 2)")
     if name == _FRAMES_FIRST:
         return np.asarray(tracks.swapaxes(0, 1), dtype=np.float64)
-    if n_frames is not None and _are_frames_first(*tracks.shape[:2], n_frames):
+    if n_frames is not None and _are_frames_first(tracks.shape[0], tracks.shape[1], n_frames):
         found = f"{name} of shape {tracks.shape} for {n_frames} frames"
         raise DataError(path, found, "shape (points, frames, 2): transpose the first two axes")
     return np.asarray(tracks, dtype=np.float64)

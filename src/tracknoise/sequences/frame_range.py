@@ -1,6 +1,7 @@
 """A range of frames, as settings and the command line state it: first, last and step, the last included."""
 
 from collections.abc import Sequence as Items
+from numbers import Integral
 
 from tracknoise.exceptions import DataError, SettingsError
 
@@ -16,9 +17,11 @@ def require_range(frames: Items[int]) -> None:
     SettingsError
         If they are not.
     """
-    first, last, step = [*frames, 1][:3] if len(frames) in _PARTS else (0, 0, 0)
+    whole = isinstance(frames, Items) and all(isinstance(number, Integral) for number in frames)
+    first, last, step = [*frames, 1][:3] if whole and len(frames) in _PARTS else (0, 0, 0)
     if not (0 <= first < last and step >= 1):
-        raise SettingsError(f"frames = {list(frames)}, expected {EXPECTED}")
+        found = list(frames) if isinstance(frames, Items) else frames
+        raise SettingsError(f"frames = {found}, expected {EXPECTED}")
 
 
 def frame_range(frames: Items[int], count: int, place: str) -> range:

@@ -80,6 +80,12 @@ def test_positions_outside_the_image_are_noted_with_their_share(tmp_path):
     assert start(tmp_path, table()).notes == ()
 
 
+def test_positions_that_are_all_outside_the_image_are_refused(tmp_path):
+    rows = table().with_columns(pl.col("u_px", "v_px") + 400.0)
+    with pytest.raises(DataError, match=r"no position inside images of 320 x 240 px, .* raster = \[width, height\]"):
+        start(tmp_path, rows)
+
+
 def test_frames_that_are_skipped_are_named_unless_the_speed_is_theirs(tmp_path):
     rows = table().filter(pl.col("frame") % 3 == 0)
     with pytest.raises(DataError, match=r"rows in one of 3 frames only: 0, 3, 6, .* set speeds = \[3\]"):

@@ -2,13 +2,14 @@
 
 import sqlite3
 from contextlib import closing
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
 import pytest
 from tests.writers.track_files import Observed, colmap, events, tap
 
-from tracknoise.exceptions import DataError
+from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.tables.identity import SequenceId
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.imported import Imported
@@ -97,6 +98,15 @@ def test_a_higher_speed_of_the_same_file_is_noted(tmp_path):
     assert "subsampled" in start(tmp_path, table(), context(speed=2)).notes[0]
     table().write_csv(tmp_path / "tracks-2.csv")
     assert Imported(str(tmp_path / "tracks-{speed}.csv")).start(context(speed=2)).notes == ()
+
+
+@pytest.mark.parametrize(("name", "value"), [("rotation", 90), ("direction", "backward")])
+def test_a_file_of_upright_forward_images_is_not_taken_for_other_views(name, value, tmp_path):
+    other = replace(context(), sequence=SequenceId("d", "s", **{name: value}))
+    with pytest.raises(SettingsError, match=rf"for {name} {value}, expected {{{name}}} in it, and one file for each"):
+        start(tmp_path, table(), other)
+    table().write_csv(tmp_path / f"tracks-{value}.csv")
+    assert Imported(str(tmp_path / f"tracks-{{{name}}}.csv")).start(other).notes == ()
 
 
 TIMES = 100.0 + 0.1 * np.arange(N_FRAMES)

@@ -17,11 +17,16 @@ def require_range(frames: Items[int]) -> None:
     SettingsError
         If they are not.
     """
-    whole = isinstance(frames, Items) and all(isinstance(number, Integral) for number in frames)
-    first, last, step = [*frames, 1][:3] if whole and len(frames) in _PARTS else (0, 0, 0)
+    numbers = _whole_numbers(frames)
+    first, last, step = [*numbers, 1][:3] if len(numbers) in _PARTS else (0, 0, 0)
     if not (0 <= first < last and step >= 1):
-        found = list(frames) if isinstance(frames, Items) else frames
-        raise SettingsError(f"frames = {found}, expected {EXPECTED}")
+        raise SettingsError(f"frames = {numbers or frames}, expected {EXPECTED}")
+
+
+def _whole_numbers(frames: object) -> list[int]:
+    """The numbers of a range; none where they are not whole, or where it is no list."""
+    given = list(frames) if isinstance(frames, Items) else []
+    return given if all(isinstance(number, Integral) for number in given) else []
 
 
 def frame_range(frames: Items[int], count: int, place: str) -> range:

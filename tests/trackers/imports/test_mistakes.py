@@ -284,6 +284,20 @@ def test_colmap_databases_of_other_images_or_with_impossible_matches_are_refused
         settings.start(context())
 
 
+def test_a_colmap_database_that_is_being_written_is_refused(tmp_path):
+    colmap(tmp_path / "colmap.db", observed())
+    settings = Imported(str(tmp_path / "colmap.db"))
+    with closing(sqlite3.connect(tmp_path / "colmap.db")) as database:
+        database.execute("PRAGMA journal_mode = WAL")
+        database.execute("DELETE FROM two_view_geometries")
+        database.commit()
+        with pytest.raises(
+            DataError, match=r"changes that are in colmap.db-wal alone, expected .* no program has open"
+        ):
+            settings.start(context())
+    assert len(positions(settings.start(context()), 0)) == 4
+
+
 def test_a_format_can_be_stated_for_a_file_with_another_ending(tmp_path):
     events(tmp_path / "tracks.log", observed())
     tap(tmp_path / "points.npz", observed())

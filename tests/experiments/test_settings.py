@@ -169,7 +169,7 @@ def test_every_example_is_a_valid_experiment(path):
         (('"simulated"', '"simulate"'), "dataset: unknown reader 'simulate' (did you mean 'simulated'?)"),
         (
             ('"simulated"', '"simulated"\noptions = { frame = 3 }'),
-            "dataset: reader 'simulated': frame: unknown setting (did you mean 'frames'?); known: baseline_m, distortion, frames, ",
+            "dataset: reader 'simulated': frame: unknown setting (did you mean 'frames'?); known: baseline_m, ",
         ),
         (('"simulated"', '"sevenscenes"'), "dataset: reader 'sevenscenes' needs the folder of its data"),
         (

@@ -33,8 +33,8 @@ def read_colmap(path: Path, *, n_frames: int | None) -> Rows:
     Raises
     ------
     DataError
-        If the file is missing, damaged or open in another program, a match names a keypoint that does not exist, or the number of images is not
-        that of the frames. None as `n_frames` allows any number.
+        If the file is missing, damaged or open in another program, a match names a keypoint that does not exist, or the
+        number of images is not that of the frames. None as `n_frames` allows any number.
     """
     size = require_regular(path, _EXPECTED, most=_MOST_BYTES)
     _require_closed(path)

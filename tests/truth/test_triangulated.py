@@ -3,8 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
+import polars as pl
 import pytest
-from benchmarks.validity.triangulated import CAMERA, make_tracks, noise_of, resolved, sideways
+from benchmarks.validity.triangulated import CAMERA, NOISE_PX, make_tracks, noise_of, resolved, sideways
 from scipy.spatial.transform import Rotation
 
 import tracknoise
@@ -184,3 +185,30 @@ def test_a_single_pose_is_not_enough():
     poses[1:] = np.nan
     with pytest.raises(DataError, match="1 pose for 4 frames"):
         make_truth(replace(sequence, world_from_camera=poses), "triangulated")
+
+
+def imported(observed):
+    """Tracks (tracks, length, 2) that begin in frame 0, as a tracker."""
+    count, length, _ = observed.shape
+    frames = np.tile(np.arange(length), count)
+    return tracknoise.Imported.from_arrays(np.repeat(np.arange(count), length), frames, *observed.reshape(-1, 2).T)
+
+
+def test_tracks_of_two_observations_have_distances_from_epipolar_lines_alone():
+    sequence = sideways(2)
+    observed = make_tracks(sequence, count=200, length=2, rng=np.random.default_rng(3)).observed
+    run = tracknoise.analyse(tracknoise.measure(sequence, imported(observed)))
+    noise = run.table("triangulated_noise", trimming="untrimmed").filter(pl.col("length_low").is_null())
+    assert noise.select("measure", "n").rows() == [("epipolar", 200)]
+    assert noise["sigma_px"][0] == pytest.approx(NOISE_PX, rel=0.15)
+    text = run.findings().filter(topic="noise")["text"][0]
+    assert "From distances to epipolar lines, the noise of imported is" in text
+
+
+def test_a_camera_that_stays_where_it_is_is_named():
+    sequence = sideways(5)
+    poses = sequence.world_from_camera.copy()
+    poses[:, :3, 3] = poses[0, :3, 3]
+    observed = make_tracks(sequence, count=30, length=5, rng=np.random.default_rng(3)).observed
+    with pytest.raises(DataError, match="a camera that changes its position"):
+        tracknoise.measure(replace(sequence, world_from_camera=poses), imported(observed))

@@ -9,7 +9,8 @@ import polars as pl
 from tracknoise.cli.text_table import aligned
 from tracknoise.report.names import by_statement, together
 from tracknoise.report.report_data import ReportData
-from tracknoise.tables.enumerations import Trimming
+from tracknoise.statistics.definitions import POOLED
+from tracknoise.tables.enumerations import FittedMeasure, Trimming
 from tracknoise.tables.store import RunFolder
 
 if TYPE_CHECKING:
@@ -23,15 +24,20 @@ _TRACKS = (
     ("tracks", "n_tracks", "{:,}"),
     ("median\nlifetime", "median_lifetime", "{}"),
     ("outlier\nratio", "outlier_ratio", "{:.3f}"),
-    ("at\n{axis}", "at", "{}"),
 )
-_FITTED = ("truth", "noise")
+_FITTED_TOPICS = ("truth", "noise")
+_AT = ("at\n{axis}", "at", "{}")
 _ERRORS = (
     ("mean {axis}\npx", "nu", "{:+.3f}"),
     ("core {axis}\npx", "core", "{:.3f}"),
     ("rms {axis}\npx", "rms", "{:.3f}"),
 )
 """Headings, the statistic in the names of columns, and how numbers are written."""
+_NOISE = (
+    ("noise by\nfitted points px", FittedMeasure.triangulated, "{:.3f}"),
+    ("noise by\nepipolar lines px", FittedMeasure.epipolar, "{:.3f}"),
+)
+"""In place of errors, where true positions are fitted to the tracks."""
 
 
 def print_outcome(terminal: "Terminal", out: Path, outcome: "Outcome", *, report: bool) -> int:
@@ -72,7 +78,7 @@ def summary_text(run: RunFolder) -> str:
         If the run has no usable statistics.
     """
     data = ReportData.of(run)
-    table = data.in_order(data.listed(data.summary))
+    table = data.in_order(data.listed(_with_noise(data) if data.truth_is_fitted else data.summary))
     shown = [*((name, name, "{}") for name in data.condition_columns), *_TRACKS, *_errors(data)]
     headings = [heading.format(axis=data.axis.name).split("\n") for heading, _, _ in shown]
     rows = [[parts[0] if len(parts) > 1 else "" for parts in headings], [parts[-1] for parts in headings]]
@@ -83,7 +89,12 @@ def summary_text(run: RunFolder) -> str:
 
 
 def _errors(data: ReportData) -> list[tuple[str, str, str]]:
-    """Columns of the errors that verdicts are about and, where tracks were dropped, the RMS of the others."""
+    """Columns of the errors that verdicts are about and, where tracks were dropped, the RMS of the others.
+
+    Where true positions are fitted to the tracks, their noise, because errors about fitted points are smaller.
+    """
+    if data.truth_is_fitted:
+        return list(_NOISE)
     shown = [
         (heading.replace("{axis}", axis), f"{data.trimming}_{statistic}_{axis}_px", form)
         for heading, statistic, form in _ERRORS
@@ -91,9 +102,22 @@ def _errors(data: ReportData) -> list[tuple[str, str, str]]:
     ]
     others = [] if data.percentile is None else [other for other in Trimming if other != data.trimming]
     return [
+        _AT,
         *shown,
         *((f"rms {axis}\n{other}", f"{other}_rms_{axis}_px", "{:.3f}") for other in others for axis in "uv"),
     ]
+
+
+def _with_noise(data: ReportData) -> pl.DataFrame:
+    """The summary with columns of `_NOISE`: noise of one coordinate of tracks of any length, px."""
+    of_all = data.triangulated_noise.filter(
+        pl.col("length_low").is_null(), coordinate="both", trimming=data.trimming
+    ).with_columns(pl.col("measure").cast(pl.String))
+    table = data.summary
+    for _, measure, _ in _NOISE:
+        noise = of_all.filter(measure=measure).select(*POOLED, pl.col("sigma_px").alias(measure))
+        table = table.join(noise, on=POOLED, how="left", nulls_equal=True, maintain_order="left")
+    return table
 
 
 def _doubts(data: ReportData) -> list[str]:
@@ -108,9 +132,9 @@ def _where_trimming_matters(data: ReportData) -> list[str]:
 
 def _fitted(data: ReportData) -> list[str]:
     """What errors about fitted points hide, and the noise that is corrected for the fit."""
-    if data.triangulated_noise.is_empty():
+    if not data.truth_is_fitted:
         return []
-    return [textwrap.fill(text, _WIDTH) for text in data.findings.filter(pl.col("topic").is_in(_FITTED))["text"]]
+    return [textwrap.fill(text, _WIDTH) for text in data.findings.filter(pl.col("topic").is_in(_FITTED_TOPICS))["text"]]
 
 
 def _others(data: ReportData) -> list[str]:

@@ -16,7 +16,7 @@ from tracknoise.sequences.sequence import Sequence
 from tracknoise.tables import schema
 from tracknoise.truth.registry import make_truths
 from tracknoise.truth.scan_rule import SCAN_RULE, ScanRule
-from tracknoise.truth.truth import Truth
+from tracknoise.truth.truth import TruePositions, Truth
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,6 +152,12 @@ def _check_key_frame(sequence: Sequence, n_frames: int, setups: Items[TrackerSet
             raise SettingsError(f"{sequence.source}: found {found}, expected a speed that divides {key_frame}")
 
 
+def _is_known(positions: TruePositions) -> bool:
+    """Whether any feature has a true position, or a distance from an epipolar line."""
+    found = (positions.uv, positions.epipolar)
+    return any(values is not None and bool(np.isfinite(values).any()) for values in found)
+
+
 def _check_features(sequence: Sequence, result: TrackingResult, key_frame: int | None) -> None:
     if not any(len(recording.first_frame) for recording in result.recordings):
         raise DataError(
@@ -159,8 +165,11 @@ def _check_features(sequence: Sequence, result: TrackingResult, key_frame: int |
             "no tracker found a feature in any image",
             "images with texture, or tracks in the frames read",
         )
-    if any(np.isfinite(positions.uv).any() for positions in result.positions):
+    if any(_is_known(positions) for positions in result.positions):
         return
+    if any(positions.epipolar is not None for positions in result.positions):
+        found = "no feature with a fitted point or an epipolar line"
+        raise DataError(sequence.source, found, "a camera that changes its position, and poses that fit the images")
     if key_frame is None:
         raise DataError(
             sequence.source, "no depth for any feature", "depth for some, so that their true positions are known"

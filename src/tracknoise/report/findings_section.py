@@ -90,14 +90,20 @@ def _row(data: ReportData, tracker: str, speed: int) -> list[str]:
     return [
         tracker,
         str(speed),
-        DASH if summary["at"] is None else str(summary["at"]),
-        *(size(data, chosen, tracker, coordinate) for size in (_core, _rms) for coordinate in "uv"),
+        *_sizes(data, chosen, tracker, summary["at"]),
         _zero_mean(data, chosen, tracker),
         *_shapes(data, chosen, tracker, summary["at"]),
         *(_growth(data, chosen, tracker, coordinate) for coordinate in "uv"),
         _outliers(data, chosen, tracker),
         _median_lifetime(data, chosen, tracker),
     ]
+
+
+def _sizes(data: ReportData, conditions: ReportedConditions, tracker: str, at: int | None) -> list[str]:
+    """The reference age, and sizes of errors there. Withheld where points are fitted to the tracks."""
+    if at is None or data.truth_is_fitted:
+        return [DASH] * 5
+    return [str(at), *(size(data, conditions, tracker, coordinate) for size in (_core, _rms) for coordinate in "uv")]
 
 
 def _conditions(data: ReportData, speed: int) -> ReportedConditions:

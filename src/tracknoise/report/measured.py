@@ -121,11 +121,6 @@ def truth_was_read(data: ReportData) -> bool:
     return any(entry.truth != "raycast" and entry.sequence.dataset != "simulated" for entry in entries)
 
 
-def truth_is_fitted(data: ReportData) -> bool:
-    """Whether any true positions were fitted to the tracks themselves."""
-    return not data.triangulated_noise.is_empty()
-
-
 def without_truth(data: ReportData) -> list[tuple[str, str]]:
     """Conditions, then sequences, most of whose observations have no true position, each with a sentence."""
     statuses = data.counts.filter(kind="truth")

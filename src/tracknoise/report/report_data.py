@@ -116,6 +116,11 @@ class ReportData:
         return dropped_above(self.trims)
 
     @property
+    def truth_is_fitted(self) -> bool:
+        """Whether any true positions were fitted to the tracks themselves."""
+        return any(entry.truth == "triangulated" for entry in self.manifest.sequences.values())
+
+    @property
     def trimming(self) -> Trimming:
         """Errors that figures and verdicts are about: untrimmed, or trimmed as in the paper."""
         return Trimming(self.settings["findings"]["trimming"])
@@ -311,12 +316,16 @@ class ReportData:
 
     @cached_property
     def comparison(self) -> pl.DataFrame:
-        """Verdicts on factors with those of the paper (`tracknoise.report.paper.COMPARISON`)."""
+        """Verdicts on factors with those of the paper (`tracknoise.report.paper.COMPARISON`).
+
+        Those on errors are left out where true positions are fitted to the tracks.
+        """
         entries = self.settings.get("trackers", [])
         kinds = {entry.get("name") or entry.get("kind"): str(entry.get("kind", "")) for entry in entries}
         trackers = {name: kinds.get(name, "") for name in self.trackers}
         asked = paper.Asked(self.settings.get("paper"), trackers, self.slowest)
-        return paper.compare(self.effects, self.dependence, asked)
+        effects = self.effects.filter(pl.col("axis").is_null()) if self.truth_is_fitted else self.effects
+        return paper.compare(effects, self.dependence, asked)
 
     @property
     def condition_columns(self) -> dict[str, str]:

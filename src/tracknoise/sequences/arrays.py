@@ -1,5 +1,6 @@
 """Sequences in memory: images, poses and depths as arrays."""
 
+from collections.abc import Iterable, Iterator
 from collections.abc import Sequence as Items
 from dataclasses import dataclass
 from typing import Any
@@ -65,10 +66,14 @@ class Sequence(RecordedSequence):
         DataError
             Naming the array, its shape and what was expected.
         """
-        pictures = _Images(tuple(_gray(index, image) for index, image in enumerate(images)))
+        pictures = _Images(tuple(_gray(index, image) for index, image in _items("images", images)))
         if not len(pictures):
             raise DataError(_PLACE, "no image", "at least one")
-        camera = _camera(K, distortion, pictures.images[0].shape)
+        coefficients = tuple(_floats("distortion", distortion, 1).tolist())
+        camera = _camera(K, coefficients, pictures.images[0].shape)
+        maps = None if depths is None else _Depths(tuple(_depth(*item) for item in _items("depths", depths)))
+        _require_size("images", pictures.images, camera)
+        _require_size("depths", () if maps is None else maps.values, camera)
         matrices, notes = _poses(poses)
         return cls(
             id=SequenceId(dataset, scene),
@@ -76,7 +81,7 @@ class Sequence(RecordedSequence):
             camera=camera,
             world_from_camera=matrices,
             images=pictures,
-            depths=None if depths is None else _Depths(tuple(_depth(*item) for item in enumerate(depths))),
+            depths=maps,
             notes=notes,
             timestamps_s=None if timestamps_s is None else _floats("timestamps_s", timestamps_s, 1),
         )
@@ -101,6 +106,11 @@ class _Depths:
 
     depths: tuple[DepthMap | None, ...]
 
+    @property
+    def values(self) -> Iterator[NDArray[Any] | None]:
+        """The numbers of each."""
+        return (None if depth is None else depth.depth_m for depth in self.depths)
+
     def __len__(self) -> int:
         return len(self.depths)
 
@@ -108,8 +118,30 @@ class _Depths:
         return self.depths[index]
 
 
+def _items(name: str, values: Iterable[Any]) -> Iterator[tuple[int, Any]]:
+    """The arrays of a list or of an array, with their indices."""
+    if not isinstance(values, Iterable):
+        raise DataError(_PLACE, f"{name} of type {type(values).__name__}", "a list of arrays, one for each frame")
+    return enumerate(values)
+
+
+def _array(name: str, values: ArrayLike) -> NDArray[Any]:
+    try:
+        return np.asarray(values)
+    except (TypeError, ValueError) as error:
+        raise DataError(_PLACE, f"{name} is no array ({first_line(error)})", "numbers in rows of one length") from error
+
+
+def _require_size(name: str, arrays: Iterable[NDArray[Any] | None], camera: CameraModel) -> None:
+    """Refuse arrays of another size than that of the camera's images."""
+    expected = (camera.height, camera.width)
+    for index, array in enumerate(arrays):
+        if array is not None and array.shape != expected:
+            raise DataError(_PLACE, f"{name}[{index}] of shape {array.shape}", f"{expected}, the size of the images")
+
+
 def _gray(index: int, image: ArrayLike) -> NDArray[np.uint8]:
-    found = np.asarray(image)
+    found = _array(f"images[{index}]", image)
     is_colour = found.ndim == 3 and found.shape[2] == 3
     if found.dtype != np.uint8 or not (found.ndim == 2 or is_colour) or not found.size:
         expected = "shape (height, width) or (height, width, 3) and type uint8"
@@ -121,14 +153,14 @@ def _gray(index: int, image: ArrayLike) -> NDArray[np.uint8]:
 def _depth(index: int, depth: ArrayLike | None) -> DepthMap | None:
     if depth is None:
         return None
-    found = np.asarray(depth)
+    found = _array(f"depths[{index}]", depth)
     if found.ndim != 2 or found.dtype not in (np.float32, np.float64):
         found_text = f"depths[{index}] of shape {found.shape} and type {found.dtype}"
         raise DataError(_PLACE, found_text, "shape (height, width) and floats, in metres")
     return DepthMap(found, np.isfinite(found) & (found > 0))
 
 
-def _camera(K: ArrayLike | CameraModel, distortion: Items[float], shape: tuple[int, ...]) -> CameraModel:
+def _camera(K: ArrayLike | CameraModel, distortion: tuple[float, ...], shape: tuple[int, ...]) -> CameraModel:
     """The camera of a matrix of intrinsics, or the one that was given."""
     if isinstance(K, CameraModel):
         if distortion:
@@ -140,7 +172,7 @@ def _camera(K: ArrayLike | CameraModel, distortion: Items[float], shape: tuple[i
         raise DataError(_PLACE, f"K {matrix.tolist()}", expected)
     fx, fy, cx, cy = (float(matrix[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2)))
     try:
-        camera = Camera(shape[1], shape[0], fx, fy, cx, cy, tuple(map(float, distortion)))
+        camera = Camera(shape[1], shape[0], fx, fy, cx, cy, distortion)
     except ValueError as error:
         raise DataError(_PLACE, f"K {matrix.tolist()} and distortion {list(distortion)}", first_line(error)) from error
     if not camera.is_invertible:
@@ -167,6 +199,9 @@ def _floats(name: str, values: ArrayLike, axes: int, *, finite: bool = True) -> 
         found = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise DataError(_PLACE, f"{name} is no array of numbers ({first_line(error)})", "numbers") from error
-    if found.ndim != axes or (finite and not np.isfinite(found).all()):
-        raise DataError(_PLACE, f"{name} of shape {found.shape}", f"{axes} axes of finite numbers")
+    if found.ndim != axes:
+        raise DataError(_PLACE, f"{name} of shape {found.shape}", f"{axes} {'axis' if axes == 1 else 'axes'}")
+    if finite and not np.isfinite(found).all():
+        place = np.argwhere(~np.isfinite(found))[0].tolist()
+        raise DataError(_PLACE, f"{name}{place} is {found[tuple(place)]}", "finite numbers")
     return found

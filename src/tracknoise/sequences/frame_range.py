@@ -1,6 +1,7 @@
 """A range of frames, as settings and the command line state it: first, last and step, the last included."""
 
 from collections.abc import Sequence as Items
+from numbers import Integral
 
 from tracknoise.exceptions import DataError, SettingsError
 
@@ -16,9 +17,16 @@ def require_range(frames: Items[int]) -> None:
     SettingsError
         If they are not.
     """
-    first, last, step = [*frames, 1][:3] if len(frames) in _PARTS else (0, 0, 0)
+    numbers = _whole_numbers(frames)
+    first, last, step = [*numbers, 1][:3] if len(numbers) in _PARTS else (0, 0, 0)
     if not (0 <= first < last and step >= 1):
-        raise SettingsError(f"frames = {list(frames)}, expected {EXPECTED}")
+        raise SettingsError(f"frames = {numbers or frames}, expected {EXPECTED}")
+
+
+def _whole_numbers(frames: object) -> list[int]:
+    """The numbers of a range; none where they are not whole, or where it is no list."""
+    given = list(frames) if isinstance(frames, Items) else []
+    return given if all(isinstance(number, Integral) for number in given) else []
 
 
 def frame_range(frames: Items[int], count: int, place: str) -> range:

@@ -7,8 +7,9 @@ from typing import ClassVar
 from numpy.typing import ArrayLike
 
 from tracknoise.checks import require, require_at_least, require_positive
+from tracknoise.exceptions import SettingsError
 from tracknoise.options import PathTemplate
-from tracknoise.tables.identity import PLACEHOLDERS, SequenceId
+from tracknoise.tables.identity import PLACEHOLDERS, Direction, SequenceId
 from tracknoise.trackers.imports.arrays import ImportedArrays
 from tracknoise.trackers.imports.assign import Assignment
 from tracknoise.trackers.imports.formats import SUFFIXES, TrackFormat, detected, origin_of, read_rows
@@ -93,10 +94,13 @@ class Imported:
 
         Raises
         ------
+        SettingsError
+            If the images are rotated or played backward, and the path does not say which file is of them.
         DataError
             If it is missing or damaged, holds no track, something that is not a number, a frame that the sequence does
             not have, or two rows for one track and frame. The error names the line.
         """
+        self._require_files_of_views(context.sequence)
         path = context.sequence.expand(self.path, speed=context.speed)
         kind = self.format or detected(path)
         whole = context.source_frames is None
@@ -110,3 +114,11 @@ class Imported:
         )
         tracks, notes = assignment.tracks(rows, context)
         return ImportedTracker(tracks, notes + subsampled(context, every_speed="{speed}" in self.path))
+
+    def _require_files_of_views(self, sequence: SequenceId) -> None:
+        """Refuse the file of upright, forward images for others: its positions and frames are not those of these."""
+        views = {"rotation": sequence.rotation != 0, "direction": sequence.direction != Direction.forward}
+        for name, differs in views.items():
+            if differs and f"{{{name}}}" not in self.path:
+                found = f"path {self.path!r} for {name} {getattr(sequence, name)}"
+                raise SettingsError(f"imported: found {found}, expected {{{name}}} in it, and one file for each {name}")

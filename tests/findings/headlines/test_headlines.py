@@ -1,6 +1,7 @@
 """The sentences say what the tables say: numbers, intervals, conditions, and no more than the data allow."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import polars as pl
@@ -216,6 +217,14 @@ def test_a_recorded_truth_is_reported_before_any_number() -> None:
 
 OVERALL = {"trimming": "trimmed", "axis": "age", "n": 900, "n_scenes": 8, "mean_u_px": 0.2, "mean_v_px": 0.1}
 AT_TEN = {**OVERALL, "at": 10, "mean_u_px": 0.12, "mean_v_px": -0.04, "share_of_second": 0.062}
+
+
+def test_doubtful_data_come_before_all_else_whatever_the_truth() -> None:
+    doubts = {"hall": ["A pose jumps by 3 m."]}
+    for fitted in (False, True):
+        found = read(replace(SCOPE, doubts=doubts, fitted=fitted))
+        assert next(iter(found)) == "data"
+        assert "A pose jumps by 3 m." in found["data"]["text"]
 
 
 def test_a_bias_that_was_shown_is_reported_with_its_size() -> None:

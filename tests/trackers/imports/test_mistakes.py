@@ -2,13 +2,14 @@
 
 import sqlite3
 from contextlib import closing
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
 import pytest
 from tests.writers.track_files import Observed, colmap, events, tap
 
-from tracknoise.exceptions import DataError
+from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.tables.identity import SequenceId
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.imported import Imported
@@ -80,6 +81,12 @@ def test_positions_outside_the_image_are_noted_with_their_share(tmp_path):
     assert start(tmp_path, table()).notes == ()
 
 
+def test_positions_that_are_all_outside_the_image_are_refused(tmp_path):
+    rows = table().with_columns(pl.col("u_px", "v_px") + 400.0)
+    with pytest.raises(DataError, match=r"no position inside images of 320 x 240 px, .* raster = \[width, height\]"):
+        start(tmp_path, rows)
+
+
 def test_frames_that_are_skipped_are_named_unless_the_speed_is_theirs(tmp_path):
     rows = table().filter(pl.col("frame") % 3 == 0)
     with pytest.raises(DataError, match=r"rows in one of 3 frames only: 0, 3, 6, .* set speeds = \[3\]"):
@@ -91,6 +98,15 @@ def test_a_higher_speed_of_the_same_file_is_noted(tmp_path):
     assert "subsampled" in start(tmp_path, table(), context(speed=2)).notes[0]
     table().write_csv(tmp_path / "tracks-2.csv")
     assert Imported(str(tmp_path / "tracks-{speed}.csv")).start(context(speed=2)).notes == ()
+
+
+@pytest.mark.parametrize(("name", "value"), [("rotation", 90), ("direction", "backward")])
+def test_a_file_of_upright_forward_images_is_not_taken_for_other_views(name, value, tmp_path):
+    other = replace(context(), sequence=SequenceId("d", "s", **{name: value}))
+    with pytest.raises(SettingsError, match=rf"for {name} {value}, expected {{{name}}} in it, and one file for each"):
+        start(tmp_path, table(), other)
+    table().write_csv(tmp_path / f"tracks-{value}.csv")
+    assert Imported(str(tmp_path / f"tracks-{{{name}}}.csv")).start(other).notes == ()
 
 
 TIMES = 100.0 + 0.1 * np.arange(N_FRAMES)
@@ -154,6 +170,7 @@ def test_bad_lines_of_event_text_are_named(text, message, tmp_path):
         ({"occluded": np.zeros((2, 10), bool)}, "no array tracks"),
         ({"tracks": np.zeros((2, 10, 2))}, "no array occluded or visible"),
         ({"tracks": np.zeros((10, 40, 2)), "occluded": np.zeros((10, 40), bool)}, "transpose the first two axes"),
+        ({"tracks": np.zeros((10, 4, 2)), "occluded": np.zeros((10, 4), bool)}, "transpose the first two axes"),
         (
             {"tracks": np.zeros((2, 10)), "occluded": np.zeros((2, 10))},
             r"expected numbers of shape \(points, frames, 2",
@@ -172,6 +189,66 @@ def test_bad_tap_archives_are_refused(arrays, message, tmp_path):
     np.savez(tmp_path / "points.npz", **arrays)
     with pytest.raises(DataError, match=message):
         Imported(str(tmp_path / "points.npz")).start(context())
+
+
+TAP = np.random.default_rng(2).uniform(20.0, 200.0, (3, N_FRAMES, 2)).astype(np.float32)
+HIDDEN = np.arange(3 * N_FRAMES).reshape(3, N_FRAMES) % 4 == 3
+
+
+@pytest.mark.parametrize(
+    "arrays",
+    [
+        {"tracks": TAP, "occluded": HIDDEN.astype(np.uint8)},
+        {"tracks": TAP, "visibles": ~HIDDEN},
+        {"points": TAP, "occluded": HIDDEN, "video": np.zeros((N_FRAMES, 2, 2, 3), np.uint8)},
+        {"target_points": TAP[None], "occluded": HIDDEN[None], "query_points": np.zeros((1, 3, 3))},
+        {"pred_tracks": TAP.swapaxes(0, 1)[None], "pred_visibility": ~HIDDEN.T[None, :, :, None]},
+        {"tracks": TAP, "visibility": (~HIDDEN).astype(np.float32), "queries": np.zeros((3, 3))},
+    ],
+)
+def test_names_and_shapes_of_other_models_mean_the_same(arrays, tmp_path):
+    np.savez(tmp_path / "points.npz", **arrays)
+    tracker = Imported(str(tmp_path / "points.npz")).start(context())
+    for index in range(N_FRAMES):
+        found = positions(tracker, index)
+        np.testing.assert_array_equal(found[found[:, 0].argsort()], sorted(TAP[~HIDDEN[:, index], index].tolist()))
+
+
+def as_other_programs_write(rows: pl.DataFrame) -> dict[str, bytes]:
+    """The same table by other programs' habits."""
+    plain = rows.write_csv()
+    header, body = plain.split("\n", 1)
+    return {
+        "Windows": b"\xef\xbb\xbf" + plain.replace("\n", "\r\n").encode(),
+        "an index": "".join(
+            f"{index - 1 if index else ''},{line}\n" for index, line in enumerate(plain.split())
+        ).encode(),
+        "semicolons": plain.replace(",", ";").encode(),
+        "tabs": plain.replace(",", "\t").encode(),
+        "spaces": (", ".join(f'"{name}"' for name in header.split(",")) + "\n" + body.replace(",", ", ")).encode(),
+        "NumPy": f"# {header}\n{body}".encode(),
+    }
+
+
+@pytest.mark.parametrize("habit", as_other_programs_write(table()))
+def test_tables_are_read_as_other_programs_write_them(habit, tmp_path):
+    (tmp_path / "tracks.csv").write_bytes(as_other_programs_write(table())[habit])
+    tracker = Imported(str(tmp_path / "tracks.csv")).start(context())
+    np.testing.assert_array_equal(positions(tracker, 0), table().filter(frame=0).select("u_px", "v_px").to_numpy())
+
+
+def test_a_column_time_is_in_seconds_or_nanoseconds(tmp_path):
+    expected = table().filter(frame=0).select("u_px", "v_px").to_numpy()
+    times = 1.6e9 + TIMES
+    seconds = table().with_columns(time=1.6e9 + 100.0 + 0.1 * pl.col("frame")).drop("frame")
+    for rows in (seconds, seconds.with_columns((pl.col("time") * 1e9).cast(pl.Int64))):
+        np.testing.assert_array_equal(positions(start(tmp_path, rows, context(times=times)), 0), expected)
+
+
+def test_a_table_without_a_header_is_not_taken_for_a_dump_of_xivo(tmp_path):
+    table().write_csv(tmp_path / "tracks.csv", include_header=False)
+    with pytest.raises(DataError, match="expected track, frame, u_px, v_px"):
+        Imported(str(tmp_path / "tracks.csv")).start(context(times=TIMES))
 
 
 def test_points_of_a_tap_archive_begin_with_their_query(tmp_path):
@@ -205,6 +282,20 @@ def test_colmap_databases_of_other_images_or_with_impossible_matches_are_refused
         database.execute("DELETE FROM two_view_geometries")
     with pytest.raises(DataError, match=r"9 images, expected one for each of the 10 frames"):
         settings.start(context())
+
+
+def test_a_colmap_database_that_is_being_written_is_refused(tmp_path):
+    colmap(tmp_path / "colmap.db", observed())
+    settings = Imported(str(tmp_path / "colmap.db"))
+    with closing(sqlite3.connect(tmp_path / "colmap.db")) as database:
+        database.execute("PRAGMA journal_mode = WAL")
+        database.execute("DELETE FROM two_view_geometries")
+        database.commit()
+        with pytest.raises(
+            DataError, match=r"changes that are in colmap.db-wal alone, expected .* no program has open"
+        ):
+            settings.start(context())
+    assert len(positions(settings.start(context()), 0)) == 4
 
 
 def test_a_format_can_be_stated_for_a_file_with_another_ending(tmp_path):

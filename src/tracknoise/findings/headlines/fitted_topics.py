@@ -14,8 +14,8 @@ _WITHHELD = (
     "reported. True positions also contain the errors of poses and calibration."
 )
 _MEASURES = {
-    FittedMeasure.triangulated: "From errors about the fitted points, the noise of {} is",
-    FittedMeasure.epipolar: "From distances to epipolar lines it is",
+    FittedMeasure.triangulated: "From errors about the fitted points",
+    FittedMeasure.epipolar: "From distances to epipolar lines",
 }
 
 
@@ -44,9 +44,11 @@ def _noise_of(table: pl.DataFrame, conditions: ReportedConditions, tracker: str)
     chosen = conditions.of(table, tracker).filter(
         pl.col("length_low").is_null(), trimming=conditions.trimming, coordinate="both"
     )
-    sentences, estimates = [], []
-    for measure, text in _MEASURES.items():
+    sentences: list[str] = []
+    estimates: list[Estimate] = []
+    for measure, source in _MEASURES.items():
         for row in chosen.filter(measure=measure).to_dicts():
             estimates.append(Estimate.of_row(row, "sigma_px", "low", "high", "px"))
-            sentences.append(f"{text.format(tracker)} {format_estimate(estimates[-1])}.")
+            of = " it is" if sentences else f", the noise of {tracker} is"
+            sentences.append(f"{source}{of} {format_estimate(estimates[-1])}.")
     return (" ".join(sentences), estimates) if sentences else None

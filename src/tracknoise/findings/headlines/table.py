@@ -30,6 +30,7 @@ _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] 
 )
 """Each makes a headline, or none where the tables have no rows about it; the most important first."""
 _FITTED_TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] = (
+    caveats.doubtful_data,
     fitted_topics.self_referential,
     caveats.few_scenes,
     caveats.grouped_scenes,

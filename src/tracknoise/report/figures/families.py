@@ -12,6 +12,11 @@ from tracknoise.report.cells import Cells
 from tracknoise.report.figures.figure import Absence, Figure, require_distinct
 from tracknoise.report.report_data import ReportData
 
+_WITHHELD = (
+    "The true positions are fitted to the tracks themselves, so that these errors would not be those of the tracker. "
+    "The findings state its noise."
+)
+
 
 @dataclass(frozen=True, slots=True)
 class Family:
@@ -27,6 +32,8 @@ class Family:
         ``module:function`` of what makes the figures, within this package. Each takes a `ReportData`.
     tabulated_by
         The same for the tables below the figures. Empty where there are none.
+    of_errors
+        Whether it is about errors since a point was fixed. They are withheld where points are fitted to whole tracks.
     """
 
     id: str
@@ -34,17 +41,19 @@ class Family:
     lead: str
     drawn_by: tuple[str, ...]
     tabulated_by: str = ""
+    of_errors: bool = False
 
     def figures(self, data: ReportData) -> Sequence[Figure | Absence]:
         """Make the figures of a run, in order. Modules are imported when they are needed."""
         makers: list[Callable[[ReportData], Sequence[Figure | Absence]]] = [_load(name) for name in self.drawn_by]
         made = [item for make in makers for item in make(data)]
         require_distinct(made)
-        return made
+        withheld = self.of_errors and data.truth_is_fitted
+        return [Absence(item.id, item.title, _WITHHELD) for item in made] if withheld else made
 
     def tables(self, data: ReportData) -> Sequence[Cells]:
         """Make the tables below the figures."""
-        if not self.tabulated_by:
+        if not self.tabulated_by or (self.of_errors and data.truth_is_fitted):
             return []
         make: Callable[[ReportData], Sequence[Cells]] = _load(self.tabulated_by)
         return make(data)
@@ -104,6 +113,7 @@ FAMILIES: tuple[Family, ...] = (
         "frame in which a feature was first seen. If one scan gives the true positions of all features, it is the key "
         "frame of that scan.",
         ("curves:figures",),
+        of_errors=True,
     ),
     Family(
         "time-structure",
@@ -113,6 +123,7 @@ FAMILIES: tuple[Family, ...] = (
         "the two cases.",
         ("time_structure:figures",),
         "time_structure:tables",
+        of_errors=True,
     ),
     Family(
         "changes",
@@ -120,6 +131,7 @@ FAMILIES: tuple[Family, ...] = (
         "The change of the error in one frame is what the process noise of a filter, or a factor between two frames, "
         "has to model.",
         ("changes:figures",),
+        of_errors=True,
     ),
     Family(
         "gaussianity",
@@ -129,6 +141,7 @@ FAMILIES: tuple[Family, ...] = (
         "errors outside the 99 % ellipse, relative to that of a Gaussian.",
         ("gaussianity:figures",),
         "gaussianity:tables",
+        of_errors=True,
     ),
     Family(
         "along-and-across",
@@ -136,6 +149,7 @@ FAMILIES: tuple[Family, ...] = (
         "Errors are caused by motion and image structure, not by the directions u and v. An error along the motion or "
         "along an edge is easier to see in that direction.",
         ("directions:figures",),
+        of_errors=True,
     ),
     Family(
         "survivorship-bias",
@@ -143,18 +157,21 @@ FAMILIES: tuple[Family, ...] = (
         "A tracker tends to lose its worst features first. Tracks that live long are therefore not a random sample of "
         "all tracks.",
         ("survivorship_bias:figures",),
+        of_errors=True,
     ),
     Family(
         "error-by-speed",
         "Error by speed",
         "This section shows what changes when the camera moves faster, or the tracker sees fewer frames.",
         ("speeds:figures",),
+        of_errors=True,
     ),
     Family(
         "error-by-lighting",
         "Error by lighting",
         "This section shows what changes when the same camera path is seen under different lighting.",
         ("lightings:figures",),
+        of_errors=True,
     ),
     Family(
         "error-by-rotation",
@@ -162,12 +179,14 @@ FAMILIES: tuple[Family, ...] = (
         "This section shows what changes when the trackers see the same images rotated. The camera axes are rotated "
         "too.",
         ("views:rotations",),
+        of_errors=True,
     ),
     Family(
         "error-by-direction",
         "Error by direction",
         "This section shows what changes when the same frames are played backward, as if the camera moved in reverse.",
         ("views:directions",),
+        of_errors=True,
     ),
     Family(
         "occlusion",
@@ -175,5 +194,6 @@ FAMILIES: tuple[Family, ...] = (
         "When a point becomes occluded, a tracker may continue its track on the object in front. The paper counts "
         "such features. Counting them changes the error.",
         ("occlusion:figures",),
+        of_errors=True,
     ),
 )

@@ -33,10 +33,11 @@ def read_colmap(path: Path, *, n_frames: int | None) -> Rows:
     Raises
     ------
     DataError
-        If the file is missing or damaged, a match names a keypoint that does not exist, or the number of images is not
-        that of the frames. None as `n_frames` allows any number.
+        If the file is missing, damaged or open in another program, a match names a keypoint that does not exist, or the
+        number of images is not that of the frames. None as `n_frames` allows any number.
     """
     size = require_regular(path, _EXPECTED, most=_MOST_BYTES)
+    _require_closed(path)
     with damage_reported(path, "not readable", _EXPECTED, with_reason=True):
         keypoints, matches = call_in_child(_read, path, size=size)
     if n_frames not in (None, len(keypoints)):
@@ -46,6 +47,13 @@ def read_colmap(path: Path, *, n_frames: int | None) -> Rows:
         raise DataError(path, "no keypoint", "at least one")
     frame = np.repeat(np.arange(len(counts)), counts)
     return Rows(path, _chained(counts, matches), np.concatenate(keypoints), frame=frame)
+
+
+def _require_closed(path: Path) -> None:
+    """Refuse a database whose last changes are in a file beside it: reading them would write there."""
+    log = path.with_name(f"{path.name}-wal")
+    if log.is_file() and log.stat().st_size:
+        raise DataError(path, f"changes that are in {log.name} alone", "a database that no program has open")
 
 
 def _read(path: Path) -> tuple[_Keypoints, _Matches]:

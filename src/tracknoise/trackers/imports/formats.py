@@ -14,6 +14,7 @@ from tracknoise.trackers.imports.tap import read_tap
 from tracknoise.trackers.imports.xivo import read_xivo
 
 _BEGINNING = 4096
+_LEAST_NANOSECONDS = 1e9
 
 
 class TrackFormat(StrEnum):
@@ -51,7 +52,8 @@ _READERS: Mapping[TrackFormat, Callable[[Path, int | None], Rows]] = {
 def detected(path: Path) -> TrackFormat:
     """The format that the name and the beginning of a file show.
 
-    A text file whose first line contains commas and no letters but those of numbers is a dump of XIVO.
+    A text file whose first line begins with four numbers, and has a descriptor or a time in nanoseconds, is a dump of
+    XIVO.
 
     Raises
     ------
@@ -89,10 +91,14 @@ def origin_of(kind: TrackFormat) -> PixelOrigin:
 
 
 def _is_xivo(path: Path) -> bool:
-    """Whether the first line has numbers only, separated by commas."""
+    """Whether the first line has numbers only, separated by commas: a descriptor, or a time that is one in nanoseconds.
+
+    A table without a header, track, frame, u, v, has neither.
+    """
     try:
         with path.open("rb") as file:
-            cells = file.readline(_BEGINNING).split(b",")[:4]
-        return len(cells) == 4 and len([float(cell) for cell in cells]) == 4
+            cells = file.readline(_BEGINNING).split(b",")
+        numbers = [float(cell) for cell in cells[:4]]
+        return len(numbers) == 4 and (len(cells) > 4 or numbers[0] >= _LEAST_NANOSECONDS)
     except (OSError, ValueError):
         return False

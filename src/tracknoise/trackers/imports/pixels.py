@@ -49,7 +49,7 @@ class Raster:
 
 
 def check_coordinates(rows: Rows, raster: Raster, image: tuple[int, int]) -> None:
-    """Refuse positions that are normalised, or whose columns are swapped.
+    """Refuse positions that are normalised, whose columns are swapped, or of which none is in the image.
 
     Parameters
     ----------
@@ -78,6 +78,11 @@ def check_coordinates(rows: Rows, raster: Raster, image: tuple[int, int]) -> Non
             f"{stated:.0%} of positions inside images of {image[0]} x {image[1]} px, {swapped:.0%} with u and v swapped"
         )
         raise DataError(rows.path, found, "u to the right and v down: the columns are swapped")
+    if stated == 0:
+        found = f"no position inside images of {image[0]} x {image[1]} px"
+        raise DataError(
+            rows.path, found, "pixels of these images; for tracks of resized images set raster = [width, height]"
+        )
 
 
 def share_outside(uv: NDArray[np.float64], image: tuple[int, int]) -> float:

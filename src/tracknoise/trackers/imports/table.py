@@ -17,7 +17,7 @@ from tracknoise.trackers.imports.rows import Rows
 from tracknoise.trackers.quality import is_quality_name
 
 _COLUMNS: dict[str, type[pl.DataType]] = {"track": pl.Int64, "frame": pl.Int64, "u_px": pl.Float64, "v_px": pl.Float64}
-_TIMES = ("time_s", "timestamp")
+_TIMES = ("time_s", "time", "timestamp")
 """Columns that can replace ``frame``."""
 _COVARIANCE = ("cov_uu", "cov_uv", "cov_vv")
 """Columns that are kept as if their names started with `QUALITY_PREFIX`."""
@@ -26,6 +26,7 @@ _USED = {*_COLUMNS, *_TIMES, *_COVARIANCE, _RESPONSE}
 _LEAST_NANOSECONDS = 1e14
 """Whole timestamps from here on are nanoseconds: as seconds they would be 3 million years."""
 _MOST_NANOSECONDS = 4.1e18
+_SEPARATORS = ",;\t"
 _MOST_BYTES, _MOST_ROWS, _MOST_COLUMNS = 4096 * MIB, 1 << 20, 1000
 
 
@@ -98,14 +99,21 @@ def _read(path: Path) -> pl.DataFrame:
 
 
 def _read_csv(path: Path, size: int) -> pl.DataFrame:
-    """All columns are read as text, so that errors can show the cell."""
+    """All columns are read as text, so that errors can show the cell. The header shows what separates them."""
     with path.open("rb") as file:
-        columns = file.readline(MIB).count(b",") + 1
+        header = file.readline(MIB).decode(errors="replace")
+    separator = max(_SEPARATORS, key=header.count)
+    columns = header.count(separator) + 1
     if columns > _MOST_COLUMNS:
         raise DataError(path, f"{columns} columns", f"at most {_MOST_COLUMNS}")
-    table = pl.read_csv(path, infer_schema=False, glob=False).rename(str.strip)
+    table = pl.read_csv(path, infer_schema=False, glob=False, separator=separator).rename(_plain_name)
     _require_columns(path, table.schema)
     return table.select(_used(table.columns))
+
+
+def _plain_name(column: str) -> str:
+    """The name of a column without spaces, quotes, and the ``#`` with which NumPy begins a header."""
+    return column.strip().removeprefix("#").strip(' "')
 
 
 def _read_parquet(path: Path, size: int) -> pl.DataFrame:

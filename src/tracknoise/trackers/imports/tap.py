@@ -1,5 +1,6 @@
 """Tracks of models that track any point (TAP): NumPy archives with the positions of all points in all frames."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +15,27 @@ from tracknoise.trackers.imports.rows import Rows
 
 _MOST_BYTES = 1024 * MIB
 _EXPECTED = "a .npz file with the arrays tracks and occluded"
-_HIDDEN = {"occluded": False, "visible": True}
-"""Arrays that state where points are seen, and the value that says so."""
+_FRAMES_FIRST = "pred_tracks"
+"""The name of positions of shape (frames, points, 2), which are those of CoTracker."""
+_NAMES: Mapping[str, tuple[str, ...]] = {
+    "positions": ("tracks", "points", "target_points", _FRAMES_FIRST),
+    "hidden": ("occluded", "pred_occluded"),
+    "seen": ("visible", "visibles", "visibility", "pred_visibility"),
+    "queries": ("query_points", "queries"),
+}
+"""Names that models and data sets give the arrays, by what they hold."""
+_AXES = {"positions": 3, "hidden": 2, "seen": 2, "queries": 2}
+_Arrays = Mapping[str, tuple[str, NDArray[Any]]]
+"""Arrays with their names, by what they hold."""
 
 
 def read_tap(path: Path, *, n_frames: int | None) -> Rows:
     """Read an archive with ``tracks``, (points, frames, 2): u and v, and ``occluded``, (points, frames).
 
-    ``visible`` can replace ``occluded``. With ``query_points``, (points, 3): frame, v and u, the frames before that of
-    the query are left out. Each point is a track with one row per frame in which it is not occluded.
+    ``visible`` can replace ``occluded``. With ``query_points``, (points, 3), whose first column is the frame, the
+    frames before that of the query are left out. Each point is a track with one row per frame in which it is not
+    occluded. `_NAMES` has further names. An additional first axis of length 1 is ignored. ``pred_tracks`` have frames
+    before points, and so has what states where these are seen.
 
     Raises
     ------
@@ -33,8 +46,8 @@ def read_tap(path: Path, *, n_frames: int | None) -> Rows:
     with damage_reported(path, "not readable", _EXPECTED, with_reason=True):
         arrays = call_in_child(_read, path, size=size)
     tracks, seen = _positions(path, arrays, n_frames), _seen(path, arrays)
-    if "query_points" in arrays:
-        first = _query_frames(path, arrays["query_points"], len(tracks))
+    if "queries" in arrays:
+        first = _query_frames(path, *arrays["queries"], len(tracks))
         seen = seen & (np.arange(tracks.shape[1]) >= first[:, None])
     track, frame = np.nonzero(seen)
     uv = tracks[track, frame]
@@ -47,40 +60,61 @@ def read_tap(path: Path, *, n_frames: int | None) -> Rows:
     return Rows(path, track.astype(np.int64), uv, frame=frame.astype(np.int64))
 
 
-def _read(path: Path) -> dict[str, NDArray[Any]]:
+def _read(path: Path) -> dict[str, tuple[str, NDArray[Any]]]:
     with np.load(path, allow_pickle=False) as archive:
-        return {name: archive[name] for name in ("tracks", *_HIDDEN, "query_points") if name in archive}
+        present = {role: next((name for name in names if name in archive), None) for role, names in _NAMES.items()}
+        found = {role: (name, archive[name]) for role, name in present.items() if name is not None}
+    return {role: (name, _without_batch(values, _AXES[role])) for role, (name, values) in found.items()}
 
 
-def _positions(path: Path, arrays: dict[str, NDArray[Any]], n_frames: int | None) -> NDArray[np.float64]:
-    """The array of positions as float64."""
-    if "tracks" not in arrays:
+def _without_batch(values: NDArray[Any], axes: int) -> NDArray[Any]:
+    """The array without axes of length 1 that are too many: the first ones, then the last ones."""
+    while values.ndim > axes and len(values) == 1:
+        values = values[0]
+    while values.ndim > axes and values.shape[-1] == 1:
+        values = values[..., 0]
+    return values
+
+
+def _positions(path: Path, arrays: _Arrays, n_frames: int | None) -> NDArray[np.float64]:
+    """The array of positions as float64, (points, frames, 2)."""
+    if "positions" not in arrays:
         raise DataError(path, "no array tracks", _EXPECTED)
-    tracks = arrays["tracks"]
+    name, tracks = arrays["positions"]
     if tracks.ndim != 3 or tracks.shape[2] != 2 or tracks.dtype.kind not in "fiu":
-        found = f"tracks of shape {tracks.shape} and type {tracks.dtype}"
+        found = f"{name} of shape {tracks.shape} and type {tracks.dtype}"
         raise DataError(path, found, "numbers of shape (points, frames, 2)")
-    if n_frames is not None and tracks.shape[1] > n_frames >= tracks.shape[0]:
-        found = f"tracks of shape {tracks.shape} for {n_frames} frames"
+    if name == _FRAMES_FIRST:
+        return np.asarray(tracks.swapaxes(0, 1), dtype=np.float64)
+    if n_frames is not None and _are_frames_first(tracks.shape[0], tracks.shape[1], n_frames):
+        found = f"{name} of shape {tracks.shape} for {n_frames} frames"
         raise DataError(path, found, "shape (points, frames, 2): transpose the first two axes")
     return np.asarray(tracks, dtype=np.float64)
 
 
-def _seen(path: Path, arrays: dict[str, NDArray[Any]]) -> NDArray[np.bool_]:
+def _are_frames_first(first: int, second: int, n_frames: int) -> bool:
+    """Whether the lengths of two axes show that the first one is that of frames."""
+    return first == n_frames != second or first <= n_frames < second
+
+
+def _seen(path: Path, arrays: _Arrays) -> NDArray[np.bool_]:
     """Where each point is seen, (points, frames)."""
-    name = next((name for name in _HIDDEN if name in arrays), None)
-    if name is None:
+    role = next((role for role in ("hidden", "seen") if role in arrays), None)
+    if role is None:
         raise DataError(path, "no array occluded or visible", _EXPECTED)
-    stated, expected = arrays[name], arrays["tracks"].shape[:2]
+    name, stated = arrays[role]
+    of, positions = arrays["positions"]
+    expected = positions.shape[:2]
     if stated.shape != expected or stated.dtype.kind not in "buif" or not np.isin(stated, (0, 1)).all():
         found = f"{name} of shape {stated.shape} and type {stated.dtype}"
         raise DataError(path, found, f"true or false, of shape {expected}")
-    return np.asarray(stated.astype(np.bool_) == _HIDDEN[name])
+    seen = stated.astype(np.bool_) == (role == "seen")
+    return np.asarray(seen.T if of == _FRAMES_FIRST else seen)
 
 
-def _query_frames(path: Path, queries: NDArray[Any], count: int) -> NDArray[np.float64]:
+def _query_frames(path: Path, name: str, queries: NDArray[Any], count: int) -> NDArray[np.float64]:
     """The frame of each query."""
     if queries.shape != (count, 3) or queries.dtype.kind not in "fiu" or not np.isfinite(queries).all():
-        found = f"query_points of shape {queries.shape} and type {queries.dtype}"
+        found = f"{name} of shape {queries.shape} and type {queries.dtype}"
         raise DataError(path, found, f"finite numbers of shape ({count}, 3): frame, v and u of each point")
     return np.rint(np.asarray(queries[:, 0], dtype=np.float64))

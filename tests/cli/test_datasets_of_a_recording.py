@@ -20,7 +20,7 @@ def test_frames_poses_size_rate_and_depth_are_shown(tracknoise, recording):
     code, out, err = tracknoise("datasets", str(recording))
     assert (code, err) == (0, "")
     assert out.startswith("reader: folder\n")
-    name, frames, posed, size, *rest = cells(out, "walk")
+    _, frames, posed, size, *rest = cells(out, "walk")
     assert (frames, posed, size) == ("6", "6", "96x64")
     assert rest[-3:] == ["100%", "of", "pixels"]
 

@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.inspection.planted import scaled_positions
+from tests.inspection.planted import Planted, scaled_positions
 
 from tracknoise.inspection.check_report import Severity
 from tracknoise.inspection.evidence import Evidence
+from tracknoise.inspection.inspect import check_sequence
 from tracknoise.inspection.moving_scene import moving_scene
 from tracknoise.inspection.warping import warping
 from tracknoise.sequences.registry import open_sequence
@@ -36,7 +37,7 @@ def test_a_recording_that_is_right_fits(tartanair):
     assert warping(tartanair).severity is Severity.ok
 
 
-def test_parts_of_the_scene_that_move_are_told_from_wrong_poses(tartanair):
+def test_parts_of_the_scene_that_move_are_distinguished_from_wrong_poses(tartanair):
     item = warping(with_traffic(tartanair, 0.65))
     assert item.severity is Severity.caveat
     assert "Parts of the scene probably move" in item.text
@@ -57,3 +58,10 @@ def test_the_traffic_of_kitti_is_named(sample):
     item = warping(Evidence.measured(open_sequence("kitti", sample("kitti"))))
     assert item.severity is Severity.caveat
     assert "such as traffic" in item.text
+
+
+def test_no_focal_length_is_fitted_to_a_mistake(sample):
+    sequence = open_sequence("tartanair", sample("tartanair_v2"))
+    right, wrong = (check_sequence(one) for one in (sequence, Planted(sequence, poses=np.linalg.inv)))
+    assert "focal length" in {item.topic for item in right.items}
+    assert "focal length" not in {item.topic for item in wrong.items}

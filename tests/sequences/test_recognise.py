@@ -50,6 +50,15 @@ def test_variants_of_a_layout_are_recognised_too(reader, files, tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("reader", "file"),
+    [("dtu", "scene001/001_00.png"), ("dtu", "dtu/Calib_Results_11.mat"), ("euroc", "V1_01/cam0/data.csv")],
+)
+def test_a_part_of_a_layout_is_enough(reader, file, tmp_path):
+    made(tmp_path, [file])
+    assert recognise(tmp_path) == reader
+
+
+@pytest.mark.parametrize(
     ("reader", "name"),
     [
         ("sevenscenes", "sevenscenes"),

@@ -280,14 +280,13 @@ def test_a_folder_in_which_a_start_died_at_once_is_empty(tmp_path):
     run.lock_path.touch()
     run.require_empty()
     run.create('name = "x"\n', Manifest("hash", {}, {}, 0))
-    assert not run.is_unstarted
-    (tmp_path / "experiment.toml").unlink()
-    assert run.is_unstarted
+    assert run.exists
+    assert not run.has_measured
 
 
-def test_a_run_that_measured_something_is_not_stillborn(measured):
+def test_a_run_whose_settings_are_lost_has_still_measured(measured):
     (measured.path / "experiment.toml").unlink()
-    assert not measured.is_unstarted
+    assert measured.has_measured
 
 
 def test_an_unfinished_report_of_a_killed_process_is_removed(measured):

@@ -1,5 +1,6 @@
-"""``tracknoise datasets``: the dataset formats, the options of a reader, and the sequences of a dataset."""
+"""``tracknoise datasets``: the dataset formats, the options of a reader, and what a recording holds."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -7,9 +8,13 @@ import typer
 
 from tracknoise.cli.listing import listing
 from tracknoise.cli.options import DebugOption
+from tracknoise.cli.recording import OptionOption
 
 if TYPE_CHECKING:
     from tracknoise.cli.terminal import Terminal
+    from tracknoise.sequences.sequence import Reader
+
+_HEADINGS = ("sequence", "frames", "with pose", "size", "rate", "depth")
 
 
 def register(app: typer.Typer) -> None:
@@ -19,34 +24,92 @@ def register(app: typer.Typer) -> None:
 
 def datasets(
     context: typer.Context,
-    reader: Annotated[
-        str | None, typer.Argument(help="Reader whose options to show, or sequences if --data is given.")
+    recording: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[READER] [PATH]", help="A reader whose options to show, a recording to show, or both."),
     ] = None,
-    data: Annotated[Path | None, typer.Option("--data", "-d", help="Folder of the data.")] = None,
+    data: Annotated[Path | None, typer.Option("--data", "-d", help="Folder of data whose sequences to list.")] = None,
+    option: OptionOption = None,
     debug: DebugOption = False,
 ) -> int:
-    """List the dataset formats, the options of a reader with their defaults, or the sequences of a dataset.
+    """List the dataset formats, the options of a reader with their defaults, or what a recording holds.
 
-    Examples: `tracknoise datasets kitti`, `tracknoise datasets sevenscenes --data /data/7scenes`
+    Of a recording: frames, poses, size, rate and depth of each sequence, and the options of its reader.
+
+    Examples: `tracknoise datasets kitti`, `tracknoise datasets /data/my-recording`,
+    `tracknoise datasets sevenscenes --data /data/7scenes`
     """
-    from tracknoise.sequences.registry import READERS, reader_defaults
+    from tracknoise.sequences.registry import READERS
 
-    if reader is None:
+    words = recording or []
+    if not words:
         context.obj.result(listing({name: READERS.load(name).description for name in READERS.names()}))
         return 0
-    if data is None:
-        context.obj.result(reader_defaults(reader) or f"# the reader {reader} has no options")
-        if READERS.load(reader).needs_root:
-            return 0
-        context.obj.result("")
-    _print_sequences(context.obj, reader, data)
+    if data is None and (len(words) > 1 or _is_path(words[0])):
+        return _show_recording(context.obj, words, option)
+    _show_reader(context.obj, words[0], data)
     return 0
 
 
-def _print_sequences(terminal: "Terminal", reader: str, data: Path | None) -> None:
-    """One line per sequence: scene, lighting and, if it is turned, rotation."""
-    from tracknoise.sequences.registry import make_reader
+def _is_path(word: str) -> bool:
+    """Whether a word names a file or folder. Names of readers come first."""
+    from tracknoise.sequences.registry import READERS
 
+    return word not in READERS.names() and (Path(word).exists() or len(Path(word).parts) > 1)
+
+
+def _show_reader(terminal: "Terminal", reader: str, data: Path | None) -> None:
+    """The options of a reader, or the sequences of its data."""
+    from tracknoise.sequences.registry import READERS, make_reader
+
+    if data is None:
+        terminal.result(_options(reader))
+        if READERS.load(reader).needs_root:
+            return
+        terminal.result("")
     for item in make_reader(reader, data).sequences():
         rotation = f"  rotated {item.rotation}" if item.rotation else ""
         terminal.result(f"{item.scene}  {item.lighting}{rotation}")
+
+
+def _show_recording(terminal: "Terminal", words: list[str], option: list[str] | None) -> int:
+    """A table of the sequences of a recording, and the options of its reader. Status 1 if one cannot be read."""
+    from tracknoise.cli.recording import open_reader
+    from tracknoise.cli.text_table import aligned
+
+    reader, _ = open_reader(words, option)
+    failures: list[str] = []
+    rows = [_HEADINGS, *_rows(reader, failures)]
+    lines = aligned(rows, numeric=(False, True, True, True, True, True))
+    terminal.result("\n".join([f"reader: {reader.name}", "", *lines, "", _options(reader.name)]))
+    for failure in failures:
+        terminal.say(failure)
+    return 1 if failures else 0
+
+
+def _rows(reader: "Reader", failures: list[str]) -> Iterator[tuple[str, ...]]:
+    """Cells of each sequence; those of a sequence that cannot be read are empty, and its error is a failure."""
+    from tracknoise.exceptions import DataError
+    from tracknoise.inspection.overview import overview
+
+    for item in reader.sequences():
+        try:
+            found = overview(reader.open(item))
+        except DataError as error:
+            failures.append(str(error))
+            yield (item.key, *("-" for _ in _HEADINGS[1:]))
+            continue
+        yield (
+            item.key,
+            str(found.n_frames),
+            str(found.n_poses),
+            f"{found.width_px}x{found.height_px}",
+            "-" if found.rate_hz is None else f"{found.rate_hz:.4g} Hz",
+            "none" if found.depth_share is None else f"{found.depth_share:.0%} of pixels",
+        )
+
+
+def _options(reader: str) -> str:
+    from tracknoise.sequences.registry import reader_defaults
+
+    return reader_defaults(reader) or f"# the reader {reader} has no options"

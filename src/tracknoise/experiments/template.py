@@ -1,5 +1,6 @@
 """A first experiment file for a recording."""
 
+import shlex
 from collections.abc import Mapping
 from itertools import chain
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import tomlkit
 
 from tracknoise.sequences.registry import reader_defaults
-from tracknoise.sequences.sequence import Reader, Sequence
+from tracknoise.sequences.sequence import TRIANGULATED, Reader, Sequence
 
 _MOST_NAMED = 6
 _TRACKERS = ("lucas-kanade", "correspondence")
@@ -36,16 +37,19 @@ def experiment_template(reader: Reader, path: Path | None, options: Mapping[str,
     first = reader.open(listed[0])
     scenes = list(dict.fromkeys(item.scene for item in listed))
     name = (path or Path(reader.name)).resolve().name.strip(".") or reader.name
-    parts = [_heading(name, first), _dataset(reader, path, scenes), _options(reader.name, options), _trackers()]
+    dataset = [_dataset(reader, path, scenes), _options(reader.name, options)]
+    parts = [_heading(name, path, first), *dataset, _truth(first), _trackers()]
     return "\n".join(chain.from_iterable(parts)) + "\n"
 
 
-def _heading(name: str, first: Sequence) -> list[str]:
+def _heading(name: str, path: Path | None, first: Sequence) -> list[str]:
+    checked = shlex.quote(str(path.resolve())) if path else name
     speeds = [1] if len(first) < _FEW_FRAMES else [1, 2, 4]
     return [
         f"# {len(first)} frames of {first.camera.width}x{first.camera.height} px in the first sequence.",
         *(f"# Note of the reader: {' '.join(note.split())}" for note in first.notes),
-        "# All keys: tracknoise run --schema. Check the recording first: tracknoise check",
+        f"# Check the recording before you measure it: tracknoise check {checked}",
+        "# All keys of this file: tracknoise run --schema",
         _entry("name", name),
         f"{_entry('speeds', speeds)}  # at speed s, trackers see every s-th frame",
     ]
@@ -71,6 +75,15 @@ def _options(name: str, options: Mapping[str, object]) -> list[str]:
     if not defaults:
         return []
     return ["", "[dataset.options]", *(_entry(key, value) for key, value in options.items()), *defaults]
+
+
+def _truth(first: Sequence) -> list[str]:
+    """The default kind of truth, as a comment; nothing where none is possible."""
+    if not first.truths:
+        return []
+    best = first.truths[0]
+    why = "there is no depth: points are fitted to tracks and poses" if best == TRIANGULATED else "the default here"
+    return ["", "[truth]", f"# {_entry('kind', best)}  # {why}"]
 
 
 def _trackers() -> list[str]:

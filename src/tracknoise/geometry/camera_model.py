@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 class CameraModel(Protocol):
     """Intrinsics of one camera: how points of its frame and pixels belong together.
 
-    `tracknoise.geometry.camera.Camera` is one. A model is immutable, can be compared, and can be pickled.
+    `tracknoise.geometry.camera.Camera` is one. A model is immutable, can be compared and hashed, and can be pickled.
     """
 
     @property
@@ -91,4 +91,8 @@ class CameraModel(Protocol):
 
     def turned(self) -> Self:
         """The camera of the image turned a quarter counter-clockwise, where (u, v) becomes (v, width - 1 - u)."""
+        ...
+
+    def __hash__(self) -> int:
+        """Equal models have equal hashes."""
         ...

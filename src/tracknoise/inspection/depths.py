@@ -1,7 +1,10 @@
 """The topic depth: whether its unit can be metres, and how much of the image has it."""
 
+from collections.abc import Sequence as ListOf
+
 import numpy as np
 
+from tracknoise.geometry.depth import DepthMap
 from tracknoise.inspection.check_report import Item, Severity, Values
 from tracknoise.sequences.sequence import Sequence
 
@@ -19,13 +22,12 @@ def depths(sequence: Sequence) -> Item:
     DataError
         If a depth map cannot be read.
     """
-    chosen = np.unique(np.linspace(0, len(sequence) - 1, _FRAMES).astype(int)).tolist()
-    maps = [depth for index in chosen if (depth := sequence.depth(index)) is not None]
+    maps = sampled_depths(sequence)
     if not maps:
         if sequence.truths:
             return Item("depth", Severity.ok, f"There are no depth maps; truth is possible by {sequence.truths[0]}.")
         return Item("depth", Severity.caveat, "There is no depth: truth by depth is not possible.")
-    share = float(np.mean([depth.valid.mean() for depth in maps]))
+    share = depth_share(maps)
     values = np.concatenate([depth.depth_m[depth.valid] for depth in maps])
     if not len(values):
         return Item("depth", Severity.fatal, "No pixel has a valid depth.", {"share": 0.0})
@@ -41,3 +43,20 @@ def depths(sequence: Sequence) -> Item:
     if is_dense and share < _LEAST_SHARE:
         return Item("depth", Severity.caveat, f"{text} Few features will have a truth.", numbers)
     return Item("depth", Severity.ok, text, numbers)
+
+
+def sampled_depths(sequence: Sequence) -> list[DepthMap]:
+    """Depth maps of some frames, spread evenly; none where there is no depth.
+
+    Raises
+    ------
+    DataError
+        If a depth map cannot be read.
+    """
+    chosen = np.unique(np.linspace(0, len(sequence) - 1, _FRAMES).astype(int)).tolist()
+    return [depth for index in chosen if (depth := sequence.depth(index)) is not None]
+
+
+def depth_share(maps: ListOf[DepthMap]) -> float:
+    """Share of pixels with depth, over all maps."""
+    return float(np.mean([depth.valid.mean() for depth in maps]))

@@ -91,9 +91,11 @@ def check_reader(
 
 
 def _from_images(sequence: Sequence, evidence: Evidence) -> Iterator[Item]:
-    yield mistakes(evidence)
+    named = mistakes(evidence)
+    yield named
     yield warping(evidence)
-    yield focal_length(evidence)
+    if named.severity is not Severity.fatal:  # otherwise a focal length would be fitted to the mistake
+        yield focal_length(evidence)
     yield clock(evidence, sequence.timestamps_s)
 
 

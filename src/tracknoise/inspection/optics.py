@@ -1,5 +1,7 @@
 """Focal length and principal point of any camera model."""
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +15,7 @@ def focal_px(camera: CameraModel) -> float:
     return float(1.0 / abs(rays[1, 0] - rays[0, 0]))
 
 
+@lru_cache
 def principal_point(camera: CameraModel) -> NDArray[np.float64]:
     """(2,) float64: pixel of the optical axis."""
     centre: NDArray[np.float64] = camera.project(np.array([[0.0, 0.0, 1.0]]))[0]

@@ -7,6 +7,7 @@ from tracknoise.geometry.pose import transform
 from tracknoise.inspection.check_report import Item, Severity
 from tracknoise.inspection.evidence import Evidence, residual_px
 from tracknoise.inspection.hypotheses import AS_GIVEN
+from tracknoise.inspection.moving_scene import MovingScene, moving_scene
 from tracknoise.inspection.pairs import LONG_PX, SHORT_PX, Pair
 from tracknoise.inspection.residuals import relative_pose
 
@@ -37,6 +38,9 @@ def warping(evidence: Evidence) -> Item:
     sentences += [f"Depths of two images differ by {differs:.1%}."] if differs is not None else []
     if severity is not Severity.ok:
         sentences.append(f"Errors of the truth would rival the motion: residuals are {share:.0%} of it.")
+        if (moving := moving_scene(evidence)) is not None:
+            severity = Severity.caveat
+            sentences.append(_of_moving_parts(moving))
     return Item(
         "warping", severity, " ".join(sentences), {**values, "share_of_motion": share, "depth_disagreement": differs}
     )
@@ -52,6 +56,13 @@ def _severity(share: float, typical_px: float) -> Severity:
     if share < _CAVEAT_SHARE or typical_px < _NOISE_PX:
         return Severity.ok
     return Severity.fatal if share > _FATAL_SHARE else Severity.caveat
+
+
+def _of_moving_parts(moving: MovingScene) -> str:
+    return (
+        f"{moving.share:.0%} of the points fit to within {moving.fit_px:.1f} px, and the others miss by "
+        f"{moving.other_px:.1f} px. Parts of the scene probably move, such as traffic or people."
+    )
 
 
 def _depth_disagreement(evidence: Evidence) -> float | None:

@@ -37,7 +37,7 @@ class Signature:
 
 
 def _signature(reader: str, pattern: str, layout: str, names: str) -> Signature:
-    return Signature(reader, rf"(?:.*/)?{pattern}", layout, frozenset(names.split()))
+    return Signature(reader, rf"(?:.*/)?(?:{pattern})", layout, frozenset(names.split()))
 
 
 SIGNATURES = (
@@ -73,7 +73,10 @@ SIGNATURES = (
         "velodyne_points proj_depth image_02",
     ),
     _signature(
-        "dtu", r"Img\d{3}_\d{2}\.(?:bmp|png)|Calib_Results_11\.mat", "SETnnn/Img025_07.bmp", "CleanRecon_2009_11_16"
+        "dtu",
+        r"(?:Img|scene\d+/)\d{3}_\d{2}\.(?:bmp|png)|Calib_Results_11\.mat",
+        "SETnnn/Img025_07.bmp",
+        "CleanRecon_2009_11_16",
     ),
     _signature(
         "folder", r"(?:poses\.txt|camera\.json)", "images/, camera.json and poses.txt", "images depth poses.csv"

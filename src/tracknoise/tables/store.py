@@ -119,9 +119,9 @@ class RunFolder:
         return (self.path / _MANIFEST).is_file()
 
     @property
-    def is_unstarted(self) -> bool:
-        """Whether the run here was killed before its settings were written, or after they were removed."""
-        return self.exists and not (self.path / _SETTINGS).exists() and not self.manifest().sequences
+    def has_measured(self) -> bool:
+        """Whether a run was started here and has measured a sequence."""
+        return self.exists and bool(self.manifest().sequences)
 
     def require_empty(self) -> None:
         """Refuse a folder that holds anything but its lock and unfinished files of a killed start.

@@ -16,6 +16,8 @@ def begin(
 ) -> tuple[Manifest, bool]:
     """Manifest of the run to resume, or of a new run, and whether the settings file must be rewritten.
 
+    A run that has not measured anything is replaced, such as one that failed because of a wrong setting.
+
     Parameters
     ----------
     experiment
@@ -33,7 +35,7 @@ def begin(
         If the folder holds other files, or the run of another experiment; the message names the first setting that
         differs. More scenes, other groups of them and other settings of findings are allowed: such a run is resumed.
     """
-    if run.exists and not fresh and not run.is_unstarted:
+    if not fresh and run.has_measured:
         return _resume(experiment, run, remark)
     if run.exists:
         run.clear()

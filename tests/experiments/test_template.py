@@ -1,0 +1,53 @@
+"""The first experiment file of a recording can be loaded, and reads the recording that it is about."""
+
+import dataclasses
+
+import pytest
+from tests.contract.test_sequences import LAYOUTS
+from tests.experiments.running.test_execute import Silent
+
+from tracknoise.experiments.load import load_experiment
+from tracknoise.experiments.resolve import resolve
+from tracknoise.experiments.running.execute import execute
+from tracknoise.experiments.template import experiment_template
+from tracknoise.sequences.recognise import recognise
+from tracknoise.sequences.registry import READERS, make_reader
+from tracknoise.tables.store import RunFolder
+
+
+def chosen_options(reader):
+    """Options of a reader that differ from the defaults."""
+    fields = [one for one in dataclasses.fields(reader) if one.init and one.name != "root"]
+    return {
+        one.name: getattr(reader, one.name)
+        for one in fields
+        if one.default is dataclasses.MISSING or getattr(reader, one.name) != one.default
+    }
+
+
+@pytest.mark.parametrize("name", sorted(READERS.built_in))
+def test_every_reader_has_one_that_opens_the_recording(name, tmp_path):
+    written = LAYOUTS[name](tmp_path / "data", 3).reader
+    root = getattr(written, "root", None)
+    assert root is None or recognise(root) == name
+    file = tmp_path / "first.toml"
+    file.write_text(experiment_template(written, root, chosen_options(written)))
+    dataset = resolve(load_experiment(file)).dataset
+    made = make_reader(dataset.reader, dataset.root, dataset.options)
+    assert made.sequences() == written.sequences()
+    assert len(made.open(made.sequences()[0])) == len(written.open(written.sequences()[0]))
+
+
+def test_without_depth_it_says_how_truth_is_computed_and_can_be_run(sample, tmp_path):
+    reader = make_reader("kitti-odometry", sample("kitti_odometry"))
+    text = experiment_template(reader, sample("kitti_odometry"), {})
+    assert '# kind = "triangulated"  # there is no depth' in text
+    file = tmp_path / "first.toml"
+    file.write_text(text)
+    short = load_experiment(file, frames=6, trackers=["lucas-kanade"])
+    assert execute(short, RunFolder(tmp_path / "run"), listener=Silent()).failures == {}
+
+
+def test_with_depth_the_default_is_named(sample):
+    reader = make_reader("tartanair", sample("tartanair_v2"))
+    assert '# kind = "birth"' in experiment_template(reader, sample("tartanair_v2"), {})

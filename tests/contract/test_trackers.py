@@ -46,6 +46,7 @@ def _track_file(path: Path) -> str:
     rng = np.random.default_rng(0)
     track, frame = np.nonzero(rng.random((40, FRAMES)) < 0.8)
     u_px, v_px = rng.uniform(10, 150, (2, len(track)))
+    u_px[0], v_px[0] = 0, 0  # inside images of any size
     sure = np.where(rng.random(len(track)) < 0.9, rng.random(len(track)), np.nan)
     table = pl.DataFrame({"track": track, "frame": frame, "u_px": u_px, "v_px": v_px, "quality_sure": sure})
     table.fill_nan(None).write_csv(path)

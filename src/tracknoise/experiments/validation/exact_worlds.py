@@ -46,6 +46,7 @@ N_FRAMES = 25
 KEY_FRAME = 10
 _LIVES: Mapping[str, Lives] = {"scripted": Lives(260, 0.06, 0.4), "imported": Lives(120, 0.1, 0.0)}
 """By tracker. Imported tracks are read from a file, which cannot tell outliers from losses."""
+_TRACK_FILE = "{scene}-{lighting}-{rotation}-{direction}-{speed}.parquet"
 _WAYS: Mapping[tuple[bool, int], tuple[int, ...]] = {
     (False, 0): (1, 2),
     (True, 0): (1,),
@@ -181,9 +182,9 @@ def _take(
     }
     if imported:
         for one in shown:
-            file = imported / f"{sequence.id.key}-{one.speed}.parquet"
-            _write_tracks(scripts["imported", one.speed], file)
-        trackers["imported"] = Imported(PathTemplate(f"{imported}/{sequence.id.key}-{{speed}}.parquet"))
+            path = sequence.id.expand(f"{imported}/{_TRACK_FILE}", speed=one.speed)
+            _write_tracks(scripts["imported", one.speed], path)
+        trackers["imported"] = Imported(PathTemplate(f"{imported}/{_TRACK_FILE}"))
     return _Take(sequence, trackers, scripts)
 
 

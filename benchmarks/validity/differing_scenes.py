@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import polars as pl
 
-from tracknoise.findings.intervals.biased_scenes import with_biases
+from tracknoise.findings.intervals.biased_scenes import Parts, with_biases
 from tracknoise.findings.intervals.table import curve_statistics
 from tracknoise.findings.sampling.bounds import Method, averaged, geometric, pooled
 from tracknoise.findings.sampling.groups import MIN_SCENES, scheme
@@ -139,7 +139,7 @@ def coverage(n_scenes: int, world: World, *, runs: int, seed: int) -> Iterator[t
     units, method, none = simulated.units, Method(), np.empty((0, n_scenes))
     for name, estimated in (("features", pooled), ("scenes", averaged)):
         found = estimated(units, none, curve_statistics, method, scales=SCALES)
-        found = with_biases(units, found, [SECOND, SECOND + 1], Weighting(name))
+        found = with_biases(units, Parts.of(units, Weighting(name)), found, [SECOND, SECOND + 1])
         yield f"mean, {name}", _held(found.low[MEAN], found.high[MEAN], simulated.mean)
         yield f"second, {name}", _held(found.low[SECOND], found.high[SECOND], simulated.second)
     if world.bias_px == 0 or world.groups:  # otherwise the geometric mean is not known in closed form

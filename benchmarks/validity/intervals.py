@@ -17,7 +17,7 @@ import numpy as np
 import polars as pl
 
 from tracknoise.findings.estimate import EstimateArray
-from tracknoise.findings.intervals.biased_scenes import with_biases
+from tracknoise.findings.intervals.biased_scenes import Parts, with_biases
 from tracknoise.findings.intervals.scalar_bounds import first_reached, survival
 from tracknoise.findings.intervals.table import curve_statistics
 from tracknoise.findings.sampling.bounds import Sample
@@ -185,7 +185,8 @@ def _biased(
     """Bounds of second moments of u over scenes with biases."""
     both = [np.repeat(array, 2, axis=0) for array in (value, *bounds)]
     count = np.full(both[0].shape, len(units.sums))
-    found = with_biases(units, EstimateArray(*both, count, count, IntervalKind.student, LEVEL), [0, 1], weighting)
+    estimates = EstimateArray(*both, count, count, IntervalKind.student, LEVEL)
+    found = with_biases(units, Parts.of(units, weighting), estimates, [0, 1])
     return found.low[:1], found.high[:1]
 
 

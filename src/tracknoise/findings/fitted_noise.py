@@ -1,19 +1,21 @@
 """Noise of tracks with triangulated truth, (noise.triangulated) and (noise.epipolar), with intervals."""
 
+from functools import partial
+
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.findings.intervals.condition_table import Sampling, condition_table, estimated
 from tracknoise.findings.sampling.bounds import Method, pooled
-from tracknoise.findings.sampling.draws import N_DRAWS, Draws, draws_by_dataset
+from tracknoise.findings.sampling.draws import N_DRAWS, Draws
 from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.findings.sampling.units import units_of
-from tracknoise.statistics.conditions import Tables, by_condition, scenes_by_dataset
+from tracknoise.statistics.conditions import Tables, by_condition
 from tracknoise.statistics.definitions import LENGTHS, POOLED
 from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL
-from tracknoise.tables.enumerations import IntervalKind
 from tracknoise.tables.findings_schema import TRIANGULATED_NOISE
-from tracknoise.tables.schema import FITTED_NOISE, check, empty
+from tracknoise.tables.schema import FITTED_NOISE, check
 
 _SUMS = ["n", "squares_u", "freedom_u", "squares_v", "freedom_v", "squares", "freedom"]
 _COORDINATES = ("u", "v", "both")
@@ -53,17 +55,8 @@ def fitted_noise_table(
         If there is no such kind, or the level is not between 0 and 1.
     """
     conditions = by_condition(sums, FITTED_NOISE, "fitted noise")
-    scenes = scenes_by_dataset(conditions.items())
-    drawn = draws_by_dataset(scenes, n_draws=0 if kind == IntervalKind.student else n_draws, seed=seed, groups=groups)
-    parts = [
-        _rows(part, drawn[key[0]], Method(kind, level), groups).with_columns(
-            pl.lit(value, dtype=TRIANGULATED_NOISE[name]).alias(name) for name, value in zip(POOLED, key, strict=True)
-        )
-        for key, part in conditions.items()
-        if part.height
-    ]
-    typed = [part.select(pl.col(name).cast(dtype) for name, dtype in TRIANGULATED_NOISE.items()) for part in parts]
-    table = pl.concat([empty(TRIANGULATED_NOISE), *typed])
+    rows = partial(_rows, groups=groups)
+    table = condition_table(conditions, TRIANGULATED_NOISE, rows, Sampling(kind, level, groups, n_draws, seed))
     order = [*POOLED, "measure", "trimming", "length_low", "coordinate"]
     return check(table.sort(order), TRIANGULATED_NOISE, "triangulated noise")
 
@@ -76,14 +69,9 @@ def _rows(sums: pl.DataFrame, draws: Draws, method: Method, groups: SceneGroups)
     sizes = np.stack([units.sums[..., place].T for place in (2, 4, 6)])
     found = pooled(units, draws.weights(units), _deviations, method, scales=["log"] * len(_COORDINATES), sizes=sizes)
     labels = pl.DataFrame({"coordinate": _COORDINATES}).join(units.points, how="cross")
-    columns = {"sigma_px": "value", **{name: name for name in ("low", "high", "n_units", "n_scenes")}}
-    numbers = pl.DataFrame({name: getattr(found, source).ravel() for name, source in columns.items()})
     n = np.tile(units.sums[..., 0].sum(axis=0), len(_COORDINATES))
-    made = {"kind": found.kind, "level": found.level, "resampled": units.resampled}
-    table = labels.hstack(numbers).with_columns(
-        _lengths(),
-        pl.Series("n", n, dtype=pl.Float64),
-        *(pl.lit(value, dtype=TRIANGULATED_NOISE[name]).alias(name) for name, value in made.items()),
+    table = estimated(labels, found, units, TRIANGULATED_NOISE, value="sigma_px").with_columns(
+        _lengths(), pl.Series("n", n, dtype=pl.Float64)
     )
     return table.with_columns(
         pl.col("sigma_px", "low", "high").fill_nan(None), length_low=pl.col("length_low").replace({0: None})

@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 from scipy import stats
 
-from tracknoise.findings.intervals.biased_scenes import with_biases
+from tracknoise.findings.intervals.biased_scenes import Parts, with_biases
 from tracknoise.findings.intervals.heavy_tails import coverage_of_heavy_tails
 from tracknoise.findings.intervals.table import curve_statistics
 from tracknoise.findings.sampling.bounds import Method, averaged, pooled
@@ -31,7 +31,7 @@ def scenes(rng, n_scenes, *, bias, scale, freedom=np.inf, mean=0.0):
 
 def bounds(units, weigh):
     found = weigh(units, np.empty((0, len(units.sums))), curve_statistics, Method(), scales=SCALES)
-    return with_biases(units, found, ROWS, "features" if weigh is pooled else "scenes")
+    return with_biases(units, Parts.of(units, "features" if weigh is pooled else "scenes"), found, ROWS)
 
 
 def share(found, true):
@@ -73,11 +73,11 @@ def test_the_formula_by_hand_of_scenes_without_noise():
 def test_heavy_tails_are_stated_where_biases_decide_and_not_elsewhere():
     rng = np.random.default_rng(3)
     units = scenes(rng, 11, bias=0.3, scale=0.1, freedom=3)
-    stated = coverage_of_heavy_tails(units, "features", level=0.95)[0]
+    stated = coverage_of_heavy_tails(units, Parts.of(units, "features"), level=0.95)[0]
     assert np.isfinite(stated).mean() > 0.95
     assert abs(np.nanmean(stated) - share(bounds(units, pooled), 0.3**2 + 0.1**2)) < 0.05
     unbiased = scenes(rng, 11, bias=0.01, scale=0.3)
-    assert np.isnan(coverage_of_heavy_tails(unbiased, "features", level=0.95)).all()
+    assert np.isnan(coverage_of_heavy_tails(unbiased, Parts.of(unbiased, "features"), level=0.95)).all()
 
 
 @pytest.mark.parametrize("resampled", ["within", "blocks"])
@@ -85,5 +85,5 @@ def test_other_intervals_stay_as_they_are(resampled):
     units = scenes(np.random.default_rng(4), 8, bias=0.3, scale=0.1)
     found = pooled(units, np.empty((0, 8)), curve_statistics, Method(), scales=SCALES)
     other = replace(units, resampled=resampled)
-    assert with_biases(other, found, ROWS, "features") is found
-    assert np.isnan(coverage_of_heavy_tails(other, "features", level=0.95)).all()
+    assert with_biases(other, Parts.of(other, "features"), found, ROWS) is found
+    assert np.isnan(coverage_of_heavy_tails(other, Parts.of(other, "features"), level=0.95)).all()

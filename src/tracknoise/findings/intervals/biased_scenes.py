@@ -68,23 +68,23 @@ class Parts:
         return cls(units.joined(size), *(units.joined(part) for part in parts))
 
 
-def with_biases(units: Units, estimates: EstimateArray, rows: Sequence[int], weighting: Weighting) -> EstimateArray:
+def with_biases(units: Units, parts: Parts, estimates: EstimateArray, rows: Sequence[int]) -> EstimateArray:
     """The same with intervals of second moments by (biased), if scenes or groups of them are resampled.
 
     Parameters
     ----------
     units
         Of one condition, with the columns `SUMS`.
+    parts
+        Of their second moments, with the weighting of the estimates.
     estimates
         Student's intervals, (statistics, points); others stay as they are.
     rows
         Where the second moments of u and of v are among the statistics.
-    weighting
-        Of the second moments: of all features together, or the mean over scenes.
     """
     if estimates.kind != IntervalKind.student or units.resampled not in OF_SCENES:
         return estimates
-    place, parts = list(rows), Parts.of(units, weighting)
+    place = list(rows)
     low, high = biased_interval(parts, _variance(units, parts, estimates.level), estimates.value[place])
     known = np.isfinite(low) & np.isfinite(high) & np.isfinite(estimates.high[place])
     lows, highs = estimates.low.copy(), estimates.high.copy()

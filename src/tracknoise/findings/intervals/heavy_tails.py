@@ -5,7 +5,6 @@ whose biases have Student's distribution of 3 degrees of freedom. It is stated w
 `TOLERATED` of the coverage. `python -m benchmarks.validity.differing_scenes` measures what they cost.
 """
 
-import math
 from functools import lru_cache
 
 import numpy as np
@@ -14,26 +13,27 @@ from numpy.typing import NDArray
 from tracknoise.findings.estimate import EstimateArray
 from tracknoise.findings.intervals.biased_scenes import OF_SCENES, Parts, biased_interval, spread_of_biases
 from tracknoise.findings.sampling.jackknife import student_interval
+from tracknoise.findings.sampling.tested_range import RUNS, rounded_count
 from tracknoise.findings.sampling.units import MIN_SCENES, Units
-from tracknoise.tables.enumerations import IntervalKind, Weighting
+from tracknoise.tables.enumerations import IntervalKind
 
 Array = NDArray[np.float64]
 
 TOLERATED = 0.02
 """Coverage that may be lost before it is stated."""
-_RUNS, _STEP, _RATIO = 4000, 0.2, 1.15
-"""Of the simulations. Shares and spreads are rounded to multiples of the step, counts to powers of the ratio."""
+_STEP = 0.2
+"""Shares and spreads are rounded to multiples of this."""
 
 
-def coverage_of_heavy_tails(units: Units, weighting: Weighting, *, level: float) -> Array:
+def coverage_of_heavy_tails(units: Units, parts: Parts, *, level: float) -> Array:
     """Coverage of the intervals of `tracknoise.findings.intervals.biased_scenes` if biases are heavy-tailed.
 
     Parameters
     ----------
     units
         Of one condition, with the columns of `tracknoise.findings.sampling.units.SUMS`.
-    weighting
-        Of the second moments: of all features together, or the mean over scenes.
+    parts
+        Of their second moments.
     level
         Of the intervals.
 
@@ -42,14 +42,13 @@ def coverage_of_heavy_tails(units: Units, weighting: Weighting, *, level: float)
     (2, points) float64
         Of u and of v; NaN where it is the level to within `TOLERATED`, or where no scenes are resampled.
     """
-    parts = Parts.of(units, weighting)
     found = np.full(parts.biases.shape[1:], np.nan)
     if units.resampled in OF_SCENES:
         shares, spreads = _share_of_biases(parts), _log_spread(parts)
         counts = (parts.sizes[..., 0] > 0).sum(axis=0)
         for place in zip(*np.nonzero(shares >= _STEP), strict=True):
             share, spread = (round(float(part[place]) / _STEP) * _STEP for part in (shares, spreads))
-            found[place] = _covered(_rounded(int(counts[place[0]])), share, spread, level)
+            found[place] = _covered(rounded_count(float(counts[place[0]]), least=MIN_SCENES), share, spread, level)
     return np.where(found < level - TOLERATED, found, np.nan).T
 
 
@@ -71,15 +70,11 @@ def _log_spread(parts: Parts) -> Array:
     return np.asarray(np.sqrt((there * np.square(logs - mean)).sum(axis=0) / np.maximum(count - 1, 1)))
 
 
-def _rounded(count: int) -> int:
-    return max(round(_RATIO ** round(math.log(max(count, 1), _RATIO))), MIN_SCENES)
-
-
 @lru_cache(maxsize=4096)
 def _covered(n: int, share: float, spread: float, level: float) -> float:
     """Share of intervals of simulated scenes that contain the true second moment, 1."""
     rng = np.random.default_rng(n)
-    biases = np.sqrt(share / 3) * rng.standard_t(3, size=(n, _RUNS, 1))
+    biases = np.sqrt(share / 3) * rng.standard_t(3, size=(n, RUNS, 1))
     variances = (1 - share) * np.exp(spread * rng.normal(size=biases.shape) - spread**2 / 2)
     parts = Parts(np.ones_like(biases), biases, np.square(biases), variances)
     within, total = variances.mean(axis=0), variances.sum(axis=0)

@@ -8,18 +8,20 @@ its own lifetime.
 Source: O. Aalen, S. Johansen, Scandinavian Journal of Statistics 5 (1978).
 """
 
+from functools import partial
+
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.findings.intervals.condition_table import Sampling, condition_table, estimated
 from tracknoise.findings.sampling.bounds import Method, pooled
-from tracknoise.findings.sampling.draws import N_DRAWS, Draws, draws_by_dataset
+from tracknoise.findings.sampling.draws import N_DRAWS, Draws
 from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.findings.sampling.units import units_of
-from tracknoise.statistics.conditions import Tables, by_condition, scenes_by_dataset
+from tracknoise.statistics.conditions import Tables, by_condition
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL
-from tracknoise.tables.enumerations import IntervalKind
 from tracknoise.tables.findings_schema import INCIDENCE
 from tracknoise.tables.schema import BY_CAUSE, CAUSES, ENDS, check, empty
 
@@ -60,18 +62,9 @@ def incidence_table(
         If there is no such kind, or the level is not between 0 and 1.
     """
     conditions = by_condition(ends, ENDS, "ends")
-    scenes = scenes_by_dataset(conditions.items())
-    drawn = draws_by_dataset(scenes, n_draws=0 if kind == IntervalKind.student else n_draws, seed=seed, groups=groups)
-    method = Method(kind, level)
-    parts = [
-        _rows(part, drawn[key[0]], method, groups).with_columns(
-            pl.lit(value, dtype=INCIDENCE[name]).alias(name) for name, value in zip(POOLED, key, strict=True)
-        )
-        for key, part in conditions.items()
-        if part.height and not part[_COLUMNS[-1]].null_count()
-    ]
-    typed = [part.select(pl.col(name).cast(dtype) for name, dtype in INCIDENCE.items()) for part in parts]
-    table = pl.concat([empty(INCIDENCE), *typed]).with_columns(pl.col("incidence", "low", "high").fill_nan(None))
+    rows = partial(_rows, groups=groups)
+    table = condition_table(conditions, INCIDENCE, rows, Sampling(kind, level, groups, n_draws, seed))
+    table = table.with_columns(pl.col("incidence", "low", "high").fill_nan(None))
     return check(table.sort(*POOLED, "cause", "lifetime"), INCIDENCE, "incidence")
 
 
@@ -98,16 +91,13 @@ def cumulative_incidence(sums: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _rows(ends: pl.DataFrame, draws: Draws, method: Method, groups: SceneGroups) -> pl.DataFrame:
-    """One row per cause and lifetime of a condition."""
+    """One row per cause and lifetime of a condition; none if causes are not reported."""
+    if ends[_COLUMNS[-1]].null_count():
+        return empty(INCIDENCE)
     units = units_of(ends, ends, points=["lifetime"], columns=_COLUMNS, groups=groups)
     tracks = units.sums.sum(axis=(1, 2))
     sizes = np.broadcast_to(tracks, (len(units.points), len(tracks)))
     scales = ["logit"] * len(CAUSES)
     found = pooled(units, draws.weights(units), cumulative_incidence, method, scales=scales, sizes=sizes)
     labels = pl.DataFrame({"cause": CAUSES}).join(units.points, how="cross")
-    columns = {"incidence": "value", **{name: name for name in ("low", "high", "n_units", "n_scenes")}}
-    numbers = pl.DataFrame({name: getattr(found, source).ravel() for name, source in columns.items()})
-    made = {"kind": found.kind, "level": found.level, "resampled": units.resampled}
-    return labels.hstack(numbers).with_columns(
-        pl.lit(value, dtype=INCIDENCE[name]).alias(name) for name, value in made.items()
-    )
+    return estimated(labels, found, units, INCIDENCE, value="incidence")

@@ -24,7 +24,7 @@ from tracknoise.findings.intervals.between_scenes import (
     with_coverage,
     with_estimates,
 )
-from tracknoise.findings.intervals.biased_scenes import with_biases
+from tracknoise.findings.intervals.biased_scenes import Parts, with_biases
 from tracknoise.findings.intervals.change_bounds import (
     AUTOCORRELATION,
     correlated_changes,
@@ -216,16 +216,13 @@ def _weighted(units: Units, weights: NDArray[np.float64], method: Method) -> Ite
     """Rows of each weighting."""
     roles = pl.DataFrame(_CURVES, schema=["role", "coordinate"], orient="row")
     labels = roles.join(units.points, how="cross")
-    found = with_biases(
-        units, pooled(units, weights, curve_statistics, method, scales=_SCALES), _SECOND, Weighting.features
-    )
+    by_feature, by_scene = (Parts.of(units, weighting) for weighting in (Weighting.features, Weighting.scenes))
+    found = with_biases(units, by_feature, pooled(units, weights, curve_statistics, method, scales=_SCALES), _SECOND)
     between = between_scenes(units, curve_statistics, _SCALES, found)
-    beside = _stated(between, units, found, Weighting.features)
+    beside = _stated(between, units, by_feature, found)
     yield _rows(LabelledEstimates(labels, found, units, beside), weighting=Weighting.features)
-    found = with_biases(
-        units, averaged(units, weights, curve_statistics, method, scales=_SCALES), _SECOND, Weighting.scenes
-    )
-    beside = _stated(with_estimates(between, units, _SCALES, found), units, found, Weighting.scenes)
+    found = with_biases(units, by_scene, averaged(units, weights, curve_statistics, method, scales=_SCALES), _SECOND)
+    beside = _stated(with_estimates(between, units, _SCALES, found), units, by_scene, found)
     yield _rows(LabelledEstimates(labels, found, units, beside), weighting=Weighting.scenes)
     labels = roles[_GEOMETRIC].join(units.points, how="cross")
     found = geometric(units, weights, _logarithms, method)
@@ -233,11 +230,11 @@ def _weighted(units: Units, weights: NDArray[np.float64], method: Method) -> Ite
     yield _rows(LabelledEstimates(labels, found, units, beside), weighting=Weighting.geometric)
 
 
-def _stated(between: BetweenScenes, units: Units, found: EstimateArray, weighting: Weighting) -> BetweenScenes:
+def _stated(between: BetweenScenes, units: Units, parts: Parts, found: EstimateArray) -> BetweenScenes:
     """The same with the coverage of second moments if biases of scenes have heavy tails."""
     if found.kind != IntervalKind.student:
         return between
-    return with_coverage(between, _SECOND, coverage_of_heavy_tails(units, weighting, level=found.level))
+    return with_coverage(between, _SECOND, coverage_of_heavy_tails(units, parts, level=found.level))
 
 
 def _logarithms(sums: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -19,7 +19,8 @@ from tracknoise.findings.sampling.jackknife import student_interval
 
 MOST_SPREAD = 1.4
 """Largest tested standard deviation between scenes of the logarithm: a factor of 4."""
-_RUNS = 4000
+RUNS = 4000
+"""Simulated sets of scenes."""
 _STEP = 0.2
 """Spreads are rounded to multiples of this."""
 _RATIO = 1.15
@@ -50,14 +51,15 @@ def coverage_outside(
     outside = (n_units >= MIN_SCENES) & ~np.isnan(spread) & (beyond | (n_effective < MIN_SCENES))
     found = np.full(n_units.shape, np.nan)
     for place in np.flatnonzero(outside):
-        n = _rounded(float(n_units[place]), least=MIN_SCENES)
-        effective = min(_rounded(float(n_effective[place]), least=1), n)
+        n = rounded_count(float(n_units[place]), least=MIN_SCENES)
+        effective = min(rounded_count(float(n_effective[place]), least=1), n)
         between = round(float(spread[place]) / _STEP) * _STEP if skewed else 1.0
         found[place] = _covered(n, between, effective, level, skewed=skewed)
     return found
 
 
-def _rounded(count: float, *, least: int) -> int:
+def rounded_count(count: float, *, least: int) -> int:
+    """A number of scenes, rounded so that few simulations are needed."""
     power = round(math.log(max(count, 1.0), _RATIO))
     return max(round(_RATIO**power), least)
 
@@ -65,7 +67,7 @@ def _rounded(count: float, *, least: int) -> int:
 @lru_cache(maxsize=4096)
 def _covered(n: int, spread: float, effective: int, level: float, *, skewed: bool) -> float:
     """Share of intervals of simulated scenes that contain the true mean."""
-    logs = spread * np.random.default_rng(n).normal(size=(n, _RUNS))
+    logs = spread * np.random.default_rng(n).normal(size=(n, RUNS))
     values, true = (np.exp(logs), np.exp(spread**2 / 2)) if skewed else (logs, 0.0)
     sizes = _sizes(n, effective)[:, None]
     total = (sizes * values).sum(axis=0)

@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.geometry.association import nearest
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.images import Levels
 from tracknoise.sequences.rosbag.bag import BagFile, Position
 from tracknoise.sequences.rosbag.links import Link
 from tracknoise.sequences.rosbag.pictures import depth_map, gray_image
 from tracknoise.sequences.rosbag.scan import Messages
-from tracknoise.sequences.timed.association import nearest
 
 
 class Clock(StrEnum):

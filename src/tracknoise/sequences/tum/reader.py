@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from tracknoise.checks import require_at_least, require_positive
 from tracknoise.exceptions import DataError
+from tracknoise.geometry.association import nearest
 from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_notes
 from tracknoise.sequences.images import read_depth_png16
 from tracknoise.sequences.poses import read_rows
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.scenes import find_scenes, scene_folder
-from tracknoise.sequences.timed.association import nearest
 from tracknoise.sequences.timed.order import require_seconds
 from tracknoise.sequences.timed.trajectory import Trajectory, poses_at, trajectory
 from tracknoise.sequences.tum.calibration import PosesOf, find_calibration, known_recording

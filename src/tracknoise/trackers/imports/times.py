@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.geometry.association import nearest
 from tracknoise.trackers.imports.rows import Rows
 
 _Taken = tuple[Rows, int]
@@ -46,10 +47,9 @@ def nearest_frames(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float) 
         If all rows are.
     """
     time_s = _times(rows)
-    after = np.clip(np.searchsorted(frames_s, time_s), 1, len(frames_s) - 1)
-    frame = after - (time_s - frames_s[after - 1] <= frames_s[after] - time_s)
+    frame = nearest(time_s, frames_s, max_gap_s=max_gap_s)
     gap = np.abs(time_s - frames_s[frame])
-    near = np.flatnonzero(gap <= max_gap_s)
+    near = np.flatnonzero(frame >= 0)
     _require_any(rows, near, frames_s)
     order = near[np.lexsort([gap[near], rows.track[near], frame[near]])]
     first = np.ones(len(order), dtype=np.bool_)

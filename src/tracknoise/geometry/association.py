@@ -1,4 +1,4 @@
-"""Which depth belongs to which image, where each has its own time."""
+"""Which of other times is nearest to each time: depths of images, observations of frames."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from tracknoise.geometry.interpolation import interpolate_poses
+from tracknoise.geometry.interpolation import PosePath, interpolate_poses
 
 
 def poses(count, seed=0):
@@ -61,3 +61,19 @@ def test_without_two_poses_there_is_nothing_to_interpolate(count):
 def test_times_must_increase(times):
     with pytest.raises(ValueError, match="increase"):
         interpolate_poses(np.array(times), poses(2), np.zeros(1), max_gap_s=1.0)
+
+
+def test_a_path_goes_on_beyond_its_ends_and_has_gaps_where_poses_are_missing():
+    times = np.arange(4.0)
+    made = np.broadcast_to(np.eye(4), (4, 4, 4)).copy()
+    made[:, :3, :3] = Rotation.from_rotvec(np.outer(times, [0.0, 0.2, 0.0])).as_matrix()
+    made[:, :3, 3] = np.outer(times, [1.0, -2.0, 0.5])
+    path = PosePath(times, made)
+    found = path.at(np.array([-0.5, 1.25, 3.0, 3.5]))
+    np.testing.assert_allclose(found[:, :3, 3], np.outer([-0.5, 1.25, 3.0, 3.5], [1.0, -2.0, 0.5]), atol=1e-12)
+    turned = Rotation.from_matrix(found[:, :3, :3]).as_rotvec()
+    np.testing.assert_allclose(turned[:, 1], 0.2 * np.array([-0.5, 1.25, 3.0, 3.5]), atol=1e-12)
+    gap = made.copy()
+    gap[2] = np.nan
+    known = np.isfinite(PosePath(times, gap).at(np.array([0.5, 1.0, 1.5, 2.5, 3.0]))).all(axis=(1, 2))
+    assert known.tolist() == [True, True, False, False, True]

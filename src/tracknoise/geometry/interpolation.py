@@ -1,5 +1,7 @@
 """Poses at times between those that were recorded."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -45,6 +47,47 @@ def interpolate_poses(
     fraction = np.where(gap_s > 0.0, elapsed_s, 0.0) / np.where(gap_s > 0.0, gap_s, 1.0)
     found[known] = _between(poses[before[known]], poses[after[known]], fraction[known])
     return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PosePath:
+    """Poses at any time: interpolated between frames, and extrapolated beyond the first and the last.
+
+    Parameters
+    ----------
+    times
+        (n,) float64, increasing, n at least 2: the time of each frame, in seconds or in frames.
+    poses
+        (n, 4, 4) float64, rigid; all NaN for a frame without a pose.
+    """
+
+    times: NDArray[np.float64]
+    poses: NDArray[np.float64]
+
+    def at(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Poses on the line between the two frames around each time, see `interpolate_poses`.
+
+        Before the first frame and after the last, the velocity of the nearest interval goes on.
+
+        Parameters
+        ----------
+        times
+            (m,) float64, in any order.
+
+        Returns
+        -------
+        (m, 4, 4) float64
+            NaN where one of the two frames has no pose; a time that equals that of a frame has the pose of the frame.
+        """
+        before = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, len(self.times) - 2)
+        first, second = self.poses[before], self.poses[before + 1]
+        fraction = (times - self.times[before]) / (self.times[before + 1] - self.times[before])
+        found = np.full((len(times), 4, 4), np.nan)
+        known = np.isfinite(first).all(axis=(1, 2)) & np.isfinite(second).all(axis=(1, 2))
+        found[known] = _between(first[known], second[known], fraction[known])
+        for exact, poses in ((fraction == 0.0, first), (fraction == 1.0, second)):
+            found[exact] = poses[exact]
+        return found
 
 
 def _between(

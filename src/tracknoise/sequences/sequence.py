@@ -14,6 +14,7 @@ from tracknoise.foreign.files import is_folder, is_regular_file
 from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
+from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.tables.identity import SequenceId
 
 
@@ -184,6 +185,21 @@ class GroupedSequence(Protocol):
 def group_of(sequence: Sequence) -> str | None:
     """Name of the group of a sequence's scene; None where it is independent of all others, or nothing is known."""
     return sequence.group if isinstance(sequence, GroupedSequence) else None
+
+
+@runtime_checkable
+class ShutteredSequence(Protocol):
+    """A `Sequence` that may have a rolling shutter. One that has a shutter also has timestamps."""
+
+    @property
+    def shutter(self) -> RollingShutter | None:
+        """How its images are read out; None where all rows are exposed at the time of the frame."""
+        ...
+
+
+def shutter_of(sequence: Sequence) -> RollingShutter | None:
+    """The rolling shutter of a sequence; None where all rows of an image are exposed together."""
+    return sequence.shutter if isinstance(sequence, ShutteredSequence) else None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

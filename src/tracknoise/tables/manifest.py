@@ -12,7 +12,7 @@ from typing import Any, Self
 from tracknoise.exceptions import StoreError
 from tracknoise.tables.identity import Direction, SequenceId
 
-FORMAT = 7
+FORMAT = 8
 _SEAL = "sha256"
 _REMEDY = "measure again with --fresh"
 

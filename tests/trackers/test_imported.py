@@ -64,6 +64,32 @@ def test_the_order_of_rows_does_not_matter(tmp_path, setting):
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_other_usual_names_of_columns_are_understood(suffix, tmp_path, setting):
+    renamed = dict(zip(("Track_ID", "frame_id", "X", "y"), ROWS.values(), strict=True))
+    path = tmp_path / f"tracks.{suffix}"
+    table = pl.DataFrame(renamed)
+    table.write_csv(path) if suffix == "csv" else table.write_parquet(path)
+    steps, plain = (
+        run(settings, setting(), range(5)) for settings in (Imported(str(path)), written(tmp_path / "a.csv"))
+    )
+    assert [step.uv.tolist() for step in steps] == [step.uv.tolist() for step in plain]
+
+
+def test_rows_without_a_position_are_frames_in_which_the_track_was_not_observed(tmp_path, setting):
+    written(tmp_path / "tracks.csv")
+    header, *lines = (tmp_path / "tracks.csv").read_text().splitlines()
+    path = tmp_path / "dense.csv"
+    path.write_text("\n".join([header, "7,0,,", "", "7,1,nan,NaN", *lines, "8,3, ,", ""]))
+    steps, plain = (
+        run(settings, setting(), range(5)) for settings in (Imported(str(path)), written(tmp_path / "a.csv"))
+    )
+    assert [step.uv.tolist() for step in steps] == [step.uv.tolist() for step in plain]
+    path.write_text("\n".join([header, "", *lines[:2], "8,3,1.5,"]))
+    with pytest.raises(DataError, match=r"dense\.csv:5: v_px None, expected a finite number"):
+        run(Imported(str(path)), setting(), range(5))
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
 def test_a_response_is_kept_where_known_and_other_columns_are_ignored(suffix, tmp_path, setting):
     response = [3.0, None, None, 8.0, None, None, None]
     settings = written(tmp_path / f"tracks.{suffix}", response=response, name=["x"] * 7)

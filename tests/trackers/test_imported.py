@@ -5,7 +5,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.exceptions import DataError
+from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.frame import Frame
@@ -274,3 +274,8 @@ def test_only_names_of_placeholders_are_between_braces(path):
     with pytest.raises(ValueError, match=r"expected no placeholders but \{dataset\}, \{scene\}"):
         Imported(path)
     assert SequenceId("d", "s").expand("{{{scene}}}_{speed}.csv", speed=2) == Path("{s}_2.csv")
+
+
+def test_quality_that_is_no_dictionary_is_refused():
+    with pytest.raises(SettingsError, match="found quality of type list, expected a dictionary of arrays"):
+        Imported.from_arrays([0], [0], [1.0], [1.0], quality=[1.0])

@@ -121,6 +121,9 @@ class StatisticsSettings(_Section):
     `followed` beyond their anchor, where the error is zero by construction."""
     min_features: Annotated[int, Field(ge=2)] = defaults.MIN_FEATURES
     """Curves are cut where fewer features than this remain."""
+    tap_vid: bool = False
+    """Compute the metrics of TAP-Vid and the expected feature age too. They need truth from depth or an exact surface,
+    and the depth of every frame is read once more."""
 
 
 class FindingsSettings(_Section):

@@ -62,6 +62,11 @@ EXPORTS: tuple[Export, ...] = (
     ),
     Export("seed-spread", "differences between random seeds", lambda data: data.seed_spread),
     Export("triangulated-noise", "noise from triangulated truth", lambda data: data.triangulated_noise),
+    Export(
+        "point-tracking-metrics",
+        "metrics of TAP-Vid and expected feature age",
+        lambda data: data.point_tracking_metrics,
+    ),
     Export("zero-mean", "tests of zero mean error", lambda data: data.zero_mean),
     Export("gaussianity", "shape of the error distribution", lambda data: data.gaussianity),
     Export("time-structure", "error growth", lambda data: data.time_structure),

@@ -117,6 +117,24 @@ noise in every position is measured without bias. Errors along the epipolar line
 other kinds of truth.
 """
 
+POINT_TRACKING_METRICS: Schema = {
+    **_POOLED,
+    "raster": pl.String,
+    "metric": pl.String,
+    "value": pl.Float64,
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "kind": INTERVAL_KIND,
+    "level": pl.Float64,
+    "resampled": RESAMPLED,
+    "n_units": pl.Int32,
+    "n_scenes": pl.Int32,
+}
+"""Metrics of TAP-Vid and expected feature age: means over sequences, as benchmarks report them.
+
+The table has rows only where the experiment asks for these metrics.
+"""
+
 SEED_SPREAD: Schema = {
     **_POOLED,
     **{

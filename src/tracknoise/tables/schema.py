@@ -297,6 +297,20 @@ the measure `epipolar`, squares is the sum of squared distances over their varia
 their number. The table has no rows for other kinds of truth.
 """
 
+POINT_TRACKING: Schema = {
+    **ORIGIN,
+    "raster": pl.String,
+    "n_points": pl.Int64,
+    **dict.fromkeys(("delta_avg", "average_jaccard", "occlusion_accuracy", "expected_feature_age"), pl.Float64),
+    **{f"{name}_{px}": pl.Float64 for name in ("delta", "jaccard") for px in (1, 2, 4, 8, 16)},
+}
+"""Metrics of TAP-Vid and expected feature age of one sequence: two rows per tracker and speed.
+
+raster says whether distances are px of images scaled to 256 x 256 (``256x256``), as TAP-Vid defines them, or px of the
+images themselves (``image``). n_points counts the tracks with a known point. A metric is null where no frame can be
+evaluated.
+"""
+
 SAMPLES: Schema = {
     **ORIGIN,
     "block": pl.UInt8,

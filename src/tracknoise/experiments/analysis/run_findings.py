@@ -17,6 +17,7 @@ from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.table import headline_table
 from tracknoise.findings.intervals.incidence import incidence_table
 from tracknoise.findings.intervals.table import interval_table
+from tracknoise.findings.point_tracking import point_tracking_metrics
 from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.seed_spread import Repeat, seed_spread, widened
@@ -110,6 +111,12 @@ def _tables(
         "seed_spread": spread,
         "triangulated_noise": fitted_noise_table(
             run.sequence_tables("fitted_noise"), groups=groups, kind=asked.intervals, level=asked.level
+        ),
+        "point_tracking_metrics": point_tracking_metrics(
+            run.sequence_tables("point_tracking") if experiment.statistics.tap_vid else (),
+            groups=groups,
+            kind=asked.intervals,
+            level=asked.level,
         ),
         "incidence": incidence_table(read.ends, groups=groups, kind=asked.intervals, level=asked.level),
         "zero_mean": zero_mean(

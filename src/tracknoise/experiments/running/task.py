@@ -15,6 +15,7 @@ from tracknoise.experiments.running.failures import Result, diagnose
 from tracknoise.experiments.running.lock import Claim
 from tracknoise.experiments.running.plan import Task, make_trackers, open_batch
 from tracknoise.experiments.settings import Experiment
+from tracknoise.experiments.tap_metrics import tap_metrics
 from tracknoise.findings.wording import SELF_REFERENTIAL
 from tracknoise.geometry.pose import position_rows
 from tracknoise.measurement.tracking import Progress
@@ -166,6 +167,7 @@ def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Meas
         "moments": measurement.moments,
         "trims": measurement.trims,
         **statistics,
+        **({"point_tracking": tap_metrics(measurement)} if experiment.statistics.tap_vid else {}),
     }
 
 

@@ -1,16 +1,18 @@
 """Metrics of point trackers of a measurement, for comparison with results that are stated in them."""
 
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import SettingsError
-from tracknoise.experiments.measure import Measurement
 from tracknoise.statistics.tap import PointTracks, expected_feature_age, tap_vid
 from tracknoise.tables.schema import ORIGIN, POINT_TRACKING, TruthStatus
 from tracknoise.truth.registry import make_truth
+
+if TYPE_CHECKING:
+    from tracknoise.experiments.measure import Measurement
 
 RASTER_PX = 256
 """Side of the images to which TAP-Vid scales positions."""
@@ -30,7 +32,7 @@ class LocatingTruth(Protocol):
         ...
 
 
-def tap_metrics(measurement: Measurement) -> pl.DataFrame:
+def tap_metrics(measurement: "Measurement") -> pl.DataFrame:
     """Metrics of TAP-Vid and expected feature age of every tracker and speed of a measured sequence.
 
     Parameters

@@ -322,6 +322,18 @@ class RunFolder:
         for key in sorted(self.manifest().sequences):
             yield self.sequence_table(name, key)
 
+    def stored_tables(self, name: str) -> Iterator[pl.DataFrame]:
+        """One table of each measured sequence that has it, in the order of their keys.
+
+        Raises
+        ------
+        StoreError, SchemaError
+            As `sequence_table`.
+        """
+        for key, entry in sorted(self.manifest().sequences.items()):
+            if name in entry.sha256:
+                yield self.sequence_table(name, key)
+
     def stacked_tables(self, name: str, keys: Sequence[str]) -> Iterator[pl.DataFrame]:
         """One table of each of some sequences, in order, a few sequences at a time as one table.
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tracknoise.measurement.recording import Recorder, Recording
 from tracknoise.sequences.row_poses import RowPoses
-from tracknoise.sequences.sequence import Sequence
+from tracknoise.sequences.sequence import Sequence, times_of
 from tracknoise.sequences.views import source_frames
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.gradient import dominant_gradient
@@ -178,7 +178,7 @@ def _start(condition: TrackerSetup, sequence: Sequence, truth: Truth, seed: int)
             seed=seed,
             truth=truth if isinstance(truth, OracleTruth) else None,
             frames_without_pose=frozenset(np.flatnonzero(~RowPoses(sequence).known).tolist()),
-            timestamps_s=getattr(sequence, "timestamps_s", None),  # sequences of other packages may lack it
+            timestamps_s=times_of(sequence),
             source_frames=source_frames(sequence),
         )
     )

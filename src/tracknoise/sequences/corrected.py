@@ -18,7 +18,7 @@ from tracknoise.geometry.pose import invert, transform
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.row_poses import RowPoses
-from tracknoise.sequences.sequence import Sequence, camera_at, path_of, shutter_of
+from tracknoise.sequences.sequence import Sequence, camera_at, path_of, shutter_of, times_of
 from tracknoise.sequences.views import View
 
 
@@ -163,7 +163,7 @@ class CorrectedSequence(View):
 
     def _times(self) -> NDArray[np.float64]:
         """(n,) float64: time of each frame; its number where there are no timestamps."""
-        times = self.timestamps_s
+        times = times_of(self.sequence)
         return np.arange(len(self), dtype=np.float64) if times is None else times
 
     def _recorded_path(self) -> PosePath:
@@ -191,7 +191,7 @@ def _require_invertible(stated: CameraModel, changed: CameraModel, source: str) 
 
 
 def _require_clock(sequence: Sequence, corrections: Corrections) -> None:
-    timed = sequence.timestamps_s is not None
+    timed = times_of(sequence) is not None
     if corrections.clock_offset_frames and timed:
         raise DataError(sequence.source, "clock_offset_frames and timestamps", "clock_offset_s")
     if (corrections.clock_offset_s or corrections.clock_offset_frames) and len(sequence) < 2:

@@ -32,7 +32,7 @@ from tracknoise.sequences.pinhole import only_camera
 from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses, surplus_notes
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.scenes import find_scenes, numbered_files, parent_of, require_unbroken, scene_folder
-from tracknoise.sequences.sequence import Sequence, shutter_of
+from tracknoise.sequences.sequence import Sequence, shutter_of, times_of
 from tracknoise.tables.identity import SequenceId
 
 _IMAGES, _DEPTH, _POSES, _CAMERA, _TIMES = "images", "depth", "poses.txt", "camera.json", "timestamps.txt"
@@ -194,9 +194,10 @@ def _write_files(sequence: Sequence, folder: Path, progress: Callable[[int, int]
     camera = {**_camera_entries(sequence), "source": source}
     (folder / _CAMERA).write_text(json.dumps(camera, indent=2) + "\n", encoding="utf-8")
     (folder / _POSES).write_text(_pose_lines(sequence.world_from_camera), encoding="utf-8")
-    if sequence.timestamps_s is not None:
-        times = [repr(time) for time in sequence.timestamps_s.tolist()]
-        (folder / _TIMES).write_text("\n".join(["# timestamp_s (seconds)", *times, ""]), encoding="utf-8")
+    times = times_of(sequence)
+    if times is not None:
+        lines = ["# timestamp_s (seconds; one row per frame)", *map(repr, times.tolist()), ""]
+        (folder / _TIMES).write_text("\n".join(lines), encoding="utf-8")
 
 
 def _camera_entries(sequence: Sequence) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from tracknoise.exceptions import DataError
 from tracknoise.geometry.interpolation import PosePath
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.poses import has_pose
-from tracknoise.sequences.sequence import Sequence, path_of, shutter_of
+from tracknoise.sequences.sequence import Sequence, path_of, shutter_of, times_of
 
 
 class RowPoses:
@@ -107,7 +107,7 @@ class RollingPoses:
 
 def _timed(sequence: Sequence) -> tuple[PosePath, NDArray[np.float64]]:
     """Poses over time, and the times of frames."""
-    path, times = path_of(sequence), sequence.timestamps_s
+    path, times = path_of(sequence), times_of(sequence)
     if path is None or times is None:
         raise DataError(sequence.source, "a rolling shutter without timestamps", "timestamps of at least two frames")
     return path, times

@@ -203,6 +203,12 @@ def shutter_of(sequence: Sequence) -> RollingShutter | None:
     return sequence.shutter if isinstance(sequence, ShutteredSequence) else None
 
 
+def times_of(sequence: Sequence) -> NDArray[np.float64] | None:
+    """(n,) float64: the time of each frame, seconds; None where unknown, as of sequences that have no such property."""
+    times: NDArray[np.float64] | None = getattr(sequence, "timestamps_s", None)
+    return times
+
+
 @runtime_checkable
 class PathSequence(Protocol):
     """A `Sequence` that knows poses at other times than those of its frames, such as those of frames left out."""
@@ -221,7 +227,7 @@ def path_of(sequence: Sequence) -> PosePath | None:
     own = sequence.path if isinstance(sequence, PathSequence) else None
     if own is not None:
         return own
-    times = sequence.timestamps_s
+    times = times_of(sequence)
     return None if times is None or len(times) < 2 else PosePath(times, sequence.world_from_camera)
 
 

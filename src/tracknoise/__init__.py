@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from tracknoise.exceptions import TracknoiseError
     from tracknoise.experiments.measure import Measurement, measure
     from tracknoise.experiments.tap_metrics import tap_metrics
+    from tracknoise.geometry.corrections import Corrections
     from tracknoise.sequences.arrays import Sequence
     from tracknoise.sequences.registry import open_sequence, open_sequences
     from tracknoise.statistics.curves import curves
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "Corrections",
     "Correspondence",
     "Detection",
     "Imported",
@@ -55,6 +57,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "Corrections": "geometry.corrections",
     "Correspondence": "trackers.correspondence",
     "Detection": "trackers.detection",
     "Imported": "trackers.imported",

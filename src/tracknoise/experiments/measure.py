@@ -9,8 +9,10 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.experiments.arguments import Trackers, checked_speeds, named_trackers, require_sequences
+from tracknoise.geometry.corrections import UNCORRECTED, Corrections
 from tracknoise.measurement.sequence_tables import SequenceTables, measure_sequences
 from tracknoise.measurement.tracking import Progress, TrackerSetup
+from tracknoise.sequences.corrected import corrected
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.sequences.views import chosen_frames
 from tracknoise.statistics.moments import scene_moments
@@ -70,6 +72,7 @@ def measure(
     speeds: Items[int] = (1,),
     truth: str | None = None,
     scan_rule: ScanRule = SCAN_RULE,
+    corrections: Corrections = UNCORRECTED,
     population: str = POPULATION,
     trim_percentile: float = TRIM_PERCENTILE,
     trim_among: str = TRIM_AMONG,
@@ -88,6 +91,7 @@ def measure(
         speeds=speeds,
         truth=truth,
         scan_rule=scan_rule,
+        corrections=corrections,
         population=population,
         trim_percentile=trim_percentile,
         trim_among=trim_among,
@@ -106,6 +110,7 @@ def measure_together(
     speeds: Items[int] = (1,),
     truth: str | None = None,
     scan_rule: ScanRule = SCAN_RULE,
+    corrections: Corrections = UNCORRECTED,
     population: str = POPULATION,
     trim_percentile: float = TRIM_PERCENTILE,
     trim_among: str = TRIM_AMONG,
@@ -131,6 +136,9 @@ def measure_together(
         best that a sequence offers.
     scan_rule
         How features are associated with a scan, for the kind ``scan``.
+    corrections
+        What to change in the stated camera, poses, depths and clock before true positions are computed: by default
+        nothing. `Measurement.sequence` has them in its notes.
     population
         Which observations trimming looks at: ``visible`` ones, or all that can be ``projected``.
     trim_percentile
@@ -161,7 +169,7 @@ def measure_together(
     """
     require_sequences(sequences)
     named, played = named_trackers(trackers), checked_speeds(speeds)
-    sequences = [chosen_frames(sequence, frames) for sequence in sequences]
+    sequences = [chosen_frames(corrected(sequence, corrections), frames) for sequence in sequences]
     setups = [TrackerSetup(name, settings, speed) for name, settings in named.items() for speed in played]
     measured = measure_sequences(
         sequences, setups, truth=truth, scan_rule=scan_rule, max_frames=max_frames, seed=seed, progress=progress

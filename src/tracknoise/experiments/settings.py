@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from tracknoise.checks import MOST_LEVELS, require_storable
 from tracknoise.exceptions import SettingsError, UnknownNameError, first_line
+from tracknoise.geometry.corrections import UNCORRECTED, Corrections
 from tracknoise.printable import is_printable
 from tracknoise.sequences.frame_range import require_range
 from tracknoise.tables import defaults
@@ -23,6 +24,7 @@ from tracknoise.truth.scan_rule import ScanAnchoring
 _QUOTED = re.compile(r'"[^"]*"|\'[^\']*\'')
 _NO_KEY = re.compile(r"[^\w.\s-]+")
 _MOST_DOTS = 64
+_Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
 Keep = Literal["observations", "statistics"]
 
 
@@ -95,6 +97,40 @@ class TrackerChoice(_Section):
         return self.name or self.kind
 
 
+class CorrectionSettings(_Section):
+    """Corrections of what the recordings state. Each changes nothing by default. See docs/truth-corrections.md."""
+
+    focal_scale: float = UNCORRECTED.focal_scale
+    """Factor of both focal lengths."""
+    principal_point_px: Annotated[list[float], Field(min_length=2, max_length=2)] = [*UNCORRECTED.principal_point_px]
+    """Added to cx and cy, px."""
+    k1: float = UNCORRECTED.k1
+    """Added to the first coefficient of radial-tangential distortion."""
+    depth_scale: float = UNCORRECTED.depth_scale
+    """Factor of depths."""
+    depth_offset_m: float = UNCORRECTED.depth_offset_m
+    """Added to depths, after the factor, metres."""
+    clock_offset_s: float = UNCORRECTED.clock_offset_s
+    """The pose at the time of an image plus this fits the image, seconds. For recordings with timestamps."""
+    clock_offset_frames: float = UNCORRECTED.clock_offset_frames
+    """The same in frames. For recordings without timestamps."""
+    readout_s: float = UNCORRECTED.readout_s
+    """Added to the readout of the rolling shutter, seconds. The readout of a recording that states none is 0."""
+    mounting_rotation_deg: _Triple = [*UNCORRECTED.mounting_rotation_deg]
+    """Rotation of the camera in the frame that the stated poses belong to: axis times angle, degrees."""
+    mounting_translation_m: _Triple = [*UNCORRECTED.mounting_translation_m]
+    """Position of the camera in that frame, metres."""
+
+    @model_validator(mode="after")
+    def _values_are_possible(self) -> Self:
+        self.as_corrections()
+        return self
+
+    def as_corrections(self) -> Corrections:
+        """What the settings stand for."""
+        return Corrections(**self.model_dump())
+
+
 class TruthSettings(_Section):
     """How true positions of features are computed."""
 
@@ -109,6 +145,8 @@ class TruthSettings(_Section):
     """Largest distance in the key frame between a feature and the projection of its scan point, px."""
     scan_anchoring: Annotated[ScanAnchoring, Field(strict=False)] = ScanAnchoring.ray
     """World point of a feature: on its own `ray` at the depth of the scan point, or the scan `point` itself."""
+    corrections: CorrectionSettings = CorrectionSettings()
+    """What is to be changed in the stated geometry of the recordings."""
 
 
 class StatisticsSettings(_Section):

@@ -12,6 +12,7 @@ from tracknoise.exceptions import DataError
 from tracknoise.foreign.files import read_text
 from tracknoise.geometry.camera import DISTORTION_COUNTS, Camera
 from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.camera_files import read_camera_file
 from tracknoise.sequences.images import first_readable, image_size
 from tracknoise.sequences.poses import read_rows
@@ -49,6 +50,8 @@ class Calibration:
         Whether the y axes of the recorded poses point up, in the frames of camera and world.
     depth_unit_m
         Depth of the integer 1, metres.
+    shutter
+        Rolling shutter that a file of the camera states; None where there is none.
     """
 
     camera: CameraModel
@@ -56,6 +59,7 @@ class Calibration:
     body_from_camera: NDArray[np.float64] | None = None
     upside_down: bool = False
     depth_unit_m: float = DEPTH_UNIT_M
+    shutter: RollingShutter | None = None
 
     def world_from_camera(self, recorded: NDArray[np.float64]) -> NDArray[np.float64]:
         """Poses of the camera, (n, 4, 4) float64, from the recorded ones."""
@@ -129,6 +133,7 @@ def _from_file(file: Path, known: Recording | None, poses_of: PosesOf) -> Calibr
         notes=(*notes, *read.notes),
         body_from_camera=body_from_camera,
         depth_unit_m=read.depth_unit_m or DEPTH_UNIT_M,
+        shutter=read.shutter,
     )
 
 

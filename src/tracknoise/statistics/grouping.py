@@ -86,10 +86,12 @@ def _codes(column: pl.Series, keys: pl.Series) -> NDArray[np.intp]:
 
 def _dense(values: NDArray[Any]) -> NDArray[np.intp]:
     """Numbers of the values from 0 on, in their order."""
-    if values.dtype.kind not in "iu" or not len(values) or int(values.max()) - int(values.min()) > _LARGEST_LOOKUP:
+    integers = values.dtype.kind in "iu" and len(values)
+    low, high = (int(values.min()), int(values.max())) if integers else (0, _LARGEST_LOOKUP + 1)
+    if high - low > _LARGEST_LOOKUP:
         return np.asarray(np.unique(values, return_inverse=True)[1], dtype=np.intp)
-    shifted = values.astype(np.int64) - int(values.min())
-    present = np.zeros(int(shifted.max()) + 1, dtype=np.intp)
+    shifted = values.astype(np.int64) - low
+    present = np.zeros(high - low + 1, dtype=np.intp)
     present[shifted] = 1
     return np.asarray((np.cumsum(present) - 1)[shifted], dtype=np.intp)
 

@@ -17,7 +17,7 @@ from tracknoise.printable import is_printable
 from tracknoise.sequences.frame_range import require_range
 from tracknoise.tables import defaults
 from tracknoise.tables.enumerations import IntervalKind, Population, TrimAmong, Trimming
-from tracknoise.tables.identity import Direction
+from tracknoise.tables.identity import Direction, SequenceId
 from tracknoise.truth.scan_rule import ScanAnchoring
 
 _QUOTED = re.compile(r'"[^"]*"|\'[^\']*\'')
@@ -95,6 +95,32 @@ class TrackerChoice(_Section):
         return self.name or self.kind
 
 
+class SecondTruthSettings(_Section):
+    """A second truth of the same images. Trackers run once, and their errors are computed by both truths."""
+
+    trajectory: str | None = None
+    """File of poses in the format of TUM: time, position and quaternion of `world_from_camera` in each row. Relative
+    to the experiment file; `{scene}` and `{lighting}` are replaced. Times are those of the frames. For frames without
+    times, each row is a frame."""
+    time_shift_s: float = 0.0
+    """Added to the times of the frames to get the clock of the trajectory, seconds."""
+    options: dict[str, Any] = {}
+    """Options of the reader that differ for the second truth, such as `poses`."""
+
+    @model_validator(mode="after")
+    def _names_one_source(self) -> Self:
+        if (self.trajectory is None) == (not self.options):
+            raise ValueError("expected either trajectory or options")
+        return self
+
+    @field_validator("trajectory")
+    @classmethod
+    def _placeholders_are_known(cls, trajectory: str | None) -> str | None:
+        if trajectory is not None:
+            SequenceId("", "").expand(trajectory, speed=1)
+        return trajectory
+
+
 class TruthSettings(_Section):
     """How true positions of features are computed."""
 
@@ -109,6 +135,8 @@ class TruthSettings(_Section):
     """Largest distance in the key frame between a feature and the projection of its scan point, px."""
     scan_anchoring: Annotated[ScanAnchoring, Field(strict=False)] = ScanAnchoring.ray
     """World point of a feature: on its own `ray` at the depth of the scan point, or the scan `point` itself."""
+    second: SecondTruthSettings | None = None
+    """A second truth of the same images, such as other poses. Default: none."""
 
 
 class StatisticsSettings(_Section):

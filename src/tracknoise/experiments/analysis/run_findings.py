@@ -21,6 +21,7 @@ from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.seed_spread import Repeat, seed_spread, widened
 from tracknoise.findings.shape.gaussianity import gaussianity
+from tracknoise.findings.two_truths import pose_disagreement_table, two_truths_table
 from tracknoise.findings.zero_mean import zero_mean
 from tracknoise.sequences.sequence import TRIANGULATED, TruthKind
 from tracknoise.statistics.change_curves import change_curves
@@ -54,7 +55,7 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
         If a table is damaged, or the folder cannot be written.
     """
     reference = reference_condition(run.manifest(), experiment, statistics["outliers"])
-    tables = _tables(run, experiment, statistics, reference)
+    tables = {**_tables(run, experiment, statistics, reference), **_of_two_truths(run, experiment)}
     reported = _reported(run, experiment, statistics["trims"], reference)
     if reported.fitted:
         tables |= _without_verdicts_on_errors(tables)
@@ -121,6 +122,17 @@ def _tables(
             read.moments, pairs, blocks=read.blocks, aspects=lived, aspect_blocks=read.aspect_blocks, **options
         ),
         "dependence": _dependence(read, experiment, statistics, zeros),
+    }
+
+
+def _of_two_truths(run: RunFolder, experiment: Experiment) -> dict[str, pl.DataFrame]:
+    """Tables without rows unless the experiment has a second truth."""
+    groups = groups_of_scenes(run.manifest().sequences, experiment.dataset.groups)
+    kind, level = experiment.findings.intervals, experiment.findings.level
+    positions, poses = (run.sequence_tables(name) for name in ("truth_differences", "pose_differences"))
+    return {
+        "two_truths": two_truths_table(positions, groups=groups, kind=kind, level=level),
+        "pose_disagreement": pose_disagreement_table(poses, groups=groups, kind=kind, level=level),
     }
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.association import nearest
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.poses import read_rows, require_some_poses
@@ -59,6 +60,11 @@ class OtherPoses(View):
     def pose_accuracy(self) -> None:
         """None: what is stated holds for the poses of the sequence shown."""
         return None
+
+    @property
+    def truth_accuracy(self) -> TruthAccuracy:
+        """What is stated about the depths. All else may belong to the poses of the sequence shown."""
+        return TruthAccuracy.of(None, self.depth_accuracy, source=self.id.dataset)
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -169,7 +169,11 @@ def _sequence(rng: np.random.Generator, origin: Sequence[Any], world: World) -> 
         trim_among=world.trim_among,
         statistics=[name for name in STATISTICS if name not in _UNREAD],
     )
-    return {**tables, "poses": _poses(origin, world), **{name: empty(SEQUENCE_TABLES[name]) for name in _UNREAD}}
+    return {
+        **tables,
+        "poses": _poses(origin, world),
+        **{name: empty(SEQUENCE_TABLES[name]) for name in (*_UNREAD, "pose_differences")},
+    }
 
 
 def _poses(origin: Sequence[Any], world: World) -> pl.DataFrame:

@@ -18,7 +18,7 @@ from tracknoise.printable import is_printable
 from tracknoise.sequences.frame_range import require_range
 from tracknoise.tables import defaults
 from tracknoise.tables.enumerations import IntervalKind, Population, TrimAmong, Trimming
-from tracknoise.tables.identity import Direction
+from tracknoise.tables.identity import Direction, SequenceId
 from tracknoise.truth.scan_rule import ScanAnchoring
 
 _QUOTED = re.compile(r'"[^"]*"|\'[^\']*\'')
@@ -131,6 +131,32 @@ class CorrectionSettings(_Section):
         return Corrections(**self.model_dump())
 
 
+class SecondTruthSettings(_Section):
+    """A second truth of the same images. Trackers run once, and their errors are computed by both truths."""
+
+    trajectory: str | None = None
+    """File of poses in the format of TUM: time, position and quaternion of `world_from_camera` in each row. Relative
+    to the experiment file; `{scene}` and `{lighting}` are replaced. Times are those of the frames. For frames without
+    times, each row is a frame."""
+    time_shift_s: float = 0.0
+    """Added to the times of the frames to get the clock of the trajectory, seconds."""
+    options: dict[str, Any] = {}
+    """Options of the reader that differ for the second truth, such as `poses`."""
+
+    @model_validator(mode="after")
+    def _names_one_source(self) -> Self:
+        if (self.trajectory is None) == (not self.options):
+            raise ValueError("expected either trajectory or options")
+        return self
+
+    @field_validator("trajectory")
+    @classmethod
+    def _placeholders_are_known(cls, trajectory: str | None) -> str | None:
+        if trajectory is not None:
+            SequenceId("", "").expand(trajectory, speed=1)
+        return trajectory
+
+
 class TruthSettings(_Section):
     """How true positions of features are computed."""
 
@@ -147,6 +173,8 @@ class TruthSettings(_Section):
     """World point of a feature: on its own `ray` at the depth of the scan point, or the scan `point` itself."""
     corrections: CorrectionSettings = CorrectionSettings()
     """What is to be changed in the stated geometry of the recordings."""
+    second: SecondTruthSettings | None = None
+    """A second truth of the same images, such as other poses. Default: none."""
 
 
 class StatisticsSettings(_Section):

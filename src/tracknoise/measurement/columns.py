@@ -16,8 +16,14 @@ Tables = tuple[pl.DataFrame, pl.DataFrame, pl.DataFrame]
 """`OBSERVATIONS`, `TRACKS` and `FRAME_COUNTS` of `tracknoise.tables.schema`."""
 
 
-def setup_tables(sequence: SequenceId, setup: TrackerSetup, recording: Recording, positions: TruePositions) -> Tables:
-    """Tables of one tracker setup on one sequence.
+def setup_tables(
+    sequence: SequenceId,
+    setup: TrackerSetup,
+    recording: Recording,
+    positions: TruePositions,
+    second: TruePositions | None = None,
+) -> Tables:
+    """Tables of one tracker setup on one sequence, with the true positions of a second truth if there is one.
 
     Raises
     ------
@@ -25,7 +31,7 @@ def setup_tables(sequence: SequenceId, setup: TrackerSetup, recording: Recording
         If a column has a wrong type.
     """
     return (
-        _table(_observations(recording, positions), schema.OBSERVATIONS, sequence, setup),
+        _table({**_observations(recording, positions), **_second_truth(second)}, schema.OBSERVATIONS, sequence, setup),
         _table(_tracks(recording, positions, reports_causes(setup.settings)), schema.TRACKS, sequence, setup),
         _table(_frames(recording, reports_causes(setup.settings)), schema.FRAME_COUNTS, sequence, setup),
     )
@@ -56,6 +62,12 @@ def _covariance(covariance: NDArray[np.float64] | None) -> dict[str, pl.Series]:
         return {}
     values = covariance[:, [0, 0, 1], [0, 1, 1]].T
     return {name: _nullable(column) for name, column in zip(schema.TRUE_COVARIANCE, values, strict=True)}
+
+
+def _second_truth(second: TruePositions | None) -> dict[str, pl.Series]:
+    if second is None:
+        return {}
+    return {name: _nullable(column) for name, column in zip(schema.SECOND_TRUTH, second.uv.T, strict=True)}
 
 
 def _epipolar(epipolar: NDArray[np.float64] | None) -> dict[str, pl.Series]:

@@ -60,6 +60,8 @@ EXPORTS: tuple[Export, ...] = (
         "causes of track ends, for the view shown in the figures",
         lambda data: data.reference(data.incidence),
     ),
+    Export("two-truths", "disagreement of two truths", lambda data: data.two_truths),
+    Export("pose-disagreement", "disagreement of the poses of two truths", lambda data: data.pose_disagreement),
     Export("seed-spread", "differences between random seeds", lambda data: data.seed_spread),
     Export("triangulated-noise", "noise from triangulated truth", lambda data: data.triangulated_noise),
     Export(

@@ -57,7 +57,7 @@ def read_rows(path: Path, columns: str) -> tuple[NDArray[np.float64], list[str]]
     for number, line in enumerate(read_text(path, f"rows of {columns}").splitlines(), start=1):
         if line.strip() and not line.lstrip().startswith("#"):
             places.append(f"{path}:{number}")
-            rows.append(_numbers(line.split(), columns, places[-1]))
+            rows.append(numbers(line.split(), columns, places[-1]))
     return np.array(rows, dtype=np.float64).reshape(len(rows), len(columns.split())), places
 
 
@@ -203,7 +203,14 @@ def require_poses(place: Place, *, poses: int, images: int) -> None:
         raise DataError(place, f"{poses} poses", f"at least {images}, one for each image")
 
 
-def _numbers(fields: list[str], columns: str, place: str) -> list[float]:
+def numbers(fields: list[str], columns: str, place: str) -> list[float]:
+    """Numbers of one row of a text file.
+
+    Raises
+    ------
+    DataError
+        If there are more or fewer fields than `columns` has names, or a field is not a number: see `read_rows`.
+    """
     expected = len(columns.split())
     if len(fields) != expected:
         raise DataError(place, f"{len(fields)} field{'s' if len(fields) != 1 else ''}", f"{expected} ({columns})")

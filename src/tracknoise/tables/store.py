@@ -58,6 +58,8 @@ SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "increments": schema.INCREMENTS,
     "samples": schema.SAMPLES,
     "fitted_noise": schema.FITTED_NOISE,
+    "truth_differences": schema.TRUTH_DIFFERENCES,
+    "pose_differences": schema.POSE_DIFFERENCES,
 }
 SEED_TABLES: Mapping[str, schema.Schema] = {
     f"seed_{name}": {"seed": pl.Int32, **SEQUENCE_TABLES[name]} for name in ("moments", "ends", "frames")
@@ -87,6 +89,8 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "seed_spread": findings_schema.SEED_SPREAD,
     "triangulated_noise": findings_schema.TRIANGULATED_NOISE,
     "point_tracking_metrics": findings_schema.POINT_TRACKING_METRICS,
+    "two_truths": findings_schema.TWO_TRUTHS,
+    "pose_disagreement": findings_schema.POSE_DISAGREEMENT,
     "incidence": findings_schema.INCIDENCE,
     "zero_mean": findings_schema.ZERO_MEAN,
     "gaussianity": findings_schema.GAUSSIANITY,

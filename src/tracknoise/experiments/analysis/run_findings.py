@@ -22,6 +22,7 @@ from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.seed_spread import Repeat, seed_spread, widened
 from tracknoise.findings.shape.gaussianity import gaussianity
+from tracknoise.findings.two_truths import pose_disagreement_table, two_truths_table
 from tracknoise.findings.zero_mean import zero_mean
 from tracknoise.sequences.sequence import TRIANGULATED, TruthKind
 from tracknoise.statistics.change_curves import change_curves
@@ -131,6 +132,8 @@ def _of_sequences(run: RunFolder, **sampling: Unpack[_Sampling]) -> dict[str, pl
     return {
         "triangulated_noise": fitted_noise_table(run.stored_tables("fitted_noise"), **sampling),
         "point_tracking_metrics": point_tracking_metrics(run.stored_tables("point_tracking"), **sampling),
+        "two_truths": two_truths_table(run.stored_tables("truth_differences"), **sampling),
+        "pose_disagreement": pose_disagreement_table(run.stored_tables("pose_differences"), **sampling),
     }
 
 

@@ -20,9 +20,10 @@ COLUMNS = (
     "lat lon alt roll pitch yaw vn ve vf vl vu ax ay az af al au wx wy wz wf wl wu "
     "pos_accuracy vel_accuracy navstat numsats posmode velmode orimode"
 )
-"""Fields of a record: degrees, metres and radians first; of the rest nothing is used."""
+"""Fields of a record: degrees, metres and radians first. Of the rest, the two accuracies are used."""
 _USED = 6
-_REST = "0 " * 17 + "0.01 0.01 4 10 5 5 6"  # motion, which is not simulated; accuracies, and states of good reception
+_ACCURACIES = [COLUMNS.split().index(name) for name in ("pos_accuracy", "vel_accuracy")]
+_REST = "0 " * 17 + "0 0 4 10 5 5 6"  # motion, which is not simulated; no accuracies; states of good reception
 
 
 def read_records(paths: Iterable[Path]) -> NDArray[np.float64]:
@@ -38,13 +39,24 @@ def read_records(paths: Iterable[Path]) -> NDArray[np.float64]:
     DataError
         If a file is missing, has not one row of 30 numbers, or its angles cannot be.
     """
-    records = []
-    for path in paths:
-        rows, _ = read_rows(path, COLUMNS)
-        if len(rows) != 1:
-            raise DataError(path, f"{len(rows)} rows", "one")
-        records.append(_checked(path, rows[0, :_USED]))
+    records = [_checked(path, _read(path)[:_USED]) for path in paths]
     return np.array(records).reshape(-1, _USED)
+
+
+def read_accuracies(paths: Iterable[Path]) -> NDArray[np.float64]:
+    """Read the standard deviations that the records of a drive's frames state, a file each.
+
+    Returns
+    -------
+    (n, 2) float64
+        Of the position, metres, and of the velocity, metres per second; 0 where none is stated.
+
+    Raises
+    ------
+    DataError
+        If a file is missing, or has not one row of 30 numbers.
+    """
+    return np.array([_read(path)[_ACCURACIES] for path in paths]).reshape(-1, len(_ACCURACIES))
 
 
 def poses_of_records(records: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -96,6 +108,15 @@ def records_of_poses(world_from_imu: NDArray[np.float64], *, start: tuple[float,
 def write_record(path: Path, record: NDArray[np.float64]) -> None:
     """Write one record, (6,) float64, with all digits that a float64 has."""
     path.write_text(" ".join([*map(repr, record.tolist()), _REST]) + "\n", encoding="utf-8")
+
+
+def _read(path: Path) -> NDArray[np.float64]:
+    """(30,) float64: one record."""
+    rows, _ = read_rows(path, COLUMNS)
+    if len(rows) != 1:
+        raise DataError(path, f"{len(rows)} rows", "one")
+    record: NDArray[np.float64] = rows[0]
+    return record
 
 
 def _checked(path: Path, record: NDArray[np.float64]) -> NDArray[np.float64]:

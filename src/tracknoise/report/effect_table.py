@@ -36,7 +36,7 @@ def effect_cells(changes: pl.DataFrame, *, level: float) -> Iterator[Cells]:
         effects = _distinct(table, ["effect", "size", "shown"])
         rows = [[*names, *_values(table.filter(effect=names[0], size=names[1]))] for names in effects]
         clean = table.unique("statistic", maintain_order=True)
-        n_scenes = table["n_scenes"].max()
+        n_scenes = int(table["n_scenes"].to_numpy().max())
         yield Cells(
             f"{tracker}: change at age {age} by each effect alone (mean over {n_scenes} scenes, ± half the "
             f"{level:.0%} interval; * where it excludes 0). The first row has the values without effects.",

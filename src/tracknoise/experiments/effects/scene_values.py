@@ -19,12 +19,13 @@ from tracknoise.sequences.sequence import Sequence, TruthKind
 from tracknoise.sequences.simulated import Simulated
 from tracknoise.statistics.lifetimes import lifetimes, median_survival
 from tracknoise.statistics.scales import scales
+from tracknoise.tables.defaults import POPULATION, TRIM_AMONG, TRIM_PERCENTILE
 from tracknoise.tables.effects_schema import CLEAN, EFFECT_VALUES, EffectStatistic, Size
-from tracknoise.tables.enumerations import Axis, Population, Trimming
+from tracknoise.tables.enumerations import Axis, Trimming
 from tracknoise.tables.schema import check
 from tracknoise.trackers.registry import make_tracker
 
-_ERRORS = {"population": Population.visible, "trimming": Trimming.trimmed, "axis": Axis.age}
+_ERRORS = {"trimming": Trimming.trimmed, "axis": Axis.age}
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +40,12 @@ class Study:
         The effects.
     trackers
         Options of each tracker, by its kind.
+    sizes
+        Sizes of the effects.
     ages
         Ages at which errors are compared, in frames.
+    population, trim_percentile, trim_among
+        Which errors, and of which tracks: see `tracknoise.measure`.
     """
 
     options: Mapping[str, Any]
@@ -48,7 +53,11 @@ class Study:
     trackers: Mapping[str, Mapping[str, Any]] = field(
         default_factory=lambda: {"lucas-kanade": {}, "correspondence": {}}
     )
+    sizes: tuple[Size, ...] = tuple(Size)
     ages: tuple[int, ...] = (10,)
+    population: str = POPULATION
+    trim_percentile: float = TRIM_PERCENTILE
+    trim_among: str = TRIM_AMONG
 
     @property
     def reader(self) -> Simulated:
@@ -81,7 +90,15 @@ def measure_scene(study: Study, scene: str, size: Size, *, progress: Progress | 
     """
     opened = _sequences(study, scene, size)
     trackers = {kind: SharedTracker(make_tracker(kind, options)) for kind, options in study.trackers.items()}
-    measured = measure_together([*opened.values()], trackers, truth=TruthKind.birth, progress=progress)
+    measured = measure_together(
+        [*opened.values()],
+        trackers,
+        truth=TruthKind.birth,
+        population=study.population,
+        trim_percentile=study.trim_percentile,
+        trim_among=study.trim_among,
+        progress=progress,
+    )
     rows = [
         {"scene": scene, "effect": effect, "size": size, **row}
         for effect, measurement in zip(opened, measured, strict=True)
@@ -106,7 +123,8 @@ def _values(measurement: Measurement, ages: Items[int]) -> list[dict[str, Any]]:
     for tracker in trackers:
         of_tracks = _of_tracks(measurement, tracker)
         for age in ages:
-            moments, core = (table.filter(tracker=tracker, at=age, **_ERRORS) for table in (measurement.moments, cores))
+            errors = {"population": measurement.population, "tracker": tracker, "at": age, **_ERRORS}
+            moments, core = (table.filter(**errors) for table in (measurement.moments, cores))
             values = {**_of_errors(moments, core), **of_tracks}
             condition = {"tracker": tracker, "age": age}
             rows += [{**condition, "statistic": name, "value": values.get(name)} for name in EffectStatistic]

@@ -59,7 +59,7 @@ def run_study(
     if oldest >= frames:
         raise SettingsError(f"age {oldest} of {frames} frames, expected an age of at most {frames - 1}")
     _prepare(folder, study, fresh=fresh)
-    parts = [(name.scene, size) for name in study.reader.sequences() for size in Size]
+    parts = [(name.scene, size) for name in study.reader.sequences() for size in study.sizes]
     missing = [part for part in parts if not _file(folder, part).exists()]
     for count, (part, values) in enumerate(_measured(study, missing, workers), len(parts) - len(missing) + 1):
         write_atomically(_file(folder, part), values)
@@ -84,7 +84,7 @@ def _measure(study: Study, part: Part) -> bytes:
 
 def _changes(study: Study, values: pl.DataFrame) -> pl.DataFrame:
     """Changes with the texts of the effects, in the order of the catalogue."""
-    rows = [(effect.name, effect.kind, size, effect.shown[size]) for effect in study.effects for size in Size]
+    rows = [(effect.name, effect.kind, size, effect.shown[size]) for effect in study.effects for size in study.sizes]
     schema = {name: EFFECT_CHANGES[name] for name in ("effect", "kind", "size", "shown")}
     named = pl.DataFrame(rows, schema=schema, orient="row")
     units = pl.col("statistic").cast(pl.String).replace_strict({str(name): unit for name, unit in EFFECT_UNITS.items()})

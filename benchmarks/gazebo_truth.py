@@ -97,9 +97,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args()
     chosen = study(given.preset, scenes=given.scenes, frames=given.frames, width=given.width)
-    changes = run_study(
-        chosen, given.out, workers=given.workers, done=lambda part, n, of: print(f"{n} of {of}: {part}")
-    )
+    changes = run_study(chosen, given.out, workers=given.workers, done=_print_done)
     print(markdown(table(changes)))
 
 

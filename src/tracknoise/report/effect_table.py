@@ -53,7 +53,8 @@ def _distinct(table: pl.DataFrame, columns: list[str]) -> list[tuple[Any, ...]]:
 def markdown(cells: Cells) -> str:
     """A table in Markdown, with its caption above it."""
     rules = ["--:" if right else "---" for right in cells.numeric]
-    lines = [f"| {' | '.join(row)} |" for row in (cells.headings, rules, *cells.rows)]
+    escaped = [[text.replace("|", "\\|") for text in row] for row in (cells.headings, rules, *cells.rows)]
+    lines = [f"| {' | '.join(row)} |" for row in escaped]
     return "\n".join([cells.caption, "", *lines, ""])
 
 

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from tracknoise.experiments.effects.catalogue import Effect, merged
+from tracknoise.experiments.effects.catalogue import Effect, Options, merged
 from tracknoise.experiments.effects.shared_tracker import SharedTracker
 from tracknoise.experiments.effects.shared_world import SharedWorld
 from tracknoise.experiments.measure import Measurement, measure_together
 from tracknoise.measurement.tracking import Progress
-from tracknoise.options import validated
+from tracknoise.sequences.registry import make_reader
 from tracknoise.sequences.sequence import Sequence, TruthKind
 from tracknoise.sequences.simulated import Simulated
 from tracknoise.statistics.lifetimes import lifetimes, median_survival
@@ -48,7 +48,7 @@ class Study:
         Which errors, and of which tracks: see `tracknoise.measure`.
     """
 
-    options: Mapping[str, Any]
+    options: Options
     effects: tuple[Effect, ...]
     trackers: Mapping[str, Mapping[str, Any]] = field(
         default_factory=lambda: {"lucas-kanade": {}, "correspondence": {}}
@@ -62,11 +62,17 @@ class Study:
     @property
     def reader(self) -> Simulated:
         """The reader of clean sequences."""
-        return validated(Simulated, self.options, {})
+        return _reader(self.options)
 
     def changed(self, effect: Effect, size: Size) -> Simulated:
         """The reader of sequences with an effect."""
-        return validated(Simulated, merged(self.options, effect.options[size]), {})
+        return _reader(merged(self.options, effect.options[size]))
+
+
+def _reader(options: Options) -> Simulated:
+    made = make_reader(Simulated.name, None, options)
+    assert isinstance(made, Simulated)
+    return made
 
 
 def measure_scene(study: Study, scene: str, size: Size, *, progress: Progress | None = None) -> pl.DataFrame:

@@ -33,7 +33,7 @@ from tracknoise.tables.schema import FRAME_COUNTS, OBSERVATIONS, ORIGIN, POSES, 
 from tracknoise.tables.store import OBSERVED, SEQUENCE_TABLES, RunFolder
 
 WIDTH, HEIGHT = 160, 120
-_UNREAD = ("blocks", "scale_blocks", "aspect_blocks", "samples")
+_UNREAD = ("blocks", "scale_blocks", "aspect_blocks", "samples", "image_map")
 """Tables that only findings are made of, which are made up here."""
 SMALL: dict[str, object] = {
     "scenes": ("fixating", "forward"),
@@ -229,7 +229,7 @@ def _condition(
     every_way = (np.arange(first.size) * 0.4) % np.pi - np.pi / 2
     tracks = tracks.with_columns(
         response=pl.lit(9.0), depth_m=pl.lit(world.depth_m), max_error_px=pl.lit(None), kept=pl.lit(value=True),
-        gradient_rad=pl.Series(every_way),
+        gradient_rad=pl.Series(every_way), edge_px=pl.lit(None), edge_side=pl.lit("none"), incidence_deg=pl.lit(30.0),
     )  # fmt: skip
     alive = np.bincount(first[track] + step, minlength=seen)
     offered = np.concatenate([[0], alive[:-1]])

@@ -42,7 +42,7 @@ class ReportData:
     curves, cores, lifetimes, outliers, trims, errors, counts, summary, effects, aspect_curves, changes
         Its pooled tables.
     intervals, incidence, seed_spread, triangulated_noise, zero_mean, gaussianity, radii, time_structure,
-    dependence, findings
+    dependence, surrounding_errors, image_cells, speed_errors, findings
         Its findings. These tables have no rows where findings were not computed.
     """
 
@@ -69,6 +69,9 @@ class ReportData:
     radii: pl.DataFrame
     time_structure: pl.DataFrame
     dependence: pl.DataFrame
+    surrounding_errors: pl.DataFrame
+    image_cells: pl.DataFrame
+    speed_errors: pl.DataFrame
     findings: pl.DataFrame
 
     @classmethod

@@ -58,6 +58,9 @@ SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "increments": schema.INCREMENTS,
     "samples": schema.SAMPLES,
     "fitted_noise": schema.FITTED_NOISE,
+    "surroundings": schema.SURROUNDINGS,
+    "image_map": schema.IMAGE_MAP,
+    "image_speeds": schema.IMAGE_SPEEDS,
 }
 SEED_TABLES: Mapping[str, schema.Schema] = {
     f"seed_{name}": {"seed": pl.Int32, **SEQUENCE_TABLES[name]} for name in ("moments", "ends", "frames")
@@ -89,6 +92,9 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "radii": findings_schema.RADII,
     "time_structure": findings_schema.TIME_STRUCTURE,
     "dependence": findings_schema.DEPENDENCE,
+    "surrounding_errors": findings_schema.SURROUNDING_ERRORS,
+    "image_cells": findings_schema.IMAGE_CELLS,
+    "speed_errors": findings_schema.SPEED_ERRORS,
     "findings": findings_schema.FINDINGS,
 }
 """Tables of the whole run that are computed from the others. They are empty if they were not computed."""

@@ -17,6 +17,9 @@ from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.table import headline_table
 from tracknoise.findings.intervals.incidence import incidence_table
 from tracknoise.findings.intervals.table import interval_table
+from tracknoise.findings.places.image_cells import image_cells
+from tracknoise.findings.places.speed_errors import speed_errors
+from tracknoise.findings.places.surrounding_errors import surrounding_errors
 from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.seed_spread import Repeat, seed_spread, widened
@@ -32,7 +35,13 @@ from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.schema import SEQUENCE, VIEW
 from tracknoise.tables.store import RunFolder
 
-_ABOUT_ANCHORS = ("zero_mean", "gaussianity", "radii", "time_structure")
+_OF_PLACES = {
+    "surrounding_errors": ("surroundings", surrounding_errors),
+    "image_cells": ("image_map", image_cells),
+    "speed_errors": ("image_speeds", speed_errors),
+}
+"""Findings about errors by place: the table of each sequence that they pool, and what makes them."""
+_ABOUT_ANCHORS = ("zero_mean", "gaussianity", "radii", "time_structure", *_OF_PLACES)
 """Findings about errors since a point was fixed. They are withheld where points are fitted to whole tracks."""
 
 
@@ -54,7 +63,7 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
         If a table is damaged, or the folder cannot be written.
     """
     reference = reference_condition(run.manifest(), experiment, statistics["outliers"])
-    tables = _tables(run, experiment, statistics, reference)
+    tables = {**_tables(run, experiment, statistics, reference), **_by_place(run, experiment)}
     reported = _reported(run, experiment, statistics["trims"], reference)
     if reported.fitted:
         tables |= _without_verdicts_on_errors(tables)
@@ -121,6 +130,14 @@ def _tables(
             read.moments, pairs, blocks=read.blocks, aspects=lived, aspect_blocks=read.aspect_blocks, **options
         ),
         "dependence": _dependence(read, experiment, statistics, zeros),
+    }
+
+
+def _by_place(run: RunFolder, experiment: Experiment) -> dict[str, pl.DataFrame]:
+    asked, groups = experiment.findings, groups_of_scenes(run.manifest().sequences, experiment.dataset.groups)
+    return {
+        name: pool(run.sequence_tables(table), groups=groups, kind=asked.intervals, level=asked.level)
+        for name, (table, pool) in _OF_PLACES.items()
     }
 
 

@@ -21,6 +21,7 @@ from tracknoise.measurement.tracking import Progress
 from tracknoise.sequences.images import encode_png
 from tracknoise.sequences.poses import pose_notes
 from tracknoise.sequences.sequence import TRIANGULATED, Sequence, group_of
+from tracknoise.statistics.image_map import image_map
 from tracknoise.statistics.lifetimes import count_ends
 from tracknoise.statistics.summarise import STATISTICS, statistics_of
 from tracknoise.tables.manifest import SequenceEntry
@@ -153,11 +154,12 @@ def _measure(
 def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Measurement) -> dict[str, pl.DataFrame]:
     """The tables of a sequence by name, those of single observations and tracks only if the experiment keeps them."""
     observed = {"observations": measurement.observations, "tracks": measurement.tracks}
+    slowest = min(experiment.speeds)  # which figures show
     statistics = statistics_of(
         measurement.prepared,
         [name for name in STATISTICS if name != "moments"],
         population=experiment.truth.population,
-        slowest=min(experiment.speeds),  # which figures show
+        slowest=slowest,
     )
     return {
         **(observed if experiment.keep == "observations" else {}),
@@ -166,6 +168,9 @@ def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Meas
         "moments": measurement.moments,
         "trims": measurement.trims,
         **statistics,
+        "image_map": image_map(
+            replace(measurement.prepared, slowest=slowest), width=sequence.camera.width, height=sequence.camera.height
+        ),
     }
 
 

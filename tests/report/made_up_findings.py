@@ -16,7 +16,6 @@ from tracknoise.tables.findings_schema import (
     INTERVALS,
     RADII,
     SEED_SPREAD,
-    SURROUNDING_ERRORS,
     TIME_STRUCTURE,
     ZERO_MEAN,
 )
@@ -38,7 +37,6 @@ def made_up(tables: Mapping[str, pl.DataFrame], *, scope: ReportedConditions) ->
         "radii": radii(tables["curves"]),
         "time_structure": time_structure(tables["curves"]),
         "dependence": dependence(tables["effects"]),
-        "surrounding_errors": empty(SURROUNDING_ERRORS),
     }
     found["findings"] = headline_table({**tables, **found}, scope)
     return found

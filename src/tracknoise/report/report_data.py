@@ -200,6 +200,10 @@ class ReportData:
         found = [entry.key_frame for entry in entries if entry.key_frame is not None]
         return max(found, default=0) if self.axis is FRAME else None
 
+    def since_zero(self, at: int) -> int:
+        """Distance of an age or a frame of the `view` from where errors are zero, in frames of the sequence."""
+        return at - (self.key_frame(self.view["direction"]) or 0)
+
     @property
     def _zero(self) -> pl.Expr:
         """Where the errors of a curve are zero by construction."""

@@ -23,9 +23,10 @@ _LONGEST = 1.6
 _ROUND = (1.0, 2.0, 5.0, 10.0)
 _GUIDE = (
     "Arrows that point towards the centre or away from it, and grow with the distance from it, suggest a wrong focal "
-    "length or lens. Arrows whose component along the motion changes from the top of the image to its bottom suggest a "
-    "rolling shutter. Arrows along the motion everywhere suggest a clock offset. Arrows that point alike everywhere "
-    "suggest wrong poses. Scattered arrows at objects suggest the tracker itself, at depth edges for example."
+    "length or lens under motion along the optical axis. Arrows whose component along the motion changes from the top "
+    "of the image to its bottom suggest a rolling shutter. Arrows along the motion everywhere suggest a clock offset, "
+    "or a wrong focal length under rotation. Scattered arrows at objects suggest the tracker itself, at depth edges "
+    "for example. If all trackers have the same arrows, suspect the truth."
 )
 
 
@@ -59,14 +60,10 @@ def _outlined(data: ReportData, bounded: pl.DataFrame, ages: Sequence[int]) -> s
     for at in ages:
         differs = bounded.filter(at=at)["differs"]
         if differs.len():
-            place = data.axis.opening_place(_since(data, at))
+            place = data.axis.opening_place(data.since_zero(at))
             parts.append(f"{place}, {count(int(differs.sum()), 'cell')} of {differs.len()} differ from zero.")
     by_chance = f"By chance, about {100 * (1 - bounded['level'][0]):g}{SPACE}% would." if parts else ""
     return " ".join([*parts, by_chance]) or "No cell has an interval, because too little can be resampled."
-
-
-def _since(data: ReportData, at: int) -> int:
-    return at - (data.key_frame(data.view["direction"]) or 0)
 
 
 def _panel(data: ReportData, cells: pl.DataFrame, tracker: str, at: int) -> Panel:
@@ -79,16 +76,16 @@ def _panel(data: ReportData, cells: pl.DataFrame, tracker: str, at: int) -> Pane
     y = alt.Y("y:Q", scale=alt.Scale(domain=[MAP_ROWS, 0], nice=False), axis=None)
     tips = [alt.Tooltip(f"{name}:Q") for name in ("n", "mean_u_px", "mean_v_px", "spread_px")]
     size = alt.Size("radius:Q", scale=alt.Scale(type="pow", exponent=2, range=[0, 330], domain=[0, 1]), legend=None)
-    disc = base.mark_point(filled=True, shape="circle", color=style.QUIET, strokeWidth=0)
+    disc = base.mark_point(filled=True, shape="circle", color=style.QUIET, strokeWidth=0, clip=True)
     disc = disc.encode(x=x, y=y, size=size, opacity=alt.Opacity("faint:Q", scale=None, legend=None), tooltip=tips)
-    shaft = base.mark_rule(color=colour, strokeWidth=1.6)
+    shaft = base.mark_rule(color=colour, strokeWidth=1.6, clip=True)
     shaft = shaft.encode(x=x, y=y, x2=alt.X2("to_x:Q"), y2=alt.Y2("to_y:Q"), opacity=opacity)
     turned = alt.Angle("angle:Q", scale=alt.Scale(domain=[-180, 180], range=[-180, 180]))
-    head = base.mark_point(filled=True, shape="triangle-up", color=colour, size=28)
+    head = base.mark_point(filled=True, shape="triangle-up", color=colour, size=28, clip=True)
     head = head.encode(x=_on(x, "to_x"), y=marks.on(y, "to_y"), angle=turned, opacity=opacity)
     entries = list(data.sequences.values())
     height = round(_WIDTH * entries[0].height / entries[0].width) if entries else _WIDTH
-    title = sentence_case(f"{data.axis.place(_since(data, at))}: one cell is {number(unit_px)}{SPACE}px")
+    title = sentence_case(f"{data.axis.place(data.since_zero(at))}: one cell is {number(unit_px)}{SPACE}px")
     chart = layered(disc, *_outlines(table, colour, x, y), shaft, head)
     frame = alt.ViewBackground(stroke=style.QUIET)
     return Panel(chart.properties(width=_WIDTH, height=height, title=alt.Title(title, color=style.INK), view=frame))

@@ -5,7 +5,9 @@ from collections.abc import Sequence
 import altair as alt
 import polars as pl
 
-from tracknoise.findings.wording import count
+from tracknoise.findings.estimate import Estimate
+from tracknoise.findings.estimate_text import format_estimate
+from tracknoise.findings.wording import SPACE, count, number
 from tracknoise.report import style
 from tracknoise.report.bands import describe_intervals
 from tracknoise.report.figures import marks
@@ -15,6 +17,13 @@ from tracknoise.report.report_data import ReportData
 
 _NAME, _TITLE = "error-by-image-speed", "Error along the image motion, by its speed"
 _TICKS = alt.Axis(values=[step * 10.0**power for power in range(-4, 4) for step in (1, 2, 5)], format="~g")
+_GUIDE = (
+    "An error along the motion that grows in proportion to the speed has several possible causes. A wrong focal "
+    "length, or a wrong scale of depths or poses, makes the true motion too long or too short; the error then grows "
+    "with age too. A clock offset gives an error of the same size at every age. If all trackers have the same curve, "
+    "suspect the truth. Otherwise the tracker lags. Errors across the motion are the comparison: none of these causes "
+    "affects them."
+)
 _DIRECTIONS = {"along": "along the motion", "across": "across it, to the right"}
 
 
@@ -33,19 +42,27 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
         f"Classes with fewer than {count(data.min_features, 'feature')} are left out. "
         f"{describe_intervals(bounded, of='the curves')}"
     )
-    look_for = (
-        "An error along the motion that grows in proportion to the speed suggests a clock offset between images and "
-        "poses, or a tracker that lags. Errors across the motion are the comparison: neither cause affects them."
-    )
-    return [Figure(_NAME, _TITLE, shows, look_for, arranged(panels, columns=2, independent=["fill"]))]
+    return [Figure(_NAME, _TITLE, shows, _look_for(data, points), arranged(panels, columns=2, independent=["fill"]))]
+
+
+def _look_for(data: ReportData, points: pl.DataFrame) -> str:
+    """The mean error along the motion of each tracker at the first age, at its highest speed, and what causes it."""
+    first = points.filter(pl.col("at") == pl.col("at").min(), pl.col("coordinate") == "along").sort("class_low")
+    parts = []
+    for tracker in data.trackers:
+        for row in first.filter(tracker=tracker).tail(1).to_dicts():
+            estimate = format_estimate(Estimate.of_row(row, "mean_px", "low", "high", "px"))
+            speeds = f"{number(row['class_low'])} to {number(row['class_high'])}{SPACE}px per frame"
+            place = data.axis.opening_place(data.since_zero(row["at"]))
+            parts.append(f"{place}, the mean error of {tracker} along the motion is {estimate} at {speeds}.")
+    return " ".join([*parts, _GUIDE])
 
 
 def _panel(data: ReportData, points: pl.DataFrame, at: int, coordinate: str) -> Panel:
     table = points.filter(at=at, coordinate=coordinate).select(
         "tracker", "n", at=(pl.col("class_low") * pl.col("class_high")).sqrt(), u="mean_px", u_low="low", u_high="high"
     )
-    since = at - (data.key_frame(data.view["direction"]) or 0)
-    title = alt.Title(f"{_DIRECTIONS[coordinate]}, {data.axis.place(since)}")
+    title = alt.Title(f"{_DIRECTIONS[coordinate]}, {data.axis.place(data.since_zero(at))}")
     speeds = alt.Scale(type="log", domain=_range(points), nice=False)
     x = alt.X("at:Q", title="speed of the image (px per frame)", scale=speeds, axis=_TICKS)
     both = points.filter(at=at)

@@ -43,14 +43,14 @@ def _figure(data: ReportData, tracker: str) -> Figure | Absence:
     table = table.filter(at=at)
     points = _points(table)
     present = [one for one in _PROPERTIES if one in points["surrounding"].unique()]
-    since = at - (data.key_frame(data.view["direction"]) or 0)
     bounded = points.drop_nulls(["low", "high"]).rename({"n_scenes": "n_resampled"})
+    where = f"{data.axis.place(data.since_zero(at))} at speed {data.slowest}{data.where}"
     shows = (
-        f"Untrimmed errors of {tracker} {data.axis.place(since)} at speed {data.slowest}{data.where}, by what "
-        "surrounds a feature in its first frame. Distances to a depth edge are negative on its far side, which is the "
-        "surface behind. The class none has no edge within 15 px. Occlusion is that of the point: never while it is "
-        "tracked, later, or now. All but the last class are of visible features. Classes with fewer than "
-        f"{_FEWEST} features are left out. {describe_intervals(bounded, of='the values', marks='Bars around')}"
+        f"Untrimmed errors of {tracker} {where}, by what surrounds a feature in its first frame. Distances to a depth "
+        "edge are negative on its far side, which is the surface behind. The class none has no edge within 15 px. "
+        "Occlusion is that of the point: never while it is tracked, later, or now. All but the last class are of "
+        f"visible features. Classes with fewer than {_FEWEST} features are left out. "
+        f"{describe_intervals(bounded, of='the values', marks='Bars around')}"
     )
     colours = dict(zip(_COORDINATES.values(), style.shades(data.colour[tracker], len(_COORDINATES)), strict=True))
     panels = [_panel(points, one, row, colours) for row in _ROWS for one in present]

@@ -16,6 +16,7 @@ from tracknoise.tables.schema import (
     CONDITION,
     FITTED_MEASURE,
     POPULATION,
+    SURROUNDING,
     TRIMMING,
     TRUTH_QUANTITY,
     VERDICT,
@@ -381,6 +382,79 @@ an `undecided` with a probability of 80 %, where that is known.
 
 p_yes is the p-value of the hypothesis that no difference exceeds the margin, p_no of the hypothesis that some
 difference is at least the margin. The q-values are Benjamini and Hochberg's, over the rows of a factor.
+"""
+
+_ESTIMATED: Schema = {
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "kind": INTERVAL_KIND,
+    "level": pl.Float64,
+    "resampled": RESAMPLED,
+    "n_units": pl.Int32,
+    "n_scenes": pl.Int32,
+}
+
+SURROUNDING_ERRORS: Schema = {
+    **_POOLED,
+    "surrounding": SURROUNDING,
+    "class": pl.String,
+    "class_low": pl.Float64,
+    "class_high": pl.Float64,
+    "axis": pl.String,
+    "at": pl.Int64,
+    "coordinate": pl.String,
+    "statistic": pl.String,
+    "unit": pl.String,
+    "n": pl.Int64,
+    "value": pl.Float64,
+    **_ESTIMATED,
+}
+"""Untrimmed errors by what surrounds a feature: one row per property, class, age, coordinate and statistic.
+
+The properties are those of `tracknoise.tables.enumerations.Surrounding`. class_low and class_high bound a class of
+depths (m), of signed distances to a depth edge (px), or of angles of incidence (degrees). The classes of `side` are
+`near`, `far` and `none`: within 7.5 px of an edge, or not. Those of `occlusion` are `never`, `later` and `now`, and
+include features that are occluded; all others are of visible features. The coordinate is u, v, or along the motion of
+the true position.
+
+mean, second and share are the mean error, the second moment, and the share of the features that are of the class.
+share_of_mean and share_of_second are its shares of the sum of all errors and of their squares. mean_without is the mean
+error of all other features. second_removed is the share of the second moment that excluding the class removes, and
+second_removed_by_others the share that excluding all other classes removes.
+"""
+
+IMAGE_CELLS: Schema = {
+    **_POOLED,
+    "axis": pl.String,
+    "at": pl.Int64,
+    "row": pl.Int32,
+    "column": pl.Int32,
+    "n": pl.Int64,
+    **{f"mean_{axis}_{value}": pl.Float64 for axis in "uv" for value in ("px", "low", "high")},
+    "spread_px": pl.Float64,
+    "differs": pl.Boolean,
+    **{name: dtype for name, dtype in _ESTIMATED.items() if name not in ("low", "high")},
+}
+"""Mean of visible, untrimmed errors in each cell of the image, 20 columns x 14 rows, counted from the top left.
+
+spread_px is the standard deviation of one coordinate, as root mean square of both. The bounds in u and v hold together
+with the probability of the level. differs says whether they exclude a mean of zero; it is null without bounds.
+"""
+
+SPEED_ERRORS: Schema = {
+    **_POOLED,
+    "axis": pl.String,
+    "at": pl.Int64,
+    "class_low": pl.Float64,
+    "class_high": pl.Float64,
+    "coordinate": pl.String,
+    "n": pl.Int64,
+    "mean_px": pl.Float64,
+    **_ESTIMATED,
+}
+"""Mean of visible, untrimmed errors along and across the image motion, by its speed: class_low to class_high px/frame.
+
+The motion is that of the true position since the previous frame that the tracker saw.
 """
 
 FINDINGS: Schema = {

@@ -15,8 +15,11 @@ from tracknoise.exceptions import SchemaError
 from tracknoise.tables.enumerations import (
     Aspect,
     Axis,
+    EdgeSide,
     FittedMeasure,
+    Occlusion,
     Population,
+    Surrounding,
     TrimAmong,
     Trimming,
     TruthQuantity,
@@ -69,6 +72,11 @@ VERDICT = pl.Enum(Verdict)
 ASPECT = pl.Enum(Aspect)
 FITTED_MEASURE = pl.Enum(FittedMeasure)
 TRUTH_QUANTITY = pl.Enum(TruthQuantity)
+
+
+EDGE_SIDE = pl.Enum(EdgeSide)
+SURROUNDING = pl.Enum(Surrounding)
+OCCLUSION = pl.Enum(Occlusion)
 
 CAUSES = tuple(end.name for end in TrackEnd if end is not TrackEnd.sequence_end)
 """Ends that are not censored: the causes that compete to end a track."""
@@ -160,6 +168,9 @@ TRACKS: Schema = {
     "response": pl.Float32,
     "depth_m": pl.Float64,
     "gradient_rad": pl.Float32,
+    "edge_px": pl.Float32,
+    "edge_side": EDGE_SIDE,
+    "incidence_deg": pl.Float32,
     "max_error_px": pl.Float64,
     "kept": pl.Boolean,
 }
@@ -167,6 +178,10 @@ TRACKS: Schema = {
 
 gradient_rad is the angle of the dominant image gradient in the first frame of the track, from u towards v. It is an
 axis without a sign, and null if no gradient dominates.
+
+edge_px is the distance to the nearest depth edge in the first frame, positive on its near side and negative on its far
+side. It is null if there is none within 15 px; edge_side is then `none`. incidence_deg is the angle between the ray and
+the normal of the surface there. All three are null where depth is sparse or unknown.
 """
 
 FRAME_COUNTS: Schema = {
@@ -358,6 +373,45 @@ SAMPLES: Schema = {
     "kept": pl.Boolean,
 }
 """Single visible errors, at most one per track and band of ages, for statistics that moments do not give."""
+
+PLACE_SUMS: Schema = {"n": pl.Int64, **dict.fromkeys(("sum_u", "sum_v", "sum_uu", "sum_uv", "sum_vv"), pl.Float64)}
+"""Number of errors, and sums of du, dv (px) and of their products (px^2)."""
+_PLACE: Schema = {**ORIGIN, "block": pl.UInt8, "axis": AXIS, "at": pl.UInt32}
+
+SURROUNDINGS: Schema = {
+    **_PLACE,
+    "surrounding": SURROUNDING,
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "occlusion": OCCLUSION,
+    **PLACE_SUMS,
+    "n_directed": pl.Int64,
+    **dict.fromkeys(("sum_along", "sum_across", "sum_along_2", "sum_across_2"), pl.Float64),
+}
+"""Sums of untrimmed errors at a few ages, by what surrounds a feature in its first frame.
+
+low and high bound a class of the property: depth (m), edge (signed distance, px) or incidence (degrees). Both are null
+in the class of features without an edge in reach. The last sums are of the n_directed errors whose true position has
+moved since the frame before: along and across this motion. occlusion divides each class; `now` is not visible.
+"""
+
+IMAGE_MAP: Schema = {
+    **_PLACE,
+    "column": pl.UInt8,
+    "row": pl.UInt8,
+    "n": pl.Int32,
+    **dict.fromkeys(("sum_u", "sum_v", "sum_uu", "sum_uv", "sum_vv"), pl.Float32),
+}
+"""Sums of visible, untrimmed errors at a few ages by cell of the image, from its left and its top."""
+
+IMAGE_SPEEDS: Schema = {
+    **_PLACE,
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "n": pl.Int64,
+    **dict.fromkeys(("sum_along", "sum_across", "sum_along_2", "sum_across_2"), pl.Float64),
+}
+"""Sums of visible, untrimmed errors along and across the image motion, by its speed (px per frame, low to high)."""
 
 CURVES: Schema = {
     "dataset": pl.String,

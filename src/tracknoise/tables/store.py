@@ -60,6 +60,9 @@ SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "fitted_noise": schema.FITTED_NOISE,
     "truth_differences": schema.TRUTH_DIFFERENCES,
     "pose_differences": schema.POSE_DIFFERENCES,
+    "surroundings": schema.SURROUNDINGS,
+    "image_map": schema.IMAGE_MAP,
+    "image_speeds": schema.IMAGE_SPEEDS,
 }
 SEED_TABLES: Mapping[str, schema.Schema] = {
     f"seed_{name}": {"seed": pl.Int32, **SEQUENCE_TABLES[name]} for name in ("moments", "ends", "frames")
@@ -97,6 +100,9 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "radii": findings_schema.RADII,
     "time_structure": findings_schema.TIME_STRUCTURE,
     "dependence": findings_schema.DEPENDENCE,
+    "surrounding_errors": findings_schema.SURROUNDING_ERRORS,
+    "image_cells": findings_schema.IMAGE_CELLS,
+    "speed_errors": findings_schema.SPEED_ERRORS,
     "findings": findings_schema.FINDINGS,
 }
 """Tables of the whole run that are computed from the others. They are empty if they were not computed."""

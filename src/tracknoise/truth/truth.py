@@ -6,6 +6,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.geometry.surroundings import Surroundings
 from tracknoise.sequences.sequence import Sequence
 
 
@@ -30,6 +31,9 @@ class TruePositions:
     epipolar : (n, 2) float64, or None
         Signed distance of each observation from the epipolar line of the first one of its track, px, and the variance
         of this distance for white noise of 1 px, px^2; NaN where it is unknown. None if this kind of truth has none.
+    surroundings
+        What lies around the point of each track in its first frame, (m,). None if this kind of truth has no dense
+        depth.
     """
 
     uv: NDArray[np.float64]
@@ -37,6 +41,7 @@ class TruePositions:
     depth_m: NDArray[np.float64]
     covariance: NDArray[np.float64] | None = None
     epipolar: NDArray[np.float64] | None = None
+    surroundings: Surroundings | None = None
 
 
 class TruthSession(Protocol):

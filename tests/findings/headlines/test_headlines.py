@@ -19,6 +19,7 @@ from tracknoise.tables.findings_schema import (
     GAUSSIANITY,
     INTERVALS,
     SEED_SPREAD,
+    SURROUNDING_ERRORS,
     TIME_STRUCTURE,
     TRIANGULATED_NOISE,
     ZERO_MEAN,
@@ -45,6 +46,7 @@ SCHEMAS: Mapping[str, Schema] = {
     "gaussianity": GAUSSIANITY,
     "time_structure": TIME_STRUCTURE,
     "dependence": DEPENDENCE,
+    "surrounding_errors": SURROUNDING_ERRORS,
 }
 
 

@@ -17,6 +17,9 @@ from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.table import headline_table
 from tracknoise.findings.intervals.incidence import incidence_table
 from tracknoise.findings.intervals.table import interval_table
+from tracknoise.findings.places.image_cells import image_cells
+from tracknoise.findings.places.speed_errors import speed_errors
+from tracknoise.findings.places.surrounding_errors import surrounding_errors
 from tracknoise.findings.point_tracking import point_tracking_metrics
 from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.findings.sampling.units import MIN_SCENES
@@ -34,7 +37,18 @@ from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.schema import SEQUENCE, VIEW
 from tracknoise.tables.store import RunFolder
 
-_ABOUT_ANCHORS = ("zero_mean", "gaussianity", "radii", "time_structure")
+_OF_SEQUENCES: Mapping[str, tuple[str, Callable[..., pl.DataFrame]]] = {
+    "triangulated_noise": ("fitted_noise", fitted_noise_table),
+    "point_tracking_metrics": ("point_tracking", point_tracking_metrics),
+    "two_truths": ("truth_differences", two_truths_table),
+    "pose_disagreement": ("pose_differences", pose_disagreement_table),
+    "surrounding_errors": ("surroundings", surrounding_errors),
+    "image_cells": ("image_map", image_cells),
+    "speed_errors": ("image_speeds", speed_errors),
+}
+"""Findings that pool one table of each sequence, and nothing else: the table, and what makes them."""
+_OF_PLACES = ("surrounding_errors", "image_cells", "speed_errors")
+_ABOUT_ANCHORS = ("zero_mean", "gaussianity", "radii", "time_structure", *_OF_PLACES)
 """Findings about errors since a point was fixed. They are withheld where points are fitted to whole tracks."""
 
 
@@ -129,12 +143,7 @@ def _tables(
 
 def _of_sequences(run: RunFolder, **sampling: Unpack[_Sampling]) -> dict[str, pl.DataFrame]:
     """Findings that need one table of every sequence that has it, and nothing else."""
-    return {
-        "triangulated_noise": fitted_noise_table(run.stored_tables("fitted_noise"), **sampling),
-        "point_tracking_metrics": point_tracking_metrics(run.stored_tables("point_tracking"), **sampling),
-        "two_truths": two_truths_table(run.stored_tables("truth_differences"), **sampling),
-        "pose_disagreement": pose_disagreement_table(run.stored_tables("pose_differences"), **sampling),
-    }
+    return {name: pool(run.stored_tables(table), **sampling) for name, (table, pool) in _OF_SEQUENCES.items()}
 
 
 def _intervals(

@@ -24,6 +24,7 @@ from tracknoise.measurement.tracking import Progress
 from tracknoise.sequences.images import encode_png
 from tracknoise.sequences.poses import pose_notes
 from tracknoise.sequences.sequence import TRIANGULATED, Sequence, group_of
+from tracknoise.statistics.image_map import image_map
 from tracknoise.statistics.lifetimes import count_ends
 from tracknoise.statistics.summarise import STATISTICS, statistics_of
 from tracknoise.tables.manifest import SequenceEntry
@@ -162,11 +163,12 @@ def _measure(
 def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Measurement) -> dict[str, pl.DataFrame]:
     """The tables of a sequence by name, those of single observations and tracks only if the experiment keeps them."""
     observed = {"observations": measurement.observations, "tracks": measurement.tracks}
+    slowest = min(experiment.speeds)  # which figures show
     statistics = statistics_of(
         measurement.prepared,
         [name for name in STATISTICS if name != "moments"],
         population=experiment.truth.population,
-        slowest=min(experiment.speeds),  # which figures show
+        slowest=slowest,
     )
     return {
         **(observed if experiment.keep == "observations" else {}),
@@ -177,6 +179,9 @@ def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Meas
         "pose_differences": measurement.pose_differences,
         **statistics,
         **({"point_tracking": tap_metrics(measurement)} if experiment.statistics.tap_vid else {}),
+        "image_map": image_map(
+            replace(measurement.prepared, slowest=slowest), width=sequence.camera.width, height=sequence.camera.height
+        ),
     }
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import polars as pl
 
-from tracknoise.findings.headlines import caveats, error_topics, fitted_topics, tracking_topics
+from tracknoise.findings.headlines import caveats, error_topics, fitted_topics, place_topic, tracking_topics
 from tracknoise.findings.headlines.error_size import size
 from tracknoise.findings.headlines.factor_topic import factors
 from tracknoise.findings.headlines.headline import Headline, RunTables
@@ -21,6 +21,7 @@ _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] 
     size,
     trimming_matters,
     error_topics.bias,
+    place_topic.depth_edges,
     error_topics.shape,
     error_topics.growth,
     factors,
@@ -48,8 +49,8 @@ def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.Data
     Parameters
     ----------
     tables
-        By their names: summary, effects, intervals, seed_spread, zero_mean, gaussianity, time_structure, dependence and
-        triangulated_noise.
+        By their names: summary, effects, intervals, seed_spread, zero_mean, gaussianity, time_structure, dependence,
+        surrounding_errors and triangulated_noise.
         One without rows has no headline.
     conditions
         Which conditions the sentences are about.

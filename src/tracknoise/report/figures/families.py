@@ -152,6 +152,14 @@ FAMILIES: tuple[Family, ...] = (
         of_errors=True,
     ),
     Family(
+        "error-by-place",
+        "Error by place",
+        "Errors that depend on the place in the image, or on the speed of the image, often come from the truth: lens, "
+        "focal length, shutter or clock. Errors at depth edges come from the tracker.",
+        ("image_map:figures", "image_speed:figures", "surroundings:figures"),
+        of_errors=True,
+    ),
+    Family(
         "survivorship-bias",
         "Survivorship bias",
         "A tracker tends to lose its worst features first. Tracks that live long are therefore not a random sample of "

@@ -38,10 +38,10 @@ def measured(observations, tracks, frames) -> tuple[pl.DataFrame, pl.DataFrame, 
 
 def test_every_table_of_a_sequence_but_its_poses_is_made(measured) -> None:
     found = summarise_sequence(*measured, population="projected", trim_percentile=80.0, slowest=1)
-    assert {*found} == {*SEQUENCE_TABLES} - {"poses"}
+    assert {*found} == {*SEQUENCE_TABLES} - {"poses", "rigid", "pose_growth"}
     for name, table in found.items():
-        only_triangulated = name == "fitted_noise"
-        assert check(table, SEQUENCE_TABLES[name], name).is_empty() == only_triangulated
+        needs_more = name in ("fitted_noise", "between_trackers")  # triangulated truth, or a second tracker
+        assert check(table, SEQUENCE_TABLES[name], name).is_empty() == needs_more
     assert found["blocks"]["population"].unique().sort().to_list() == ["visible", "projected"]
     assert found["aspect_blocks"]["speed"].unique().to_list() == [1]
 

@@ -7,6 +7,7 @@ from types import MappingProxyType
 import polars as pl
 
 from tracknoise.statistics.aspects import aspect_blocks, aspects
+from tracknoise.statistics.between_trackers import between_trackers
 from tracknoise.statistics.block_moments import block_moments
 from tracknoise.statistics.counts import counts
 from tracknoise.statistics.fitted_noise import fitted_noise
@@ -36,6 +37,7 @@ STATISTICS: Mapping[str, Callable[[PreparedSequence], pl.DataFrame]] = MappingPr
         "increments": increments,
         "samples": samples,
         "fitted_noise": fitted_noise,
+        "between_trackers": between_trackers,
     }
 )
 """Tables of a sequence that are computed from its trimmed observations and tracks, by name."""

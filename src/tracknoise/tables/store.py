@@ -58,6 +58,9 @@ SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "increments": schema.INCREMENTS,
     "samples": schema.SAMPLES,
     "fitted_noise": schema.FITTED_NOISE,
+    "between_trackers": schema.BETWEEN_TRACKERS,
+    "rigid": schema.RIGID,
+    "pose_growth": schema.POSE_GROWTH,
 }
 SEED_TABLES: Mapping[str, schema.Schema] = {
     f"seed_{name}": {"seed": pl.Int32, **SEQUENCE_TABLES[name]} for name in ("moments", "ends", "frames")
@@ -89,6 +92,8 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "radii": findings_schema.RADII,
     "time_structure": findings_schema.TIME_STRUCTURE,
     "dependence": findings_schema.DEPENDENCE,
+    "rigid_share": findings_schema.RIGID_SHARE,
+    "tracker_differences": findings_schema.TRACKER_DIFFERENCES,
     "findings": findings_schema.FINDINGS,
 }
 """Tables of the whole run that are computed from the others. They are empty if they were not computed."""

@@ -5,6 +5,7 @@ from typing import TypedDict
 
 import polars as pl
 
+from tracknoise.audit.rigid_share import rigid_share
 from tracknoise.experiments.analysis.finding_inputs import FindingInputs
 from tracknoise.experiments.analysis.groups_of_scenes import groups_of_scenes
 from tracknoise.experiments.analysis.reference_condition import reference_condition
@@ -21,6 +22,7 @@ from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.seed_spread import Repeat, seed_spread, widened
 from tracknoise.findings.shape.gaussianity import gaussianity
+from tracknoise.findings.tracker_differences import tracker_differences
 from tracknoise.findings.zero_mean import zero_mean
 from tracknoise.sequences.sequence import TRIANGULATED, TruthKind
 from tracknoise.statistics.change_curves import change_curves
@@ -54,7 +56,7 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
         If a table is damaged, or the folder cannot be written.
     """
     reference = reference_condition(run.manifest(), experiment, statistics["outliers"])
-    tables = _tables(run, experiment, statistics, reference)
+    tables = _tables(run, experiment, statistics, reference) | _of_the_truth(run, experiment)
     reported = _reported(run, experiment, statistics["trims"], reference)
     if reported.fitted:
         tables |= _without_verdicts_on_errors(tables)
@@ -122,6 +124,15 @@ def _tables(
         ),
         "dependence": _dependence(read, experiment, statistics, zeros),
     }
+
+
+def _of_the_truth(run: RunFolder, experiment: Experiment) -> dict[str, pl.DataFrame]:
+    """What errors of the poses explain, and differences between trackers that no error of the truth changes."""
+    groups = groups_of_scenes(run.manifest().sequences, experiment.dataset.groups)
+    kind, level = experiment.findings.intervals, experiment.findings.level
+    shares = rigid_share(run.sequence_tables("rigid"), groups=groups, kind=kind, level=level)
+    differences = tracker_differences(run.sequence_tables("between_trackers"), groups=groups, kind=kind, level=level)
+    return {"rigid_share": shares, "tracker_differences": differences}
 
 
 def _intervals(

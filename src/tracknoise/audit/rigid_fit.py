@@ -18,7 +18,7 @@ from tracknoise.audit.rigid_rows import REACH, RigidRows
 
 PRIOR = 1.0
 """Standard deviation of a pose error before any track is seen: rad, and units of length."""
-FEWEST = 12
+FEWEST = 30
 """Fewest tracks in a frame that determine its pose error."""
 _ROUNDS = 6
 _TAIL = 2.4

@@ -14,6 +14,7 @@ from tracknoise.tables.findings_schema import (
     GAUSSIANITY,
     INCIDENCE,
     INTERVALS,
+    POSE_LAW,
     RADII,
     RIGID_SHARE,
     SEED_SPREAD,
@@ -40,6 +41,7 @@ def made_up(tables: Mapping[str, pl.DataFrame], *, scope: ReportedConditions) ->
         "time_structure": time_structure(tables["curves"]),
         "dependence": dependence(tables["effects"]),
         "rigid_share": rigid_share(tables["curves"]),
+        "pose_law": empty(POSE_LAW),
         "tracker_differences": tracker_differences(tables["curves"]),
     }
     found["findings"] = headline_table({**tables, **found}, scope)

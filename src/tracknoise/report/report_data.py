@@ -42,7 +42,7 @@ class ReportData:
     curves, cores, lifetimes, outliers, trims, errors, counts, summary, effects, aspect_curves, changes
         Its pooled tables.
     intervals, incidence, seed_spread, triangulated_noise, zero_mean, gaussianity, radii, time_structure,
-    dependence, rigid_share, tracker_differences, findings
+    dependence, rigid_share, pose_law, tracker_differences, findings
         Its findings. These tables have no rows where findings were not computed.
     """
 
@@ -70,6 +70,7 @@ class ReportData:
     time_structure: pl.DataFrame
     dependence: pl.DataFrame
     rigid_share: pl.DataFrame
+    pose_law: pl.DataFrame
     tracker_differences: pl.DataFrame
     findings: pl.DataFrame
 

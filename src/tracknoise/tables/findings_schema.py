@@ -19,6 +19,7 @@ from tracknoise.tables.schema import (
     POPULATION,
     TRIMMING,
     VERDICT,
+    VIEW,
     WEIGHTING,
     Schema,
 )
@@ -342,6 +343,29 @@ RIGID_SHARE: Schema = {
 The pose errors are fitted to other tracks: to the other half of the tracks of the same tracker (`own`), or of all other
 trackers (`others`). second_px2 is the second moment about zero of n errors, left_px2 what a correction of the poses
 leaves of it. share does not contain the noise of the fit, which left_px2 does. coordinate is u, v or both.
+"""
+
+POSE_LAW: Schema = {
+    "dataset": pl.String,
+    **VIEW,
+    "motion": pl.String,
+    "law": pl.String,
+    "unit": pl.String,
+    "n": pl.Int64,
+    "value": pl.Float64,
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "kind": INTERVAL_KIND,
+    "level": pl.Float64,
+    "resampled": RESAMPLED,
+    "n_units": pl.Int32,
+    "n_scenes": pl.Int32,
+}
+"""Growth law of the errors of the stated poses, fitted to `POSE_GROWTH`: one row per motion and part of the law.
+
+motion is `rotation` or `translation`. The part `white` is the standard deviation of one coordinate of a single pose,
+`random walk` that of its change from one frame to the next. Both are what the tracks see as a motion of the camera,
+whatever its cause.
 """
 
 TRACKER_DIFFERENCES: Schema = {

@@ -93,6 +93,7 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "time_structure": findings_schema.TIME_STRUCTURE,
     "dependence": findings_schema.DEPENDENCE,
     "rigid_share": findings_schema.RIGID_SHARE,
+    "pose_law": findings_schema.POSE_LAW,
     "tracker_differences": findings_schema.TRACKER_DIFFERENCES,
     "findings": findings_schema.FINDINGS,
 }

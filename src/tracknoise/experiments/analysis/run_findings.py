@@ -5,6 +5,7 @@ from typing import TypedDict
 
 import polars as pl
 
+from tracknoise.audit.pose_law import pose_law
 from tracknoise.audit.rigid_share import rigid_share
 from tracknoise.experiments.analysis.finding_inputs import FindingInputs
 from tracknoise.experiments.analysis.groups_of_scenes import groups_of_scenes
@@ -132,7 +133,8 @@ def _of_the_truth(run: RunFolder, experiment: Experiment) -> dict[str, pl.DataFr
     kind, level = experiment.findings.intervals, experiment.findings.level
     shares = rigid_share(run.sequence_tables("rigid"), groups=groups, kind=kind, level=level)
     differences = tracker_differences(run.sequence_tables("between_trackers"), groups=groups, kind=kind, level=level)
-    return {"rigid_share": shares, "tracker_differences": differences}
+    law = pose_law(run.sequence_tables("pose_growth"), groups=groups, kind=kind, level=level)
+    return {"rigid_share": shares, "pose_law": law, "tracker_differences": differences}
 
 
 def _intervals(

@@ -34,7 +34,8 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
         for statistic, heading in _ROWS.items()
         for panel in panels(points.filter(statistic=statistic), "pair", colours, heading, titled=statistic == "mean")
     ]
-    return [Figure(_NAME, _TITLE, _shows(data, points), _look_for(points), arranged(rows, columns=2))]
+    spec = arranged(rows, columns=2, independent=["fill"])
+    return [Figure(_NAME, _TITLE, _shows(data, points), _look_for(points), spec)]
 
 
 def _root(value: pl.Expr) -> pl.Expr:

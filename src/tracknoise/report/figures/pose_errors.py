@@ -36,6 +36,7 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
         "stated pose explains, by age. The pose errors are fitted to tracks other than those whose errors they "
         "predict: to the other half of the tracks of the same tracker (top), and to all other trackers that saw "
         f"images (bottom). {bands.describe_intervals(points, of='the shares')}"
+        f"{' Each block has the tracks of successive frames.' if 'blocks' in points['resampled'] else ''}"
     )
     return [Figure(_NAME, _TITLE, shows, _look_for(data, table), arranged(rows, columns=2, independent=["fill"]))]
 

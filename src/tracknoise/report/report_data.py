@@ -41,8 +41,9 @@ class ReportData:
         State of the run, and its resolved experiment.
     curves, cores, lifetimes, outliers, trims, errors, counts, summary, effects, aspect_curves, changes
         Its pooled tables.
-    two_truths, pose_disagreement, intervals, incidence, seed_spread, triangulated_noise, point_tracking_metrics,
-    zero_mean, gaussianity, radii, time_structure, dependence, surrounding_errors, image_cells, speed_errors, findings
+    two_truths, pose_disagreement, rigid_share, pose_law, tracker_differences, intervals, incidence, seed_spread,
+    triangulated_noise, point_tracking_metrics, zero_mean, gaussianity, radii, time_structure, dependence,
+    surrounding_errors, image_cells, speed_errors, findings
         Its findings. These tables have no rows where findings were not computed.
     """
 
@@ -75,6 +76,9 @@ class ReportData:
     surrounding_errors: pl.DataFrame
     image_cells: pl.DataFrame
     speed_errors: pl.DataFrame
+    rigid_share: pl.DataFrame
+    pose_law: pl.DataFrame
+    tracker_differences: pl.DataFrame
     findings: pl.DataFrame
 
     @classmethod

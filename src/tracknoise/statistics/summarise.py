@@ -7,6 +7,7 @@ from types import MappingProxyType
 import polars as pl
 
 from tracknoise.statistics.aspects import aspect_blocks, aspects
+from tracknoise.statistics.between_trackers import between_trackers
 from tracknoise.statistics.block_moments import block_moments
 from tracknoise.statistics.counts import counts
 from tracknoise.statistics.fitted_noise import fitted_noise
@@ -42,6 +43,7 @@ STATISTICS: Mapping[str, Callable[[PreparedSequence], pl.DataFrame]] = MappingPr
         "truth_differences": truth_differences,
         "surroundings": surroundings,
         "image_speeds": image_speeds,
+        "between_trackers": between_trackers,
     }
 )
 """Tables of a sequence that are computed from its trimmed observations and tracks, by name."""

@@ -98,6 +98,16 @@ class FittedMeasure(StrEnum):
     epipolar = "epipolar"
 
 
+class FittedTo(StrEnum):
+    """Tracks to which pose errors are fitted, before they predict the errors of a tracker.
+
+    own: the other half of the tracks of the same tracker. others: those of all other trackers that saw images.
+    """
+
+    own = "own"
+    others = "others"
+
+
 class TruthQuantity(StrEnum):
     """What a row about two truths describes.
 

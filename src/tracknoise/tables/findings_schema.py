@@ -15,6 +15,7 @@ from tracknoise.tables.schema import (
     CAUSES,
     CONDITION,
     FITTED_MEASURE,
+    FITTED_TO,
     POPULATION,
     SURROUNDING,
     TRIMMING,
@@ -384,6 +385,78 @@ p_yes is the p-value of the hypothesis that no difference exceeds the margin, p_
 difference is at least the margin. The q-values are Benjamini and Hochberg's, over the rows of a factor.
 """
 
+
+RIGID_SHARE: Schema = {
+    **_POOLED,
+    "fitted_to": FITTED_TO,
+    "age": pl.Int64,
+    "coordinate": pl.String,
+    "n": pl.Int64,
+    "second_px2": pl.Float64,
+    "left_px2": pl.Float64,
+    "share": pl.Float64,
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "kind": INTERVAL_KIND,
+    "level": pl.Float64,
+    "resampled": RESAMPLED,
+    "n_units": pl.Int32,
+    "n_scenes": pl.Int32,
+}
+"""Share of the second moment of the errors that one small pose error per frame explains, by age.
+
+The pose errors are fitted to other tracks: to the other half of the tracks of the same tracker (`own`), or of all other
+trackers (`others`). second_px2 is the second moment about zero of n errors, left_px2 what a correction of the poses
+leaves of it. share does not contain the noise of the fit, which left_px2 does. coordinate is u, v or both.
+"""
+
+POSE_LAW: Schema = {
+    "dataset": pl.String,
+    **VIEW,
+    "motion": pl.String,
+    "law": pl.String,
+    "unit": pl.String,
+    "n": pl.Int64,
+    "value": pl.Float64,
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "kind": INTERVAL_KIND,
+    "level": pl.Float64,
+    "resampled": RESAMPLED,
+    "n_units": pl.Int32,
+    "n_scenes": pl.Int32,
+}
+"""Growth law of the errors of the stated poses, fitted to `POSE_GROWTH`: one row per motion and part of the law.
+
+motion is `rotation` or `translation`. The part `white` is the standard deviation of one coordinate of a single pose,
+`random walk` that of its change from one frame to the next. Both are what the tracks see as a motion of the camera,
+whatever its cause.
+"""
+
+TRACKER_DIFFERENCES: Schema = {
+    **_POOLED,
+    "other": pl.String,
+    "statistic": pl.String,
+    "age": pl.Int64,
+    "coordinate": pl.String,
+    "unit": pl.String,
+    "n": pl.Int64,
+    "value": pl.Float64,
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "kind": INTERVAL_KIND,
+    "level": pl.Float64,
+    "resampled": RESAMPLED,
+    "n_units": pl.Int32,
+    "n_scenes": pl.Int32,
+    "established": pl.Boolean,
+}
+"""Differences of the errors of two trackers at the same corners and in the same frames: `tracker` minus `other`.
+
+statistic is `mean` (px) or `central`, the covariance of the differences (px^2): u and v are variances. An error of the
+truth cancels in the difference. established states whether a mean differs from 0 at the level of the row, with
+Bonferroni's correction for all ages and both coordinates of the two trackers; it is null for covariances.
+"""
 _ESTIMATED: Schema = {
     "low": pl.Float64,
     "high": pl.Float64,

@@ -17,6 +17,7 @@ from tracknoise.tables.enumerations import (
     Axis,
     EdgeSide,
     FittedMeasure,
+    FittedTo,
     Occlusion,
     Population,
     Surrounding,
@@ -71,6 +72,9 @@ WEIGHTING = pl.Enum(Weighting)
 VERDICT = pl.Enum(Verdict)
 ASPECT = pl.Enum(Aspect)
 FITTED_MEASURE = pl.Enum(FittedMeasure)
+
+
+FITTED_TO = pl.Enum(FittedTo)
 TRUTH_QUANTITY = pl.Enum(TruthQuantity)
 
 
@@ -318,6 +322,54 @@ the measure `epipolar`, squares is the sum of squared distances over their varia
 their number. The table has no rows for other kinds of truth.
 """
 
+
+BETWEEN_TRACKERS: Schema = {
+    **ORIGIN,
+    "other": pl.String,
+    "block": pl.UInt8,
+    "age": pl.UInt32,
+    "n": pl.Int64,
+    **dict.fromkeys(("mean_u", "mean_v", "m_uu", "m_uv", "m_vv"), pl.Float64),
+}
+"""Differences of the positions of two trackers that track the same corners: `tracker` minus `other`.
+
+Both positions are counted from the first frame, in which both trackers found the same corner. The truth is not used.
+Means (px) and central sums (px^2, not divided by n), by the age of both tracks, and by blocks of tracks that began at
+similar times.
+"""
+
+RIGID: Schema = {
+    **ORIGIN,
+    "fitted_to": FITTED_TO,
+    "block": pl.UInt8,
+    "age": pl.UInt32,
+    "n": pl.Int64,
+    **dict.fromkeys(("error_uu", "error_vv", "left_uu", "left_vv", "rigid_uu", "rigid_vv"), pl.Float64),
+}
+"""What one small pose error per frame explains of the errors of tracks to which it was not fitted; sums, px^2.
+
+error are squares of the visible errors, left squares of what a correction leaves of them, rigid products of the errors
+with the predicted ones. Their expectation is that of the squared error that is due to poses: the noise of the fit does
+not add to them, and is part of left. age counts frames from where the error is zero: the first frame of the track, or
+the key frame of a scan. Only a sample of the tracks counts, at the lowest speed. Blocks are of frames, from the first
+to the last, as what is common to a frame is a single sample, however many tracks it has.
+"""
+
+POSE_GROWTH: Schema = {
+    **SEQUENCE,
+    "lag": pl.UInt32,
+    "n": pl.Int64,
+    "rotation_deg": pl.Float64,
+    "translation_m": pl.Float64,
+    **dict.fromkeys(("rotation_xx_deg2", "rotation_yy_deg2", "rotation_zz_deg2"), pl.Float64),
+    **dict.fromkeys(("translation_xx_m2", "translation_yy_m2", "translation_zz_m2"), pl.Float64),
+}
+"""Error of the relative pose of two frames, measured by the tracks, by their distance in frames.
+
+The squares are means over n pairs of frames, about the axes of the camera in the later frame, without the noise of the
+fit: they are products of two independent fits, and may be negative by chance. rotation_deg and translation_m are roots
+of the mean over the three axes, and null where that is negative.
+"""
 POINT_TRACKING: Schema = {
     **ORIGIN,
     "raster": pl.String,

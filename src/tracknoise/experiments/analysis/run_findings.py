@@ -5,6 +5,8 @@ from typing import TypedDict, Unpack
 
 import polars as pl
 
+from tracknoise.audit.pose_law import pose_law
+from tracknoise.audit.rigid_share import rigid_share
 from tracknoise.experiments.analysis.finding_inputs import FindingInputs
 from tracknoise.experiments.analysis.groups_of_scenes import groups_of_scenes
 from tracknoise.experiments.analysis.reference_condition import reference_condition
@@ -25,6 +27,7 @@ from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.seed_spread import Repeat, seed_spread, widened
 from tracknoise.findings.shape.gaussianity import gaussianity
+from tracknoise.findings.tracker_differences import tracker_differences
 from tracknoise.findings.two_truths import pose_disagreement_table, two_truths_table
 from tracknoise.findings.zero_mean import zero_mean
 from tracknoise.sequences.sequence import TRIANGULATED, TruthKind
@@ -42,6 +45,9 @@ _OF_SEQUENCES: Mapping[str, tuple[str, Callable[..., pl.DataFrame]]] = {
     "point_tracking_metrics": ("point_tracking", point_tracking_metrics),
     "two_truths": ("truth_differences", two_truths_table),
     "pose_disagreement": ("pose_differences", pose_disagreement_table),
+    "rigid_share": ("rigid", rigid_share),
+    "pose_law": ("pose_growth", pose_law),
+    "tracker_differences": ("between_trackers", tracker_differences),
     "surrounding_errors": ("surroundings", surrounding_errors),
     "image_cells": ("image_map", image_cells),
     "speed_errors": ("image_speeds", speed_errors),

@@ -9,8 +9,10 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 
+from tracknoise.audit.rigid import rigid_tables
 from tracknoise.exceptions import DataWarning
-from tracknoise.experiments.doubts import doubts
+from tracknoise.experiments.doubts import SYNTHETIC, doubts
+from tracknoise.experiments.frame_geometry import frame_geometry
 from tracknoise.experiments.measure import Measurement, measure_together
 from tracknoise.experiments.running.failures import Result, diagnose
 from tracknoise.experiments.running.lock import Claim
@@ -182,7 +184,15 @@ def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Meas
         "image_map": image_map(
             replace(measurement.prepared, slowest=slowest), width=sequence.camera.width, height=sequence.camera.height
         ),
+        **_audited(experiment, measurement),
     }
+
+
+def _audited(experiment: Experiment, measurement: Measurement) -> dict[str, pl.DataFrame]:
+    """Tables of the audit that need the poses and cameras of the sequence."""
+    geometry = frame_geometry(measurement.sequence, measurement.n_frames)
+    witnesses = [choice.label for choice in experiment.trackers if choice.kind not in SYNTHETIC]
+    return rigid_tables(measurement.prepared, geometry, witnesses=witnesses)
 
 
 def _poses(sequence: Sequence, n_frames: int) -> pl.DataFrame:

@@ -134,6 +134,21 @@ FAMILIES: tuple[Family, ...] = (
         of_errors=True,
     ),
     Family(
+        "pose-errors",
+        "Pose errors",
+        "An error of the stated poses moves all features of a frame together, as a motion of the camera does. The "
+        "tracks measure such motions. What other tracks predict is not noise of single features.",
+        ("pose_errors:figures",),
+        of_errors=True,
+    ),
+    Family(
+        "between-trackers",
+        "Differences between trackers",
+        "Two trackers that follow the same corner have the same true position. Their difference contains no error of "
+        "the truth.",
+        ("between_trackers:figures",),
+    ),
+    Family(
         "gaussianity",
         "Error distribution",
         "Most estimators assume Gaussian errors. This section compares the shape of the distribution with a Gaussian "

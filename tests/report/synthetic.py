@@ -21,6 +21,7 @@ from tracknoise.statistics.counts import merge_counts
 from tracknoise.statistics.curves import aspect_curves, curves
 from tracknoise.statistics.effects import effects
 from tracknoise.statistics.factors import ReferenceCondition
+from tracknoise.statistics.floor import truth_floor
 from tracknoise.statistics.histogram import merge_errors
 from tracknoise.statistics.lifetimes import lifetimes_of_ends
 from tracknoise.statistics.outliers import outlier_ratios
@@ -33,8 +34,8 @@ from tracknoise.tables.schema import FRAME_COUNTS, OBSERVATIONS, ORIGIN, POSES, 
 from tracknoise.tables.store import OBSERVED, SEQUENCE_TABLES, RunFolder
 
 WIDTH, HEIGHT = 160, 120
-_UNREAD = ("blocks", "scale_blocks", "aspect_blocks", "samples")
-"""Tables that only findings are made of, which are made up here."""
+_UNREAD = ("blocks", "scale_blocks", "aspect_blocks", "samples", "floors")
+"""Tables that the report does not need, because findings are made up here."""
 SMALL: dict[str, object] = {
     "scenes": ("fixating", "forward"),
     "speeds": (1, 2),
@@ -258,6 +259,7 @@ def _write_statistics(run: RunFolder, world: World) -> None:
     made = {
         "curves": pooled,
         "cores": cores(run.sequence_tables("scales"), pooled),
+        "floor": truth_floor(run.sequence_tables("floors")),
         "lifetimes": lifetimes_of_ends(run.sequence_tables("ends")),
         "outliers": outlier_ratios(run.sequence_tables("frames")),
         "trims": pl.concat(run.sequence_tables("trims")),

@@ -17,6 +17,7 @@ from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.trimming import trim
 from tracknoise.tables.defaults import POPULATION, TRIM_AMONG, TRIM_PERCENTILE
+from tracknoise.truth.accuracies import DEFAULT_RULE, AccuracyRule
 from tracknoise.truth.scan_rule import SCAN_RULE, ScanRule
 
 
@@ -28,7 +29,7 @@ class Measurement:
     ----------
     sequence
         What was measured.
-    observations, tracks, frames, moments, trims
+    observations, tracks, frames, moments, trims, floors
         Tables of `tracknoise.tables.schema`. Errors `du_px`, `dv_px` are observed minus true, px; ages count
         frames of the nominal sequence.
     population
@@ -44,7 +45,8 @@ class Measurement:
     prepared
         Observations and tracks, checked and grouped: what further statistics are computed from.
     notes
-        What trackers state about their results, one sentence each. `sequence` has the notes of the reader.
+        What trackers state about their results, and what is known of the errors of the truth, one sentence each.
+        `sequence` has the notes of the reader.
     """
 
     sequence: Sequence = field(repr=False)
@@ -53,6 +55,7 @@ class Measurement:
     frames: pl.DataFrame
     moments: pl.DataFrame
     trims: pl.DataFrame
+    floors: pl.DataFrame
     population: str
     truth: str
     key_frame: int | None
@@ -70,6 +73,7 @@ def measure(
     speeds: Items[int] = (1,),
     truth: str | None = None,
     scan_rule: ScanRule = SCAN_RULE,
+    accuracy: AccuracyRule = DEFAULT_RULE,
     population: str = POPULATION,
     trim_percentile: float = TRIM_PERCENTILE,
     trim_among: str = TRIM_AMONG,
@@ -88,6 +92,7 @@ def measure(
         speeds=speeds,
         truth=truth,
         scan_rule=scan_rule,
+        accuracy=accuracy,
         population=population,
         trim_percentile=trim_percentile,
         trim_among=trim_among,
@@ -106,6 +111,7 @@ def measure_together(
     speeds: Items[int] = (1,),
     truth: str | None = None,
     scan_rule: ScanRule = SCAN_RULE,
+    accuracy: AccuracyRule = DEFAULT_RULE,
     population: str = POPULATION,
     trim_percentile: float = TRIM_PERCENTILE,
     trim_among: str = TRIM_AMONG,
@@ -131,6 +137,9 @@ def measure_together(
         best that a sequence offers.
     scan_rule
         How features are associated with a scan, for the kind ``scan``.
+    accuracy
+        What is known of the errors of the truth: ``AccuracyRule(TruthAccuracy(...))``. It counts before what the
+        sequence states and before the figures that come with tracknoise.
     population
         Which observations trimming looks at: ``visible`` ones, or all that can be ``projected``.
     trim_percentile
@@ -164,7 +173,14 @@ def measure_together(
     sequences = [chosen_frames(sequence, frames) for sequence in sequences]
     setups = [TrackerSetup(name, settings, speed) for name, settings in named.items() for speed in played]
     measured = measure_sequences(
-        sequences, setups, truth=truth, scan_rule=scan_rule, max_frames=max_frames, seed=seed, progress=progress
+        sequences,
+        setups,
+        truth=truth,
+        scan_rule=scan_rule,
+        accuracy=accuracy,
+        max_frames=max_frames,
+        seed=seed,
+        progress=progress,
     )
     for sequence, tables in zip(sequences, measured, strict=True):
         yield complete(sequence, tables, trim_percentile=trim_percentile, trim_among=trim_among, population=population)
@@ -194,6 +210,7 @@ def complete(
         frames=measured.frames,
         moments=scene_moments(trimmed.sequence.seen),
         trims=trimmed.trims,
+        floors=measured.floors,
         population=population,
         truth=measured.truth,
         key_frame=measured.key_frame,

@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.measurement.columns import setup_tables
 from tracknoise.measurement.tracking import Progress, TrackerSetup, TrackingResult, run_trackers
+from tracknoise.measurement.truth_floor import TruthFloor
 from tracknoise.sequences.poses import require_some_poses
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.tables import schema
+from tracknoise.truth.accuracies import DEFAULT_RULE, AccuracyRule
 from tracknoise.truth.registry import make_truths
 from tracknoise.truth.scan_rule import SCAN_RULE, ScanRule
-from tracknoise.truth.truth import TruePositions, Truth
+from tracknoise.truth.truth import TruePositions
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +27,7 @@ class SequenceTables:
 
     Attributes
     ----------
-    observations, tracks, frames
+    observations, tracks, frames, floors
         Tables of `tracknoise.tables.schema`; `max_error_px` is null and `kept` true.
     truth
         The kind of truth used.
@@ -36,12 +38,13 @@ class SequenceTables:
     snapshot_frame, snapshot
         One frame, (height, width) uint8, for figures that show the tracks.
     notes
-        What trackers state about their results, one sentence each.
+        What trackers state about their results, and what is known of the errors of the truth, one sentence each.
     """
 
     observations: pl.DataFrame
     tracks: pl.DataFrame
     frames: pl.DataFrame
+    floors: pl.DataFrame
     truth: str
     key_frame: int | None
     n_frames: int
@@ -56,6 +59,7 @@ def measure_sequences(
     *,
     truth: str | None = None,
     scan_rule: ScanRule = SCAN_RULE,
+    accuracy: AccuracyRule = DEFAULT_RULE,
     max_frames: int | None = None,
     seed: int = 0,
     progress: Progress | None = None,
@@ -72,6 +76,8 @@ def measure_sequences(
         Kind of truth, a name of `tracknoise.truth.registry.TRUTHS`; by default the best that a sequence offers.
     scan_rule
         How features are associated with a scan, for the kind ``scan``.
+    accuracy
+        What the user says about the errors of the truth.
     max_frames
         Read no more frames than this; by default all.
     seed
@@ -102,26 +108,32 @@ def measure_sequences(
     results = run_trackers(sequences, setups, truths, n_frames=n_frames, seed=seed, progress=progress)
     for sequence, known, result in zip(sequences, truths, results, strict=True):
         _check_features(sequence, result, known.key_frame)
-        yield _sequence_tables(sequence, setups, known, result, n_frames)
+        yield _sequence_tables(sequence, setups, TruthFloor.of(sequence, known, accuracy), result, n_frames, known.kind)
 
 
 def _sequence_tables(
-    sequence: Sequence, setups: Items[TrackerSetup], known: Truth, result: TrackingResult, n_frames: int
+    sequence: Sequence,
+    setups: Items[TrackerSetup],
+    floor: TruthFloor,
+    result: TrackingResult,
+    n_frames: int,
+    truth: str,
 ) -> SequenceTables:
-    parts = [
-        setup_tables(sequence.id, setup, recording, positions)
-        for setup, recording, positions in zip(setups, result.recordings, result.positions, strict=True)
-    ]
+    parts = []
+    for setup, recording, positions in zip(setups, result.recordings, result.positions, strict=True):
+        known, floors = floor.add(recording, positions)
+        parts.append(setup_tables(sequence.id, setup, recording, known, floors.to_dict()))
     return SequenceTables(
         observations=schema.joined([part[0] for part in parts], schema.OBSERVATIONS),
         tracks=schema.joined([part[1] for part in parts], schema.TRACKS),
         frames=schema.joined([part[2] for part in parts], schema.FRAME_COUNTS),
-        truth=known.kind,
-        key_frame=known.key_frame,
+        floors=schema.joined([part[3] for part in parts], schema.FLOORS),
+        truth=truth,
+        key_frame=floor.key_frame,
         n_frames=n_frames,
         snapshot_frame=result.snapshot_frame,
         snapshot=result.snapshot,
-        notes=result.notes,
+        notes=(*result.notes, *floor.notes),
     )
 
 

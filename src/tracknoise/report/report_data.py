@@ -51,6 +51,7 @@ class ReportData:
     settings: Mapping[str, Any]
     curves: pl.DataFrame
     cores: pl.DataFrame
+    floor: pl.DataFrame
     lifetimes: pl.DataFrame
     outliers: pl.DataFrame
     trims: pl.DataFrame

@@ -16,6 +16,7 @@ from tracknoise.tables.enumerations import (
     Aspect,
     Axis,
     FittedMeasure,
+    FloorSource,
     Population,
     TrimAmong,
     Trimming,
@@ -67,6 +68,7 @@ WEIGHTING = pl.Enum(Weighting)
 VERDICT = pl.Enum(Verdict)
 ASPECT = pl.Enum(Aspect)
 FITTED_MEASURE = pl.Enum(FittedMeasure)
+FLOOR_SOURCE = pl.Enum(FloorSource)
 
 CAUSES = tuple(end.name for end in TrackEnd if end is not TrackEnd.sequence_end)
 """Ends that are not censored: the causes that compete to end a track."""
@@ -120,6 +122,7 @@ class OpenSchema(Mapping[str, pl.DataType | type[pl.DataType]]):
 
 
 TRUE_COVARIANCE: Schema = {"cov_true_uu": pl.Float64, "cov_true_uv": pl.Float64, "cov_true_vv": pl.Float64}
+LEVERAGE: Schema = {"leverage_uu": pl.Float64, "leverage_uv": pl.Float64, "leverage_vv": pl.Float64}
 EPIPOLAR: Schema = {"epipolar_px": pl.Float64, "epipolar_variance": pl.Float64}
 _OBSERVED: Schema = {
     **ORIGIN,
@@ -135,14 +138,14 @@ _OBSERVED: Schema = {
     "dv_px": pl.Float64,
     "kept": pl.Boolean,
 }
-OBSERVATIONS = OpenSchema(_OBSERVED, (TRUE_COVARIANCE, EPIPOLAR), QUALITY_PREFIX + QUALITY_NAME, pl.Float32)
+OBSERVATIONS = OpenSchema(_OBSERVED, (TRUE_COVARIANCE, LEVERAGE, EPIPOLAR), QUALITY_PREFIX + QUALITY_NAME, pl.Float32)
 """One row per feature and frame in which its tracker found it; age counts frames of the nominal sequence.
 
-Where a truth states the covariance of true positions, the table also has `TRUE_COVARIANCE` (px^2). Where the truth is
-triangulated, this is the covariance for white noise of 1 px in the observations, and the table also has `EPIPOLAR`: the
-signed distance from the epipolar line, px, and the variance of this distance for the same noise, px^2. Where a tracker
-reports the quality of its observations, it has one column ``quality_<name>`` for each of them. All of these are null
-where they are unknown.
+Where the accuracy of the truth is known and not exact, the table also has `TRUE_COVARIANCE`: the covariance of the
+error of the true position, px^2. Where the truth is triangulated, it has `LEVERAGE`, the covariance of the true
+position for white noise of 1 px in the observations, no unit, and `EPIPOLAR`: the signed distance from the epipolar
+line, px, and the variance of this distance for the same noise, px^2. Where a tracker reports the quality of its
+observations, it has one column ``quality_<name>`` for each of them. All of these are null where they are unknown.
 """
 
 TRACKS: Schema = {
@@ -297,6 +300,21 @@ the measure `epipolar`, squares is the sum of squared distances over their varia
 their number. The table has no rows for other kinds of truth.
 """
 
+FLOORS: Schema = {
+    **ORIGIN,
+    "source": FLOOR_SOURCE,
+    "axis": AXIS,
+    "at": pl.UInt32,
+    "n": pl.Int64,
+    **dict.fromkeys(("sum_uu", "sum_uv", "sum_vv", "own_uu", "own_vv", "shared_u", "shared_v"), pl.Float64),
+}
+"""Errors of the true positions of visible observations, by what causes them, and by age or frame.
+
+sum is the sum of the covariances of the n true positions (px^2). own is n^2 times the variance of their mean error, as
+far as it is independent from scene to scene; shared is the sum of displacements by an error that all scenes share, px
+(`tracknoise.measurement.floors`). Sources whose size is unknown have no rows. Exact sources have zeros.
+"""
+
 SAMPLES: Schema = {
     **ORIGIN,
     "block": pl.UInt8,
@@ -330,6 +348,22 @@ CURVES: Schema = {
 """nu (px), eta (px), Phi (px^2) and central covariance (px^2) by age, or mu, kappa, Sigma and central by frame.
 
 cut marks ages or frames with too few features.
+"""
+
+FLOOR: Schema = {
+    "dataset": pl.String,
+    **CONDITION,
+    "source": FLOOR_SOURCE,
+    "axis": AXIS,
+    "at": pl.UInt32,
+    "n": pl.Int64,
+    "n_scenes": pl.Int32,
+    **dict.fromkeys(("floor_uu", "floor_uv", "floor_vv", "mean_u_px", "mean_v_px"), pl.Float64),
+}
+"""Truth floor: the second moment of the errors of true positions (px^2), and the standard deviation of their mean (px).
+
+Of the visible observations of all scenes whose truth has a known accuracy, features pooled. The source `all` is the sum
+of the sources that are known: a floor is at least as large as this.
 """
 
 CORES: Schema = {

@@ -58,6 +58,7 @@ SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "increments": schema.INCREMENTS,
     "samples": schema.SAMPLES,
     "fitted_noise": schema.FITTED_NOISE,
+    "floors": schema.FLOORS,
 }
 SEED_TABLES: Mapping[str, schema.Schema] = {
     f"seed_{name}": {"seed": pl.Int32, **SEQUENCE_TABLES[name]} for name in ("moments", "ends", "frames")
@@ -69,6 +70,7 @@ OBSERVED = ("observations", "tracks")
 STATISTICS_TABLES: Mapping[str, schema.Schema] = {
     "curves": schema.CURVES,
     "cores": schema.CORES,
+    "floor": schema.FLOOR,
     "lifetimes": schema.LIFETIMES,
     "outliers": schema.OUTLIERS,
     "trims": schema.TRIMS,

@@ -142,6 +142,7 @@ def _measure(
         speeds=task.speeds,
         truth=truth.kind,
         scan_rule=ScanRule(truth.scan_radius_px, truth.scan_anchoring),
+        accuracy=truth.accuracy.rule(),
         population=truth.population,
         trim_percentile=experiment.statistics.trim_percentile,
         trim_among=experiment.statistics.trim_among,
@@ -165,6 +166,7 @@ def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Meas
         "poses": _poses(sequence, measurement.n_frames),
         "moments": measurement.moments,
         "trims": measurement.trims,
+        "floors": measurement.floors,
         **statistics,
     }
 

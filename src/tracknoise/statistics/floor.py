@@ -9,11 +9,13 @@ from collections.abc import Iterable, Sequence
 
 import polars as pl
 
-from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.definitions import NAMES, POOLED
 from tracknoise.statistics.grouping import group_rows, in_chunks
 from tracknoise.tables.enumerations import FloorSource
 from tracknoise.tables.schema import FLOOR, FLOOR_SOURCE, FLOORS, ORIGIN, check
 
+FLOOR_COLUMNS = ("floor_u", "floor_v")
+"""Columns that `with_floor` adds to curves."""
 _PLACE = [*POOLED, "axis", "at"]
 _POINT = [*POOLED, "source", "axis", "at"]
 _NUMBERS = ["n", "n_scenes"]
@@ -81,3 +83,42 @@ def _values() -> list[pl.Expr]:
     known = pl.when(pl.col(_UNKNOWN) == 0.0)
     moments = [(pl.col(f"sum_{name}") / n).alias(f"floor_{name}") for name in ("uu", "uv", "vv")]
     return [*moments, *(known.then(pl.col(f"var_{axis}").sqrt() / n).alias(f"mean_{axis}_px") for axis in "uv")]
+
+
+def with_floor(curves: pl.DataFrame, floor: pl.DataFrame) -> pl.DataFrame:
+    """Curves with the truth floor of their values in u and v.
+
+    Parameters
+    ----------
+    curves
+        Columns of `CURVES`.
+    floor
+        Schema `FLOOR`.
+
+    Returns
+    -------
+    polars.DataFrame
+        The same rows with columns floor_u and floor_v, in the unit of the curve: the standard deviation of the mean
+        beside means, and the second moment beside second and central moments. Null beside other statistics, and where
+        nothing is known of the errors of the truth.
+
+    Raises
+    ------
+    SchemaError
+        If `floor` has other columns.
+    """
+    values = {
+        "mean": ("mean_u_px", "mean_v_px"),
+        "second": ("floor_uu", "floor_vv"),
+        "central": ("floor_uu", "floor_vv"),
+    }
+    known = check(floor, FLOOR, "floor").filter(source=FloorSource.all).drop("source", "n", "n_scenes", "floor_uv")
+    table = curves.join(known, on=_PLACE, how="left", maintain_order="left")
+    columns = {}
+    for place, column in enumerate(FLOOR_COLUMNS):
+        value = pl.lit(None, dtype=pl.Float64)
+        for role, names in values.items():
+            called = [name[role] for name in NAMES.values()]
+            value = pl.when(pl.col("statistic").is_in(called)).then(pl.col(names[place])).otherwise(value)
+        columns[column] = value
+    return table.with_columns(**columns).drop("floor_uu", "floor_vv", "mean_u_px", "mean_v_px")

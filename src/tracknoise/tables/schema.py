@@ -497,13 +497,15 @@ SUMMARY: Schema = {
         for value in ("n", *(f"{statistic}_{axis}_px" for statistic in ("nu", "eta", "rms", "core") for axis in "uv"))
     },
     **{f"{trimming}_beyond_{axis}": pl.Float64 for trimming in TRIMMING.categories for axis in "uv"},
+    **dict.fromkeys(("floor_u_px", "floor_v_px", "floor_mean_u_px", "floor_mean_v_px"), pl.Float64),
 }
 """One row per condition: lifetimes (frames its tracker saw), outlier ratio, and errors at one age or frame.
 
 rms is the square root of Phi or Sigma. Ages and frames are those of the nominal sequence, and n is the number of
 features there. If the axis is the frame, nu and eta are mu and kappa. nu, eta and rms are of all features pooled; core
-and beyond are those of `CORES`. Restricted means are of min(lifetime, restricted_to). The horizon restricted_to is the
-same in all rows of a data set and speed.
+and beyond are those of `CORES`. floor is the root of the truth floor, and floor_mean the standard deviation of what the
+errors of the truth add to the mean: see `FLOOR`. Restricted means are of min(lifetime, restricted_to). The horizon
+restricted_to is the same in all rows of a data set and speed.
 """
 
 EFFECTS: Schema = {

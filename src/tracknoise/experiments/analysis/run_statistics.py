@@ -57,6 +57,7 @@ def compute_statistics(run: RunFolder, experiment: Experiment) -> dict[str, pl.D
         tables["lifetimes"],
         tables["outliers"],
         cores=tables["cores"],
+        floor=tables["floor"],
         key_frame=reference.key_frames.get(reference.direction, 0),
         population=experiment.truth.population,
     )

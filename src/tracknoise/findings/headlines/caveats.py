@@ -72,10 +72,17 @@ def grouped_scenes(tables: RunTables, conditions: ReportedConditions) -> Headlin
     return Headline("groups", text, "measured", "intervals", Estimate(len(groups), unit="groups"))
 
 
-def recorded_truth(_tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+def recorded_truth(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """Warn where the truth was measured too."""
-    text = (
-        "True positions come from recorded poses, depth and calibration. Their own errors are part of every number and "
-        "are not yet separated. The errors of the trackers alone may be smaller."
+    if not conditions.recorded:
+        return None
+    size = (
+        "Nothing is known of their size."
+        if tables["floor"].is_empty()
+        else "The truth floor is the size of those that are known."
     )
-    return Headline("truth", text, "limits", "counts") if conditions.recorded else None
+    text = (
+        "True positions come from recorded poses, depth and calibration. Their own errors are part of every number. "
+        f"{size} The errors of the trackers alone may be smaller."
+    )
+    return Headline("truth", text, "limits", "counts")

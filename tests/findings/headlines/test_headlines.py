@@ -218,6 +218,10 @@ def test_a_recorded_truth_is_reported_before_any_number() -> None:
     scope = ReportedConditions(ReferenceCondition("l"), ("lk",), recorded=True)
     known = read(scope, floor=table(FLOOR, {"source": "all", "axis": "age", "at": 10, "floor_uu": 0.1}))["truth"]
     assert "The truth floor is the size of those that are known." in known["text"]
+    assert "larger" not in known["text"]
+    summed = table(SUMMARY, {**SUMMED, "floor_u_px": 0.5, "floor_v_px": 1.5})
+    larger = read(scope, summary=summed)["truth"]["text"]
+    assert "The floor is larger than the whole error of lk (1.500 of 0.900 px in v): the errors of the truth" in larger
 
 
 OVERALL = {"trimming": "trimmed", "axis": "age", "n": 900, "n_scenes": 8, "mean_u_px": 0.2, "mean_v_px": 0.1}
@@ -269,7 +273,7 @@ def test_a_mean_beyond_the_floor_is_a_bias(floor) -> None:
 def test_a_bias_is_kept_where_the_floor_covers_one_coordinate_only() -> None:
     bias = read(zero_mean=table(ZERO_MEAN, WHOLE, AT_TEN), summary=with_floor(0.01, 0.03))["bias"]
     assert "is not zero (p = 0.012, 8 scenes)" in bias["text"]
-    assert "That in v is within what the errors of the truth can cause (0.040 of 0.060 px in v)." in bias["text"]
+    assert "The mean in v is within what the errors of the truth can cause (0.040 of 0.060 px in v)." in bias["text"]
 
 
 def test_an_undecided_mean_stays_undecided_below_the_floor() -> None:

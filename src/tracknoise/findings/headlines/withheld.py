@@ -48,7 +48,28 @@ def withheld_bias(tracker: str, place: str, covers: Mapping[str, FloorCover | No
 def covered_coordinates(covers: Mapping[str, FloorCover | None]) -> str:
     """A sentence, after a space, about coordinates whose mean is covered where that of another is not; else empty."""
     covered = {axis: cover for axis, cover in covers.items() if cover is not None and cover.is_covered}
-    return f" That in {listing(covered)} is {_CAUSE} ({_sizes(covered)})." if covered else ""
+    return f" The mean in {listing(covered)} is {_CAUSE} ({_sizes(covered)})." if covered else ""
+
+
+def excessive_floor(summary: Mapping[str, Any], trimming: str) -> str:
+    """A sentence where the truth floor is larger than the whole error, which has it as a part; else empty.
+
+    Parameters
+    ----------
+    summary
+        Row of a condition, schema `SUMMARY`.
+    trimming
+        Of the errors.
+    """
+    pairs = {axis: (summary[f"floor_{axis}_px"], summary[f"{trimming}_rms_{axis}_px"]) for axis in "uv"}
+    larger = {axis: pair for axis, pair in pairs.items() if None not in pair and pair[0] > pair[1]}
+    if not larger:
+        return ""
+    sizes = listing(f"{pixels(floor)} of {pixels(error)}{SPACE}px in {axis}" for axis, (floor, error) in larger.items())
+    return (
+        f"The floor is larger than the whole error of {summary['tracker']} ({sizes}): the errors of the truth are "
+        "smaller here than was stated."
+    )
 
 
 def growth_cover(

@@ -14,7 +14,8 @@ NAME = "truth floor"
 _LIMITS: Mapping[str, tuple[float, ...]] = {"mean": (SIGMAS, -SIGMAS), "second": (1.0,)}
 """Multiples of the floor that are drawn beside each statistic."""
 _DASH = [6, 4]
-_WIDTH = 1.5
+_WIDTH, _SYMBOL = 1.5, 500
+"""Width of lines, px, and size of the one in the legend, px^2."""
 
 
 def floor_lines(table: pl.DataFrame, role: str, coordinate: str, x: alt.X, y: alt.Y) -> list[alt.Chart]:
@@ -34,7 +35,9 @@ def floor_lines(table: pl.DataFrame, role: str, coordinate: str, x: alt.X, y: al
     known = _pooled(table, coordinate) if role in _LIMITS else table.clear()
     if known.is_empty():
         return []
-    legend = alt.Legend(title=None, symbolType="stroke", symbolDash=_DASH, symbolStrokeColor=style.QUIET)
+    legend = alt.Legend(
+        title=None, symbolType="stroke", symbolDash=_DASH, symbolStrokeColor=style.QUIET, symbolSize=_SYMBOL
+    )
     width = alt.StrokeWidth("line:N", scale=alt.Scale(domain=[NAME], range=[_WIDTH]), legend=legend)
     tips = [alt.Tooltip("line:N"), alt.Tooltip("at:Q"), alt.Tooltip("floor:Q", title="px")]
     ends = [known.select("at", line=pl.lit(NAME), floor=limit * pl.col("floor")) for limit in _LIMITS[role]]

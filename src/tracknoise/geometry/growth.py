@@ -53,4 +53,4 @@ def _fitted(lag: NDArray[np.float64], errors: NDArray[np.float64]) -> list[float
     weight = 1.0 / np.maximum(squares, 1e-6 * squares.max())
     growth = np.column_stack([np.full(len(lag), 2.0), lag, np.square(lag)])
     sizes, _ = nnls(growth * weight[:, None], squares * weight)
-    return np.sqrt(sizes).tolist()
+    return [float(size) for size in np.sqrt(sizes)]

@@ -49,6 +49,22 @@ class Weighting(StrEnum):
     geometric = "geometric"
 
 
+class FloorSource(StrEnum):
+    """What makes a true position wrong.
+
+    all: the sources that follow together, as far as their size is known. poses: relative error of the poses of two
+    frames. depth: of the frame in which a point was fixed. clock: offset between images and poses. readout: rolling
+    shutter that the truth does not account for. focal: focal length.
+    """
+
+    all = "all"
+    poses = "poses"
+    depth = "depth"
+    clock = "clock"
+    readout = "readout"
+    focal = "focal"
+
+
 class Verdict(StrEnum):
     """Answer of a test."""
 

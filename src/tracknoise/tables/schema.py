@@ -18,6 +18,7 @@ from tracknoise.tables.enumerations import (
     EdgeSide,
     FittedMeasure,
     FittedTo,
+    FloorSource,
     Occlusion,
     Population,
     Surrounding,
@@ -72,6 +73,8 @@ WEIGHTING = pl.Enum(Weighting)
 VERDICT = pl.Enum(Verdict)
 ASPECT = pl.Enum(Aspect)
 FITTED_MEASURE = pl.Enum(FittedMeasure)
+
+FLOOR_SOURCE = pl.Enum(FloorSource)
 
 
 FITTED_TO = pl.Enum(FittedTo)
@@ -134,6 +137,9 @@ class OpenSchema(Mapping[str, pl.DataType | type[pl.DataType]]):
 
 
 TRUE_COVARIANCE: Schema = {"cov_true_uu": pl.Float64, "cov_true_uv": pl.Float64, "cov_true_vv": pl.Float64}
+
+LEVERAGE: Schema = {"leverage_uu": pl.Float64, "leverage_uv": pl.Float64, "leverage_vv": pl.Float64}
+
 EPIPOLAR: Schema = {"epipolar_px": pl.Float64, "epipolar_variance": pl.Float64}
 SECOND_TRUTH: Schema = {"u_second_px": pl.Float64, "v_second_px": pl.Float64}
 _OBSERVED: Schema = {
@@ -151,16 +157,16 @@ _OBSERVED: Schema = {
     "kept": pl.Boolean,
 }
 OBSERVATIONS = OpenSchema(
-    _OBSERVED, (TRUE_COVARIANCE, EPIPOLAR, SECOND_TRUTH), QUALITY_PREFIX + QUALITY_NAME, pl.Float32
+    _OBSERVED, (TRUE_COVARIANCE, LEVERAGE, EPIPOLAR, SECOND_TRUTH), QUALITY_PREFIX + QUALITY_NAME, pl.Float32
 )
 """One row per feature and frame in which its tracker found it; age counts frames of the nominal sequence.
 
-Where a truth states the covariance of true positions, the table also has `TRUE_COVARIANCE` (px^2). Where the truth is
-triangulated, this is the covariance for white noise of 1 px in the observations, and the table also has `EPIPOLAR`: the
-signed distance from the epipolar line, px, and the variance of this distance for the same noise, px^2. Where a tracker
-reports the quality of its observations, it has one column ``quality_<name>`` for each of them. `SECOND_TRUTH` is the
-true position by a second truth, if the experiment has one. All of these are null
-where they are unknown.
+Where the accuracy of the truth is known and not exact, the table also has `TRUE_COVARIANCE`: the covariance of the
+error of the true position, px^2. Where the truth is triangulated, it has `LEVERAGE`, the covariance of the true
+position for white noise of 1 px in the observations, no unit, and `EPIPOLAR`: the signed distance from the epipolar
+line, px, and the variance of this distance for the same noise, px^2. Where a tracker reports the quality of its
+observations, it has one column ``quality_<name>`` for each of them. `SECOND_TRUTH` is the true position by a second
+truth, if the experiment has one. All of these are null where they are unknown.
 """
 
 TRACKS: Schema = {
@@ -320,6 +326,21 @@ FITTED_NOISE: Schema = {
 squares are sums of squared errors (px^2), freedom their degrees of freedom: 2 N - 3 for a track of N observations. For
 the measure `epipolar`, squares is the sum of squared distances over their variances for noise of 1 px, and freedom
 their number. The table has no rows for other kinds of truth.
+"""
+
+FLOORS: Schema = {
+    **ORIGIN,
+    "source": FLOOR_SOURCE,
+    "axis": AXIS,
+    "at": pl.UInt32,
+    "n": pl.Int64,
+    **dict.fromkeys(("sum_uu", "sum_uv", "sum_vv", "own_uu", "own_vv", "shared_u", "shared_v"), pl.Float64),
+}
+"""Errors of the true positions of visible observations, by what causes them, and by age or frame.
+
+sum is the sum of the covariances of the n true positions (px^2). own is n^2 times the variance of their mean error, as
+far as it is independent from scene to scene; shared is the sum of displacements by an error that all scenes share, px
+(`tracknoise.measurement.floors`). Sources whose size is unknown have no rows. Exact sources have zeros.
 """
 
 
@@ -487,6 +508,22 @@ CURVES: Schema = {
 cut marks ages or frames with too few features.
 """
 
+FLOOR: Schema = {
+    "dataset": pl.String,
+    **CONDITION,
+    "source": FLOOR_SOURCE,
+    "axis": AXIS,
+    "at": pl.UInt32,
+    "n": pl.Int64,
+    "n_scenes": pl.Int32,
+    **dict.fromkeys(("floor_uu", "floor_uv", "floor_vv", "mean_u_px", "mean_v_px"), pl.Float64),
+}
+"""Truth floor: the second moment of the errors of true positions (px^2), and the standard deviation of their mean (px).
+
+Of the visible observations of all scenes whose truth has a known accuracy, features pooled. The source `all` is the sum
+of the sources that are known: a floor is at least as large as this.
+"""
+
 CORES: Schema = {
     "dataset": pl.String,
     **CONDITION,
@@ -618,13 +655,15 @@ SUMMARY: Schema = {
         for value in ("n", *(f"{statistic}_{axis}_px" for statistic in ("nu", "eta", "rms", "core") for axis in "uv"))
     },
     **{f"{trimming}_beyond_{axis}": pl.Float64 for trimming in TRIMMING.categories for axis in "uv"},
+    **dict.fromkeys(("floor_u_px", "floor_v_px", "floor_mean_u_px", "floor_mean_v_px"), pl.Float64),
 }
 """One row per condition: lifetimes (frames its tracker saw), outlier ratio, and errors at one age or frame.
 
 rms is the square root of Phi or Sigma. Ages and frames are those of the nominal sequence, and n is the number of
 features there. If the axis is the frame, nu and eta are mu and kappa. nu, eta and rms are of all features pooled; core
-and beyond are those of `CORES`. Restricted means are of min(lifetime, restricted_to). The horizon restricted_to is the
-same in all rows of a data set and speed.
+and beyond are those of `CORES`. floor is the root of the truth floor, and floor_mean the standard deviation of what the
+errors of the truth add to the mean: see `FLOOR`. Restricted means are of min(lifetime, restricted_to). The horizon
+restricted_to is the same in all rows of a data set and speed.
 """
 
 EFFECTS: Schema = {

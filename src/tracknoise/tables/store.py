@@ -66,6 +66,7 @@ SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "between_trackers": schema.BETWEEN_TRACKERS,
     "rigid": schema.RIGID,
     "pose_growth": schema.POSE_GROWTH,
+    "floors": schema.FLOORS,
 }
 SEED_TABLES: Mapping[str, schema.Schema] = {
     f"seed_{name}": {"seed": pl.Int32, **SEQUENCE_TABLES[name]} for name in ("moments", "ends", "frames")
@@ -80,6 +81,7 @@ _OPTIONAL = (*OBSERVED, *SEED_TABLES, *_ASKED_FOR)
 STATISTICS_TABLES: Mapping[str, schema.Schema] = {
     "curves": schema.CURVES,
     "cores": schema.CORES,
+    "floor": schema.FLOOR,
     "lifetimes": schema.LIFETIMES,
     "outliers": schema.OUTLIERS,
     "trims": schema.TRIMS,

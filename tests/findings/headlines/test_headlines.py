@@ -26,7 +26,7 @@ from tracknoise.tables.findings_schema import (
     TRIANGULATED_NOISE,
     ZERO_MEAN,
 )
-from tracknoise.tables.schema import EFFECTS, SUMMARY, Schema, check, empty
+from tracknoise.tables.schema import CURVES, EFFECTS, FLOOR, SUMMARY, Schema, check, empty
 
 CONDITION = {
     "dataset": "d",
@@ -40,6 +40,8 @@ CONDITION = {
 SCOPE = ReportedConditions(ReferenceCondition("l"), ("lk",), percentile=90.0, trimming=Trimming.trimmed)
 SCHEMAS: Mapping[str, Schema] = {
     "triangulated_noise": TRIANGULATED_NOISE,
+    "curves": CURVES,
+    "floor": FLOOR,
     "summary": SUMMARY,
     "effects": EFFECTS,
     "intervals": INTERVALS,
@@ -217,8 +219,15 @@ def test_few_scenes_come_first(n_scenes: int, expected: str | None) -> None:
 def test_a_recorded_truth_is_reported_before_any_number() -> None:
     recorded = read(ReportedConditions(ReferenceCondition("l"), ("lk",), recorded=True))
     assert recorded["truth"]["rank"] < recorded["noise"]["rank"]
-    assert "Their own errors are part of every number and are not yet separated." in recorded["truth"]["text"]
+    assert "Their own errors are part of every number. Nothing is known of their size." in recorded["truth"]["text"]
     assert "truth" not in read()
+    scope = ReportedConditions(ReferenceCondition("l"), ("lk",), recorded=True)
+    known = read(scope, floor=table(FLOOR, {"source": "all", "axis": "age", "at": 10, "floor_uu": 0.1}))["truth"]
+    assert "The truth floor is the size of those that are known." in known["text"]
+    assert "larger" not in known["text"]
+    summed = table(SUMMARY, {**SUMMED, "floor_u_px": 0.5, "floor_v_px": 1.5})
+    larger = read(scope, summary=summed)["truth"]["text"]
+    assert "The floor is larger than the whole error of lk (1.500 of 0.900 px in v): the errors of the truth" in larger
 
 
 OVERALL = {"trimming": "trimmed", "axis": "age", "n": 900, "n_scenes": 8, "mean_u_px": 0.2, "mean_v_px": 0.1}
@@ -241,6 +250,42 @@ def test_a_bias_that_was_shown_is_reported_with_its_size() -> None:
     assert "At age 10, the mean in u is 0.120 px (0.050 to 0.190). In v it is −0.040 px." in bias["text"]
     assert "Its square is 6.2 % of the second moment." in bias["text"]
     assert (bias["value"], bias["low"], bias["high"]) == (0.12, 0.05, 0.19)
+
+
+WHOLE = {**OVERALL, "verdict": "yes", "sign_flip_p_family": 0.012}
+
+
+def with_floor(u: float | None, v: float | None) -> pl.DataFrame:
+    return table(SUMMARY, {**SUMMED, "floor_mean_u_px": u, "floor_mean_v_px": v})
+
+
+def test_a_mean_that_the_errors_of_the_truth_can_cause_is_no_bias() -> None:
+    bias = read(zero_mean=table(ZERO_MEAN, WHOLE, AT_TEN), summary=with_floor(0.08, 0.03))["bias"]
+    assert (
+        "At age 10, the mean error of lk is within what the errors of the truth can cause (0.120 of 0.160 px in u and "
+        "0.040 of 0.060 px in v): no bias is claimed." in bias["text"]
+    )
+    assert "not zero" not in bias["text"]
+    assert bias["value"] is None
+
+
+@pytest.mark.parametrize("floor", [(None, None), (0.0, 0.0), (0.01, 0.01)])
+def test_a_mean_beyond_the_floor_is_a_bias(floor) -> None:
+    bias = read(zero_mean=table(ZERO_MEAN, WHOLE, AT_TEN), summary=with_floor(*floor))["bias"]
+    assert "is not zero (p = 0.012, 8 scenes)" in bias["text"]
+    assert "errors of the truth" not in bias["text"]
+
+
+def test_a_bias_is_kept_where_the_floor_covers_one_coordinate_only() -> None:
+    bias = read(zero_mean=table(ZERO_MEAN, WHOLE, AT_TEN), summary=with_floor(0.01, 0.03))["bias"]
+    assert "is not zero (p = 0.012, 8 scenes)" in bias["text"]
+    assert "The mean in v is within what the errors of the truth can cause (0.040 of 0.060 px in v)." in bias["text"]
+
+
+def test_an_undecided_mean_stays_undecided_below_the_floor() -> None:
+    rows = {**OVERALL, "verdict": "undecided", "why": "few"}, AT_TEN
+    bias = read(zero_mean=table(ZERO_MEAN, *rows), summary=with_floor(0.08, 0.03))["bias"]
+    assert "It is undecided whether" in bias["text"]
 
 
 def test_too_few_scenes_decide_no_bias() -> None:
@@ -270,6 +315,28 @@ def test_growth_names_the_behaviour_and_its_size() -> None:
     assert "lk in u: random walk, 0.0900 px per sqrt(frame) (0.0800 to 0.100)." in growth["text"]
     assert growth["text"].endswith("lk in v: undecided; too few ages.")
     assert growth["value"] == 0.09
+
+
+@pytest.mark.parametrize(("floor_uu", "withheld"), [(0.05, True), (0.03, False), (0.0, False), (None, False)])
+def test_growth_that_the_errors_of_the_truth_can_cause_is_withheld(floor_uu, withheld) -> None:
+    rows = [
+        {"trimming": "trimmed", "coordinate": "u", "verdict": "random walk", "walk_px_per_sqrt_frame": 0.09},
+        {"trimming": "trimmed", "coordinate": "v", "verdict": "drift", "drift_px_per_frame": 0.02},
+    ]
+    at = [{"axis": "age", "at": age} for age in (1, 10)]
+    curve = {"population": "visible", "trimming": "trimmed", "weighting": "features", "statistic": "Phi"}
+    curves = [{**curve, **place, "u": second, "v": second} for place, second in zip(at, (0.01, 0.1), strict=True)]
+    grown = [None, None] if floor_uu is None else [0.01 * floor_uu, floor_uu]
+    floor = [{**place, "source": "all", "floor_uu": uu, "floor_vv": 1e-3} for place, uu in zip(at, grown, strict=True)]
+    given = {"curves": table(CURVES, *curves), "floor": table(FLOOR, *floor)}
+    text = read(time_structure=table(TIME_STRUCTURE, *rows), **given)["growth"]["text"]
+    assert ("lk in u: random walk" in text) is not withheld
+    sentence = (
+        "lk in u: at age 10, the growth of the error is within what the errors of the truth can cause (0.300 of "
+        "0.315 px in u)"
+    )
+    assert (f"{sentence}: no growth is claimed." in text) is withheld
+    assert "lk in v: drift" in text
 
 
 def test_of_two_coordinates_that_differ_each_has_its_own_words() -> None:

@@ -153,6 +153,7 @@ def _measure(
         speeds=task.speeds,
         truth=truth.kind,
         scan_rule=ScanRule(truth.scan_radius_px, truth.scan_anchoring),
+        accuracy=truth.accuracy.rule(),
         population=truth.population,
         trim_percentile=experiment.statistics.trim_percentile,
         trim_among=experiment.statistics.trim_among,
@@ -179,6 +180,7 @@ def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Meas
         "moments": measurement.moments,
         "trims": measurement.trims,
         "pose_differences": measurement.pose_differences,
+        "floors": measurement.floors,
         **statistics,
         **({"point_tracking": tap_metrics(measurement)} if experiment.statistics.tap_vid else {}),
         "image_map": image_map(

@@ -59,8 +59,8 @@ def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.Data
     Parameters
     ----------
     tables
-        By their names: summary, effects, intervals, seed_spread, zero_mean, gaussianity, time_structure, dependence,
-        surrounding_errors, rigid_share, tracker_differences and triangulated_noise.
+        By their names: curves, floor, summary, effects, intervals, seed_spread, zero_mean, gaussianity, time_structure,
+        dependence, surrounding_errors, rigid_share, tracker_differences and triangulated_noise.
         One without rows has no headline.
     conditions
         Which conditions the sentences are about.

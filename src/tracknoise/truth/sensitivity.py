@@ -85,7 +85,7 @@ class TruthDerivatives:
     def __init__(self, sequence: Sequence) -> None:
         self._sequence, self._poses = sequence, sequence.world_from_camera
         self._velocity = _body_velocity(self._poses, getattr(sequence, "timestamps_s", None))
-        self._shutter = RollingShutter(1.0, axis=0 if sequence.id.rotation in _QUARTERS else 1)
+        self._shutter = RollingShutter(0.0, axis=0 if sequence.id.rotation in _QUARTERS else 1)
 
     def sensitivity(self, points: AnchoredPoints) -> Sensitivity:
         """Derivatives of true positions by everything that may be wrong."""
@@ -121,7 +121,7 @@ class TruthDerivatives:
 
     def _read_at(self, uv: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n, 1) float64: time of pixels after that of their frame, in readout times."""
-        return self._shutter.delays_s(self._sequence.camera, uv)[:, None]
+        return self._shutter.phase(self._sequence.camera, uv)[:, None]
 
 
 def _times(jacobian: NDArray[np.float64], vectors: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""How long the findings of a run take: from the stored tables of its sequences to the sentences, on one core.
+"""How much CPU time the findings of a run take: from the stored tables of its sequences to the sentences, on one core.
 
 The full size is that of the paper's DTU experiment: 60 scenes, 19 lightings, two trackers at five speeds, 49 frames. A
 few scenes are made up, and stand in for all of them under other names.
@@ -44,8 +44,8 @@ def _rows(scenes: int, lightings: int) -> list[Row]:
     measured = in_new_process("benchmarks.findings", scenes, lightings)
     size = f"{scenes} scenes, {lightings * len(TRACKERS) * len(SPEEDS)} conditions, {FRAMES} frames"
     return [
-        Row("findings: pooling", measured["pooling"], "s", size),
-        Row("findings: all of them, reading included", measured["finding"], "s", size),
+        Row("findings: pooling", measured["pooling"], "s of CPU time", size),
+        Row("findings: all of them, reading included", measured["finding"], "s of CPU time", size),
         Row("findings: peak memory", measured["peak"], "MiB", size),
     ]
 
@@ -66,11 +66,11 @@ def _measure(scenes: int, lightings: int) -> dict[str, float]:
                 hashes = run.write_sequence(entry.key, tables, b"")
                 manifest.sequences[entry.key] = replace(entry, sha256=hashes)
         run.write_manifest(manifest)
-        start = time.perf_counter()
+        start = time.process_time()
         statistics = compute_statistics(run, experiment)
-        pooled = time.perf_counter()
+        pooled = time.process_time()
         compute_findings(run, experiment, statistics)
-        return {"pooling": pooled - start, "finding": time.perf_counter() - pooled, "peak": peak_mib()}
+        return {"pooling": pooled - start, "finding": time.process_time() - pooled, "peak": peak_mib()}
 
 
 def _tables(experiment, seed: int) -> dict[str, pl.DataFrame]:

@@ -136,7 +136,8 @@ def _of_rows(rows: Array, directions: Array, squared_length: NDArray[np.intp]) -
     """(q) of rows (rows, ages, 2) in directions (draws, rows) of such a length, and in how many the rows vary."""
     whitened, rank = _whitened(rows)
     turned = np.tensordot(directions, whitened, axes=1)
-    return np.minimum((turned**2).sum(axis=-1) / squared_length, _CERTAIN), rank
+    squares = np.square(turned)
+    return np.minimum((squares[..., 0] + squares[..., 1]) / squared_length, _CERTAIN), rank
 
 
 def _share_as_large(values: NDArray[np.float64]) -> NDArray[np.float64]:

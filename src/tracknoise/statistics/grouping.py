@@ -93,7 +93,8 @@ def _dense(values: NDArray[Any]) -> NDArray[np.intp]:
     shifted = values.astype(np.int64) - low
     present = np.zeros(high - low + 1, dtype=np.intp)
     present[shifted] = 1
-    return np.asarray((np.cumsum(present) - 1)[shifted], dtype=np.intp)
+    numbers = shifted if present.all() else (np.cumsum(present) - 1)[shifted]
+    return np.asarray(numbers, dtype=np.intp)
 
 
 def _first_rows(index: NDArray[np.intp], count: int) -> NDArray[np.intp]:

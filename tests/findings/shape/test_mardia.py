@@ -45,6 +45,13 @@ def test_power_sums_of_moved_pairs_follow_from_those_of_the_pairs(pairs) -> None
     assert transformed(sums(pairs), centre, np.array([a, b, c])) == pytest.approx(sums(moved), rel=1e-9)
 
 
+def test_some_power_sums_are_those_of_all(pairs) -> None:
+    centre, root = np.array([0.5, -0.7]), np.array([2.0, -0.3, 0.6])
+    every = dict(zip(ORDERS, transformed(sums(pairs), centre, root), strict=True))
+    some = ((2, 2), (0, 3), (1, 0))
+    assert transformed(sums(pairs), centre, root, orders=some).tolist() == [every[order] for order in some]
+
+
 def test_whitened_pairs_have_mean_zero_and_unit_covariance(pairs) -> None:
     n, u, v, uu, uv, vv = transformed(sums(pairs), *whitening(sums(pairs)))[:6] / len(pairs)
     assert [n, u, v, uu, uv, vv] == pytest.approx([1, 0, 0, 1, 0, 1], abs=1e-9)

@@ -8,6 +8,7 @@ import polars as pl
 from tracknoise.audit.pose_law import pose_law
 from tracknoise.audit.rigid_share import rigid_share
 from tracknoise.experiments.analysis.finding_inputs import FindingInputs
+from tracknoise.experiments.analysis.freed_memory import keep_freed_memory
 from tracknoise.experiments.analysis.groups_of_scenes import groups_of_scenes
 from tracknoise.experiments.analysis.reference_condition import reference_condition
 from tracknoise.experiments.settings import Experiment
@@ -75,6 +76,7 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
     StoreError, SchemaError
         If a table is damaged, or the folder cannot be written.
     """
+    keep_freed_memory()
     reference = reference_condition(run.manifest(), experiment, statistics["outliers"])
     tables = _tables(run, experiment, statistics, reference)
     reported = _reported(run, experiment, statistics["trims"], reference)

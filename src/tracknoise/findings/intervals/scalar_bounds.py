@@ -160,7 +160,8 @@ def first_reached(curve: NDArray[np.float64], lifetimes: NDArray[np.float64], sh
 def _labels(statistic: str, at: NDArray[np.float64] | None = None) -> pl.DataFrame:
     """One row, or one row per lifetime along the axis lifetime."""
     axis, places = (None, [None]) if at is None else ("lifetime", at)
-    return pl.DataFrame({"statistic": statistic, "axis": axis, "at": places}, schema=_LABELS)
+    count = len(places)
+    return pl.DataFrame({"statistic": [statistic] * count, "axis": [axis] * count, "at": places}, schema=_LABELS)
 
 
 def _mean(sums: NDArray[np.float64], lifetimes: NDArray[np.float64]) -> NDArray[np.float64]:

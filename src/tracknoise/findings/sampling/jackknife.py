@@ -232,7 +232,11 @@ def parts(moved: NDArray[np.float64], sizes: NDArray[np.float64]) -> NDArray[np.
         By how much a statistic is more than it is without a unit, and how much the unit holds.
     """
     w = shares_of(sizes)
-    return np.asarray(moved * (1 - w) / np.sqrt(_apart(w)))
+    return _parts(moved, w, _apart(w))
+
+
+def _parts(moved: NDArray[np.float64], w: NDArray[np.float64], apart: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(moved * (1 - w) / np.sqrt(apart))
 
 
 def degrees(sizes: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -243,26 +247,33 @@ def degrees(sizes: NDArray[np.float64]) -> NDArray[np.float64]:
     the units where all weigh the same. Of A the trace is the sum of w^2.
     """
     w = shares_of(sizes)
-    d = w**2 / _apart(w)
-    square = np.square(w).sum(axis=0)
-    d0, d1, d2 = (np.sum(d * w**power, axis=0) for power in range(3))
-    apart = square**2 * d0**2 + 2 * d0 * d2 - 4 * square * d0 * d1 + 2 * d1**2
-    whole = apart + np.sum(d**2 * (1 + 2 * (square - 2 * w)), axis=0)
+    return _degrees(w, _apart(w))
+
+
+def _degrees(w: NDArray[np.float64], apart: NDArray[np.float64]) -> NDArray[np.float64]:
+    squares = np.square(w)
+    d, square = squares / apart, squares.sum(axis=0)
+    d0, d1, d2 = (np.sum(term, axis=0) for term in (d, d * w, d * squares))
+    others = square**2 * d0**2 + 2 * d0 * d2 - 4 * square * d0 * d1 + 2 * d1**2
+    whole = others + np.sum(np.square(d) * (1 + 2 * (square - 2 * w)), axis=0)
     found: NDArray[np.float64] = square**2 / np.where(whole > 0, whole, 1.0)
-    most = max(len(sizes) - 1.0, 1.0)
+    most = max(len(w) - 1.0, 1.0)
     return np.clip(found, 1.0, most)  # rounding may lead out of it where one unit outweighs all others
 
 
 def _apart(w: NDArray[np.float64]) -> NDArray[np.float64]:
     """Variance of a unit's distance from the mean of weights w, in units of its own; 1 where it is all there is."""
-    others: NDArray[np.float64] = np.square(w).sum(axis=0) - np.square(w)
+    squares = np.square(w)
+    others: NDArray[np.float64] = squares.sum(axis=0) - squares
     return np.where(w < 1, np.square(1 - w) + np.maximum(others, 0.0), 1.0)
 
 
 def _of_sizes(moved: NDArray[np.float64], sizes: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
     """Variance, and its degrees of freedom, of units of one kind; a unit without influence adds 0."""
-    added = parts(np.where(np.isnan(moved), 0.0, moved), sizes)
-    return np.square(added).sum(axis=0), degrees(sizes)
+    w = shares_of(sizes)
+    apart = _apart(w)
+    added = _parts(np.where(np.isnan(moved), 0.0, moved), w, apart)
+    return np.square(added).sum(axis=0), _degrees(w, apart)
 
 
 def _of_groups(

@@ -53,7 +53,7 @@ def transformed(sums: Array, centre: Array, root: Array, orders: Sequence[Order]
     a, b, c = map(_powers, root)
     rows = []
     for p, q in orders:
-        terms = [_product(comb(q, j), b[q - j], c[j], shifted[p + q - j, j]) for j in range(q + 1)]
+        terms = (_product(comb(q, j), b[q - j], c[j], shifted[p + q - j, j]) for j in range(q + 1))
         rows.append(_product(a[p], reduce(add, terms)))
     return np.stack(rows)
 
@@ -96,7 +96,7 @@ def _shifted(sums: Array, shift: Array, orders: Iterable[Order]) -> dict[Order, 
     found = {}
     for p, q in orders:
         parts = product(range(p + 1), range(q + 1))
-        terms = [_product(comb(p, i) * comb(q, j), sums[_PLACE[i, j]], u[p - i], v[q - j]) for i, j in parts]
+        terms = (_product(comb(p, i) * comb(q, j), sums[_PLACE[i, j]], u[p - i], v[q - j]) for i, j in parts)
         found[p, q] = reduce(add, terms)
     return found
 

@@ -82,7 +82,7 @@ class PosePath:
         before = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, len(self.times) - 2)
         fraction = (times - self.times[before]) / (self.times[before + 1] - self.times[before])
         found = np.full((len(times), 4, 4), np.nan)
-        posed = np.isfinite(self.poses).all(axis=(1, 2))
+        posed = np.asarray(np.isfinite(self.poses).all(axis=(1, 2)))
         known = posed[before] & posed[before + 1]
         found[known] = _between(self.poses, before[known], before[known] + 1, fraction[known])
         for exact, frames in ((fraction == 0.0, before), (fraction == 1.0, before + 1)):

@@ -105,6 +105,15 @@ class RollingPoses:
         return has_pose(first) & has_pose(last)
 
 
+def neighbour_notes(sequence: Sequence, n_frames: int) -> tuple[str, ...]:
+    """A sentence if some of the first frames have a pose, but their rows do not because their neighbours have none."""
+    lost = has_pose(sequence.world_from_camera) & ~RowPoses(sequence).known
+    count = int(np.count_nonzero(lost[:n_frames]))
+    verb = "has" if count == 1 else "have"
+    beside = f"{count} of {n_frames} frames {verb} a neighbour without a pose"
+    return (f"{beside}: with a rolling shutter, their observations have no true position",) if count else ()
+
+
 def _timed(sequence: Sequence) -> tuple[PosePath, NDArray[np.float64]]:
     """Poses over time, and the times of frames."""
     path, times = path_of(sequence), times_of(sequence)

@@ -13,12 +13,14 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from tracknoise.checks import MOST_LEVELS, require_storable
 from tracknoise.exceptions import SettingsError, UnknownNameError, first_line
+from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.corrections import UNCORRECTED, Corrections
 from tracknoise.printable import is_printable
 from tracknoise.sequences.frame_range import require_range
 from tracknoise.tables import defaults
 from tracknoise.tables.enumerations import IntervalKind, Population, TrimAmong, Trimming
-from tracknoise.tables.identity import Direction
+from tracknoise.tables.identity import Direction, SequenceId
+from tracknoise.truth.accuracies import AccuracyRule
 from tracknoise.truth.scan_rule import ScanAnchoring
 
 _QUOTED = re.compile(r'"[^"]*"|\'[^\']*\'')
@@ -131,6 +133,75 @@ class CorrectionSettings(_Section):
         return Corrections(**self.model_dump())
 
 
+class SecondTruthSettings(_Section):
+    """A second truth of the same images. Trackers run once, and their errors are computed by both truths."""
+
+    trajectory: str | None = None
+    """File of poses in the format of TUM: time, position and quaternion of `world_from_camera` in each row. Relative
+    to the experiment file; `{scene}` and `{lighting}` are replaced. Times are those of the frames. For frames without
+    times, each row is a frame."""
+    time_shift_s: float = 0.0
+    """Added to the times of the frames to get the clock of the trajectory, seconds."""
+    options: dict[str, Any] = {}
+    """Options of the reader that differ for the second truth, such as `poses`."""
+
+    @model_validator(mode="after")
+    def _names_one_source(self) -> Self:
+        if (self.trajectory is None) == (not self.options):
+            raise ValueError("expected either trajectory or options")
+        return self
+
+    @field_validator("trajectory")
+    @classmethod
+    def _placeholders_are_known(cls, trajectory: str | None) -> str | None:
+        if trajectory is not None:
+            SequenceId("", "").expand(trajectory, speed=1)
+        return trajectory
+
+
+_Figure = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+class AccuracySettings(_Section):
+    """Standard deviations of the errors of the truth, which make the truth floor. See docs/truth-accuracy.md.
+
+    Where a figure is given, it counts before what the data state and before the figures that come with tracknoise.
+    Frames are those of the recording. Rotations and translations are per axis, between two frames.
+    """
+
+    shipped: bool = True
+    """Whether the figures that come with tracknoise count where neither this section nor the data state any."""
+    rotation_white_deg: _Figure | None = None
+    """Error of the rotation of each pose, independent from frame to frame."""
+    rotation_deg_per_sqrt_frame: _Figure | None = None
+    """Error of the relative rotation of successive frames that grows as a random walk."""
+    rotation_deg_per_frame: _Figure | None = None
+    """Error of the relative rotation of successive frames that is the same from frame to frame."""
+    translation_white_m: _Figure | None = None
+    """Error of the position of each pose, independent from frame to frame."""
+    translation_m_per_sqrt_frame: _Figure | None = None
+    """Error of the relative position of successive frames that grows as a random walk."""
+    translation_m_per_frame: _Figure | None = None
+    """Error of the relative position of successive frames that is the same from frame to frame."""
+    depth_m: _Figure | None = None
+    """Error of a depth Z: the root of depth_m² + (depth_relative Z)² + (depth_per_m Z²)²."""
+    depth_relative: _Figure | None = None
+    """Part of the error of a depth that is proportional to it."""
+    depth_per_m: _Figure | None = None
+    """Part of the error of a depth that is proportional to its square, per metre."""
+    clock_ms: _Figure | None = None
+    """Offset between the clocks of images and poses."""
+    readout_ms: _Figure | None = None
+    """Readout time of a rolling shutter that the truth does not account for."""
+    focal_relative: _Figure | None = None
+    """Error of the focal length, as a share of it."""
+
+    def rule(self) -> AccuracyRule:
+        """The same for `tracknoise.measure`."""
+        figures = self.model_dump(exclude={"shipped"})
+        return AccuracyRule(TruthAccuracy(**figures, source="this experiment"), shipped=self.shipped)
+
+
 class TruthSettings(_Section):
     """How true positions of features are computed."""
 
@@ -147,6 +218,9 @@ class TruthSettings(_Section):
     """World point of a feature: on its own `ray` at the depth of the scan point, or the scan `point` itself."""
     corrections: CorrectionSettings = CorrectionSettings()
     """What is to be changed in the stated geometry of the recordings."""
+    second: SecondTruthSettings | None = None
+    """A second truth of the same images, such as other poses. Default: none."""
+    accuracy: AccuracySettings = AccuracySettings()
 
 
 class StatisticsSettings(_Section):
@@ -159,6 +233,9 @@ class StatisticsSettings(_Section):
     `followed` beyond their anchor, where the error is zero by construction."""
     min_features: Annotated[int, Field(ge=2)] = defaults.MIN_FEATURES
     """Curves are cut where fewer features than this remain."""
+    tap_vid: bool = False
+    """Compute the metrics of TAP-Vid and the expected feature age too. They need truth from depth or an exact surface,
+    and the depth of every frame is read once more."""
 
 
 class FindingsSettings(_Section):

@@ -45,10 +45,14 @@ class RollingShutter:
         """Number of rows, or of columns for axis 0, that are exposed one after the other."""
         return camera.height if self.axis == 1 else camera.width
 
+    def phase(self, camera: CameraModel, uv: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n,) float64: time from that of the frame to that of pixels (n, 2), as a share of the readout."""
+        phase: NDArray[np.float64] = (uv[:, self.axis] + 0.5) / self.side(camera) - 0.5
+        return phase
+
     def delays_s(self, camera: CameraModel, uv: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(n,) float64: time from that of the frame to that of pixels (n, 2), seconds."""
-        delays: NDArray[np.float64] = self.readout_s * ((uv[:, self.axis] + 0.5) / self.side(camera) - 0.5)
-        return delays
+        """(n,) float64: the same time in seconds."""
+        return self.readout_s * self.phase(camera, uv)
 
     def backward(self) -> Self:
         """The shutter of a recording that is played backward."""

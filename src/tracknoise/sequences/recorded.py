@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
-from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy
+from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy, TruthAccuracy
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.shutter import RollingShutter
@@ -46,6 +46,8 @@ class RecordedSequence:
         Intrinsics of each frame, where they change.
     pose_accuracy, depth_accuracy
         Stated uncertainty; None where unknown.
+    truth_accuracy
+        What else is stated, such as the growth of the relative error of poses. It counts before the other two.
     group
         What the scene has in common with others, such as the place; None where it is independent of all others.
     second
@@ -72,6 +74,7 @@ class RecordedSequence:
     cameras: tuple[CameraModel, ...] | None = None
     pose_accuracy: PoseAccuracy | None = None
     depth_accuracy: DepthAccuracy | None = None
+    truth_accuracy: TruthAccuracy | None = None
     group: str | None = None
     second: SecondCamera | None = None
     shutter: RollingShutter | None = None

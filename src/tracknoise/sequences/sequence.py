@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.files import is_folder, is_regular_file
-from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy
+from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy, TruthAccuracy
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.interpolation import PosePath
@@ -229,6 +229,24 @@ def path_of(sequence: Sequence) -> PosePath | None:
         return own
     times = times_of(sequence)
     return None if times is None or len(times) < 2 else PosePath(times, sequence.world_from_camera)
+
+
+@runtime_checkable
+class AccurateSequence(Protocol):
+    """A `Sequence` that states more about its truth than the accuracy of single poses and depths."""
+
+    @property
+    def truth_accuracy(self) -> TruthAccuracy | None:
+        """Such as the growth of the relative error of its poses; None where nothing is known."""
+        ...
+
+
+def accuracy_of(sequence: Sequence) -> TruthAccuracy:
+    """What a sequence states about the errors of its truth; figures that it does not state are None."""
+    pose, depth = (getattr(sequence, name, None) for name in ("pose_accuracy", "depth_accuracy"))
+    single = TruthAccuracy.of(pose, depth, source=sequence.id.dataset)
+    found = sequence.truth_accuracy if isinstance(sequence, AccurateSequence) else None
+    return single if found is None else found.over(single)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
-from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy
+from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy, TruthAccuracy
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.interpolation import PosePath
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.frame_range import frame_range, range_note
-from tracknoise.sequences.sequence import Scan, Sequence, Surface, camera_at, group_of, path_of, shutter_of
+from tracknoise.sequences.sequence import Scan, Sequence, Surface, accuracy_of, camera_at, group_of, path_of, shutter_of
 from tracknoise.tables.identity import Direction, SequenceId
 
 QUARTER_DEG = 90
@@ -141,6 +141,11 @@ class View:
         return self.sequence.depth_accuracy
 
     @property
+    def truth_accuracy(self) -> TruthAccuracy:
+        """That of the sequence shown; frames are those of the recording."""
+        return accuracy_of(self.sequence)
+
+    @property
     def truths(self) -> tuple[str, ...]:
         """Those of the sequence shown."""
         return self.sequence.truths
@@ -198,6 +203,14 @@ def source_frames(sequence: Sequence) -> range | None:
         inner = source_frames(sequence.sequence) or range(len(sequence.sequence))
         return inner[sequence.frames.start : sequence.frames.stop : sequence.frames.step]
     return source_frames(sequence.sequence) if isinstance(sequence, Turned) else None
+
+
+def frame_step(sequence: Sequence) -> int:
+    """Number of frames of the recording from one frame of a sequence to the next."""
+    if not isinstance(sequence, View):
+        return 1
+    inner = frame_step(sequence.sequence)
+    return inner * sequence.frames.step if isinstance(sequence, ChosenFrames) else inner
 
 
 @dataclass(frozen=True, slots=True, eq=False)

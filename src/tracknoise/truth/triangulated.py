@@ -115,19 +115,19 @@ class _Observations:
     def positions(self) -> TruePositions:
         """True positions where a point was found, and the distances from epipolar lines."""
         count = len(self._frame)
-        uv, covariance = np.full((count, 2), np.nan), np.full((count, 2, 2), np.nan)
+        uv, leverage = np.full((count, 2), np.nan), np.full((count, 2, 2), np.nan)
         depth_m = np.full(self._n_tracks, np.nan)
         status = np.where(self._posed, TruthStatus.no_depth, TruthStatus.no_pose).astype(np.int8)
         rows = self._long_tracks()
         if len(rows):
             found = triangulate(self._views(rows))
             tracks = np.unique(self._track[rows])
-            uv[rows], covariance[rows] = self._in_own_rows(rows, tracks, found), found.leverage
+            uv[rows], leverage[rows] = self._in_own_rows(rows, tracks, found), found.leverage
             depth_m[tracks] = found.points[:, 2]
             inside = self._cameras.chosen(rows).contain(uv[rows])
             seen = np.where(inside, TruthStatus.valid, TruthStatus.out_of_image)
             status[rows] = np.where(np.isnan(found.uv[:, 0]), status[rows], seen)
-        return TruePositions(uv, status, depth_m, covariance, self._epipolar())
+        return TruePositions(uv, status, depth_m, leverage=leverage, epipolar=self._epipolar())
 
     def _usable(self) -> NDArray[np.bool_]:
         """Observations that have a pose and a ray, as have the first ones of their tracks."""

@@ -77,3 +77,9 @@ def test_a_path_goes_on_beyond_its_ends_and_has_gaps_where_poses_are_missing():
     gap[2] = np.nan
     known = np.isfinite(PosePath(times, gap).at(np.array([0.5, 1.0, 1.5, 2.5, 3.0]))).all(axis=(1, 2))
     assert known.tolist() == [True, True, False, False, True]
+
+
+def test_no_times_have_no_poses():
+    poses = np.broadcast_to(np.eye(4), (3, 4, 4))
+    assert PosePath(np.arange(3.0), poses).at(np.empty(0)).shape == (0, 4, 4)
+    assert np.isnan(interpolate_poses(np.arange(3.0), poses, np.array([-1.0, 9.0]), max_gap_s=2.0)).all()

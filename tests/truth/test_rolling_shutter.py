@@ -9,6 +9,7 @@ from tests.truth.rolling import BOARD_M, CAMERA, READOUT_S, RollingRoom, path
 import tracknoise
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.shutter import RollingShutter
+from tracknoise.sequences.row_poses import shutter_notes
 from tracknoise.sequences.sequence import Scan, TruthKind
 from tracknoise.sequences.views import Backward, chosen_frames, turned
 from tracknoise.tables.schema import TruthStatus
@@ -152,12 +153,24 @@ def test_shutters_of_views_by_hand():
 def test_a_frame_beside_one_without_a_pose_has_none(room, pixels):
     poses = room.world_from_camera.copy()
     poses[4] = np.nan
-    truth = make_truth(replace(room, world_from_camera=poses), TruthKind.raycast)
+    gappy = replace(room, world_from_camera=poses)
+    truth = make_truth(gappy, TruthKind.raycast)
     points, _ = room.cast(BIRTH, pixels)
     status = {index: set(truth.locate(index, points)[1].tolist()) for index in range(len(room))}
     assert [index for index, found in status.items() if found == {TruthStatus.no_pose}] == [3, 4, 5]
     assert (truth.anchor(3, pixels)[1] == TruthStatus.no_pose).all()
     np.testing.assert_array_equal(truth.project(6, points), make_truth(room, TruthKind.raycast).project(6, points))
+
+
+def test_notes_state_the_readout_and_frames_beside_one_without_a_pose(room):
+    poses = room.world_from_camera.copy()
+    poses[4] = np.nan
+    gappy = replace(room, world_from_camera=poses)
+    readout = "a rolling shutter with a readout of 25 ms is assumed"
+    beside = "2 of 9 frames have a neighbour without a pose: their observations have no true position"
+    assert shutter_notes(gappy, len(room)) == (readout, beside)
+    assert shutter_notes(gappy, 3) == shutter_notes(room, len(room)) == (readout,)
+    assert shutter_notes(replace(gappy, shutter=None), len(room)) == ()
 
 
 def test_a_shutter_without_timestamps_is_an_error(room):

@@ -45,7 +45,7 @@ def interpolate_poses(
     inside = (at_s >= times_s[0]) & (at_s <= times_s[-1])
     known = inside & ((gap_s <= max_gap_s) | (elapsed_s == 0.0))
     fraction = np.where(gap_s > 0.0, elapsed_s, 0.0) / np.where(gap_s > 0.0, gap_s, 1.0)
-    found[known] = _between(poses[before[known]], poses[after[known]], fraction[known])
+    found[known] = _between(poses, before[known], after[known], fraction[known])
     return found
 
 
@@ -80,23 +80,30 @@ class PosePath:
             NaN where one of the two frames has no pose; a time that equals that of a frame has the pose of the frame.
         """
         before = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, len(self.times) - 2)
-        first, second = self.poses[before], self.poses[before + 1]
         fraction = (times - self.times[before]) / (self.times[before + 1] - self.times[before])
         found = np.full((len(times), 4, 4), np.nan)
-        known = np.isfinite(first).all(axis=(1, 2)) & np.isfinite(second).all(axis=(1, 2))
-        found[known] = _between(first[known], second[known], fraction[known])
-        for exact, poses in ((fraction == 0.0, first), (fraction == 1.0, second)):
-            found[exact] = poses[exact]
+        posed = np.asarray(np.isfinite(self.poses).all(axis=(1, 2)))
+        known = posed[before] & posed[before + 1]
+        found[known] = _between(self.poses, before[known], before[known] + 1, fraction[known])
+        for exact, frames in ((fraction == 0.0, before), (fraction == 1.0, before + 1)):
+            found[exact] = self.poses[frames[exact]]
         return found
 
 
 def _between(
-    first: NDArray[np.float64], second: NDArray[np.float64], fraction: NDArray[np.float64]
+    poses: NDArray[np.float64],
+    before: NDArray[np.intp],
+    after: NDArray[np.intp],
+    fraction: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Poses at a fraction of the way from one to another, along the shortest rotation."""
-    start, end = Rotation.from_matrix(first[:, :3, :3]), Rotation.from_matrix(second[:, :3, :3])
-    turned = start * Rotation.from_rotvec(fraction[:, None] * (start.inv() * end).as_rotvec())
-    poses = first.copy()
-    poses[:, :3, :3] = turned.as_matrix()
-    poses[:, :3, 3] += fraction[:, None] * (second[:, :3, 3] - first[:, :3, 3])
-    return poses
+    """Poses at a fraction of the way from one to another, along the shortest rotation, found once for each pair."""
+    if not len(before):
+        return np.empty((0, 4, 4))
+    _, pair, place = np.unique(before, return_index=True, return_inverse=True)
+    start = Rotation.from_matrix(poses[before[pair], :3, :3])
+    end = Rotation.from_matrix(poses[after[pair], :3, :3])
+    step = (start.inv() * end).as_rotvec()[place]
+    found = poses[before]
+    found[:, :3, :3] = (start[place] * Rotation.from_rotvec(fraction[:, None] * step)).as_matrix()
+    found[:, :3, 3] += fraction[:, None] * (poses[after, :3, 3] - poses[before, :3, 3])
+    return found

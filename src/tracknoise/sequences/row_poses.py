@@ -9,6 +9,8 @@ from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.sequence import Sequence, path_of, shutter_of, times_of
 
+_MS = 1000.0
+
 
 class RowPoses:
     """Poses of a sequence's pixels: that of their frame, or with a rolling shutter that of their row.
@@ -103,6 +105,22 @@ class RollingPoses:
         """(frames,) bool: there are poses at all times to which a row of the frame can belong."""
         first, last = (self._path.at(self._times + most_s) for most_s in (-self.most_s, self.most_s))
         return has_pose(first) & has_pose(last)
+
+
+def shutter_notes(sequence: Sequence, n_frames: int) -> tuple[str, ...]:
+    """What a rolling shutter means for the first frames: its readout, and how many of their rows have no pose.
+
+    Empty where all rows of an image are exposed together.
+    """
+    shutter = shutter_of(sequence)
+    if shutter is None:
+        return ()
+    readout = f"a rolling shutter with a readout of {_MS * shutter.readout_s:.4g} ms is assumed"
+    lost = has_pose(sequence.world_from_camera) & ~RowPoses(sequence).known
+    count = int(np.count_nonzero(lost[:n_frames]))
+    verb = "has" if count == 1 else "have"
+    beside = f"{count} of {n_frames} frames {verb} a neighbour without a pose: their observations have no true position"
+    return (readout, *((beside,) if count else ()))
 
 
 def _timed(sequence: Sequence) -> tuple[PosePath, NDArray[np.float64]]:

@@ -6,7 +6,7 @@ the delay of the row in which the pose after the delay d shows the point,
     g(d) = d    (truth.shutter)
 
 is solved for each point by secant steps that begin with d = 0 and d = g(0). The image moves by a small part of its
-height while it is read out, so that two or three steps are enough.
+height while it is read out, so that a few steps are enough.
 """
 
 import numpy as np
@@ -17,8 +17,8 @@ from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.row_poses import RollingPoses
 
 _MOST_STEPS = 12
-_SOLVED = 1e-12
-"""Relative to the readout: 1e-9 rows of an image of 1000."""
+_SOLVED = 1e-10
+"""Relative to the readout: 1e-7 rows of an image of 1000. Positions are a further order of magnitude closer."""
 _LEAST_SLOPE = 0.1
 """A smaller slope of g(d) - d is rounding, or the image is as fast as the shutter: then a step goes to g(d)."""
 

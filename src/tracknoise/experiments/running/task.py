@@ -25,6 +25,7 @@ from tracknoise.geometry.pose import position_rows
 from tracknoise.measurement.tracking import Progress
 from tracknoise.sequences.images import encode_png
 from tracknoise.sequences.poses import pose_notes
+from tracknoise.sequences.row_poses import shutter_notes
 from tracknoise.sequences.sequence import TRIANGULATED, Sequence, group_of
 from tracknoise.statistics.image_map import image_map
 from tracknoise.statistics.lifetimes import count_ends
@@ -115,6 +116,7 @@ def sequence_entry(
         notes=(
             *sequence.notes,
             *pose_notes(sequence.world_from_camera[: measurement.n_frames]),
+            *shutter_notes(sequence, measurement.n_frames),
             *((SELF_REFERENTIAL,) if measurement.truth == TRIANGULATED else ()),
             *measurement.notes,
         ),

@@ -13,7 +13,7 @@ from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.fault_options import NO_FAULTS, DepthFaults, Faults
-from tracknoise.sequences.faulty_truth import depth_with_lag, stated_camera, stated_depth, stated_poses
+from tracknoise.sequences.faulty_truth import depth_with_lag, require_lag, stated_camera, stated_depth, stated_poses
 from tracknoise.sequences.sequence import SecondCamera, Sequence, TruthKind, camera_at, second_of, shutter_of
 from tracknoise.sequences.views import View
 
@@ -46,6 +46,7 @@ def with_faults(sequence: Sequence, faults: Faults, *, seed: int = 0) -> Sequenc
         return sequence
     faulty = FaultySequence(sequence, faults, seed)
     _ = faulty.camera, faulty.world_from_camera  # refuse faults that do not suit it before anything is measured
+    require_lag(sequence, faults.depth.lag_frames)
     return faulty
 
 

@@ -166,7 +166,7 @@ def test_late_depth_of_a_recording_is_that_of_an_earlier_frame() -> None:
     assert wrong.depth(1) is None
     np.testing.assert_array_equal(wrong.depth(3).depth_m, 3.0)
     with pytest.raises(SettingsError, match=r"lag_frames = 0\.5: expected a whole number"):
-        with_faults(recorded(), Faults(depth=DepthFaults(lag_frames=0.5))).depth(3)
+        with_faults(recorded(), Faults(depth=DepthFaults(lag_frames=0.5)))
 
 
 def simulated(**faults: object) -> Sequence:

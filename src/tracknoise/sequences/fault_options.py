@@ -159,6 +159,9 @@ class Faults:
         return tuple(f"{name} = {value}" for name, value in _changed(self, ""))
 
 
+NO_FAULTS = Faults()
+
+
 def _changed(settings: object, prefix: str) -> Iterator[tuple[str, object]]:
     """Settings that differ from their defaults, with those of nested settings."""
     default = type(settings)()

@@ -12,8 +12,8 @@ from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.shutter import RollingShutter
-from tracknoise.sequences.fault_options import DepthFaults, Faults
-from tracknoise.sequences.faulty_truth import depth_with_lag, stated_camera, stated_depth, stated_poses
+from tracknoise.sequences.fault_options import NO_FAULTS, DepthFaults, Faults
+from tracknoise.sequences.faulty_truth import depth_with_lag, require_lag, stated_camera, stated_depth, stated_poses
 from tracknoise.sequences.sequence import SecondCamera, Sequence, TruthKind, camera_at, second_of, shutter_of
 from tracknoise.sequences.views import View
 
@@ -42,10 +42,11 @@ def with_faults(sequence: Sequence, faults: Faults, *, seed: int = 0) -> Sequenc
     SettingsError
         If a fault does not suit the sequence.
     """
-    if faults == Faults():
+    if faults == NO_FAULTS:
         return sequence
     faulty = FaultySequence(sequence, faults, seed)
     _ = faulty.camera, faulty.world_from_camera  # refuse faults that do not suit it before anything is measured
+    require_lag(sequence, faults.depth.lag_frames)
     return faulty
 
 

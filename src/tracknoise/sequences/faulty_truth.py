@@ -115,18 +115,22 @@ def _noise(count: int, noise: PoseNoise, rng: np.random.Generator) -> NDArray[np
     return motions
 
 
-def depth_with_lag(sequence: Sequence, index: int, lag_frames: float) -> DepthMap | None:
-    """Depth of a time some frames earlier; None before the first frame, unless the sequence has depth at any time.
+def require_lag(sequence: Sequence, lag_frames: float) -> None:
+    """Check that a sequence has depth this many frames earlier.
 
     Raises
     ------
     SettingsError
-        If the time lies between frames and the sequence has no depth there.
+        If that lies between frames and the sequence has depth of its frames only.
     """
+    if lag_frames != int(lag_frames) and not isinstance(sequence, DepthAtAnyTime):
+        raise SettingsError(f"faults.depth.lag_frames = {lag_frames}: expected a whole number of frames")
+
+
+def depth_with_lag(sequence: Sequence, index: int, lag_frames: float) -> DepthMap | None:
+    """Depth of a time some frames earlier; None before the first frame, unless the sequence has depth at any time."""
     if lag_frames and isinstance(sequence, DepthAtAnyTime):
         return sequence.depth_at(index - lag_frames)
-    if lag_frames != int(lag_frames):
-        raise SettingsError(f"faults.depth.lag_frames = {lag_frames}: expected a whole number of frames")
     earlier = index - int(lag_frames)
     return sequence.depth(earlier) if earlier >= 0 else None
 

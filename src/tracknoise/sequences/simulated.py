@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import ClassVar
@@ -15,11 +15,11 @@ from tracknoise.checks import require, require_at_least, require_at_most
 from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.foreign.files import is_regular_file
 from tracknoise.geometry.lenses import COEFFICIENTS, KnownCamera, make_camera
-from tracknoise.sequences.fault_options import Faults
+from tracknoise.sequences.fault_options import NO_FAULTS, Faults
 from tracknoise.sequences.faults import with_faults
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.sequences.simulated_sequence import SimulatedSequence
-from tracknoise.simulation.imaging import Imaging
+from tracknoise.simulation.imaging import NO_EFFECTS, Imaging
 from tracknoise.simulation.light import LIGHTINGS
 from tracknoise.simulation.motion import MOTIONS
 from tracknoise.simulation.places import PLACES
@@ -119,8 +119,8 @@ class Simulated:
     shadows: bool = False
     lightings: tuple[str, ...] = (DEFAULT_LIGHTING,)
     seed: int = 0
-    imaging: Imaging = field(default_factory=Imaging)
-    faults: Faults = field(default_factory=Faults)
+    imaging: Imaging = NO_EFFECTS
+    faults: Faults = NO_FAULTS
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "motions", _names("motion", self.motions, MOTIONS))

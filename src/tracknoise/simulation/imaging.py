@@ -120,3 +120,7 @@ class Imaging:
     def shutter(self) -> RollingShutter | None:
         """The rolling shutter; None for a global shutter."""
         return RollingShutter(self.readout_s) if self.readout_s else None
+
+
+NO_EFFECTS = Imaging()
+"""A global shutter, a short exposure, and no noise but that of the reader's `noise_sigma`."""

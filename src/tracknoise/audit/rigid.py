@@ -125,9 +125,10 @@ def rigid_tables(
 def _unit_m(sequence: PreparedSequence) -> float | None:
     """Median depth of the tracks, metres; None where none is known, or points are fitted to whole tracks."""
     depth_m = sequence.tracks["depth_m"].drop_nulls().to_numpy()
-    if not len(depth_m) or set(EPIPOLAR) <= set(sequence.observations.columns):
+    known = depth_m[depth_m > 0.0]
+    if not len(known) or set(EPIPOLAR) <= set(sequence.observations.columns):
         return None
-    return float(np.median(depth_m))
+    return float(np.median(known))
 
 
 def _axes(poses: NDArray[np.float64]) -> NDArray[np.float64]:

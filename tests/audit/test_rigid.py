@@ -90,16 +90,24 @@ def test_tracks_that_live_longer_than_equations_reach():
 def test_the_growth_of_relative_pose_errors_is_measured():
     walk = tables(both(noise_px=0.2), faulty("walk", 0.05, 0.003))["pose_growth"]
     white = tables(both(noise_px=0.2), faulty("white", 0.1, 0.005))["pose_growth"]
-    for lag in (1, 4, 10):
+    for lag in (1, 4):
         walked, jittered = (table.row(by_predicate=pl.col("lag") == lag, named=True) for table in (walk, white))
-        assert walked["rotation_deg"] == pytest.approx(0.05 * np.sqrt(lag), rel=0.35)  # one walk of 40 steps
-        assert walked["translation_m"] == pytest.approx(0.003 * np.sqrt(lag), rel=0.35)
+        assert walked["rotation_deg"] == pytest.approx(0.05 * np.sqrt(lag), rel=0.3)  # one walk of 40 steps
+        assert walked["translation_m"] == pytest.approx(0.003 * np.sqrt(lag), rel=0.3)
         assert jittered["rotation_deg"] == pytest.approx(0.1 * np.sqrt(2), rel=0.2)
         assert jittered["translation_m"] == pytest.approx(0.005 * np.sqrt(2), rel=0.2)
 
 
+def test_a_growth_that_a_short_sequence_does_not_show_is_unknown():
+    late = tables(both(noise_px=0.2), faulty("walk", 0.05, 0.003))["pose_growth"].filter(pl.col("lag") >= 10)
+    assert late["rotation_deg"].null_count() == late.height > 3
+    assert (late["rotation_xx_deg2"] > 0.0).all()
+
+
 def test_exact_poses_have_a_growth_near_zero():
-    grown = tables(both(), EXACT)["pose_growth"].filter(pl.col("lag") <= 10)
+    grown = tables(both(), EXACT)["pose_growth"].filter(pl.col("lag") <= 8)
+    squares = grown.select("^.*_deg2$").to_numpy()
+    assert np.sqrt(np.abs(squares.mean())) < 0.01
     assert grown["rotation_deg"].fill_null(0.0).max() < 0.01
     assert grown["translation_m"].fill_null(0.0).max() < 0.0005
 

@@ -38,6 +38,7 @@ COMPARED: dict[str, dict[str, object]] = {
     "error-by-lighting": {"lightings": ("a", "b")},
     "error-by-rotation": {"views": ((0, "forward"), (90, "forward"))},
     "error-by-direction": {"views": ((0, "forward"), (0, "backward"))},
+    "between-trackers": {"trackers": ("one", "other")},
 }
 """What a family that compares conditions needs more of than two speeds."""
 
@@ -84,7 +85,7 @@ def test_names_are_file_names_and_differ(made: list[Figure | Absence]) -> None:
 def small(make_run: Callable[..., RunFolder]) -> Callable[[str], RunFolder]:
     """Gives the smallest run of which a family makes a figure."""
     one = {"scenes": ("only",), "trackers": ("one",), "speeds": (1, 2), "n_frames": 7, "born": 10, "min_features": 5}
-    return lambda family: make_run(**one, **COMPARED.get(family, {}))
+    return lambda family: make_run(**{**one, **COMPARED.get(family, {})})
 
 
 @pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.id)

@@ -14,13 +14,17 @@ from collections.abc import Sequence
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
+from scipy import special
 
 from tracknoise.audit.motions import adjoints
 from tracknoise.geometry.pose import invert
 from tracknoise.statistics.definitions import STEPS
-from tracknoise.tables.schema import POSE_GROWTH, check, empty
+from tracknoise.tables.defaults import LEVEL
+from tracknoise.tables.schema import POSE_GROWTH, SEQUENCE, check, empty
 
-_SQUARES = [name for name in POSE_GROWTH if name.endswith(("_m2", "_deg2"))]
+_NUMBERS = {name: kind for name, kind in POSE_GROWTH.items() if name not in SEQUENCE}
+_ROTATION_FIRST = [3, 4, 5, 0, 1, 2]
+_MOST_BLOCKS, _FEWEST_BLOCKS = 16, 4
 
 
 def pose_growth(
@@ -60,18 +64,27 @@ def pose_growth(
     rows = []
     for step in STEPS:
         relative = [np.einsum("nij,nj->ni", in_camera[step:], eta[:-step] - eta[step:]) for eta in (one, other)]
-        products = (relative[0] * relative[1])[:, [3, 4, 5, 0, 1, 2]] * units**2
+        products = (relative[0] * relative[1])[:, _ROTATION_FIRST] * units**2
         known = products[np.isfinite(products).all(axis=1)]
         if len(known):
-            rows.append([step * speed, len(known), *known.mean(axis=0)])
-    table = pl.DataFrame(rows, schema=["lag", "n", *_SQUARES], orient="row")
-    named = labels.join(table, how="cross").with_columns(
-        rotation_deg=_root(_SQUARES[:3]), translation_m=_root(_SQUARES[3:])
-    )
-    typed = named.select(pl.col(name).cast(kind) for name, kind in POSE_GROWTH.items())
-    return check(typed, POSE_GROWTH, "pose growth")
+            roots = [_established_root(known[:, axes], step) for axes in (slice(0, 3), slice(3, 6))]
+            rows.append([step * speed, len(known), *roots, *known.mean(axis=0)])
+    table = pl.DataFrame(rows, schema=_NUMBERS, orient="row")
+    named = labels.join(table, how="cross").select(list(POSE_GROWTH))
+    return check(named, POSE_GROWTH, "pose growth")
 
 
-def _root(squares: Sequence[str]) -> pl.Expr:
-    mean = pl.mean_horizontal(squares)
-    return pl.when(mean >= 0.0).then(mean.sqrt())
+def _established_root(squares: NDArray[np.float64], step: int) -> float | None:
+    """Root of the mean of squares (n, 3) of successive frames; None where they do not show that it is positive.
+
+    Squares of pairs of frames that overlap are alike. Blocks of successive squares, at least as long as the pairs, are
+    therefore the sample of Student's test.
+    """
+    count = min(_MOST_BLOCKS, len(squares) // step)
+    if count < _FEWEST_BLOCKS:
+        return None
+    means = np.array([block.mean() for block in np.array_split(squares, count)])
+    error = float(means.std(ddof=1)) / np.sqrt(count)
+    bound = float(special.stdtrit(count - 1, 0.5 + LEVEL / 2))
+    mean = float(squares.mean())
+    return float(np.sqrt(mean)) if mean > bound * error and mean > 0.0 else None

@@ -27,7 +27,7 @@ from tracknoise.audit.frame_geometry import FrameGeometry
 from tracknoise.audit.motions import adjoints
 from tracknoise.audit.pose_growth import pose_growth
 from tracknoise.audit.rigid_fit import Normal, normal_equations, predicted, robust_weights
-from tracknoise.audit.rigid_rows import RigidRows, rigid_rows
+from tracknoise.audit.rigid_rows import RigidRows, TrackPoints, rigid_rows
 from tracknoise.statistics.blocks import BLOCKS
 from tracknoise.statistics.definitions import STEPS
 from tracknoise.statistics.grouping import number_combinations
@@ -104,12 +104,13 @@ def rigid_tables(
     scaled = geometry.in_units_of(unit_m)
     poses = scaled.world_from_camera[::speed]
     axes = _axes(poses)
+    points = TrackPoints.of(sequence, scaled, unit_m)
     slowest = np.flatnonzero(conditions["speed"].to_numpy() == speed).tolist()
     most = min(MOST_IN_FRAME * len(poses), MOST_ROWS // len(slowest))
     trackers = [
         _Tracker.of(
             row,
-            rigid_rows(sequence, row, scaled, unit_m=unit_m, most=most),
+            rigid_rows(sequence, row, scaled, points, most=most),
             axes,
             is_witness=conditions["tracker"][row] in witnesses,
         )
@@ -125,9 +126,10 @@ def rigid_tables(
 def _unit_m(sequence: PreparedSequence) -> float | None:
     """Median depth of the tracks, metres; None where none is known, or points are fitted to whole tracks."""
     depth_m = sequence.tracks["depth_m"].drop_nulls().to_numpy()
-    if not len(depth_m) or set(EPIPOLAR) <= set(sequence.observations.columns):
+    known = depth_m[depth_m > 0.0]
+    if not len(known) or set(EPIPOLAR) <= set(sequence.observations.columns):
         return None
-    return float(np.median(depth_m))
+    return float(np.median(known))
 
 
 def _axes(poses: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -59,8 +59,29 @@ class RigidRows:
         return RigidRows(**{item.name: getattr(self, item.name)[which] for item in fields(self)})
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackPoints:
+    """Where the tracks of a sequence began.
+
+    Attributes
+    ----------
+    world : (tracks, 3) float64
+        True point; NaN where unknown.
+    hashed : (tracks,) uint64
+        A pseudo-random number of the first frame and of the pixel there.
+    """
+
+    world: NDArray[np.float64]
+    hashed: NDArray[np.uint64]
+
+    @classmethod
+    def of(cls, sequence: PreparedSequence, geometry: FrameGeometry, unit_m: float) -> "TrackPoints":
+        """Those of one sequence, whose geometry is in units of `unit_m`, metres."""
+        return cls(_points_world(sequence, geometry, unit_m), _hashes(sequence))
+
+
 def rigid_rows(
-    sequence: PreparedSequence, condition: int, geometry: FrameGeometry, *, unit_m: float, most: int
+    sequence: PreparedSequence, condition: int, geometry: FrameGeometry, points: TrackPoints, *, most: int
 ) -> RigidRows:
     """The rows of one condition of a sequence.
 
@@ -70,22 +91,18 @@ def rigid_rows(
         Of one sequence.
     condition
         Row of `sequence.seen.conditions`.
-    geometry
-        Of the sequence, in units of `unit_m`.
-    unit_m
-        Unit of length, metres.
+    geometry, points
+        Of the sequence, in the same unit of length.
     most
-        About as many rows at most: tracks are left out at random, by a hash of where they began.
+        About as many rows at most: tracks are left out at random, by the hash of where they began.
     """
-    points = _points_world(sequence, geometry, unit_m)
-    hashed = _hashes(sequence)
     mine = sequence.seen.visible & (sequence.seen.condition == condition)
-    has_point: NDArray[np.bool_] = np.isfinite(points[:, 0])
+    has_point: NDArray[np.bool_] = np.isfinite(points.world[:, 0])
     known = mine & has_point[sequence.track_row]
     share = min(1.0, most / max(int(np.count_nonzero(known)), 1))
-    used = (hashed >> np.uint64(11)) * 2.0**-53 < share
+    used = (points.hashed >> np.uint64(11)) * 2.0**-53 < share
     rows = sequence.ordered_where(known & used[sequence.track_row])
-    return _with_equations(sequence, geometry, rows, points, (hashed & np.uint64(1)).astype(bool))
+    return _with_equations(sequence, geometry, rows, points)
 
 
 def _points_world(sequence: PreparedSequence, geometry: FrameGeometry, unit_m: float) -> NDArray[np.float64]:
@@ -117,8 +134,7 @@ def _with_equations(
     sequence: PreparedSequence,
     geometry: FrameGeometry,
     rows: NDArray[np.intp],
-    points: NDArray[np.float64],
-    half: NDArray[np.bool_],
+    points: TrackPoints,
 ) -> RigidRows:
     """Equations of the rows of observations, which are sorted by track and frame."""
     seen, track = sequence.seen, sequence.track_row[rows]
@@ -126,10 +142,11 @@ def _with_equations(
     first = sequence.tracks["first_frame"].to_numpy().astype(np.int64)[track]
     zero = first if sequence.key_frame is None else np.full(len(rows), sequence.key_frame)
     again, before = _beginnings(track, frame, zero, seen.speed[rows])
-    by_point = geometry.jacobian(frame, points[track])
+    place = points.world[track]
+    by_point = geometry.jacobian(frame, place)
     moved = np.zeros_like(errors)
     late = np.flatnonzero(before >= 0)
-    shift = _displacement(sequence, geometry, rows[before[late]], points)
+    shift = _displacement(sequence, geometry, rows[before[late]], points.world)
     moved[late] = np.einsum("nij,nj->ni", by_point[late], shift)
     speed = seen.speed[rows]
     made = RigidRows(
@@ -137,8 +154,8 @@ def _with_equations(
         zero=zero // speed,
         frame=frame // speed,
         again=np.where(again < 0, -1, again // speed),
-        half=half[track],
-        jacobian=np.concatenate([by_point, by_point @ _minus_cross(points[track])], axis=2),
+        half=(points.hashed[track] & np.uint64(1)).astype(bool),
+        jacobian=np.concatenate([by_point, by_point @ _minus_cross(place)], axis=2),
         error_px=errors,
         again_px=errors - moved,
     )

@@ -389,7 +389,8 @@ POSE_GROWTH: Schema = {
 
 The squares are means over n pairs of frames, about the axes of the camera in the later frame, without the noise of the
 fit: they are products of two independent fits, and may be negative by chance. rotation_deg and translation_m are roots
-of the mean over the three axes, and null where that is negative.
+of the mean over the three axes. They are null where the squares of this sequence do not show, at 95 %, that the mean is
+positive: the error is then too small, or the sequence too short.
 """
 POINT_TRACKING: Schema = {
     **ORIGIN,

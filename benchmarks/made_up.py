@@ -43,7 +43,9 @@ def made_up(scene: str, *, seed: int, frames: int, observations: int) -> Sequenc
     n_tracks = observations // (len(conditions) * min(MEAN_LIFETIME, frames))
     parts = [_condition(rng, scene, frames, n_tracks, tracker, speed) for tracker, speed in conditions]
     tables = [pl.concat(each) for each in zip(*parts, strict=True)]
-    return SequenceTables(*tables, TruthKind.birth, None, frames, 0, np.zeros((1, 1), np.uint8))
+    return SequenceTables(
+        *tables, schema.empty(schema.FLOORS), TruthKind.birth, None, frames, 0, np.zeros((1, 1), np.uint8)
+    )
 
 
 def _condition(

@@ -97,11 +97,11 @@ def resolved(sequence: RecordedSequence, observed: NDArray[np.float64]) -> TrueP
 
 def noise_of(found: TruePositions, observed: NDArray[np.float64]) -> dict[str, float]:
     """Noise by (noise.triangulated), together and in u and v, and by (noise.epipolar), px; and the raw RMS."""
-    assert found.covariance is not None, "triangulated truth has covariances"
+    assert found.leverage is not None, "triangulated truth has leverages"
     assert found.epipolar is not None, "and distances"
     error = np.swapaxes(observed, 0, 1).reshape(-1, 2) - found.uv
     known = ~np.isnan(error[:, 0])
-    free = 1.0 - np.einsum("nii->ni", found.covariance)[known]
+    free = 1.0 - np.einsum("nii->ni", found.leverage)[known]
     squares = np.square(error[known])
     distance, variance = found.epipolar[~np.isnan(found.epipolar[:, 0])].T
     return {

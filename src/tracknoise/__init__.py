@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from tracknoise.exceptions import TracknoiseError
     from tracknoise.experiments.measure import Measurement, measure
     from tracknoise.experiments.tap_metrics import tap_metrics
+    from tracknoise.geometry.accuracy import TruthAccuracy
+    from tracknoise.geometry.corrections import Corrections
     from tracknoise.sequences.arrays import Sequence
     from tracknoise.sequences.registry import open_sequence, open_sequences
     from tracknoise.statistics.curves import curves
@@ -27,10 +29,13 @@ if TYPE_CHECKING:
     from tracknoise.trackers.lucas_kanade import LucasKanade
     from tracknoise.trackers.oracle import Oracle
     from tracknoise.trackers.rejection import Rejection
+    from tracknoise.truth.accuracies import AccuracyRule
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "AccuracyRule",
+    "Corrections",
     "Correspondence",
     "Detection",
     "Imported",
@@ -41,6 +46,7 @@ __all__ = [
     "Run",
     "Sequence",
     "TracknoiseError",
+    "TruthAccuracy",
     "analyse",
     "curves",
     "lifetimes",
@@ -55,6 +61,8 @@ __all__ = [
 ]
 
 _HOMES = {
+    "Corrections": "geometry.corrections",
+    "AccuracyRule": "truth.accuracies",
     "Correspondence": "trackers.correspondence",
     "Detection": "trackers.detection",
     "Imported": "trackers.imported",
@@ -65,6 +73,7 @@ _HOMES = {
     "Run": "api.run",
     "Sequence": "sequences.arrays",
     "TracknoiseError": "exceptions",
+    "TruthAccuracy": "geometry.accuracy",
     "analyse": "api.analyse",
     "curves": "statistics.curves",
     "lifetimes": "statistics.lifetimes",

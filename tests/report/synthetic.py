@@ -15,15 +15,21 @@ import numpy as np
 import polars as pl
 
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
+from tracknoise.findings.places.image_cells import image_cells
+from tracknoise.findings.places.speed_errors import speed_errors
+from tracknoise.findings.places.surrounding_errors import surrounding_errors
 from tracknoise.statistics.change_curves import change_curves
 from tracknoise.statistics.cores import cores
 from tracknoise.statistics.counts import merge_counts
 from tracknoise.statistics.curves import aspect_curves, curves
 from tracknoise.statistics.effects import effects
 from tracknoise.statistics.factors import ReferenceCondition
+from tracknoise.statistics.floor import truth_floor
 from tracknoise.statistics.histogram import merge_errors
+from tracknoise.statistics.image_map import image_map
 from tracknoise.statistics.lifetimes import lifetimes_of_ends
 from tracknoise.statistics.outliers import outlier_ratios
+from tracknoise.statistics.prepared import prepare_sequence
 from tracknoise.statistics.summarise import STATISTICS, summarise_sequence
 from tracknoise.statistics.summary import summary
 from tracknoise.tables.enumerations import Trimming
@@ -33,8 +39,8 @@ from tracknoise.tables.schema import FRAME_COUNTS, OBSERVATIONS, ORIGIN, POSES, 
 from tracknoise.tables.store import OBSERVED, SEQUENCE_TABLES, RunFolder
 
 WIDTH, HEIGHT = 160, 120
-_UNREAD = ("blocks", "scale_blocks", "aspect_blocks", "samples")
-"""Tables that only findings are made of, which are made up here."""
+_UNREAD = ("blocks", "scale_blocks", "aspect_blocks", "samples", "between_trackers", "rigid", "pose_growth")
+"""Tables that the report does not need, because findings are made up here."""
 SMALL: dict[str, object] = {
     "scenes": ("fixating", "forward"),
     "speeds": (1, 2),
@@ -107,6 +113,8 @@ class World:
     key_frame: int | None = None
     """Where truth is a scan."""
     depth_m: float = 3.0
+    floor_px: float | None = None
+    """Truth floor: error of the relative poses of successive frames, a random walk; None where nothing is known."""
     paper: str | None = None
     """Which experiment of the paper it repeats."""
 
@@ -169,11 +177,26 @@ def _sequence(rng: np.random.Generator, origin: Sequence[Any], world: World) -> 
         trim_among=world.trim_among,
         statistics=[name for name in STATISTICS if name not in _UNREAD],
     )
-    return {
-        **tables,
-        "poses": _poses(origin, world),
-        **{name: empty(SEQUENCE_TABLES[name]) for name in (*_UNREAD, "pose_differences")},
-    }
+    tables["floors"] = _floors(tables["moments"], world)
+    seen = prepare_sequence(tables["observations"], tables["tracks"], key_frame=world.key_frame)
+    cells = image_map(replace(seen, slowest=min(world.speeds)), width=WIDTH, height=HEIGHT)
+    unread = {name: empty(SEQUENCE_TABLES[name]) for name in (*_UNREAD, "pose_differences")}
+    return {**tables, "poses": _poses(origin, world), "image_map": cells, **unread}
+
+
+def _floors(moments: pl.DataFrame, world: World) -> pl.DataFrame:
+    """Errors of poses that all features of a frame share, and that grow from frame to frame."""
+    if world.floor_px is None:
+        return empty(SEQUENCE_TABLES["floors"])
+    seen = moments.filter(population="visible", trimming="untrimmed")
+    since = (pl.col("at").cast(pl.Int64) - (world.key_frame or 0)).abs().cast(pl.Float64)
+    total = pl.col("n") * since * world.floor_px**2
+    values = {"sum_uu": total, "sum_uv": 0.0 * total, "sum_vv": 4.0 * total}
+    values |= {"own_uu": total * pl.col("n") / 4.0, "own_vv": total * pl.col("n"), "shared_u": 0.0 * total}
+    values |= {"shared_v": 0.0 * total, "source": pl.lit("poses")}
+    return seen.with_columns(**values).select(
+        pl.col(name).cast(kind) for name, kind in SEQUENCE_TABLES["floors"].items()
+    )
 
 
 def _poses(origin: Sequence[Any], world: World) -> pl.DataFrame:
@@ -233,7 +256,9 @@ def _condition(
     every_way = (np.arange(first.size) * 0.4) % np.pi - np.pi / 2
     tracks = tracks.with_columns(
         response=pl.lit(9.0), depth_m=pl.lit(world.depth_m), max_error_px=pl.lit(None), kept=pl.lit(value=True),
-        gradient_rad=pl.Series(every_way),
+        gradient_rad=pl.Series(every_way), incidence_deg=pl.lit(30.0),
+        edge_px=pl.Series(np.array([-3.0, 3.0, np.nan])[np.arange(first.size) % 3], nan_to_null=True),
+        edge_side=pl.Series(np.array(["far", "near", "none"])[np.arange(first.size) % 3]),
     )  # fmt: skip
     alive = np.bincount(first[track] + step, minlength=seen)
     offered = np.concatenate([[0], alive[:-1]])
@@ -262,6 +287,7 @@ def _write_statistics(run: RunFolder, world: World) -> None:
     made = {
         "curves": pooled,
         "cores": cores(run.sequence_tables("scales"), pooled),
+        "floor": truth_floor(run.sequence_tables("floors")),
         "lifetimes": lifetimes_of_ends(run.sequence_tables("ends")),
         "outliers": outlier_ratios(run.sequence_tables("frames")),
         "trims": pl.concat(run.sequence_tables("trims")),
@@ -273,6 +299,7 @@ def _write_statistics(run: RunFolder, world: World) -> None:
         made["lifetimes"],
         made["outliers"],
         cores=made["cores"],
+        floor=made["floor"],
         key_frame=world.key_frame or 0,
         population=world.population,
     )
@@ -289,6 +316,9 @@ def _write_statistics(run: RunFolder, world: World) -> None:
     )
     made["changes"] = change_curves(run.sequence_tables("increments"))
     made["aspect_curves"] = aspect_curves(run.sequence_tables("aspects"), min_features=world.min_features)
+    made["surrounding_errors"] = surrounding_errors(run.sequence_tables("surroundings"))
+    made["image_cells"] = image_cells(run.sequence_tables("image_map"))
+    made["speed_errors"] = speed_errors(run.sequence_tables("image_speeds"))
     made |= _made_up_findings().made_up(made, scope=_scope(world))
     run.write_statistics(made)
 

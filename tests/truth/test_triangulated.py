@@ -52,7 +52,7 @@ def test_the_corrected_variance_is_that_of_injected_white_noise(length, camera):
 def test_leverages_of_a_track_add_up_to_its_three_unknowns():
     sequence = sideways(7)
     tracks = make_tracks(sequence, count=20, length=7, rng=np.random.default_rng(1))
-    taken = np.einsum("nii->n", resolved(sequence, tracks.observed).covariance).reshape(7, 20).sum(axis=0)
+    taken = np.einsum("nii->n", resolved(sequence, tracks.observed).leverage).reshape(7, 20).sum(axis=0)
     np.testing.assert_allclose(taken, 3.0, rtol=1e-6)
 
 
@@ -86,7 +86,7 @@ def test_short_tracks_and_tracks_without_parallax_have_no_depth():
     short = resolved(sequence, make_tracks(sequence, count=10, length=2, rng=np.random.default_rng(0)).observed)
     assert (short.status == TruthStatus.no_depth).all()
     assert np.isnan(short.uv).all()
-    assert np.isnan(short.covariance).all()
+    assert np.isnan(short.leverage).all()
     assert np.isnan(short.depth_m).all()
     assert not np.isnan(short.epipolar[10:]).any()
     poses = sequence.world_from_camera.copy()

@@ -33,6 +33,8 @@ _ERRORS = (
     ("rms {axis}\npx", "rms", "{:.3f}"),
 )
 """Headings, the statistic in the names of columns, and how numbers are written."""
+_FLOOR = tuple((f"floor {axis}\npx", f"floor_{axis}_px", "{:.3f}") for axis in "uv")
+"""Beside errors, where anything is known of the errors of the truth."""
 _NOISE = (
     ("noise by\nfitted points px", FittedMeasure.triangulated, "{:.3f}"),
     ("noise by\nepipolar lines px", FittedMeasure.epipolar, "{:.3f}"),
@@ -89,7 +91,7 @@ def summary_text(run: RunFolder) -> str:
 
 
 def _errors(data: ReportData) -> list[tuple[str, str, str]]:
-    """Columns of the errors that verdicts are about and, where tracks were dropped, the RMS of the others.
+    """Columns of the errors that verdicts are about, where tracks were dropped the RMS of the others, and the floor.
 
     Where true positions are fitted to the tracks, their noise, because errors about fitted points are smaller.
     """
@@ -105,6 +107,7 @@ def _errors(data: ReportData) -> list[tuple[str, str, str]]:
         _AT,
         *shown,
         *((f"rms {axis}\n{other}", f"{other}_rms_{axis}_px", "{:.3f}") for other in others for axis in "uv"),
+        *(_FLOOR if (data.summary["floor_u_px"] > 0).any() else ()),
     ]
 
 

@@ -9,8 +9,10 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.experiments.arguments import Trackers, checked_speeds, named_trackers, require_sequences
+from tracknoise.geometry.corrections import UNCORRECTED, Corrections
 from tracknoise.measurement.sequence_tables import SequenceTables, measure_sequences
 from tracknoise.measurement.tracking import Progress, TrackerSetup
+from tracknoise.sequences.corrected import corrected
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.sequences.views import chosen_frames
 from tracknoise.statistics.moments import scene_moments
@@ -19,6 +21,7 @@ from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.trimming import trim
 from tracknoise.tables.defaults import POPULATION, TRIM_AMONG, TRIM_PERCENTILE
 from tracknoise.tables.schema import POSE_DIFFERENCES, empty
+from tracknoise.truth.accuracies import DEFAULT_RULE, AccuracyRule
 from tracknoise.truth.scan_rule import SCAN_RULE, ScanRule
 
 
@@ -30,7 +33,7 @@ class Measurement:
     ----------
     sequence
         What was measured.
-    observations, tracks, frames, moments, trims
+    observations, tracks, frames, moments, trims, floors
         Tables of `tracknoise.tables.schema`. Errors `du_px`, `dv_px` are observed minus true, px; ages count
         frames of the nominal sequence.
     population
@@ -48,7 +51,8 @@ class Measurement:
     pose_differences
         Differences of the poses of two truths, schema `POSE_DIFFERENCES`; without rows unless there is a second truth.
     notes
-        What trackers state about their results, one sentence each. `sequence` has the notes of the reader.
+        What trackers state about their results, and what is known of the errors of the truth, one sentence each.
+        `sequence` has the notes of the reader.
     """
 
     sequence: Sequence = field(repr=False)
@@ -57,6 +61,7 @@ class Measurement:
     frames: pl.DataFrame
     moments: pl.DataFrame
     trims: pl.DataFrame
+    floors: pl.DataFrame
     population: str
     truth: str
     key_frame: int | None
@@ -75,6 +80,8 @@ def measure(
     speeds: Items[int] = (1,),
     truth: str | None = None,
     scan_rule: ScanRule = SCAN_RULE,
+    corrections: Corrections = UNCORRECTED,
+    accuracy: AccuracyRule = DEFAULT_RULE,
     population: str = POPULATION,
     trim_percentile: float = TRIM_PERCENTILE,
     trim_among: str = TRIM_AMONG,
@@ -94,6 +101,8 @@ def measure(
         speeds=speeds,
         truth=truth,
         scan_rule=scan_rule,
+        corrections=corrections,
+        accuracy=accuracy,
         population=population,
         trim_percentile=trim_percentile,
         trim_among=trim_among,
@@ -113,6 +122,8 @@ def measure_together(
     speeds: Items[int] = (1,),
     truth: str | None = None,
     scan_rule: ScanRule = SCAN_RULE,
+    corrections: Corrections = UNCORRECTED,
+    accuracy: AccuracyRule = DEFAULT_RULE,
     population: str = POPULATION,
     trim_percentile: float = TRIM_PERCENTILE,
     trim_among: str = TRIM_AMONG,
@@ -139,6 +150,12 @@ def measure_together(
         best that a sequence offers.
     scan_rule
         How features are associated with a scan, for the kind ``scan``.
+    corrections
+        What to change in the stated camera, poses, depths and clock before true positions are computed: by default
+        nothing. `Measurement.sequence` has them in its notes.
+    accuracy
+        What is known of the errors of the truth: ``AccuracyRule(TruthAccuracy(...))``. It counts before what the
+        sequence states and before the figures that come with tracknoise.
     population
         Which observations trimming looks at: ``visible`` ones, or all that can be ``projected``.
     trim_percentile
@@ -173,8 +190,10 @@ def measure_together(
     """
     require_sequences(sequences)
     named, played = named_trackers(trackers), checked_speeds(speeds)
-    sequences = [chosen_frames(sequence, frames) for sequence in sequences]
-    second = [chosen_frames(sequence, frames) for sequence in second_truth]
+    sequences, second = (
+        [chosen_frames(corrected(sequence, corrections), frames) for sequence in given]
+        for given in (sequences, second_truth)
+    )
     setups = [TrackerSetup(name, settings, speed) for name, settings in named.items() for speed in played]
     measured = measure_sequences(
         sequences,
@@ -185,6 +204,7 @@ def measure_together(
         seed=seed,
         progress=progress,
         second=second,
+        accuracy=accuracy,
     )
     others: Items[Sequence | None] = second or [None for _ in sequences]
     for sequence, other, tables in zip(sequences, others, measured, strict=True):
@@ -223,6 +243,7 @@ def complete(
         frames=measured.frames,
         moments=scene_moments(trimmed.sequence.seen),
         trims=trimmed.trims,
+        floors=measured.floors,
         population=population,
         truth=measured.truth,
         key_frame=measured.key_frame,

@@ -13,16 +13,20 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from tracknoise.checks import MOST_LEVELS, require_storable
 from tracknoise.exceptions import SettingsError, UnknownNameError, first_line
+from tracknoise.geometry.accuracy import TruthAccuracy
+from tracknoise.geometry.corrections import UNCORRECTED, Corrections
 from tracknoise.printable import is_printable
 from tracknoise.sequences.frame_range import require_range
 from tracknoise.tables import defaults
 from tracknoise.tables.enumerations import IntervalKind, Population, TrimAmong, Trimming
 from tracknoise.tables.identity import Direction, SequenceId
+from tracknoise.truth.accuracies import AccuracyRule
 from tracknoise.truth.scan_rule import ScanAnchoring
 
 _QUOTED = re.compile(r'"[^"]*"|\'[^\']*\'')
 _NO_KEY = re.compile(r"[^\w.\s-]+")
 _MOST_DOTS = 64
+_Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
 Keep = Literal["observations", "statistics"]
 
 
@@ -95,6 +99,40 @@ class TrackerChoice(_Section):
         return self.name or self.kind
 
 
+class CorrectionSettings(_Section):
+    """Corrections of what the recordings state. Each changes nothing by default. See docs/truth-corrections.md."""
+
+    focal_scale: float = UNCORRECTED.focal_scale
+    """Factor of both focal lengths."""
+    principal_point_px: Annotated[list[float], Field(min_length=2, max_length=2)] = [*UNCORRECTED.principal_point_px]
+    """Added to cx and cy, px."""
+    k1: float = UNCORRECTED.k1
+    """Added to the first coefficient of radial-tangential distortion."""
+    depth_scale: float = UNCORRECTED.depth_scale
+    """Factor of depths."""
+    depth_offset_m: float = UNCORRECTED.depth_offset_m
+    """Added to depths, after the factor, metres."""
+    clock_offset_s: float = UNCORRECTED.clock_offset_s
+    """The pose at the time of an image plus this fits the image, seconds. For recordings with timestamps."""
+    clock_offset_frames: float = UNCORRECTED.clock_offset_frames
+    """The same in frames. For recordings without timestamps."""
+    readout_s: float = UNCORRECTED.readout_s
+    """Added to the readout of the rolling shutter, seconds. The readout of a recording that states none is 0."""
+    mounting_rotation_deg: _Triple = [*UNCORRECTED.mounting_rotation_deg]
+    """Rotation of the camera in the frame that the stated poses belong to: axis times angle, degrees."""
+    mounting_translation_m: _Triple = [*UNCORRECTED.mounting_translation_m]
+    """Position of the camera in that frame, metres."""
+
+    @model_validator(mode="after")
+    def _values_are_possible(self) -> Self:
+        self.as_corrections()
+        return self
+
+    def as_corrections(self) -> Corrections:
+        """What the settings stand for."""
+        return Corrections(**self.model_dump())
+
+
 class SecondTruthSettings(_Section):
     """A second truth of the same images. Trackers run once, and their errors are computed by both truths."""
 
@@ -121,6 +159,49 @@ class SecondTruthSettings(_Section):
         return trajectory
 
 
+_Figure = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+class AccuracySettings(_Section):
+    """Standard deviations of the errors of the truth, which make the truth floor. See docs/truth-accuracy.md.
+
+    Where a figure is given, it counts before what the data state and before the figures that come with tracknoise.
+    Frames are those of the recording. Rotations and translations are per axis, between two frames.
+    """
+
+    shipped: bool = True
+    """Whether the figures that come with tracknoise count where neither this section nor the data state any."""
+    rotation_white_deg: _Figure | None = None
+    """Error of the rotation of each pose, independent from frame to frame."""
+    rotation_deg_per_sqrt_frame: _Figure | None = None
+    """Error of the relative rotation of successive frames that grows as a random walk."""
+    rotation_deg_per_frame: _Figure | None = None
+    """Error of the relative rotation of successive frames that is the same from frame to frame."""
+    translation_white_m: _Figure | None = None
+    """Error of the position of each pose, independent from frame to frame."""
+    translation_m_per_sqrt_frame: _Figure | None = None
+    """Error of the relative position of successive frames that grows as a random walk."""
+    translation_m_per_frame: _Figure | None = None
+    """Error of the relative position of successive frames that is the same from frame to frame."""
+    depth_m: _Figure | None = None
+    """Error of a depth Z: the root of depth_m² + (depth_relative Z)² + (depth_per_m Z²)²."""
+    depth_relative: _Figure | None = None
+    """Part of the error of a depth that is proportional to it."""
+    depth_per_m: _Figure | None = None
+    """Part of the error of a depth that is proportional to its square, per metre."""
+    clock_ms: _Figure | None = None
+    """Offset between the clocks of images and poses."""
+    readout_ms: _Figure | None = None
+    """Readout time of a rolling shutter that the truth does not account for."""
+    focal_relative: _Figure | None = None
+    """Error of the focal length, as a share of it."""
+
+    def rule(self) -> AccuracyRule:
+        """The same for `tracknoise.measure`."""
+        figures = self.model_dump(exclude={"shipped"})
+        return AccuracyRule(TruthAccuracy(**figures, source="this experiment"), shipped=self.shipped)
+
+
 class TruthSettings(_Section):
     """How true positions of features are computed."""
 
@@ -135,8 +216,11 @@ class TruthSettings(_Section):
     """Largest distance in the key frame between a feature and the projection of its scan point, px."""
     scan_anchoring: Annotated[ScanAnchoring, Field(strict=False)] = ScanAnchoring.ray
     """World point of a feature: on its own `ray` at the depth of the scan point, or the scan `point` itself."""
+    corrections: CorrectionSettings = CorrectionSettings()
+    """What is to be changed in the stated geometry of the recordings."""
     second: SecondTruthSettings | None = None
     """A second truth of the same images, such as other poses. Default: none."""
+    accuracy: AccuracySettings = AccuracySettings()
 
 
 class StatisticsSettings(_Section):
@@ -149,6 +233,9 @@ class StatisticsSettings(_Section):
     `followed` beyond their anchor, where the error is zero by construction."""
     min_features: Annotated[int, Field(ge=2)] = defaults.MIN_FEATURES
     """Curves are cut where fewer features than this remain."""
+    tap_vid: bool = False
+    """Compute the metrics of TAP-Vid and the expected feature age too. They need truth from depth or an exact surface,
+    and the depth of every frame is read once more."""
 
 
 class FindingsSettings(_Section):

@@ -1,10 +1,11 @@
 """How wrong the poses, depths, clock and camera of a recording may be, as somebody stated or measured it."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import isfinite
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -186,6 +187,11 @@ class TruthAccuracy:
         return frozenset(topic for topic, names in TOPICS.items() if self.figures(names))
 
     @property
+    def is_exact(self) -> bool:
+        """Whether no figure is above 0."""
+        return not any(value for names in TOPICS.values() for value in self.figures(names).values())
+
+    @property
     def rotation(self) -> GrowthLaw:
         """Growth of the relative error of rotation, rad."""
         return GrowthLaw(*(float(np.radians(getattr(self, name) or 0.0)) for name in TOPICS["rotation"]))
@@ -203,5 +209,10 @@ class TruthAccuracy:
     def over(self, other: "TruthAccuracy") -> "TruthAccuracy":
         """Figures of this one, and those of the other on topics of which this one knows nothing; source of this one."""
         taken = [name for topic in other.topics - self.topics for name in TOPICS[topic]]
-        values = {one.name: getattr(self, one.name) for one in fields(self)}
-        return TruthAccuracy(**{**values, **{name: getattr(other, name) for name in taken}})
+        figures: dict[str, Any] = {name: getattr(other, name) for name in taken}
+        return replace(self, **figures)
+
+    def without(self, topics: Iterable[str]) -> "TruthAccuracy":
+        """The same, as if nothing were known on these topics."""
+        unknown: dict[str, Any] = dict.fromkeys(name for topic in topics for name in TOPICS[topic])
+        return replace(self, **unknown)

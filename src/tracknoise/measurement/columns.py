@@ -4,16 +4,18 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.geometry.surroundings import Surroundings, unknown_surroundings
 from tracknoise.measurement.recording import Recording
 from tracknoise.measurement.tracking import TrackerSetup
 from tracknoise.tables import schema
+from tracknoise.tables.enumerations import EdgeSide
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import TrackEnd, TruthStatus
 from tracknoise.trackers.tracker import reports_causes
 from tracknoise.truth.truth import TruePositions
 
-Tables = tuple[pl.DataFrame, pl.DataFrame, pl.DataFrame]
-"""`OBSERVATIONS`, `TRACKS` and `FRAME_COUNTS` of `tracknoise.tables.schema`."""
+Tables = tuple[pl.DataFrame, pl.DataFrame, pl.DataFrame, pl.DataFrame]
+"""`OBSERVATIONS`, `TRACKS`, `FRAME_COUNTS` and `FLOORS` of `tracknoise.tables.schema`."""
 
 
 def setup_tables(
@@ -21,9 +23,12 @@ def setup_tables(
     setup: TrackerSetup,
     recording: Recording,
     positions: TruePositions,
+    floors: dict[str, pl.Series],
     second: TruePositions | None = None,
 ) -> Tables:
-    """Tables of one tracker setup on one sequence, with the true positions of a second truth if there is one.
+    """Tables of one tracker setup on one sequence, with the columns of its `FLOORS` after those of the origin.
+
+    The true positions of a second truth are among the observations, if there is one.
 
     Raises
     ------
@@ -34,6 +39,7 @@ def setup_tables(
         _table({**_observations(recording, positions), **_second_truth(second)}, schema.OBSERVATIONS, sequence, setup),
         _table(_tracks(recording, positions, reports_causes(setup.settings)), schema.TRACKS, sequence, setup),
         _table(_frames(recording, reports_causes(setup.settings)), schema.FRAME_COUNTS, sequence, setup),
+        _table(floors, schema.FLOORS, sequence, setup),
     )
 
 
@@ -51,17 +57,18 @@ def _observations(recording: Recording, positions: TruePositions) -> dict[str, p
         "du_px": _nullable(error[:, 0]),
         "dv_px": _nullable(error[:, 1]),
         "kept": pl.repeat(True, len(error), eager=True),
-        **_covariance(positions.covariance),
+        **_covariance(positions.covariance, schema.TRUE_COVARIANCE),
+        **_covariance(positions.leverage, schema.LEVERAGE),
         **_epipolar(positions.epipolar),
         **{schema.QUALITY_PREFIX + name: _nullable(values) for name, values in recording.quality.items()},
     }
 
 
-def _covariance(covariance: NDArray[np.float64] | None) -> dict[str, pl.Series]:
+def _covariance(covariance: NDArray[np.float64] | None, names: schema.Schema) -> dict[str, pl.Series]:
     if covariance is None:
         return {}
     values = covariance[:, [0, 0, 1], [0, 1, 1]].T
-    return {name: _nullable(column) for name, column in zip(schema.TRUE_COVARIANCE, values, strict=True)}
+    return {name: _nullable(column) for name, column in zip(names, values, strict=True)}
 
 
 def _second_truth(second: TruePositions | None) -> dict[str, pl.Series]:
@@ -87,9 +94,25 @@ def _tracks(recording: Recording, positions: TruePositions, has_causes: bool) ->
         "response": _nullable(recording.response),
         "depth_m": _nullable(positions.depth_m),
         "gradient_rad": _nullable(recording.gradient_rad),
+        **_surroundings(positions.surroundings or unknown_surroundings(count)),
         "max_error_px": pl.repeat(None, count, dtype=pl.Float64, eager=True),
         "kept": pl.repeat(True, count, eager=True),
     }
+
+
+def _surroundings(found: Surroundings) -> dict[str, pl.Series]:
+    edge, side = pl.col("edge_px"), {one: pl.lit(one, dtype=schema.EDGE_SIDE) for one in EdgeSide}
+    table = pl.DataFrame({"edge_px": _nullable(found.edge_px), "incidence_deg": _nullable(found.incidence_deg)})
+    return table.select(
+        pl.when(edge.is_finite()).then(edge).cast(pl.Float32),
+        edge_side=pl.when(edge.is_infinite())
+        .then(side[EdgeSide.none])
+        .when(edge > 0)
+        .then(side[EdgeSide.near])
+        .when(edge < 0)
+        .then(side[EdgeSide.far]),
+        incidence_deg=pl.col("incidence_deg").cast(pl.Float32),
+    ).to_dict()
 
 
 def _frames(recording: Recording, has_causes: bool) -> dict[str, pl.Series]:

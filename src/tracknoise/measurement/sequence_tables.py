@@ -12,12 +12,14 @@ from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.measurement.columns import setup_tables
 from tracknoise.measurement.second_truth import open_second_truths, second_notes
 from tracknoise.measurement.tracking import Progress, TrackerSetup, TrackingResult, run_trackers
+from tracknoise.measurement.truth_floor import TruthFloor
 from tracknoise.sequences.poses import require_some_poses
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.tables import schema
+from tracknoise.truth.accuracies import DEFAULT_RULE, AccuracyRule
 from tracknoise.truth.registry import make_truths
 from tracknoise.truth.scan_rule import SCAN_RULE, ScanRule
-from tracknoise.truth.truth import TruePositions, Truth
+from tracknoise.truth.truth import TruePositions
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +28,7 @@ class SequenceTables:
 
     Attributes
     ----------
-    observations, tracks, frames
+    observations, tracks, frames, floors
         Tables of `tracknoise.tables.schema`; `max_error_px` is null and `kept` true.
     truth
         The kind of truth used.
@@ -37,12 +39,14 @@ class SequenceTables:
     snapshot_frame, snapshot
         One frame, (height, width) uint8, for figures that show the tracks.
     notes
-        What trackers state about their results, and the notes of the second truth, one sentence each.
+        What trackers state about their results, what is known of the errors of the truth, and the notes of the second
+        truth, one sentence each.
     """
 
     observations: pl.DataFrame
     tracks: pl.DataFrame
     frames: pl.DataFrame
+    floors: pl.DataFrame
     truth: str
     key_frame: int | None
     n_frames: int
@@ -57,6 +61,7 @@ def measure_sequences(
     *,
     truth: str | None = None,
     scan_rule: ScanRule = SCAN_RULE,
+    accuracy: AccuracyRule = DEFAULT_RULE,
     max_frames: int | None = None,
     seed: int = 0,
     progress: Progress | None = None,
@@ -74,6 +79,8 @@ def measure_sequences(
         Kind of truth, a name of `tracknoise.truth.registry.TRUTHS`; by default the best that a sequence offers.
     scan_rule
         How features are associated with a scan, for the kind ``scan``.
+    accuracy
+        What the user says about the errors of the truth.
     max_frames
         Read no more frames than this; by default all.
     seed
@@ -111,28 +118,35 @@ def measure_sequences(
     notes = [second_notes(*pair) for pair in zip(sequences, second, strict=True)] if second else [()] * len(sequences)
     for sequence, known, result, more in zip(sequences, truths, results, notes, strict=True):
         _check_features(sequence, result, known.key_frame)
-        tables = _sequence_tables(sequence, setups, known, result, n_frames)
+        floor = TruthFloor.of(sequence, known, accuracy)
+        tables = _sequence_tables(sequence, setups, floor, result, n_frames, known.kind)
         yield replace(tables, notes=(*tables.notes, *more))
 
 
 def _sequence_tables(
-    sequence: Sequence, setups: Items[TrackerSetup], known: Truth, result: TrackingResult, n_frames: int
+    sequence: Sequence,
+    setups: Items[TrackerSetup],
+    floor: TruthFloor,
+    result: TrackingResult,
+    n_frames: int,
+    truth: str,
 ) -> SequenceTables:
     seconds: Items[TruePositions | None] = result.second_positions or [None for _ in setups]
-    parts = [
-        setup_tables(sequence.id, *of_setup)
-        for of_setup in zip(setups, result.recordings, result.positions, seconds, strict=True)
-    ]
+    parts = []
+    for setup, recording, positions, second in zip(setups, result.recordings, result.positions, seconds, strict=True):
+        known, floors = floor.add(recording, positions)
+        parts.append(setup_tables(sequence.id, setup, recording, known, floors.to_dict(), second))
     return SequenceTables(
         observations=schema.joined([part[0] for part in parts], schema.OBSERVATIONS),
         tracks=schema.joined([part[1] for part in parts], schema.TRACKS),
         frames=schema.joined([part[2] for part in parts], schema.FRAME_COUNTS),
-        truth=known.kind,
-        key_frame=known.key_frame,
+        floors=schema.joined([part[3] for part in parts], schema.FLOORS),
+        truth=truth,
+        key_frame=floor.key_frame,
         n_frames=n_frames,
         snapshot_frame=result.snapshot_frame,
         snapshot=result.snapshot,
-        notes=result.notes,
+        notes=(*result.notes, *floor.notes),
     )
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.measurement.recording import Recorder, Recording
-from tracknoise.sequences.poses import has_pose
-from tracknoise.sequences.sequence import Sequence
+from tracknoise.sequences.row_poses import RowPoses
+from tracknoise.sequences.sequence import Sequence, times_of
 from tracknoise.sequences.views import source_frames
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.gradient import dominant_gradient
@@ -202,8 +202,8 @@ def _start(condition: TrackerSetup, sequence: Sequence, truth: Truth, seed: int)
             speed=condition.speed,
             seed=seed,
             truth=truth if isinstance(truth, OracleTruth) else None,
-            frames_without_pose=frozenset(np.flatnonzero(~has_pose(sequence.world_from_camera)).tolist()),
-            timestamps_s=getattr(sequence, "timestamps_s", None),  # sequences of other packages may lack it
+            frames_without_pose=frozenset(np.flatnonzero(~RowPoses(sequence).known).tolist()),
+            timestamps_s=times_of(sequence),
             source_frames=source_frames(sequence),
         )
     )

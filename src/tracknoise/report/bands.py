@@ -6,6 +6,7 @@ import polars as pl
 
 from tracknoise.findings.wording import interval_text, listing
 from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.floor import FLOOR_COLUMNS
 from tracknoise.statistics.upright import upright
 from tracknoise.tables.findings_schema import RESAMPLED
 from tracknoise.tables.schema import Schema
@@ -74,7 +75,7 @@ def of_scalar(table: pl.DataFrame, intervals: pl.DataFrame, statistic: str) -> p
 
 
 def upright_bounds(points: pl.DataFrame, *, signed: pl.Expr) -> pl.DataFrame:
-    """As `tracknoise.statistics.upright.upright`, for points with columns `BOUNDS`: these are rotated too."""
+    """As `tracknoise.statistics.upright.upright`, for points with `BOUNDS` and `FLOOR_COLUMNS`, rotated too."""
     values = upright(points, signed=signed)
     low, high = (
         upright(points.with_columns(u=f"u_{end}", v=f"v_{end}"), signed=signed).select("u", "v")
@@ -85,7 +86,8 @@ def upright_bounds(points: pl.DataFrame, *, signed: pl.Expr) -> pl.DataFrame:
         for axis in "uv"
         for end, choose in (("low", pl.min_horizontal), ("high", pl.max_horizontal))
     }
-    return values.with_columns(**ends)
+    floor = upright(points.with_columns(u=FLOOR_COLUMNS[0], v=FLOOR_COLUMNS[1]), signed=pl.lit(False))
+    return values.with_columns(**ends, **{name: floor[axis] for name, axis in zip(FLOOR_COLUMNS, "uv", strict=True)})
 
 
 def describe_intervals(points: pl.DataFrame, *, of: str, marks: str = "Bands around") -> str:

@@ -14,10 +14,11 @@ from tracknoise.report import paper, style
 from tracknoise.report.axis import AGE, FRAME, Axis
 from tracknoise.report.bands import BOUNDS, with_bounds
 from tracknoise.report.names import identifiers
+from tracknoise.statistics.floor import FLOOR_COLUMNS, with_floor
 from tracknoise.statistics.lightings import lightings_in_order
 from tracknoise.statistics.trims import dropped_above
 from tracknoise.tables.defaults import MARGIN
-from tracknoise.tables.enumerations import Trimming, Weighting
+from tracknoise.tables.enumerations import Aspect, Trimming, Weighting
 from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.schema import CURVES, VIEW
 from tracknoise.tables.store import FINDINGS_TABLES, STATISTICS_TABLES, RunFolder
@@ -41,8 +42,9 @@ class ReportData:
         State of the run, and its resolved experiment.
     curves, cores, lifetimes, outliers, trims, errors, counts, summary, effects, aspect_curves, changes
         Its pooled tables.
-    two_truths, pose_disagreement, intervals, incidence, seed_spread, triangulated_noise, zero_mean, gaussianity, radii,
-    time_structure, dependence, findings
+    two_truths, pose_disagreement, rigid_share, pose_law, tracker_differences, intervals, incidence, seed_spread,
+    triangulated_noise, point_tracking_metrics, zero_mean, gaussianity, radii, time_structure, dependence,
+    surrounding_errors, image_cells, speed_errors, findings
         Its findings. These tables have no rows where findings were not computed.
     """
 
@@ -51,6 +53,7 @@ class ReportData:
     settings: Mapping[str, Any]
     curves: pl.DataFrame
     cores: pl.DataFrame
+    floor: pl.DataFrame
     lifetimes: pl.DataFrame
     outliers: pl.DataFrame
     trims: pl.DataFrame
@@ -66,11 +69,18 @@ class ReportData:
     incidence: pl.DataFrame
     seed_spread: pl.DataFrame
     triangulated_noise: pl.DataFrame
+    point_tracking_metrics: pl.DataFrame
     zero_mean: pl.DataFrame
     gaussianity: pl.DataFrame
     radii: pl.DataFrame
     time_structure: pl.DataFrame
     dependence: pl.DataFrame
+    surrounding_errors: pl.DataFrame
+    image_cells: pl.DataFrame
+    speed_errors: pl.DataFrame
+    rigid_share: pl.DataFrame
+    pose_law: pl.DataFrame
+    tracker_differences: pl.DataFrame
     findings: pl.DataFrame
 
     @classmethod
@@ -156,7 +166,8 @@ class ReportData:
         """Points of the curves that are not cut, features pooled. Second moments are roots, px.
 
         Columns u_low, u_high, v_low and v_high hold the bounds. Columns level, resampled and n_resampled hold their
-        kind (`tracknoise.report.bands`). All are null where a point has no interval. Column `role` names the
+        kind (`tracknoise.report.bands`). All are null where a point has no interval. Columns floor_u and floor_v hold
+        the truth floor (`tracknoise.statistics.floor.with_floor`), second moments as roots, px. Column `role` names the
         statistic on either axis: mean, absolute, second or central. Column `since` holds the distance from where
         errors are zero by construction, in frames of the sequence.
         """
@@ -176,7 +187,9 @@ class ReportData:
     @cached_property
     def aspect_points(self) -> pl.DataFrame:
         """The same for every aspect (column `aspect`), of visible features. Here u is along and v across its axis."""
-        return self._points_of(self.aspect_curves)
+        points = self._points_of(self.aspect_curves)
+        in_image = pl.when(pl.col("aspect") == Aspect.long_lived)  # the floor is known in u and v only
+        return points.with_columns(in_image.then(pl.col(name)).alias(name) for name in FLOOR_COLUMNS)
 
     def _points_of(self, curves: pl.DataFrame) -> pl.DataFrame:
         whole = (pl.col("weighting") == "features") & (pl.col("axis") == self.axis.name) & ~pl.col("cut")
@@ -184,11 +197,11 @@ class ReportData:
 
     def _rooted(self, curves: pl.DataFrame, roles: Mapping[str, str]) -> pl.DataFrame:
         """Curves with bounds and roles, px."""
-        table = with_bounds(curves, self.intervals).with_columns(
+        table = with_floor(with_bounds(curves, self.intervals), self.floor).with_columns(
             role=pl.col("statistic").replace_strict(roles, return_dtype=pl.String)
         )
         moments = pl.col("role").is_in(["second", "central"])
-        lengths = pl.col("u", "v", *BOUNDS)
+        lengths = pl.col("u", "v", *BOUNDS, *FLOOR_COLUMNS)
         roots = pl.when(moments).then(lengths.clip(lower_bound=0.0).sqrt()).otherwise(lengths)
         table = table.with_columns(roots, since=pl.col("at").cast(pl.Int64) - self._zero).drop_nulls(["u", "v"])
         return table.drop("uv", "weighting", "axis", "statistic", "unit", "cut")
@@ -198,6 +211,10 @@ class ReportData:
         entries = [entry for entry in self.manifest.sequences.values() if entry.sequence.direction == direction]
         found = [entry.key_frame for entry in entries if entry.key_frame is not None]
         return max(found, default=0) if self.axis is FRAME else None
+
+    def since_zero(self, at: int) -> int:
+        """Distance of an age or a frame of the `view` from where errors are zero, in frames of the sequence."""
+        return at - (self.key_frame(self.view["direction"]) or 0)
 
     @property
     def _zero(self) -> pl.Expr:

@@ -10,6 +10,7 @@ from tracknoise.findings.wording import DASH, MINUS, TIMES
 from tracknoise.printable import printable
 from tracknoise.report import factor_effects
 from tracknoise.report.report_data import ReportData
+from tracknoise.statistics.floor import with_floor
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 _LATEX = {
@@ -47,7 +48,12 @@ class Export:
 
 EXPORTS: tuple[Export, ...] = (
     Export("summary", "key numbers of every condition", lambda data: data.summary),
-    Export("curves", "error by age or frame", lambda data: data.curves.filter(~pl.col("cut"))),
+    Export(
+        "curves",
+        "error by age or frame, with the truth floor",
+        lambda data: with_floor(data.curves.filter(~pl.col("cut")), data.floor),
+    ),
+    Export("truth-floor", "truth floor, by what causes it", lambda data: data.floor),
     Export("lifetimes", "lifetimes and survival", lambda data: data.lifetimes),
     Export("outliers", "outlier ratios", lambda data: data.outliers),
     Export("trims", "tracks dropped by trimming", lambda data: data.trims),
@@ -64,6 +70,11 @@ EXPORTS: tuple[Export, ...] = (
     Export("pose-disagreement", "disagreement of the poses of two truths", lambda data: data.pose_disagreement),
     Export("seed-spread", "differences between random seeds", lambda data: data.seed_spread),
     Export("triangulated-noise", "noise from triangulated truth", lambda data: data.triangulated_noise),
+    Export(
+        "point-tracking-metrics",
+        "metrics of TAP-Vid and expected feature age",
+        lambda data: data.point_tracking_metrics,
+    ),
     Export("zero-mean", "tests of zero mean error", lambda data: data.zero_mean),
     Export("gaussianity", "shape of the error distribution", lambda data: data.gaussianity),
     Export("time-structure", "error growth", lambda data: data.time_structure),

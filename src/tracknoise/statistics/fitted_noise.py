@@ -23,7 +23,7 @@ from tracknoise.statistics.definitions import LENGTHS
 from tracknoise.statistics.grouping import group_rows
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.enumerations import FittedMeasure, Trimming
-from tracknoise.tables.schema import EPIPOLAR, FITTED_MEASURE, FITTED_NOISE, TRIMMING, TRUE_COVARIANCE, check, empty
+from tracknoise.tables.schema import EPIPOLAR, FITTED_MEASURE, FITTED_NOISE, LEVERAGE, TRIMMING, check, empty
 
 _SUMS = ("n", "squares_u", "freedom_u", "squares_v", "freedom_v", "squares", "freedom")
 
@@ -42,7 +42,7 @@ def fitted_noise(sequence: PreparedSequence) -> pl.DataFrame:
         Schema `FITTED_NOISE`, sorted by its columns before `n`, with one row for each combination that has an
         observation. Without rows unless true positions are triangulated.
     """
-    if not {*EPIPOLAR, *TRUE_COVARIANCE} <= set(sequence.observations.columns):
+    if not {*EPIPOLAR, *LEVERAGE} <= set(sequence.observations.columns):
         return empty(FITTED_NOISE)
     length_low = _length_class(sequence)
     parts = [
@@ -64,7 +64,7 @@ def _length_class(sequence: PreparedSequence) -> NDArray[np.int64]:
 
 def _triangulated(sequence: PreparedSequence) -> NDArray[np.float64]:
     """Values of `_SUMS` of each observation, (rows, sums); NaN where it does not count."""
-    taken = sequence.observations.select("cov_true_uu", "cov_true_vv").to_numpy()
+    taken = sequence.observations.select("leverage_uu", "leverage_vv").to_numpy()
     squares, freedom = np.square(sequence.seen.error_px), 1.0 - taken
     squares[~sequence.seen.visible] = np.nan
     (of_u, of_v), (free_u, free_v) = squares.T, freedom.T

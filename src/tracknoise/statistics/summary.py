@@ -7,8 +7,8 @@ from tracknoise.statistics.definitions import NAMES, POOLED, REFERENCE_AGE
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
 from tracknoise.statistics.populations import POPULATIONS
 from tracknoise.tables.defaults import POPULATION
-from tracknoise.tables.enumerations import Axis, Weighting
-from tracknoise.tables.schema import CORES, CURVES, OUTLIERS, SUMMARY, TRIMMING, check, empty
+from tracknoise.tables.enumerations import Axis, FloorSource, Weighting
+from tracknoise.tables.schema import CORES, CURVES, FLOOR, OUTLIERS, SUMMARY, TRIMMING, check, empty
 
 
 def summary(
@@ -17,6 +17,7 @@ def summary(
     outliers: pl.DataFrame,
     *,
     cores: pl.DataFrame | None = None,
+    floor: pl.DataFrame | None = None,
     age: int = REFERENCE_AGE,
     key_frame: int = 0,
     population: str = POPULATION,
@@ -29,6 +30,8 @@ def summary(
         What the functions of these names (`outlier_ratios` for the last) returned for the same scenes.
     cores
         What `tracknoise.statistics.cores.cores` made of these scenes; without it there are no cores.
+    floor
+        What `tracknoise.statistics.floor.truth_floor` returned for these scenes; without it there is no truth floor.
     age
         The reference age of a condition is the largest one from 1 to this, in frames of the nominal sequence, at which
         neither its trimmed nor its untrimmed curves are cut. It differs between speeds whose frames do not coincide.
@@ -62,7 +65,8 @@ def summary(
     rejected = check(outliers, OUTLIERS, "outliers").select(*POOLED, outlier_ratio="pooled_ratio")
     scenes = lifetimes.group_by(POOLED).agg(pl.col("n_scenes").max())
     scales = check(empty(CORES) if cores is None else cores, CORES, "cores").filter(population=population)
-    errors = _with_cores(_at_reference(points), scales)
+    known = check(empty(FLOOR) if floor is None else floor, FLOOR, "floor").filter(source=FloorSource.all)
+    errors = _with_floor(_with_cores(_at_reference(points), scales), known)
     parts = [scenes, lived, rejected, errors]
     table = pl.concat([part.select(POOLED) for part in (*parts, curves)]).unique()
     for part in parts:
@@ -87,6 +91,14 @@ def _with_cores(errors: pl.DataFrame, cores: pl.DataFrame) -> pl.DataFrame:
         found = cores.filter(trimming=trimming).select(*place, pl.col(names).name.prefix(f"{trimming}_"))
         errors = errors.join(found, on=place, how="left")
     return errors
+
+
+def _with_floor(errors: pl.DataFrame, floor: pl.DataFrame) -> pl.DataFrame:
+    """Errors at the reference, with the truth floor there."""
+    place = [*POOLED, "axis", "at"]
+    values = {f"floor_{axis}_px": pl.col(f"floor_{axis}{axis}").sqrt() for axis in "uv"}
+    values |= {f"floor_mean_{axis}_px": pl.col(f"mean_{axis}_px") for axis in "uv"}
+    return errors.join(floor.select(*place, **values), on=place, how="left")
 
 
 def _columns() -> dict[str, pl.Expr]:

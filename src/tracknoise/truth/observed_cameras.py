@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.geometry.jacobians import projection_jacobian
 from tracknoise.sequences.sequence import Sequence, camera_at
 
 
@@ -48,6 +49,16 @@ class ObservedCameras:
     def contain(self, uv: NDArray[np.float64]) -> NDArray[np.bool_]:
         """(n,) bool: whether pixels (n, 2) lie in the image."""
         return self._each(lambda camera, rows: camera.contains(uv[rows])[:, None], 1)[:, 0] > 0
+
+    def jacobians(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n, 2, 3) float64, px per metre: see `projection_jacobian`; points of the camera frames, (n, 3) float64."""
+        flat = self._each(lambda camera, rows: projection_jacobian(camera, points[rows]).reshape(-1, 6), 6)
+        return flat.reshape(-1, 2, 3)
+
+    def centres(self) -> NDArray[np.float64]:
+        """(n, 2) float64, px: the images of the optical axes."""
+        axis = np.array([[0.0, 0.0, 1.0]])
+        return self._each(lambda camera, rows: np.repeat(camera.project(axis), len(rows), axis=0), 2)
 
     def chosen(self, rows: NDArray[np.intp]) -> "ObservedCameras":
         """The cameras of some of the observations."""

@@ -6,6 +6,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.geometry.surroundings import Surroundings
 from tracknoise.sequences.sequence import Sequence
 
 
@@ -25,11 +26,17 @@ class TruePositions:
     depth_m : (m,) float64
         Depth of the point of each track in its first frame, metres; NaN where it is unknown.
     covariance : (n, 2, 2) float64, or None
-        Covariance of each true position, px^2; NaN where it is unknown. None if this kind of truth has no covariances.
-        Where true positions are fitted to the observations, it is that for white noise of 1 px in these.
+        Covariance of the error of each true position, px^2; NaN where it is unknown. None if this kind of truth states
+        none: it is then computed from the accuracy of poses and depths (`tracknoise.truth.uncertainty`).
     epipolar : (n, 2) float64, or None
         Signed distance of each observation from the epipolar line of the first one of its track, px, and the variance
         of this distance for white noise of 1 px, px^2; NaN where it is unknown. None if this kind of truth has none.
+    leverage : (n, 2, 2) float64, or None
+        Where true positions are fitted to the observations: covariance of each true position for white noise of 1 px in
+        these, no unit; NaN where it is unknown. None for other kinds of truth.
+    surroundings
+        What lies around the point of each track in its first frame, (m,). None if this kind of truth has no dense
+        depth.
     """
 
     uv: NDArray[np.float64]
@@ -37,6 +44,8 @@ class TruePositions:
     depth_m: NDArray[np.float64]
     covariance: NDArray[np.float64] | None = None
     epipolar: NDArray[np.float64] | None = None
+    leverage: NDArray[np.float64] | None = None
+    surroundings: Surroundings | None = None
 
 
 class TruthSession(Protocol):

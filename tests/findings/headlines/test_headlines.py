@@ -18,12 +18,15 @@ from tracknoise.tables.findings_schema import (
     FINDINGS,
     GAUSSIANITY,
     INTERVALS,
+    RIGID_SHARE,
     SEED_SPREAD,
+    SURROUNDING_ERRORS,
     TIME_STRUCTURE,
+    TRACKER_DIFFERENCES,
     TRIANGULATED_NOISE,
     ZERO_MEAN,
 )
-from tracknoise.tables.schema import EFFECTS, SUMMARY, Schema, check, empty
+from tracknoise.tables.schema import CURVES, EFFECTS, FLOOR, SUMMARY, Schema, check, empty
 
 CONDITION = {
     "dataset": "d",
@@ -37,6 +40,8 @@ CONDITION = {
 SCOPE = ReportedConditions(ReferenceCondition("l"), ("lk",), percentile=90.0, trimming=Trimming.trimmed)
 SCHEMAS: Mapping[str, Schema] = {
     "triangulated_noise": TRIANGULATED_NOISE,
+    "curves": CURVES,
+    "floor": FLOOR,
     "summary": SUMMARY,
     "effects": EFFECTS,
     "intervals": INTERVALS,
@@ -45,6 +50,9 @@ SCHEMAS: Mapping[str, Schema] = {
     "gaussianity": GAUSSIANITY,
     "time_structure": TIME_STRUCTURE,
     "dependence": DEPENDENCE,
+    "surrounding_errors": SURROUNDING_ERRORS,
+    "rigid_share": RIGID_SHARE,
+    "tracker_differences": TRACKER_DIFFERENCES,
 }
 
 
@@ -211,8 +219,15 @@ def test_few_scenes_come_first(n_scenes: int, expected: str | None) -> None:
 def test_a_recorded_truth_is_reported_before_any_number() -> None:
     recorded = read(ReportedConditions(ReferenceCondition("l"), ("lk",), recorded=True))
     assert recorded["truth"]["rank"] < recorded["noise"]["rank"]
-    assert "Their own errors are part of every number and are not yet separated." in recorded["truth"]["text"]
+    assert "Their own errors are part of every number. Nothing is known of their size." in recorded["truth"]["text"]
     assert "truth" not in read()
+    scope = ReportedConditions(ReferenceCondition("l"), ("lk",), recorded=True)
+    known = read(scope, floor=table(FLOOR, {"source": "all", "axis": "age", "at": 10, "floor_uu": 0.1}))["truth"]
+    assert "The truth floor is the size of those that are known." in known["text"]
+    assert "larger" not in known["text"]
+    summed = table(SUMMARY, {**SUMMED, "floor_u_px": 0.5, "floor_v_px": 1.5})
+    larger = read(scope, summary=summed)["truth"]["text"]
+    assert "The floor is larger than the whole error of lk (1.500 of 0.900 px in v): the errors of the truth" in larger
 
 
 OVERALL = {"trimming": "trimmed", "axis": "age", "n": 900, "n_scenes": 8, "mean_u_px": 0.2, "mean_v_px": 0.1}
@@ -235,6 +250,42 @@ def test_a_bias_that_was_shown_is_reported_with_its_size() -> None:
     assert "At age 10, the mean in u is 0.120 px (0.050 to 0.190). In v it is −0.040 px." in bias["text"]
     assert "Its square is 6.2 % of the second moment." in bias["text"]
     assert (bias["value"], bias["low"], bias["high"]) == (0.12, 0.05, 0.19)
+
+
+WHOLE = {**OVERALL, "verdict": "yes", "sign_flip_p_family": 0.012}
+
+
+def with_floor(u: float | None, v: float | None) -> pl.DataFrame:
+    return table(SUMMARY, {**SUMMED, "floor_mean_u_px": u, "floor_mean_v_px": v})
+
+
+def test_a_mean_that_the_errors_of_the_truth_can_cause_is_no_bias() -> None:
+    bias = read(zero_mean=table(ZERO_MEAN, WHOLE, AT_TEN), summary=with_floor(0.08, 0.03))["bias"]
+    assert (
+        "At age 10, the mean error of lk is within what the errors of the truth can cause (0.120 of 0.160 px in u and "
+        "0.040 of 0.060 px in v): no bias is claimed." in bias["text"]
+    )
+    assert "not zero" not in bias["text"]
+    assert bias["value"] is None
+
+
+@pytest.mark.parametrize("floor", [(None, None), (0.0, 0.0), (0.01, 0.01)])
+def test_a_mean_beyond_the_floor_is_a_bias(floor) -> None:
+    bias = read(zero_mean=table(ZERO_MEAN, WHOLE, AT_TEN), summary=with_floor(*floor))["bias"]
+    assert "is not zero (p = 0.012, 8 scenes)" in bias["text"]
+    assert "errors of the truth" not in bias["text"]
+
+
+def test_a_bias_is_kept_where_the_floor_covers_one_coordinate_only() -> None:
+    bias = read(zero_mean=table(ZERO_MEAN, WHOLE, AT_TEN), summary=with_floor(0.01, 0.03))["bias"]
+    assert "is not zero (p = 0.012, 8 scenes)" in bias["text"]
+    assert "The mean in v is within what the errors of the truth can cause (0.040 of 0.060 px in v)." in bias["text"]
+
+
+def test_an_undecided_mean_stays_undecided_below_the_floor() -> None:
+    rows = {**OVERALL, "verdict": "undecided", "why": "few"}, AT_TEN
+    bias = read(zero_mean=table(ZERO_MEAN, *rows), summary=with_floor(0.08, 0.03))["bias"]
+    assert "It is undecided whether" in bias["text"]
 
 
 def test_too_few_scenes_decide_no_bias() -> None:
@@ -264,6 +315,28 @@ def test_growth_names_the_behaviour_and_its_size() -> None:
     assert "lk in u: random walk, 0.0900 px per sqrt(frame) (0.0800 to 0.100)." in growth["text"]
     assert growth["text"].endswith("lk in v: undecided; too few ages.")
     assert growth["value"] == 0.09
+
+
+@pytest.mark.parametrize(("floor_uu", "withheld"), [(0.05, True), (0.03, False), (0.0, False), (None, False)])
+def test_growth_that_the_errors_of_the_truth_can_cause_is_withheld(floor_uu, withheld) -> None:
+    rows = [
+        {"trimming": "trimmed", "coordinate": "u", "verdict": "random walk", "walk_px_per_sqrt_frame": 0.09},
+        {"trimming": "trimmed", "coordinate": "v", "verdict": "drift", "drift_px_per_frame": 0.02},
+    ]
+    at = [{"axis": "age", "at": age} for age in (1, 10)]
+    curve = {"population": "visible", "trimming": "trimmed", "weighting": "features", "statistic": "Phi"}
+    curves = [{**curve, **place, "u": second, "v": second} for place, second in zip(at, (0.01, 0.1), strict=True)]
+    grown = [None, None] if floor_uu is None else [0.01 * floor_uu, floor_uu]
+    floor = [{**place, "source": "all", "floor_uu": uu, "floor_vv": 1e-3} for place, uu in zip(at, grown, strict=True)]
+    given = {"curves": table(CURVES, *curves), "floor": table(FLOOR, *floor)}
+    text = read(time_structure=table(TIME_STRUCTURE, *rows), **given)["growth"]["text"]
+    assert ("lk in u: random walk" in text) is not withheld
+    sentence = (
+        "lk in u: at age 10, the growth of the error is within what the errors of the truth can cause (0.300 of "
+        "0.315 px in u)"
+    )
+    assert (f"{sentence}: no growth is claimed." in text) is withheld
+    assert "lk in v: drift" in text
 
 
 def test_of_two_coordinates_that_differ_each_has_its_own_words() -> None:
@@ -435,3 +508,64 @@ def test_groups_of_scenes_are_counted(resampled: str, expected: str | None) -> N
     scope = ReportedConditions(ReferenceCondition("l"), ("lk",), percentile=90.0, groups=groups)
     found = read(scope, intervals=table(INTERVALS, {**POINT, "resampled": resampled, "value": 1.0}))
     assert found.get("groups", {}).get("text") == expected
+
+
+def shares(**by_source: tuple[float, float, float]) -> dict[str, pl.DataFrame]:
+    """Rigid shares with bounds at ages 10 and 24, by what pose errors were fitted to."""
+    rows = [
+        {"fitted_to": source, "age": age, "coordinate": "both", "share": share, "low": low, "high": high, "level": 0.95}
+        for source, (share, low, high) in by_source.items()
+        for age in (10, 24)
+    ]
+    return {"rigid_share": table(RIGID_SHARE, *rows)}
+
+
+@pytest.mark.parametrize(
+    ("others", "expected"),
+    [
+        ((0.58, 0.5, 0.66), "probably an error of the truth: of the poses, the clock, the calibration, or a rolling"),
+        ((0.01, -0.02, 0.04), "They do not have this motion, so that it is probably the tracker's own."),
+        ((0.2, -0.2, 0.6), "It is undecided whether they have this motion too."),
+    ],
+)
+def test_pose_errors_are_blamed_on_the_truth_only_if_other_trackers_agree(
+    others: tuple[float, float, float], expected: str
+) -> None:
+    found = read(**shares(own=(0.62, 0.55, 0.7), others=others))["pose errors"]
+    assert "At age 10, 62.0 % (55.0 % to 70.0 %) of the second moment of lk is a motion of the camera" in found["text"]
+    assert expected in found["text"]
+    assert (found["value"], found["figure"], found["table"]) == (0.62, "pose-errors", "rigid_share")
+
+
+def test_a_single_tracker_may_have_a_motion_of_its_own() -> None:
+    text = read(**shares(own=(0.62, 0.55, 0.7)))["pose errors"]["text"]
+    assert "so that a motion common to all features may be its own." in text
+    assert "error of the truth" not in text
+
+
+def test_small_or_uncertain_pose_errors_are_not_reported() -> None:
+    assert "pose errors" not in read(**shares(own=(0.08, 0.06, 0.09)))
+    assert "pose errors" not in read(**shares(own=(0.4, -0.1, 0.9), others=(0.4, 0.3, 0.5)))
+
+
+def differences(*, established: bool) -> dict[str, pl.DataFrame]:
+    rows = [
+        {
+            "other": other, "statistic": "mean", "age": age, "coordinate": axis, "value": value, "low": value - 0.05,
+            "high": value + 0.05, "unit": "px", "established": established and other == "of",
+        }
+        for other in ("zz", "of")
+        for age in (4, 10, 24)
+        for axis, value in (("u", 0.2), ("v", 0.0))
+    ]  # fmt: skip
+    return {"tracker_differences": table(TRACKER_DIFFERENCES, *rows)}
+
+
+@pytest.mark.parametrize("fitted", [True, False])
+def test_trackers_that_differ_in_the_mean_are_named(fitted: bool) -> None:
+    found = read(replace(SCOPE, fitted=fitted), **differences(established=True))["differences"]
+    assert "At age 10, lk less of is 0.200 px (0.150 to 0.250) in u and 0 px (−0.050 to 0.050) in v." in found["text"]
+    assert "zz" not in found["text"]
+    assert found["text"].endswith("No error of the truth can cause such a difference.")
+    assert (found["value"], found["low"]) == (0.2, pytest.approx(0.15))
+    assert "differences" not in read(replace(SCOPE, fitted=fitted), **differences(established=False))

@@ -8,6 +8,7 @@ from tracknoise.statistics.cores import cores
 from tracknoise.statistics.counts import merge_counts
 from tracknoise.statistics.curves import curves
 from tracknoise.statistics.effects import effects
+from tracknoise.statistics.floor import truth_floor
 from tracknoise.statistics.histogram import merge_errors
 from tracknoise.statistics.lifetimes import lifetimes_of_ends
 from tracknoise.statistics.outliers import outlier_ratios
@@ -43,6 +44,7 @@ def compute_statistics(run: RunFolder, experiment: Experiment) -> dict[str, pl.D
     tables = {
         "curves": pooled,
         "cores": cores(run.sequence_tables("scales"), pooled),
+        "floor": truth_floor(run.sequence_tables("floors")),
         "lifetimes": lifetimes_of_ends(run.sequence_tables("ends")),
         "outliers": outlier_ratios(run.sequence_tables("frames")),
         "trims": pl.concat(run.sequence_tables("trims")),
@@ -55,6 +57,7 @@ def compute_statistics(run: RunFolder, experiment: Experiment) -> dict[str, pl.D
         tables["lifetimes"],
         tables["outliers"],
         cores=tables["cores"],
+        floor=tables["floor"],
         key_frame=reference.key_frames.get(reference.direction, 0),
         population=experiment.truth.population,
     )

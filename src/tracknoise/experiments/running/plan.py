@@ -7,6 +7,7 @@ from pathlib import Path
 
 from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.experiments.settings import DatasetSettings, Experiment
+from tracknoise.sequences.corrected import corrected
 from tracknoise.sequences.registry import make_reader, open_together
 from tracknoise.sequences.sequence import FilteringReader, Sequence, SharingReader
 from tracknoise.sequences.stereo import with_stereo_depth
@@ -147,7 +148,8 @@ def open_batch(
     sequences = [change(sequence) for sequence in open_together(make_reader(*_reader_arguments(dataset)), once)]
     if experiment.truth.depth == "stereo":
         sequences = [with_stereo_depth(sequence) for sequence in sequences]
-    opened = dict(zip(once, sequences, strict=True))
+    corrections = experiment.truth.corrections.as_corrections()
+    opened = {name: corrected(sequence, corrections) for name, sequence in zip(once, sequences, strict=True)}
     return [
         view(
             opened[name],

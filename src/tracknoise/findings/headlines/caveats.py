@@ -3,11 +3,13 @@
 import polars as pl
 
 from tracknoise.findings.estimate import Estimate
+from tracknoise.findings.headlines.error_size import first
 from tracknoise.findings.headlines.headline import Headline, RunTables
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
+from tracknoise.findings.headlines.withheld import excessive_floor
 from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.wording import count, listing
-from tracknoise.tables.enumerations import Resampled
+from tracknoise.tables.enumerations import Resampled, Trimming
 
 ENOUGH_SCENES = 8
 """With fewer scenes than this, intervals contain the true value less often than their level says."""
@@ -72,10 +74,20 @@ def grouped_scenes(tables: RunTables, conditions: ReportedConditions) -> Headlin
     return Headline("groups", text, "measured", "intervals", Estimate(len(groups), unit="groups"))
 
 
-def recorded_truth(_tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+def recorded_truth(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """Warn where the truth was measured too."""
-    text = (
-        "True positions come from recorded poses, depth and calibration. Their own errors are part of every number and "
-        "are not yet separated. The errors of the trackers alone may be smaller."
+    if not conditions.recorded:
+        return None
+    size = (
+        "Nothing is known of their size."
+        if tables["floor"].is_empty()
+        else "The truth floor is the size of those that are known."
     )
-    return Headline("truth", text, "limits", "counts") if conditions.recorded else None
+    text = (
+        "True positions come from recorded poses, depth and calibration. Their own errors are part of every number. "
+        f"{size} The errors of the trackers alone may be smaller."
+    )
+    rows = (first(conditions.of(tables["summary"], tracker)) for tracker in conditions.trackers)
+    excess = (excessive_floor(row, Trimming.untrimmed) for row in rows if row is not None)
+    text = " ".join([text, *list(filter(None, excess))[:1]])
+    return Headline("truth", text, "limits", "counts")

@@ -10,6 +10,13 @@ from tracknoise.findings.estimate_text import format_estimate
 from tracknoise.findings.headlines.error_size import first, rms
 from tracknoise.findings.headlines.headline import Headline, Part, RunTables, by_tracker
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions, curve_bounds, curve_scenes
+from tracknoise.findings.headlines.withheld import (
+    bias_covers,
+    covered_coordinates,
+    growth_cover,
+    withheld_bias,
+    withheld_growth,
+)
 from tracknoise.findings.wording import SHAPES, SPACE, chance, listing, number, percent, sentence_case
 from tracknoise.tables.enumerations import Aspect, Axis, Behaviour, Resampled, Verdict, Weighting
 
@@ -20,6 +27,8 @@ _GROWTH: Mapping[str, tuple[str, str, str]] = {
     Behaviour.saturating: ("saturating", "saturating_px", "px"),
 }
 """Name of a behaviour, and the column and the unit of its size."""
+_GROWING = (Behaviour.random_walk, Behaviour.drift, Behaviour.saturating)
+"""Behaviours that the errors of poses have too."""
 _RISING = ("walk_px_per_sqrt_frame", "drift_px_per_frame")
 
 
@@ -43,6 +52,10 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
         return None
     at = None if summary is None else summary["at"]
     there = None if at is None else first(rows.filter(at=at))
+    covers = {} if summary is None or there is None else bias_covers(summary, there)
+    withheld = None if there is None else withheld_bias(tracker, conditions.opening_place(there["at"]), covers)
+    if withheld is not None and overall["verdict"] == Verdict.yes:
+        return withheld, []
     estimates = [] if there is None else _means(conditions.of(tables["intervals"], tracker), conditions, there)
     text = _zero_or_not(f"the mean {_trimmed(conditions)}error of {tracker}", overall)
     if there is not None and len(estimates) == 2:
@@ -53,6 +66,7 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
         text += f" {scenes}" if scenes else ""
         if there["share_of_second"] is not None:
             text += f" Its square is {percent(there['share_of_second'])} of the second moment."
+        text += covered_coordinates(covers)
     return text, estimates
 
 
@@ -143,14 +157,29 @@ def growth(tables: RunTables, conditions: ReportedConditions) -> Headline | None
 
 def _growth_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
     rows = conditions.of(tables["time_structure"], tracker).filter(trimming=conditions.trimmings[0])
+    withheld, covered = _growth_withheld(tables, conditions, tracker, rows)
     texts: dict[str, list[str]] = {}
     estimates = []
-    for row in rows.sort("coordinate").to_dicts():
+    for row in rows.filter(~pl.col("coordinate").is_in(covered)).sort("coordinate").to_dicts():
         name, size = _behaviour(row)
         estimates += size
         texts.setdefault(", ".join([name, *map(format_estimate, size)]), []).append(row["coordinate"])
     sentences = [f"{tracker} in {listing(coordinates)}: {text}." for text, coordinates in texts.items()]
+    sentences += [] if withheld is None else [withheld]
     return (" ".join(sentences), estimates) if sentences else None
+
+
+def _growth_withheld(
+    tables: RunTables, conditions: ReportedConditions, tracker: str, rows: pl.DataFrame
+) -> tuple[str | None, list[str]]:
+    """The sentence about coordinates that grow as the truth floor does, and these coordinates."""
+    summary = first(conditions.of(tables["summary"], tracker))
+    if summary is None or summary["at"] is None:
+        return None, []
+    growing = rows.filter(pl.col("verdict").is_in(_GROWING))["coordinate"].sort().to_list()
+    covers = {axis: growth_cover(tables, conditions, tracker, axis, summary["at"]) for axis in growing}
+    covered = [axis for axis, cover in covers.items() if cover is not None and cover.is_covered]
+    return withheld_growth(tracker, conditions.place(summary["at"]), covers), covered
 
 
 def _behaviour(row: Mapping[str, Any]) -> tuple[str, list[Estimate]]:

@@ -9,6 +9,7 @@ from tracknoise.report import bands, style
 from tracknoise.report.axis import AGE, FRAME, Axis
 from tracknoise.report.bands import BOUNDS
 from tracknoise.report.figures import marks
+from tracknoise.report.figures.floor_line import describe_floor, floor_ends, floor_lines
 from tracknoise.report.figures.layout import Panel, Spec, arranged, layered
 from tracknoise.report.figures.series import MANY, Series
 
@@ -50,18 +51,20 @@ def grid(points: pl.DataFrame, series: Series, axis: Axis, *, beside: Beside | N
 
 
 def describe_bands(points: pl.DataFrame, series: Series) -> str:
-    """Describe the bands that `grid` draws of the same points."""
+    """Describe the bands, and the truth floor, that `grid` draws of the same points."""
     named = points.with_columns(pl.col(series.field).cast(pl.String)).filter(pl.col("role") != "central")
     chosen = series.present(named)
     of = "the solid curves" if len(chosen.colours) <= MANY else f"the curve {series.phrase.format(chosen.banded[0])}"
-    return bands.describe_intervals(named.filter(pl.col(series.field).is_in(chosen.banded)), of=of)
+    intervals = bands.describe_intervals(named.filter(pl.col(series.field).is_in(chosen.banded)), of=of)
+    return f"{intervals}{describe_floor(named)}"
 
 
 def _row(points: pl.DataFrame, role: str, series: Series, axis: Axis, beside: Beside | None, width: int) -> list[Panel]:
     """Both coordinates of one statistic, on one scale."""
     table = _drawn(points, role, series)
     banded = table.filter(pl.col("role") == role, pl.col(series.field).is_in(series.banded))
-    bounds = marks.holding(pl.concat([table["u"], table["v"]]), pl.concat(banded[name] for name in BOUNDS))
+    ends = pl.concat([*(banded[name] for name in BOUNDS), floor_ends(table, role)])
+    bounds = marks.holding(pl.concat([table["u"], table["v"]]), ends)
     x = marks.along(table["at"], title=axis.title, from_zero=axis is AGE)
     panels = []
     for coordinate, label in zip("uv", series.columns, strict=True):
@@ -69,7 +72,8 @@ def _row(points: pl.DataFrame, role: str, series: Series, axis: Axis, beside: Be
         heading = _ROWS[role].format(axis.signs.get(role, "")).replace("  ", " ") if coordinate == "u" else None
         y = alt.Y(f"{coordinate}:Q", scale=alt.Scale(domain=bounds, nice=False), title=heading)
         band = marks.band(banded, series.field, series.colours, coordinate, x, y)
-        chart = layered(*band, *_lines(table, series, axis, x, y))
+        floor = floor_lines(table, role, coordinate, x, y)
+        chart = layered(*band, *_lines(table, series, axis, x, y), *floor)
         selections = marks.shown(series.field, series.colours), marks.zoom("x")
         panels.append(Panel(chart.properties(title=title, width=width, height=HEIGHT), selections, layer=len(band)))
         panels += [beside(table.filter(role=role), coordinate, series, bounds)] if beside else []

@@ -12,6 +12,7 @@ from tracknoise.report.figures.readings import Reading, readings, when
 from tracknoise.report.figures.series import Series
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import LEAST_MOTION_PX
+from tracknoise.statistics.floor import FLOOR_COLUMNS
 from tracknoise.tables.enumerations import Aspect
 
 _LEAST = f"{number(LEAST_MOTION_PX, digits=1)}{SPACE}px"
@@ -42,7 +43,10 @@ def _along_and_across(data: ReportData, tracker: str) -> Figure | Absence:
 
 def _points(data: ReportData, tracker: str) -> pl.DataFrame:
     """Curves of visible features, by `axes`."""
-    image = data.points.filter(population="visible").with_columns(aspect=pl.lit(_IMAGE))
+    image = data.points.filter(population="visible").with_columns(
+        *(pl.lit(None, dtype=pl.Float64).alias(name) for name in FLOOR_COLUMNS),  # unknown along and across
+        aspect=pl.lit(_IMAGE),
+    )
     aspects = data.aspect_points.filter(pl.col("aspect").is_in([Aspect.motion, Aspect.gradient]))
     aspects = aspects.with_columns(pl.col("aspect").cast(pl.String))
     both = pl.concat([image, aspects.select(image.columns)]).rename({"aspect": "axes"})

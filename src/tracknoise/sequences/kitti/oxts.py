@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tracknoise.exceptions import DataError
-from tracknoise.sequences.poses import read_rows
+from tracknoise.sequences.poses import read_rows, require_near
 
 EARTH_RADIUS_M = 6378137.0
 COLUMNS = (
@@ -127,4 +127,5 @@ def _checked(path: Path, record: NDArray[np.float64]) -> NDArray[np.float64]:
     if np.abs(record[3:]).max() > 2.0 * np.pi:
         roll, pitch, yaw = record[3:]
         raise DataError(path, f"roll {roll:g}, pitch {pitch:g} and yaw {yaw:g}", "radians")
+    require_near(record[None, 2:3], [path])
     return record

@@ -1,0 +1,133 @@
+"""What is known of the errors of a truth: from the user, the reader, and the figures shipped for data sets."""
+
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from functools import cache
+from importlib import resources
+from typing import Any
+
+from tracknoise.geometry.accuracy import TOPICS, AccuracyKind, TruthAccuracy
+from tracknoise.sequences.sequence import Sequence, TruthKind, accuracy_of, shutter_of
+from tracknoise.tables.identity import SequenceId
+
+_FILE = "truth_accuracy.toml"
+_UNITS = {
+    "rotation_white_deg": "{:.3g} deg in each pose",
+    "rotation_deg_per_sqrt_frame": "{:.3g} deg per sqrt(frame)",
+    "rotation_deg_per_frame": "{:.3g} deg per frame",
+    "translation_white_m": "{:.3g} m in each pose",
+    "translation_m_per_sqrt_frame": "{:.3g} m per sqrt(frame)",
+    "translation_m_per_frame": "{:.3g} m per frame",
+    "depth_m": "{:.3g} m",
+    "depth_relative": "{:.3g} Z",
+    "depth_per_m": "{:.3g} Z^2 per m",
+    "clock_ms": "{:.3g} ms",
+    "readout_ms": "{:.3g} ms",
+    "focal_relative": "{:.3g} of it",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class AccuracyRule:
+    """What a user says about the accuracy of truths.
+
+    Parameters
+    ----------
+    stated
+        Figures that count before all others.
+    shipped
+        Whether the figures that come with this package count where neither the user nor the data state any.
+    """
+
+    stated: TruthAccuracy = TruthAccuracy()  # noqa: RUF009
+    shipped: bool = True
+
+
+DEFAULT_RULE = AccuracyRule()
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    """A row of the file: the scenes for which it holds."""
+
+    dataset: str
+    scenes: tuple[str, ...]
+    accuracy: TruthAccuracy
+
+    def is_about(self, sequence: SequenceId) -> bool:
+        return sequence.dataset == self.dataset and any(fnmatchcase(sequence.scene, one) for one in self.scenes)
+
+
+@dataclass(frozen=True, slots=True)
+class KnownAccuracy:
+    """Accuracy of the truth of one sequence.
+
+    Attributes
+    ----------
+    figures
+        What counts.
+    notes
+        One sentence for each topic whose error is above 0: its size, and where the figure is from.
+    """
+
+    figures: TruthAccuracy
+    notes: tuple[str, ...]
+
+
+@cache
+def shipped_rows() -> tuple[_Row, ...]:
+    """The figures that come with this package."""
+    source = resources.files("tracknoise.truth") / _FILE
+    return tuple(_row(entry) for entry in tomllib.loads(source.read_text(encoding="utf-8"))["row"])
+
+
+def _row(entry: dict[str, Any]) -> _Row:
+    figures = {name: entry[name] for names in TOPICS.values() for name in names if name in entry}
+    accuracy = TruthAccuracy(**figures, source=entry["source"], kind=AccuracyKind(entry["kind"]))
+    return _Row(entry["dataset"], tuple(entry.get("scenes", ["*"])), accuracy)
+
+
+def known_accuracy(sequence: Sequence, kind: str, rule: AccuracyRule = DEFAULT_RULE) -> KnownAccuracy:
+    """What is known of the errors of a sequence's truth. On each topic the first counts: user, data, shipped figures.
+
+    Depth does not count where points lie on an exact surface. Clock and readout do not count without times of frames,
+    nor does a shipped readout where the truth accounts for a rolling shutter.
+
+    Parameters
+    ----------
+    sequence
+        The sequence.
+    kind
+        Of its truth.
+    rule
+        What the user says.
+    """
+    useless = {"depth"} if kind == TruthKind.raycast else set()
+    if getattr(sequence, "timestamps_s", None) is None:  # sequences of other packages may lack it
+        useless |= {"clock", "readout"}
+    figures, notes = TruthAccuracy(), []
+    for one in _statements(sequence, rule):
+        new = one.without(useless | figures.topics)
+        notes += list(_notes(new))
+        figures = figures.over(new)
+    return KnownAccuracy(figures, tuple(notes))
+
+
+def _statements(sequence: Sequence, rule: AccuracyRule) -> Iterator[TruthAccuracy]:
+    """The most important first."""
+    yield rule.stated
+    yield accuracy_of(sequence)
+    modelled = () if shutter_of(sequence) is None else ("readout",)
+    for row in shipped_rows() if rule.shipped else ():
+        if row.is_about(sequence.id):
+            yield row.accuracy.without(modelled)
+
+
+def _notes(accuracy: TruthAccuracy) -> Iterator[str]:
+    for topic, names in TOPICS.items():
+        sizes = [_UNITS[name].format(value) for name, value in accuracy.figures(names).items() if value]
+        if sizes:
+            source = f": {accuracy.source}" if accuracy.source else ""
+            yield f"error of the truth, {topic}: {', '.join(sizes)} ({accuracy.kind}{source})"

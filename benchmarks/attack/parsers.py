@@ -40,7 +40,7 @@ from tracknoise.sequences.poses import checked_poses, quaternion_poses, read_mat
 from tracknoise.sequences.registry import make_reader
 from tracknoise.sequences.rosbag.reader import Rosbag
 from tracknoise.sequences.sequence import Reader
-from tracknoise.sequences.sevenscenes import SevenScenes
+from tracknoise.sequences.sevenscenes.reader import SevenScenes
 from tracknoise.sequences.tartanair import TartanAir
 from tracknoise.sequences.tum.reader import Tum
 from tracknoise.simulation.sdf.load import load_model, load_world

@@ -32,7 +32,7 @@ def measured(number: int) -> tracknoise.Measurement:
     tracker = tracknoise.Oracle(
         n_features=30, loss_rate=0.1, margin_px=4, covariance_px2=((NOISE_PX**2, 0.0), (0.0, NOISE_PX**2)), seed=number
     )
-    return tracknoise.measure(sequence, tracker, second=OtherPoses(sequence, turned(number), "made"))
+    return tracknoise.measure(sequence, tracker, second_truth=OtherPoses(sequence, turned(number), "made"))
 
 
 @pytest.fixture(scope="module")

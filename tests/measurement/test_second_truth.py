@@ -10,6 +10,8 @@ from tracknoise.exceptions import DataError
 from tracknoise.geometry.pose import invert
 from tracknoise.sequences.other_poses import OtherPoses, with_trajectory
 from tracknoise.sequences.registry import open_sequence
+from tracknoise.sequences.sequence import second_of
+from tracknoise.sequences.stereo import with_stereo_depth
 from tracknoise.sequences.views import view
 from tracknoise.tables.identity import Direction
 from tracknoise.tables.schema import SECOND_TRUTH
@@ -45,7 +47,7 @@ def second_positions(measured) -> np.ndarray:
 def test_second_positions_are_those_of_its_poses(sequence, kind):
     poses = moved_world() @ disturbed(sequence.world_from_camera, 1)
     measured = tracknoise.measure(
-        sequence, tracknoise.Oracle(n_features=60), truth=kind, second=OtherPoses(sequence, poses, "made")
+        sequence, tracknoise.Oracle(n_features=60), truth=kind, second_truth=OtherPoses(sequence, poses, "made")
     )
     births = measured.observations.filter(age=0).select("track", birth="frame", u0="u_px", v0="v_px")
     table = measured.observations.join(births, on="track").join(measured.tracks.select("track", "depth_m"), on="track")
@@ -65,7 +67,7 @@ def test_second_positions_are_those_of_its_poses(sequence, kind):
 def test_the_world_frame_of_the_second_truth_does_not_matter(motion, kind):
     sequence = open_sequence("simulated", motions=(motion,), frames=FRAMES, width=160, height=120, supersampling=1)
     second = OtherPoses(sequence, moved_world() @ sequence.world_from_camera, "made")
-    measured = tracknoise.measure(sequence, tracknoise.LucasKanade(), truth=kind, second=second)
+    measured = tracknoise.measure(sequence, tracknoise.LucasKanade(), truth=kind, second_truth=second)
     first = measured.observations.select("u_true_px", "v_true_px").to_numpy()
     both = ~np.isnan(first).any(axis=1)
     assert both.sum() > 50
@@ -76,7 +78,7 @@ def test_the_first_truth_is_measured_as_without_a_second(sequence):
     trackers = {"lk": tracknoise.LucasKanade(), "oracle": tracknoise.Oracle(n_features=40)}
     alone = tracknoise.measure(sequence, trackers)
     second = OtherPoses(sequence, disturbed(sequence.world_from_camera, 2), "made")
-    measured = tracknoise.measure(sequence, trackers, second=second)
+    measured = tracknoise.measure(sequence, trackers, second_truth=second)
     assert measured.observations.drop(*SECOND_TRUTH).equals(alone.observations)
     assert measured.tracks.equals(alone.tracks)
     assert measured.moments.equals(alone.moments)
@@ -92,7 +94,7 @@ def test_views_show_the_other_poses(sequence, direction, rotation):
         view(one, n_frames=None, direction=direction, rotation=rotation)
         for one in (sequence, OtherPoses(sequence, poses, "made"))
     ]
-    measured = tracknoise.measure(views[0], tracknoise.Oracle(n_features=40), truth="raycast", second=views[1])
+    measured = tracknoise.measure(views[0], tracknoise.Oracle(n_features=40), truth="raycast", second_truth=views[1])
     seen = measured.observations.filter(truth="valid")
     second = seen.select(*SECOND_TRUTH).to_numpy()
     np.testing.assert_allclose(second, seen.select("u_true_px", "v_true_px").to_numpy(), atol=1e-6)
@@ -102,16 +104,24 @@ def test_frames_without_a_second_pose_have_no_second_position(sequence):
     poses = disturbed(sequence.world_from_camera, 3)
     poses[4] = np.nan
     second = OtherPoses(sequence, poses, "made")
-    measured = tracknoise.measure(sequence, tracknoise.Oracle(n_features=40), truth="raycast", second=second)
+    measured = tracknoise.measure(sequence, tracknoise.Oracle(n_features=40), truth="raycast", second_truth=second)
     in_gap = measured.observations.filter(frame=4)
     assert in_gap["u_second_px"].null_count() == in_gap.height > 0
     assert in_gap["u_true_px"].null_count() < in_gap.height
 
 
+def test_depth_from_stereo_has_the_second_camera():
+    options = {"motions": ("sideways",), "frames": 3, "width": 160, "height": 120, "supersampling": 1}
+    sequence = open_sequence("simulated", baseline_m=0.1, **options)
+    other = OtherPoses(sequence, moved_world() @ sequence.world_from_camera, "made")
+    assert second_of(other).first_from_second[0, 3] == 0.1
+    assert with_stereo_depth(other).depth(1) is not None
+
+
 def test_a_second_truth_of_another_length_is_refused(sequence):
     other = view(sequence, n_frames=5, direction=Direction.forward, rotation=0)
     with pytest.raises(DataError, match="a second truth of 5 frames of 160x120, expected 8 frames of 160x120"):
-        tracknoise.measure(sequence, tracknoise.LucasKanade(), second=other)
+        tracknoise.measure(sequence, tracknoise.LucasKanade(), second_truth=other)
 
 
 def rows(times: np.ndarray, poses: np.ndarray) -> str:

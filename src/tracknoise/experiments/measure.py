@@ -87,7 +87,7 @@ def measure(
     trim_among: str = TRIM_AMONG,
     frames: Items[int] | None = None,
     max_frames: int | None = None,
-    second: Sequence | None = None,
+    second_truth: Sequence | None = None,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Measurement:
@@ -108,7 +108,7 @@ def measure(
         trim_among=trim_among,
         frames=frames,
         max_frames=max_frames,
-        second=() if second is None else [second],
+        second_truth=() if second_truth is None else [second_truth],
         seed=seed,
         progress=progress,
     )
@@ -129,7 +129,7 @@ def measure_together(
     trim_among: str = TRIM_AMONG,
     frames: Items[int] | None = None,
     max_frames: int | None = None,
-    second: Items[Sequence] = (),
+    second_truth: Items[Sequence] = (),
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Iterator[Measurement]:
@@ -168,7 +168,7 @@ def measure_together(
         from 0 again, and nothing is read of the others.
     max_frames
         Read no more frames than this, from the first of `frames`; by default all.
-    second
+    second_truth
         The same sequences with a second truth, such as other poses, in the same order. Trackers run once. The
         observations get a second true position, and `POSE_DIFFERENCES` says how the poses differ. By default there is
         no second truth.
@@ -190,8 +190,10 @@ def measure_together(
     """
     require_sequences(sequences)
     named, played = named_trackers(trackers), checked_speeds(speeds)
-    sequences = [chosen_frames(corrected(sequence, corrections), frames) for sequence in sequences]
-    second = [chosen_frames(sequence, frames) for sequence in second]
+    sequences, second = (
+        [chosen_frames(corrected(sequence, corrections), frames) for sequence in given]
+        for given in (sequences, second_truth)
+    )
     setups = [TrackerSetup(name, settings, speed) for name, settings in named.items() for speed in played]
     measured = measure_sequences(
         sequences,
@@ -212,7 +214,7 @@ def measure_together(
             trim_percentile=trim_percentile,
             trim_among=trim_among,
             population=population,
-            second=other,
+            second_truth=other,
         )
 
 
@@ -223,7 +225,7 @@ def complete(
     trim_percentile: float = TRIM_PERCENTILE,
     trim_among: str = TRIM_AMONG,
     population: str = POPULATION,
-    second: Sequence | None = None,
+    second_truth: Sequence | None = None,
 ) -> Measurement:
     """Trim what was measured in a sequence, and compute its moments; see `measure_together` for the parameters."""
     trimmed = trim(
@@ -249,7 +251,7 @@ def complete(
         snapshot_frame=measured.snapshot_frame,
         snapshot=measured.snapshot,
         prepared=trimmed.sequence,
-        pose_differences=_pose_differences(sequence, second, measured.n_frames),
+        pose_differences=_pose_differences(sequence, second_truth, measured.n_frames),
         notes=measured.notes,
     )
 

@@ -11,7 +11,7 @@ from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.association import nearest
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.poses import read_rows, require_some_poses
-from tracknoise.sequences.sequence import Scan, Sequence
+from tracknoise.sequences.sequence import Scan, SecondCamera, Sequence, second_of
 from tracknoise.sequences.timed.order import require_seconds
 from tracknoise.sequences.timed.trajectory import poses_at, trajectory
 from tracknoise.sequences.views import View
@@ -70,6 +70,11 @@ class OtherPoses(View):
     def notes(self) -> tuple[str, ...]:
         """Those of the sequence shown, and where the poses are from."""
         return (*self.sequence.notes, f"poses are from {self.name}")
+
+    @property
+    def second(self) -> SecondCamera | None:
+        """The second camera of the sequence shown, for depth from stereo."""
+        return second_of(self.sequence)
 
     @property
     def scan(self) -> Scan | None:

@@ -26,7 +26,7 @@ def measured(number: int, *, second: bool) -> tracknoise.Measurement:
     turned[:, :3, :3] = Rotation.from_rotvec(rng.normal(0.0, SIGMA_RAD, (FRAMES, 3))).as_matrix()
     trackers = {name: tracknoise.Oracle(n_features=20, loss_rate=0.1, margin_px=4) for name in ("one", "two")}
     other = OtherPoses(sequence, turned, "made") if second else None
-    return tracknoise.measure(sequence, trackers, second=other)
+    return tracknoise.measure(sequence, trackers, second_truth=other)
 
 
 def data_of(*, second: bool) -> ReportData:

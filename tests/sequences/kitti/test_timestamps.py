@@ -5,7 +5,7 @@ import pytest
 
 from tracknoise.exceptions import DataError
 from tracknoise.sequences.kitti.reader import Kitti
-from tracknoise.sequences.kitti.timestamps import read_timestamps
+from tracknoise.sequences.kitti.timestamps import pose_time_notes, read_timestamps
 
 LINES = [
     "2011-09-26 23:59:59.900000000",
@@ -67,3 +67,17 @@ def test_times_that_cannot_be_are_named(tmp_path, line):
     (tmp_path / "t.txt").write_text(f"2011-09-26 13:02:25.0\n{line}\n")
     with pytest.raises(DataError, match=r"t.txt:2: .*, expected a time such as"):
         read_timestamps(tmp_path / "t.txt", range(2))
+
+
+def test_times_between_images_and_poses_are_stated(file, tmp_path):
+    later = [line[:-9] + f"{int(line[-9:]) - 1_500_000 * (row + 1):09d}" for row, line in enumerate(LINES[:3])]
+    (tmp_path / "oxts.txt").write_text("\n".join(later))
+    (note,) = pose_time_notes(file, tmp_path / "oxts.txt", range(3))
+    assert "3.0 ms from it in the median, 4.5 ms at most" in note
+
+
+@pytest.mark.parametrize("content", [None, "", "yesterday\n" * 4])
+def test_nothing_is_said_where_times_of_poses_cannot_be_read(file, tmp_path, content):
+    if content is not None:
+        (tmp_path / "oxts.txt").write_text(content)
+    assert pose_time_notes(file, tmp_path / "oxts.txt", range(4)) == ()

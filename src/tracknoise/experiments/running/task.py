@@ -159,7 +159,7 @@ def _measure(
         population=truth.population,
         trim_percentile=experiment.statistics.trim_percentile,
         trim_among=experiment.statistics.trim_among,
-        second=second,
+        second_truth=second,
         seed=experiment.seed,
         progress=progress,
     )

@@ -59,6 +59,11 @@ class Drive:
         return (self.depth_root or self.folder) / DEPTH / "groundtruth" / IMAGES
 
     @property
+    def oxts_timestamps(self) -> Path:
+        """Times of the records of the inertial navigation system."""
+        return self.folder / OXTS / "timestamps.txt"
+
+    @property
     def timestamps(self) -> Path:
         """The file with the time of each image."""
         return self.folder / IMAGES / "timestamps.txt"

@@ -17,7 +17,7 @@ from tracknoise.sequences.kitti.calibration import read_camera, read_camera_from
 from tracknoise.sequences.kitti.depth import KittiDepth, source_note
 from tracknoise.sequences.kitti.layout import IMAGES, Drive, find_drives, find_frames, recording_of
 from tracknoise.sequences.kitti.stillness import StillRule, still_stretch
-from tracknoise.sequences.kitti.timestamps import read_timestamps
+from tracknoise.sequences.kitti.timestamps import pose_time_notes, read_timestamps
 from tracknoise.sequences.kitti.trajectory import read_trajectory
 from tracknoise.sequences.kitti.velodyne import SCAN_SUFFIX
 from tracknoise.sequences.recorded import RecordedSequence
@@ -115,6 +115,7 @@ class Kitti:
         if reason := self._still_stretch(poses, frames.numbers):
             raise DataError(drive.folder, reason, _OVERRIDE)
         timestamps_s, time_notes = read_timestamps(drive.timestamps, frames.numbers)
+        time_notes += pose_time_notes(drive.timestamps, drive.oxts_timestamps, frames.numbers)
         accuracy = read_oxts_accuracy(drive, frames.numbers, timestamps_s)
         scans = any(path is not None and path.suffix == SCAN_SUFFIX for path in frames.depths)
         read_depth = KittiDepth(self.radius_px, read_camera_from_velodyne(drive.day) if scans else None)

@@ -38,14 +38,39 @@ def read_timestamps(path: Path, numbers: range) -> tuple[NDArray[np.float64] | N
     """
     if not path.exists():
         return None, ()
-    lines = read_text(path, f"in each line {_FORMAT}").splitlines()
-    if len(lines) < numbers.stop:
-        raise DataError(path, f"{len(lines)} lines", f"at least {numbers.stop}, one for each image")
-    times = np.array([_time(f"{path}:{number + 1}", lines[number]) for number in numbers])
+    times = _read(path, numbers)
     timestamps_s: NDArray[np.float64] = (times - times[0]) / np.timedelta64(1, "s")
     if not np.all(np.diff(timestamps_s) > 0.0):
         return None, (f"{path}: the times do not increase, so they are not used",)
     return timestamps_s, ()
+
+
+def pose_time_notes(images: Path, poses: Path, numbers: range) -> tuple[str, ...]:
+    """A sentence on how far the records of poses are from their images in time; none where a file cannot be used.
+
+    Parameters
+    ----------
+    images, poses
+        Files of the times of both.
+    numbers
+        Of the frames.
+    """
+    try:
+        apart_ms = np.abs((_read(poses, numbers) - _read(images, numbers)) / np.timedelta64(1, "ms"))
+    except DataError:
+        return ()
+    return (
+        f"the pose of an image was recorded {np.median(apart_ms):.1f} ms from it in the median, "
+        f"{apart_ms.max():.1f} ms at most, and is not moved to its time",
+    )
+
+
+def _read(path: Path, numbers: range) -> NDArray[np.datetime64]:
+    """(n,) datetime64: the times of frames."""
+    lines = read_text(path, f"in each line {_FORMAT}").splitlines()
+    if len(lines) < numbers.stop:
+        raise DataError(path, f"{len(lines)} lines", f"at least {numbers.stop}, one for each image")
+    return np.array([_time(f"{path}:{number + 1}", lines[number]) for number in numbers])
 
 
 def _time(place: str, line: str) -> np.datetime64:

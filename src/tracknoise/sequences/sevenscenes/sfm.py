@@ -7,6 +7,7 @@ focal length of the colour camera in px. There is one file per place and half of
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from glob import escape
 from pathlib import Path
 
 import numpy as np
@@ -75,7 +76,7 @@ def _files(path: Path, recording: Path) -> list[Path]:
     if not is_folder(path):
         return [path]
     place = recording.resolve().parent.name
-    files = sorted(path.glob(f"{place}_*.txt"))
+    files = sorted(path.glob(f"{escape(place)}_*.txt"))
     if not files:
         raise DataError(path, f"no file {place}_*.txt", "files such as chess_train.txt, or the file itself")
     return files

@@ -24,6 +24,7 @@ _PINHOLE, _COEFFICIENTS = "fx fy cx cy", "k1 k2 p1 p2 k3 k4 k5 k6"
 DEPTH_UNIT_M = 1 / 5000
 """Depth of the integer 1 in the benchmark, metres."""
 
+_REGISTERED = "depth maps are assumed to be registered to the images pixel by pixel, as published"
 _FLIP = np.diag((1.0, -1.0, 1.0, 1.0))
 
 
@@ -170,7 +171,12 @@ def _published(folder: Path, known: Recording) -> Calibration:
     moved = f"the poses were moved from the markers to the camera as published for {known.name}"
     return Calibration(
         camera=known.camera,
-        notes=(source, *((moved,) if known.body_from_camera is not None else ()), *_flip_notes(known.upside_down)),
+        notes=(
+            source,
+            _REGISTERED,
+            *((moved,) if known.body_from_camera is not None else ()),
+            *_flip_notes(known.upside_down),
+        ),
         body_from_camera=known.body_from_camera,
         upside_down=known.upside_down,
     )

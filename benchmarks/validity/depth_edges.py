@@ -2,11 +2,11 @@
 
     python -m benchmarks.validity.depth_edges [--worlds N] [--frames N] [--width N] [--seed N]
 
-A camera moves sideways past the objects of `objects`, and over the plain ground and the horizon wall of the same world
-without objects, forward and backward. Printed is, for each, the mean error in u of the features on the far side of
+A camera moves sideways past the objects of `objects`, and past a plain ground with a wall behind it, which meet in a
+crease, forward and backward. Printed is, for each, the mean error in u of the features on the far side of
 depth edges, on the near side and elsewhere, with 95 % intervals over worlds; how much of the mean is on the far side;
 and how much of the second moment is removed by excluding features beside depth edges. Played backward, the mean errors
-of both sides change their signs. Plain worlds should have no features beside depth edges, or no finding.
+of both sides change their signs. Plain worlds have no depth edges.
 """
 
 import argparse
@@ -20,7 +20,7 @@ from tracknoise.experiments.measure import measure
 from tracknoise.findings.places.surrounding_errors import surrounding_errors
 from tracknoise.sequences.simulated import Simulated
 from tracknoise.sequences.views import view
-from tracknoise.simulation.fittings import ground, paint_textures, sky
+from tracknoise.simulation.fittings import block, ground, paint_textures
 from tracknoise.simulation.quad import assemble
 from tracknoise.simulation.scenery import Scenery
 from tracknoise.statistics.surroundings import surroundings
@@ -32,13 +32,14 @@ STATISTICS = ("mean", "share", "share_of_mean")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plain(Simulated):
-    """The ground and the sky alone."""
+    """The ground and a wall on it, which fills the rest of the image."""
 
     def build(self, scene: str) -> Scenery:
         """The world of a scene."""
         rng = np.random.default_rng([self.seed, int(scene.rpartition("-")[2])])
         textures = paint_textures(rng)
-        return Scenery(assemble([*sky(), *ground(rng, GROUND_X_M, GROUND_Y_M)], textures))
+        wall = block(rng, (0.0, 40.0, 39.0), (200.0, 2.0, 80.0), repeat_m=7.0)
+        return Scenery(assemble([*ground(rng, GROUND_X_M, GROUND_Y_M), *wall], textures))
 
 
 def errors_of(reader: Simulated, direction: Direction, tracker: str) -> pl.DataFrame:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.sequence import Scan, TruthKind
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.truth.registry import make_truth
@@ -100,3 +101,34 @@ def test_many_tracks_keep_their_own_points(make_room, at, pixel_grid):
     points, status = truth.anchor(0, uv)
     np.testing.assert_allclose(found.uv[len(uv) :], truth.project(1, points), rtol=1e-12)
     np.testing.assert_array_equal(np.isnan(found.depth_m), status != VALID)
+
+
+@pytest.mark.parametrize("kind", [TruthKind.birth, TruthKind.raycast])
+def test_the_surroundings_of_tracks_are_those_of_their_first_frames(make_room, at, kind):
+    """The board is 12 px wide and straight ahead in frame 0, and 2 px further left in frame 1."""
+    truth = make_truth(make_room(at(), at(x=0.1)), kind)
+    frames = {
+        0: [(0, 31.5, 23.5), (1, 41.5, 23.5), (2, 35.5, 23.5)],
+        1: [(2, 33.5, 23.5), (3, 33.5, 23.5), (0, 29.5, 23.5)],
+    }
+    found = observe(truth.start(), frames).surroundings
+    np.testing.assert_allclose(found.edge_px, [6.0, -4.0, 2.0, 2.0], atol=0.75)
+    assert found.incidence_deg[0] == pytest.approx(0.0, abs=1e-6)
+    right_deg = np.rad2deg(np.arctan(4.0 / 40.0))  # both surfaces face the camera
+    np.testing.assert_allclose(found.incidence_deg[[2]], right_deg, atol=0.75)
+
+
+def test_surroundings_are_unknown_without_dense_depth_and_infinite_without_an_edge(make_room, at):
+    room = make_room(at())
+    frames = {0: [(0, 56.5, 23.5), (1, 31.5, 23.5)]}
+    dense = observe(make_truth(room, TruthKind.birth).start(), frames).surroundings
+    assert np.isposinf(dense.edge_px[0])
+    depth = room.depth(0)
+
+    class Sparse(type(room)):
+        def depth(self, index):
+            return DepthMap(depth.depth_m, depth.valid, radius_px=1.0)
+
+    for bare in (Sparse(room.world_from_camera), make_room(at(), with_depth=False)):
+        found = observe(make_truth(bare, TruthKind.birth).start(), frames).surroundings
+        assert np.isnan([found.edge_px, found.incidence_deg]).all()

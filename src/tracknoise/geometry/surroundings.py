@@ -1,21 +1,27 @@
 """The surface around image points: the nearest depth edge, and the angle under which the surface is seen.
 
-Depth is read on a star of `DIRECTIONS` straight lines that start at the point, once per pixel, up to `REACH_PX`. On
-each line, an edge lies between two successive known depths that differ by more than
+Depth is read on eight straight lines from the point, along rows, columns and diagonals, once per pixel, up to
+`REACH_PX`. Let w be the inverse depth, which is linear in the image of a plane, and w_a and w_b two successive known
+values on a line, of which the smaller is w_f. There is an edge between them if each of these is larger than t w_f:
 
-    EDGE_RELATIVE_SPREAD + HOLE_RELATIVE_SLOPE (gap - 1)        relative to the nearer one   (edge)
+- the step |w_b - w_a|
+- the distance of w_b from the straight line through w_a and the value before it
+- the distance of w_a from the straight line through w_b and the value after it                          (edge)
 
-plus `EDGE_SIGMAS` standard deviations of the depth there. The gap, px, is more than 1 where depth is missing between
-the two. An edge belongs to the nearer surface, so that its position is the end of that surface. The distance of a
-straight edge is exact to a half pixel and 4 %.
+and the two straight lines do not cross between a and b, with
 
-On a plane, inverse depth is linear in the image. A plane is fitted to the depths that lie within `SLOPE_REACH_PX` and
-before the first edge of their line; its normal and the ray make the angle of incidence.
+    t = EDGE_RELATIVE_SPREAD + HOLE_RELATIVE_SLOPE (pixels without depth between them)
+
+plus `EDGE_SIGMAS` standard deviations of the nearer depth, relative to it. A slanted plane, however steep, and a crease
+between two planes are no edges. An edge belongs to the nearer surface, so that its position is the end of that surface.
+The distance of a straight edge is exact to a pixel and 8 %.
+
+The angle of incidence is that of a plane, fitted to the inverse depths that lie within `SLOPE_REACH_PX` and before the
+first edge of their line.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,20 +30,25 @@ from tracknoise.geometry.accuracy import DepthAccuracy
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import EDGE_RELATIVE_SPREAD
 
-DIRECTIONS = 12
 REACH_PX = 15
 """Edges farther away than this are not looked for: the window of a Lucas-Kanade tracker is 15 px wide."""
 SLOPE_REACH_PX = 7
 """Depths up to this distance determine the local plane: half a window."""
 HOLE_RELATIVE_SLOPE = 0.005
-"""How much depth may change per px across a hole without an edge, relative to the nearer side, no unit."""
+"""How much more depth may change for each pixel of a hole without an edge, relative to the nearer side, no unit."""
 EDGE_SIGMAS = 4.0
 """Depths that differ by less than this many standard deviations may be of one surface."""
 
 _FARTHEST_M = 1e9
 """Stands for an infinite depth."""
 
-T = TypeVar("T", bound=np.generic)
+_DIRECTIONS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])
+_OFFSETS: NDArray[np.float64] = _DIRECTIONS[:, None].astype(np.float64) * np.arange(REACH_PX + 2)[:, None]
+"""Positions on the lines relative to the point, (lines, 1 + reach + 1, 2), px: from the point, one beyond the reach."""
+_RADII: NDArray[np.float64] = np.hypot(_OFFSETS[..., 0], _OFFSETS[..., 1])
+_IN_PLANE = (_RADII <= SLOPE_REACH_PX) & ((_RADII > 0) | (np.arange(len(_OFFSETS)) == 0)[:, None])
+"""Which positions determine the local plane, (lines, 1 + reach + 1): the point itself once."""
+
 ReadDepth = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.bool_]]]
 """Takes pixels (n, 2); returns their depth (n,), metres, infinite where a ray hits nothing, and whether it is known."""
 
@@ -86,89 +97,88 @@ def find_surroundings(
     accuracy
         Uncertainty of these depths.
     """
-    offsets = _star()
-    around = (uv[:, None] + offsets).reshape(-1, 2)
-    read_m, known = read_depth(around)
-    hit = (known & np.isfinite(read_m)).reshape(len(uv), len(offsets))
-    depth_m = np.minimum(read_m, _FARTHEST_M).reshape(hit.shape)
-    edges = _first_edges(depth_m[:, 0], _on_lines(depth_m), _on_lines(known.reshape(hit.shape)), accuracy)
+    around = (uv[:, None, None] + _OFFSETS).reshape(-1, 2)
+    read_m, read = read_depth(around)
+    shape = len(uv), *_OFFSETS.shape[:2]
+    known, hit = read.reshape(shape), (read & np.isfinite(read_m)).reshape(shape)
+    inverse = 1.0 / np.minimum(np.where(read, read_m, 1.0), _FARTHEST_M).reshape(shape)
+    edges = _first_edges(inverse, known, accuracy)
     nearest = np.take_along_axis(edges, np.abs(edges).argmin(axis=1)[:, None], axis=1)[:, 0]
-    incidence_deg = _incidence_deg(camera, uv, depth_m, hit & _before(edges), offsets)
-    return Surroundings(*(np.where(hit[:, 0], found, np.nan) for found in (nearest, incidence_deg)))
-
-
-def _on_lines(values: NDArray[T]) -> NDArray[T]:
-    """Values at the positions of the star by line, (n, lines, reach), without those at the point itself."""
-    return values[:, 1:].reshape(len(values), DIRECTIONS, REACH_PX)
-
-
-def _star() -> NDArray[np.float64]:
-    """(1 + lines x reach, 2): the point itself, then each line from its start to its end, px."""
-    angle = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
-    radius = np.arange(1, REACH_PX + 1)
-    lines = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)[:, None]  # (lines, reach, 2)
-    return np.concatenate([np.zeros((1, 2)), lines.reshape(-1, 2)])
+    inside = (np.abs(edges)[..., None] > _RADII) & _IN_PLANE
+    incidence_deg = _incidence_deg(camera, uv, inverse, hit & inside)
+    return Surroundings(*(np.where(hit[:, 0, 0], found, np.nan) for found in (nearest, incidence_deg)))
 
 
 def _first_edges(
-    centre_m: NDArray[np.float64],
-    depth_m: NDArray[np.float64],
-    known: NDArray[np.bool_],
-    accuracy: DepthAccuracy,
+    inverse: NDArray[np.float64], known: NDArray[np.bool_], accuracy: DepthAccuracy
 ) -> NDArray[np.float64]:
-    """Signed distance of the first edge of each line, (n, lines), by (edge); infinite where there is none."""
-    found = np.full(depth_m.shape[:2], np.inf)
-    before_m = np.broadcast_to(centre_m[:, None], found.shape)
-    before_px = np.zeros(found.shape)
-    for radius in range(1, depth_m.shape[2] + 1):
-        here_m, there = depth_m[..., radius - 1], known[..., radius - 1]
-        nearer_m = np.minimum(here_m, before_m)
-        allowed = EDGE_RELATIVE_SPREAD + HOLE_RELATIVE_SLOPE * (radius - before_px - 1.0)
-        slack_m = allowed * nearer_m + EDGE_SIGMAS * accuracy.sigma_m(nearer_m)
-        deeper = here_m > before_m
-        jumps = there & np.isinf(found) & (np.maximum(here_m, before_m) - nearer_m > slack_m)
-        found = np.where(jumps, np.where(deeper, before_px + 0.5, 0.5 - radius), found)
-        before_m, before_px = np.where(there, here_m, before_m), np.where(there, float(radius), before_px)
+    """Signed distance of the first edge of each line, (n, lines), by (edge); infinite where there is none.
+
+    `inverse` and `known` are (n, lines, 1 + reach).
+    """
+    found = np.full(inverse.shape[:2], np.inf)
+    before, place = inverse[..., 0], np.zeros(found.shape)
+    slope = _opposite_slope(inverse, known)
+    for step in range(1, inverse.shape[2] - 1):
+        here, there, gap = inverse[..., step], known[..., step] & (_RADII[:, step] <= REACH_PX), step - place
+        change, farther = here - before, np.minimum(here, before)
+        after = np.where(known[..., step + 1], inverse[..., step + 1] - here, 0.0)
+        least = np.minimum(np.abs(change), _apart(change - slope * gap, change - after * gap))
+        is_edge = there & np.isinf(found) & (least > _allowed(np.maximum(here, before), gap, accuracy) * farther)
+        end_px = np.where(change < 0, place + 0.5, 0.5 - step) * _RADII[:, 1]
+        found = np.where(is_edge, end_px, found)
+        before, place = np.where(there, here, before), np.where(there, float(step), place)
+        slope = np.where(there, change / gap, slope)
     return found
 
 
-def _before(edges: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether each position of the star lies before the first edge of its line and near enough for the plane."""
-    radius = np.arange(1, REACH_PX + 1)
-    inside = (radius < np.abs(edges)[..., None]) & (radius <= SLOPE_REACH_PX)
-    return np.concatenate(
-        [np.ones((len(edges), 1), np.bool_), inside.reshape(len(edges), DIRECTIONS * REACH_PX)], axis=1
-    )
+def _apart(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Least distance between two straight lines from their distances at both ends; 0 where they cross."""
+    return np.where(one * other > 0, np.minimum(np.abs(one), np.abs(other)), 0.0)
+
+
+def _opposite_slope(inverse: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Change of the inverse depth towards the point, on the line that leads away from each line, (n, lines).
+
+    It is 0 where that is unknown.
+    """
+    opposite = np.roll(np.arange(len(_OFFSETS)), len(_OFFSETS) // 2)
+    change = inverse[..., 0] - inverse[:, opposite, 1]
+    return np.where(known[:, opposite, 1], change, 0.0)
+
+
+def _allowed(nearer: NDArray[np.float64], gap: NDArray[np.float64], accuracy: DepthAccuracy) -> NDArray[np.float64]:
+    """Largest step that is no edge, relative to the farther inverse depth."""
+    spread = EDGE_RELATIVE_SPREAD + HOLE_RELATIVE_SLOPE * (gap - 1.0)
+    return np.asarray(spread + EDGE_SIGMAS * accuracy.sigma_m(1.0 / nearer) * nearer)
 
 
 def _incidence_deg(
     camera: CameraModel,
     uv: NDArray[np.float64],
-    depth_m: NDArray[np.float64],
+    inverse: NDArray[np.float64],
     usable: NDArray[np.bool_],
-    offsets: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Angle between ray and normal, (n,) degrees; NaN where the fitted plane is not determined."""
-    near = np.hypot(*offsets.T) <= SLOPE_REACH_PX + 0.5
-    inverse, du, dv = _fitted_inverse_depth(depth_m[:, near], usable[:, near], offsets[near])
+    own, du, dv = _fitted_plane(inverse[:, _IN_PLANE], usable[:, _IN_PLANE], _OFFSETS[_IN_PLANE])
     ray, by_u, by_v = (camera.bearings(uv + np.array(step)) for step in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)))
     (a, c), (b, d) = (by_u - ray)[:, :2].T, (by_v - ray)[:, :2].T  # what the ray changes by per px
     determinant = a * d - b * c
     x, y = (d * du - c * dv) / determinant, (a * dv - b * du) / determinant
-    normal = np.stack([x, y, inverse - x * ray[:, 0] - y * ray[:, 1]], axis=-1)
-    cosine = inverse / (np.linalg.norm(normal, axis=-1) * np.linalg.norm(ray, axis=-1))
+    normal = np.stack([x, y, own - x * ray[:, 0] - y * ray[:, 1]], axis=-1)
+    cosine = own / (np.linalg.norm(normal, axis=-1) * np.linalg.norm(ray, axis=-1))
     return np.asarray(np.rad2deg(np.arccos(np.clip(cosine, 0.0, 1.0))))
 
 
-def _fitted_inverse_depth(
-    depth_m: NDArray[np.float64], usable: NDArray[np.bool_], offsets: NDArray[np.float64]
+def _fitted_plane(
+    inverse: NDArray[np.float64], usable: NDArray[np.bool_], offsets: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Inverse depth at the point, and its slope per px in u and in v, (3, n); NaN where they are not determined."""
     design = np.concatenate([np.ones((len(offsets), 1)), offsets], axis=1)
     weight = usable.astype(np.float64)
-    inverse = np.divide(1.0, depth_m, out=np.zeros_like(depth_m), where=usable)
     normal = (weight @ (design[:, :, None] * design[:, None, :]).reshape(len(design), 9)).reshape(-1, 3, 3)
     spread = np.linalg.det(normal) / np.maximum(normal[:, 0, 0], 1.0)  # of the positions, px^4
     determined = spread > normal[:, 0, 0] ** 2  # not of positions on one line
-    solved = np.linalg.solve(np.where(determined[:, None, None], normal, np.eye(3)), (inverse @ design)[..., None])
+    safe = np.where(determined[:, None, None], normal, np.eye(3))
+    solved = np.linalg.solve(safe, ((weight * inverse) @ design)[..., None])
     return np.asarray(np.where(determined, solved[..., 0].T, np.nan))

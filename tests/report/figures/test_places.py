@@ -28,7 +28,8 @@ def test_every_tracker_has_a_map_of_each_age(data: ReportData) -> None:
     figures = image_map.figures(data)
     assert [figure.id for figure in figures] == [f"image-map-{data.slug(tracker)}" for tracker in data.trackers]
     for tracker, figure in zip(data.trackers, figures, strict=True):
-        cells = data.nominal(data.image_cells).filter(pl.col("tracker") == tracker, pl.col("n") >= 5)
+        every = data.nominal(data.image_cells).filter(tracker=tracker)
+        cells = every.filter(pl.col("n").sum().over("at") >= data.min_features).filter(pl.col("n") >= 5)
         ages = cells["at"].unique().sort().to_list()
         titles = [panel["title"]["text"] for panel in figure.spec["concat"]]
         assert [title.split(":")[0] for title in titles] == [f"At age {age}" for age in ages]
@@ -56,8 +57,10 @@ def test_arrows_point_where_the_mean_error_points(data: ReportData) -> None:
 def test_classes_are_drawn_with_their_values_and_sides_are_named(data: ReportData) -> None:
     figure = surroundings.figures(data)[0]
     assert isinstance(figure, Figure)
-    errors = data.nominal(data.surrounding_errors).filter(pl.col("tracker") == data.trackers[0], pl.col("n") >= 20)
-    last = errors.filter(pl.col("at") == errors["at"].max())
+    errors = data.nominal(data.surrounding_errors).filter(tracker=data.trackers[0])
+    whole = errors.filter(surrounding="side", coordinate="u", statistic="mean").group_by("at").agg(pl.col("n").sum())
+    age = whole.filter(pl.col("n") >= data.min_features)["at"].max()
+    last = errors.filter(pl.col("at") == age, pl.col("n") >= 20)
     expected = last.filter(surrounding="edge", statistic="mean", coordinate="u").sort("class_low", nulls_last=True)
     found = drawn(figure, panel=1).filter(pl.col("coordinate") == "u")
     assert sorted(found["n"].to_list()) == sorted(expected["n"].to_list())

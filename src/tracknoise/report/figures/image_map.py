@@ -37,9 +37,11 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
 
 def _figure(data: ReportData, tracker: str) -> Figure | Absence:
     name, title = f"image-map-{data.slug(tracker)}", f"{tracker}, by place in the image"
-    cells = data.nominal(data.image_cells).filter(pl.col("tracker") == tracker, pl.col("n") >= _FEWEST)
+    every = data.nominal(data.image_cells).filter(pl.col("tracker") == tracker)
+    enough = pl.col("n").sum().over("at") >= data.min_features
+    cells = every.filter(enough).filter(pl.col("n") >= _FEWEST)
     if cells.is_empty():
-        return Absence(name, title, f"No cell of the image has {_FEWEST} features with a known error.")
+        return Absence(name, title, f"No age has {data.min_features} features with a known error.")
     ages = cells["at"].unique().sort().to_list()
     bounded = cells.filter(pl.col("differs").is_not_null()).rename({"n_scenes": "n_resampled"})
     shows = (

@@ -36,11 +36,12 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
 
 def _figure(data: ReportData, tracker: str) -> Figure | Absence:
     name, title = f"surroundings-{data.slug(tracker)}", f"{tracker}, by surroundings of the feature"
-    table = data.nominal(data.surrounding_errors).filter(pl.col("tracker") == tracker, pl.col("n") >= _FEWEST)
-    if table.is_empty():
-        return Absence(name, title, f"No class has {_FEWEST} features with a known error and a known depth.")
-    at = int(table["at"].sort()[-1])
-    table = table.filter(at=at)
+    every = data.nominal(data.surrounding_errors).filter(pl.col("tracker") == tracker)
+    at = _last_age(every, data.min_features)
+    if at is None:
+        why = f"No age has {data.min_features} features with a known error and a known depth."
+        return Absence(name, title, why)
+    table = every.filter(pl.col("at") == at, pl.col("n") >= _FEWEST)
     points = _points(table)
     present = [one for one in _PROPERTIES if one in points["surrounding"].unique()]
     bounded = points.drop_nulls(["low", "high"]).rename({"n_scenes": "n_resampled"})
@@ -55,6 +56,13 @@ def _figure(data: ReportData, tracker: str) -> Figure | Absence:
     colours = dict(zip(_COORDINATES.values(), style.shades(data.colour[tracker], len(_COORDINATES)), strict=True))
     panels = [_panel(points, one, row, colours) for row in _ROWS for one in present]
     return Figure(name, title, shows, _look_for(table), arranged(panels, columns=len(present)))
+
+
+def _last_age(errors: pl.DataFrame, least: int) -> int | None:
+    """The last age at which enough features have a known depth."""
+    counted = errors.filter(surrounding=Surrounding.depth, coordinate="u", statistic="mean")
+    ages = counted.group_by("at").agg(pl.col("n").sum()).filter(pl.col("n") >= least)["at"].sort()
+    return int(ages[-1]) if ages.len() else None
 
 
 def _points(table: pl.DataFrame) -> pl.DataFrame:

@@ -36,6 +36,8 @@ PROGRAM = [sys.executable, "-c", _MAIN]
 PHASES = ("start", "workers", "measurement", "statistics", "report", "files")
 """Before there are workers; from the first; from the first measured scene; from the last; from the findings; from the
 first file of the report."""
+OF_REPORT = ("report", "files")
+"""Phases that a run without a report does not have."""
 _LIMIT_S = 300
 
 
@@ -51,15 +53,18 @@ class Subject:
         Contents of the files of a run that was left alone.
     phases_s
         Duration of each phase of that run, seconds.
+    options
+        Of the command line.
     """
 
     folder: Path
     expected: dict[str, object]
     phases_s: dict[str, float]
+    options: tuple[str, ...] = ()
 
     def start(self, name: str) -> subprocess.Popen[str]:
         """Start the program, or resume its run."""
-        return _start(self.folder, name)
+        return _start(self.folder, name, self.options)
 
     def resume(self, name: str) -> int:
         """Resume a run until it ends; the exit status."""
@@ -84,12 +89,12 @@ class Subject:
 
 
 @contextmanager
-def subject() -> Iterator[Subject]:
-    """Write the data, and run the program once without an attack."""
+def subject(*options: str) -> Iterator[Subject]:
+    """Write the data, and run the program once, with options of the command line, without an attack."""
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         _write_data(folder)
-        program, started, reached = _start(folder, "alone"), time.monotonic(), {}
+        program, started, reached = _start(folder, "alone", options), time.monotonic(), {}
         while program.poll() is None:
             for phase in PHASES:
                 if phase not in reached and _has_reached(folder / "alone", program.pid, phase):
@@ -102,7 +107,7 @@ def subject() -> Iterator[Subject]:
         text = ", ".join(f"{phase} {duration_s:.2f} s" for phase, duration_s in phases_s.items())
         expected = _contents(folder / "alone")
         print(f"left alone: {len(expected)} files; {text}", flush=True)
-        yield Subject(folder, expected, phases_s)
+        yield Subject(folder, expected, phases_s, options)
 
 
 def workers(pid: int) -> list[psutil.Process]:
@@ -126,8 +131,9 @@ def measured(run: Path) -> int:
     return len(_manifest(run).get("sequences", {}))
 
 
-def _start(folder: Path, name: str) -> subprocess.Popen[str]:
+def _start(folder: Path, name: str, options: tuple[str, ...]) -> subprocess.Popen[str]:
     command = [*PROGRAM, "run", folder / "x.toml", "--out", folder / name, "--workers", str(WORKERS), "--quiet"]
+    command += options
     return subprocess.Popen(
         command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, process_group=0, env=os.environ
     )

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from tracknoise.experiments.measure import Measurement, measure
     from tracknoise.experiments.tap_metrics import tap_metrics
     from tracknoise.geometry.accuracy import TruthAccuracy
+    from tracknoise.geometry.corrections import Corrections
     from tracknoise.sequences.arrays import Sequence
     from tracknoise.sequences.registry import open_sequence, open_sequences
     from tracknoise.statistics.curves import curves
@@ -34,6 +35,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "AccuracyRule",
+    "Corrections",
     "Correspondence",
     "Detection",
     "Imported",
@@ -60,6 +62,7 @@ __all__ = [
 
 _HOMES = {
     "AccuracyRule": "truth.accuracies",
+    "Corrections": "geometry.corrections",
     "Correspondence": "trackers.correspondence",
     "Detection": "trackers.detection",
     "Imported": "trackers.imported",

@@ -35,7 +35,8 @@ def test_datasets_shows_the_options_of_a_reader_as_an_experiment_file_has_them(t
     assert code == 0
     assert out.splitlines()[0] == "# depth_root = ... (optional)"
     assert tomllib.loads(out) == {"radius_px": 1.0, "keep_still": False, "still_frames": 10, "still_m": 0.02}
-    assert tracknoise("datasets", "sevenscenes")[1] == "# the reader sevenscenes has no options\n"
+    options = tomllib.loads(tracknoise("datasets", "sevenscenes")[1])
+    assert options == {"calibration": "registered", "poses": "kinectfusion"}
 
 
 def test_datasets_lists_the_options_and_sequences_of_a_reader_that_needs_no_data(tracknoise):

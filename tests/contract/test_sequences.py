@@ -47,7 +47,7 @@ from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.registry import READERS, reader_defaults
 from tracknoise.sequences.rosbag.reader import Rosbag
 from tracknoise.sequences.sequence import Reader, Sequence, camera_at
-from tracknoise.sequences.sevenscenes import SevenScenes
+from tracknoise.sequences.sevenscenes.reader import SevenScenes
 from tracknoise.sequences.simulated import Simulated
 from tracknoise.sequences.tartanair import TartanAir
 from tracknoise.sequences.tum.reader import Tum
@@ -123,7 +123,8 @@ def folder(root: Path, count: int) -> Written:
 
 
 def sevenscenes(root: Path, count: int) -> Written:
-    written = Written(SevenScenes(root), poses(count), images(count), depths(count), depth_tolerance_m=0.5e-3)
+    reader = SevenScenes(root)
+    written = Written(reader, poses(count), images(count), depths(count), depth_tolerance_m=0.5e-3, timed=True)
     for index in range(count):
         stem = root / "chess" / f"frame-{index:06d}"
         write_png(Path(f"{stem}.color.png"), images(count)[index])

@@ -13,7 +13,7 @@ from tracknoise.sequences.registry import open_sequence
 
 @pytest.fixture(scope="module")
 def handheld(sample):
-    sequence = open_sequence("sevenscenes", sample("sevenscenes"))
+    sequence = open_sequence("sevenscenes", sample("sevenscenes"), calibration="raw")
     return Evidence.measured(sequence)
 
 

@@ -173,7 +173,11 @@ def _sequence(rng: np.random.Generator, origin: Sequence[Any], world: World) -> 
         statistics=[name for name in STATISTICS if name not in _UNREAD],
     )
     tables["floors"] = _floors(tables["moments"], world)
-    return {**tables, "poses": _poses(origin, world), **{name: empty(SEQUENCE_TABLES[name]) for name in _UNREAD}}
+    return {
+        **tables,
+        "poses": _poses(origin, world),
+        **{name: empty(SEQUENCE_TABLES[name]) for name in (*_UNREAD, "pose_differences")},
+    }
 
 
 def _floors(moments: pl.DataFrame, world: World) -> pl.DataFrame:

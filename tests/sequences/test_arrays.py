@@ -6,6 +6,7 @@ import pytest
 import tracknoise as tn
 from tracknoise.exceptions import DataError, DataWarning
 from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.shutter import RollingShutter
 
 K = np.array([[60.0, 0.0, 31.5], [0.0, 60.0, 23.5], [0.0, 0.0, 1.0]])
 POSES = np.broadcast_to(np.eye(4), (4, 4, 4)).copy()
@@ -27,6 +28,14 @@ def test_arrays_become_a_sequence_that_can_be_measured_and_pickled():
     measured = tn.measure(pickle.loads(pickle.dumps(sequence)), tn.Imported.from_arrays(**rows))
     errors = measured.observations.select("du_px", "dv_px").to_numpy()
     np.testing.assert_allclose(errors, [[0, 0], [0, 0], [0.5, 0]], atol=1e-12)
+
+
+def test_a_readout_is_that_of_the_shutter():
+    times = [0.0, 0.1, 0.2, 0.3]
+    rolling = tn.Sequence.from_arrays(pictures(4), POSES, K, timestamps_s=times, readout_s=0.0261)
+    assert rolling.shutter == RollingShutter(0.0261)
+    assert tn.Sequence.from_arrays(pictures(4), POSES, K, timestamps_s=times, readout_s=0.0).shutter is None
+    assert tn.Sequence.from_arrays(pictures(4), POSES, K).shutter is None
 
 
 def test_depth_is_unknown_where_it_is_not_positive_or_missing():
@@ -71,6 +80,9 @@ def test_a_rotation_that_is_not_exact_is_noted():
         ),
         ({"depths": np.ones((3, 48, 64))}, "3 depth maps, expected one for each"),
         ({"timestamps_s": [0.0, 0.1, 0.1, 0.3]}, "timestamps that do not increase"),
+        ({"readout_s": 0.02}, "a rolling shutter without timestamps, expected the time of each frame, seconds"),
+        ({"readout_s": 26.1, "timestamps_s": [0.0, 0.1, 0.2, 0.3]}, "readout_s 26.1, expected seconds between -1 and"),
+        ({"readout_s": "fast"}, "readout_s 'fast', expected seconds between -1 and 1"),
         ({"images": [*pictures(3), pictures(1, (24, 64))[0]]}, r"images\[3\] of shape \(24, 64\), expected \(48, 64\)"),
         ({"images": None}, "images of type NoneType, expected a list of arrays"),
         ({"images": [[[1, 2], [3]]] * 4}, r"images\[0\] is no array"),

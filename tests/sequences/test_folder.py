@@ -14,11 +14,13 @@ from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.double_sphere import DoubleSphereCamera
 from tracknoise.geometry.fisheye import EquidistantCamera
+from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.folder import Folder, write_folder
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.registry import make_reader
 from tracknoise.sequences.sequence import TruthKind
+from tracknoise.sequences.views import turned
 from tracknoise.tables.identity import SequenceId
 
 FRAMES, WIDTH, HEIGHT = 3, 20, 16
@@ -90,6 +92,65 @@ def test_what_is_written_comes_back(scene: Path) -> None:
         np.testing.assert_array_equal(after.valid, before.valid)
         np.testing.assert_allclose(after.depth_m[after.valid], before.depth_m[before.valid], rtol=6e-8)
     assert read.depth(2) is None
+
+
+def rolling(frames: int = FRAMES) -> RecordedSequence:
+    """A recording with timestamps and a rolling shutter."""
+    made = Made(frames)
+    return RecordedSequence(
+        id=made.id,
+        source="made",
+        camera=CAMERA,
+        world_from_camera=made.world_from_camera,
+        images=made.image,
+        depths=made.depth,
+        timestamps_s=0.1 + np.arange(frames) / 3.0,
+        shutter=RollingShutter(0.0261),
+    )
+
+
+def test_timestamps_and_readout_come_back(tmp_path: Path) -> None:
+    write_folder(rolling(), tmp_path / "scene")
+    read = opened(tmp_path / "scene")
+    np.testing.assert_array_equal(read.timestamps_s, rolling().timestamps_s)
+    assert read.shutter == RollingShutter(0.0261)
+    assert json.loads((tmp_path / "scene" / "camera.json").read_text())["readout_s"] == 0.0261
+
+
+def test_timestamps_beyond_the_last_image_are_left_out(tmp_path: Path) -> None:
+    write_folder(rolling(), tmp_path / "scene")
+    with (tmp_path / "scene" / "timestamps.txt").open("a") as file:
+        file.write("# more\n7.5\n8.5\n")
+    assert len(opened(tmp_path / "scene").timestamps_s) == FRAMES
+
+
+@pytest.mark.parametrize(
+    ("times", "message"),
+    [
+        ("0.1\n0.2\n", "2 timestamps, expected one for each of the 3 poses"),
+        ("0.1\n0.2\n0.2\n", "timestamps that do not increase"),
+        ("0.1\n0.2\ninf\n", "timestamps that do not increase"),
+        ("0.1\n0.2\nnoon\n", "timestamps.txt:3: 'noon', expected a number (timestamp_s)"),
+        ("0.1 0.2 0.3\n", "timestamps.txt:1: 3 fields, expected 1 (timestamp_s)"),
+        (None, "a rolling shutter without timestamps, expected the time of each frame, seconds"),
+    ],
+)
+def test_wrong_timestamps_are_named(tmp_path: Path, times: str | None, message: str) -> None:
+    write_folder(rolling(), tmp_path / "scene")
+    file = tmp_path / "scene" / "timestamps.txt"
+    if times is None:
+        file.unlink()
+    else:
+        file.write_text(times)
+    with pytest.raises(DataError) as caught:
+        opened(tmp_path / "scene")
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_columns_that_are_exposed_one_after_the_other_cannot_be_written(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="a shutter that exposes columns, expected one that exposes rows"):
+        write_folder(turned(rolling(), 90), tmp_path / "scene")
 
 
 def test_depth_is_dense_unless_a_radius_is_given(scene: Path) -> None:
@@ -252,7 +313,8 @@ def test_bad_poses_are_named(scene: Path, rows: list[str], place: str, message: 
 
 
 NEEDED = (
-    "width, height, fx, fy, cx, cy and, if need be, model, distortion, xi, alpha, depth_unit_m, depth_scale, source"
+    "width, height, fx, fy, cx, cy and, if need be, model, distortion, xi, alpha, depth_unit_m, depth_scale, "
+    "readout_s, source"
 )
 
 NO_INVERSE = (
@@ -290,6 +352,8 @@ NO_INVERSE = (
         ({"distortion": [-5, 0, 0, 0, 0]}, NO_INVERSE),
         ({"distortion": [1e308] * 5}, NO_INVERSE),
         ({"cx": 1e300, "distortion": []}, NO_INVERSE),
+        ({"readout_s": 26.1}, "readout_s = 26.1, expected seconds between -1 and 1"),
+        ({"readout_s": "fast"}, 'readout_s = "fast", expected a finite number'),
         ({"distorsion": []}, f"unknown key 'distorsion', expected {NEEDED}"),
     ],
 )

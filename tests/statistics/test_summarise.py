@@ -38,10 +38,10 @@ def measured(observations, tracks, frames) -> tuple[pl.DataFrame, pl.DataFrame, 
 
 def test_every_table_of_a_sequence_but_its_poses_is_made(measured) -> None:
     found = summarise_sequence(*measured, population="projected", trim_percentile=80.0, slowest=1)
-    assert {*found} == {*SEQUENCE_TABLES} - {"poses", "floors"}
+    assert {*found} == {*SEQUENCE_TABLES} - {"poses", "pose_differences", "floors"}
     for name, table in found.items():
-        only_triangulated = name == "fitted_noise"
-        assert check(table, SEQUENCE_TABLES[name], name).is_empty() == only_triangulated
+        of_other_truths = name in ("fitted_noise", "truth_differences")
+        assert check(table, SEQUENCE_TABLES[name], name).is_empty() == of_other_truths
     assert found["blocks"]["population"].unique().sort().to_list() == ["visible", "projected"]
     assert found["aspect_blocks"]["speed"].unique().to_list() == [1]
 

@@ -5,7 +5,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.exceptions import DataError
+from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.frame import Frame
@@ -61,6 +61,32 @@ def test_the_order_of_rows_does_not_matter(tmp_path, setting):
     plain = run(written(tmp_path / "a.csv"), here, range(5))
     other = run(written(tmp_path / "b.csv", shuffled), here, range(5))
     assert [step.uv.tolist() for step in plain] == [step.uv.tolist() for step in other]
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_other_usual_names_of_columns_are_understood(suffix, tmp_path, setting):
+    renamed = dict(zip(("Track_ID", "frame_id", "X", "y"), ROWS.values(), strict=True))
+    path = tmp_path / f"tracks.{suffix}"
+    table = pl.DataFrame(renamed)
+    table.write_csv(path) if suffix == "csv" else table.write_parquet(path)
+    steps, plain = (
+        run(settings, setting(), range(5)) for settings in (Imported(str(path)), written(tmp_path / "a.csv"))
+    )
+    assert [step.uv.tolist() for step in steps] == [step.uv.tolist() for step in plain]
+
+
+def test_rows_without_a_position_are_frames_in_which_the_track_was_not_observed(tmp_path, setting):
+    written(tmp_path / "tracks.csv")
+    header, *lines = (tmp_path / "tracks.csv").read_text().splitlines()
+    path = tmp_path / "dense.csv"
+    path.write_text("\n".join([header, "7,0,,", "", "7,1,nan,NaN", *lines, "8,3, ,", ""]))
+    steps, plain = (
+        run(settings, setting(), range(5)) for settings in (Imported(str(path)), written(tmp_path / "a.csv"))
+    )
+    assert [step.uv.tolist() for step in steps] == [step.uv.tolist() for step in plain]
+    path.write_text("\n".join([header, "", *lines[:2], "8,3,1.5,"]))
+    with pytest.raises(DataError, match=r"dense\.csv:5: v_px None, expected a finite number"):
+        run(Imported(str(path)), setting(), range(5))
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
@@ -248,3 +274,8 @@ def test_only_names_of_placeholders_are_between_braces(path):
     with pytest.raises(ValueError, match=r"expected no placeholders but \{dataset\}, \{scene\}"):
         Imported(path)
     assert SequenceId("d", "s").expand("{{{scene}}}_{speed}.csv", speed=2) == Path("{s}_2.csv")
+
+
+def test_quality_that_is_no_dictionary_is_refused():
+    with pytest.raises(SettingsError, match="found quality of type list, expected a dictionary of arrays"):
+        Imported.from_arrays([0], [0], [1.0], [1.0], quality=[1.0])

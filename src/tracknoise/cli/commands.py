@@ -17,6 +17,7 @@ _COMMANDS = (
     "report",
     "findings",
     "simulate",
+    "effects",
     "datasets",
     "trackers",
     "selfcheck",

@@ -9,14 +9,18 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.experiments.arguments import Trackers, checked_speeds, named_trackers, require_sequences
+from tracknoise.geometry.corrections import UNCORRECTED, Corrections
 from tracknoise.measurement.sequence_tables import SequenceTables, measure_sequences
 from tracknoise.measurement.tracking import Progress, TrackerSetup
+from tracknoise.sequences.corrected import corrected
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.sequences.views import chosen_frames
 from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.pose_differences import pose_differences
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.trimming import trim
 from tracknoise.tables.defaults import POPULATION, TRIM_AMONG, TRIM_PERCENTILE
+from tracknoise.tables.schema import POSE_DIFFERENCES, empty
 from tracknoise.truth.accuracies import DEFAULT_RULE, AccuracyRule
 from tracknoise.truth.scan_rule import SCAN_RULE, ScanRule
 
@@ -44,6 +48,8 @@ class Measurement:
         One frame, (height, width) uint8, for figures that show the tracks.
     prepared
         Observations and tracks, checked and grouped: what further statistics are computed from.
+    pose_differences
+        Differences of the poses of two truths, schema `POSE_DIFFERENCES`; without rows unless there is a second truth.
     notes
         What trackers state about their results, and what is known of the errors of the truth, one sentence each.
         `sequence` has the notes of the reader.
@@ -63,6 +69,7 @@ class Measurement:
     snapshot_frame: int
     snapshot: NDArray[np.uint8]
     prepared: PreparedSequence = field(repr=False)
+    pose_differences: pl.DataFrame = field(repr=False)
     notes: tuple[str, ...] = ()
 
 
@@ -74,11 +81,13 @@ def measure(
     truth: str | None = None,
     scan_rule: ScanRule = SCAN_RULE,
     accuracy: AccuracyRule = DEFAULT_RULE,
+    corrections: Corrections = UNCORRECTED,
     population: str = POPULATION,
     trim_percentile: float = TRIM_PERCENTILE,
     trim_among: str = TRIM_AMONG,
     frames: Items[int] | None = None,
     max_frames: int | None = None,
+    second: Sequence | None = None,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Measurement:
@@ -93,11 +102,13 @@ def measure(
         truth=truth,
         scan_rule=scan_rule,
         accuracy=accuracy,
+        corrections=corrections,
         population=population,
         trim_percentile=trim_percentile,
         trim_among=trim_among,
         frames=frames,
         max_frames=max_frames,
+        second=() if second is None else [second],
         seed=seed,
         progress=progress,
     )
@@ -112,11 +123,13 @@ def measure_together(
     truth: str | None = None,
     scan_rule: ScanRule = SCAN_RULE,
     accuracy: AccuracyRule = DEFAULT_RULE,
+    corrections: Corrections = UNCORRECTED,
     population: str = POPULATION,
     trim_percentile: float = TRIM_PERCENTILE,
     trim_among: str = TRIM_AMONG,
     frames: Items[int] | None = None,
     max_frames: int | None = None,
+    second: Items[Sequence] = (),
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Iterator[Measurement]:
@@ -140,6 +153,9 @@ def measure_together(
     accuracy
         What is known of the errors of the truth: ``AccuracyRule(TruthAccuracy(...))``. It counts before what the
         sequence states and before the figures that come with tracknoise.
+    corrections
+        What to change in the stated camera, poses, depths and clock before true positions are computed: by default
+        nothing. `Measurement.sequence` has them in its notes.
     population
         Which observations trimming looks at: ``visible`` ones, or all that can be ``projected``.
     trim_percentile
@@ -152,6 +168,10 @@ def measure_together(
         from 0 again, and nothing is read of the others.
     max_frames
         Read no more frames than this, from the first of `frames`; by default all.
+    second
+        The same sequences with a second truth, such as other poses, in the same order. Trackers run once. The
+        observations get a second true position, and `POSE_DIFFERENCES` says how the poses differ. By default there is
+        no second truth.
     seed
         Random seed, for trackers that need one.
     progress
@@ -170,7 +190,8 @@ def measure_together(
     """
     require_sequences(sequences)
     named, played = named_trackers(trackers), checked_speeds(speeds)
-    sequences = [chosen_frames(sequence, frames) for sequence in sequences]
+    sequences = [chosen_frames(corrected(sequence, corrections), frames) for sequence in sequences]
+    second = [chosen_frames(sequence, frames) for sequence in second]
     setups = [TrackerSetup(name, settings, speed) for name, settings in named.items() for speed in played]
     measured = measure_sequences(
         sequences,
@@ -181,9 +202,18 @@ def measure_together(
         max_frames=max_frames,
         seed=seed,
         progress=progress,
+        second=second,
     )
-    for sequence, tables in zip(sequences, measured, strict=True):
-        yield complete(sequence, tables, trim_percentile=trim_percentile, trim_among=trim_among, population=population)
+    others: Items[Sequence | None] = second or [None for _ in sequences]
+    for sequence, other, tables in zip(sequences, others, measured, strict=True):
+        yield complete(
+            sequence,
+            tables,
+            trim_percentile=trim_percentile,
+            trim_among=trim_among,
+            population=population,
+            second=other,
+        )
 
 
 def complete(
@@ -193,6 +223,7 @@ def complete(
     trim_percentile: float = TRIM_PERCENTILE,
     trim_among: str = TRIM_AMONG,
     population: str = POPULATION,
+    second: Sequence | None = None,
 ) -> Measurement:
     """Trim what was measured in a sequence, and compute its moments; see `measure_together` for the parameters."""
     trimmed = trim(
@@ -218,5 +249,13 @@ def complete(
         snapshot_frame=measured.snapshot_frame,
         snapshot=measured.snapshot,
         prepared=trimmed.sequence,
+        pose_differences=_pose_differences(sequence, second, measured.n_frames),
         notes=measured.notes,
     )
+
+
+def _pose_differences(sequence: Sequence, second: Sequence | None, n_frames: int) -> pl.DataFrame:
+    """How the poses of the frames that were read differ."""
+    if second is None:
+        return empty(POSE_DIFFERENCES)
+    return pose_differences(sequence.id, *(one.world_from_camera[:n_frames] for one in (sequence, second)))

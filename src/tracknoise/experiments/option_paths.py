@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from tracknoise.experiments.settings import Experiment
+from tracknoise.experiments.settings import Experiment, SecondTruthSettings
 from tracknoise.foreign.files import absolute
 from tracknoise.options import PathTemplate
 from tracknoise.plugins import Plugins
@@ -33,11 +33,21 @@ def with_paths_from(folder: Path, experiment: Experiment) -> Experiment:
         choice.model_copy(update={"options": _absolute(folder, TRACKERS, choice.kind, choice.options)})
         for choice in experiment.trackers
     ]
-    return experiment.model_copy(update={"dataset": moved, "trackers": trackers})
+    truth = experiment.truth.model_copy(update={"second": _second(folder, experiment)})
+    return experiment.model_copy(update={"dataset": moved, "trackers": trackers, "truth": truth})
+
+
+def _second(folder: Path, experiment: Experiment) -> SecondTruthSettings | None:
+    second = experiment.truth.second
+    if second is None:
+        return None
+    trajectory = None if second.trajectory is None else str(absolute(folder, Path(second.trajectory)))
+    options = _absolute(folder, READERS, experiment.dataset.reader, second.options)
+    return second.model_copy(update={"trajectory": trajectory, "options": options})
 
 
 def option_paths(experiment: Experiment) -> Iterator[Path | PathTemplate]:
-    """The paths among the options of the reader and the trackers.
+    """The paths among the options of the reader, the second truth and the trackers.
 
     Raises
     ------
@@ -45,6 +55,10 @@ def option_paths(experiment: Experiment) -> Iterator[Path | PathTemplate]:
         If there is no such tracker or reader, or it cannot be imported.
     """
     yield from READERS.paths(experiment.dataset.reader, experiment.dataset.options)
+    second = experiment.truth.second
+    if second is not None:
+        yield from READERS.paths(experiment.dataset.reader, second.options)
+        yield from [] if second.trajectory is None else [PathTemplate(second.trajectory)]
     for choice in experiment.trackers:
         yield from TRACKERS.paths(choice.kind, choice.options)
 

@@ -25,6 +25,9 @@ def resolve(experiment: Experiment) -> Experiment:
     with _errors_of("dataset"):
         reader = as_toml_values(asdict(make_reader(dataset.reader, dataset.root, dataset.options)))  # type: ignore[call-overload]
     reader.pop("root", None)
+    if experiment.truth.second is not None:
+        with _errors_of("truth.second.options"):
+            make_reader(dataset.reader, dataset.root, {**dataset.options, **experiment.truth.second.options})
     if experiment.truth.kind is not None:
         with _errors_of("truth.kind"):
             TRUTHS.load(experiment.truth.kind)

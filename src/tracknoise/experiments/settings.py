@@ -14,17 +14,19 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from tracknoise.checks import MOST_LEVELS, require_storable
 from tracknoise.exceptions import SettingsError, UnknownNameError, first_line
 from tracknoise.geometry.accuracy import TruthAccuracy
+from tracknoise.geometry.corrections import UNCORRECTED, Corrections
 from tracknoise.printable import is_printable
 from tracknoise.sequences.frame_range import require_range
 from tracknoise.tables import defaults
 from tracknoise.tables.enumerations import IntervalKind, Population, TrimAmong, Trimming
-from tracknoise.tables.identity import Direction
+from tracknoise.tables.identity import Direction, SequenceId
 from tracknoise.truth.accuracies import AccuracyRule
 from tracknoise.truth.scan_rule import ScanAnchoring
 
 _QUOTED = re.compile(r'"[^"]*"|\'[^\']*\'')
 _NO_KEY = re.compile(r"[^\w.\s-]+")
 _MOST_DOTS = 64
+_Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
 Keep = Literal["observations", "statistics"]
 
 
@@ -140,6 +142,66 @@ class AccuracySettings(_Section):
         return AccuracyRule(TruthAccuracy(**figures, source="this experiment"), shipped=self.shipped)
 
 
+class CorrectionSettings(_Section):
+    """Corrections of what the recordings state. Each changes nothing by default. See docs/truth-corrections.md."""
+
+    focal_scale: float = UNCORRECTED.focal_scale
+    """Factor of both focal lengths."""
+    principal_point_px: Annotated[list[float], Field(min_length=2, max_length=2)] = [*UNCORRECTED.principal_point_px]
+    """Added to cx and cy, px."""
+    k1: float = UNCORRECTED.k1
+    """Added to the first coefficient of radial-tangential distortion."""
+    depth_scale: float = UNCORRECTED.depth_scale
+    """Factor of depths."""
+    depth_offset_m: float = UNCORRECTED.depth_offset_m
+    """Added to depths, after the factor, metres."""
+    clock_offset_s: float = UNCORRECTED.clock_offset_s
+    """The pose at the time of an image plus this fits the image, seconds. For recordings with timestamps."""
+    clock_offset_frames: float = UNCORRECTED.clock_offset_frames
+    """The same in frames. For recordings without timestamps."""
+    readout_s: float = UNCORRECTED.readout_s
+    """Added to the readout of the rolling shutter, seconds. The readout of a recording that states none is 0."""
+    mounting_rotation_deg: _Triple = [*UNCORRECTED.mounting_rotation_deg]
+    """Rotation of the camera in the frame that the stated poses belong to: axis times angle, degrees."""
+    mounting_translation_m: _Triple = [*UNCORRECTED.mounting_translation_m]
+    """Position of the camera in that frame, metres."""
+
+    @model_validator(mode="after")
+    def _values_are_possible(self) -> Self:
+        self.as_corrections()
+        return self
+
+    def as_corrections(self) -> Corrections:
+        """What the settings stand for."""
+        return Corrections(**self.model_dump())
+
+
+class SecondTruthSettings(_Section):
+    """A second truth of the same images. Trackers run once, and their errors are computed by both truths."""
+
+    trajectory: str | None = None
+    """File of poses in the format of TUM: time, position and quaternion of `world_from_camera` in each row. Relative
+    to the experiment file; `{scene}` and `{lighting}` are replaced. Times are those of the frames. For frames without
+    times, each row is a frame."""
+    time_shift_s: float = 0.0
+    """Added to the times of the frames to get the clock of the trajectory, seconds."""
+    options: dict[str, Any] = {}
+    """Options of the reader that differ for the second truth, such as `poses`."""
+
+    @model_validator(mode="after")
+    def _names_one_source(self) -> Self:
+        if (self.trajectory is None) == (not self.options):
+            raise ValueError("expected either trajectory or options")
+        return self
+
+    @field_validator("trajectory")
+    @classmethod
+    def _placeholders_are_known(cls, trajectory: str | None) -> str | None:
+        if trajectory is not None:
+            SequenceId("", "").expand(trajectory, speed=1)
+        return trajectory
+
+
 class TruthSettings(_Section):
     """How true positions of features are computed."""
 
@@ -155,6 +217,11 @@ class TruthSettings(_Section):
     scan_anchoring: Annotated[ScanAnchoring, Field(strict=False)] = ScanAnchoring.ray
     """World point of a feature: on its own `ray` at the depth of the scan point, or the scan `point` itself."""
     accuracy: AccuracySettings = AccuracySettings()
+    """What is known of the errors of the truth."""
+    corrections: CorrectionSettings = CorrectionSettings()
+    """What is to be changed in the stated geometry of the recordings."""
+    second: SecondTruthSettings | None = None
+    """A second truth of the same images, such as other poses. Default: none."""
 
 
 class StatisticsSettings(_Section):
@@ -167,6 +234,9 @@ class StatisticsSettings(_Section):
     `followed` beyond their anchor, where the error is zero by construction."""
     min_features: Annotated[int, Field(ge=2)] = defaults.MIN_FEATURES
     """Curves are cut where fewer features than this remain."""
+    tap_vid: bool = False
+    """Compute the metrics of TAP-Vid and the expected feature age too. They need truth from depth or an exact surface,
+    and the depth of every frame is read once more."""
 
 
 class FindingsSettings(_Section):

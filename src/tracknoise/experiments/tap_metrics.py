@@ -1,23 +1,22 @@
 """Metrics of point trackers of a measurement, for comparison with results that are stated in them."""
 
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import SettingsError
-from tracknoise.experiments.measure import Measurement
-from tracknoise.statistics.tap import THRESHOLDS, PointTracks, expected_feature_age, tap_vid
-from tracknoise.tables.schema import ORIGIN, TruthStatus
+from tracknoise.statistics.tap import PointTracks, expected_feature_age, tap_vid
+from tracknoise.tables.schema import ORIGIN, POINT_TRACKING, TruthStatus
 from tracknoise.truth.registry import make_truth
+
+if TYPE_CHECKING:
+    from tracknoise.experiments.measure import Measurement
 
 RASTER_PX = 256
 """Side of the images to which TAP-Vid scales positions."""
-_METRICS = (
-    *("delta_avg", "average_jaccard", "occlusion_accuracy", "expected_feature_age"),
-    *(f"{name}_{threshold}" for name in ("delta", "jaccard") for threshold in THRESHOLDS),
-)
+_METRICS = (*POINT_TRACKING,)[list(POINT_TRACKING).index("delta_avg") :]
 
 
 @runtime_checkable
@@ -33,7 +32,7 @@ class LocatingTruth(Protocol):
         ...
 
 
-def tap_metrics(measurement: Measurement) -> pl.DataFrame:
+def tap_metrics(measurement: "Measurement") -> pl.DataFrame:
     """Metrics of TAP-Vid and expected feature age of every tracker and speed of a measured sequence.
 
     Parameters
@@ -44,11 +43,9 @@ def tap_metrics(measurement: Measurement) -> pl.DataFrame:
     Returns
     -------
     polars.DataFrame
-        Two rows per tracker and speed. `raster` says whether distances are px of images scaled to 256 x 256
-        (``256x256``), as TAP-Vid defines them, or px of the images themselves (``image``). `n_points` counts the tracks
-        with a known point. `delta_avg`, `average_jaccard` and `occlusion_accuracy` are those of
-        `tracknoise.statistics.tap.tap_vid`, followed by `expected_feature_age` and the values of each threshold. A
-        metric is null where no frame can be evaluated. Benchmarks report means over sequences.
+        Schema `POINT_TRACKING`, two rows per tracker and speed. `delta_avg`, `average_jaccard` and `occlusion_accuracy`
+        are those of `tracknoise.statistics.tap.tap_vid`, followed by `expected_feature_age` and the values of each
+        threshold. Benchmarks report means over sequences.
 
     Raises
     ------
@@ -68,8 +65,7 @@ def tap_metrics(measurement: Measurement) -> pl.DataFrame:
         labels = dict(zip(ORIGIN, condition, strict=True))
         points = point_tracks(truth, seen, speed=int(labels["speed"]), n_frames=measurement.n_frames)
         rows += [labels | {"raster": name} | _metrics(points, scale) for name, scale in scales.items()]
-    kinds = {**ORIGIN, "raster": pl.String, "n_points": pl.Int64, **dict.fromkeys(_METRICS, pl.Float64)}
-    return pl.DataFrame(rows, schema=kinds).with_columns(pl.col(_METRICS).fill_nan(None))
+    return pl.DataFrame(rows, schema=dict(POINT_TRACKING)).with_columns(pl.col(_METRICS).fill_nan(None))
 
 
 def point_tracks(truth: LocatingTruth, seen: pl.DataFrame, *, speed: int, n_frames: int) -> PointTracks:

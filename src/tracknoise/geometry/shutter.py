@@ -1,11 +1,16 @@
 """The time at which each row of an image is exposed."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.checks import require
 from tracknoise.geometry.camera_model import CameraModel
+
+_LONGEST_S = 1.0
+"""A longer readout is a time in milliseconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,13 +27,33 @@ class RollingShutter:
         exposed first.
     axis
         Coordinate along which time passes: 1 for rows (v), 0 for columns (u), as in an image that was turned.
+
+    Raises
+    ------
+    ValueError
+        If the readout is not shorter than 1 s, or the axis is neither 0 nor 1.
     """
 
     readout_s: float
     axis: int = 1
 
+    def __post_init__(self) -> None:
+        require(abs(self.readout_s) < _LONGEST_S, "readout_s", self.readout_s, "seconds between -1 and 1")
+        require(self.axis in (0, 1), "axis", self.axis, "0 or 1")
+
+    def side(self, camera: CameraModel) -> int:
+        """Number of rows, or of columns for axis 0, that are exposed one after the other."""
+        return camera.height if self.axis == 1 else camera.width
+
     def delays_s(self, camera: CameraModel, uv: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n,) float64: time from that of the frame to that of pixels (n, 2), seconds."""
-        side = camera.height if self.axis == 1 else camera.width
-        delays: NDArray[np.float64] = self.readout_s * ((uv[:, self.axis] + 0.5) / side - 0.5)
+        delays: NDArray[np.float64] = self.readout_s * ((uv[:, self.axis] + 0.5) / self.side(camera) - 0.5)
         return delays
+
+    def backward(self) -> Self:
+        """The shutter of a recording that is played backward."""
+        return replace(self, readout_s=-self.readout_s)
+
+    def turned(self) -> Self:
+        """The shutter of the image turned a quarter counter-clockwise, where (u, v) becomes (v, width - 1 - u)."""
+        return replace(self, readout_s=self.readout_s if self.axis == 1 else -self.readout_s, axis=1 - self.axis)

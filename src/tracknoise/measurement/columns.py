@@ -22,8 +22,11 @@ def setup_tables(
     recording: Recording,
     positions: TruePositions,
     floors: dict[str, pl.Series],
+    second: TruePositions | None = None,
 ) -> Tables:
-    """Tables of one tracker setup on one sequence, with the columns of its `FLOORS` after those of the origin.
+    """Tables of one tracker setup on one sequence.
+
+    They have the columns of its `FLOORS` after those of the origin, and the true positions of a second truth, if any.
 
     Raises
     ------
@@ -31,7 +34,7 @@ def setup_tables(
         If a column has a wrong type.
     """
     return (
-        _table(_observations(recording, positions), schema.OBSERVATIONS, sequence, setup),
+        _table({**_observations(recording, positions), **_second_truth(second)}, schema.OBSERVATIONS, sequence, setup),
         _table(_tracks(recording, positions, reports_causes(setup.settings)), schema.TRACKS, sequence, setup),
         _table(_frames(recording, reports_causes(setup.settings)), schema.FRAME_COUNTS, sequence, setup),
         _table(floors, schema.FLOORS, sequence, setup),
@@ -64,6 +67,12 @@ def _covariance(covariance: NDArray[np.float64] | None, names: schema.Schema) ->
         return {}
     values = covariance[:, [0, 0, 1], [0, 1, 1]].T
     return {name: _nullable(column) for name, column in zip(names, values, strict=True)}
+
+
+def _second_truth(second: TruePositions | None) -> dict[str, pl.Series]:
+    if second is None:
+        return {}
+    return {name: _nullable(column) for name, column in zip(schema.SECOND_TRUTH, second.uv.T, strict=True)}
 
 
 def _epipolar(epipolar: NDArray[np.float64] | None) -> dict[str, pl.Series]:

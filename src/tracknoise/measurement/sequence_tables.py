@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from collections.abc import Sequence as Items
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import polars as pl
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.measurement.columns import setup_tables
+from tracknoise.measurement.second_truth import open_second_truths, second_notes
 from tracknoise.measurement.tracking import Progress, TrackerSetup, TrackingResult, run_trackers
 from tracknoise.measurement.truth_floor import TruthFloor
 from tracknoise.sequences.poses import require_some_poses
@@ -38,7 +39,8 @@ class SequenceTables:
     snapshot_frame, snapshot
         One frame, (height, width) uint8, for figures that show the tracks.
     notes
-        What trackers state about their results, and what is known of the errors of the truth, one sentence each.
+        What trackers state about their results, what is known of the errors of the truth, and the notes of the second
+        truth, one sentence each.
     """
 
     observations: pl.DataFrame
@@ -63,6 +65,7 @@ def measure_sequences(
     max_frames: int | None = None,
     seed: int = 0,
     progress: Progress | None = None,
+    second: Items[Sequence] = (),
 ) -> Iterator[SequenceTables]:
     """Run trackers on sequences that advance together, and compute the error of each observation.
 
@@ -84,6 +87,9 @@ def measure_sequences(
         Random seed, for trackers that need one.
     progress
         Called after each frame of all sequences.
+    second
+        The same sequences with another truth, such as other poses, in the same order. Their images are not read. By
+        default there is none.
 
     Yields
     ------
@@ -105,10 +111,16 @@ def measure_sequences(
     for sequence, known in zip(sequences, truths, strict=True):
         _check_length(sequence, n_frames, setups)
         _check_key_frame(sequence, n_frames, setups, known.key_frame)
-    results = run_trackers(sequences, setups, truths, n_frames=n_frames, seed=seed, progress=progress)
-    for sequence, known, result in zip(sequences, truths, results, strict=True):
+    others = open_second_truths(sequences, truths, second, scan_rule=scan_rule)
+    results = run_trackers(
+        sequences, setups, truths, n_frames=n_frames, seed=seed, progress=progress, second_truths=others
+    )
+    notes = [second_notes(*pair) for pair in zip(sequences, second, strict=True)] if second else [()] * len(sequences)
+    for sequence, known, result, more in zip(sequences, truths, results, notes, strict=True):
         _check_features(sequence, result, known.key_frame)
-        yield _sequence_tables(sequence, setups, TruthFloor.of(sequence, known, accuracy), result, n_frames, known.kind)
+        floor = TruthFloor.of(sequence, known, accuracy)
+        tables = _sequence_tables(sequence, setups, floor, result, n_frames, known.kind)
+        yield replace(tables, notes=(*tables.notes, *more))
 
 
 def _sequence_tables(
@@ -119,10 +131,11 @@ def _sequence_tables(
     n_frames: int,
     truth: str,
 ) -> SequenceTables:
+    seconds: Items[TruePositions | None] = result.second_positions or [None for _ in setups]
     parts = []
-    for setup, recording, positions in zip(setups, result.recordings, result.positions, strict=True):
+    for setup, recording, positions, second in zip(setups, result.recordings, result.positions, seconds, strict=True):
         known, floors = floor.add(recording, positions)
-        parts.append(setup_tables(sequence.id, setup, recording, known, floors.to_dict()))
+        parts.append(setup_tables(sequence.id, setup, recording, known, floors.to_dict(), second))
     return SequenceTables(
         observations=schema.joined([part[0] for part in parts], schema.OBSERVATIONS),
         tracks=schema.joined([part[1] for part in parts], schema.TRACKS),

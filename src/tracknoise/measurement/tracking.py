@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.measurement.recording import Recorder, Recording
-from tracknoise.sequences.poses import has_pose
-from tracknoise.sequences.sequence import Sequence
+from tracknoise.sequences.row_poses import RowPoses
+from tracknoise.sequences.sequence import Sequence, times_of
 from tracknoise.sequences.views import source_frames
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.gradient import dominant_gradient
@@ -55,6 +55,8 @@ class TrackingResult:
         Its image.
     notes
         What trackers state about their results, one sentence each.
+    second_positions
+        The true positions of a second truth, in the same order; None where there is no second truth.
     """
 
     recordings: list[Recording]
@@ -62,6 +64,7 @@ class TrackingResult:
     snapshot_frame: int
     snapshot: NDArray[np.uint8]
     notes: tuple[str, ...] = ()
+    second_positions: list[TruePositions] | None = None
 
 
 def run_trackers(
@@ -72,6 +75,7 @@ def run_trackers(
     n_frames: int,
     seed: int,
     progress: Progress | None = None,
+    second_truths: Items[Truth] | None = None,
 ) -> list[TrackingResult]:
     """Read each image once, in order, and run each tracker on the frames that it sees.
 
@@ -92,6 +96,8 @@ def run_trackers(
         Random seed, for trackers that need one.
     progress
         Called after each frame of all sequences.
+    second_truths
+        Further truths of each sequence, which receive the same observations; by default none.
 
     Returns
     -------
@@ -108,9 +114,10 @@ def run_trackers(
         If a tracker needs a truth that can compute world points, and this one cannot.
     """
     snapshot_frame = _snapshot_frame(n_frames, conditions, truths[0].key_frame)
+    seconds: Items[Truth | None] = second_truths or [None for _ in truths]
     passes = [
-        _Pass(sequence, conditions, truth, snapshot_frame=snapshot_frame, seed=seed)
-        for sequence, truth in zip(sequences, truths, strict=True)
+        _Pass(sequence, conditions, truth, second, snapshot_frame=snapshot_frame, seed=seed)
+        for sequence, truth, second in zip(sequences, truths, seconds, strict=True)
     ]
     for index in range(n_frames):
         for one in passes:
@@ -128,6 +135,7 @@ class _Run:
     tracker: Tracker
     recorder: Recorder
     truth: TruthSession
+    second: TruthSession | None
 
     def step(self, frame: Frame) -> None:
         """Show a frame to the tracker, if it sees this frame."""
@@ -136,17 +144,32 @@ class _Run:
         step = self.tracker.step(frame)
         tracks = self.recorder.add(frame.index, step, gradient_rad=dominant_gradient(frame, step.uv[step.born]))
         self.truth.observe(frame.index, tracks, step.uv, step.born)
+        if self.second is not None:
+            self.second.observe(frame.index, tracks, step.uv, step.born)
 
 
 class _Pass:
     """All tracker setups on one sequence."""
 
     def __init__(
-        self, sequence: Sequence, conditions: Items[TrackerSetup], truth: Truth, *, snapshot_frame: int, seed: int
+        self,
+        sequence: Sequence,
+        conditions: Items[TrackerSetup],
+        truth: Truth,
+        second: Truth | None,
+        *,
+        snapshot_frame: int,
+        seed: int,
     ) -> None:
         self._sequence = sequence
         self._runs = [
-            _Run(condition.speed, _start(condition, sequence, truth, seed), Recorder(), truth.start())
+            _Run(
+                condition.speed,
+                _start(condition, sequence, truth, seed),
+                Recorder(),
+                truth.start(),
+                None if second is None else second.start(),
+            )
             for condition in conditions
         ]
         self._notes = _notes(conditions, [run.tracker for run in self._runs])
@@ -165,7 +188,9 @@ class _Pass:
         """What was recorded, and the true positions."""
         recordings = [run.recorder.finish() for run in self._runs]
         positions = [run.truth.resolve() for run in self._runs]
-        return TrackingResult(recordings, positions, self._snapshot_frame, self._snapshot, self._notes)
+        sessions = [run.second for run in self._runs if run.second is not None]
+        second = [session.resolve() for session in sessions] or None
+        return TrackingResult(recordings, positions, self._snapshot_frame, self._snapshot, self._notes, second)
 
 
 def _start(condition: TrackerSetup, sequence: Sequence, truth: Truth, seed: int) -> Tracker:
@@ -177,8 +202,8 @@ def _start(condition: TrackerSetup, sequence: Sequence, truth: Truth, seed: int)
             speed=condition.speed,
             seed=seed,
             truth=truth if isinstance(truth, OracleTruth) else None,
-            frames_without_pose=frozenset(np.flatnonzero(~has_pose(sequence.world_from_camera)).tolist()),
-            timestamps_s=getattr(sequence, "timestamps_s", None),  # sequences of other packages may lack it
+            frames_without_pose=frozenset(np.flatnonzero(~RowPoses(sequence).known).tolist()),
+            timestamps_s=times_of(sequence),
             source_frames=source_frames(sequence),
         )
     )

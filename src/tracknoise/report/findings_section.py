@@ -19,6 +19,12 @@ from tracknoise.statistics.factors import ReferenceCondition
 
 _GROWTH = {"white": "constant", "none": "other"}
 """Words for verdicts that need more than their name."""
+_METRICS = {
+    "delta_avg": "position accuracy",
+    "average_jaccard": "average Jaccard",
+    "occlusion_accuracy": "occlusion accuracy",
+    "expected_feature_age": "expected feature age",
+}
 NOTHING = "Findings were not computed for this run. `tracknoise run` computes them."
 _ZERO = {"yes": "no", "no": "yes", "undecided": "undecided"}
 """Whether the mean error is zero, by the verdict on whether it differs from zero."""
@@ -73,6 +79,25 @@ def fitted_noise(data: ReportData) -> Cells | None:
     headings = ["tracker", "speed", "from", "observations per track", "coordinate", "observations", "sigma (px)"]
     caption = f"Noise of one coordinate{data.where}, corrected for the fit. {SELF_REFERENTIAL}"
     return Cells(caption, headings, shown, [False, True, False, True, False, True, True])
+
+
+def point_tracking(data: ReportData) -> Cells | None:
+    """Metrics of point trackers, one row per condition and metric; None where they were not asked for."""
+    rows = data.reference(data.point_tracking_metrics).filter(pl.col("metric").is_in([*_METRICS]))
+    if rows.is_empty():
+        return None
+    shown = [
+        [
+            str(row["tracker"]),
+            str(row["speed"]),
+            _METRICS[row["metric"]],
+            str(row["raster"]),
+            format_estimate(Estimate.of_row(row, "value", "low", "high", "share")),
+        ]
+        for row in rows.to_dicts()
+    ]
+    caption = f"Metrics of TAP-Vid (query mode first) and expected feature age{data.where}, means over sequences."
+    return Cells(caption, ["tracker", "speed", "metric", "px of", "mean"], shown, [False, True, False, False, True])
 
 
 def _lengths(low: int | None, high: int | None) -> str:

@@ -42,8 +42,8 @@ class ReportData:
         State of the run, and its resolved experiment.
     curves, cores, lifetimes, outliers, trims, errors, counts, summary, effects, aspect_curves, changes
         Its pooled tables.
-    intervals, incidence, seed_spread, triangulated_noise, zero_mean, gaussianity, radii, time_structure,
-    dependence, findings
+    two_truths, pose_disagreement, intervals, incidence, seed_spread, triangulated_noise, point_tracking_metrics,
+    zero_mean, gaussianity, radii, time_structure, dependence, findings
         Its findings. These tables have no rows where findings were not computed.
     """
 
@@ -62,10 +62,13 @@ class ReportData:
     effects: pl.DataFrame
     aspect_curves: pl.DataFrame
     changes: pl.DataFrame
+    two_truths: pl.DataFrame
+    pose_disagreement: pl.DataFrame
     intervals: pl.DataFrame
     incidence: pl.DataFrame
     seed_spread: pl.DataFrame
     triangulated_noise: pl.DataFrame
+    point_tracking_metrics: pl.DataFrame
     zero_mean: pl.DataFrame
     gaussianity: pl.DataFrame
     radii: pl.DataFrame

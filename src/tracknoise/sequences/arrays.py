@@ -13,6 +13,7 @@ from tracknoise.exceptions import DataError, first_line
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
+from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.poses import checked_poses, has_pose
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.tables.identity import SequenceId
@@ -35,6 +36,7 @@ class Sequence(RecordedSequence):
         *,
         timestamps_s: ArrayLike | None = None,
         distortion: Items[float] = (),
+        readout_s: float | None = None,
         dataset: str = "arrays",
         scene: str = "scene",
     ) -> "Sequence":
@@ -58,6 +60,9 @@ class Sequence(RecordedSequence):
             (n,) seconds, increasing.
         distortion
             Radial-tangential coefficients as OpenCV orders them: 4, 5 or 8.
+        readout_s
+            Time from the upper edge of the first row to the lower edge of the last of a rolling shutter, seconds; the
+            timestamp is that of the middle of the image. By default all rows are exposed together.
         dataset, scene
             Names in the tables. Each sequence of an analysis needs its own scene.
 
@@ -84,6 +89,7 @@ class Sequence(RecordedSequence):
             depths=maps,
             notes=notes,
             timestamps_s=None if timestamps_s is None else _floats("timestamps_s", timestamps_s, 1),
+            shutter=_shutter(readout_s),
         )
 
 
@@ -178,6 +184,13 @@ def _camera(K: ArrayLike | CameraModel, distortion: tuple[float, ...], shape: tu
     if not camera.is_invertible:
         raise DataError(_PLACE, f"distortion {list(distortion)}", "one that can be inverted up to the image's border")
     return camera
+
+
+def _shutter(readout_s: float | None) -> RollingShutter | None:
+    try:
+        return RollingShutter(float(readout_s)) if readout_s else None
+    except (TypeError, ValueError) as error:
+        raise DataError(_PLACE, f"readout_s {readout_s!r}", "seconds between -1 and 1") from error
 
 
 def _poses(poses: ArrayLike) -> tuple[NDArray[np.float64], tuple[str, ...]]:

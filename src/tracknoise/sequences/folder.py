@@ -1,6 +1,7 @@
 """A plain layout on disk, for your own data and for simulated sequences: see docs/folder-layout.md.
 
-``images/NNNNNN.png``, ``depth/NNNNNN.npy``, ``poses.txt`` and ``camera.json``; frames are numbered from 0.
+``images/NNNNNN.png``, ``depth/NNNNNN.npy``, ``poses.txt``, ``camera.json`` and, if known, ``timestamps.txt``.
+Frames are numbered from 0.
 """
 
 import json
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from tracknoise.checks import require_at_least, require_positive
 from tracknoise.exceptions import DataError
+from tracknoise.foreign.files import is_regular_file
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.lenses import COEFFICIENTS, KnownCamera, model_of
@@ -30,10 +32,10 @@ from tracknoise.sequences.pinhole import only_camera
 from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses, surplus_notes
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.scenes import find_scenes, numbered_files, parent_of, require_unbroken, scene_folder
-from tracknoise.sequences.sequence import Sequence
+from tracknoise.sequences.sequence import Sequence, shutter_of, times_of
 from tracknoise.tables.identity import SequenceId
 
-_IMAGES, _DEPTH, _POSES, _CAMERA = "images", "depth", "poses.txt", "camera.json"
+_IMAGES, _DEPTH, _POSES, _CAMERA, _TIMES = "images", "depth", "poses.txt", "camera.json", "timestamps.txt"
 _PARTS = frozenset((_IMAGES, _DEPTH, _POSES, _CAMERA))
 _COLUMNS = "tx ty tz qx qy qz qw"
 _DEFAULT_MODEL = "radtan"
@@ -121,6 +123,8 @@ class Folder:
             source=str(folder / _IMAGES),
             camera=camera,
             world_from_camera=_poses(rows[: len(images)], places),
+            timestamps_s=_timestamps(folder / _TIMES, len(images)),
+            shutter=stated.shutter,
             images=ImageFiles(images, camera, self.image_levels),
             depths=depth_files(depths, camera, partial(_with_radius, read_depth, self.depth_radius_px)),
             notes=(
@@ -168,8 +172,8 @@ def write_folder(sequence: Sequence, path: Path, *, progress: Callable[[int, int
     Raises
     ------
     DataError
-        If the camera is of a model that the layout cannot hold, or changes, or the folder is neither new nor empty, or
-        cannot be written.
+        If the camera is of a model that the layout cannot hold, or changes, the shutter exposes columns, or the folder
+        is neither new nor empty, or cannot be written.
     """
     with new_folder(path) as unfinished:
         _write_files(sequence, unfinished, progress)
@@ -190,6 +194,10 @@ def _write_files(sequence: Sequence, folder: Path, progress: Callable[[int, int]
     camera = {**_camera_entries(sequence), "source": source}
     (folder / _CAMERA).write_text(json.dumps(camera, indent=2) + "\n", encoding="utf-8")
     (folder / _POSES).write_text(_pose_lines(sequence.world_from_camera), encoding="utf-8")
+    times = times_of(sequence)
+    if times is not None:
+        lines = ["# timestamp_s (seconds; one row per frame)", *map(repr, times.tolist()), ""]
+        (folder / _TIMES).write_text("\n".join(lines), encoding="utf-8")
 
 
 def _camera_entries(sequence: Sequence) -> dict[str, Any]:
@@ -200,7 +208,17 @@ def _camera_entries(sequence: Sequence) -> dict[str, Any]:
             sequence.source, f"a camera of the model {type(camera).__name__}", f"one of {', '.join(COEFFICIENTS)}"
         )
     model = model_of(camera)
-    return ({} if model == _DEFAULT_MODEL else {"model": model}) | asdict(camera)
+    return ({} if model == _DEFAULT_MODEL else {"model": model}) | asdict(camera) | _readout(sequence)
+
+
+def _readout(sequence: Sequence) -> dict[str, float]:
+    """Key of camera.json for a rolling shutter; nothing where all rows are exposed together."""
+    shutter = shutter_of(sequence)
+    if shutter is None:
+        return {}
+    if shutter.axis != 1:
+        raise DataError(sequence.source, "a shutter that exposes columns", "one that exposes rows, of unturned images")
+    return {"readout_s": shutter.readout_s}
 
 
 def _plain(depth: DepthMap) -> NDArray[np.float32]:
@@ -230,6 +248,14 @@ def _poses(rows: NDArray[np.float64], places: list[str]) -> NDArray[np.float64]:
     poses = np.full((len(rows), 4, 4), np.nan)
     poses[known] = quaternion_poses(rows[known, :3], rows[known, 3:], list(compress(places, known)))
     return poses
+
+
+def _timestamps(path: Path, n_frames: int) -> NDArray[np.float64] | None:
+    """(n,) float64, seconds; None where there is no file. Like poses, times beyond the last image are left out."""
+    if not is_regular_file(path):
+        return None
+    rows, _ = read_rows(path, "timestamp_s")
+    return rows[:n_frames, 0]
 
 
 def _depth_reader(folder: Path, depths: tuple[Path | None, ...], depth_unit_m: float | None) -> DepthReader:

@@ -57,7 +57,7 @@ def read_rows(path: Path, columns: str) -> tuple[NDArray[np.float64], list[str]]
     for number, line in enumerate(read_text(path, f"rows of {columns}").splitlines(), start=1):
         if line.strip() and not line.lstrip().startswith("#"):
             places.append(f"{path}:{number}")
-            rows.append(_numbers(line.split(), columns, places[-1]))
+            rows.append(numbers(line.split(), columns, places[-1]))
     return np.array(rows, dtype=np.float64).reshape(len(rows), len(columns.split())), places
 
 
@@ -103,7 +103,7 @@ def quaternion_poses(
         Naming the first place with NaN, infinity, or a quaternion of another norm.
     """
     _require_finite(np.concatenate([translation_m, xyzw], axis=1), places)
-    _require_near(translation_m, places)
+    require_near(translation_m, places)
     with np.errstate(over="ignore"):
         norm = np.linalg.norm(xyzw, axis=1)
     for index in np.flatnonzero(np.abs(norm - 1.0) > RIGID_TOLERANCE)[:1]:
@@ -134,7 +134,7 @@ def checked_poses(poses: NDArray[np.float64], places: Sequence[Place]) -> tuple[
         Naming the first place with NaN, infinity, a reflection, a scale, a shear, or a last row other than 0 0 0 1.
     """
     _require_finite(poses, places)
-    _require_near(poses[:, :3, 3], places)
+    require_near(poses[:, :3, 3], places)
     _require_rigid(poses, places)
     rigid, correction = nearest_rigid(poses)
     worst = int(np.argmax(correction)) if len(correction) else 0
@@ -203,7 +203,14 @@ def require_poses(place: Place, *, poses: int, images: int) -> None:
         raise DataError(place, f"{poses} poses", f"at least {images}, one for each image")
 
 
-def _numbers(fields: list[str], columns: str, place: str) -> list[float]:
+def numbers(fields: list[str], columns: str, place: str) -> list[float]:
+    """Numbers of one row of a text file.
+
+    Raises
+    ------
+    DataError
+        If there are more or fewer fields than `columns` has names, or a field is not a number: see `read_rows`.
+    """
     expected = len(columns.split())
     if len(fields) != expected:
         raise DataError(place, f"{len(fields)} field{'s' if len(fields) != 1 else ''}", f"{expected} ({columns})")
@@ -229,8 +236,15 @@ def _require_finite(values: NDArray[np.float64], places: Sequence[Place]) -> Non
         raise DataError(places[index], "NaN or infinity in the pose", "finite numbers")
 
 
-def _require_near(translation_m: NDArray[np.float64], places: Sequence[Place]) -> None:
-    for index in np.flatnonzero(np.abs(translation_m).max(axis=1, initial=0.0) > _FARTHEST_M)[:1]:
+def require_near(translation_m: NDArray[np.float64], places: Sequence[Place]) -> None:
+    """Check that positions, (n, any) float64, are not so far away that arithmetic with them overflows.
+
+    Raises
+    ------
+    DataError
+        Naming the first place, of n, that is farther away than 1e9 m, or NaN.
+    """
+    for index in np.flatnonzero(~(np.abs(translation_m).max(axis=1, initial=0.0) <= _FARTHEST_M))[:1]:
         found = f"a position of {' '.join(f'{value:g}' for value in translation_m[index])}"
         raise DataError(places[index], found, f"metres, up to {_FARTHEST_M:g}")
 

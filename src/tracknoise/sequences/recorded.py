@@ -10,6 +10,7 @@ from tracknoise.exceptions import DataError
 from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy, TruthAccuracy
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
+from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.poses import require_some_poses
 from tracknoise.sequences.sequence import TRIANGULATED, SecondCamera, TruthKind
 from tracknoise.tables.identity import SequenceId
@@ -51,12 +52,15 @@ class RecordedSequence:
         What the scene has in common with others, such as the place; None where it is independent of all others.
     second
         A second camera, for depth from stereo; None where there is none.
+    shutter
+        How images are read out; None where all rows of an image are exposed together. It needs timestamps.
 
     Raises
     ------
     DataError
         If there is no frame, fewer than two of several frames have a pose, the counts of images, depths, timestamps or
-        cameras differ from that of the poses, the timestamps do not increase, or the cameras have different sizes.
+        cameras differ from that of the poses, the timestamps do not increase, there is a shutter without timestamps, or
+        the cameras have different sizes.
     """
 
     id: SequenceId
@@ -73,6 +77,7 @@ class RecordedSequence:
     truth_accuracy: TruthAccuracy | None = None
     group: str | None = None
     second: SecondCamera | None = None
+    shutter: RollingShutter | None = None
 
     def __post_init__(self) -> None:
         place = f"{self.id.dataset} {self.id.scene}"
@@ -82,8 +87,10 @@ class RecordedSequence:
             if count != len(self):
                 raise DataError(place, f"{count} {name}", f"one for each of the {len(self)} poses")
         require_some_poses(self.world_from_camera, place)
-        if self.timestamps_s is not None and not np.all(np.diff(self.timestamps_s) > 0.0):
+        if self.timestamps_s is not None and not _increase(self.timestamps_s):
             raise DataError(place, "timestamps that do not increase", "increasing timestamps")
+        if self.shutter is not None and self.timestamps_s is None:
+            raise DataError(place, "a rolling shutter without timestamps", "the time of each frame, seconds")
         if len({(camera.width, camera.height) for camera in (self.camera, *(self.cameras or ()))}) > 1:
             raise DataError(place, "cameras of different image sizes", "one size for all frames")
 
@@ -149,3 +156,7 @@ class RecordedSequence:
         for name, part in parts:
             if isinstance(part, Sized):
                 yield name, len(part)
+
+
+def _increase(times_s: NDArray[np.float64]) -> bool:
+    return bool(np.isfinite(times_s).all() and np.all(np.diff(times_s) > 0.0))

@@ -22,7 +22,7 @@ READERS: Plugins[Reader] = Plugins(
         "kitti-odometry": "tracknoise.sequences.kitti.odometry:KittiOdometry",
         "nerfstudio": "tracknoise.sequences.nerfstudio.reader:Nerfstudio",
         "rosbag": "tracknoise.sequences.rosbag.reader:Rosbag",
-        "sevenscenes": "tracknoise.sequences.sevenscenes:SevenScenes",
+        "sevenscenes": "tracknoise.sequences.sevenscenes.reader:SevenScenes",
         "simulated": "tracknoise.sequences.simulated:Simulated",
         "tartanair": "tracknoise.sequences.tartanair:TartanAir",
         "tum": "tracknoise.sequences.tum.reader:Tum",

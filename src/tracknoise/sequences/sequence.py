@@ -14,6 +14,7 @@ from tracknoise.foreign.files import is_folder, is_regular_file
 from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy, TruthAccuracy
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
+from tracknoise.geometry.interpolation import PosePath
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.tables.identity import SequenceId
 
@@ -200,6 +201,34 @@ class ShutteredSequence(Protocol):
 def shutter_of(sequence: Sequence) -> RollingShutter | None:
     """The rolling shutter of a sequence; None where all rows of an image are exposed together."""
     return sequence.shutter if isinstance(sequence, ShutteredSequence) else None
+
+
+def times_of(sequence: Sequence) -> NDArray[np.float64] | None:
+    """(n,) float64: the time of each frame, seconds; None where unknown, as of sequences that have no such property."""
+    times: NDArray[np.float64] | None = getattr(sequence, "timestamps_s", None)
+    return times
+
+
+@runtime_checkable
+class PathSequence(Protocol):
+    """A `Sequence` that knows poses at other times than those of its frames, such as those of frames left out."""
+
+    @property
+    def path(self) -> PosePath | None:
+        """Poses over time, on the clock of the timestamps; None where only those of the frames are known.
+
+        At the time of a frame it has the pose of the frame.
+        """
+        ...
+
+
+def path_of(sequence: Sequence) -> PosePath | None:
+    """Poses of a sequence over time: its own, or those of its frames; None without two frames with timestamps."""
+    own = sequence.path if isinstance(sequence, PathSequence) else None
+    if own is not None:
+        return own
+    times = times_of(sequence)
+    return None if times is None or len(times) < 2 else PosePath(times, sequence.world_from_camera)
 
 
 @runtime_checkable

@@ -1,12 +1,11 @@
 """Sequences of rendered images, with exact poses, depth and surface."""
 
 import math
-import zlib
 from collections.abc import Collection
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,22 +14,22 @@ from scipy.spatial.transform import Rotation
 from tracknoise.checks import require, require_at_least, require_at_most
 from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.foreign.files import is_regular_file
-from tracknoise.geometry.accuracy import EXACT_DEPTH, EXACT_POSE, DepthAccuracy, PoseAccuracy
-from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.lenses import COEFFICIENTS, KnownCamera, make_camera
-from tracknoise.sequences.sequence import SecondCamera, TruthKind
+from tracknoise.sequences.fault_options import Faults
+from tracknoise.sequences.faults import with_faults
+from tracknoise.sequences.sequence import Sequence
+from tracknoise.sequences.simulated_sequence import SimulatedSequence
+from tracknoise.simulation.imaging import Imaging
 from tracknoise.simulation.light import LIGHTINGS
 from tracknoise.simulation.motion import MOTIONS
 from tracknoise.simulation.places import PLACES
-from tracknoise.simulation.raycast import Raycaster, depth_map, surface_points
-from tracknoise.simulation.render import Quality, Renderer
+from tracknoise.simulation.rendered_world import RenderedWorld
 from tracknoise.simulation.scenery import Scenery
 from tracknoise.simulation.sdf.library import model_names
 from tracknoise.simulation.sdf.load import load_world
-from tracknoise.simulation.sensor import expose
+from tracknoise.simulation.streams import Stream, generator
 from tracknoise.tables.identity import DEFAULT_LIGHTING, SequenceId
 
-_WORLD, _PATH, _NOISE, _SECOND_NOISE = range(4)  # independent streams of random numbers
 _DEFAULT_WORLD = "plaza"
 _LIMITS = {
     "worlds": (1, 100_000),
@@ -83,7 +82,11 @@ class Simulated:
     lightings
         Names in `tracknoise.simulation.light.LIGHTINGS`.
     seed
-        Of worlds, paths and noise.
+        Of worlds, paths, noise and faults.
+    imaging
+        Shutter, exposure, gain, fixed pattern and compression: see docs/effects.md. The truth stays exact.
+    faults
+        What is wrong with the stated poses, camera and depth: see docs/effects.md. Images stay as they are.
 
     Raises
     ------
@@ -116,6 +119,8 @@ class Simulated:
     shadows: bool = False
     lightings: tuple[str, ...] = (DEFAULT_LIGHTING,)
     seed: int = 0
+    imaging: Imaging = field(default_factory=Imaging)
+    faults: Faults = field(default_factory=Faults)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "motions", _names("motion", self.motions, MOTIONS))
@@ -131,6 +136,8 @@ class Simulated:
         require(all(map(math.isfinite, self.origin)), "origin", self.origin, "three finite numbers (x, y, z in metres)")
         require(math.isfinite(self.yaw_deg), "yaw_deg", self.yaw_deg, "a finite number")
         self._require_that_world_and_motions_fit()
+        timed = self.imaging.readout_s or self.imaging.exposure_s
+        require(self.frames > 1 or not timed, "frames", self.frames, "at least 2, with a readout_s or exposure_s")
 
     def _require_lens(self) -> None:
         if self.lens not in COEFFICIENTS:
@@ -188,7 +195,7 @@ class Simulated:
             for lighting in self.lightings
         )
 
-    def open(self, sequence: SequenceId) -> "SimulatedSequence":
+    def open(self, sequence: SequenceId) -> Sequence:
         """Make the camera path of one sequence. Its world is built when it is first used.
 
         Raises
@@ -197,18 +204,32 @@ class Simulated:
             If there is no such scene or lighting.
         DataError
             As `sequences`.
+        SettingsError
+            If the faults do not suit the sequence.
         """
+        return self.open_in(self.world_of(sequence.scene), sequence)
+
+    def world_of(self, scene: str) -> RenderedWorld:
+        """The world of a scene, for `open_in`. It is built when it is first used."""
+        return RenderedWorld(partial(self.build, scene))
+
+    def open_in(self, world: RenderedWorld, sequence: SequenceId) -> Sequence:
+        """As `open`, in a world that several sequences share: those of one scene with other imaging or faults."""
+        self._require_listed(sequence)
+        motion = MOTIONS[sequence.scene.rpartition("-")[0]]
+        poses = motion(self.frames, generator(self.seed, Stream.path, sequence.scene))
+        if self.world_file is not None:
+            poses = self._world_from_motion() @ poses
+        opened = SimulatedSequence(sequence, self.camera, poses, self, world)
+        return with_faults(opened, self.faults, seed=self.seed)
+
+    def _require_listed(self, sequence: SequenceId) -> None:
         listed = self.sequences()
         if sequence not in listed:
             known = {item.lighting for item in listed if item.scene == sequence.scene}
             if known:
                 raise UnknownNameError("lighting", sequence.lighting, known)
             raise UnknownNameError("scene", sequence.scene, {item.scene for item in listed})
-        motion = MOTIONS[sequence.scene.rpartition("-")[0]]
-        poses = motion(self.frames, _generator(self.seed, _PATH, sequence.scene))
-        if self.world_file is not None:
-            poses = self._world_from_motion() @ poses
-        return SimulatedSequence(sequence, self.camera, poses, self)
 
     def build(self, scene: str) -> Scenery:
         """Make or read the world of a scene.
@@ -220,7 +241,7 @@ class Simulated:
         """
         if self.world_file is not None:
             return load_world(self.world_file, models=self.models)
-        return PLACES[self.world].build(_generator(self.seed, _WORLD, scene), self.models)
+        return PLACES[self.world].build(generator(self.seed, Stream.world, scene), self.models)
 
     def _world_from_motion(self) -> NDArray[np.float64]:
         """(4, 4) float64: from the frame of the motion to that of the world file."""
@@ -228,145 +249,6 @@ class Simulated:
         pose[:3, :3] = Rotation.from_euler("z", self.yaw_deg, degrees=True).as_matrix()
         pose[:3, 3] = self.origin
         return pose
-
-
-@dataclass(frozen=True, eq=False)
-class SimulatedSequence:
-    """A `tracknoise.sequences.sequence.Sequence` that renders each frame when asked for it.
-
-    Parameters
-    ----------
-    id
-        Which sequence.
-    camera
-        Intrinsics of all its images.
-    world_from_camera
-        (n, 4, 4) float64.
-    settings
-        The reader's settings.
-    """
-
-    id: SequenceId
-    camera: KnownCamera
-    world_from_camera: NDArray[np.float64]
-    settings: Simulated
-
-    def __len__(self) -> int:
-        return len(self.world_from_camera)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Only the fields: a copy in another process builds its world again."""
-        return {name: self.__dict__[name] for name in self.__dataclass_fields__}
-
-    @property
-    def source(self) -> str:
-        """Name of the simulated scene and of its world file."""
-        file = self.settings.world_file
-        return f"simulated scene {self.id.scene}" + ("" if file is None else f" in {file}")
-
-    @property
-    def timestamps_s(self) -> None:
-        """None: a simulated camera path has no speed in metres per second."""
-        return None
-
-    @property
-    def pose_accuracy(self) -> PoseAccuracy:
-        """Poses are exact."""
-        return EXACT_POSE
-
-    @property
-    def depth_accuracy(self) -> DepthAccuracy:
-        """Depths are exact."""
-        return EXACT_DEPTH
-
-    @property
-    def truths(self) -> tuple[TruthKind, ...]:
-        """Ray cast first: it needs no interpolation."""
-        return (TruthKind.raycast, TruthKind.birth)
-
-    @property
-    def group(self) -> str:
-        """The motion: scenes of one motion have similar errors."""
-        return self.id.scene.rpartition("-")[0]
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Which models are in the world, and which of their parts are not rendered as in Gazebo."""
-        return self._scenery.notes
-
-    def image(self, index: int) -> NDArray[np.uint8]:
-        """(height, width) uint8: one frame. It does not depend on the order in which frames are read."""
-        return self._exposed(self.world_from_camera[index], _NOISE, index)
-
-    @property
-    def second(self) -> SecondCamera | None:
-        """A camera of the same model, on the right of the first; None where the settings have none."""
-        if not self.settings.baseline_m:
-            return None
-        first_from_second = np.eye(4)
-        first_from_second[0, 3] = self.settings.baseline_m
-        return SecondCamera(self.camera, first_from_second, self._second_image)
-
-    def depth(self, index: int) -> DepthMap:
-        """Exact depth of one frame at the pixel centres, float64."""
-        return depth_map(self._raycaster, self.camera, self.world_from_camera[index])
-
-    @property
-    def surface(self) -> "SimulatedSequence":
-        """The exact surface: the sequence itself, through `cast`."""
-        return self
-
-    @property
-    def scan(self) -> None:
-        """None: the surface itself is known."""
-        return None
-
-    def cast(self, index: int, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """First surface points on the rays through pixels of one frame (truth.raycast).
-
-        Parameters
-        ----------
-        index
-            Frame.
-        uv
-            (n, 2) float64, px.
-
-        Returns
-        -------
-        points_world : (n, 3) float64
-            Metres, world frame; the camera's position where nothing is hit.
-        hit : (n,) bool
-        """
-        return surface_points(self._raycaster, self.camera, self.world_from_camera[index], uv)
-
-    def _second_image(self, index: int) -> NDArray[np.uint8]:
-        pose = self.world_from_camera[index].copy()
-        pose[:3, 3] += self.settings.baseline_m * pose[:3, 0]
-        return self._exposed(pose, _SECOND_NOISE, index)
-
-    def _exposed(self, world_from_camera: NDArray[np.float64], stream: int, index: int) -> NDArray[np.uint8]:
-        noise = _generator(self.settings.seed, stream, f"{self.id.scene} {self.id.lighting}", index)
-        return expose(self._renderer.image(world_from_camera), self.settings.noise_sigma, noise)
-
-    @cached_property
-    def _scenery(self) -> Scenery:
-        return self.settings.build(self.id.scene)
-
-    @cached_property
-    def _raycaster(self) -> Raycaster:
-        return Raycaster(self._scenery.world)
-
-    @cached_property
-    def _renderer(self) -> Renderer:
-        quality = Quality(self.settings.supersampling, self.settings.shadows)
-        lighting = LIGHTINGS[self.id.lighting]
-        world = self._scenery.world
-        return Renderer(world, self._raycaster, camera=self.camera, lighting=lighting, quality=quality)
-
-
-def _generator(seed: int, stream: int, name: str, index: int = 0) -> np.random.Generator:
-    """A generator that depends only on its arguments, so that frames can be rendered in any order."""
-    return np.random.default_rng([seed, stream, zlib.crc32(name.encode()), index])
 
 
 def _names(kind: str, names: tuple[str, ...], known: Collection[str]) -> tuple[str, ...]:

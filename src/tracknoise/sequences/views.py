@@ -10,11 +10,26 @@ from tracknoise.exceptions import DataError
 from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy, TruthAccuracy
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
+from tracknoise.geometry.interpolation import PosePath
+from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.frame_range import frame_range, range_note
-from tracknoise.sequences.sequence import Scan, Sequence, Surface, accuracy_of, camera_at, group_of
+from tracknoise.sequences.sequence import (
+    AccurateSequence,
+    Scan,
+    Sequence,
+    Surface,
+    camera_at,
+    group_of,
+    path_of,
+    shutter_of,
+)
 from tracknoise.tables.identity import Direction, SequenceId
 
 QUARTER_DEG = 90
+_UPRIGHT_FROM_TURNED = np.array(
+    [[0.0, -1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+)
+"""Pose of the axes of a turned camera in those of the upright one."""
 
 
 def view(
@@ -135,9 +150,9 @@ class View:
         return self.sequence.depth_accuracy
 
     @property
-    def truth_accuracy(self) -> TruthAccuracy:
+    def truth_accuracy(self) -> TruthAccuracy | None:
         """That of the sequence shown; frames are those of the recording."""
-        return accuracy_of(self.sequence)
+        return self.sequence.truth_accuracy if isinstance(self.sequence, AccurateSequence) else None
 
     @property
     def truths(self) -> tuple[str, ...]:
@@ -153,6 +168,11 @@ class View:
     def group(self) -> str | None:
         """That of the sequence shown."""
         return group_of(self.sequence)
+
+    @property
+    def shutter(self) -> RollingShutter | None:
+        """That of the sequence shown."""
+        return shutter_of(self.sequence)
 
     @property
     def scan(self) -> Scan | None:
@@ -236,6 +256,11 @@ class ChosenFrames(View):
         return None if times is None else times[self._slice]
 
     @property
+    def path(self) -> PosePath | None:
+        """That of the sequence shown: the poses of all its frames."""
+        return path_of(self.sequence)
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Those of the sequence shown, and which of its frames are used unless they are the first."""
         first = range(len(self.frames))
@@ -299,7 +324,19 @@ class Backward(View):
     def timestamps_s(self) -> NDArray[np.float64] | None:
         """(n,) float64, seconds, increasing: the intervals are shown in reverse order; None where unknown."""
         times = self.sequence.timestamps_s
-        return None if times is None else times[0] + (times[-1] - times[::-1])
+        return None if times is None else _reversed(times, times)
+
+    @property
+    def path(self) -> PosePath | None:
+        """Poses over time, the last first; None without timestamps."""
+        times, path = self.sequence.timestamps_s, path_of(self.sequence)
+        return None if times is None or path is None else PosePath(_reversed(path.times, times), path.poses[::-1])
+
+    @property
+    def shutter(self) -> RollingShutter | None:
+        """That of the sequence shown, with its last row first; None where all rows are exposed together."""
+        shutter = shutter_of(self.sequence)
+        return None if shutter is None else shutter.backward()
 
     @property
     def camera(self) -> CameraModel:
@@ -359,10 +396,20 @@ class Turned(View):
     @property
     def world_from_camera(self) -> NDArray[np.float64]:
         """(n, 4, 4) float64: the same positions, with the axes of the camera turned."""
-        upright_from_turned = np.diag([0.0, 0.0, 1.0, 1.0])
-        upright_from_turned[0, 1], upright_from_turned[1, 0] = -1.0, 1.0
-        turned: NDArray[np.float64] = self.sequence.world_from_camera @ upright_from_turned
+        turned: NDArray[np.float64] = self.sequence.world_from_camera @ _UPRIGHT_FROM_TURNED
         return turned
+
+    @property
+    def path(self) -> PosePath | None:
+        """Poses over time, with the axes of the camera turned; None without timestamps."""
+        path = path_of(self.sequence)
+        return None if path is None else replace(path, poses=path.poses @ _UPRIGHT_FROM_TURNED)
+
+    @property
+    def shutter(self) -> RollingShutter | None:
+        """That of the turned images; None where all rows are exposed together."""
+        shutter = shutter_of(self.sequence)
+        return None if shutter is None else shutter.turned()
 
     def image(self, index: int) -> NDArray[np.uint8]:
         """(height, width) uint8: see `Sequence.image`."""
@@ -379,3 +426,9 @@ class Turned(View):
         """First surface points on the rays through pixels: see `Surface.cast`."""
         upright = np.stack([self.sequence.camera.width - 1 - uv[:, 1], uv[:, 0]], axis=-1)
         return View.cast(self, index, upright)
+
+
+def _reversed(times_s: NDArray[np.float64], frames_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Times in the reverse order, so that the first and the last of `frames_s` change places."""
+    times: NDArray[np.float64] = frames_s[0] + (frames_s[-1] - times_s[::-1])
+    return times

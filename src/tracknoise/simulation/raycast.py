@@ -39,7 +39,7 @@ class Raycaster:
         Parameters
         ----------
         origin
-            (3,) float64, metres, world frame; the same for all rays.
+            (3,) or (n, 3) float64, metres, world frame: one for all rays, or one for each.
         directions
             (n, 3) float32, world frame, of any length.
 
@@ -60,7 +60,7 @@ class Raycaster:
         Parameters
         ----------
         origin
-            (3,) float64, metres, world frame.
+            (3,) or (n, 3) float64, metres, world frame: one for all rays, or one for each.
         directions
             (n, 3) float64, world frame.
 
@@ -74,7 +74,8 @@ class Raycaster:
         triangle = self.first_triangle(origin, directions.astype(np.float32))
         hit = triangle != MISS
         normals = self.normals[triangle]
-        ahead = self.plane_offsets[triangle] - np.einsum("ni,i->n", normals, origin)
+        origins = np.broadcast_to(origin, normals.shape)
+        ahead = self.plane_offsets[triangle] - np.einsum("ni,ni->n", normals, origins)
         along = np.einsum("ni,ni->n", normals, directions)
         return np.divide(ahead, along, out=np.zeros(len(directions)), where=hit), hit
 
@@ -118,7 +119,7 @@ def surface_points(
     camera
         Camera of the pixels.
     world_from_camera
-        (4, 4) float64.
+        (4, 4) float64, or (n, 4, 4) with a pose for each pixel, as under a rolling shutter.
     uv
         (n, 2) float64, px.
 
@@ -129,7 +130,7 @@ def surface_points(
     hit : (n,) bool
     """
     directions, depth_m, hit = _cast(raycaster, camera, world_from_camera, uv)
-    return world_from_camera[:3, 3] + depth_m[:, None] * directions, hit
+    return world_from_camera[..., :3, 3] + depth_m[:, None] * directions, hit
 
 
 def depth_map(raycaster: Raycaster, camera: CameraModel, world_from_camera: NDArray[np.float64]) -> DepthMap:
@@ -142,12 +143,14 @@ def depth_map(raycaster: Raycaster, camera: CameraModel, world_from_camera: NDAr
     camera
         The camera.
     world_from_camera
-        (4, 4) float64.
+        (4, 4) float64, or (height, 4, 4) with a pose for each row. A depth is along z of the camera in its own pose.
     """
     shape = (camera.height, camera.width)
     v, u = np.indices(shape, dtype=np.float64)
     uv = np.stack([u.ravel(), v.ravel()], axis=-1)
-    _, depth_m, hit = _cast(raycaster, camera, world_from_camera, uv)
+    rolled = world_from_camera.ndim > 2
+    poses = np.repeat(world_from_camera, camera.width, axis=0) if rolled else world_from_camera
+    _, depth_m, hit = _cast(raycaster, camera, poses, uv)
     return DepthMap(depth_m.reshape(shape), hit.reshape(shape))
 
 
@@ -162,9 +165,10 @@ def _cast(
     raycaster: Raycaster, camera: CameraModel, world_from_camera: NDArray[np.float64], uv: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
     """Directions of depth 1 through pixels, world frame; depths; hits. A pixel without a ray hits nothing."""
-    rotation, centre = world_from_camera[:3, :3], world_from_camera[:3, 3]
+    rotation, centre = world_from_camera[..., :3, :3], world_from_camera[..., :3, 3]
     bearings = camera.bearings(uv)
     seeing = ~np.isnan(bearings[:, 0])
-    directions = np.einsum("ij,nj->ni", rotation, np.where(seeing[:, None], bearings, (0.0, 0.0, 1.0)))
+    rotations = np.broadcast_to(rotation, (len(uv), 3, 3))
+    directions = np.einsum("nij,nj->ni", rotations, np.where(seeing[:, None], bearings, (0.0, 0.0, 1.0)))
     depth_m, hit = raycaster.distances(centre, directions)
     return directions, np.where(seeing, depth_m, 0.0), hit & seeing

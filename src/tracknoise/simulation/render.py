@@ -1,6 +1,6 @@
 """Images of a world through a camera of any model."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,7 +109,7 @@ class Renderer:
         Parameters
         ----------
         world_from_camera
-            (4, 4) float64.
+            (4, 4) float64, or (height, 4, 4) with a pose for each row, as under a rolling shutter.
 
         Returns
         -------
@@ -140,17 +140,25 @@ class Renderer:
 
     def _render(self, world_from_camera: NDArray[np.float64], lights: _Lights) -> list[NDArray[np.float32]]:
         """(height, width) float32 each: one image per light."""
-        view = self._view(world_from_camera)
         camera, samples = self._camera, self._quality.supersampling**2
-        step = max(_RAYS_AT_ONCE // (samples * camera.width), 1)
         bands = []
-        for top in range(0, camera.height, step):
-            rays = self._rays.rows(top, top + step)
+        for view, top, bottom in self._bands(world_from_camera):
+            rays = self._rays.rows(top, bottom)
             seen = self._look(view, rays)
             shades = [np.where(seen.missed, _SKY, seen.reflectance * light) for light in lights(view, seen)]
             visible = [np.where(rays.blind, _BLACK, shade).reshape(-1, samples, camera.width) for shade in shades]
             bands.append([shade.mean(axis=1, dtype=np.float32) for shade in visible])
         return [np.concatenate(image) for image in zip(*bands, strict=True)]
+
+    def _bands(self, world_from_camera: NDArray[np.float64]) -> Iterator[tuple[_View, int, int]]:
+        """What is rendered from one pose: the view, its first row, and the row after its last."""
+        height = self._camera.height
+        if world_from_camera.ndim > 2:
+            yield from ((self._view(pose), row, row + 1) for row, pose in enumerate(world_from_camera))
+            return
+        view = self._view(world_from_camera)
+        step = max(_RAYS_AT_ONCE // (self._quality.supersampling**2 * self._camera.width), 1)
+        yield from ((view, top, min(top + step, height)) for top in range(0, height, step))
 
     def _view(self, world_from_camera: NDArray[np.float64]) -> _View:
         rotation, centre = world_from_camera[:3, :3], world_from_camera[:3, 3]

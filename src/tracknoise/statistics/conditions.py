@@ -47,7 +47,11 @@ def by_condition(
         for key, part in reduce(chunk).partition_by(POOLED, as_dict=True, include_key=False).items():
             parts.setdefault(key, []).append(part)
     columns = reduce(empty(schema)).columns
-    return {key: pl.concat(parts[key]).with_columns(names(key, schema)).select(columns) for key in sorted(parts)}
+    found = {}
+    for key in sorted(parts):
+        known = dict(zip(POOLED, names(key, schema), strict=True))
+        found[key] = pl.concat(parts[key]).select(known.get(column, pl.col(column)) for column in columns)
+    return found
 
 
 def scenes_by_dataset(conditions: Iterable[tuple[Condition, pl.DataFrame]]) -> dict[str, set[str]]:

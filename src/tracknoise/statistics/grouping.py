@@ -47,33 +47,51 @@ class Groups:
 
 def group_rows(table: pl.DataFrame, by: Sequence[str]) -> Groups:
     """Group the rows of `table` that agree in all columns of `by` (at least one)."""
-    found, index = number_combinations([_codes(table[name]) for name in by])
-    return Groups(table.select(by)[_first_rows(index, len(found[0]))], index)
+    keys = table[list(by)]
+    numbers = _numbers(keys)
+    found, index = number_combinations([_codes(numbers[name], keys[name]) for name in by])
+    return Groups(keys[_first_rows(index, len(found[0]))], index)
 
 
-def _codes(column: pl.Series) -> NDArray[np.intp]:
-    """Numbers of the values of a column from 0 on, in their order; null comes first."""
+def _numbers(keys: pl.DataFrame) -> pl.DataFrame:
+    """Names and enumerations as numbers, those of names in the order of their appearance; all in one pass."""
+    names = [column.name for column in keys if column.dtype == pl.String and not _is_constant(column)]
+    enumerations = [column.name for column in keys if column.dtype == pl.Enum]
+    if not names and not enumerations:
+        return keys
+    return keys.with_columns(pl.col(names).cast(pl.Categorical).to_physical(), pl.col(enumerations).to_physical())
+
+
+def _is_constant(column: pl.Series) -> bool:
+    """As the names of a condition are, in most tables."""
+    return not len(column) or (not column.null_count() and bool((column == column[0]).all()))
+
+
+def _codes(column: pl.Series, keys: pl.Series) -> NDArray[np.intp]:
+    """Numbers of the values of a key column from 0 on, in their order, from those of `_numbers`; null comes first."""
     if column.null_count():
         codes = np.zeros(len(column), dtype=np.intp)
-        codes[column.is_not_null().to_numpy()] = _codes(column.drop_nulls()) + 1
+        codes[column.is_not_null().to_numpy()] = _codes(column.drop_nulls(), keys.drop_nulls()) + 1
         return codes
-    if column.dtype == pl.String:
-        if len(column) and (column == column[0]).all():  # the names of a condition, in most tables
-            return np.zeros(len(column), dtype=np.intp)
-        codes = _dense(column.cast(pl.Categorical).to_physical().to_numpy())  # in the order of their appearance
-        names = column[_first_rows(codes, int(codes.max(initial=-1)) + 1)].to_list()
-        place = np.empty(len(names), dtype=np.intp)
-        place[sorted(range(len(names)), key=names.__getitem__)] = np.arange(len(names))
-        return place[codes]
-    return _dense(column.to_physical().to_numpy())
+    if column.dtype == pl.String:  # constant
+        return np.zeros(len(column), dtype=np.intp)
+    codes = _dense(column.to_numpy())
+    if keys.dtype != pl.String:
+        return codes
+    names = keys[_first_rows(codes, int(codes.max(initial=-1)) + 1)].to_list()
+    place = np.empty(len(names), dtype=np.intp)
+    place[sorted(range(len(names)), key=names.__getitem__)] = np.arange(len(names))
+    return place[codes]
 
 
 def _dense(values: NDArray[Any]) -> NDArray[np.intp]:
     """Numbers of the values from 0 on, in their order."""
-    if values.dtype.kind not in "iu" or not len(values) or int(values.max()) - int(values.min()) > _LARGEST_LOOKUP:
+    integers = values.dtype.kind in "iu" and len(values)
+    low, high = (int(values.min()), int(values.max())) if integers else (0, _LARGEST_LOOKUP + 1)
+    if high - low > _LARGEST_LOOKUP:
         return np.asarray(np.unique(values, return_inverse=True)[1], dtype=np.intp)
-    shifted = values.astype(np.int64) - int(values.min())
-    present = np.zeros(int(shifted.max()) + 1, dtype=np.intp)
+    shifted = values.astype(np.int64) - low
+    present = np.zeros(high - low + 1, dtype=np.intp)
     present[shifted] = 1
     return np.asarray((np.cumsum(present) - 1)[shifted], dtype=np.intp)
 

@@ -18,6 +18,7 @@ from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.samples import samples
 from tracknoise.statistics.scales import scale_blocks, scales
 from tracknoise.statistics.trimming import trim
+from tracknoise.statistics.truth_differences import truth_differences
 from tracknoise.tables.defaults import POPULATION, TRIM_AMONG
 from tracknoise.tables.enumerations import Population
 from tracknoise.tables.schema import FRAME_COUNTS, check
@@ -36,6 +37,7 @@ STATISTICS: Mapping[str, Callable[[PreparedSequence], pl.DataFrame]] = MappingPr
         "increments": increments,
         "samples": samples,
         "fitted_noise": fitted_noise,
+        "truth_differences": truth_differences,
     }
 )
 """Tables of a sequence that are computed from its trimmed observations and tracks, by name."""

@@ -114,6 +114,18 @@ class FittedMeasure(StrEnum):
     epipolar = "epipolar"
 
 
+class TruthQuantity(StrEnum):
+    """What a row about two truths describes.
+
+    disagreement: true positions by the second truth minus those by the first. first and second: errors of a tracker by
+    one of them.
+    """
+
+    disagreement = "disagreement"
+    first = "first"
+    second = "second"
+
+
 class Behaviour(StrEnum):
     """How errors grow with age."""
 

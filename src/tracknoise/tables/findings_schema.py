@@ -17,7 +17,9 @@ from tracknoise.tables.schema import (
     FITTED_MEASURE,
     POPULATION,
     TRIMMING,
+    TRUTH_QUANTITY,
     VERDICT,
+    VIEW,
     WEIGHTING,
     Schema,
 )
@@ -90,6 +92,50 @@ At every lifetime, the incidences of all causes and the survival of `LIFETIMES` 
 incidence is 0 or 1, or nothing can be resampled.
 """
 
+_ESTIMATE: Schema = {
+    "value": pl.Float64,
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "kind": INTERVAL_KIND,
+    "level": pl.Float64,
+    "resampled": RESAMPLED,
+    "n_units": pl.Int32,
+    "n_scenes": pl.Int32,
+}
+
+TWO_TRUTHS: Schema = {
+    **_POOLED,
+    "quantity": TRUTH_QUANTITY,
+    "trimming": TRIMMING,
+    "age": pl.UInt32,
+    "statistic": pl.String,
+    "coordinate": pl.String,
+    "n": pl.Int64,
+    **_ESTIMATE,
+}
+"""How far the true positions by two truths are apart, by age, and the errors of trackers by each of them.
+
+The statistics are `mean` (px; u, v) and `second`, the second moment about zero (px^2; u, v, uv). All quantities have
+the same observations: those visible by the first truth whose true position the second knows too. The disagreement is
+zero at age 0. Its second moment is the sum of the second moments of the errors of both truths if these are independent.
+The table has no rows unless the experiment has a second truth.
+"""
+
+POSE_DISAGREEMENT: Schema = {
+    "dataset": pl.String,
+    **VIEW,
+    "lag": pl.UInt32,
+    "quantity": pl.String,
+    "unit": pl.String,
+    "n": pl.Int64,
+    **_ESTIMATE,
+}
+"""Root mean square difference per axis between the relative poses of two truths, by lag in frames.
+
+The quantity is `rotation` (degrees) or `translation` (metres), n the number of pairs of frames. The table has no rows
+unless the experiment has a second truth.
+"""
+
 TRIANGULATED_NOISE: Schema = {
     **_POOLED,
     "measure": FITTED_MEASURE,
@@ -115,6 +161,24 @@ observations have as well; its coordinate is `both`. length_low and length_high 
 tracks; both are null for all lengths together, and length_high for the longest class. n counts observations. White
 noise in every position is measured without bias. Errors along the epipolar line are not seen. The table has no rows for
 other kinds of truth.
+"""
+
+POINT_TRACKING_METRICS: Schema = {
+    **_POOLED,
+    "raster": pl.String,
+    "metric": pl.String,
+    "value": pl.Float64,
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "kind": INTERVAL_KIND,
+    "level": pl.Float64,
+    "resampled": RESAMPLED,
+    "n_units": pl.Int32,
+    "n_scenes": pl.Int32,
+}
+"""Metrics of TAP-Vid and expected feature age: means over sequences, as benchmarks report them.
+
+The table has rows only where the experiment asks for these metrics.
 """
 
 SEED_SPREAD: Schema = {

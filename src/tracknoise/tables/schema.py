@@ -20,6 +20,7 @@ from tracknoise.tables.enumerations import (
     Population,
     TrimAmong,
     Trimming,
+    TruthQuantity,
     Verdict,
     Weighting,
 )
@@ -69,6 +70,7 @@ VERDICT = pl.Enum(Verdict)
 ASPECT = pl.Enum(Aspect)
 FITTED_MEASURE = pl.Enum(FittedMeasure)
 FLOOR_SOURCE = pl.Enum(FloorSource)
+TRUTH_QUANTITY = pl.Enum(TruthQuantity)
 
 CAUSES = tuple(end.name for end in TrackEnd if end is not TrackEnd.sequence_end)
 """Ends that are not censored: the causes that compete to end a track."""
@@ -124,6 +126,7 @@ class OpenSchema(Mapping[str, pl.DataType | type[pl.DataType]]):
 TRUE_COVARIANCE: Schema = {"cov_true_uu": pl.Float64, "cov_true_uv": pl.Float64, "cov_true_vv": pl.Float64}
 LEVERAGE: Schema = {"leverage_uu": pl.Float64, "leverage_uv": pl.Float64, "leverage_vv": pl.Float64}
 EPIPOLAR: Schema = {"epipolar_px": pl.Float64, "epipolar_variance": pl.Float64}
+SECOND_TRUTH: Schema = {"u_second_px": pl.Float64, "v_second_px": pl.Float64}
 _OBSERVED: Schema = {
     **ORIGIN,
     "track": pl.UInt32,
@@ -138,14 +141,17 @@ _OBSERVED: Schema = {
     "dv_px": pl.Float64,
     "kept": pl.Boolean,
 }
-OBSERVATIONS = OpenSchema(_OBSERVED, (TRUE_COVARIANCE, LEVERAGE, EPIPOLAR), QUALITY_PREFIX + QUALITY_NAME, pl.Float32)
+OBSERVATIONS = OpenSchema(
+    _OBSERVED, (TRUE_COVARIANCE, LEVERAGE, EPIPOLAR, SECOND_TRUTH), QUALITY_PREFIX + QUALITY_NAME, pl.Float32
+)
 """One row per feature and frame in which its tracker found it; age counts frames of the nominal sequence.
 
 Where the accuracy of the truth is known and not exact, the table also has `TRUE_COVARIANCE`: the covariance of the
 error of the true position, px^2. Where the truth is triangulated, it has `LEVERAGE`, the covariance of the true
 position for white noise of 1 px in the observations, no unit, and `EPIPOLAR`: the signed distance from the epipolar
 line, px, and the variance of this distance for the same noise, px^2. Where a tracker reports the quality of its
-observations, it has one column ``quality_<name>`` for each of them. All of these are null where they are unknown.
+observations, it has one column ``quality_<name>`` for each of them. `SECOND_TRUTH` is the true position by a second
+truth, if the experiment has one. All of these are null where they are unknown.
 """
 
 TRACKS: Schema = {
@@ -313,6 +319,49 @@ FLOORS: Schema = {
 sum is the sum of the covariances of the n true positions (px^2). own is n^2 times the variance of their mean error, as
 far as it is independent from scene to scene; shared is the sum of displacements by an error that all scenes share, px
 (`tracknoise.measurement.floors`). Sources whose size is unknown have no rows. Exact sources have zeros.
+"""
+
+POINT_TRACKING: Schema = {
+    **ORIGIN,
+    "raster": pl.String,
+    "n_points": pl.Int64,
+    **dict.fromkeys(("delta_avg", "average_jaccard", "occlusion_accuracy", "expected_feature_age"), pl.Float64),
+    **{f"{name}_{px}": pl.Float64 for name in ("delta", "jaccard") for px in (1, 2, 4, 8, 16)},
+}
+"""Metrics of TAP-Vid and expected feature age of one sequence: two rows per tracker and speed.
+
+raster says whether distances are px of images scaled to 256 x 256 (``256x256``), as TAP-Vid defines them, or px of the
+images themselves (``image``). n_points counts the tracks with a known point. A metric is null where no frame can be
+evaluated.
+"""
+
+TRUTH_DIFFERENCES: Schema = {
+    **ORIGIN,
+    "block": pl.UInt8,
+    "quantity": TRUTH_QUANTITY,
+    "trimming": TRIMMING,
+    "age": pl.UInt32,
+    "n": pl.Int64,
+    **dict.fromkeys(("u", "v", "uu", "uv", "vv"), pl.Float64),
+}
+"""Sums over the observations that two truths know: of a quantity (px) and of its products about zero (px^2).
+
+By age and block of tracks, at the lowest speed. Observations are visible by the first truth. The table has no rows
+unless the experiment has a second truth.
+"""
+
+POSE_DIFFERENCES: Schema = {
+    **SEQUENCE,
+    "block": pl.UInt8,
+    "lag": pl.UInt32,
+    "n": pl.Int64,
+    "rotation_rad2": pl.Float64,
+    "translation_m2": pl.Float64,
+}
+"""Sums over pairs of frames that are `lag` frames apart: squared difference of the relative poses of two truths.
+
+rotation_rad2 and translation_m2 are per axis: one third of the squared length. Blocks are stretches of the sequence.
+The table has no rows unless the experiment has a second truth.
 """
 
 SAMPLES: Schema = {

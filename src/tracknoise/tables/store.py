@@ -59,14 +59,19 @@ SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "samples": schema.SAMPLES,
     "fitted_noise": schema.FITTED_NOISE,
     "floors": schema.FLOORS,
+    "truth_differences": schema.TRUTH_DIFFERENCES,
+    "pose_differences": schema.POSE_DIFFERENCES,
 }
 SEED_TABLES: Mapping[str, schema.Schema] = {
     f"seed_{name}": {"seed": pl.Int32, **SEQUENCE_TABLES[name]} for name in ("moments", "ends", "frames")
 }
 """Tables of a sequence that was measured with further random seeds, which are numbered from 1."""
-_ALL_SEQUENCE_TABLES: Mapping[str, schema.Schema] = {**SEQUENCE_TABLES, **SEED_TABLES}
+_ASKED_FOR: Mapping[str, schema.Schema] = {"point_tracking": schema.POINT_TRACKING}
+"""Tables of a sequence that it has only where the experiment asks for them."""
+_ALL_SEQUENCE_TABLES: Mapping[str, schema.Schema] = {**SEQUENCE_TABLES, **SEED_TABLES, **_ASKED_FOR}
 OBSERVED = ("observations", "tracks")
 """Tables of a sequence that grow with its observations. No table of the whole run is computed from them."""
+_OPTIONAL = (*OBSERVED, *SEED_TABLES, *_ASKED_FOR)
 STATISTICS_TABLES: Mapping[str, schema.Schema] = {
     "curves": schema.CURVES,
     "cores": schema.CORES,
@@ -85,6 +90,9 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "intervals": findings_schema.INTERVALS,
     "seed_spread": findings_schema.SEED_SPREAD,
     "triangulated_noise": findings_schema.TRIANGULATED_NOISE,
+    "point_tracking_metrics": findings_schema.POINT_TRACKING_METRICS,
+    "two_truths": findings_schema.TWO_TRUTHS,
+    "pose_disagreement": findings_schema.POSE_DISAGREEMENT,
     "incidence": findings_schema.INCIDENCE,
     "zero_mean": findings_schema.ZERO_MEAN,
     "gaussianity": findings_schema.GAUSSIANITY,
@@ -207,7 +215,9 @@ class RunFolder:
         write_atomically(self.path / _MANIFEST, manifest.to_json().encode(), durably=True)
 
     def write_sequence(self, key: str, tables: Mapping[str, pl.DataFrame], snapshot_png: bytes) -> dict[str, str]:
-        """Write the tables and the image of one sequence. Only those of `OBSERVED` and `SEED_TABLES` may be missing.
+        """Write the tables and the image of one sequence.
+
+        Only tables of `OBSERVED` and `SEED_TABLES`, and those that an experiment must ask for, may be missing.
 
         Returns
         -------
@@ -223,15 +233,14 @@ class RunFolder:
         """
         hashes = {}
         for name, columns in _ALL_SEQUENCE_TABLES.items():
-            if name in tables or name not in (*OBSERVED, *SEED_TABLES):
+            if name in tables or name not in _OPTIONAL:
                 table = schema.check(tables[name], columns, name)
                 hashes[name] = write_parquet(self._table_path(name, key), table)
         return {**hashes, _SNAPSHOTS: write_atomically(self.snapshot_path(key), snapshot_png)}
 
     def has_sequence(self, entry: SequenceEntry) -> bool:
         """Whether all files of one sequence exist and have the recorded hashes. Reads all of them."""
-        optional = (*OBSERVED, *SEED_TABLES)
-        kept = [name for name in _ALL_SEQUENCE_TABLES if name in entry.sha256 or name not in optional]
+        kept = [name for name in _ALL_SEQUENCE_TABLES if name in entry.sha256 or name not in _OPTIONAL]
         paths = {name: self._table_path(name, entry.key) for name in kept}
         paths[_SNAPSHOTS] = self.snapshot_path(entry.key)
         return all(is_intact(path, entry.sha256.get(name, "")) for name, path in paths.items())
@@ -318,6 +327,18 @@ class RunFolder:
         """One table of each measured sequence, in the order of their keys."""
         for key in sorted(self.manifest().sequences):
             yield self.sequence_table(name, key)
+
+    def stored_tables(self, name: str) -> Iterator[pl.DataFrame]:
+        """One table of each measured sequence that has it, in the order of their keys.
+
+        Raises
+        ------
+        StoreError, SchemaError
+            As `sequence_table`.
+        """
+        for key, entry in sorted(self.manifest().sequences.items()):
+            if name in entry.sha256:
+                yield self.sequence_table(name, key)
 
     def stacked_tables(self, name: str, keys: Sequence[str]) -> Iterator[pl.DataFrame]:
         """One table of each of some sequences, in order, a few sequences at a time as one table.

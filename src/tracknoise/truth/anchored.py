@@ -25,7 +25,7 @@ def anchor_points(
     depth_m: NDArray[np.float64],
     status: NDArray[np.int8],
 ) -> Anchors:
-    """World points of features by their depth: X_w = world_from_camera pi^-1(x, Z).
+    """World points of features by their depth: X_w = world_from_camera pi^-1(x, Z), each by the pose of its own pixel.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def anchor_points(
     points = geometry.camera_at(index).unproject(uv, depth_m)
     blind = (status == TruthStatus.valid) & np.isnan(points).any(axis=1)
     status = np.where(blind, np.int8(TruthStatus.no_depth), status)
-    points_world = geometry.to_world(index, points)
+    points_world = geometry.to_world(index, uv, points)
     points_world[status != TruthStatus.valid] = np.nan
     return points_world, status
 

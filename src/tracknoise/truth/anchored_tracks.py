@@ -58,7 +58,7 @@ class AnchoredTracks:
 
     def positions(self) -> TruePositions:
         """True positions in all frames, in the order in which they were located."""
-        depth_m = [self._geometry.to_camera(index, self._points[rows])[:, 2] for index, rows in self._births]
+        depth_m = [self._geometry.seen(index, self._points[rows])[1][:, 2] for index, rows in self._births]
         return TruePositions(
             uv=np.concatenate([np.empty((0, 2)), *(uv for uv, _ in self._located)]),
             status=np.concatenate([np.empty(0, np.int8), *(status for _, status in self._located)]),

@@ -60,7 +60,7 @@ class ExactSurface:
         ray caster computes it.
         """
         points_world, hit = self._surface.cast(index, uv)
-        depth_m = self._geometry.to_camera(index, np.where(hit[:, None], points_world, 0.0))[:, 2]
+        depth_m = self._geometry.to_camera(index, uv, np.where(hit[:, None], points_world, 0.0))[:, 2]
         return np.where(hit, depth_m, 1.0), hit
 
     def anchor(self, index: int, uv: NDArray[np.float64]) -> Anchors:

@@ -7,7 +7,7 @@ import numpy as np
 
 from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.plugins import Plugins
-from tracknoise.sequences.sequence import Sequence, TruthKind, camera_at
+from tracknoise.sequences.sequence import Sequence, TruthKind, camera_at, shutter_of
 from tracknoise.truth.scan_rule import SCAN_RULE, ScanRule
 from tracknoise.truth.truth import Truth, TruthSource
 
@@ -81,6 +81,8 @@ def _offered(sequence: Sequence, kind: str | None) -> str:
 def _is_same_scan(one: Sequence, other: Sequence) -> bool:
     """Whether the only truth that both sequences offer is the same scan, seen by one camera from the same poses."""
     if one.truths != (TruthKind.scan,) or other.truths != one.truths or len(one) != len(other):
+        return False
+    if shutter_of(one) is not None or shutter_of(other) is not None:
         return False
     if any(camera_at(one, index) != camera_at(other, index) for index in range(len(one))):
         return False

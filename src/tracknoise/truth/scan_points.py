@@ -36,7 +36,7 @@ class ScanPoints:
         nearest, status = self._nearest(index, uv)
         points_world = self._points_world[nearest]
         if self._rule.anchoring is ScanAnchoring.ray:
-            depth_m = self._geometry.to_camera(index, points_world)[:, 2]
+            depth_m = self._geometry.to_camera(index, uv, points_world)[:, 2]
             depth_m = np.where(status == TruthStatus.valid, depth_m, 1.0)
             return anchor_points(self._geometry, index, uv, depth_m, status)
         points_world[status != TruthStatus.valid] = np.nan

@@ -1,6 +1,8 @@
 """Truth without depth: the point that fits a track best, from the known poses and the track itself.
 
 It is self-referential: what a point can absorb, such as drift along the epipolar line, is not in its errors.
+
+With a rolling shutter, a point is fitted with the poses of the observed rows; its true positions are those in its own.
 """
 
 from dataclasses import dataclass
@@ -9,13 +11,15 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.geometry.pose import invert
-from tracknoise.sequences.poses import has_pose, require_some_poses
-from tracknoise.sequences.sequence import TRIANGULATED, Sequence
+from tracknoise.geometry.pose import invert, transform
+from tracknoise.sequences.poses import require_some_poses
+from tracknoise.sequences.row_poses import RowPoses
+from tracknoise.sequences.sequence import TRIANGULATED, Sequence, camera_at
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.truth.epipolar import epipolar_distances
 from tracknoise.truth.observed_cameras import ObservedCameras
-from tracknoise.truth.triangulation import LEAST_OBSERVATIONS, TrackViews, triangulate
+from tracknoise.truth.row_projection import project_by_rows
+from tracknoise.truth.triangulation import LEAST_OBSERVATIONS, TrackViews, Triangulation, triangulate
 from tracknoise.truth.truth import TruePositions
 
 
@@ -101,10 +105,11 @@ class _Observations:
     ) -> None:
         self._frame, self._track, self._uv = frame, track, uv
         self._birth, self._n_tracks = births[track], len(births)
-        self._poses = sequence.world_from_camera
+        self._sequence, rows = sequence, RowPoses(sequence)
+        self._poses, self._rolling = rows.at(frame, uv), rows.rows
         self._cameras = ObservedCameras.of(sequence, frame)
         self._bearings = self._cameras.bearings(uv)
-        known = np.asarray(has_pose(self._poses)[frame])
+        known = np.asarray(rows.known[frame])
         self._posed = np.asarray(known & known[self._birth])
 
     def positions(self) -> TruePositions:
@@ -116,9 +121,10 @@ class _Observations:
         rows = self._long_tracks()
         if len(rows):
             found = triangulate(self._views(rows))
-            uv[rows], leverage[rows] = found.uv, found.leverage
-            depth_m[np.unique(self._track[rows])] = found.depth_m
-            inside = self._cameras.chosen(rows).contain(found.uv)
+            tracks = np.unique(self._track[rows])
+            uv[rows], leverage[rows] = self._in_own_rows(rows, tracks, found), found.leverage
+            depth_m[tracks] = found.points[:, 2]
+            inside = self._cameras.chosen(rows).contain(uv[rows])
             seen = np.where(inside, TruthStatus.valid, TruthStatus.out_of_image)
             status[rows] = np.where(np.isnan(found.uv[:, 0]), status[rows], seen)
         return TruePositions(uv, status, depth_m, leverage=leverage, epipolar=self._epipolar())
@@ -142,10 +148,23 @@ class _Observations:
             self._uv[rows], self._bearings[rows], self._from_first(rows), start, place.reshape(-1), cameras.project
         )
 
+    def _in_own_rows(
+        self, rows: NDArray[np.intp], tracks: NDArray[np.intp], found: Triangulation
+    ) -> NDArray[np.float64]:
+        """Positions of the points, (n, 2): with a rolling shutter, at the time of their own rows, not the observed."""
+        if self._rolling is None:
+            return found.uv
+        first = self._birth[rows]
+        points_world = transform(self._poses[first], found.points[np.searchsorted(tracks, self._track[rows])])
+        uv = np.full((len(rows), 2), np.nan)
+        for index in np.unique(self._frame[rows]).tolist():
+            here = self._frame[rows] == index
+            uv[here], _ = project_by_rows(self._rolling, camera_at(self._sequence, index), index, points_world[here])
+        return uv
+
     def _from_first(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
         """(n, 4, 4) float64: pose of the first camera of the track in that of each observation."""
-        first = self._frame[self._birth[rows]]
-        return np.asarray(invert(self._poses[self._frame[rows]]) @ self._poses[first])
+        return np.asarray(invert(self._poses[rows]) @ self._poses[self._birth[rows]])
 
     def _epipolar(self) -> NDArray[np.float64]:
         """(n, 2) float64: distances from epipolar lines and their variances; NaN in the first frame of a track."""

@@ -80,15 +80,15 @@ class Triangulation:
         Position of the point in each frame, px; NaN where the point is unknown.
     leverage : (n, 2, 2) float64
         H_i: covariance of `uv` for white noise of 1 px.
-    depth_m : (m,) float64
-        In the first camera of each track; NaN where the point is unknown.
+    points : (m, 3) float64
+        The point in the first camera of each track, metres; NaN where it is unknown.
     known : (m,) bool
         Whether the fit has a point whose depth is known.
     """
 
     uv: NDArray[np.float64]
     leverage: NDArray[np.float64]
-    depth_m: NDArray[np.float64]
+    points: NDArray[np.float64]
     known: NDArray[np.bool_]
 
 
@@ -112,7 +112,8 @@ def triangulate(views: TrackViews) -> Triangulation:
     uv[~known[views.track]] = np.nan
     leverage = jacobian @ inverse[views.track] @ np.swapaxes(jacobian, 1, 2)
     leverage[~known[views.track]] = np.nan
-    return Triangulation(uv, leverage, np.where(known, unit / np.where(known, point[:, 3], 1.0), np.nan), known)
+    depth_m = np.where(known, unit / np.where(known, point[:, 3], 1.0), np.nan)
+    return Triangulation(uv, leverage, point[:, :3] * depth_m[:, None], known)
 
 
 def _fit(views: TrackViews, motion: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

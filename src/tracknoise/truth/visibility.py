@@ -73,7 +73,8 @@ def locate(
     """Project world points into a frame: x_true = pi(camera_from_world X_w), and decide whether they can be seen.
 
     A point is occluded if it lies more than max(2 % of the surface's depth, 5 mm) behind the visible surface. Where
-    the surface is unknown, no point is occluded. In a frame without a pose, no point has a position.
+    the surface is unknown, no point is occluded. In a frame without a pose, no point has a position. With a rolling
+    shutter, both depths are those in the camera when the row of the point was exposed.
 
     Parameters
     ----------
@@ -96,11 +97,9 @@ def locate(
     """
     if not geometry.has_pose(index):
         return np.full((len(points_world), 2), np.nan), np.full(len(points_world), TruthStatus.no_pose, np.int8)
-    points = geometry.to_camera(index, points_world)
-    camera = geometry.camera_at(index)
-    uv = camera.project(points)
+    uv, points = geometry.seen(index, points_world)
     ahead = points[:, 2] > 0
-    inside = np.flatnonzero(ahead & camera.contains(uv))
+    inside = np.flatnonzero(ahead & geometry.camera_at(index).contains(uv))
     surface_m, known = surface.depths(index, uv[inside])
     behind_m = points[inside, 2] - surface_m
     occluded = known & (behind_m > np.maximum(OCCLUSION_RELATIVE * surface_m, OCCLUSION_LEAST_M))

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from tracknoise.findings.growth.predicted import Parts, predicted
-from tracknoise.findings.growth.saturating import fit_saturating, saturating_curve
+from tracknoise.findings.growth.saturating import SaturatingFit, saturating_curve
 from tracknoise.statistics.definitions import LAGS
 
 SINCE = np.arange(1.0, 31.0)
@@ -12,22 +12,22 @@ EVEN = np.ones(30)
 @pytest.mark.parametrize("truth", [(0.04, 0.09, 6.0), (0.0, 0.09, 3.0), (0.02, 0.5, 20.0)])
 def test_what_went_in_comes_back(truth: tuple[float, float, float]) -> None:
     second = saturating_curve(np.array(truth), SINCE)
-    assert fit_saturating(second, SINCE, EVEN) == pytest.approx(truth, rel=0.03, abs=2e-3)
+    assert SaturatingFit.at(SINCE, EVEN).fit(second) == pytest.approx(truth, rel=0.03, abs=2e-3)
 
 
 def test_a_constant_and_a_line_are_its_limits() -> None:
     flat, line = np.full(30, 0.04), 0.01 * SINCE
     for second in (flat, line):
-        fitted = saturating_curve(fit_saturating(second, SINCE, EVEN), SINCE)
+        fitted = saturating_curve(SaturatingFit.at(SINCE, EVEN).fit(second), SINCE)
         assert fitted == pytest.approx(second, rel=0.1)
-    assert (fit_saturating(1 / SINCE, SINCE, EVEN) >= 0).all()
+    assert (SaturatingFit.at(SINCE, EVEN).fit(1 / SINCE) >= 0).all()
 
 
 def test_curves_of_any_shape_are_fitted_at_once() -> None:
     second = np.random.default_rng(1).random((30, 2, 3)) + SINCE[:, None, None] / 30
-    found = fit_saturating(second, SINCE, EVEN)
+    found = SaturatingFit.at(SINCE, EVEN).fit(second)
     assert found.shape == (3, 2, 3)
-    assert found[:, 1, 2] == pytest.approx(fit_saturating(second[:, 1, 2], SINCE, EVEN), rel=1e-9)
+    assert found[:, 1, 2] == pytest.approx(SaturatingFit.at(SINCE, EVEN).fit(second[:, 1, 2]), rel=1e-9)
 
 
 def correlations(errors: np.ndarray) -> np.ndarray:

@@ -16,6 +16,7 @@ from tracknoise.exceptions import DataError, TracknoiseError, UnknownNameError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.double_sphere import DoubleSphereCamera
 from tracknoise.geometry.fisheye import EquidistantCamera
+from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.camera_files import CameraFile, read_camera_file, read_yaml
 
 K = np.array([[458.7, 0.0, 367.2], [0.0, 457.3, 248.4], [0.0, 0.0, 1.0]])
@@ -332,3 +333,24 @@ def damaged(content: bytes) -> st.SearchStrategy[bytes]:
     )
     places = st.tuples(st.integers(0, len(content)), st.integers(0, 30))
     return st.tuples(pieces, places).map(lambda drawn: content[: drawn[1][0]] + drawn[0] + content[sum(drawn[1]) :])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        EUROC + "readout_s: 0.0261\n",
+        KALIBR.replace("cam0:\n", "cam0:\n  readout_s: 0.0261\n"),
+        "image_width: 752\nimage_height: 480\ncamera_matrix: {data: [458.7, 0, 367.2, 0, 457.3, 248.4, 0, 0, 1]}\n"
+        "distortion_coefficients: {data: [0, 0, 0, 0]}\nreadout_s: 0.0261\n",
+        "width: 752\nheight: 480\nfx: 458.7\nfy: 457.3\ncx: 367.2\ncy: 248.4\nreadout_s: 0.0261\n",
+    ],
+)
+def test_any_camera_file_may_state_a_readout(tmp_path, text):
+    path = tmp_path / "camera.yaml"
+    path.write_text(text)
+    assert read_camera_file(path).shutter == RollingShutter(0.0261)
+    path.write_text(text.replace("0.0261", "0"))
+    assert read_camera_file(path).shutter is None
+    path.write_text(text.replace("0.0261", "26.1"))
+    with pytest.raises(DataError, match=r"readout_s = 26.1, expected seconds between -1 and 1"):
+        read_camera_file(path)

@@ -67,6 +67,7 @@ def test_projection_is_p_rect_times_r_rect_times_velo_to_cam(day):
             "700 2 600",
             ": another P_rect_02, expected fx 0 cx . 0 fy cy . 0 0 1 . with positive fx, fy",
         ),
+        ("cam_to_cam", "0.003", "1e308", ": a position of nan -inf 1e+308, expected metres, up to 1e+09"),
         ("velo_to_cam", "-0.3", "nan", ":2: NaN or infinity in T, expected finite numbers"),
         ("velo_to_cam", "R: 0 -1", "R: 0 1", ": a pose with a reflection, expected a rotation"),
         ("imu_to_velo", "T:", "t:", ": no T, expected a line of T and 3 numbers"),

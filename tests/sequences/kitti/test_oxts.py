@@ -64,6 +64,7 @@ def test_files_keep_all_digits(tmp_path):
         ("", ": 0 rows, expected one"),
         (NUMBERS.replace("112.8", "nan"), ": NaN or infinity, expected finite numbers"),
         (NUMBERS.replace("49.01", "4901"), ": latitude 4901 and longitude 8.43, expected degrees on the globe"),
+        (NUMBERS.replace("112.8", "1e308"), ": a position of 1e+308, expected metres, up to 1e+09"),
         (NUMBERS.replace("1.57", "90"), ": roll 0.02, pitch -0.01 and yaw 90, expected radians"),
     ],
 )

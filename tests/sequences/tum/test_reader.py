@@ -281,6 +281,13 @@ def test_damaged_files_are_named_with_what_was_found(scene, file, text, message)
         open_sequence("tum", scene)
 
 
+@pytest.mark.parametrize(("fy", "p1"), [(61, 0.002), (-61, -0.002)])
+def test_a_row_of_numbers_may_have_coefficients_of_distortion(scene, fy, p1):
+    (scene / "calibration.txt").write_text(f"# fx fy cx cy k1 k2 p1 p2\n60 {fy} 31 24 -0.1 0.01 0.002 0.003\n")
+    camera = open_sequence("tum", scene).camera
+    assert (camera.fx, camera.fy, camera.distortion) == (60.0, 61.0, (-0.1, 0.01, p1, 0.003))
+
+
 @given(st.sampled_from(["rgb.txt", "depth.txt", "groundtruth.txt", "calibration.txt"]), st.binary(max_size=200))
 def test_any_bytes_give_one_clear_line(tmp_path_factory, file, content):
     folder = tmp_path_factory.mktemp("fuzz") / "mine"

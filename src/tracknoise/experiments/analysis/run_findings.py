@@ -1,7 +1,7 @@
 """Findings of a run from its statistics: intervals, tests, verdicts and sentences."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import TypedDict
+from typing import TypedDict, Unpack
 
 import polars as pl
 
@@ -17,10 +17,12 @@ from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.table import headline_table
 from tracknoise.findings.intervals.incidence import incidence_table
 from tracknoise.findings.intervals.table import interval_table
+from tracknoise.findings.point_tracking import point_tracking_metrics
 from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.seed_spread import Repeat, seed_spread, widened
 from tracknoise.findings.shape.gaussianity import gaussianity
+from tracknoise.findings.two_truths import pose_disagreement_table, two_truths_table
 from tracknoise.findings.zero_mean import zero_mean
 from tracknoise.sequences.sequence import TRIANGULATED, TruthKind
 from tracknoise.statistics.change_curves import change_curves
@@ -69,12 +71,15 @@ def _without_verdicts_on_errors(tables: Mapping[str, pl.DataFrame]) -> dict[str,
     return {**{name: tables[name].clear() for name in _ABOUT_ANCHORS}, "dependence": without_axis}
 
 
-class _CurveOptions(TypedDict):
-    key_frames: Mapping[str, int]
-    min_features: int
+class _Sampling(TypedDict):
     kind: str
     level: float
     groups: SceneGroups
+
+
+class _CurveOptions(_Sampling):
+    key_frames: Mapping[str, int]
+    min_features: int
 
 
 def _tables(
@@ -108,9 +113,7 @@ def _tables(
         **pooled,
         "intervals": widened(intervals, spread),
         "seed_spread": spread,
-        "triangulated_noise": fitted_noise_table(
-            run.sequence_tables("fitted_noise"), groups=groups, kind=asked.intervals, level=asked.level
-        ),
+        **_of_sequences(run, groups=groups, kind=asked.intervals, level=asked.level),
         "incidence": incidence_table(read.ends, groups=groups, kind=asked.intervals, level=asked.level),
         "zero_mean": zero_mean(
             read.moments, statistics["curves"], groups=groups, key_frames=zeros, population=population
@@ -121,6 +124,16 @@ def _tables(
             read.moments, pairs, blocks=read.blocks, aspects=lived, aspect_blocks=read.aspect_blocks, **options
         ),
         "dependence": _dependence(read, experiment, statistics, zeros),
+    }
+
+
+def _of_sequences(run: RunFolder, **sampling: Unpack[_Sampling]) -> dict[str, pl.DataFrame]:
+    """Findings that need one table of every sequence that has it, and nothing else."""
+    return {
+        "triangulated_noise": fitted_noise_table(run.stored_tables("fitted_noise"), **sampling),
+        "point_tracking_metrics": point_tracking_metrics(run.stored_tables("point_tracking"), **sampling),
+        "two_truths": two_truths_table(run.stored_tables("truth_differences"), **sampling),
+        "pose_disagreement": pose_disagreement_table(run.stored_tables("pose_differences"), **sampling),
     }
 
 

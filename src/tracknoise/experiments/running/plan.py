@@ -1,12 +1,13 @@
 """Which sequences and conditions an experiment consists of."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 
 from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.experiments.settings import DatasetSettings, Experiment
+from tracknoise.sequences.corrected import corrected
 from tracknoise.sequences.registry import make_reader, open_together
 from tracknoise.sequences.sequence import FilteringReader, Sequence, SharingReader
 from tracknoise.sequences.stereo import with_stereo_depth
@@ -123,8 +124,17 @@ def make_trackers(experiment: Experiment, *, repeat: int = 0) -> dict[str, Track
     return {name: RepeatedTracker(settings, repeat) if repeat else settings for name, settings in trackers.items()}
 
 
-def open_batch(tasks: list[Task]) -> list[Sequence]:
+def open_batch(
+    tasks: list[Task], *, change: Callable[[Sequence], Sequence] = lambda sequence: sequence
+) -> list[Sequence]:
     """Open the sequences of a batch, as the experiment wants to see them.
+
+    Parameters
+    ----------
+    tasks
+        Of the batch.
+    change
+        Changes each sequence as it was recorded; by default nothing is changed.
 
     Raises
     ------
@@ -135,10 +145,11 @@ def open_batch(tasks: list[Task]) -> list[Sequence]:
     dataset = experiment.dataset
     recorded = [replace(task.sequence, rotation=0, direction=Direction.forward) for task in tasks]
     once = list(dict.fromkeys(recorded))
-    sequences = open_together(make_reader(*_reader_arguments(dataset)), once)
+    sequences = [change(sequence) for sequence in open_together(make_reader(*_reader_arguments(dataset)), once)]
     if experiment.truth.depth == "stereo":
         sequences = [with_stereo_depth(sequence) for sequence in sequences]
-    opened = dict(zip(once, sequences, strict=True))
+    corrections = experiment.truth.corrections.as_corrections()
+    opened = {name: corrected(sequence, corrections) for name, sequence in zip(once, sequences, strict=True)}
     return [
         view(
             opened[name],

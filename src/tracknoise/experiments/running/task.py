@@ -3,6 +3,7 @@
 import time
 import warnings
 from collections.abc import Iterator
+from collections.abc import Sequence as Items
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,9 @@ from tracknoise.experiments.measure import Measurement, measure_together
 from tracknoise.experiments.running.failures import Result, diagnose
 from tracknoise.experiments.running.lock import Claim
 from tracknoise.experiments.running.plan import Task, make_trackers, open_batch
+from tracknoise.experiments.running.second_truth import open_second
 from tracknoise.experiments.settings import Experiment
+from tracknoise.experiments.tap_metrics import tap_metrics
 from tracknoise.findings.wording import SELF_REFERENTIAL
 from tracknoise.geometry.pose import position_rows
 from tracknoise.measurement.tracking import Progress
@@ -79,7 +82,7 @@ def run_batch(
         warnings.simplefilter("ignore", DataWarning)  # the notes of the sequence contain the same text
         repeated = _repeated(batch, progress)
         sequences = open_batch(batch)
-        measured = _measure(batch[0], sequences, progress)
+        measured = _measure(batch[0], sequences, progress, second=open_second(batch))
         for task, sequence, measurement, more in zip(batch, sequences, measured, repeated, strict=True):
             tables = {**tables_to_keep(task.experiment, sequence, measurement), **more}
             snapshot = encode_png(measurement.snapshot)
@@ -132,7 +135,12 @@ def _repeated(batch: list[Task], progress: Progress | None) -> list[dict[str, pl
 
 
 def _measure(
-    task: Task, sequences: list[Sequence], progress: Progress | None, *, repeat: int = 0
+    task: Task,
+    sequences: list[Sequence],
+    progress: Progress | None,
+    *,
+    repeat: int = 0,
+    second: Items[Sequence] = (),
 ) -> Iterator[Measurement]:
     experiment = task.experiment
     truth = experiment.truth
@@ -146,6 +154,7 @@ def _measure(
         population=truth.population,
         trim_percentile=experiment.statistics.trim_percentile,
         trim_among=experiment.statistics.trim_among,
+        second=second,
         seed=experiment.seed,
         progress=progress,
     )
@@ -167,7 +176,9 @@ def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Meas
         "moments": measurement.moments,
         "trims": measurement.trims,
         "floors": measurement.floors,
+        "pose_differences": measurement.pose_differences,
         **statistics,
+        **({"point_tracking": tap_metrics(measurement)} if experiment.statistics.tap_vid else {}),
     }
 
 

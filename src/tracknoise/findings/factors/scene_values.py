@@ -142,7 +142,7 @@ def _of_scales(table: pl.DataFrame) -> _Columns:
 
 
 def _columns(table: pl.DataFrame, u: str, v: str) -> NDArray[np.float64]:
-    return table.select(u, v).cast(pl.Float64).fill_null(np.nan).to_numpy()
+    return table.select(pl.col(u, v).cast(pl.Float64).fill_null(np.nan)).to_numpy()
 
 
 def _upright(values: NDArray[np.float64], key: Condition, role: str) -> NDArray[np.float64]:

@@ -9,6 +9,8 @@ best solution without a negative number is used (Lawson and Hanson 1974, without
 The solutions are linear in M, so any number of draws takes one matrix product.
 """
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -20,46 +22,80 @@ TERMS = ("white", "walk", "drift")
 TERM_UNITS = ("px", "px per sqrt(frame)", "px per frame")
 """Units of the roots of their coefficients."""
 _POWERS = np.arange(len(TERMS))
-_SUBSETS = [list(subset) for size in (1, 2, 3) for subset in combinations(range(len(TERMS)), size)]
+_SUBSETS = [list(combinations(range(len(TERMS)), size)) for size in (1, 2, 3)]
+"""Of the columns, by size: those of one size are inverted together."""
+_ALL = _SUBSETS[-1][0]
 
 
-def fit_growth(second: Array, since: Array, weight: Array) -> Array:
-    """white^2, walk^2 and drift^2 of (growth), (3, ...): px^2, px^2 per frame and px^2 per frame^2.
+@dataclass(frozen=True, slots=True)
+class GrowthFit:
+    """Fits of (growth) at the same ages with the same weights: what they share does not depend on what is fitted.
 
-    Parameters
+    Attributes
     ----------
-    second : (ages, ...)
-        M, px^2.
-    since : (ages,)
-        k, frames; above 0.
-    weight : (ages,)
-        Of each squared residual.
+    root : (ages, 1)
+        Of the weights.
+    columns : (ages, 3)
+        Of the fit, weighted.
+    unit : (3, 1)
+        What a coefficient of these columns is worth.
+    inverses
+        The pseudo-inverse of the columns of each subset, (columns, ages).
     """
-    columns, observed, unit = _weighted(second, since, weight)
-    aligned = columns.T @ observed
-    best, coefficients = np.zeros(observed.shape[1]), np.zeros_like(aligned)
-    for subset in _SUBSETS:
-        solution = np.linalg.pinv(columns[:, subset]) @ observed
-        explained = (solution * aligned[subset]).sum(axis=0)  # what the sum of squares loses by it
-        better = (solution >= 0).all(axis=0) & (explained > best)
-        best = np.where(better, explained, best)
-        full = np.zeros_like(aligned)
-        full[subset] = solution
-        coefficients = np.where(better, full, coefficients)
-    return (coefficients * unit).reshape(len(TERMS), *second.shape[1:])
 
+    root: Array
+    columns: Array
+    unit: Array
+    inverses: Mapping[tuple[int, ...], Array]
 
-def fit_freely(second: Array, since: Array, weight: Array) -> Array:
-    """The same without bounds: coefficients of (growth) that may come out negative, but are right on average.
+    @classmethod
+    def at(cls, since: Array, weight: Array) -> "GrowthFit":
+        """Prepare fits.
 
-    Parameters
-    ----------
-    second, since, weight
-        As in `fit_growth`.
-    """
-    columns, observed, unit = _weighted(second, since, weight)
-    solution: Array = np.linalg.pinv(columns) @ observed * unit
-    return solution.reshape(len(TERMS), *second.shape[1:])
+        Parameters
+        ----------
+        since : (ages,)
+            k, frames; above 0.
+        weight : (ages,)
+            Of each squared residual.
+        """
+        root, longest = np.sqrt(weight)[:, None], since.max()
+        columns = (since / longest)[:, None] ** _POWERS * root
+        inverses: dict[tuple[int, ...], Array] = {}
+        for subsets in _SUBSETS:
+            together = np.linalg.pinv(np.stack([columns[:, subset] for subset in subsets]))
+            inverses |= dict(zip(subsets, together, strict=True))
+        return cls(root, columns, 1 / (longest**_POWERS)[:, None], inverses)
+
+    def bounded(self, second: Array) -> Array:
+        """white^2, walk^2 and drift^2 of (growth), (3, ...): px^2, px^2 per frame and px^2 per frame^2.
+
+        Parameters
+        ----------
+        second : (ages, ...)
+            M, px^2.
+        """
+        observed = self._observed(second)
+        aligned = self.columns.T @ observed
+        best, coefficients = np.zeros(observed.shape[1]), np.zeros_like(aligned)
+        for subset, inverse in self.inverses.items():
+            solution, places = inverse @ observed, list(subset)
+            explained = (solution * aligned[places]).sum(axis=0)  # what the sum of squares loses by it
+            better = (solution >= 0).all(axis=0) & (explained > best)
+            best = np.where(better, explained, best)
+            full = np.zeros_like(aligned)
+            full[places] = solution
+            coefficients = np.where(better, full, coefficients)
+        return (coefficients * self.unit).reshape(len(TERMS), *second.shape[1:])
+
+    def free(self, second: Array) -> Array:
+        """The same without bounds: coefficients that may come out negative, but are right on average."""
+        solution: Array = self.inverses[_ALL] @ self._observed(second) * self.unit
+        return solution.reshape(len(TERMS), *second.shape[1:])
+
+    def _observed(self, second: Array) -> Array:
+        """Weighted second moments, (ages, curves)."""
+        return self.root * second.reshape(len(self.root), -1)
 
 
 def contributions(coefficients: Array, since: Array) -> Array:
@@ -68,7 +104,7 @@ def contributions(coefficients: Array, since: Array) -> Array:
     Parameters
     ----------
     coefficients : (3, ...)
-        What `fit_growth` returned.
+        What `GrowthFit.bounded` returned.
     since : (ages,)
         k, frames.
     """
@@ -85,15 +121,7 @@ def misfit(second: Array, since: Array, coefficients: Array) -> float:
     Parameters
     ----------
     second, since, coefficients
-        As in `fit_growth`, of one curve.
+        M and k of one curve, and what `GrowthFit.bounded` returned for it.
     """
     fitted = (since[:, None] ** _POWERS) @ coefficients
     return float(np.sqrt(np.mean((fitted / second - 1) ** 2)))
-
-
-def _weighted(second: Array, since: Array, weight: Array) -> tuple[Array, Array, Array]:
-    """Columns of the fit and what was observed, both weighted; and what a coefficient of theirs is worth, (3, 1)."""
-    root = np.sqrt(weight)[:, None]
-    longest = since.max()
-    columns = (since / longest)[:, None] ** _POWERS * root
-    return columns, root * second.reshape(len(since), -1), 1 / (longest**_POWERS)[:, None]

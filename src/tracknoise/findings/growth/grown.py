@@ -8,15 +8,16 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.findings.estimate import Estimate, EstimateArray
-from tracknoise.findings.growth.fit import TERM_UNITS, TERMS, fit_freely, fit_growth
+from tracknoise.findings.growth.fit import TERM_UNITS, TERMS, GrowthFit
 from tracknoise.findings.growth.models import OWN
-from tracknoise.findings.growth.saturating import fit_saturating
-from tracknoise.findings.sampling.bounds import Method, Statistics, pooled
+from tracknoise.findings.growth.saturating import SaturatingFit
+from tracknoise.findings.sampling.bounds import Method, Statistics, pooled_by
 from tracknoise.findings.sampling.resampling import leave_one_out
 from tracknoise.findings.sampling.units import Units
 from tracknoise.tables.enumerations import IntervalKind, Resampled
 
 Array = NDArray[np.float64]
+_Fit = Callable[[Array], Array]
 Sizes = Mapping[str, Estimate]
 """By term: white, saturating_white and saturating (px), walk, drift (`TERM_UNITS`), and time_constant (frames)."""
 
@@ -57,8 +58,9 @@ def pooled_sizes(units: Units, weights: Array, ages: NDArray[np.bool_], method: 
         How to make intervals.
     """
 
-    def fits(second: Array, since: Array, weight: Array) -> Array:
-        return np.concatenate([fit(second, since, weight) for fit in (fit_freely, fit_growth)])
+    def fits(since: Array, weight: Array) -> _Fit:
+        fit = GrowthFit.at(since, weight)
+        return lambda second: np.concatenate([fit.free(second), fit.bounded(second)])
 
     u, v = _pooled(units, weights, ages, method, fits)
     return _of_terms(u), _of_terms(v)
@@ -81,7 +83,10 @@ def pooled_saturating(units: Units, weights: Array, ages: NDArray[np.bool_], met
             "time_constant": replace(constant, unit="frames"),
         }
 
-    u, v = _pooled(units, weights, ages, method, fit_saturating)
+    def fits(since: Array, weight: Array) -> _Fit:
+        return SaturatingFit.at(since, weight).fit
+
+    u, v = _pooled(units, weights, ages, method, fits)
     return named(u), named(v)
 
 
@@ -103,19 +108,20 @@ def _pooled(
     weights: Array,
     ages: NDArray[np.bool_],
     method: Method,
-    fits: Callable[[Array, Array, Array], Array],
+    fits: Callable[[Array, Array], _Fit],
 ) -> tuple[list[Estimate], list[Estimate]]:
-    """What `fits` finds of u and of v, with intervals."""
+    """What the fits at some ages with some weights find of u and of v, with intervals."""
     part = replace(units, sums=units.sums[:, ages], points=units.points.filter(pl.Series(ages)))
     since = part.points["since"].to_numpy().astype(np.float64)
     second, weight = _observed(part)
+    both = [fits(since, of_axis) for of_axis in weight]
 
     def statistics(sums: Array) -> Array:
         """Of u, then of v, (statistics, 1, ...); ages without data in a draw are taken as observed."""
         drawn = _second(sums)
         whole = second.reshape(*second.shape, *[1] * (drawn.ndim - 2))
         known = np.where(np.isnan(drawn), whole, drawn)
-        return np.concatenate([fits(known[axis], since, weight[axis]) for axis in (0, 1)])[:, None]
+        return np.concatenate([fit(of_axis) for fit, of_axis in zip(both, known, strict=True)])[:, None]
 
     bounds = _of_differing_scenes(part, weights, statistics, method)
     found = [bounds.at(row) for row in range(len(bounds.value))]
@@ -128,13 +134,13 @@ def _of_differing_scenes(units: Units, weights: Array, statistics: Statistics, m
     Resampling a few scenes does not show how far the largest of all scenes lie above the others; the logarithms of
     their own coefficients do (`tracknoise.findings.sampling.lognormal`).
     """
+    differing = method.kind == IntervalKind.bca and units.resampled != Resampled.blocks
+    methods = [method, Method(IntervalKind.student, method.level)] if differing else [method]
     sizes = units.sums[..., 0].sum(axis=1)[None]
-    bounds = pooled(units, weights, statistics, method, sizes=sizes)
-    if method.kind != IntervalKind.bca or units.resampled == Resampled.blocks:
+    bounds, *others = pooled_by(methods, units, weights, statistics, scales="log", sizes=sizes)
+    if not others:
         return bounds
-    student = Method(IntervalKind.student, method.level)
-    scales = ["log"] * len(bounds.value)
-    skewed = pooled(units, weights[:0], statistics, student, scales=scales, sizes=sizes)
+    skewed = others[0]
     positive = (bounds.low > 0) & ~np.isnan(skewed.low + skewed.high)
     return replace(
         bounds,

@@ -9,9 +9,9 @@ from scipy import special
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.growth.agreement import Agreement, agreement, curve_directions
-from tracknoise.findings.growth.fit import TERMS, contributions, fit_freely, fit_growth
+from tracknoise.findings.growth.fit import TERMS, GrowthFit, contributions
 from tracknoise.findings.growth.predicted import Parts, predicted
-from tracknoise.findings.growth.saturating import fit_saturating, saturating_curve
+from tracknoise.findings.growth.saturating import SaturatingFit, saturating_curve
 from tracknoise.findings.growth.scene_curves import SceneCurves
 from tracknoise.findings.sampling.jackknife import degrees, parts
 
@@ -76,7 +76,8 @@ def polynomial(curves: SceneCurves, ages: Ages, level: float) -> tuple[Model, di
         Of the intervals.
     """
     curve = _fitted(curves, ages)
-    bounded, free = (fit(curve.second, curve.since, curve.weight) for fit in (fit_growth, fit_freely))
+    fit = GrowthFit.at(curve.since, curve.weight)
+    bounded, free = fit.bounded(curve.second), fit.free(curve.second)
     white, walk, drift = bounded
     none = np.zeros_like(white)
     process = Parts(white, walk * ages.step, drift * ages.step**2, none, none)
@@ -97,7 +98,7 @@ def saturating(curves: SceneCurves, ages: Ages, level: float) -> Model:
         As in `polynomial`.
     """
     curve = _fitted(curves, ages)
-    white, size, tau = fit_saturating(curve.second, curve.since, curve.weight)
+    white, size, tau = SaturatingFit.at(curve.since, curve.weight).fit(curve.second)
     none = np.zeros_like(white)
     fitted = saturating_curve(np.stack([white, size, tau]), curve.since)
     decays = ((np.exp(-ages.step / (2 * tau)), False), (np.exp(-ages.step / tau), True))

@@ -9,6 +9,8 @@ columns. All time constants of a grid are tried, from a quarter of the shortest 
 is refined by a parabola through the residuals of its neighbours.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,32 +22,61 @@ _SHORTEST, _LONGEST = 0.25, 4.0
 """Range of time constants, relative to the shortest and the longest age."""
 
 
-def fit_saturating(second: Array, since: Array, weight: Array) -> Array:
-    """white^2 and size^2 (px^2) and tau (frames) of (saturating), (3, ...).
+@dataclass(frozen=True, slots=True)
+class SaturatingFit:
+    """Fits of (saturating) at the same ages with the same weights.
 
-    Parameters
+    Attributes
     ----------
-    second : (ages, ...)
-        M, px^2.
-    since : (ages,)
-        k, frames; above 0.
-    weight : (ages,)
-        Of each squared residual.
+    since, weight : (ages,)
+        k, frames, and the weight of each squared residual.
+    grid : (taus,)
+        Time constants that are tried, frames.
+    columns : (taus, ages)
+        1 - exp(-k / tau), weighted.
+    alike : two of (taus, 1)
+        Weighted products of that column with the constant and with itself.
     """
-    observed = second.reshape(len(since), -1)
-    grid = np.geomspace(_SHORTEST * since.min(), _LONGEST * since.max(), GRID)
-    columns = -np.expm1(-since / grid[:, None])
-    products = (columns * weight) @ observed  # (taus, curves)
-    alike = (columns @ weight)[:, None], (columns**2 @ weight)[:, None]
-    explained, squares = _squares(weight @ observed, products, weight.sum(), *alike)
-    best = explained.argmax(axis=0)
-    curve = np.arange(observed.shape[1])
-    tau = _refined(np.log(grid), explained)
-    own = -np.expm1(-since[:, None] / tau)
-    finer, found = _squares(weight @ observed, weight @ (own * observed), weight.sum(), weight @ own, weight @ own**2)
-    kept = finer >= explained[best, curve]
-    chosen = np.where(kept, found, squares[:, best, curve])
-    return np.stack([*chosen, np.where(kept, tau, grid[best])]).reshape(3, *second.shape[1:])
+
+    since: Array
+    weight: Array
+    grid: Array
+    columns: Array
+    alike: tuple[Array, Array]
+
+    @classmethod
+    def at(cls, since: Array, weight: Array) -> "SaturatingFit":
+        """Prepare fits.
+
+        Parameters
+        ----------
+        since : (ages,)
+            k, frames; above 0.
+        weight : (ages,)
+            Of each squared residual.
+        """
+        grid = np.geomspace(_SHORTEST * since.min(), _LONGEST * since.max(), GRID)
+        columns = -np.expm1(-since / grid[:, None])
+        return cls(since, weight, grid, columns * weight, ((columns @ weight)[:, None], (columns**2 @ weight)[:, None]))
+
+    def fit(self, second: Array) -> Array:
+        """white^2 and size^2 (px^2) and tau (frames) of (saturating), (3, ...).
+
+        Parameters
+        ----------
+        second : (ages, ...)
+            M, px^2.
+        """
+        weight, observed = self.weight, second.reshape(len(self.since), -1)
+        constant, total = weight @ observed, weight.sum()
+        explained, squares = _squares(constant, self.columns @ observed, total, *self.alike)
+        best, curve = explained.argmax(axis=0), np.arange(observed.shape[1])
+        tau = _refined(np.log(self.grid), explained)
+        own = -np.expm1(-self.since[:, None] / tau)
+        finer, found = _squares(constant, weight @ (own * observed), total, weight @ own, weight @ own**2)
+        kept = finer >= explained[best, curve]
+        chosen = np.where(kept, found, squares[:, best, curve])
+        return np.stack([*chosen, np.where(kept, tau, self.grid[best])]).reshape(3, *second.shape[1:])
 
 
 def saturating_curve(coefficients: Array, since: Array) -> Array:
@@ -54,7 +85,7 @@ def saturating_curve(coefficients: Array, since: Array) -> Array:
     Parameters
     ----------
     coefficients : (3, ...)
-        What `fit_saturating` returned.
+        What `SaturatingFit.fit` returned.
     since : (ages,)
         k, frames.
     """

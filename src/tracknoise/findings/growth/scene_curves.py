@@ -111,7 +111,10 @@ def _log_scales(sums: UnitSums, scales: Array, second: Array) -> Array:
 
 def _of_scenes(sums: Array, scene: NDArray[np.intp]) -> Array:
     """Sums of units added up by scene, (scenes, columns)."""
-    return np.stack([sums[scene == one].sum(axis=0) for one in range(int(scene.max()) + 1)])
+    n_scenes = int(scene.max()) + 1
+    if len(scene) == n_scenes:  # each is a unit
+        return sums
+    return np.stack([sums[scene == one].sum(axis=0) for one in range(n_scenes)])
 
 
 def _and_without(sums: Array) -> Array:

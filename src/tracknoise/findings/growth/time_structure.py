@@ -35,15 +35,15 @@ from tracknoise.findings.sampling.groups import NO_GROUPS, JoinedScenes, SceneGr
 from tracknoise.findings.sampling.units import additive, units_of
 from tracknoise.statistics.conditions import Tables, TablesByCondition, by_condition, scenes_by_dataset
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.statistics.grouping import group_rows, reduce_each
+from tracknoise.statistics.grouping import group_rows, in_chunks, reduce_each
 from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL, MIN_FEATURES
 from tracknoise.tables.enumerations import Aspect, Behaviour
 from tracknoise.tables.findings_schema import TIME_STRUCTURE
-from tracknoise.tables.schema import ASPECT_BLOCKS, ASPECTS, BLOCKS, INCREMENTS, MOMENTS, ORIGIN, SEQUENCE, check, empty
+from tracknoise.tables.schema import ASPECT_BLOCKS, ASPECTS, BLOCKS, INCREMENTS, MOMENTS, ORIGIN, check, empty
 
 _KEY = [*POOLED, "trimming"]
 _PAIRS = [*ORIGIN, "block", "trimming", "lag"]
-_OF_SEQUENCE = [name for name in _PAIRS if name not in (*SEQUENCE, "block")]
+_OF_SCENE = [name for name in _PAIRS if name != "block"]
 _COLUMNS = {
     "white": "white_px",
     "walk": "walk_px_per_sqrt_frame",
@@ -112,7 +112,8 @@ def time_structure(
     joined = JoinedScenes.of(scenes, groups)
     by_scene = _sums({key: with_fourth(part) for key, part in errors.items()}, key_frames, joined)
     by_block = _sums(by_condition(blocks, BLOCKS, "blocks"), key_frames, joined)
-    changes = reduce_each(increments, INCREMENTS, "increments", _of_lags).partition_by(_KEY, as_dict=True)
+    chunks = in_chunks(increments, INCREMENTS, "increments")
+    changes = reduce_each(chunks, INCREMENTS, "increments", _of_lags).partition_by(_KEY, as_dict=True)
     changes = {key: joined.rename(part, key[0]) for key, part in changes.items()}
     lived = _sums(by_condition(aspects, ASPECTS, "aspects", _long_lived), key_frames, joined, LONG_LIVED)
     lived_blocks = _sums(
@@ -176,14 +177,12 @@ def lagged(increments: pl.DataFrame, few: pl.DataFrame) -> pl.DataFrame:
         Datasets and views of so few scenes that blocks are resampled. In others all blocks are added up, as block 0.
     """
     pairs = increments.filter(pl.col("lag") > 0)
-    if pairs.is_empty() or not pairs.head(1).join(few, on=few.columns, how="semi").is_empty():
+    if pairs.is_empty() or (few.height and not pairs.head(1).join(few, on=few.columns, how="semi").is_empty()):
         return pairs
-    groups = group_rows(pairs, _OF_SEQUENCE)
-    sums = {name: np.bincount(groups.index, pairs[name].to_numpy(), groups.count) for name in CHANGE_SUMS}
-    origin = {name: pl.Series([pairs[name][0]] * groups.count, dtype=kind) for name, kind in SEQUENCE.items()}
-    known = {**origin, **groups.keys.to_dict(), **sums, "block": np.zeros(groups.count)}
-    columns = {name: known.get(name, [None] * groups.count) for name in INCREMENTS}
-    return pl.DataFrame(columns).select(pl.col(name).cast(kind) for name, kind in INCREMENTS.items())
+    groups = group_rows(pairs, _OF_SCENE)
+    known = {name: pl.col(name) for name in (*_OF_SCENE, *CHANGE_SUMS)} | {"block": pl.lit(0)}
+    columns = [known.get(name, pl.lit(None)).cast(kind).alias(name) for name, kind in INCREMENTS.items()]
+    return groups.keys.hstack(groups.sums(pairs, CHANGE_SUMS)).select(columns)
 
 
 def _long_lived(aspects: pl.DataFrame) -> pl.DataFrame:

@@ -42,6 +42,7 @@ SCALAR_UNITS: Mapping[str, str] = {
 }
 """Statistics of this file and their units."""
 
+_LABELS = {"statistic": pl.String, "axis": pl.String, "at": pl.Float64}
 _ROUNDED = 1e-12  # the product that is exactly a half on paper may be rounded up
 
 
@@ -158,9 +159,8 @@ def first_reached(curve: NDArray[np.float64], lifetimes: NDArray[np.float64], sh
 
 def _labels(statistic: str, at: NDArray[np.float64] | None = None) -> pl.DataFrame:
     """One row, or one row per lifetime along the axis lifetime."""
-    if at is None:
-        return pl.DataFrame({"statistic": statistic, "axis": None, "at": None})
-    return pl.DataFrame({"statistic": statistic, "axis": "lifetime", "at": at})
+    axis, places = (None, [None]) if at is None else ("lifetime", at)
+    return pl.DataFrame({"statistic": statistic, "axis": axis, "at": places}, schema=_LABELS)
 
 
 def _mean(sums: NDArray[np.float64], lifetimes: NDArray[np.float64]) -> NDArray[np.float64]:

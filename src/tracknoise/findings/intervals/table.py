@@ -74,6 +74,10 @@ _SECOND = [_CURVES.index(("second", coordinate)) for coordinate in "uv"]
 _SCALARS: Mapping[str, str] = {**SCALAR_UNITS, AUTOCORRELATION: "1"}
 _BETWEEN = ("spread", "next_low", "next_high", "coverage")
 _NUMBERS = ["value", "low", "high", *_BETWEEN]
+_STATISTIC = pl.coalesce(
+    pl.when(axis=axis).then(pl.col("role").replace_strict(called)) for axis, called in NAMES.items()
+)
+"""Name of a statistic, from its role."""
 _SORTED = ["aspect", "at_least", "population", "trimming", "weighting", "statistic", "axis", "at", "coordinate"]
 
 
@@ -166,8 +170,7 @@ def interval_table(
         *_scalar_rows(seen, outlier_bounds, made),
         *_scalar_rows(correlated_changes(moved), correlation_bounds, made),
     ]
-    typed = [part.select(pl.col(name).cast(dtype) for name, dtype in INTERVALS.items()) for part in parts]
-    table = pl.concat([empty(INTERVALS), *typed]).with_columns(pl.col(_NUMBERS).fill_nan(None))
+    table = pl.concat([empty(INTERVALS), *parts]).with_columns(pl.col(_NUMBERS).fill_nan(None))
     return check(table.sort(*POOLED, *_SORTED), INTERVALS, "intervals")
 
 
@@ -200,6 +203,10 @@ class _Making:
     method: Method
     groups: SceneGroups
 
+    def labels(self, units: Units) -> dict[str, Any]:
+        """How the intervals of a condition are made, by column."""
+        return {"kind": self.method.kind, "level": self.method.level, "resampled": units.resampled}
+
 
 def _curve_rows(sums: Iterable[CurveSums], made: _Making) -> Iterator[pl.DataFrame]:
     """Rows of every aspect of every condition."""
@@ -209,7 +216,8 @@ def _curve_rows(sums: Iterable[CurveSums], made: _Making) -> Iterator[pl.DataFra
         rows = pl.concat(_weighted(units, made.drawn[key[0]].weights(units), made.method))
         meant = _MEANT.get(key[keys.index("aspect")])
         chosen = rows if meant is None else rows.filter(pl.col("role").is_in(meant))
-        yield _named(chosen.with_columns(_literals(dict(zip(keys, key, strict=True)))))
+        known = {**dict(zip(keys, key, strict=True)), **made.labels(units)}
+        yield _typed(chosen, known, statistic=_STATISTIC, unit=pl.col("role").replace_strict(UNITS))
 
 
 def _weighted(units: Units, weights: NDArray[np.float64], method: Method) -> Iterator[pl.DataFrame]:
@@ -220,14 +228,19 @@ def _weighted(units: Units, weights: NDArray[np.float64], method: Method) -> Ite
     found = with_biases(units, by_feature, pooled(units, weights, curve_statistics, method, scales=_SCALES), _SECOND)
     between = between_scenes(units, curve_statistics, _SCALES, found)
     beside = _stated(between, units, by_feature, found)
-    yield _rows(LabelledEstimates(labels, found, units, beside), weighting=Weighting.features)
+    yield _weighing(Weighting.features, LabelledEstimates(labels, found, units, beside))
     found = with_biases(units, by_scene, averaged(units, weights, curve_statistics, method, scales=_SCALES), _SECOND)
     beside = _stated(with_estimates(between, units, _SCALES, found), units, by_scene, found)
-    yield _rows(LabelledEstimates(labels, found, units, beside), weighting=Weighting.scenes)
+    yield _weighing(Weighting.scenes, LabelledEstimates(labels, found, units, beside))
     labels = roles[_GEOMETRIC].join(units.points, how="cross")
     found = geometric(units, weights, _logarithms, method)
     beside = geometric_rows(between, _GEOMETRIC)
-    yield _rows(LabelledEstimates(labels, found, units, beside), weighting=Weighting.geometric)
+    yield _weighing(Weighting.geometric, LabelledEstimates(labels, found, units, beside))
+
+
+def _weighing(weighting: Weighting, found: LabelledEstimates) -> pl.DataFrame:
+    """Rows with the name of their weighting."""
+    return _rows(found).with_columns(weighting=pl.lit(weighting, dtype=INTERVALS["weighting"]))
 
 
 def _stated(between: BetweenScenes, units: Units, parts: Parts, found: EstimateArray) -> BetweenScenes:
@@ -253,14 +266,7 @@ def _core_rows(
             within = blocks[key].filter(population=population) if key in blocks else None
             found = core_bounds(known, within, made.drawn[key[0]], made.method, made.groups)
             labels = {**dict(zip(POOLED, key, strict=True)), "aspect": Aspect.all, "at_least": None}
-            yield _rows(found).with_columns(_literals({**labels, "population": population, "unit": "px"}))
-
-
-def _named(rows: pl.DataFrame) -> pl.DataFrame:
-    """Rows with the name and the unit of their statistic in place of its role."""
-    role = pl.col("role")
-    names = [pl.when(axis=axis).then(role.replace_strict(called)) for axis, called in NAMES.items()]
-    return rows.with_columns(statistic=pl.coalesce(names), unit=role.replace_strict(UNITS))
+            yield _typed(_rows(found), {**labels, "population": population, "unit": "px", **made.labels(found.units)})
 
 
 def _scalar_rows(
@@ -271,10 +277,11 @@ def _scalar_rows(
     """Rows of the lifetimes, of the outlier ratio, or of the autocorrelation, of every condition."""
     usual = {"aspect": Aspect.all, **dict.fromkeys(("at_least", "population", "trimming", "weighting", "coordinate"))}
     for key, part in tables.items():
-        for found in bounded(part, made.drawn[key[0]], made.method, made.groups):
-            missing = {name: value for name, value in usual.items() if name not in found.labels.columns}
-            named = _literals({**dict(zip(POOLED, key, strict=True)), **missing})
-            yield _rows(found).with_columns(named, unit=pl.col("statistic").replace_strict(_SCALARS))
+        if found := list(bounded(part, made.drawn[key[0]], made.method, made.groups)):
+            rows = pl.concat(map(_rows, found))
+            missing = {name: value for name, value in usual.items() if name not in rows.columns}
+            known = {**dict(zip(POOLED, key, strict=True)), **missing, **made.labels(found[0].units)}
+            yield _typed(rows, known, unit=pl.col("statistic").replace_strict(_SCALARS))
 
 
 def _lifetime_rows(
@@ -288,16 +295,17 @@ def _lifetime_rows(
         yield from _scalar_rows({key: part}, partial(lifetime_bounds, horizon=horizon[here]), made)
 
 
-def _rows(found: LabelledEstimates, **labels: Any) -> pl.DataFrame:
+def _rows(found: LabelledEstimates) -> pl.DataFrame:
     """One row per statistic and point."""
     estimates, between = found.estimates, found.between
     values = {name: getattr(estimates, name).ravel() for name in ("value", "low", "high", "n_units", "n_scenes")}
     apart = {name: np.full(estimates.value.size, np.nan) for name in _BETWEEN}
     if between is not None:
         apart = {name: getattr(between, name).ravel() for name in _BETWEEN}
-    made = {"kind": estimates.kind, "level": estimates.level, "resampled": found.units.resampled}
-    return found.labels.hstack(pl.DataFrame({**values, **apart})).with_columns(_literals({**made, **labels}))
+    return found.labels.hstack(pl.DataFrame({**values, **apart}))
 
 
-def _literals(values: Mapping[str, Any]) -> list[pl.Expr]:
-    return [pl.lit(value, dtype=INTERVALS[name]).alias(name) for name, value in values.items()]
+def _typed(rows: pl.DataFrame, known: Mapping[str, Any], **computed: pl.Expr) -> pl.DataFrame:
+    """Rows with the columns of `INTERVALS`, in one pass: `known` is the same in all of them."""
+    columns = {**{name: pl.lit(value, dtype=INTERVALS[name]) for name, value in known.items()}, **computed}
+    return rows.select(columns.get(name, pl.col(name)).cast(kind).alias(name) for name, kind in INTERVALS.items())

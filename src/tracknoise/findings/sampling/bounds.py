@@ -156,8 +156,33 @@ def pooled(
         How much a unit holds of what a statistic divides by, by default its first column, a count; units of size 0 take
         no part.
     """
+    return pooled_by([method], units, weights, statistics, scales=scales, sizes=sizes)[0]
+
+
+def pooled_by(
+    methods: Sequence[Method],
+    units: Units,
+    weights: NDArray[np.float64],
+    statistics: Statistics,
+    *,
+    scales: Sequence[str] | str | None = None,
+    sizes: NDArray[np.float64] | None = None,
+) -> list[EstimateArray]:
+    """The same by several methods. The statistics are computed only once.
+
+    Parameters
+    ----------
+    methods
+        How to make intervals.
+    units, weights, statistics, sizes
+        As in `pooled`.
+    scales
+        As in `pooled`, or one name for all.
+    """
     sample = Sample.of(units.sums, weights, units.joined(units.sums)).map(statistics)
-    return _bounded(sample, units, units.sums[..., 0].T if sizes is None else sizes, method, scales)
+    held = units.sums[..., 0].T if sizes is None else sizes
+    each = [scales] * len(sample.whole) if isinstance(scales, str) else scales
+    return [_bounded(sample, units, held, method, each) for method in methods]
 
 
 def averaged(

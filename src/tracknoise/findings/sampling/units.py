@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tracknoise.findings.sampling.groups import MIN_SCENES, NO_GROUPS, SceneGroups, scheme
 from tracknoise.statistics.blocks import BLOCKS
-from tracknoise.statistics.grouping import group_rows
+from tracknoise.statistics.grouping import Groups, group_rows
 from tracknoise.statistics.moment_cells import ABOUT_ZERO
 from tracknoise.tables.enumerations import Resampled
 
@@ -131,7 +131,8 @@ def additive(moments: pl.DataFrame) -> pl.DataFrame:
         Of scenes (`MOMENTS`, `ASPECTS`) or blocks (`BLOCKS`); whatever else it has stays.
     """
     absolute = {f"abs_{axis}": pl.col("n") * pl.col(f"mean_abs_{axis}").fill_null(0.0) for axis in "uv"}
-    return moments.with_columns(**ABOUT_ZERO, **absolute).select(pl.exclude("^m_.*$", "^mean_.*$"))
+    others = [name for name in moments.columns if not name.startswith(("m_", "mean_"))]
+    return moments.select(*others, **ABOUT_ZERO, **absolute)
 
 
 def units_of(
@@ -157,33 +158,34 @@ def units_of(
     groups
         Groups of scenes that are not independent of each other. `scenes` then has a column dataset.
     """
-    names = scenes["scene"].unique().sort().to_list()
+    by_scene = group_rows(scenes, ["scene"])
+    names = by_scene.keys["scene"].to_list()
     group = groups.of(scenes["dataset"][0], names) if groups.names and names else np.arange(len(names))
     resampled = scheme(group)
-    if resampled is not None:
-        return replace(_scattered(scenes, names, None, points, columns, resampled), group=group)
-    if blocks is None or blocks.is_empty():
-        return _scattered(scenes, names, None, points, columns, None)
-    return _scattered(blocks, names, "block", points, columns, Resampled.blocks)
+    if resampled is not None or blocks is None or blocks.is_empty():
+        found = _scattered(scenes, names, by_scene.index, points, columns, resampled)
+        return found if resampled is None else replace(found, group=group)
+    within = group_rows(blocks, ["scene"])
+    scene = np.searchsorted(names, within.keys["scene"].to_list())[within.index]
+    block = blocks["block"].to_numpy().astype(np.intp)
+    return _scattered(blocks, names, scene * BLOCKS + block, points, columns, Resampled.blocks, each=BLOCKS)
 
 
 def _scattered(
     table: pl.DataFrame,
     names: list[str],
-    block: str | None,
+    unit: NDArray[np.intp],
     points: Sequence[str],
     columns: Sequence[str],
     resampled: Resampled | None,
+    *,
+    each: int = 1,
 ) -> Units:
-    """Rows put, and added up, where they belong."""
-    one_point = table.with_columns(pl.lit(0, dtype=pl.UInt8).alias("point")) if not points else table
-    groups = group_rows(one_point, points or ["point"])
-    scene = group_rows(table, ["scene"])
-    place = np.searchsorted(names, scene.keys["scene"].to_list())[scene.index]
-    each = 1 if block is None else BLOCKS
-    unit = place * each + (0 if block is None else table[block].to_numpy().astype(np.intp))
-    shape = (len(names) * each, groups.count)
-    flat = unit * groups.count + groups.index
+    """Rows put, and added up, where they belong: `unit` is that of each row, and every scene has `each` of them."""
+    groups = group_rows(table, points) if points else Groups(pl.DataFrame(), np.zeros(table.height, dtype=np.intp))
+    n_points = groups.count if points else min(table.height, 1)
+    shape = (len(names) * each, n_points)
+    flat = unit * n_points + groups.index
     sums = [np.bincount(flat, table[column].to_numpy(), shape[0] * shape[1]).reshape(shape) for column in columns]
-    keys = groups.keys if points else pl.DataFrame()
-    return Units(np.stack(sums, axis=-1), keys, tuple(names), np.repeat(np.arange(len(names)), each), resampled)
+    scene = np.repeat(np.arange(len(names)), each)
+    return Units(np.stack(sums, axis=-1), groups.keys, tuple(names), scene, resampled)

@@ -44,9 +44,12 @@ def gathered(every: Array, samples: Sequence[NDArray[np.intp]]) -> Array:
 
 def moments(sums: Array) -> tuple[Array, Array]:
     """Mean, (samples, 2), and covariance as uu, uv, vv, (samples, 3), from weighted sums of terms, (samples, 6)."""
-    mean, second = sums[:, 1:3] / sums[:, :1], sums[:, 3:] / sums[:, :1]
+    mean, covariance = sums[:, 1:3] / sums[:, :1], sums[:, 3:] / sums[:, :1]
     u, v = mean.T
-    return mean, second - np.stack([u * u, u * v, v * v], axis=1)
+    covariance[:, 0] -= u * u
+    covariance[:, 1] -= u * v
+    covariance[:, 2] -= v * v
+    return mean, covariance
 
 
 def squared_distances(points: Array, mean: Array, scatter: Array) -> Array:
@@ -61,9 +64,12 @@ def squared_distances(points: Array, mean: Array, scatter: Array) -> Array:
     """
     u, v = mean.T
     uu, uv, vv = _inverse(scatter).T
-    constant = uu * u * u + 2 * uv * u * v + vv * v * v
-    weights = np.stack([constant, -2 * (uu * u + uv * v), -2 * (uv * u + vv * v), uu, 2 * uv, vv], axis=1)
-    return np.maximum((weights[:, None, :] @ points)[:, 0], 0.0)  # rounding may leave less than 0
+    weights = np.empty((len(mean), len(_SECOND)))
+    weights[:, 0] = uu * u * u + 2 * uv * u * v + vv * v * v
+    weights[:, 1], weights[:, 2] = -2 * (uu * u + uv * v), -2 * (uv * u + vv * v)
+    weights[:, 3], weights[:, 4], weights[:, 5] = uu, 2 * uv, vv
+    squared = (weights[:, None, :] @ points)[:, 0]
+    return np.maximum(squared, 0.0, out=squared)  # rounding may leave less than 0
 
 
 def trace_ratio(second: Array, scatter: Array) -> Array:
@@ -87,5 +93,7 @@ def determinant(scatter: Array) -> Array:
 
 
 def _inverse(scatter: Array) -> Array:
-    uu, uv, vv = scatter.T
-    return np.stack([vv, -uv, uu], axis=1) / determinant(scatter)[:, None]
+    inverse = np.empty_like(scatter)
+    inverse[:, 0], inverse[:, 1], inverse[:, 2] = scatter[:, 2], -scatter[:, 1], scatter[:, 0]
+    inverse /= determinant(scatter)[:, None]
+    return inverse

@@ -128,11 +128,10 @@ def gaussianity(
     options = _Options(Method(kind, level).by_bootstrap(), min_features, margin, seed, joined)
     rows, quantiles = [empty(GAUSSIANITY)], [empty(RADII)]
     for key, part in _banded(errors, key_frames):
-        labels = names(key, GAUSSIANITY)
         of_scenes = part.sort("scene", maintain_order=True)
         found, distances = _condition(of_scenes, singles.get(key, empty(SAMPLES)), drawn[key[0]], options)
-        rows.append(_typed(found.with_columns(labels), GAUSSIANITY))
-        quantiles.append(_typed(distances.with_columns(labels), RADII))
+        rows.append(_typed(found, key, GAUSSIANITY))
+        quantiles.append(_typed(distances, key, RADII))
     shapes = pl.concat(rows).sort(*POOLED, *BAND), pl.concat(quantiles).sort(*POOLED, *BAND, "probability")
     return Shapes(check(shapes[0], GAUSSIANITY, "gaussianity"), check(shapes[1], RADII, "radii"))
 
@@ -143,10 +142,6 @@ def _banded(moments: TablesByCondition, key_frames: Mapping[str, int]) -> Iterat
         banded = with_bands(anchored(part, key_frames), pl.col("since").abs())
         if not banded.is_empty():
             yield key, banded
-
-
-def _split(table: pl.DataFrame, by: list[str]) -> dict[tuple[Any, ...], pl.DataFrame]:
-    return table.partition_by(by, as_dict=True)
 
 
 def _condition(
@@ -219,10 +214,11 @@ def _tied(singles: pl.DataFrame, bands: Groups) -> list[str | None]:
 
 def _tails(singles: pl.DataFrame, pairs: NDArray[np.float64]) -> tuple[pl.DataFrame, pl.DataFrame]:
     """By band how many single errors there are and how many lie far out; and the quantiles of their distances."""
-    tails, quantiles = [], []
-    for key, part in _split(singles.with_columns(within=np.square(pairs).sum(axis=1)), BAND).items():
-        squared = (part["z_u"] ** 2 + part["z_v"] ** 2).to_numpy()
-        within = part["within"].to_numpy()
+    tails, quantiles, bands = [], [], group_rows(singles, BAND)
+    distances = singles["z_u"].to_numpy() ** 2 + singles["z_v"].to_numpy() ** 2
+    of_pairs = np.square(pairs).sum(axis=1)
+    for band, key in enumerate(bands.keys.rows()):
+        squared, within = (values[bands.index == band] for values in (distances, of_pairs))
         near = tail_ratios(within[~np.isnan(within)])[0]
         tails.append((*key, len(squared), *tail_ratios(squared), near))
         quantiles += [(*key, *point) for point in zip(*radii(squared), strict=True)]
@@ -263,8 +259,8 @@ def _few(options: _Options) -> str:
     return f"every age has fewer than {options.min_features} errors, or errors that do not vary"
 
 
-def _typed(rows: pl.DataFrame, schema: Schema) -> pl.DataFrame:
-    """Rows with the columns of a schema, null where there is no number."""
-    whole = rows.with_columns(pl.lit(None).alias(name) for name in schema if name not in rows.columns)
-    typed = whole.select(pl.col(name).cast(kind) for name, kind in schema.items())
-    return typed.with_columns(pl.selectors.float().fill_nan(None))
+def _typed(rows: pl.DataFrame, key: Condition, schema: Schema) -> pl.DataFrame:
+    """Rows of a condition with the columns of a schema, null where there is no number; in one pass."""
+    known = {**{name: pl.col(name) for name in rows.columns}, **dict(zip(POOLED, names(key, schema), strict=True))}
+    typed = [known.get(name, pl.lit(None)).cast(kind).alias(name) for name, kind in schema.items()]
+    return rows.select(typed).with_columns(pl.selectors.float().fill_nan(None))

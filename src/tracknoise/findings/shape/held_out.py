@@ -80,15 +80,18 @@ def _parameters(heavy: Student, mixed: Mixture, of: Rows) -> Array:
 
 def _split(rows: Rows, fold: Rows) -> list[tuple[Rows, Rows]]:
     """Rows of each fold of a sample, and all others; empty if there is only one fold."""
-    names = np.unique(fold[rows])
-    return [(rows[fold[rows] == name], rows[fold[rows] != name]) for name in names] if len(names) > 1 else []
+    own = fold[rows]
+    names = np.unique(own)
+    inside = [own == name for name in names]
+    return [(rows[each], rows[~each]) for each in inside] if len(names) > 1 else []
 
 
 def _can_be_fitted(every: Array, parts: list[tuple[Rows, Rows]]) -> bool:
     """Whether there is enough outside of each fold, with a spread."""
     if min(len(rest) for _, rest in parts) < MIN_FITTED:
         return False
-    _, root = whitening(np.stack([every[:, rest].sum(axis=1) for _, rest in parts], axis=1))
+    own = np.stack([every[:, rows].sum(axis=1) for rows, _ in parts], axis=1)
+    _, root = whitening(own.sum(axis=1, keepdims=True) - own)
     return bool(np.isfinite(root).all())
 
 

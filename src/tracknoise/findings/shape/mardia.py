@@ -11,8 +11,11 @@ of skewed pairs, and (b2 / 8 - 1)^2 / 2 of elliptical ones (negentropy), by the 
 Source: K. V. Mardia, Biometrika 57 (1970).
 """
 
+from collections.abc import Iterable, Sequence
+from functools import reduce
 from itertools import product
 from math import comb
+from operator import add, mul
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,16 +23,19 @@ from numpy.typing import NDArray
 from tracknoise.statistics.joint import FOURTH
 
 Array = NDArray[np.float64]
+Order = tuple[int, int]
 
 ORDERS = ((0, 0), (1, 0), (0, 1), *FOURTH)
 """Order (p, q) of each power sum: sum(u^p v^q)."""
 POWER_SUMS = ["n", *("z_" + "u" * p + "v" * q for p, q in ORDERS[1:])]
 """Names of the sums of z_u^p z_v^q."""
 _PLACE = {order: place for place, order in enumerate(ORDERS)}
+_OF_SHAPE = ((3, 0), (2, 1), (1, 2), (0, 3), (4, 0), (2, 2), (0, 4))
+"""Orders that skewness and kurtosis are made of."""
 _ON_A_LINE = 1e-12
 
 
-def transformed(sums: Array, centre: Array, root: Array) -> Array:
+def transformed(sums: Array, centre: Array, root: Array, orders: Sequence[Order] = ORDERS) -> Array:
     """Power sums of root (x - centre), from those of x.
 
     Parameters
@@ -40,13 +46,15 @@ def transformed(sums: Array, centre: Array, root: Array) -> Array:
         Of x.
     root : (3, ...)
         Lower triangular: a, b, c of ((a, 0), (b, c)).
+    orders
+        Of the sums that are returned; each is one of `ORDERS`.
     """
-    shifted = _shifted(sums, -centre)
-    a, b, c = root
+    shifted = _shifted(sums, -centre, {(p + q - j, j) for p, q in orders for j in range(q + 1)})
+    a, b, c = map(_powers, root)
     rows = []
-    for p, q in ORDERS:
-        terms = [comb(q, j) * b ** (q - j) * c**j * shifted[_PLACE[p + q - j, j]] for j in range(q + 1)]
-        rows.append(a**p * sum(terms[1:], terms[0]))
+    for p, q in orders:
+        terms = [_product(comb(q, j), b[q - j], c[j], shifted[p + q - j, j]) for j in range(q + 1)]
+        rows.append(_product(a[p], reduce(add, terms)))
     return np.stack(rows)
 
 
@@ -76,19 +84,28 @@ def mardia(sums: Array) -> Array:
         Power sums by `ORDERS`.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
-        mean = dict(zip(ORDERS, transformed(sums, *whitening(sums)) / sums[0], strict=True))
+        moments = transformed(sums, *whitening(sums), orders=_OF_SHAPE) / sums[0]
+    mean = dict(zip(_OF_SHAPE, moments, strict=True))
     skewness = mean[3, 0] ** 2 + 3 * mean[2, 1] ** 2 + 3 * mean[1, 2] ** 2 + mean[0, 3] ** 2
     return np.stack([skewness, mean[4, 0] + 2 * mean[2, 2] + mean[0, 4]])
 
 
-def _shifted(sums: Array, shift: Array) -> Array:
-    """Power sums of x + shift."""
-    u, v = ([axis**power for power in range(5)] for axis in shift)
-    rows = []
-    for p, q in ORDERS:
-        terms = [
-            comb(p, i) * comb(q, j) * sums[_PLACE[i, j]] * u[p - i] * v[q - j]
-            for i, j in product(range(p + 1), range(q + 1))
-        ]
-        rows.append(sum(terms[1:], terms[0]))
-    return np.stack(rows)
+def _shifted(sums: Array, shift: Array, orders: Iterable[Order]) -> dict[Order, Array]:
+    """Power sums of x + shift, by order."""
+    u, v = map(_powers, shift)
+    found = {}
+    for p, q in orders:
+        parts = product(range(p + 1), range(q + 1))
+        terms = [_product(comb(p, i) * comb(q, j), sums[_PLACE[i, j]], u[p - i], v[q - j]) for i, j in parts]
+        found[p, q] = reduce(add, terms)
+    return found
+
+
+def _powers(values: Array) -> list[Array | int]:
+    """Powers of order 0 to 4."""
+    return [1, values, *(values**power for power in (2, 3, 4))]
+
+
+def _product(*factors: Array | int) -> Array:
+    """Product from left to right; most of the time of many draws is spent here, so factors of 1 are left out."""
+    return np.asarray(reduce(mul, [factor for factor in factors if not isinstance(factor, int) or factor != 1]))

@@ -68,10 +68,12 @@ def fit_mixture(points: Array, *, cycles: int = CYCLES) -> Mixture:
     total = points.sum(axis=2)
     fit = _first(total)
     for _ in range(cycles):
-        one = _step(points, total, fit)[0]
-        two, least = _step(points, total, one)
-        ahead, likely = _step(points, total, _extrapolated(fit, one, two))
-        fit = _chosen(likely >= least, ahead, two)
+        one = _Expected.under(fit, points).next(points, total)
+        at_one = _Expected.under(one, points)
+        two = at_one.next(points, total)
+        at_far = _Expected.under(_extrapolated(fit, one, two), points)
+        better = at_far.log_likelihood(points, total) >= at_one.log_likelihood(points, total)
+        fit = _chosen(better, at_far.next(points, total), two)
     return fit
 
 
@@ -81,31 +83,47 @@ def _first(total: Array) -> Mixture:
     return Mixture(mean, scatter / (1 - share + share * ratio)[:, None], share, ratio)
 
 
-def _step(points: Array, total: Array, fit: Mixture) -> tuple[Mixture, Array]:
-    """The next fit, and the log-likelihood of this one, but for a constant, (samples,)."""
-    distance = squared_distances(points, fit.mean, fit.scatter)
-    of_wide, likelihood = _expected(distance, fit.share, fit.ratio)
-    wide = (points @ of_wide[:, :, None])[:, :, 0]
-    mean, scatter = _core(total, wide, fit.ratio)
-    share = np.clip(wide[:, 0] / total[:, 0], *_SHARES)
-    ratio = np.clip(trace_ratio(_about(wide, mean), scatter) / (2 * wide[:, 0]), 1.0, _MAX_RATIO)
-    each = np.einsum("ij,ij->i", likelihood, points[:, 0]) + total[:, 0] * log_normaliser(fit.scatter)[:, 0]
-    return Mixture(mean, scatter, share, ratio), each
+@dataclass(frozen=True, slots=True)
+class _Expected:
+    """What a fit says of each point. Most of the time of a fit is spent here.
 
-
-def _expected(distance: Array, share: Array, ratio: Array) -> tuple[Array, Array]:
-    """Probability that each point is of the wider component, and its log density, less that of the core at its mean.
-
-    Most of the time of a fit is spent here, mainly on allocations. It therefore works in place.
+    Attributes
+    ----------
+    fit
+        The mixture.
+    distance, odds : (samples, points)
+        Squared distance from its mean, and the odds that a point is of the wider component.
     """
-    odds = distance * (-0.5 * (1 - 1 / ratio))[:, None]
-    odds += np.log((1 - share) / share * ratio)[:, None]
-    np.exp(odds, out=odds)
-    density = distance * (-0.5 / ratio)[:, None]
-    density += np.log(share / ratio)[:, None]
-    density += np.log1p(odds)
-    odds += 1
-    return np.reciprocal(odds, out=odds), density
+
+    fit: Mixture
+    distance: Array
+    odds: Array
+
+    @classmethod
+    def under(cls, fit: Mixture, points: Array) -> "_Expected":
+        """Of the points of each sample."""
+        distance = squared_distances(points, fit.mean, fit.scatter)
+        odds = distance * (-0.5 * (1 - 1 / fit.ratio))[:, None]
+        odds += np.log((1 - fit.share) / fit.share * fit.ratio)[:, None]
+        return cls(fit, distance, np.exp(odds, out=odds))
+
+    def next(self, points: Array, total: Array) -> Mixture:
+        """The next fit."""
+        of_wide = 1 + self.odds
+        wide = (points @ np.reciprocal(of_wide, out=of_wide)[:, :, None])[:, :, 0]
+        mean, scatter = _core(total, wide, self.fit.ratio)
+        share = np.clip(wide[:, 0] / total[:, 0], *_SHARES)
+        ratio = np.clip(trace_ratio(_about(wide, mean), scatter) / (2 * wide[:, 0]), 1.0, _MAX_RATIO)
+        return Mixture(mean, scatter, share, ratio)
+
+    def log_likelihood(self, points: Array, total: Array) -> Array:
+        """Log-likelihood of the fit, but for a constant, (samples,)."""
+        share, ratio = self.fit.share, self.fit.ratio
+        density = self.distance * (-0.5 / ratio)[:, None]
+        density += np.log(share / ratio)[:, None]
+        density += np.log1p(self.odds)
+        normaliser = total[:, 0] * log_normaliser(self.fit.scatter)[:, 0]
+        return np.asarray(np.einsum("ij,ij->i", density, points[:, 0]) + normaliser)
 
 
 def _extrapolated(fit: Mixture, one: Mixture, two: Mixture) -> Mixture:
@@ -157,6 +175,8 @@ def _about(sums: Array, mean: Array) -> Array:
     """Second moments about a mean, summed: uu, uv, vv."""
     u, v = mean.T
     n, of_u, of_v, uu, uv, vv = sums.T
-    return np.stack(
-        [uu - 2 * u * of_u + n * u * u, uv - u * of_v - v * of_u + n * u * v, vv - 2 * v * of_v + n * v * v], axis=1
-    )
+    found = np.empty((len(mean), 3))
+    found[:, 0] = uu - 2 * u * of_u + n * u * u
+    found[:, 1] = uv - u * of_v - v * of_u + n * u * v
+    found[:, 2] = vv - 2 * v * of_v + n * v * v
+    return found

@@ -76,8 +76,9 @@ def _newton(inverse_nu: Array, distance: Array, count: Array) -> Array:
     """One step towards the most likely 1 / nu, at most by a factor of 2; padding has distance 0 and adds nothing."""
     t = inverse_nu[:, None]
     scaled = t * distance
-    ratio = scaled / (1 + scaled)
-    mean_log, mean_ratio = np.log1p(scaled).sum(axis=1) / count, ratio.sum(axis=1) / count
+    mean_log = np.log1p(scaled).sum(axis=1) / count
+    ratio = np.divide(scaled, 1 + scaled, out=scaled)
+    mean_ratio = ratio.sum(axis=1) / count
     mean_square = np.einsum("ij,ij->i", ratio, ratio) / count
     t = inverse_nu
     # L(t) = -(1 + 2 t) / (2 t) E log(1 + t d2), and its first two derivatives in t

@@ -10,6 +10,7 @@ from tracknoise.geometry.pose import invert
 from tracknoise.sequences.camera_files.camera_file import CameraFile, checked_camera
 from tracknoise.sequences.camera_files.entries import Entries
 from tracknoise.sequences.camera_files.lens_names import coefficients_at, lens_at
+from tracknoise.sequences.camera_files.readout import shutter_at
 from tracknoise.sequences.poses import checked_poses
 
 _NAME = re.compile(r"cam\d+")
@@ -68,6 +69,7 @@ def read_calibrated(
         _body_from_camera(entries) if body_from_camera is None else body_from_camera,
         None if shift is None else entries.number(shift),
         None if rate is None else entries.number(rate, positive=True),
+        shutter=shutter_at(entries),
     )
 
 

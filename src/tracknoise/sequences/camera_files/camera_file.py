@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError, first_line
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.lenses import KnownCamera, make_camera
+from tracknoise.geometry.shutter import RollingShutter
 
 _POSITIONS = 65
 _ROUND_TRIP_PX = 1e-6
@@ -34,6 +35,8 @@ class CameraFile:
         Frames per second; None where unknown.
     depth_unit_m
         Depth of the integer 1 in depth images, metres; None where unknown.
+    shutter
+        Rolling shutter of the camera; None where all rows are exposed together, or the file does not say.
     """
 
     camera: CameraModel
@@ -41,6 +44,7 @@ class CameraFile:
     time_shift_s: float | None = None
     rate_hz: float | None = None
     depth_unit_m: float | None = None
+    shutter: RollingShutter | None = None
 
     @property
     def notes(self) -> tuple[str, ...]:

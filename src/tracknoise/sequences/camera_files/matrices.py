@@ -6,6 +6,7 @@ from tracknoise.exceptions import DataError
 from tracknoise.sequences.camera_files.camera_file import CameraFile, checked_camera
 from tracknoise.sequences.camera_files.entries import Entries
 from tracknoise.sequences.camera_files.lens_names import coefficients_at, lens_at
+from tracknoise.sequences.camera_files.readout import shutter_at
 
 _MATRIX = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "K", "k", "M")
 _DISTORTION = (
@@ -55,7 +56,8 @@ def read_matrices(entries: Entries, camera: str | None, size: tuple[int, int] | 
     model = _model(entries)
     distortion = entries.name(*_numbered(_DISTORTION, camera))
     coefficients = coefficients_at(entries, distortion, model)
-    return CameraFile(checked_camera(entries.place, model, _size(entries, size), (fx, fy, cx, cy), coefficients))
+    known = checked_camera(entries.place, model, _size(entries, size), (fx, fy, cx, cy), coefficients)
+    return CameraFile(known, shutter=shutter_at(entries))
 
 
 def _numbered(names: tuple[str, ...], camera: str | None) -> tuple[str, ...]:

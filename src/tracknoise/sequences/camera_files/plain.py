@@ -4,17 +4,18 @@ from tracknoise.exceptions import DataError
 from tracknoise.geometry.lenses import COEFFICIENTS, KnownCamera, make_camera
 from tracknoise.sequences.camera_files.camera_file import CameraFile, checked_camera
 from tracknoise.sequences.camera_files.entries import Entries
+from tracknoise.sequences.camera_files.readout import READOUT, shutter_at
 
 REQUIRED = ("width", "height", "fx", "fy", "cx", "cy")
 """Keys that every such file has."""
 
-_OPTIONAL = ("model", "distortion", "xi", "alpha", "depth_unit_m", "depth_scale", "source")
+_OPTIONAL = ("model", "distortion", "xi", "alpha", "depth_unit_m", "depth_scale", READOUT, "source")
 _SPHERES = ("xi", "alpha")
 _SYMMETRIC = ("equidistant", "double_sphere")
 
 
 def read_plain(entries: Entries) -> CameraFile:
-    """Camera and depth unit of a file with the keys `REQUIRED`.
+    """Camera, depth unit and readout of a file with the keys `REQUIRED`.
 
     Raises
     ------
@@ -23,7 +24,7 @@ def read_plain(entries: Entries) -> CameraFile:
         inverted over the whole image.
     """
     _require_keys(entries)
-    return CameraFile(_camera(entries), depth_unit_m=_depth_unit_m(entries))
+    return CameraFile(_camera(entries), depth_unit_m=_depth_unit_m(entries), shutter=shutter_at(entries))
 
 
 def _camera(entries: Entries) -> KnownCamera:

@@ -127,6 +127,7 @@ class Euroc:
             timestamps_s=times_s,
             group=place_of(sequence.scene),
             second=second,
+            shutter=calibration.shutter,
         )
 
     def _body_poses(

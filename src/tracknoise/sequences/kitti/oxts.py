@@ -13,16 +13,17 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tracknoise.exceptions import DataError
-from tracknoise.sequences.poses import read_rows
+from tracknoise.sequences.poses import read_rows, require_near
 
 EARTH_RADIUS_M = 6378137.0
 COLUMNS = (
     "lat lon alt roll pitch yaw vn ve vf vl vu ax ay az af al au wx wy wz wf wl wu "
     "pos_accuracy vel_accuracy navstat numsats posmode velmode orimode"
 )
-"""Fields of a record: degrees, metres and radians first; of the rest nothing is used."""
+"""Fields of a record: degrees, metres and radians first. Of the rest, the two accuracies are used."""
 _USED = 6
-_REST = "0 " * 17 + "0.01 0.01 4 10 5 5 6"  # motion, which is not simulated; accuracies, and states of good reception
+_ACCURACIES = [COLUMNS.split().index(name) for name in ("pos_accuracy", "vel_accuracy")]
+_REST = "0 " * 17 + "0 0 4 10 5 5 6"  # motion, which is not simulated; no accuracies; states of good reception
 
 
 def read_records(paths: Iterable[Path]) -> NDArray[np.float64]:
@@ -38,13 +39,24 @@ def read_records(paths: Iterable[Path]) -> NDArray[np.float64]:
     DataError
         If a file is missing, has not one row of 30 numbers, or its angles cannot be.
     """
-    records = []
-    for path in paths:
-        rows, _ = read_rows(path, COLUMNS)
-        if len(rows) != 1:
-            raise DataError(path, f"{len(rows)} rows", "one")
-        records.append(_checked(path, rows[0, :_USED]))
+    records = [_checked(path, _read(path)[:_USED]) for path in paths]
     return np.array(records).reshape(-1, _USED)
+
+
+def read_accuracies(paths: Iterable[Path]) -> NDArray[np.float64]:
+    """Read the standard deviations that the records of a drive's frames state, a file each.
+
+    Returns
+    -------
+    (n, 2) float64
+        Of the position, metres, and of the velocity, metres per second; 0 where none is stated.
+
+    Raises
+    ------
+    DataError
+        If a file is missing, or has not one row of 30 numbers.
+    """
+    return np.array([_read(path)[_ACCURACIES] for path in paths]).reshape(-1, len(_ACCURACIES))
 
 
 def poses_of_records(records: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -98,6 +110,15 @@ def write_record(path: Path, record: NDArray[np.float64]) -> None:
     path.write_text(" ".join([*map(repr, record.tolist()), _REST]) + "\n", encoding="utf-8")
 
 
+def _read(path: Path) -> NDArray[np.float64]:
+    """(30,) float64: one record."""
+    rows, _ = read_rows(path, COLUMNS)
+    if len(rows) != 1:
+        raise DataError(path, f"{len(rows)} rows", "one")
+    record: NDArray[np.float64] = rows[0]
+    return record
+
+
 def _checked(path: Path, record: NDArray[np.float64]) -> NDArray[np.float64]:
     if not np.isfinite(record).all():
         raise DataError(path, "NaN or infinity", "finite numbers")
@@ -106,4 +127,5 @@ def _checked(path: Path, record: NDArray[np.float64]) -> NDArray[np.float64]:
     if np.abs(record[3:]).max() > 2.0 * np.pi:
         roll, pitch, yaw = record[3:]
         raise DataError(path, f"roll {roll:g}, pitch {pitch:g} and yaw {yaw:g}", "radians")
+    require_near(record[None, 2:3], [path])
     return record

@@ -12,6 +12,7 @@ from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
 from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_notes
 from tracknoise.sequences.images import first_readable, image_size
+from tracknoise.sequences.kitti.accuracy import read_oxts_accuracy
 from tracknoise.sequences.kitti.calibration import read_camera, read_camera_from_velodyne
 from tracknoise.sequences.kitti.depth import KittiDepth, source_note
 from tracknoise.sequences.kitti.layout import IMAGES, Drive, find_drives, find_frames, recording_of
@@ -114,6 +115,7 @@ class Kitti:
         if reason := self._still_stretch(poses, frames.numbers):
             raise DataError(drive.folder, reason, _OVERRIDE)
         timestamps_s, time_notes = read_timestamps(drive.timestamps, frames.numbers)
+        accuracy = read_oxts_accuracy(drive, frames.numbers, timestamps_s)
         scans = any(path is not None and path.suffix == SCAN_SUFFIX for path in frames.depths)
         read_depth = KittiDepth(self.radius_px, read_camera_from_velodyne(drive.day) if scans else None)
         return RecordedSequence(
@@ -123,8 +125,10 @@ class Kitti:
             world_from_camera=poses,
             images=ImageFiles(frames.images, camera),
             depths=depth_files(frames.depths, camera, read_depth),
-            notes=(*notes, source_note(frames.depths), *depth_notes(frames.depths), *time_notes),
+            notes=(*notes, *accuracy.notes, source_note(frames.depths), *depth_notes(frames.depths), *time_notes),
             timestamps_s=timestamps_s,
+            pose_accuracy=accuracy.pose,
+            truth_accuracy=accuracy.truth,
             group=recording_of(sequence.scene),
         )
 

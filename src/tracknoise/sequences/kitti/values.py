@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.files import read_text
-from tracknoise.sequences.poses import checked_poses
+from tracknoise.sequences.poses import checked_poses, require_near
 
 POSE_COLUMNS = "r11 r12 r13 tx r21 r22 r23 ty r31 r32 r33 tz"
 Values = dict[str, NDArray[np.float64]]
@@ -53,6 +53,9 @@ def projection(path: Path, values: Values, key: str) -> NDArray[np.float64]:
     plain = P[0, 1] == P[1, 0] == P[2, 0] == P[2, 1] == 0.0 and P[2, 2] == 1.0
     if not (plain and P[0, 0] > 0.0 and P[1, 1] > 0.0):
         raise DataError(path, f"another {key}", "fx 0 cx . 0 fy cy . 0 0 1 . with positive fx, fy")
+    with np.errstate(all="ignore"):  # of numbers that no camera has
+        shift_m = camera_from_reference(P)[None, :3, 3]
+    require_near(shift_m, [path])
     return P
 
 

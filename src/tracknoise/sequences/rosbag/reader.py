@@ -162,6 +162,7 @@ class Rosbag:
             ),
             timestamps_s=(times_ns - times_ns[0]) / 1e9,
             group=parent_of(sequence.scene),
+            shutter=None if calibration is None else calibration.shutter,
         )
 
     def _wanted(self) -> Wanted:

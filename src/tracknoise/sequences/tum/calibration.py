@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
-from tracknoise.geometry.camera import Camera
+from tracknoise.foreign.files import read_text
+from tracknoise.geometry.camera import DISTORTION_COUNTS, Camera
 from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.camera_files import read_camera_file
 from tracknoise.sequences.images import first_readable, image_size
 from tracknoise.sequences.poses import read_rows
@@ -18,6 +20,7 @@ from tracknoise.sequences.tum.known import Recording, find_recording
 
 CAMERA_FILES = ("camera.yaml", "camera.yml", "camera.json", "calibration.yaml", "calibration.yml")
 PLAIN_CALIBRATION = "calibration.txt"
+_PINHOLE, _COEFFICIENTS = "fx fy cx cy", "k1 k2 p1 p2 k3 k4 k5 k6"
 DEPTH_UNIT_M = 1 / 5000
 """Depth of the integer 1 in the benchmark, metres."""
 
@@ -47,6 +50,8 @@ class Calibration:
         Whether the y axes of the recorded poses point up, in the frames of camera and world.
     depth_unit_m
         Depth of the integer 1, metres.
+    shutter
+        Rolling shutter that a file of the camera states; None where there is none.
     """
 
     camera: CameraModel
@@ -54,6 +59,7 @@ class Calibration:
     body_from_camera: NDArray[np.float64] | None = None
     upside_down: bool = False
     depth_unit_m: float = DEPTH_UNIT_M
+    shutter: RollingShutter | None = None
 
     def world_from_camera(self, recorded: NDArray[np.float64]) -> NDArray[np.float64]:
         """Poses of the camera, (n, 4, 4) float64, from the recorded ones."""
@@ -103,7 +109,7 @@ def find_calibration(
     if poses_of is PosesOf.body:
         raise DataError(folder, "poses of a body and no camera file", "a camera file that states where the camera is")
     if (folder / PLAIN_CALIBRATION).exists():
-        return _from_four_numbers(folder / PLAIN_CALIBRATION, images, known)
+        return _from_plain_numbers(folder / PLAIN_CALIBRATION, images, known)
     if known is None:
         expected = f"one of {', '.join((*CAMERA_FILES, PLAIN_CALIBRATION))}, or the option camera_file"
         raise DataError(folder, "no camera, and a name that is not that of a known recording", expected)
@@ -127,23 +133,36 @@ def _from_file(file: Path, known: Recording | None, poses_of: PosesOf) -> Calibr
         notes=(*notes, *read.notes),
         body_from_camera=body_from_camera,
         depth_unit_m=read.depth_unit_m or DEPTH_UNIT_M,
+        shutter=read.shutter,
     )
 
 
-def _from_four_numbers(path: Path, images: tuple[Path, ...], known: Recording | None) -> Calibration:
-    rows, _ = read_rows(path, "fx fy cx cy")
+def _from_plain_numbers(path: Path, images: tuple[Path, ...], known: Recording | None) -> Calibration:
+    rows, _ = read_rows(path, _plain_columns(path))
     if len(rows) != 1:
         raise DataError(path, f"{len(rows)} rows", "one of fx fy cx cy")
-    fx, fy, cx, cy = rows[0].tolist()
+    fx, fy, cx, cy, *distortion = rows[0].tolist()
     if not (np.isfinite(rows).all() and fx > 0.0 and fy != 0.0):
         raise DataError(path, f"fx {fx:g}, fy {fy:g}, cx {cx:g}, cy {cy:g}", "focal lengths and a principal point, px")
-    camera = Camera(*image_size(first_readable(images)), fx, abs(fy), cx, cy)
+    if distortion and fy < 0.0:
+        distortion[2] = -distortion[2]  # p1 changes its sign with the y axis
+    camera = Camera(*image_size(first_readable(images)), fx, abs(fy), cx, cy, tuple(distortion))
+    lens = "with radial-tangential distortion" if distortion else "without distortion"
     return Calibration(
         camera=camera,
-        notes=(f"the camera is that of {path}, without distortion", *_flip_notes(fy < 0.0)),
+        notes=(f"the camera is that of {path}, {lens}", *_flip_notes(fy < 0.0)),
         body_from_camera=None if known is None else known.body_from_camera,
         upside_down=fy < 0.0,
     )
+
+
+def _plain_columns(path: Path) -> str:
+    """Names of the numbers in a row: those of as many distortion coefficients as the first row has, or none."""
+    lines = read_text(path, f"a row of {_PINHOLE}").splitlines()
+    fields = next((line.split() for line in lines if line.strip() and not line.lstrip().startswith("#")), [])
+    count = len(fields) - len(_PINHOLE.split())
+    coefficients = _COEFFICIENTS.split()[: count if count in DISTORTION_COUNTS else 0]
+    return " ".join([_PINHOLE, *coefficients])
 
 
 def _published(folder: Path, known: Recording) -> Calibration:

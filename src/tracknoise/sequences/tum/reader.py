@@ -115,6 +115,7 @@ class Tum:
             notes=(*calibration.notes, *pose_notes, *images.notes, *time_notes, *association_notes),
             timestamps_s=timestamps_s,
             group=None if known is None else known.place,
+            shutter=calibration.shutter,
         )
 
     def _scenes(self) -> dict[str, Path]:

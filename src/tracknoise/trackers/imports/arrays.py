@@ -68,9 +68,7 @@ class ImportedArrays:
         uv = np.column_stack([_finite("u_px", u_px, len(tracks)), _finite("v_px", v_px, len(tracks))])
         if not len(tracks):
             raise SettingsError("imported arrays: found no observation, expected at least one")
-        for name in quality or {}:
-            if not is_quality_name(name):
-                raise SettingsError(f"imported arrays: found quality {name!r}, expected a name such as 'residual'")
+        _require_named(quality)
         rows = Rows(
             _PLACE,
             tracks,
@@ -96,6 +94,15 @@ class ImportedArrays:
         """
         tracks, notes = Assignment(Raster(PixelOrigin.centre)).tracks(self.rows, context)
         return ImportedTracker(tracks, notes + subsampled(context, every_speed=False))
+
+
+def _require_named(quality: object) -> None:
+    if not isinstance(quality, Mapping | None):
+        found = f"quality of type {type(quality).__name__}"
+        raise SettingsError(f"imported arrays: found {found}, expected a dictionary of arrays")
+    for name in quality or {}:
+        if not is_quality_name(name):
+            raise SettingsError(f"imported arrays: found quality {name!r}, expected a name such as 'residual'")
 
 
 def _numbers(name: str, values: ArrayLike, length: int | None = None) -> NDArray[np.float64]:

@@ -1,0 +1,131 @@
+"""A sequence with other poses of the same images, such as those of another estimator."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import DataError
+from tracknoise.geometry.accuracy import TruthAccuracy
+from tracknoise.geometry.association import nearest
+from tracknoise.geometry.pose import invert, transform
+from tracknoise.sequences.poses import read_rows, require_some_poses
+from tracknoise.sequences.sequence import Scan, Sequence
+from tracknoise.sequences.timed.order import require_seconds
+from tracknoise.sequences.timed.trajectory import poses_at, trajectory
+from tracknoise.sequences.views import View
+
+_COLUMNS = "timestamp tx ty tz qx qy qz qw"
+LONGEST_GAP_S = 0.1
+"""Longest time between two poses of a file that are interpolated, seconds."""
+
+_SAME_TIME_S = 1e-6
+"""A frame this close to a pose in time has this pose: times are rounded when they are shifted, or written."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OtherPoses(View):
+    """A sequence with other poses, in a world frame of their own. Images, cameras and depths stay.
+
+    Points of a surface or a scan are moved with the camera from the one world frame to the other.
+
+    Parameters
+    ----------
+    sequence
+        What is shown.
+    poses
+        (n, 4, 4) float64: world_from_camera of each frame, all NaN for a frame without a pose.
+    name
+        Where they are from, for messages.
+
+    Raises
+    ------
+    DataError
+        If there are fewer than two poses.
+    """
+
+    poses: NDArray[np.float64]
+    name: str
+
+    def __post_init__(self) -> None:
+        require_some_poses(self.poses, self.name)
+
+    @property
+    def world_from_camera(self) -> NDArray[np.float64]:
+        """(n, 4, 4) float64: the other poses."""
+        return self.poses
+
+    @property
+    def pose_accuracy(self) -> None:
+        """None: what is stated holds for the poses of the sequence shown."""
+        return None
+
+    @property
+    def truth_accuracy(self) -> TruthAccuracy:
+        """What is stated about the depths. All else may belong to the poses of the sequence shown."""
+        return TruthAccuracy.of(None, self.depth_accuracy, source=self.id.dataset)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Those of the sequence shown, and where the poses are from."""
+        return (*self.sequence.notes, f"poses are from {self.name}")
+
+    @property
+    def scan(self) -> Scan | None:
+        """That of the sequence shown, moved with the camera of the key frame."""
+        scan = self.sequence.scan
+        return None if scan is None else replace(scan, points_world=self._moved(scan.key_frame, scan.points_world))
+
+    def cast(self, index: int, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """First surface points on the rays through pixels: see `Surface.cast`."""
+        points, hit = View.cast(self, index, uv)
+        return self._moved(index, points), hit
+
+    def _moved(self, index: int, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points (n, 3) in the world frame of the other poses, as the camera of one frame sees them."""
+        return transform(self.poses[index] @ invert(self.sequence.world_from_camera[index]), points_world)
+
+
+def with_trajectory(sequence: Sequence, path: Path, *, time_shift_s: float = 0.0) -> OtherPoses:
+    """The sequence with the poses of a file: rows of a time, a position and a quaternion (TUM format).
+
+    Where the sequence has times, poses are interpolated at them. Otherwise each row belongs to a frame, in order.
+
+    Parameters
+    ----------
+    sequence
+        As recorded: all of its frames, in their order.
+    path
+        The file; poses are world_from_camera, metres.
+    time_shift_s
+        Added to the times of the frames to get the clock of the file, seconds.
+
+    Raises
+    ------
+    DataError
+        If the file is missing or damaged, holds no pose for two frames, or, without times, another number of rows.
+    """
+    rows, places = read_rows(path, _COLUMNS)
+    if sequence.timestamps_s is None:
+        poses = _by_row(path, rows, places, len(sequence))
+    else:
+        poses = _by_time(path, rows, places, sequence.timestamps_s + time_shift_s)
+    return OtherPoses(sequence, poses, str(path))
+
+
+def _by_row(path: Path, rows: NDArray[np.float64], places: list[str], count: int) -> NDArray[np.float64]:
+    if len(rows) != count:
+        raise DataError(path, f"{len(rows)} poses for {count} frames without times", "one row per frame")
+    numbers = np.arange(count, dtype=np.float64)
+    return poses_at(trajectory(path, numbers, rows[:, 1:], places), numbers, max_gap_s=0.0)[0]
+
+
+def _by_time(
+    path: Path, rows: NDArray[np.float64], places: list[str], frames_s: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    require_seconds(rows[:, 0], places)
+    recorded = trajectory(path, rows[:, 0], rows[:, 1:], places)
+    same = nearest(frames_s, recorded.times_s, max_gap_s=_SAME_TIME_S)
+    at_s = np.where(same >= 0, recorded.times_s[same], frames_s)
+    return poses_at(recorded, at_s, max_gap_s=LONGEST_GAP_S)[0]

@@ -61,8 +61,8 @@ __all__ = [
 ]
 
 _HOMES = {
-    "AccuracyRule": "truth.accuracies",
     "Corrections": "geometry.corrections",
+    "AccuracyRule": "truth.accuracies",
     "Correspondence": "trackers.correspondence",
     "Detection": "trackers.detection",
     "Imported": "trackers.imported",

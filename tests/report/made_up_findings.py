@@ -14,9 +14,12 @@ from tracknoise.tables.findings_schema import (
     GAUSSIANITY,
     INCIDENCE,
     INTERVALS,
+    POSE_LAW,
     RADII,
+    RIGID_SHARE,
     SEED_SPREAD,
     TIME_STRUCTURE,
+    TRACKER_DIFFERENCES,
     ZERO_MEAN,
 )
 from tracknoise.tables.schema import CAUSES, Schema, empty
@@ -37,6 +40,9 @@ def made_up(tables: Mapping[str, pl.DataFrame], *, scope: ReportedConditions) ->
         "radii": radii(tables["curves"]),
         "time_structure": time_structure(tables["curves"]),
         "dependence": dependence(tables["effects"]),
+        "rigid_share": rigid_share(tables["curves"]),
+        "pose_law": empty(POSE_LAW),
+        "tracker_differences": tracker_differences(tables["curves"]),
     }
     found["findings"] = headline_table({**tables, **found}, scope)
     return found
@@ -181,6 +187,46 @@ def dependence(effects: pl.DataFrame, *, verdict: str = "undecided", n_scenes: i
         why=pl.lit(None if enough else f"only {n_scenes} scenes, at least 6 are needed"),
     )
     return _typed(table, DEPENDENCE)
+
+
+def rigid_share(curves: pl.DataFrame) -> pl.DataFrame:
+    """Half of the second moment by the other half of the tracks, a quarter by other trackers."""
+    sources = pl.DataFrame({"fitted_to": ["own", "others"], "share": [0.5, 0.25]})
+    table = _at_ages(curves).join(sources, how="cross").with_columns(
+        second_px2=pl.lit(0.8), left_px2=0.8 * (1.0 - pl.col("share")), low=pl.col("share") - 0.1,
+        high=pl.col("share") + 0.1, level=pl.lit(0.95), resampled=_resampled(RIGID_SHARE),
+    )  # fmt: skip
+    coordinates = pl.DataFrame({"coordinate": ["both", "u", "v"]})
+    return _typed(table.join(coordinates, how="cross"), RIGID_SHARE)
+
+
+def tracker_differences(curves: pl.DataFrame) -> pl.DataFrame:
+    """Of every two trackers: a mean of 0.1 px and a variance of 0.04 px^2 that grows with age."""
+    table = _at_ages(curves)
+    names = [name for name in POOLED if name != "tracker"]
+    pairs = table.join(table.select(*names, "age", other="tracker"), on=[*names, "age"]).filter(
+        pl.col("tracker") < pl.col("other")
+    )
+    rows = pl.DataFrame(
+        {
+            "statistic": ["mean", "mean", "central", "central", "central"],
+            "coordinate": ["u", "v", "u", "uv", "v"],
+            "unit": ["px", "px", "px^2", "px^2", "px^2"],
+            "value": [0.1, -0.05, 0.04, 0.0, 0.03],
+            "established": [True, False, None, None, None],
+        }
+    )
+    table = pairs.join(rows, how="cross").with_columns(
+        low=pl.col("value") - 0.02, high=pl.col("value") + 0.02, level=pl.lit(0.95),
+        resampled=_resampled(TRACKER_DIFFERENCES),
+    )  # fmt: skip
+    return _typed(table, TRACKER_DIFFERENCES)
+
+
+def _at_ages(curves: pl.DataFrame) -> pl.DataFrame:
+    """Conditions at the ages that the tables have."""
+    ages = pl.DataFrame({"age": [1, 4, 10]})
+    return _conditions(curves).filter(trimming="untrimmed").join(ages, how="cross").with_columns(n=pl.lit(400))
 
 
 def _conditions(curves: pl.DataFrame) -> pl.DataFrame:

@@ -15,6 +15,9 @@ import numpy as np
 import polars as pl
 
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
+from tracknoise.findings.places.image_cells import image_cells
+from tracknoise.findings.places.speed_errors import speed_errors
+from tracknoise.findings.places.surrounding_errors import surrounding_errors
 from tracknoise.statistics.change_curves import change_curves
 from tracknoise.statistics.cores import cores
 from tracknoise.statistics.counts import merge_counts
@@ -23,8 +26,10 @@ from tracknoise.statistics.effects import effects
 from tracknoise.statistics.factors import ReferenceCondition
 from tracknoise.statistics.floor import truth_floor
 from tracknoise.statistics.histogram import merge_errors
+from tracknoise.statistics.image_map import image_map
 from tracknoise.statistics.lifetimes import lifetimes_of_ends
 from tracknoise.statistics.outliers import outlier_ratios
+from tracknoise.statistics.prepared import prepare_sequence
 from tracknoise.statistics.summarise import STATISTICS, summarise_sequence
 from tracknoise.statistics.summary import summary
 from tracknoise.tables.enumerations import Trimming
@@ -34,7 +39,7 @@ from tracknoise.tables.schema import FRAME_COUNTS, OBSERVATIONS, ORIGIN, POSES, 
 from tracknoise.tables.store import OBSERVED, SEQUENCE_TABLES, RunFolder
 
 WIDTH, HEIGHT = 160, 120
-_UNREAD = ("blocks", "scale_blocks", "aspect_blocks", "samples")
+_UNREAD = ("blocks", "scale_blocks", "aspect_blocks", "samples", "between_trackers", "rigid", "pose_growth")
 """Tables that the report does not need, because findings are made up here."""
 SMALL: dict[str, object] = {
     "scenes": ("fixating", "forward"),
@@ -173,11 +178,10 @@ def _sequence(rng: np.random.Generator, origin: Sequence[Any], world: World) -> 
         statistics=[name for name in STATISTICS if name not in _UNREAD],
     )
     tables["floors"] = _floors(tables["moments"], world)
-    return {
-        **tables,
-        "poses": _poses(origin, world),
-        **{name: empty(SEQUENCE_TABLES[name]) for name in (*_UNREAD, "pose_differences")},
-    }
+    seen = prepare_sequence(tables["observations"], tables["tracks"], key_frame=world.key_frame)
+    cells = image_map(replace(seen, slowest=min(world.speeds)), width=WIDTH, height=HEIGHT)
+    unread = {name: empty(SEQUENCE_TABLES[name]) for name in (*_UNREAD, "pose_differences")}
+    return {**tables, "poses": _poses(origin, world), "image_map": cells, **unread}
 
 
 def _floors(moments: pl.DataFrame, world: World) -> pl.DataFrame:
@@ -252,7 +256,9 @@ def _condition(
     every_way = (np.arange(first.size) * 0.4) % np.pi - np.pi / 2
     tracks = tracks.with_columns(
         response=pl.lit(9.0), depth_m=pl.lit(world.depth_m), max_error_px=pl.lit(None), kept=pl.lit(value=True),
-        gradient_rad=pl.Series(every_way),
+        gradient_rad=pl.Series(every_way), incidence_deg=pl.lit(30.0),
+        edge_px=pl.Series(np.array([-3.0, 3.0, np.nan])[np.arange(first.size) % 3], nan_to_null=True),
+        edge_side=pl.Series(np.array(["far", "near", "none"])[np.arange(first.size) % 3]),
     )  # fmt: skip
     alive = np.bincount(first[track] + step, minlength=seen)
     offered = np.concatenate([[0], alive[:-1]])
@@ -310,6 +316,9 @@ def _write_statistics(run: RunFolder, world: World) -> None:
     )
     made["changes"] = change_curves(run.sequence_tables("increments"))
     made["aspect_curves"] = aspect_curves(run.sequence_tables("aspects"), min_features=world.min_features)
+    made["surrounding_errors"] = surrounding_errors(run.sequence_tables("surroundings"))
+    made["image_cells"] = image_cells(run.sequence_tables("image_map"))
+    made["speed_errors"] = speed_errors(run.sequence_tables("image_speeds"))
     made |= _made_up_findings().made_up(made, scope=_scope(world))
     run.write_statistics(made)
 

@@ -23,7 +23,8 @@ OBSERVATION = ORIGIN | POSITIONS | {
 }  # fmt: skip
 TRACK = ORIGIN | {
     "track": 0, "first_frame": 0, "lifetime": 1, "end": "lost",
-    "response": None, "depth_m": None, "gradient_rad": None, "max_error_px": None, "kept": True,
+    "response": None, "depth_m": None, "gradient_rad": None,
+    "edge_px": None, "edge_side": None, "incidence_deg": None, "max_error_px": None, "kept": True,
 }  # fmt: skip
 FRAME = ORIGIN | {"frame": 0, "offered": 0, "matched": 0, "outliers": 0, "new": 0, "alive": 0}
 

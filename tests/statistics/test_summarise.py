@@ -32,16 +32,17 @@ def measured(observations, tracks, frames) -> tuple[pl.DataFrame, pl.DataFrame, 
             )
         )  # fmt: skip
     numbers = list(range(N_TRACKS))
-    lived = [tracks(track=numbers, speed=speed, lifetime=AGES, gradient_rad=0.3) for speed in (1, 2)]
+    lived = [tracks(track=numbers, speed=speed, lifetime=AGES, gradient_rad=0.3, depth_m=2.0) for speed in (1, 2)]
     return pl.concat(parts), pl.concat(lived), frames(frame=[0, 1])
 
 
-def test_every_table_of_a_sequence_but_its_poses_is_made(measured) -> None:
+def test_every_table_of_a_sequence_is_made_that_needs_no_camera(measured) -> None:
     found = summarise_sequence(*measured, population="projected", trim_percentile=80.0, slowest=1)
-    assert {*found} == {*SEQUENCE_TABLES} - {"poses", "pose_differences", "floors"}
+    measured_elsewhere = {"poses", "pose_differences", "image_map", "rigid", "pose_growth", "floors"}
+    assert {*found} == {*SEQUENCE_TABLES} - measured_elsewhere
     for name, table in found.items():
-        of_other_truths = name in ("fitted_noise", "truth_differences")
-        assert check(table, SEQUENCE_TABLES[name], name).is_empty() == of_other_truths
+        needs_more = name in ("fitted_noise", "truth_differences", "between_trackers")  # other truths or trackers
+        assert check(table, SEQUENCE_TABLES[name], name).is_empty() == needs_more
     assert found["blocks"]["population"].unique().sort().to_list() == ["visible", "projected"]
     assert found["aspect_blocks"]["speed"].unique().to_list() == [1]
 

@@ -80,8 +80,8 @@ def measure(
     speeds: Items[int] = (1,),
     truth: str | None = None,
     scan_rule: ScanRule = SCAN_RULE,
-    accuracy: AccuracyRule = DEFAULT_RULE,
     corrections: Corrections = UNCORRECTED,
+    accuracy: AccuracyRule = DEFAULT_RULE,
     population: str = POPULATION,
     trim_percentile: float = TRIM_PERCENTILE,
     trim_among: str = TRIM_AMONG,
@@ -101,8 +101,8 @@ def measure(
         speeds=speeds,
         truth=truth,
         scan_rule=scan_rule,
-        accuracy=accuracy,
         corrections=corrections,
+        accuracy=accuracy,
         population=population,
         trim_percentile=trim_percentile,
         trim_among=trim_among,
@@ -122,8 +122,8 @@ def measure_together(
     speeds: Items[int] = (1,),
     truth: str | None = None,
     scan_rule: ScanRule = SCAN_RULE,
-    accuracy: AccuracyRule = DEFAULT_RULE,
     corrections: Corrections = UNCORRECTED,
+    accuracy: AccuracyRule = DEFAULT_RULE,
     population: str = POPULATION,
     trim_percentile: float = TRIM_PERCENTILE,
     trim_among: str = TRIM_AMONG,
@@ -150,12 +150,12 @@ def measure_together(
         best that a sequence offers.
     scan_rule
         How features are associated with a scan, for the kind ``scan``.
-    accuracy
-        What is known of the errors of the truth: ``AccuracyRule(TruthAccuracy(...))``. It counts before what the
-        sequence states and before the figures that come with tracknoise.
     corrections
         What to change in the stated camera, poses, depths and clock before true positions are computed: by default
         nothing. `Measurement.sequence` has them in its notes.
+    accuracy
+        What is known of the errors of the truth: ``AccuracyRule(TruthAccuracy(...))``. It counts before what the
+        sequence states and before the figures that come with tracknoise.
     population
         Which observations trimming looks at: ``visible`` ones, or all that can be ``projected``.
     trim_percentile
@@ -198,11 +198,11 @@ def measure_together(
         setups,
         truth=truth,
         scan_rule=scan_rule,
-        accuracy=accuracy,
         max_frames=max_frames,
         seed=seed,
         progress=progress,
         second=second,
+        accuracy=accuracy,
     )
     others: Items[Sequence | None] = second or [None for _ in sequences]
     for sequence, other, tables in zip(sequences, others, measured, strict=True):

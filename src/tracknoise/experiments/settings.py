@@ -99,49 +99,6 @@ class TrackerChoice(_Section):
         return self.name or self.kind
 
 
-_Figure = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-
-
-class AccuracySettings(_Section):
-    """Standard deviations of the errors of the truth, which make the truth floor. See docs/truth-accuracy.md.
-
-    Where a figure is given, it counts before what the data state and before the figures that come with tracknoise.
-    Frames are those of the recording. Rotations and translations are per axis, between two frames.
-    """
-
-    shipped: bool = True
-    """Whether the figures that come with tracknoise count where neither this section nor the data state any."""
-    rotation_white_deg: _Figure | None = None
-    """Error of the rotation of each pose, independent from frame to frame."""
-    rotation_deg_per_sqrt_frame: _Figure | None = None
-    """Error of the relative rotation of successive frames that grows as a random walk."""
-    rotation_deg_per_frame: _Figure | None = None
-    """Error of the relative rotation of successive frames that is the same from frame to frame."""
-    translation_white_m: _Figure | None = None
-    """Error of the position of each pose, independent from frame to frame."""
-    translation_m_per_sqrt_frame: _Figure | None = None
-    """Error of the relative position of successive frames that grows as a random walk."""
-    translation_m_per_frame: _Figure | None = None
-    """Error of the relative position of successive frames that is the same from frame to frame."""
-    depth_m: _Figure | None = None
-    """Error of a depth Z: the root of depth_m² + (depth_relative Z)² + (depth_per_m Z²)²."""
-    depth_relative: _Figure | None = None
-    """Part of the error of a depth that is proportional to it."""
-    depth_per_m: _Figure | None = None
-    """Part of the error of a depth that is proportional to its square, per metre."""
-    clock_ms: _Figure | None = None
-    """Offset between the clocks of images and poses."""
-    readout_ms: _Figure | None = None
-    """Readout time of a rolling shutter that the truth does not account for."""
-    focal_relative: _Figure | None = None
-    """Error of the focal length, as a share of it."""
-
-    def rule(self) -> AccuracyRule:
-        """The same for `tracknoise.measure`."""
-        figures = self.model_dump(exclude={"shipped"})
-        return AccuracyRule(TruthAccuracy(**figures, source="this experiment"), shipped=self.shipped)
-
-
 class CorrectionSettings(_Section):
     """Corrections of what the recordings state. Each changes nothing by default. See docs/truth-corrections.md."""
 
@@ -202,6 +159,49 @@ class SecondTruthSettings(_Section):
         return trajectory
 
 
+_Figure = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+class AccuracySettings(_Section):
+    """Standard deviations of the errors of the truth, which make the truth floor. See docs/truth-accuracy.md.
+
+    Where a figure is given, it counts before what the data state and before the figures that come with tracknoise.
+    Frames are those of the recording. Rotations and translations are per axis, between two frames.
+    """
+
+    shipped: bool = True
+    """Whether the figures that come with tracknoise count where neither this section nor the data state any."""
+    rotation_white_deg: _Figure | None = None
+    """Error of the rotation of each pose, independent from frame to frame."""
+    rotation_deg_per_sqrt_frame: _Figure | None = None
+    """Error of the relative rotation of successive frames that grows as a random walk."""
+    rotation_deg_per_frame: _Figure | None = None
+    """Error of the relative rotation of successive frames that is the same from frame to frame."""
+    translation_white_m: _Figure | None = None
+    """Error of the position of each pose, independent from frame to frame."""
+    translation_m_per_sqrt_frame: _Figure | None = None
+    """Error of the relative position of successive frames that grows as a random walk."""
+    translation_m_per_frame: _Figure | None = None
+    """Error of the relative position of successive frames that is the same from frame to frame."""
+    depth_m: _Figure | None = None
+    """Error of a depth Z: the root of depth_m² + (depth_relative Z)² + (depth_per_m Z²)²."""
+    depth_relative: _Figure | None = None
+    """Part of the error of a depth that is proportional to it."""
+    depth_per_m: _Figure | None = None
+    """Part of the error of a depth that is proportional to its square, per metre."""
+    clock_ms: _Figure | None = None
+    """Offset between the clocks of images and poses."""
+    readout_ms: _Figure | None = None
+    """Readout time of a rolling shutter that the truth does not account for."""
+    focal_relative: _Figure | None = None
+    """Error of the focal length, as a share of it."""
+
+    def rule(self) -> AccuracyRule:
+        """The same for `tracknoise.measure`."""
+        figures = self.model_dump(exclude={"shipped"})
+        return AccuracyRule(TruthAccuracy(**figures, source="this experiment"), shipped=self.shipped)
+
+
 class TruthSettings(_Section):
     """How true positions of features are computed."""
 
@@ -216,12 +216,11 @@ class TruthSettings(_Section):
     """Largest distance in the key frame between a feature and the projection of its scan point, px."""
     scan_anchoring: Annotated[ScanAnchoring, Field(strict=False)] = ScanAnchoring.ray
     """World point of a feature: on its own `ray` at the depth of the scan point, or the scan `point` itself."""
-    accuracy: AccuracySettings = AccuracySettings()
-    """What is known of the errors of the truth."""
     corrections: CorrectionSettings = CorrectionSettings()
     """What is to be changed in the stated geometry of the recordings."""
     second: SecondTruthSettings | None = None
     """A second truth of the same images, such as other poses. Default: none."""
+    accuracy: AccuracySettings = AccuracySettings()
 
 
 class StatisticsSettings(_Section):

@@ -155,6 +155,30 @@ def nearest(
     return DepthSample(np.where(known & agree, at_closest, 1.0), known & agree, known & ~agree)
 
 
+def at_pixels(depth: DepthMap, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Depth of the pixels in which positions lie.
+
+    Parameters
+    ----------
+    depth
+        The map.
+    uv
+        (n, 2) float64, px; they may lie outside the image.
+
+    Returns
+    -------
+    depth_m : (n,) float64
+        Metres; 1 where not valid.
+    valid : (n,) bool
+    """
+    height, width = depth.depth_m.shape
+    column, row = np.floor(uv + 0.5).astype(np.intp).T
+    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    flat = np.where(inside, row * width + column, 0)
+    valid = inside & depth.valid.ravel()[flat]
+    return np.where(valid, depth.depth_m.ravel()[flat], 1.0).astype(np.float64), valid
+
+
 def farthest_neighbour(depth: DepthMap, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Largest valid depth among the four pixels around sub-pixel positions.
 

@@ -4,9 +4,11 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.geometry.surroundings import Surroundings, unknown_surroundings
 from tracknoise.measurement.recording import Recording
 from tracknoise.measurement.tracking import TrackerSetup
 from tracknoise.tables import schema
+from tracknoise.tables.enumerations import EdgeSide
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import TrackEnd, TruthStatus
 from tracknoise.trackers.tracker import reports_causes
@@ -24,9 +26,9 @@ def setup_tables(
     floors: dict[str, pl.Series],
     second: TruePositions | None = None,
 ) -> Tables:
-    """Tables of one tracker setup on one sequence.
+    """Tables of one tracker setup on one sequence, with the columns of its `FLOORS` after those of the origin.
 
-    They have the columns of its `FLOORS` after those of the origin, and the true positions of a second truth, if any.
+    The true positions of a second truth are among the observations, if there is one.
 
     Raises
     ------
@@ -92,9 +94,25 @@ def _tracks(recording: Recording, positions: TruePositions, has_causes: bool) ->
         "response": _nullable(recording.response),
         "depth_m": _nullable(positions.depth_m),
         "gradient_rad": _nullable(recording.gradient_rad),
+        **_surroundings(positions.surroundings or unknown_surroundings(count)),
         "max_error_px": pl.repeat(None, count, dtype=pl.Float64, eager=True),
         "kept": pl.repeat(True, count, eager=True),
     }
+
+
+def _surroundings(found: Surroundings) -> dict[str, pl.Series]:
+    edge, side = pl.col("edge_px"), {one: pl.lit(one, dtype=schema.EDGE_SIDE) for one in EdgeSide}
+    table = pl.DataFrame({"edge_px": _nullable(found.edge_px), "incidence_deg": _nullable(found.incidence_deg)})
+    return table.select(
+        pl.when(edge.is_finite()).then(edge).cast(pl.Float32),
+        edge_side=pl.when(edge.is_infinite())
+        .then(side[EdgeSide.none])
+        .when(edge > 0)
+        .then(side[EdgeSide.near])
+        .when(edge < 0)
+        .then(side[EdgeSide.far]),
+        incidence_deg=pl.col("incidence_deg").cast(pl.Float32),
+    ).to_dict()
 
 
 def _frames(recording: Recording, has_causes: bool) -> dict[str, pl.Series]:

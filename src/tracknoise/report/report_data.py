@@ -42,8 +42,9 @@ class ReportData:
         State of the run, and its resolved experiment.
     curves, cores, lifetimes, outliers, trims, errors, counts, summary, effects, aspect_curves, changes
         Its pooled tables.
-    two_truths, pose_disagreement, intervals, incidence, seed_spread, triangulated_noise, point_tracking_metrics,
-    zero_mean, gaussianity, radii, time_structure, dependence, findings
+    two_truths, pose_disagreement, rigid_share, pose_law, tracker_differences, intervals, incidence, seed_spread,
+    triangulated_noise, point_tracking_metrics, zero_mean, gaussianity, radii, time_structure, dependence,
+    surrounding_errors, image_cells, speed_errors, findings
         Its findings. These tables have no rows where findings were not computed.
     """
 
@@ -74,6 +75,12 @@ class ReportData:
     radii: pl.DataFrame
     time_structure: pl.DataFrame
     dependence: pl.DataFrame
+    surrounding_errors: pl.DataFrame
+    image_cells: pl.DataFrame
+    speed_errors: pl.DataFrame
+    rigid_share: pl.DataFrame
+    pose_law: pl.DataFrame
+    tracker_differences: pl.DataFrame
     findings: pl.DataFrame
 
     @classmethod
@@ -204,6 +211,10 @@ class ReportData:
         entries = [entry for entry in self.manifest.sequences.values() if entry.sequence.direction == direction]
         found = [entry.key_frame for entry in entries if entry.key_frame is not None]
         return max(found, default=0) if self.axis is FRAME else None
+
+    def since_zero(self, at: int) -> int:
+        """Distance of an age or a frame of the `view` from where errors are zero, in frames of the sequence."""
+        return at - (self.key_frame(self.view["direction"]) or 0)
 
     @property
     def _zero(self) -> pl.Expr:

@@ -22,11 +22,12 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.statistics.definitions import LEAST_MOTION_PX, LONG_LIVED_AGES
+from tracknoise.statistics.definitions import LONG_LIVED_AGES
+from tracknoise.statistics.image_motion import along_and_across, image_motion
 from tracknoise.statistics.joint import FOURTH, Order
 from tracknoise.statistics.moment_cells import SECOND, MomentCells, by_trimming, measure_cells, tabulate
 from tracknoise.statistics.prepared import PreparedSequence
-from tracknoise.statistics.steps import changes, followers
+from tracknoise.statistics.steps import changes
 from tracknoise.tables.enumerations import Aspect, Axis, Population
 from tracknoise.tables.schema import ASPECT, ASPECT_BLOCKS, ASPECTS, check
 
@@ -154,14 +155,8 @@ def _table(
 
 def _along_motion(sequence: PreparedSequence, chosen: NDArray[np.bool_]) -> _Errors:
     """Visible errors along and across the motion of the true position, where it has a direction."""
-    seen = sequence.seen
-    true_px = sequence.observations.select("u_true_px", "v_true_px").to_numpy()
-    rows = sequence.ordered_where(chosen & ~np.isnan(true_px).any(axis=1))
-    late = followers(sequence.track_row[rows], seen.frame[rows], seen.speed[rows], 1)
-    step = true_px[rows[late]] - true_px[rows[late - 1]]
-    length = np.sqrt(step[:, 0] ** 2 + step[:, 1] ** 2)
-    directed = (length >= LEAST_MOTION_PX) & seen.visible[rows[late]]
-    return _turned(sequence, rows[late][directed], step[directed] / length[directed, None])
+    moved = image_motion(sequence, chosen)
+    return _Errors(moved.rows, along_and_across(sequence, moved.rows, moved.direction))
 
 
 def _along_gradient(sequence: PreparedSequence, chosen: NDArray[np.bool_]) -> _Errors:
@@ -169,13 +164,8 @@ def _along_gradient(sequence: PreparedSequence, chosen: NDArray[np.bool_]) -> _E
     angle = pl.col("gradient_rad").cast(pl.Float64)
     track = sequence.tracks.select(known=angle.is_not_null(), u=angle.cos(), v=angle.sin())
     rows = np.flatnonzero(sequence.seen.visible & chosen & track["known"].to_numpy()[sequence.track_row])
-    return _turned(sequence, rows, track.select("u", "v").to_numpy()[sequence.track_row[rows]])
-
-
-def _turned(sequence: PreparedSequence, rows: NDArray[np.intp], direction: NDArray[np.float64]) -> _Errors:
-    """Errors along and across unit vectors, (rows, 2)."""
-    (du, dv), (d_u, d_v) = sequence.seen.error_px[rows].T, direction.T
-    return _Errors(rows, np.column_stack([d_u * du + d_v * dv, d_u * dv - d_v * du]))
+    direction = track.select("u", "v").to_numpy()[sequence.track_row[rows]]
+    return _Errors(rows, along_and_across(sequence, rows, direction))
 
 
 def _changes(sequence: PreparedSequence, chosen: NDArray[np.bool_]) -> _Errors:

@@ -21,3 +21,17 @@ LEAST_MOTION_PX = 0.1
 """Shortest motion of a true position between two frames that has a direction, px."""
 LAGS = 5
 """Largest lag of the autocorrelation, in steps of the tracker."""
+
+
+STEPS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64, 96, 128, 192, 256)
+"""Ages, in steps of the tracker, at which tables have rows that would be too many at every age."""
+PLACE_AGES = (1, 5, 10, 20)
+"""Ages at which errors are divided by place, frames of the nominal sequence."""
+MAP_COLUMNS, MAP_ROWS = 20, 14
+"""Cells of the map of the image."""
+EDGE_BOUNDS_PX = (0.0, 2.0, 4.0, 7.5, 15.0)
+"""Bounds of the classes of distances to a depth edge, px."""
+NEAR_EDGE_PX = 7.5
+"""A feature nearer to a depth edge than this lies beside it, px: half the window of a Lucas-Kanade tracker."""
+INCIDENCE_STEP_DEG = 15
+"""Width of the classes of angles of incidence, degrees."""

@@ -7,16 +7,19 @@ from types import MappingProxyType
 import polars as pl
 
 from tracknoise.statistics.aspects import aspect_blocks, aspects
+from tracknoise.statistics.between_trackers import between_trackers
 from tracknoise.statistics.block_moments import block_moments
 from tracknoise.statistics.counts import counts
 from tracknoise.statistics.fitted_noise import fitted_noise
 from tracknoise.statistics.histogram import error_histogram
+from tracknoise.statistics.image_speeds import image_speeds
 from tracknoise.statistics.increments import increments
 from tracknoise.statistics.lifetimes import count_ends
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.samples import samples
 from tracknoise.statistics.scales import scale_blocks, scales
+from tracknoise.statistics.surroundings import surroundings
 from tracknoise.statistics.trimming import trim
 from tracknoise.statistics.truth_differences import truth_differences
 from tracknoise.tables.defaults import POPULATION, TRIM_AMONG
@@ -38,6 +41,9 @@ STATISTICS: Mapping[str, Callable[[PreparedSequence], pl.DataFrame]] = MappingPr
         "samples": samples,
         "fitted_noise": fitted_noise,
         "truth_differences": truth_differences,
+        "surroundings": surroundings,
+        "image_speeds": image_speeds,
+        "between_trackers": between_trackers,
     }
 )
 """Tables of a sequence that are computed from its trimmed observations and tracks, by name."""

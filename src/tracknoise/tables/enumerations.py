@@ -114,6 +114,16 @@ class FittedMeasure(StrEnum):
     epipolar = "epipolar"
 
 
+class FittedTo(StrEnum):
+    """Tracks to which pose errors are fitted, before they predict the errors of a tracker.
+
+    own: the other half of the tracks of the same tracker. others: those of all other trackers that saw images.
+    """
+
+    own = "own"
+    others = "others"
+
+
 class TruthQuantity(StrEnum):
     """What a row about two truths describes.
 
@@ -161,3 +171,42 @@ class Aspect(StrEnum):
     gradient = "gradient"
     long_lived = "long_lived"
     motion = "motion"
+
+
+class EdgeSide(StrEnum):
+    """Side of the nearest depth edge on which a feature lies.
+
+    near: on the surface in front. far: on the surface behind. none: no edge is near.
+    """
+
+    near = "near"
+    far = "far"
+    none = "none"
+
+
+class Surrounding(StrEnum):
+    """Property by which features are divided into classes.
+
+    depth: of the point, metres. edge: signed distance to the nearest depth edge, px, negative on the far side.
+    incidence: angle between the ray and the normal of the surface, degrees. side: side of a depth edge beside which the
+    feature lies. These are of the first frame of the track. occlusion: whether the point is occluded now, later, or
+    never while it is tracked.
+    """
+
+    depth = "depth"
+    edge = "edge"
+    incidence = "incidence"
+    side = "side"
+    occlusion = "occlusion"
+
+
+class Occlusion(StrEnum):
+    """Whether the point of a track is occluded.
+
+    never: neither now nor in a later observation of its track. later: visible now, and occluded in a later one. now:
+    occluded now.
+    """
+
+    never = "never"
+    later = "later"
+    now = "now"

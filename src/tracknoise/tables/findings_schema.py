@@ -15,7 +15,9 @@ from tracknoise.tables.schema import (
     CAUSES,
     CONDITION,
     FITTED_MEASURE,
+    FITTED_TO,
     POPULATION,
+    SURROUNDING,
     TRIMMING,
     TRUTH_QUANTITY,
     VERDICT,
@@ -381,6 +383,151 @@ an `undecided` with a probability of 80 %, where that is known.
 
 p_yes is the p-value of the hypothesis that no difference exceeds the margin, p_no of the hypothesis that some
 difference is at least the margin. The q-values are Benjamini and Hochberg's, over the rows of a factor.
+"""
+
+
+RIGID_SHARE: Schema = {
+    **_POOLED,
+    "fitted_to": FITTED_TO,
+    "age": pl.Int64,
+    "coordinate": pl.String,
+    "n": pl.Int64,
+    "second_px2": pl.Float64,
+    "left_px2": pl.Float64,
+    "share": pl.Float64,
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "kind": INTERVAL_KIND,
+    "level": pl.Float64,
+    "resampled": RESAMPLED,
+    "n_units": pl.Int32,
+    "n_scenes": pl.Int32,
+}
+"""Share of the second moment of the errors that one small pose error per frame explains, by age.
+
+The pose errors are fitted to other tracks: to the other half of the tracks of the same tracker (`own`), or of all other
+trackers (`others`). second_px2 is the second moment about zero of n errors, left_px2 what a correction of the poses
+leaves of it. share does not contain the noise of the fit, which left_px2 does. coordinate is u, v or both.
+"""
+
+POSE_LAW: Schema = {
+    "dataset": pl.String,
+    **VIEW,
+    "motion": pl.String,
+    "law": pl.String,
+    "unit": pl.String,
+    "n": pl.Int64,
+    "value": pl.Float64,
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "kind": INTERVAL_KIND,
+    "level": pl.Float64,
+    "resampled": RESAMPLED,
+    "n_units": pl.Int32,
+    "n_scenes": pl.Int32,
+}
+"""Growth law of the errors of the stated poses, fitted to `POSE_GROWTH`: one row per motion and part of the law.
+
+motion is `rotation` or `translation`. The part `white` is the standard deviation of one coordinate of a single pose,
+`random walk` that of its change from one frame to the next. Both are what the tracks see as a motion of the camera,
+whatever its cause.
+"""
+
+TRACKER_DIFFERENCES: Schema = {
+    **_POOLED,
+    "other": pl.String,
+    "statistic": pl.String,
+    "age": pl.Int64,
+    "coordinate": pl.String,
+    "unit": pl.String,
+    "n": pl.Int64,
+    "value": pl.Float64,
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "kind": INTERVAL_KIND,
+    "level": pl.Float64,
+    "resampled": RESAMPLED,
+    "n_units": pl.Int32,
+    "n_scenes": pl.Int32,
+    "established": pl.Boolean,
+}
+"""Differences of the errors of two trackers at the same corners and in the same frames: `tracker` minus `other`.
+
+statistic is `mean` (px) or `central`, the covariance of the differences (px^2): u and v are variances. An error of the
+truth cancels in the difference. established states whether a mean differs from 0 at the level of the row, with
+Bonferroni's correction for all ages and both coordinates of the two trackers; it is null for covariances.
+"""
+_ESTIMATED: Schema = {
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "kind": INTERVAL_KIND,
+    "level": pl.Float64,
+    "resampled": RESAMPLED,
+    "n_units": pl.Int32,
+    "n_scenes": pl.Int32,
+}
+
+SURROUNDING_ERRORS: Schema = {
+    **_POOLED,
+    "surrounding": SURROUNDING,
+    "class": pl.String,
+    "class_low": pl.Float64,
+    "class_high": pl.Float64,
+    "axis": pl.String,
+    "at": pl.Int64,
+    "coordinate": pl.String,
+    "statistic": pl.String,
+    "unit": pl.String,
+    "n": pl.Int64,
+    "value": pl.Float64,
+    **_ESTIMATED,
+}
+"""Untrimmed errors by what surrounds a feature: one row per property, class, age, coordinate and statistic.
+
+The properties are those of `tracknoise.tables.enumerations.Surrounding`. class_low and class_high bound a class of
+depths (m), of signed distances to a depth edge (px), or of angles of incidence (degrees). The classes of `side` are
+`near`, `far` and `none`: within 7.5 px of an edge, or not. Those of `occlusion` are `never`, `later` and `now`, and
+include features that are occluded; all others are of visible features. The coordinate is u, v, or along the motion of
+the true position.
+
+mean, second and share are the mean error, the second moment, and the share of the features that are of the class.
+share_of_mean and share_of_second are its shares of the sum of all errors and of their squares. mean_without is the mean
+error of all other features. second_removed is the share of the second moment that excluding the class removes, and
+second_removed_by_others the share that excluding all other classes removes.
+"""
+
+IMAGE_CELLS: Schema = {
+    **_POOLED,
+    "axis": pl.String,
+    "at": pl.Int64,
+    "row": pl.Int32,
+    "column": pl.Int32,
+    "n": pl.Int64,
+    **{f"mean_{axis}_{value}": pl.Float64 for axis in "uv" for value in ("px", "low", "high")},
+    "spread_px": pl.Float64,
+    "differs": pl.Boolean,
+    **{name: dtype for name, dtype in _ESTIMATED.items() if name not in ("low", "high")},
+}
+"""Mean of visible, untrimmed errors in each cell of the image, 20 columns x 14 rows, counted from the top left.
+
+spread_px is the standard deviation of one coordinate, as root mean square of both. The bounds in u and v hold together
+with the probability of the level. differs says whether they exclude a mean of zero; it is null without bounds.
+"""
+
+SPEED_ERRORS: Schema = {
+    **_POOLED,
+    "axis": pl.String,
+    "at": pl.Int64,
+    "class_low": pl.Float64,
+    "class_high": pl.Float64,
+    "coordinate": pl.String,
+    "n": pl.Int64,
+    "mean_px": pl.Float64,
+    **_ESTIMATED,
+}
+"""Mean of visible, untrimmed errors along and across the image motion, by its speed: class_low to class_high px/frame.
+
+The motion is that of the true position since the previous frame that the tracker saw.
 """
 
 FINDINGS: Schema = {

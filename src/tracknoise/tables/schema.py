@@ -15,9 +15,13 @@ from tracknoise.exceptions import SchemaError
 from tracknoise.tables.enumerations import (
     Aspect,
     Axis,
+    EdgeSide,
     FittedMeasure,
+    FittedTo,
     FloorSource,
+    Occlusion,
     Population,
+    Surrounding,
     TrimAmong,
     Trimming,
     TruthQuantity,
@@ -69,8 +73,17 @@ WEIGHTING = pl.Enum(Weighting)
 VERDICT = pl.Enum(Verdict)
 ASPECT = pl.Enum(Aspect)
 FITTED_MEASURE = pl.Enum(FittedMeasure)
+
 FLOOR_SOURCE = pl.Enum(FloorSource)
+
+
+FITTED_TO = pl.Enum(FittedTo)
 TRUTH_QUANTITY = pl.Enum(TruthQuantity)
+
+
+EDGE_SIDE = pl.Enum(EdgeSide)
+SURROUNDING = pl.Enum(Surrounding)
+OCCLUSION = pl.Enum(Occlusion)
 
 CAUSES = tuple(end.name for end in TrackEnd if end is not TrackEnd.sequence_end)
 """Ends that are not censored: the causes that compete to end a track."""
@@ -124,7 +137,9 @@ class OpenSchema(Mapping[str, pl.DataType | type[pl.DataType]]):
 
 
 TRUE_COVARIANCE: Schema = {"cov_true_uu": pl.Float64, "cov_true_uv": pl.Float64, "cov_true_vv": pl.Float64}
+
 LEVERAGE: Schema = {"leverage_uu": pl.Float64, "leverage_uv": pl.Float64, "leverage_vv": pl.Float64}
+
 EPIPOLAR: Schema = {"epipolar_px": pl.Float64, "epipolar_variance": pl.Float64}
 SECOND_TRUTH: Schema = {"u_second_px": pl.Float64, "v_second_px": pl.Float64}
 _OBSERVED: Schema = {
@@ -163,6 +178,9 @@ TRACKS: Schema = {
     "response": pl.Float32,
     "depth_m": pl.Float64,
     "gradient_rad": pl.Float32,
+    "edge_px": pl.Float32,
+    "edge_side": EDGE_SIDE,
+    "incidence_deg": pl.Float32,
     "max_error_px": pl.Float64,
     "kept": pl.Boolean,
 }
@@ -170,6 +188,10 @@ TRACKS: Schema = {
 
 gradient_rad is the angle of the dominant image gradient in the first frame of the track, from u towards v. It is an
 axis without a sign, and null if no gradient dominates.
+
+edge_px is the distance to the nearest depth edge in the first frame, positive on its near side and negative on its far
+side. It is null if there is none within 15 px; edge_side is then `none`. incidence_deg is the angle between the ray and
+the normal of the surface there. All three are null where depth is sparse or unknown.
 """
 
 FRAME_COUNTS: Schema = {
@@ -321,6 +343,54 @@ far as it is independent from scene to scene; shared is the sum of displacements
 (`tracknoise.measurement.floors`). Sources whose size is unknown have no rows. Exact sources have zeros.
 """
 
+
+BETWEEN_TRACKERS: Schema = {
+    **ORIGIN,
+    "other": pl.String,
+    "block": pl.UInt8,
+    "age": pl.UInt32,
+    "n": pl.Int64,
+    **dict.fromkeys(("mean_u", "mean_v", "m_uu", "m_uv", "m_vv"), pl.Float64),
+}
+"""Differences of the positions of two trackers that track the same corners: `tracker` minus `other`.
+
+Both positions are counted from the first frame, in which both trackers found the same corner. The truth is not used.
+Means (px) and central sums (px^2, not divided by n), by the age of both tracks, and by blocks of tracks that began at
+similar times.
+"""
+
+RIGID: Schema = {
+    **ORIGIN,
+    "fitted_to": FITTED_TO,
+    "block": pl.UInt8,
+    "age": pl.UInt32,
+    "n": pl.Int64,
+    **dict.fromkeys(("error_uu", "error_vv", "left_uu", "left_vv", "rigid_uu", "rigid_vv"), pl.Float64),
+}
+"""What one small pose error per frame explains of the errors of tracks to which it was not fitted; sums, px^2.
+
+error are squares of the visible errors, left squares of what a correction leaves of them, rigid products of the errors
+with the predicted ones. Their expectation is that of the squared error that is due to poses: the noise of the fit does
+not add to them, and is part of left. age counts frames from where the error is zero: the first frame of the track, or
+the key frame of a scan. Only a sample of the tracks counts, at the lowest speed. Blocks are of frames, from the first
+to the last, as what is common to a frame is a single sample, however many tracks it has.
+"""
+
+POSE_GROWTH: Schema = {
+    **SEQUENCE,
+    "lag": pl.UInt32,
+    "n": pl.Int64,
+    "rotation_deg": pl.Float64,
+    "translation_m": pl.Float64,
+    **dict.fromkeys(("rotation_xx_deg2", "rotation_yy_deg2", "rotation_zz_deg2"), pl.Float64),
+    **dict.fromkeys(("translation_xx_m2", "translation_yy_m2", "translation_zz_m2"), pl.Float64),
+}
+"""Error of the relative pose of two frames, measured by the tracks, by their distance in frames.
+
+The squares are means over n pairs of frames, about the axes of the camera in the later frame, without the noise of the
+fit: they are products of two independent fits, and may be negative by chance. rotation_deg and translation_m are roots
+of the mean over the three axes, and null where that is negative.
+"""
 POINT_TRACKING: Schema = {
     **ORIGIN,
     "raster": pl.String,
@@ -376,6 +446,45 @@ SAMPLES: Schema = {
     "kept": pl.Boolean,
 }
 """Single visible errors, at most one per track and band of ages, for statistics that moments do not give."""
+
+PLACE_SUMS: Schema = {"n": pl.Int64, **dict.fromkeys(("sum_u", "sum_v", "sum_uu", "sum_uv", "sum_vv"), pl.Float64)}
+"""Number of errors, and sums of du, dv (px) and of their products (px^2)."""
+_PLACE: Schema = {**ORIGIN, "block": pl.UInt8, "axis": AXIS, "at": pl.UInt32}
+
+SURROUNDINGS: Schema = {
+    **_PLACE,
+    "surrounding": SURROUNDING,
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "occlusion": OCCLUSION,
+    **PLACE_SUMS,
+    "n_directed": pl.Int64,
+    **dict.fromkeys(("sum_along", "sum_across", "sum_along_2", "sum_across_2"), pl.Float64),
+}
+"""Sums of untrimmed errors at a few ages, by what surrounds a feature in its first frame.
+
+low and high bound a class of the property: depth (m), edge (signed distance, px) or incidence (degrees). Both are null
+in the class of features without an edge in reach. The last sums are of the n_directed errors whose true position has
+moved since the frame before: along and across this motion. occlusion divides each class; `now` is not visible.
+"""
+
+IMAGE_MAP: Schema = {
+    **_PLACE,
+    "column": pl.UInt8,
+    "row": pl.UInt8,
+    "n": pl.Int32,
+    **dict.fromkeys(("sum_u", "sum_v", "sum_uu", "sum_uv", "sum_vv"), pl.Float32),
+}
+"""Sums of visible, untrimmed errors at a few ages by cell of the image, from its left and its top."""
+
+IMAGE_SPEEDS: Schema = {
+    **_PLACE,
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "n": pl.Int64,
+    **dict.fromkeys(("sum_along", "sum_across", "sum_along_2", "sum_across_2"), pl.Float64),
+}
+"""Sums of visible, untrimmed errors along and across the image motion, by its speed (px per frame, low to high)."""
 
 CURVES: Schema = {
     "dataset": pl.String,

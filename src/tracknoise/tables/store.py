@@ -58,9 +58,15 @@ SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "increments": schema.INCREMENTS,
     "samples": schema.SAMPLES,
     "fitted_noise": schema.FITTED_NOISE,
-    "floors": schema.FLOORS,
     "truth_differences": schema.TRUTH_DIFFERENCES,
     "pose_differences": schema.POSE_DIFFERENCES,
+    "surroundings": schema.SURROUNDINGS,
+    "image_map": schema.IMAGE_MAP,
+    "image_speeds": schema.IMAGE_SPEEDS,
+    "between_trackers": schema.BETWEEN_TRACKERS,
+    "rigid": schema.RIGID,
+    "pose_growth": schema.POSE_GROWTH,
+    "floors": schema.FLOORS,
 }
 SEED_TABLES: Mapping[str, schema.Schema] = {
     f"seed_{name}": {"seed": pl.Int32, **SEQUENCE_TABLES[name]} for name in ("moments", "ends", "frames")
@@ -99,6 +105,12 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "radii": findings_schema.RADII,
     "time_structure": findings_schema.TIME_STRUCTURE,
     "dependence": findings_schema.DEPENDENCE,
+    "surrounding_errors": findings_schema.SURROUNDING_ERRORS,
+    "image_cells": findings_schema.IMAGE_CELLS,
+    "speed_errors": findings_schema.SPEED_ERRORS,
+    "rigid_share": findings_schema.RIGID_SHARE,
+    "pose_law": findings_schema.POSE_LAW,
+    "tracker_differences": findings_schema.TRACKER_DIFFERENCES,
     "findings": findings_schema.FINDINGS,
 }
 """Tables of the whole run that are computed from the others. They are empty if they were not computed."""

@@ -1,10 +1,12 @@
 """Truth by anchors: each track gets one world point, which is projected into all frames in which it was observed."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.geometry.surroundings import Surroundings, joined_surroundings, unknown_surroundings
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.truth.anchored_tracks import AnchoredTracks
 from tracknoise.truth.sequence_geometry import SequenceGeometry
@@ -16,6 +18,9 @@ Anchors = tuple[NDArray[np.float64], NDArray[np.int8]]
 
 Anchor = Callable[[int, NDArray[np.float64]], Anchors]
 """Takes a frame and pixels (n, 2) of it; returns their anchors."""
+
+Surround = Callable[[int, NDArray[np.float64]], Surroundings]
+"""Takes a frame and pixels (n, 2) of it; returns what lies around them."""
 
 
 def anchor_points(
@@ -71,12 +76,22 @@ class AnchoredTruth:
         Finds the world points of features.
     surface
         Surface that can occlude points.
+    surround
+        Finds what lies around features; None where there is no dense depth.
     """
 
-    __slots__ = ("_anchor", "_geometry", "_surface", "kind")
+    __slots__ = ("_anchor", "_geometry", "_surface", "_surround", "kind")
 
-    def __init__(self, kind: str, geometry: SequenceGeometry, anchor: Anchor, surface: VisibleSurface) -> None:
+    def __init__(
+        self,
+        kind: str,
+        geometry: SequenceGeometry,
+        anchor: Anchor,
+        surface: VisibleSurface,
+        surround: Surround | None = None,
+    ) -> None:
         self.kind = kind
+        self._surround = surround
         self._geometry = geometry
         self._anchor = anchor
         self._surface = surface
@@ -101,6 +116,18 @@ class AnchoredTruth:
         if not self._geometry.has_pose(index):
             return np.full((len(uv), 3), np.nan), np.full(len(uv), TruthStatus.no_pose, np.int8)
         return self._anchor(index, uv)
+
+    def surroundings(self, index: int, uv: NDArray[np.float64]) -> Surroundings:
+        """What lies around pixels (n, 2) of a frame: see `tracknoise.geometry.surroundings`.
+
+        Raises
+        ------
+        DataError
+            If the frame's depth cannot be read.
+        """
+        if self._surround is None or not len(uv):
+            return unknown_surroundings(len(uv))
+        return self._surround(index, uv)
 
     def project(self, index: int, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
         """Positions of (n, 3) world points in a frame, (n, 2) px: see `SequenceGeometry.project`."""
@@ -130,17 +157,19 @@ class BirthSession:
         Finds and projects the anchors.
     """
 
-    __slots__ = ("_tracks", "_truth")
+    __slots__ = ("_surroundings", "_tracks", "_truth")
 
     def __init__(self, truth: AnchoredTruth) -> None:
         self._truth = truth
+        self._surroundings: list[Surroundings] = []
         self._tracks = truth.tracks()
 
     def observe(self, index: int, tracks: NDArray[np.uint32], uv: NDArray[np.float64], born: NDArray[np.bool_]) -> None:
         """Anchor new tracks and locate all: see `tracknoise.truth.truth.TruthSession.observe`."""
         self._tracks.begin(index, *self._truth.anchor(index, uv[born]))
+        self._surroundings.append(self._truth.surroundings(index, uv[born]))
         self._tracks.locate(index, tracks)
 
     def resolve(self) -> TruePositions:
         """True positions of all observations: see `tracknoise.truth.truth.TruthSession.resolve`."""
-        return self._tracks.positions()
+        return replace(self._tracks.positions(), surroundings=joined_surroundings(self._surroundings))

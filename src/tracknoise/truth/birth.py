@@ -1,12 +1,14 @@
 """Truth from depth streams: the depth of each feature's first frame."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.geometry.depth import sample
+from tracknoise.geometry.depth import at_pixels, sample
+from tracknoise.geometry.surroundings import Surroundings, find_surroundings, unknown_surroundings
 from tracknoise.sequences.sequence import Sequence, TruthKind
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.truth.anchored import AnchoredTruth, Anchors, anchor_points
@@ -27,7 +29,17 @@ class BirthDepth:
         def anchor(index: int, uv: NDArray[np.float64]) -> Anchors:
             return anchor_points(geometry, index, uv, *_birth_depth(geometry, index, uv))
 
-        return AnchoredTruth(self.kind, geometry, anchor, DepthMapSurface(geometry))
+        return AnchoredTruth(
+            self.kind, geometry, anchor, DepthMapSurface(geometry), partial(_mapped_surroundings, geometry)
+        )
+
+
+def _mapped_surroundings(geometry: SequenceGeometry, index: int, uv: NDArray[np.float64]) -> Surroundings:
+    """Surroundings of features by the depth map of a frame; unknown where it has none, or a sparse one."""
+    depth = geometry.depth(index)
+    if depth is None or depth.radius_px is not None:
+        return unknown_surroundings(len(uv))
+    return find_surroundings(geometry.camera_at(index), uv, partial(at_pixels, depth), depth.accuracy)
 
 
 def _birth_depth(

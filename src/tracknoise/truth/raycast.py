@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.geometry.accuracy import EXACT_DEPTH
+from tracknoise.geometry.surroundings import Surroundings, find_surroundings
 from tracknoise.sequences.sequence import Sequence, Surface, TruthKind
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.truth.anchored import AnchoredTruth, Anchors, anchor_points
@@ -33,7 +35,7 @@ class RayCast:
             raise DataError(sequence.source, "no exact surface", "one, as the sequence offers the truth 'raycast'")
         geometry = SequenceGeometry(sequence)
         exact = ExactSurface(geometry, surface)
-        return AnchoredTruth(self.kind, geometry, exact.anchor, exact)
+        return AnchoredTruth(self.kind, geometry, exact.anchor, exact, exact.surroundings)
 
 
 class ExactSurface:
@@ -68,3 +70,13 @@ class ExactSurface:
         depth_m, hit = self.depths(index, uv)
         status = np.where(hit, TruthStatus.valid, TruthStatus.no_depth).astype(np.int8)
         return anchor_points(self._geometry, index, uv, depth_m, status)
+
+    def surroundings(self, index: int, uv: NDArray[np.float64]) -> Surroundings:
+        """Surroundings of features by the depth of the exact surface around them, infinite where a ray hits nothing."""
+
+        def read_depth(around: NDArray[np.float64]) -> Depths:
+            depth_m, hit = self.depths(index, around)
+            return np.where(hit, depth_m, np.inf), camera.contains(around)
+
+        camera = self._geometry.camera_at(index)
+        return find_surroundings(camera, uv, read_depth, EXACT_DEPTH)

@@ -6,6 +6,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.geometry.surroundings import Surroundings
 from tracknoise.sequences.sequence import Sequence
 
 
@@ -33,6 +34,9 @@ class TruePositions:
     leverage : (n, 2, 2) float64, or None
         Where true positions are fitted to the observations: covariance of each true position for white noise of 1 px in
         these, no unit; NaN where it is unknown. None for other kinds of truth.
+    surroundings
+        What lies around the point of each track in its first frame, (m,). None if this kind of truth has no dense
+        depth.
     """
 
     uv: NDArray[np.float64]
@@ -41,6 +45,7 @@ class TruePositions:
     covariance: NDArray[np.float64] | None = None
     epipolar: NDArray[np.float64] | None = None
     leverage: NDArray[np.float64] | None = None
+    surroundings: Surroundings | None = None
 
 
 class TruthSession(Protocol):

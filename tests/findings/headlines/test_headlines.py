@@ -18,8 +18,11 @@ from tracknoise.tables.findings_schema import (
     FINDINGS,
     GAUSSIANITY,
     INTERVALS,
+    RIGID_SHARE,
     SEED_SPREAD,
+    SURROUNDING_ERRORS,
     TIME_STRUCTURE,
+    TRACKER_DIFFERENCES,
     TRIANGULATED_NOISE,
     ZERO_MEAN,
 )
@@ -47,6 +50,9 @@ SCHEMAS: Mapping[str, Schema] = {
     "gaussianity": GAUSSIANITY,
     "time_structure": TIME_STRUCTURE,
     "dependence": DEPENDENCE,
+    "surrounding_errors": SURROUNDING_ERRORS,
+    "rigid_share": RIGID_SHARE,
+    "tracker_differences": TRACKER_DIFFERENCES,
 }
 
 
@@ -502,3 +508,64 @@ def test_groups_of_scenes_are_counted(resampled: str, expected: str | None) -> N
     scope = ReportedConditions(ReferenceCondition("l"), ("lk",), percentile=90.0, groups=groups)
     found = read(scope, intervals=table(INTERVALS, {**POINT, "resampled": resampled, "value": 1.0}))
     assert found.get("groups", {}).get("text") == expected
+
+
+def shares(**by_source: tuple[float, float, float]) -> dict[str, pl.DataFrame]:
+    """Rigid shares with bounds at ages 10 and 24, by what pose errors were fitted to."""
+    rows = [
+        {"fitted_to": source, "age": age, "coordinate": "both", "share": share, "low": low, "high": high, "level": 0.95}
+        for source, (share, low, high) in by_source.items()
+        for age in (10, 24)
+    ]
+    return {"rigid_share": table(RIGID_SHARE, *rows)}
+
+
+@pytest.mark.parametrize(
+    ("others", "expected"),
+    [
+        ((0.58, 0.5, 0.66), "probably an error of the truth: of the poses, the clock, the calibration, or a rolling"),
+        ((0.01, -0.02, 0.04), "They do not have this motion, so that it is probably the tracker's own."),
+        ((0.2, -0.2, 0.6), "It is undecided whether they have this motion too."),
+    ],
+)
+def test_pose_errors_are_blamed_on_the_truth_only_if_other_trackers_agree(
+    others: tuple[float, float, float], expected: str
+) -> None:
+    found = read(**shares(own=(0.62, 0.55, 0.7), others=others))["pose errors"]
+    assert "At age 10, 62.0 % (55.0 % to 70.0 %) of the second moment of lk is a motion of the camera" in found["text"]
+    assert expected in found["text"]
+    assert (found["value"], found["figure"], found["table"]) == (0.62, "pose-errors", "rigid_share")
+
+
+def test_a_single_tracker_may_have_a_motion_of_its_own() -> None:
+    text = read(**shares(own=(0.62, 0.55, 0.7)))["pose errors"]["text"]
+    assert "so that a motion common to all features may be its own." in text
+    assert "error of the truth" not in text
+
+
+def test_small_or_uncertain_pose_errors_are_not_reported() -> None:
+    assert "pose errors" not in read(**shares(own=(0.08, 0.06, 0.09)))
+    assert "pose errors" not in read(**shares(own=(0.4, -0.1, 0.9), others=(0.4, 0.3, 0.5)))
+
+
+def differences(*, established: bool) -> dict[str, pl.DataFrame]:
+    rows = [
+        {
+            "other": other, "statistic": "mean", "age": age, "coordinate": axis, "value": value, "low": value - 0.05,
+            "high": value + 0.05, "unit": "px", "established": established and other == "of",
+        }
+        for other in ("zz", "of")
+        for age in (4, 10, 24)
+        for axis, value in (("u", 0.2), ("v", 0.0))
+    ]  # fmt: skip
+    return {"tracker_differences": table(TRACKER_DIFFERENCES, *rows)}
+
+
+@pytest.mark.parametrize("fitted", [True, False])
+def test_trackers_that_differ_in_the_mean_are_named(fitted: bool) -> None:
+    found = read(replace(SCOPE, fitted=fitted), **differences(established=True))["differences"]
+    assert "At age 10, lk less of is 0.200 px (0.150 to 0.250) in u and 0 px (−0.050 to 0.050) in v." in found["text"]
+    assert "zz" not in found["text"]
+    assert found["text"].endswith("No error of the truth can cause such a difference.")
+    assert (found["value"], found["low"]) == (0.2, pytest.approx(0.15))
+    assert "differences" not in read(replace(SCOPE, fitted=fitted), **differences(established=False))

@@ -5,6 +5,8 @@ from typing import TypedDict, Unpack
 
 import polars as pl
 
+from tracknoise.audit.pose_law import pose_law
+from tracknoise.audit.rigid_share import rigid_share
 from tracknoise.experiments.analysis.finding_inputs import FindingInputs
 from tracknoise.experiments.analysis.groups_of_scenes import groups_of_scenes
 from tracknoise.experiments.analysis.reference_condition import reference_condition
@@ -17,11 +19,15 @@ from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.table import headline_table
 from tracknoise.findings.intervals.incidence import incidence_table
 from tracknoise.findings.intervals.table import interval_table
+from tracknoise.findings.places.image_cells import image_cells
+from tracknoise.findings.places.speed_errors import speed_errors
+from tracknoise.findings.places.surrounding_errors import surrounding_errors
 from tracknoise.findings.point_tracking import point_tracking_metrics
 from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.seed_spread import Repeat, seed_spread, widened
 from tracknoise.findings.shape.gaussianity import gaussianity
+from tracknoise.findings.tracker_differences import tracker_differences
 from tracknoise.findings.two_truths import pose_disagreement_table, two_truths_table
 from tracknoise.findings.zero_mean import zero_mean
 from tracknoise.sequences.sequence import TRIANGULATED, TruthKind
@@ -34,7 +40,21 @@ from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.schema import SEQUENCE, VIEW
 from tracknoise.tables.store import RunFolder
 
-_ABOUT_ANCHORS = ("zero_mean", "gaussianity", "radii", "time_structure")
+_OF_SEQUENCES: Mapping[str, tuple[str, Callable[..., pl.DataFrame]]] = {
+    "triangulated_noise": ("fitted_noise", fitted_noise_table),
+    "point_tracking_metrics": ("point_tracking", point_tracking_metrics),
+    "two_truths": ("truth_differences", two_truths_table),
+    "pose_disagreement": ("pose_differences", pose_disagreement_table),
+    "rigid_share": ("rigid", rigid_share),
+    "pose_law": ("pose_growth", pose_law),
+    "tracker_differences": ("between_trackers", tracker_differences),
+    "surrounding_errors": ("surroundings", surrounding_errors),
+    "image_cells": ("image_map", image_cells),
+    "speed_errors": ("image_speeds", speed_errors),
+}
+"""Findings that pool one table of each sequence, and nothing else: the table, and what makes them."""
+_OF_PLACES = ("surrounding_errors", "image_cells", "speed_errors")
+_ABOUT_ANCHORS = ("zero_mean", "gaussianity", "radii", "time_structure", *_OF_PLACES)
 """Findings about errors since a point was fixed. They are withheld where points are fitted to whole tracks."""
 
 
@@ -129,12 +149,7 @@ def _tables(
 
 def _of_sequences(run: RunFolder, **sampling: Unpack[_Sampling]) -> dict[str, pl.DataFrame]:
     """Findings that need one table of every sequence that has it, and nothing else."""
-    return {
-        "triangulated_noise": fitted_noise_table(run.stored_tables("fitted_noise"), **sampling),
-        "point_tracking_metrics": point_tracking_metrics(run.stored_tables("point_tracking"), **sampling),
-        "two_truths": two_truths_table(run.stored_tables("truth_differences"), **sampling),
-        "pose_disagreement": pose_disagreement_table(run.stored_tables("pose_differences"), **sampling),
-    }
+    return {name: pool(run.stored_tables(table), **sampling) for name, (table, pool) in _OF_SEQUENCES.items()}
 
 
 def _intervals(

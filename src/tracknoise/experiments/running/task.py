@@ -9,8 +9,10 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 
+from tracknoise.audit.rigid import rigid_tables
 from tracknoise.exceptions import DataWarning
-from tracknoise.experiments.doubts import doubts
+from tracknoise.experiments.doubts import SYNTHETIC, doubts
+from tracknoise.experiments.frame_geometry import frame_geometry
 from tracknoise.experiments.measure import Measurement, measure_together
 from tracknoise.experiments.running.failures import Result, diagnose
 from tracknoise.experiments.running.lock import Claim
@@ -24,6 +26,7 @@ from tracknoise.measurement.tracking import Progress
 from tracknoise.sequences.images import encode_png
 from tracknoise.sequences.poses import pose_notes
 from tracknoise.sequences.sequence import TRIANGULATED, Sequence, group_of
+from tracknoise.statistics.image_map import image_map
 from tracknoise.statistics.lifetimes import count_ends
 from tracknoise.statistics.summarise import STATISTICS, statistics_of
 from tracknoise.tables.manifest import SequenceEntry
@@ -163,11 +166,12 @@ def _measure(
 def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Measurement) -> dict[str, pl.DataFrame]:
     """The tables of a sequence by name, those of single observations and tracks only if the experiment keeps them."""
     observed = {"observations": measurement.observations, "tracks": measurement.tracks}
+    slowest = min(experiment.speeds)  # which figures show
     statistics = statistics_of(
         measurement.prepared,
         [name for name in STATISTICS if name != "moments"],
         population=experiment.truth.population,
-        slowest=min(experiment.speeds),  # which figures show
+        slowest=slowest,
     )
     return {
         **(observed if experiment.keep == "observations" else {}),
@@ -175,11 +179,22 @@ def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Meas
         "poses": _poses(sequence, measurement.n_frames),
         "moments": measurement.moments,
         "trims": measurement.trims,
-        "floors": measurement.floors,
         "pose_differences": measurement.pose_differences,
+        "floors": measurement.floors,
         **statistics,
         **({"point_tracking": tap_metrics(measurement)} if experiment.statistics.tap_vid else {}),
+        "image_map": image_map(
+            replace(measurement.prepared, slowest=slowest), width=sequence.camera.width, height=sequence.camera.height
+        ),
+        **_audited(experiment, measurement),
     }
+
+
+def _audited(experiment: Experiment, measurement: Measurement) -> dict[str, pl.DataFrame]:
+    """Tables of the audit that need the poses and cameras of the sequence."""
+    geometry = frame_geometry(measurement.sequence, measurement.n_frames)
+    witnesses = [choice.label for choice in experiment.trackers if choice.kind not in SYNTHETIC]
+    return rigid_tables(measurement.prepared, geometry, witnesses=witnesses)
 
 
 def _poses(sequence: Sequence, n_frames: int) -> pl.DataFrame:

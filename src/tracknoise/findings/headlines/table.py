@@ -4,7 +4,14 @@ from collections.abc import Callable
 
 import polars as pl
 
-from tracknoise.findings.headlines import caveats, error_topics, fitted_topics, tracking_topics
+from tracknoise.findings.headlines import (
+    caveats,
+    error_topics,
+    fitted_topics,
+    place_topic,
+    tracking_topics,
+    truth_topics,
+)
 from tracknoise.findings.headlines.error_size import size
 from tracknoise.findings.headlines.factor_topic import factors
 from tracknoise.findings.headlines.headline import Headline, RunTables
@@ -18,11 +25,14 @@ _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] 
     caveats.few_scenes,
     caveats.grouped_scenes,
     caveats.recorded_truth,
+    truth_topics.pose_errors,
     size,
     trimming_matters,
     error_topics.bias,
+    place_topic.depth_edges,
     error_topics.shape,
     error_topics.growth,
+    truth_topics.between_trackers,
     factors,
     error_topics.survivorship,
     tracking_topics.outliers,
@@ -35,6 +45,7 @@ _FITTED_TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None]
     caveats.few_scenes,
     caveats.grouped_scenes,
     fitted_topics.noise,
+    truth_topics.between_trackers,
     factors,
     tracking_topics.outliers,
     tracking_topics.lifetimes,
@@ -49,7 +60,7 @@ def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.Data
     ----------
     tables
         By their names: curves, floor, summary, effects, intervals, seed_spread, zero_mean, gaussianity, time_structure,
-        dependence and triangulated_noise.
+        dependence, surrounding_errors, rigid_share, tracker_differences and triangulated_noise.
         One without rows has no headline.
     conditions
         Which conditions the sentences are about.

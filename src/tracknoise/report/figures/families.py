@@ -134,6 +134,21 @@ FAMILIES: tuple[Family, ...] = (
         of_errors=True,
     ),
     Family(
+        "pose-errors",
+        "Pose errors",
+        "An error of the stated poses moves all features of a frame together, as a motion of the camera does. The "
+        "tracks measure such motions. What other tracks predict is not noise of single features.",
+        ("pose_errors:figures",),
+        of_errors=True,
+    ),
+    Family(
+        "between-trackers",
+        "Differences between trackers",
+        "Two trackers that follow the same corner have the same true position. Their difference contains no error of "
+        "the truth.",
+        ("between_trackers:figures",),
+    ),
+    Family(
         "gaussianity",
         "Error distribution",
         "Most estimators assume Gaussian errors. This section compares the shape of the distribution with a Gaussian "
@@ -149,6 +164,14 @@ FAMILIES: tuple[Family, ...] = (
         "Errors are caused by motion and image structure, not by the directions u and v. An error along the motion or "
         "along an edge is easier to see in that direction.",
         ("directions:figures",),
+        of_errors=True,
+    ),
+    Family(
+        "error-by-place",
+        "Error by place",
+        "Errors that depend on the place in the image, or on the speed of the image, often come from the truth: lens, "
+        "focal length, shutter or clock. Errors at depth edges come from the tracker.",
+        ("image_map:figures", "image_speed:figures", "surroundings:figures"),
         of_errors=True,
     ),
     Family(

@@ -83,6 +83,20 @@ def test_nothing_is_known_of_data_that_state_nothing(images) -> None:
     assert not {*schema.TRUE_COVARIANCE} & {*found.observations.columns}
 
 
+def test_an_exact_depth_beside_unknown_poses_is_no_exact_truth(images) -> None:
+    assert measured(replace(recording(images), depth_accuracy=EXACT_DEPTH)).floors.is_empty()
+    exact = replace(recording(images), depth_accuracy=EXACT_DEPTH, pose_accuracy=EXACT_POSE)
+    assert not measured(exact).floors.is_empty()
+
+
+def test_planted_faults_are_not_called_exact() -> None:
+    faulty = tracknoise.open_sequence(
+        "simulated", motions=["sideways"], frames=6, width=160, height=120, faults={"poses": {"rotation_deg": 0.2}}
+    )
+    assert measured(faulty).floors.is_empty()
+    assert set(measured(faulty, TruthAccuracy(rotation_white_deg=0.2)).floors["source"]) == {"poses", "depth"}
+
+
 def test_covariances_add_up_to_the_floor(images) -> None:
     figures = TruthAccuracy(rotation_white_deg=0.1, depth_m=0.05, focal_relative=0.01)
     plain, found = measured(images, truth="birth"), measured(images, figures, truth="birth")

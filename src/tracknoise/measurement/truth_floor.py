@@ -49,7 +49,7 @@ class TruthFloor:
         if truth.kind not in tuple(TruthKind):
             return cls(sequence, None, truth.key_frame)
         known = known_accuracy(sequence, truth.kind, rule)
-        if not known.figures.topics:
+        if known.figures.is_exact and not known.is_complete:
             return cls(sequence, None, truth.key_frame)
         errors = TrueErrors(TruthDerivatives(sequence), known.figures, step=frame_step(sequence))
         return cls(sequence, errors, truth.key_frame, known.notes)

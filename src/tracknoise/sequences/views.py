@@ -13,7 +13,16 @@ from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.interpolation import PosePath
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.frame_range import frame_range, range_note
-from tracknoise.sequences.sequence import Scan, Sequence, Surface, accuracy_of, camera_at, group_of, path_of, shutter_of
+from tracknoise.sequences.sequence import (
+    AccurateSequence,
+    Scan,
+    Sequence,
+    Surface,
+    camera_at,
+    group_of,
+    path_of,
+    shutter_of,
+)
 from tracknoise.tables.identity import Direction, SequenceId
 
 QUARTER_DEG = 90
@@ -141,9 +150,9 @@ class View:
         return self.sequence.depth_accuracy
 
     @property
-    def truth_accuracy(self) -> TruthAccuracy:
+    def truth_accuracy(self) -> TruthAccuracy | None:
         """That of the sequence shown; frames are those of the recording."""
-        return accuracy_of(self.sequence)
+        return self.sequence.truth_accuracy if isinstance(self.sequence, AccurateSequence) else None
 
     @property
     def truths(self) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from importlib import resources
 from typing import Any
 
 from tracknoise.geometry.accuracy import TOPICS, AccuracyKind, TruthAccuracy
-from tracknoise.sequences.sequence import Sequence, TruthKind, accuracy_of, shutter_of
+from tracknoise.sequences.sequence import Sequence, TruthKind, accuracy_of, shutter_of, times_of
 from tracknoise.tables.identity import SequenceId
 
 _FILE = "truth_accuracy.toml"
@@ -70,10 +70,13 @@ class KnownAccuracy:
         What counts.
     notes
         One sentence for each topic whose error is above 0: its size, and where the figure is from.
+    is_complete
+        Whether something is known of poses and, where it counts, of depth: only then are errors of 0 an exact truth.
     """
 
     figures: TruthAccuracy
     notes: tuple[str, ...]
+    is_complete: bool
 
 
 @cache
@@ -105,14 +108,14 @@ def known_accuracy(sequence: Sequence, kind: str, rule: AccuracyRule = DEFAULT_R
         What the user says.
     """
     useless = {"depth"} if kind == TruthKind.raycast else set()
-    if getattr(sequence, "timestamps_s", None) is None:  # sequences of other packages may lack it
+    if times_of(sequence) is None:
         useless |= {"clock", "readout"}
     figures, notes = TruthAccuracy(), []
     for one in _statements(sequence, rule):
         new = one.without(useless | figures.topics)
         notes += list(_notes(new))
         figures = figures.over(new)
-    return KnownAccuracy(figures, tuple(notes))
+    return KnownAccuracy(figures, tuple(notes), {"rotation", "translation", "depth"} - useless <= figures.topics)
 
 
 def _statements(sequence: Sequence, rule: AccuracyRule) -> Iterator[TruthAccuracy]:

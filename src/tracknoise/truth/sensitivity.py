@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.poses import has_pose
-from tracknoise.sequences.sequence import Sequence
+from tracknoise.sequences.sequence import Sequence, shutter_of, times_of
 from tracknoise.truth.observed_cameras import ObservedCameras
 from tracknoise.truth.truth import TruePositions
 
@@ -84,8 +84,8 @@ class TruthDerivatives:
 
     def __init__(self, sequence: Sequence) -> None:
         self._sequence, self._poses = sequence, sequence.world_from_camera
-        self._velocity = _body_velocity(self._poses, getattr(sequence, "timestamps_s", None))
-        self._shutter = RollingShutter(0.0, axis=0 if sequence.id.rotation in _QUARTERS else 1)
+        self._velocity = _body_velocity(self._poses, times_of(sequence))
+        self._shutter = RollingShutter(0.0, axis=_axis(sequence))
 
     def sensitivity(self, points: AnchoredPoints) -> Sensitivity:
         """Derivatives of true positions by everything that may be wrong."""
@@ -122,6 +122,14 @@ class TruthDerivatives:
     def _read_at(self, uv: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n, 1) float64: time of pixels after that of their frame, in readout times."""
         return self._shutter.phase(self._sequence.camera, uv)[:, None]
+
+
+def _axis(sequence: Sequence) -> int:
+    """Axis along which rows are read out: that of the shutter where there is one, otherwise of an upright camera."""
+    shutter = shutter_of(sequence)
+    if shutter is not None:
+        return shutter.axis
+    return 0 if sequence.id.rotation in _QUARTERS else 1
 
 
 def _times(jacobian: NDArray[np.float64], vectors: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -44,6 +44,8 @@ class ReportData:
     intervals, incidence, seed_spread, triangulated_noise, zero_mean, gaussianity, radii, time_structure,
     dependence, findings
         Its findings. These tables have no rows where findings were not computed.
+    audit, audit_curves
+        What is wrong with the stated truth, see `tracknoise.tables.audit_schema`.
     """
 
     run: RunFolder
@@ -70,6 +72,8 @@ class ReportData:
     time_structure: pl.DataFrame
     dependence: pl.DataFrame
     findings: pl.DataFrame
+    audit: pl.DataFrame
+    audit_curves: pl.DataFrame
 
     @classmethod
     def of(cls, run: RunFolder) -> "ReportData":

@@ -77,7 +77,7 @@ def first_tracks(samples: pl.DataFrame, count: int) -> pl.DataFrame:
     """
     groups = group_rows(samples, [*ORIGIN, "age_low"])
     track = samples["track"].to_numpy()
-    order = np.lexsort((track, _scattered(track), groups.index))
+    order = np.lexsort((track, scattered(track), groups.index))
     starts = np.searchsorted(groups.index[order], np.arange(groups.count))
     place = np.empty(len(track), dtype=np.intp)
     place[order] = np.arange(len(track)) - starts[groups.index[order]]
@@ -99,14 +99,14 @@ def _one_per_track(sequence: PreparedSequence, rows: NDArray[np.intp], band: NDA
     """One of the rows that a track has in a band, each equally likely."""
     seen = sequence.seen
     (track, _), group = number_combinations([sequence.track_row[rows], band[rows]])
-    hashed = _scattered(_scattered(seen.track[rows]) ^ seen.frame[rows].astype(np.uint64))
+    hashed = scattered(scattered(seen.track[rows]) ^ seen.frame[rows].astype(np.uint64))
     least = np.full(len(track), np.iinfo(np.uint64).max, dtype=np.uint64)
     np.minimum.at(least, group, hashed)
     found = np.flatnonzero(hashed == least[group])
     return rows[found]
 
 
-def _scattered(numbers: NDArray[np.integer[Any]]) -> NDArray[np.uint64]:
+def scattered(numbers: NDArray[np.integer[Any]]) -> NDArray[np.uint64]:
     """Distinct pseudo-random numbers: the finaliser of SplitMix64 (Steele et al. 2014)."""
     mixed = numbers.astype(np.uint64) + np.uint64(0x9E3779B97F4A7C15)
     for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):

@@ -18,7 +18,7 @@ import polars as pl
 
 from tracknoise.atomic import discard_abandoned, unfinished
 from tracknoise.exceptions import StoreError
-from tracknoise.tables import findings_schema, schema
+from tracknoise.tables import audit_schema, findings_schema, schema
 from tracknoise.tables.files import (
     digest,
     is_intact,
@@ -58,6 +58,8 @@ SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "increments": schema.INCREMENTS,
     "samples": schema.SAMPLES,
     "fitted_noise": schema.FITTED_NOISE,
+    "cameras": audit_schema.CAMERAS,
+    "audit_samples": audit_schema.AUDIT_SAMPLES,
 }
 SEED_TABLES: Mapping[str, schema.Schema] = {
     f"seed_{name}": {"seed": pl.Int32, **SEQUENCE_TABLES[name]} for name in ("moments", "ends", "frames")
@@ -90,6 +92,8 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "time_structure": findings_schema.TIME_STRUCTURE,
     "dependence": findings_schema.DEPENDENCE,
     "findings": findings_schema.FINDINGS,
+    "audit": audit_schema.AUDIT,
+    "audit_curves": audit_schema.AUDIT_CURVES,
 }
 """Tables of the whole run that are computed from the others. They are empty if they were not computed."""
 _RUN_TABLES: Mapping[str, schema.Schema] = {**STATISTICS_TABLES, **FINDINGS_TABLES}

@@ -8,6 +8,7 @@ import polars as pl
 from tracknoise.experiments.analysis.finding_inputs import FindingInputs
 from tracknoise.experiments.analysis.groups_of_scenes import groups_of_scenes
 from tracknoise.experiments.analysis.reference_condition import reference_condition
+from tracknoise.experiments.analysis.run_audit import run_audit
 from tracknoise.experiments.settings import Experiment
 from tracknoise.findings.factors.dependence import dependence
 from tracknoise.findings.fitted_noise import fitted_noise_table
@@ -54,7 +55,7 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
         If a table is damaged, or the folder cannot be written.
     """
     reference = reference_condition(run.manifest(), experiment, statistics["outliers"])
-    tables = _tables(run, experiment, statistics, reference)
+    tables = _tables(run, experiment, statistics, reference) | run_audit(run, experiment)
     reported = _reported(run, experiment, statistics["trims"], reference)
     if reported.fitted:
         tables |= _without_verdicts_on_errors(tables)

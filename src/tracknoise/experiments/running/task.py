@@ -9,6 +9,7 @@ import numpy as np
 import polars as pl
 
 from tracknoise.exceptions import DataWarning
+from tracknoise.experiments.audit_inputs import audit_samples, cameras_table
 from tracknoise.experiments.doubts import doubts
 from tracknoise.experiments.measure import Measurement, measure_together
 from tracknoise.experiments.running.failures import Result, diagnose
@@ -163,6 +164,8 @@ def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Meas
         **(observed if experiment.keep == "observations" else {}),
         "frames": measurement.frames,
         "poses": _poses(sequence, measurement.n_frames),
+        "cameras": cameras_table(sequence, measurement.n_frames),
+        "audit_samples": audit_samples(measurement),
         "moments": measurement.moments,
         "trims": measurement.trims,
         **statistics,

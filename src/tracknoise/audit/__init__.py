@@ -1,0 +1,1 @@
+"""Audit of the truth: faults of the stated truth, fitted to the errors of all trackers."""

@@ -42,8 +42,14 @@ class World:
         Of each tracker, in u and v.
     wobble
         Size of random turns and moves from frame to frame, radians and metres.
+    steady_m
+        Added to the move from each frame to the next, along x, y and z of the world, metres.
+    freedom
+        Factors of the random moves along x, y and z.
     depth_m
         Nearest and farthest depth.
+    camera, readout
+        The camera, and the stated readout of its shutter in frames.
     """
 
     n_scenes: int = 8
@@ -54,6 +60,8 @@ class World:
     bias_px: tuple[tuple[float, float], ...] = ((0.0, 0.0), (0.0, 0.0))
     drift_px_per_frame: tuple[tuple[float, float], ...] = ((0.0, 0.0), (0.0, 0.0))
     wobble: tuple[float, float] = (0.01, 0.02)
+    steady_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    freedom: tuple[float, float, float] = (1.0, 1.0, 1.0)
     depth_m: tuple[float, float] = (1.0, 5.0)
     camera: KnownCamera = field(default=CAMERA)
     readout: float = 0.0
@@ -118,7 +126,7 @@ def _paths(rng: np.random.Generator, world: World) -> Paths:
         steps = [_smooth(rng, world.n_frames) * size for size in world.wobble]
         at = np.tile(np.eye(4), (world.n_frames, 1, 1))
         at[:, :3, :3] = Rotation.from_rotvec(np.cumsum(steps[0], axis=0)).as_matrix()
-        at[:, :3, 3] = np.cumsum(steps[1], axis=0)
+        at[:, :3, 3] = np.cumsum(steps[1] * world.freedom + world.steady_m, axis=0)
         poses.append(at)
         times.append(np.arange(world.n_frames, dtype=np.float64))
         number.append(np.full(world.n_frames, scene))

@@ -33,7 +33,7 @@ from tracknoise.tables.schema import FRAME_COUNTS, OBSERVATIONS, ORIGIN, POSES, 
 from tracknoise.tables.store import OBSERVED, SEQUENCE_TABLES, RunFolder
 
 WIDTH, HEIGHT = 160, 120
-_UNREAD = ("blocks", "scale_blocks", "aspect_blocks", "samples")
+_UNREAD = ("blocks", "scale_blocks", "aspect_blocks", "samples", "cameras", "audit_samples")
 """Tables that only findings are made of, which are made up here."""
 SMALL: dict[str, object] = {
     "scenes": ("fixating", "forward"),

@@ -68,11 +68,8 @@ def shares(fitted: Fit, places: NDArray[np.intp], *, level: float) -> list[Share
 
 
 def _share(fitted: Fit, places: NDArray[np.intp], onto: NDArray[np.float64], tracker: int, level: float) -> Shares:
-    equations = fitted.equations
-    information = equations.weighted[tracker].sum(axis=0) + np.diag(equations.ridge)
-    step = np.linalg.solve(information, equations.gradient[tracker].sum(axis=0))
-    value = 1.0 + float(onto @ step[places])
-    moves = jackknife(equations, np.array([tracker]))
+    moves = jackknife(fitted.equations, np.array([tracker]))
+    value = 1.0 + float(onto @ moves.step[places])
     spread = float(np.sqrt(onto @ moves.covariance[np.ix_(places, places)] @ onto))
     half = float(stats.t.ppf(0.5 + 0.5 * level, max(moves.n - 1, 1))) * spread
     return Shares(tracker, value, value - half, value + half)

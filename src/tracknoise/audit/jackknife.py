@@ -1,7 +1,7 @@
 """Intervals of fits, by leaving out one cluster at a time.
 
-Leaving out a cluster c moves the fit by -(H - H_c)^-1 g_c, with the second derivatives H of the loss and the first g_c
-of the cluster: (audit.jackknife). This is one step of Newton's method, and costs no fit.
+With the second derivatives H of the loss and the negative first g, one step of Newton's method leads to the fit without
+a cluster c: (H - H_c)^-1 (g - g_c) (audit.jackknife). This costs no fit. At the fit of all clusters g is 0.
 """
 
 from dataclasses import dataclass
@@ -21,9 +21,12 @@ class Jackknife:
     ----------
     moves : (clusters, p) float64
         Fit without the cluster minus the fit.
+    step : (p,) float64
+        From where the equations were made to the fit: nothing, but for those of single trackers.
     """
 
     moves: NDArray[np.float64]
+    step: NDArray[np.float64]
 
     @property
     def n(self) -> int:
@@ -77,8 +80,10 @@ def jackknife(equations: NormalEquations, trackers: NDArray[np.intp] | None = No
     present = equations.count[used].sum(axis=0) > 0
     own = _definite(equations, used)[present]
     gradient = equations.gradient[used].sum(axis=0)[present]
-    without = own.sum(axis=0) + np.diag(equations.ridge) - own
-    return Jackknife(-np.linalg.solve(without, gradient[:, :, None])[:, :, 0])
+    every = own.sum(axis=0) + np.diag(equations.ridge)
+    step = np.linalg.solve(every, gradient.sum(axis=0))
+    without = np.linalg.solve(every - own, (gradient.sum(axis=0) - gradient)[:, :, None])[:, :, 0]
+    return Jackknife(without - step, step)
 
 
 def _definite(equations: NormalEquations, used: slice | NDArray[np.intp]) -> NDArray[np.float64]:

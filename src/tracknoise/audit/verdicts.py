@@ -56,8 +56,10 @@ def _judged(selection: Selection, name: Parameter) -> Judged:
 def _verdict(selection: Selection, name: Parameter) -> AuditVerdict:
     """Why a parameter is not a fault."""
     first, last = selection.beside_bias, selection.last
+    if last.p[name] <= ALPHA and not last.assessed[name].is_agreed:
+        return AuditVerdict.disagreement
     if last.passes(name):
-        return AuditVerdict.disagreement if not last.assessed[name].is_agreed else AuditVerdict.fault
+        return AuditVerdict.fault
     if selection.named and first.passes(name):
         return AuditVerdict.explained
     if not selection.named and selection.alone.passes(name):

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from tracknoise.audit.fit import Fit
+from tracknoise.audit.fitted import Fit
 from tracknoise.audit.jackknife import jackknife
 
 _LEAST_COUNT = 50

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.audit.agreement import Shares, shares
-from tracknoise.audit.fit import Fit, Start, fit
+from tracknoise.audit.fit import Start, fit
+from tracknoise.audit.fitted import Fit
 from tracknoise.audit.held_out import Gain, gain, held_out_residuals, losses
 from tracknoise.audit.jackknife import Jackknife, jackknife
 from tracknoise.audit.parameters import NUMBERS, Parameter
@@ -50,7 +51,7 @@ class Basis:
         fitted = fit(samples, parameters, start, with_bias=with_bias)
         moves = jackknife(fitted.equations)
         residual = held_out_residuals(samples, fitted, moves)
-        scale = scales(samples, residual)
+        scale = scales(samples.group, residual)
         there = Start.at(samples, fitted.theta) if parameters else start
         return cls(fitted, moves, there, scale, losses(samples, residual, scale))
 

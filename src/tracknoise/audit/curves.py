@@ -6,24 +6,12 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.audit.held_out import held_out_errors
 from tracknoise.audit.samples import AuditSamples
-from tracknoise.audit.selection import Selection
 from tracknoise.tables.audit_schema import AUDIT_CURVES
 
-MEASURED, EVERYTHING = "measured", "all"
 _CORES = 5.0
+"""Errors longer than so many median lengths are outliers."""
 _MEDIAN_TO_CORE = 1.4826
-
-
-def corrected_errors(samples: AuditSamples, selection: Selection) -> dict[str, NDArray[np.float64]]:
-    """Errors (n, 2), px, by correction: as measured, with each fault and those before it corrected, and with all."""
-    found = {MEASURED: samples.observed - samples.stated}
-    for one in selection.named:
-        found[one.parameter] = held_out_errors(samples, one.assessment.fitted, one.assessment.moves)
-    if selection.named:
-        found[EVERYTHING] = held_out_errors(samples, selection.final.fitted, selection.final.moves)
-    return found
 
 
 def curves(samples: AuditSamples, errors: Mapping[str, NDArray[np.float64]], dataset: str) -> pl.DataFrame:
@@ -49,21 +37,18 @@ def second_moments(samples: AuditSamples, errors: Mapping[str, NDArray[np.float6
 
 
 def _inliers(samples: AuditSamples, errors: Mapping[str, NDArray[np.float64]]) -> NDArray[np.bool_]:
-    """Observations that are known for every correction, and are outliers for none or not for all of them."""
-    known = np.logical_and.reduce([np.isfinite(error).all(axis=1) for error in errors.values()])
-    near = np.zeros(len(known), dtype=bool)
-    for error in errors.values():
-        length = np.hypot(error[:, 0], error[:, 1])
-        near |= length <= _CORES * _cores(samples, length, known)
-    return np.asarray(known & near)
+    """Observations that are known for every correction, and are no outliers after the last."""
+    known = np.asarray(np.logical_and.reduce([np.isfinite(error).all(axis=1) for error in errors.values()]))
+    last = list(errors.values())[-1]
+    length = np.hypot(last[:, 0], last[:, 1])
+    return np.asarray(known & (length <= _CORES * _medians(samples, length, known)))
 
 
-def _cores(samples: AuditSamples, length: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _medians(samples: AuditSamples, length: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Median length of the errors of the same tracker and age, (n,)."""
     found = np.zeros(len(length))
-    place = samples.tracker * (samples.age.max(initial=0) + 1) + samples.age
-    for one in np.unique(place).tolist():
-        rows = place == one
+    for group in np.unique(samples.group).tolist():
+        rows = samples.group == group
         chosen = length[rows & known]
         found[rows] = np.median(chosen) if len(chosen) else 0.0
     return found

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.audit.fitted import Fit
 from tracknoise.audit.normal import NormalEquations, normal_equations
 from tracknoise.audit.parameters import Parameter, columns_of, furthest
 from tracknoise.audit.prediction import Predicted, predict
@@ -24,45 +25,6 @@ _SMALL_STEP = 0.02
 BIAS_AGE = 12.0
 """Ages are in units of this many frames where drifts are fitted, so that constants and drifts are of one size."""
 _FURTHEST_BIAS_PX = 100.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Fit:
-    """A fit that has ended.
-
-    Attributes
-    ----------
-    parameters
-        What was free.
-    with_bias
-        Whether trackers had biases of their own.
-    theta : (COUNT,) float64
-        Numbers of all parameters; 0 where they were held.
-    error : (n, 2) float64
-        Observed minus corrected true positions, px; NaN where the corrected truth has none.
-    residual : (n, 2) float64
-        Errors without the biases of the trackers.
-    design : (n, 2, columns) float64
-        Derivatives of the corrected positions by the free numbers, then by the biases of each tracker.
-    free : (columns,) intp
-        Place of each free number in `theta`; the columns of biases come after them.
-    equations
-        Normal equations of each tracker and cluster.
-    """
-
-    parameters: tuple[Parameter, ...]
-    with_bias: bool
-    theta: NDArray[np.float64]
-    error: NDArray[np.float64]
-    residual: NDArray[np.float64]
-    design: NDArray[np.float64]
-    free: NDArray[np.intp]
-    equations: NormalEquations
-
-    @property
-    def estimate(self) -> NDArray[np.float64]:
-        """Values of the free numbers."""
-        return self.theta[self.free]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,8 +84,8 @@ def fit(samples: AuditSamples, parameters: Sequence[Parameter], start: Start, *,
         theta = state.theta.copy()
         theta[free] = np.clip(theta[free] + step[: len(free)], -limit, limit)
         state = _state(samples, Start.at(samples, theta), state.beta + step[len(free) :], free, biases)
-    scale = scales(samples, state.residual)
-    equations = normal_equations(samples, state.design, state.residual, scale, ridge)
+    scale = scales(samples.group, state.residual)
+    equations = normal_equations(samples.tracker, samples.cluster, state.design, state.residual, scale, ridge)
     return Fit(tuple(parameters), with_bias, state.theta, state.error, state.residual, state.design, free, equations)
 
 
@@ -154,9 +116,9 @@ def _solved(
 ) -> tuple[NDArray[np.float64], NormalEquations]:
     """Step and equations after a few steps of reweighting with fixed derivatives."""
     step = np.zeros(len(ridge))
-    residual, scale = state.residual, scales(samples, state.residual)
+    residual, scale = state.residual, scales(samples.group, state.residual)
     for _ in range(_INNER_STEPS):
-        equations = normal_equations(samples, state.design, residual, scale, ridge)
+        equations = normal_equations(samples.tracker, samples.cluster, state.design, residual, scale, ridge)
         step = step + np.linalg.solve(equations.information, equations.score)
         residual = state.residual - state.design @ step
     return step, equations

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from tracknoise.audit.fit import Fit
+from tracknoise.audit.fitted import Fit
 from tracknoise.audit.jackknife import Jackknife
 from tracknoise.audit.robust import squared
 from tracknoise.audit.samples import AuditSamples

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.audit.robust import FREEDOM, squared, weights
-from tracknoise.audit.samples import AuditSamples
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +44,8 @@ class NormalEquations:
 
 
 def normal_equations(
-    samples: AuditSamples,
+    tracker: NDArray[np.intp],
+    cluster: NDArray[np.intp],
     design: NDArray[np.float64],
     residual: NDArray[np.float64],
     scale: NDArray[np.float64],
@@ -55,8 +55,8 @@ def normal_equations(
 
     Parameters
     ----------
-    samples
-        The observations.
+    tracker, cluster : (n,)
+        Numbers of the tracker and of the cluster of each observation, from 0.
     design : (n, 2, p)
         Derivatives of predictions.
     residual : (n, 2)
@@ -66,13 +66,13 @@ def normal_equations(
     ridge : (p,)
         See `NormalEquations`.
     """
-    shape, p = (len(samples.trackers), samples.n_clusters), design.shape[2]
+    shape, p = (int(tracker.max()) + 1, int(cluster.max()) + 1), design.shape[2]
     distance = squared(residual, scale)
     weight = weights(distance) / (scale * scale)
     known = np.where(np.isfinite(distance)[:, None], residual, 0.0)
     steep = 2.0 * weight / ((FREEDOM + np.nan_to_num(distance)) * scale * scale)
     along = np.einsum("nij,ni->nj", np.nan_to_num(design), known)
-    group = samples.tracker * shape[1] + samples.cluster
+    group = tracker * shape[1] + cluster
     order = np.argsort(group, kind="stable")
     ends = np.searchsorted(group[order], np.arange(shape[0] * shape[1] + 1))
     weighted, curvature = np.zeros((2, ends.size - 1, p, p))

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from tracknoise.audit.parameters import SLICES, Parameter
 from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.intrinsics import Intrinsics
 from tracknoise.geometry.jacobians import projection_jacobian
-from tracknoise.geometry.lenses import KnownCamera
 
 INTRINSIC = 4
 """Numbers of the optics: focal length, principal point in u and v, k1."""
@@ -34,12 +34,12 @@ class Projected:
     by_optics: NDArray[np.float64]
 
 
-def has_k1(cameras: tuple[KnownCamera, ...]) -> bool:
+def has_k1(cameras: tuple[Intrinsics, ...]) -> bool:
     """Whether a first radial coefficient can be added to all cameras."""
     return all(isinstance(camera, Camera) for camera in cameras)
 
 
-def corrected(camera: KnownCamera, theta: NDArray[np.float64]) -> KnownCamera:
+def corrected(camera: Intrinsics, theta: NDArray[np.float64]) -> Intrinsics:
     """The camera with corrected intrinsics; k1 is 0 where a lens has none.
 
     Parameters
@@ -59,14 +59,14 @@ def corrected(camera: KnownCamera, theta: NDArray[np.float64]) -> KnownCamera:
     return changed
 
 
-def project(camera: KnownCamera, points: NDArray[np.float64]) -> Projected:
+def project(camera: Intrinsics, points: NDArray[np.float64]) -> Projected:
     """Project points (n, 3) of the camera frame."""
     with np.errstate(all="ignore"):
         uv = camera.project(points)
         return Projected(uv, projection_jacobian(camera, points), _by_optics(camera, points, uv))
 
 
-def rays(camera: KnownCamera, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def rays(camera: Intrinsics, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Rays through pixels (n, 2), scaled to depth 1, and how they change with the optics.
 
     Returns
@@ -86,7 +86,7 @@ def rays(camera: KnownCamera, uv: NDArray[np.float64]) -> tuple[NDArray[np.float
     return found, by_optics
 
 
-def _by_optics(camera: KnownCamera, points: NDArray[np.float64], uv: NDArray[np.float64]) -> NDArray[np.float64]:
+def _by_optics(camera: Intrinsics, points: NDArray[np.float64], uv: NDArray[np.float64]) -> NDArray[np.float64]:
     """Derivatives of pixels; that of the focal length is by the logarithm of both."""
     found = np.zeros((len(points), 2, INTRINSIC))
     found[:, :, _FOCAL] = uv - (camera.cx, camera.cy)

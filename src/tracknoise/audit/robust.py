@@ -3,21 +3,26 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.audit.samples import AuditSamples
-
 FREEDOM = 4.0
 """Degrees of freedom of Student's distribution, for residuals in two coordinates."""
 _RAYLEIGH_MEDIAN = 1.1774100225154747
 _LEAST_PX = 1e-3
 
 
-def scales(samples: AuditSamples, residual: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Robust standard deviation per coordinate of residuals (n, 2) of the same tracker and age, (n,), px.
+def scales(group: NDArray[np.intp], residual: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Robust standard deviation per coordinate of residuals (n, 2) of the same group, (n,), px.
 
     It is that of a round Gaussian with the same median length, and at least a thousandth of a pixel.
+
+    Parameters
+    ----------
+    group : (n,)
+        Number of the tracker and age, see `tracknoise.audit.samples.AuditSamples.group`.
+    residual : (n, 2)
+        px; NaN is left out.
     """
     length = np.hypot(residual[:, 0], residual[:, 1])
-    _, place = np.unique(samples.tracker * (samples.age.max(initial=0) + 1) + samples.age, return_inverse=True)
+    _, place = np.unique(group, return_inverse=True)
     order = np.lexsort((length, place))  # NaN last
     known = np.bincount(place, np.isfinite(length)).astype(np.intp)
     first = np.cumsum(np.bincount(place)) - np.bincount(place)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.audit.motion import Paths
-from tracknoise.geometry.lenses import KnownCamera
+from tracknoise.geometry.intrinsics import Intrinsics
 from tracknoise.tables.enumerations import Resampled
 
 
@@ -53,7 +53,7 @@ class AuditSamples:
     stated: NDArray[np.float64]
     depth: NDArray[np.float64]
     paths: Paths
-    cameras: tuple[KnownCamera, ...]
+    cameras: tuple[Intrinsics, ...]
     camera: NDArray[np.intp]
     readout_of: NDArray[np.float64]
     axis_of: NDArray[np.intp]
@@ -63,6 +63,11 @@ class AuditSamples:
     def n_clusters(self) -> int:
         """How many clusters there are."""
         return int(self.cluster.max(initial=-1)) + 1
+
+    @property
+    def group(self) -> NDArray[np.intp]:
+        """Number of the tracker and age of each observation, (n,): those with a scale of their own."""
+        return np.asarray(self.tracker * (self.age.max(initial=0) + 1) + self.age)
 
     @property
     def readout(self) -> NDArray[np.float64]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tracknoise.audit.assessment import ALPHA, LEVEL, Assessment, Basis, assess
+from tracknoise.audit.assessment import ALPHA, LEVEL, MARGIN, Assessment, Basis, assess
 from tracknoise.audit.fit import Start
 from tracknoise.audit.held_out import gain
 from tracknoise.audit.jackknife import condition_number
@@ -128,7 +128,7 @@ def _named(samples: AuditSamples, stage: Stage, *, with_bias: bool) -> Named:
             there = Start.at(samples, other.fitted.theta)
             basis = Basis.of(samples, other.fitted.parameters, there, with_bias=with_bias)
             beside = assess(samples, basis, best.parameter)
-            if not beside.explains:
+            if beside.gain.value < MARGIN:
                 rivals[name] = condition_number(beside.fitted.equations)
     return Named(best, rivals)
 

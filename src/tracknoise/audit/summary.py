@@ -11,7 +11,7 @@ from tracknoise.audit.parameters import Family, Parameter
 from tracknoise.tables.audit_schema import AuditVerdict
 
 NO_FAULT = "No fault of the stated truth was found."
-_TOLD = (AuditVerdict.like_bias, AuditVerdict.disagreement, AuditVerdict.explained)
+_REPORTED = (AuditVerdict.like_bias, AuditVerdict.disagreement, AuditVerdict.explained)
 _KEYS: Mapping[str, tuple[str, bool]] = MappingProxyType(
     {
         Parameter.focal_length: ("focal_scale", True),
@@ -33,7 +33,7 @@ _MS = 1000.0
 
 
 def audit_sentences(audit: pl.DataFrame, *, every: bool = False) -> list[str]:
-    """What an audit says, the answer first: the faults in their order, then what could not be told apart.
+    """What an audit says, the answer first: the faults in their order, then what could not be distinguished.
 
     Parameters
     ----------
@@ -51,8 +51,8 @@ def audit_sentences(audit: pl.DataFrame, *, every: bool = False) -> list[str]:
         return audit["text"].to_list()
     about = audit.filter(pl.col("family") == Family.alone).unique("parameter", keep="first", maintain_order=True)
     faults = about.filter(pl.col("rank").is_not_null()).sort("rank")["text"].to_list()
-    told = pl.col("rank").is_null() & (pl.lit(every) | pl.col("verdict").is_in([str(one) for one in _TOLD]))
-    return [*(faults or [NO_FAULT]), *about.filter(told)["text"].to_list()]
+    others = pl.col("rank").is_null() & (pl.lit(every) | pl.col("verdict").is_in([str(one) for one in _REPORTED]))
+    return [*(faults or [NO_FAULT]), *about.filter(others)["text"].to_list()]
 
 
 def corrections_toml(audit: pl.DataFrame) -> str | None:

@@ -9,8 +9,9 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.audit.assessment import LEVEL, Basis
-from tracknoise.audit.curves import EVERYTHING, MEASURED, corrected_errors, curves, second_moments
-from tracknoise.audit.fit import Fit, Start, fit
+from tracknoise.audit.curves import curves, second_moments
+from tracknoise.audit.fit import Start, fit
+from tracknoise.audit.fitted import Fit
 from tracknoise.audit.held_out import Gain, gain, held_out_errors, held_out_residuals, losses
 from tracknoise.audit.jackknife import Jackknife, condition_number, jackknife
 from tracknoise.audit.parameters import COUNT, JOINT, NUMBERS, TIMED, Family, Parameter, columns_of
@@ -21,7 +22,7 @@ from tracknoise.audit.units import shown
 from tracknoise.audit.verdicts import Judged, judge
 from tracknoise.audit.wording import Estimate, effect_text, fault_text, in_unit, other_text
 from tracknoise.findings.sampling.groups import SceneGroups
-from tracknoise.tables.audit_schema import AUDIT, AUDIT_CURVES, AuditVerdict
+from tracknoise.tables.audit_schema import AUDIT, AUDIT_CURVES, EVERYTHING, MEASURED, AuditVerdict
 from tracknoise.tables.schema import check, empty
 
 Row = dict[str, Any]
@@ -65,10 +66,20 @@ def audit_tables(
 def tables_of(samples: AuditSamples, dataset: str) -> AuditTables:
     """Tables of the audit of some observations."""
     selection = select(samples)
-    curve = curves(samples, corrected_errors(samples, selection), dataset)
+    curve = curves(samples, _corrected_errors(samples, selection), dataset)
     rows = [*_single_rows(samples, selection, curve), *_joint_rows(samples, selection)]
     table = pl.DataFrame([{"dataset": dataset, **row} for row in rows], schema=dict(AUDIT))
     return AuditTables(check(table, AUDIT, "audit"), check(curve, AUDIT_CURVES, "audit_curves"))
+
+
+def _corrected_errors(samples: AuditSamples, selection: Selection) -> dict[str, NDArray[np.float64]]:
+    """Errors (n, 2), px, by correction: as measured, with each fault and those before it corrected, and with all."""
+    found = {MEASURED: samples.observed - samples.stated}
+    for one in selection.named:
+        found[one.parameter] = held_out_errors(samples, one.assessment.fitted, one.assessment.moves)
+    if selection.named:
+        found[EVERYTHING] = held_out_errors(samples, selection.final.fitted, selection.final.moves)
+    return found
 
 
 def _single_rows(samples: AuditSamples, selection: Selection, curve: pl.DataFrame) -> Iterator[Row]:

@@ -26,7 +26,7 @@ class Judged:
     rank
         Place among the named faults, from 1; None if it is not one.
     condition
-        Condition number of the fit that shows what cannot be told apart.
+        Condition number of the fit that shows what cannot be distinguished.
     visible_above : (k,) float64
         A change smaller than this would have been missed, of each component, in units of the fit.
     """

@@ -8,12 +8,11 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.audit.curves import MEASURED
 from tracknoise.audit.parameters import Parameter
 from tracknoise.audit.samples import AuditSamples
 from tracknoise.audit.units import Shown
 from tracknoise.findings.wording import MINUS, SPACE, listing, number, percent, px
-from tracknoise.tables.audit_schema import AuditVerdict
+from tracknoise.tables.audit_schema import MEASURED, AuditVerdict
 
 PARAMETER_NAMES: Mapping[str, str] = MappingProxyType(
     {
@@ -81,7 +80,7 @@ def _rivals_text(rivals: Mapping[Parameter, float]) -> str:
         return ""
     names = listing([f"the {PARAMETER_NAMES[one]}" for one in rivals], joint="or")
     largest = number(max(rivals.values()), digits=2)
-    return f" An error of {names} cannot be told apart from it here (condition number {largest})."
+    return f" An error of {names} cannot be distinguished from it here (condition number {largest})."
 
 
 def effect_text(curves: pl.DataFrame, before: str, correction: str) -> str:
@@ -139,7 +138,7 @@ def other_text(
     name = PARAMETER_NAMES[parameter]
     if verdict == AuditVerdict.like_bias:
         how = f"condition number {number(condition, digits=2)}"
-        return f"What an error of the {name} would explain cannot be told apart from a bias of the trackers ({how})."
+        return f"What an error of the {name} would explain cannot be distinguished from a bias of the trackers ({how})."
     if verdict == AuditVerdict.disagreement:
         return f"The trackers contradict each other on the {name}, so that it is not the truth that is wrong in it."
     if verdict == AuditVerdict.explained:
@@ -162,7 +161,7 @@ def _why(parameter: Parameter, samples: AuditSamples) -> str:
     pace = float(np.median(steps))
     if parameter in _ABOUT_TIME and pace < _SLOW_PX:
         return f": the image moves by {px(pace)} per frame only"
-    return ": the motion of the camera does not tell it from biases of the trackers"
+    return ": the motion of the camera does not distinguish it from biases of the trackers"
 
 
 def in_unit(values: NDArray[np.float64], shown: Shown) -> str:

@@ -4,7 +4,6 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.experiments.measure import Measurement
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.double_sphere import DoubleSphereCamera
@@ -13,6 +12,7 @@ from tracknoise.geometry.lenses import coefficients_of, model_of
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.sequence import TRIANGULATED, Sequence, camera_at, shutter_of
 from tracknoise.statistics.audit_samples import audited_observations
+from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.audit_schema import AUDIT_SAMPLES, CAMERAS
 from tracknoise.tables.identity import Direction
 from tracknoise.tables.schema import SEQUENCE, check, empty
@@ -48,19 +48,27 @@ def _camera(camera: CameraModel) -> dict[str, object]:
     return {**size, "model": model_of(camera), **intrinsics, "distortion": list(coefficients_of(camera))}
 
 
-def audit_samples(measurement: Measurement) -> pl.DataFrame:
+def audit_samples(sequence: Sequence, prepared: PreparedSequence, truth: str) -> pl.DataFrame:
     """Table `AUDIT_SAMPLES` of a sequence.
 
     It is empty for views that are turned or played backward, whose truth is that of the upright view, and where points
     are fitted to the tracks.
+
+    Parameters
+    ----------
+    sequence
+        What was measured.
+    prepared
+        Its observations and tracks.
+    truth
+        Kind of its truth.
     """
-    sequence = measurement.sequence
     upright = sequence.id.rotation == 0 and sequence.id.direction == Direction.forward
-    if not upright or measurement.truth == TRIANGULATED:
+    if not upright or truth == TRIANGULATED:
         return empty(AUDIT_SAMPLES)
-    found = audited_observations(measurement.prepared)
-    if measurement.key_frame is not None:
-        found = _anchored_at(found, sequence, measurement)
+    found = audited_observations(prepared)
+    if prepared.key_frame is not None:
+        found = _anchored_at(found, sequence, prepared.observations, prepared.key_frame)
     timed = found.with_columns(**{f"{name}time_s": _times(sequence, found[f"{name}frame"]) for name in ("birth_", "")})
     table = timed.select(pl.col(name).cast(kind) for name, kind in AUDIT_SAMPLES.items())
     return check(table, AUDIT_SAMPLES, "audit_samples")
@@ -74,12 +82,10 @@ def _times(sequence: Sequence, frames: pl.Series) -> pl.Series:
     return pl.Series(times[frames.to_numpy().astype(np.intp)], dtype=pl.Float64)
 
 
-def _anchored_at(found: pl.DataFrame, sequence: Sequence, measurement: Measurement) -> pl.DataFrame:
+def _anchored_at(found: pl.DataFrame, sequence: Sequence, observations: pl.DataFrame, key_frame: int) -> pl.DataFrame:
     """Observations of tracks that were found in the key frame, with its number, and their position and depth there."""
-    key_frame = measurement.key_frame
-    assert key_frame is not None, "only a scan has one"
     key = ["tracker", "speed", "track"]
-    there = measurement.observations.filter(pl.col("frame") == key_frame)
+    there = observations.filter(pl.col("frame") == key_frame)
     at_key = there.select(*key, u_key_px="u_true_px", v_key_px="v_true_px").drop_nulls()
     joined = found.join(at_key, on=key, how="inner", maintain_order="left")
     births = joined["birth_frame"].to_numpy().astype(np.intp)

@@ -12,7 +12,7 @@ class AuditVerdict(StrEnum):
     """What an audit says about a parameter of the truth.
 
     fault: the truth is wrong in it. explained: it looked wrong, but nothing is left once the named faults are
-    corrected. like_bias: what it explains cannot be told apart from a bias of the trackers. disagreement: trackers
+    corrected. like_bias: what it explains cannot be distinguished from a bias of the trackers. disagreement: trackers
     contradict each other. none: no fault. undetermined: its interval is too wide for an answer.
     """
 
@@ -23,6 +23,9 @@ class AuditVerdict(StrEnum):
     none = "none"
     undetermined = "undetermined"
 
+
+MEASURED, EVERYTHING = "measured", "all"
+"""Corrections in `AUDIT_CURVES` besides the names of parameters: none, and all of them."""
 
 CAMERAS: Schema = {
     **SEQUENCE,
@@ -116,6 +119,6 @@ AUDIT_CURVES: Schema = {
 A fault is corrected together with those that were named before it.
 
 A correction is applied to units that took no part in its fit. Outliers are left out of all columns, the same ones for
-every correction: errors longer than five times the median length of their tracker and age, whatever is corrected. core
-is 1.4826 times the median absolute error.
+every correction: errors that are longer, after all corrections, than five times the median length of their tracker
+and age. core is 1.4826 times the median absolute error.
 """

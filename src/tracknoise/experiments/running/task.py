@@ -165,7 +165,7 @@ def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Meas
         "frames": measurement.frames,
         "poses": _poses(sequence, measurement.n_frames),
         "cameras": cameras_table(sequence, measurement.n_frames),
-        "audit_samples": audit_samples(measurement),
+        "audit_samples": audit_samples(sequence, measurement.prepared, measurement.truth),
         "moments": measurement.moments,
         "trims": measurement.trims,
         **statistics,

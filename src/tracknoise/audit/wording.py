@@ -143,7 +143,8 @@ def other_text(
         return f"The trackers contradict each other on the {name}, so that it is not the truth that is wrong in it."
     if verdict == AuditVerdict.explained:
         others = listing([f"the {PARAMETER_NAMES[one]}" for one in named])
-        return f"The {name} looked wrong, but nothing is left of this once {others} is corrected."
+        verb = "is" if len(named) == 1 else "are"
+        return f"The {name} looked wrong, but nothing is left of this once {others} {verb} corrected."
     if verdict == AuditVerdict.undetermined:
         return f"The {name} cannot be determined here (± {half}){_why(parameter, samples)}."
     if verdict == AuditVerdict.fault:

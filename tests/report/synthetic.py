@@ -39,7 +39,17 @@ from tracknoise.tables.schema import FRAME_COUNTS, OBSERVATIONS, ORIGIN, POSES, 
 from tracknoise.tables.store import OBSERVED, SEQUENCE_TABLES, RunFolder
 
 WIDTH, HEIGHT = 160, 120
-_UNREAD = ("blocks", "scale_blocks", "aspect_blocks", "samples", "between_trackers", "rigid", "pose_growth")
+_UNREAD = (
+    "blocks",
+    "scale_blocks",
+    "aspect_blocks",
+    "samples",
+    "between_trackers",
+    "rigid",
+    "pose_growth",
+    "cameras",
+    "audit_samples",
+)
 """Tables that the report does not need, because findings are made up here."""
 SMALL: dict[str, object] = {
     "scenes": ("fixating", "forward"),

@@ -38,7 +38,16 @@ def measured(observations, tracks, frames) -> tuple[pl.DataFrame, pl.DataFrame, 
 
 def test_every_table_of_a_sequence_is_made_that_needs_no_camera(measured) -> None:
     found = summarise_sequence(*measured, population="projected", trim_percentile=80.0, slowest=1)
-    measured_elsewhere = {"poses", "pose_differences", "image_map", "rigid", "pose_growth", "floors"}
+    measured_elsewhere = {
+        "poses",
+        "pose_differences",
+        "image_map",
+        "rigid",
+        "pose_growth",
+        "floors",
+        "cameras",
+        "audit_samples",
+    }
     assert {*found} == {*SEQUENCE_TABLES} - measured_elsewhere
     for name, table in found.items():
         needs_more = name in ("fitted_noise", "truth_differences", "between_trackers")  # other truths or trackers

@@ -130,6 +130,18 @@ class Run:
             raise StoreError(f"{self.path}: holds no findings, expected some: `tracknoise run` makes them")
         return found.sort("rank")
 
+    def audit(self) -> list[str]:
+        """Say whether the stated truth is wrong: its camera, poses, depths or times.
+
+        Returns
+        -------
+        list of str
+            Sentences, the answer first. The tables ``audit`` and ``audit_curves`` hold their numbers.
+        """
+        from tracknoise.audit.summary import audit_sentences
+
+        return audit_sentences(self._folder.statistics("audit"))
+
     def intervals(self, **wanted: Unpack[IntervalColumns]) -> pl.DataFrame:
         """Return the intervals of all numbers that have one.
 

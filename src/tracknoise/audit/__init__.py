@@ -1,1 +1,1 @@
-"""Is the truth at fault: what the errors of all trackers say about poses, calibration and clock."""
+"""Audit of the truth: what the errors of all trackers say about poses, calibration, depths and clock."""

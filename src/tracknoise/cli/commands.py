@@ -16,6 +16,7 @@ _COMMANDS = (
     "replicate",
     "report",
     "findings",
+    "audit",
     "simulate",
     "effects",
     "datasets",

@@ -65,3 +65,8 @@ def model_of(camera: KnownCamera) -> str:
             return "equidistant"
         case Camera():
             return "radtan"
+
+
+def coefficients_of(camera: KnownCamera) -> tuple[float, ...]:
+    """Coefficients of a camera's lens, as `make_camera` takes them."""
+    return (camera.xi, camera.alpha) if isinstance(camera, DoubleSphereCamera) else camera.distortion

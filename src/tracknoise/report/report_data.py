@@ -46,6 +46,8 @@ class ReportData:
     triangulated_noise, point_tracking_metrics, zero_mean, gaussianity, radii, time_structure, dependence,
     surrounding_errors, image_cells, speed_errors, findings
         Its findings. These tables have no rows where findings were not computed.
+    audit, audit_curves
+        What is wrong with the stated truth, see `tracknoise.tables.audit_schema`.
     """
 
     run: RunFolder
@@ -82,6 +84,8 @@ class ReportData:
     pose_law: pl.DataFrame
     tracker_differences: pl.DataFrame
     findings: pl.DataFrame
+    audit: pl.DataFrame
+    audit_curves: pl.DataFrame
 
     @classmethod
     def of(cls, run: RunFolder) -> "ReportData":

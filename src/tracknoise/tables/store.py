@@ -18,7 +18,7 @@ import polars as pl
 
 from tracknoise.atomic import discard_abandoned, unfinished
 from tracknoise.exceptions import StoreError
-from tracknoise.tables import findings_schema, schema
+from tracknoise.tables import audit_schema, findings_schema, schema
 from tracknoise.tables.files import (
     digest,
     is_intact,
@@ -67,6 +67,8 @@ SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "rigid": schema.RIGID,
     "pose_growth": schema.POSE_GROWTH,
     "floors": schema.FLOORS,
+    "cameras": audit_schema.CAMERAS,
+    "audit_samples": audit_schema.AUDIT_SAMPLES,
 }
 SEED_TABLES: Mapping[str, schema.Schema] = {
     f"seed_{name}": {"seed": pl.Int32, **SEQUENCE_TABLES[name]} for name in ("moments", "ends", "frames")
@@ -112,6 +114,8 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "pose_law": findings_schema.POSE_LAW,
     "tracker_differences": findings_schema.TRACKER_DIFFERENCES,
     "findings": findings_schema.FINDINGS,
+    "audit": audit_schema.AUDIT,
+    "audit_curves": audit_schema.AUDIT_CURVES,
 }
 """Tables of the whole run that are computed from the others. They are empty if they were not computed."""
 _RUN_TABLES: Mapping[str, schema.Schema] = {**STATISTICS_TABLES, **FINDINGS_TABLES}

@@ -11,6 +11,7 @@ from tracknoise.experiments.analysis.finding_inputs import FindingInputs
 from tracknoise.experiments.analysis.freed_memory import keep_freed_memory
 from tracknoise.experiments.analysis.groups_of_scenes import groups_of_scenes
 from tracknoise.experiments.analysis.reference_condition import reference_condition
+from tracknoise.experiments.analysis.run_audit import run_audit
 from tracknoise.experiments.settings import Experiment
 from tracknoise.findings.factors.dependence import dependence
 from tracknoise.findings.fitted_noise import fitted_noise_table
@@ -78,7 +79,7 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
     """
     keep_freed_memory()
     reference = reference_condition(run.manifest(), experiment, statistics["outliers"])
-    tables = _tables(run, experiment, statistics, reference)
+    tables = _tables(run, experiment, statistics, reference) | run_audit(run, experiment)
     reported = _reported(run, experiment, statistics["trims"], reference)
     if reported.fitted:
         tables |= _without_verdicts_on_errors(tables)

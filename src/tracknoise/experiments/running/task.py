@@ -11,6 +11,7 @@ import polars as pl
 
 from tracknoise.audit.rigid import rigid_tables
 from tracknoise.exceptions import DataWarning
+from tracknoise.experiments.audit_inputs import audit_samples, cameras_table
 from tracknoise.experiments.doubts import SYNTHETIC, doubts
 from tracknoise.experiments.frame_geometry import frame_geometry
 from tracknoise.experiments.measure import Measurement, measure_together
@@ -179,6 +180,8 @@ def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Meas
         **(observed if experiment.keep == "observations" else {}),
         "frames": measurement.frames,
         "poses": _poses(sequence, measurement.n_frames),
+        "cameras": cameras_table(sequence, measurement.n_frames),
+        "audit_samples": audit_samples(sequence, measurement.prepared, measurement.truth),
         "moments": measurement.moments,
         "trims": measurement.trims,
         "pose_differences": measurement.pose_differences,

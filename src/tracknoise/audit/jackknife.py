@@ -1,0 +1,107 @@
+"""Intervals of fits, by leaving out one cluster at a time.
+
+With the second derivatives H of the loss and the negative first g, one step of Newton's method leads to the fit without
+a cluster c: (H - H_c)^-1 (g - g_c) (audit.jackknife). This costs no fit. At the fit of all clusters g is 0.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from tracknoise.audit.normal import NormalEquations
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Jackknife:
+    """How a fit moves when each cluster is left out.
+
+    Attributes
+    ----------
+    moves : (clusters, p) float64
+        Fit without the cluster minus the fit.
+    step : (p,) float64
+        From where the equations were made to the fit: nothing, but for those of single trackers.
+    """
+
+    moves: NDArray[np.float64]
+    step: NDArray[np.float64]
+
+    @property
+    def n(self) -> int:
+        """How many clusters there are."""
+        return len(self.moves)
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """(p, p): of the fit."""
+        found: NDArray[np.float64] = (self.n - 1) / self.n * self.moves.T @ self.moves
+        return found
+
+    @property
+    def standard_errors(self) -> NDArray[np.float64]:
+        """(p,): of the fit."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def half_widths(self, level: float) -> NDArray[np.float64]:
+        """(p,): half of each interval, by Student's distribution with one degree of freedom less than clusters."""
+        return np.asarray(stats.t.ppf(0.5 + 0.5 * level, self.n - 1) * self.standard_errors)
+
+    def p_value(self, values: NDArray[np.float64], places: NDArray[np.intp]) -> float:
+        """Of the test that some numbers are 0, by Hotelling's T^2; 1 where there are too few clusters.
+
+        Parameters
+        ----------
+        values : (k,)
+            The numbers.
+        places : (k,)
+            Their columns.
+        """
+        k, n = len(places), self.n
+        if n <= k:
+            return 1.0
+        covariance = self.covariance[np.ix_(places, places)]
+        squared = float(values @ np.linalg.pinv(covariance, hermitian=True) @ values)
+        return float(stats.f.sf(squared * (n - k) / (k * (n - 1)), k, n - k))
+
+
+def jackknife(equations: NormalEquations, trackers: NDArray[np.intp] | None = None) -> Jackknife:
+    """Leave out each cluster that has observations: (audit.jackknife).
+
+    Parameters
+    ----------
+    equations
+        At the fit.
+    trackers
+        Places of those whose observations are used; by default all.
+    """
+    used = slice(None) if trackers is None else trackers
+    present = equations.count[used].sum(axis=0) > 0
+    own = _definite(equations, used)[present]
+    gradient = equations.gradient[used].sum(axis=0)[present]
+    every = own.sum(axis=0) + np.diag(equations.ridge)
+    step = np.linalg.solve(every, gradient.sum(axis=0))
+    without = np.linalg.solve(every - own, (gradient.sum(axis=0) - gradient)[:, :, None])[:, :, 0]
+    return Jackknife(without - step, step)
+
+
+def _definite(equations: NormalEquations, used: slice | NDArray[np.intp]) -> NDArray[np.float64]:
+    """Second derivatives of each cluster; those with fixed weights where outliers leave the others indefinite."""
+    own = equations.curvature[used].sum(axis=0)
+    without = own.sum(axis=0) + np.diag(equations.ridge) - own
+    safe = without.size == 0 or float(np.linalg.eigvalsh(_scaled(without)).min()) > 1e-12
+    return np.asarray(own if safe else equations.weighted[used].sum(axis=0))
+
+
+def _scaled(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Symmetric matrices (..., p, p) with 1 on the diagonal."""
+    root = np.sqrt(np.maximum(np.diagonal(matrices, axis1=-2, axis2=-1), 1e-300))
+    return np.asarray(matrices / root[..., :, None] / root[..., None, :])
+
+
+def condition_number(equations: NormalEquations) -> float:
+    """Condition number of the information about all numbers, each in units of its own error alone."""
+    if not len(equations.ridge):
+        return 1.0
+    return float(np.linalg.cond(_scaled(equations.information)))

@@ -1,0 +1,87 @@
+"""What an audit found, from its table: sentences, and the corrections to put into an experiment."""
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+import polars as pl
+
+from tracknoise.audit.parameters import Family, Parameter
+from tracknoise.tables.audit_schema import AuditVerdict
+
+NO_FAULT = "No fault of the stated truth was found."
+_REPORTED = (AuditVerdict.like_bias, AuditVerdict.disagreement, AuditVerdict.explained)
+_KEYS: Mapping[str, tuple[str, bool]] = MappingProxyType(
+    {
+        Parameter.focal_length: ("focal_scale", True),
+        Parameter.principal_point: ("principal_point_px", False),
+        Parameter.k1: ("k1", False),
+        Parameter.depth_scale: ("depth_scale", True),
+        Parameter.depth_offset: ("depth_offset_m", False),
+        Parameter.mounting_rotation: ("mounting_rotation_deg", False),
+        Parameter.mounting_translation: ("mounting_translation_m", False),
+        Parameter.clock_offset: ("clock_offset_s", False),
+        Parameter.readout: ("readout_s", False),
+    }
+)
+"""Key of each parameter in the settings, and whether it is a factor rather than a change."""
+_IN_FRAMES: Mapping[str, str] = MappingProxyType(
+    {Parameter.clock_offset: "clock_offset_frames", Parameter.readout: "# needs timestamps: readout in frames"}
+)
+_MS = 1000.0
+
+
+def audit_sentences(audit: pl.DataFrame, *, every: bool = False) -> list[str]:
+    """What an audit says, the answer first: the faults in their order, then what could not be distinguished.
+
+    Parameters
+    ----------
+    audit
+        Table `AUDIT`; may be empty.
+    every
+        Also of parameters without a fault.
+
+    Returns
+    -------
+    list of str
+        Empty where there was no audit.
+    """
+    if audit.is_empty() or audit["family"][0] is None:
+        return audit["text"].to_list()
+    about = audit.filter(pl.col("family") == Family.alone).unique("parameter", keep="first", maintain_order=True)
+    faults = about.filter(pl.col("rank").is_not_null()).sort("rank")["text"].to_list()
+    others = pl.col("rank").is_null() & (pl.lit(every) | pl.col("verdict").is_in([str(one) for one in _REPORTED]))
+    return [*(faults or [NO_FAULT]), *about.filter(others)["text"].to_list()]
+
+
+def corrections_toml(audit: pl.DataFrame) -> str | None:
+    """The block ``[truth.corrections]`` that corrects the named faults; None where there is none.
+
+    The values are those of all faults together. They add to corrections that the run has already, and factors multiply
+    them.
+    """
+    rows = audit.filter(pl.col("family") == Family.named)
+    if rows.is_empty():
+        return None
+    found = rows.group_by("parameter", maintain_order=True).agg("unit", "stated", "value")
+    lines = [_line(Parameter(row["parameter"]), row) for row in found.iter_rows(named=True)]
+    return "\n".join(["[truth.corrections]", *lines])
+
+
+def _line(parameter: Parameter, row: Mapping[str, Any]) -> str:
+    key, is_factor = _KEYS[parameter]
+    pairs = list(zip(row["value"], row["stated"], strict=True))
+    values = [value / stated if is_factor else value - stated for value, stated in pairs]
+    if row["unit"][0] == "ms":
+        values = [value / _MS for value in values]
+    elif row["unit"][0] == "frames":
+        key = _IN_FRAMES[parameter]
+    numbers = ", ".join(_short(value) for value in values)
+    return f"{key} = [{numbers}]" if len(values) > 1 else f"{key} = {numbers}"
+
+
+def _short(value: float) -> str:
+    """Five digits, always with a point."""
+    digits = 5 if value == 0.0 else max(1, 4 - math.floor(math.log10(abs(value))))
+    return f"{value:.{digits}f}"

@@ -1,0 +1,207 @@
+"""The tables of an audit."""
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.audit.assessment import LEVEL, Basis
+from tracknoise.audit.curves import curves, second_moments
+from tracknoise.audit.fit import Start, fit
+from tracknoise.audit.fitted import Fit
+from tracknoise.audit.held_out import Gain, gain, held_out_errors, held_out_residuals, losses
+from tracknoise.audit.jackknife import Jackknife, condition_number, jackknife
+from tracknoise.audit.parameters import COUNT, JOINT, NUMBERS, TIMED, Family, Parameter, columns_of
+from tracknoise.audit.read import AuditedTables, read_samples
+from tracknoise.audit.samples import AuditSamples
+from tracknoise.audit.selection import Selection, Stage, available, select
+from tracknoise.audit.units import shown
+from tracknoise.audit.verdicts import Judged, judge
+from tracknoise.audit.wording import Estimate, effect_text, fault_text, in_unit, other_text
+from tracknoise.findings.sampling.groups import SceneGroups
+from tracknoise.tables.audit_schema import AUDIT, AUDIT_CURVES, EVERYTHING, MEASURED, AuditVerdict
+from tracknoise.tables.schema import check, empty
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class AuditTables:
+    """Tables `AUDIT` and `AUDIT_CURVES`."""
+
+    audit: pl.DataFrame
+    audit_curves: pl.DataFrame
+
+
+def audit_tables(
+    tables: Sequence[AuditedTables], groups: SceneGroups, *, dataset: str, without: Collection[str] = ()
+) -> AuditTables:
+    """Audit the truth of a run.
+
+    Parameters
+    ----------
+    tables
+        Of one view of each scene and camera.
+    groups
+        Scenes that are not independent of each other.
+    dataset
+        Its name.
+    without
+        Trackers that take no part unless there are no others, such as those that were made from the truth.
+    """
+    samples = read_samples(tables, groups, without=without)
+    if isinstance(samples, str):
+        row = {
+            "dataset": dataset,
+            "verdict": AuditVerdict.undetermined,
+            "text": f"The truth was not audited: {samples}.",
+        }
+        return AuditTables(pl.DataFrame([row], schema=dict(AUDIT)), empty(AUDIT_CURVES))
+    return tables_of(samples, dataset)
+
+
+def tables_of(samples: AuditSamples, dataset: str) -> AuditTables:
+    """Tables of the audit of some observations."""
+    selection = select(samples)
+    curve = curves(samples, _corrected_errors(samples, selection), dataset)
+    rows = [*_single_rows(samples, selection, curve), *_joint_rows(samples, selection)]
+    table = pl.DataFrame([{"dataset": dataset, **row} for row in rows], schema=dict(AUDIT))
+    return AuditTables(check(table, AUDIT, "audit"), check(curve, AUDIT_CURVES, "audit_curves"))
+
+
+def _corrected_errors(samples: AuditSamples, selection: Selection) -> dict[str, NDArray[np.float64]]:
+    """Errors (n, 2), px, by correction: as measured, with each fault and those before it corrected, and with all."""
+    found = {MEASURED: samples.observed - samples.stated}
+    for one in selection.named:
+        found[one.parameter] = held_out_errors(samples, one.assessment.fitted, one.assessment.moves)
+    if selection.named:
+        found[EVERYTHING] = held_out_errors(samples, selection.final.fitted, selection.final.moves)
+    return found
+
+
+def _single_rows(samples: AuditSamples, selection: Selection, curve: pl.DataFrame) -> Iterator[Row]:
+    """Of the families of one parameter; verdicts and sentences are in the rows of the family alone."""
+    judged = judge(selection)
+    for one in judged:
+        extra = {"rank": one.rank, "verdict": one.verdict, "text": _text(samples, selection, one, curve)}
+        factor = shown(samples, one.parameter).factor
+        for component, row in enumerate(_assessed_rows(samples, Family.alone, selection.alone, one.parameter)):
+            yield {**row, **extra, "visible_above": abs(factor) * float(one.visible_above[component])}
+    for one in judged:
+        yield from _assessed_rows(samples, Family.beside_bias, selection.beside_bias, one.parameter)
+
+
+def _assessed_rows(samples: AuditSamples, family: Family, stage: Stage, parameter: Parameter) -> Iterator[Row]:
+    one = stage.assessed[parameter]
+    for row in _fit_rows(samples, family, one.fitted, one.moves, one.gain):
+        yield {**row, "p": stage.p[parameter]}
+
+
+def _joint_rows(samples: AuditSamples, selection: Selection) -> Iterator[Row]:
+    """Of the stated joint fits, and of the named faults together, with biases of trackers where these matter."""
+    start, every = Start.at(samples, np.zeros(COUNT)), available(samples)
+    with_bias = selection.final.fitted.with_bias
+    base = (selection.beside_bias if with_bias else selection.alone).basis
+    for family, parameters in JOINT.items():
+        fitted = fit(samples, [one for one in parameters if one in every], start, with_bias=with_bias)
+        moves = jackknife(fitted.equations)
+        yield from _fit_rows(samples, family, fitted, moves, _gain(samples, base, fitted, moves))
+    if selection.named:
+        fitted, moves = selection.final.fitted, selection.final.moves
+        yield from _fit_rows(samples, Family.named, fitted, moves, _gain(samples, base, fitted, moves))
+
+
+def _gain(samples: AuditSamples, base: Basis, fitted: Fit, moves: Jackknife) -> Gain:
+    return gain(losses(samples, held_out_residuals(samples, fitted, moves), base.scale), base.loss, level=LEVEL)
+
+
+def _fit_rows(samples: AuditSamples, family: Family, fitted: Fit, moves: Jackknife, explained: Gain) -> Iterator[Row]:
+    """One row per free number of a fit."""
+    names = [(one, component) for one in fitted.parameters for component in NUMBERS[one].components]
+    half = moves.half_widths(LEVEL)
+    related = _correlations(fitted)
+    errors = {MEASURED: samples.observed - samples.stated, EVERYTHING: held_out_errors(samples, fitted, moves)}
+    second = second_moments(samples, errors)
+    fits = {
+        "level": LEVEL,
+        "resampled": samples.resampled,
+        "n_units": samples.n_clusters,
+        "n_scenes": samples.n_scenes,
+        "n": len(samples.age),
+        "gain": explained.value,
+        "gain_low": explained.low,
+        "gain_high": explained.high,
+        "second_moment_share": 1.0 - second[EVERYTHING] / max(second[MEASURED], 1e-300),
+        "condition": condition_number(fitted.equations),
+    }
+    for place, (parameter, component) in enumerate(names):
+        yield {
+            "family": family,
+            "parameter": parameter,
+            "component": component,
+            **_values(samples, parameter, component, float(fitted.estimate[place]), float(half[place])),
+            **fits,
+            **_most_related(names, related[place], place),
+        }
+
+
+def _values(samples: AuditSamples, parameter: Parameter, component: str, number: float, half: float) -> Row:
+    """The corrected value of a number of the fit beside the stated one, in the unit of its text."""
+    unit = shown(samples, parameter)
+    stated = unit.stated[NUMBERS[parameter].components.index(component)]
+    value, reach = stated + unit.factor * number, abs(unit.factor) * half
+    return {
+        "unit": unit.unit,
+        "stated": stated,
+        "value": value,
+        "low": value - reach,
+        "high": value + reach,
+        "in_frames": value / unit.factor if parameter in TIMED else None,
+    }
+
+
+def _correlations(fitted: Fit) -> NDArray[np.float64]:
+    """Correlation of each free number with all numbers of the fit, (free, free)."""
+    covariance = np.linalg.inv(fitted.equations.information)[: len(fitted.free), : len(fitted.free)]
+    root = np.sqrt(np.diag(covariance))
+    return np.asarray(covariance / root[:, None] / root)
+
+
+def _most_related(names: Sequence[tuple[Parameter, str]], related: NDArray[np.float64], place: int) -> Row:
+    others = np.abs(related)
+    others[place] = -1.0
+    if len(names) < 2:
+        return {}
+    other = int(np.argmax(others))
+    return {"correlation": float(related[other]), "correlated_with": " ".join(names[other]).strip()}
+
+
+def _text(samples: AuditSamples, selection: Selection, one: Judged, curve: pl.DataFrame) -> str:
+    unit = shown(samples, one.parameter)
+    if one.rank is not None:
+        names = [MEASURED, *(fault.parameter for fault in selection.named)]
+        effect = effect_text(curve, names[one.rank - 1], one.parameter)
+        estimate, rivals = _estimate(samples, selection, one.parameter), selection.named[one.rank - 1].rivals
+        return fault_text(one.parameter, estimate, effect, rivals)
+    beside = selection.last.assessed[one.parameter]
+    return other_text(
+        one.parameter,
+        one.verdict,
+        in_unit(one.visible_above, unit),
+        condition=one.condition,
+        half=in_unit(beside.half_widths, unit),
+        named=[fault.parameter for fault in selection.named],
+        samples=samples,
+    )
+
+
+def _estimate(samples: AuditSamples, selection: Selection, parameter: Parameter) -> Estimate:
+    """Of a named fault, from the fit of all of them together."""
+    final, unit = selection.final, shown(samples, parameter)
+    places = np.searchsorted(final.fitted.free, columns_of([parameter]), sorter=np.argsort(final.fitted.free))
+    order = np.argsort(final.fitted.free)[places]
+    half = final.moves.half_widths(LEVEL)[order] * abs(unit.factor)
+    return Estimate(unit, unit.values(final.fitted.estimate[order]), half)

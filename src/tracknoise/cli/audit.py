@@ -1,0 +1,77 @@
+"""``tracknoise audit``: what is wrong with the stated truth of a run, as sentences and tables, or as JSON."""
+
+import json
+import textwrap
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tracknoise.cli.options import DebugOption, QuietOption
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from tracknoise.cli.terminal import Terminal
+
+_WIDTH = 110
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("audit", no_args_is_help=True)(audit)
+
+
+def audit(
+    context: typer.Context,
+    run: Annotated[Path, typer.Argument(help="Run folder.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print the audit as one JSON document.")] = False,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+) -> int:
+    """Say whether the stated truth of a run is wrong: its camera, poses, depths or times.
+
+    Prints the answer, the corrections for the experiment file, and the numbers behind both.
+
+    Example: `tracknoise audit runs/7scenes`
+    """
+    from tracknoise.exceptions import StoreError
+    from tracknoise.tables.store import RunFolder
+
+    folder = RunFolder(run)
+    found, curves = folder.statistics("audit"), folder.statistics("audit_curves")
+    if found.is_empty():
+        raise StoreError(f"{run}: holds no audit, expected that of a finished run; `tracknoise run` makes it")
+    if as_json:
+        context.obj.result(_json(found, curves))
+    else:
+        _print(context.obj, found, curves)
+    return 0
+
+
+def _json(found: "pl.DataFrame", curves: "pl.DataFrame") -> str:
+    from tracknoise.audit.summary import audit_sentences, corrections_toml
+
+    document = {
+        "format": 1,
+        "sentences": audit_sentences(found),
+        "corrections": corrections_toml(found),
+        "audit": found.to_dicts(),
+        "audit_curves": curves.to_dicts(),
+    }
+    return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
+
+
+def _print(terminal: "Terminal", found: "pl.DataFrame", curves: "pl.DataFrame") -> None:
+    from tracknoise.audit.summary import audit_sentences, corrections_toml
+    from tracknoise.cli.text_table import show
+    from tracknoise.report.audit_cells import curve_cells, parameter_cells
+
+    for sentence in audit_sentences(found, every=True):
+        terminal.result(textwrap.fill(sentence, _WIDTH))
+    if block := corrections_toml(found):
+        terminal.result(f"\nTo correct this, add to the experiment file and run it again:\n\n{block}")
+    for cells in (parameter_cells(found), curve_cells(curves)):
+        if cells.rows:
+            terminal.result("")
+            show(terminal.result, cells)

@@ -1,0 +1,55 @@
+"""The audit of a run's truth from the tables of its sequences."""
+
+import polars as pl
+
+from tracknoise.audit.read import AuditedTables
+from tracknoise.audit.table import audit_tables
+from tracknoise.experiments.analysis.groups_of_scenes import groups_of_scenes
+from tracknoise.experiments.analysis.reference_condition import first_lighting
+from tracknoise.experiments.settings import Experiment
+from tracknoise.tables.manifest import Manifest
+from tracknoise.tables.store import RunFolder
+
+_MADE_FROM_TRUTH = ("oracle",)
+"""Kinds of trackers that place features by the stated truth, and so agree with it whatever is wrong in it."""
+
+
+def run_audit(run: RunFolder, experiment: Experiment) -> dict[str, pl.DataFrame]:
+    """Audit the truth of a run: tables `audit` and `audit_curves`.
+
+    One view of each scene and camera takes part: the first of its lightings, in the order of the experiment.
+
+    Parameters
+    ----------
+    run
+        With at least one measured sequence.
+    experiment
+        Whose groups, lightings and trackers are used.
+
+    Raises
+    ------
+    StoreError, SchemaError
+        If a table is damaged.
+    """
+    manifest = run.manifest()
+    tables = [
+        AuditedTables(*(run.sequence_table(name, key) for name in ("audit_samples", "cameras", "poses")))
+        for key in audited_keys(manifest, experiment)
+    ]
+    found = audit_tables(
+        tables,
+        groups_of_scenes(manifest.sequences, experiment.dataset.groups),
+        dataset=next(iter(manifest.sequences.values())).sequence.dataset,
+        without=[tracker.label for tracker in experiment.trackers if tracker.kind in _MADE_FROM_TRUTH],
+    )
+    return {"audit": found.audit, "audit_curves": found.audit_curves}
+
+
+def audited_keys(manifest: Manifest, experiment: Experiment) -> list[str]:
+    """Keys of one sequence of each scene and camera: upright and forward if there is one, under its first lighting."""
+    found: dict[tuple[str, str], dict[str, str]] = {}
+    for key, entry in sorted(manifest.sequences.items()):
+        name = entry.sequence
+        if name.rotation == 0 and name.direction == "forward":
+            found.setdefault((name.scene, name.camera), {})[name.lighting] = key
+    return sorted(keys[first_lighting(keys, experiment)] for keys in found.values())

@@ -1,0 +1,112 @@
+"""What the audit of the truth needs of a sequence: the camera of each frame, and a few observations."""
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.geometry.double_sphere import DoubleSphereCamera
+from tracknoise.geometry.fisheye import EquidistantCamera
+from tracknoise.geometry.lenses import coefficients_of, model_of
+from tracknoise.geometry.pose import invert, transform
+from tracknoise.sequences.sequence import TRIANGULATED, Sequence, camera_at, shutter_of
+from tracknoise.statistics.audit_samples import audited_observations
+from tracknoise.statistics.prepared import PreparedSequence
+from tracknoise.tables.audit_schema import AUDIT_SAMPLES, CAMERAS
+from tracknoise.tables.identity import Direction
+from tracknoise.tables.schema import SEQUENCE, check, empty
+
+_SIGHT = ("u_birth_px", "v_birth_px", "depth_m")
+
+
+def cameras_table(sequence: Sequence, n_frames: int) -> pl.DataFrame:
+    """Table `CAMERAS` of the first frames of a sequence."""
+    times, shutter = getattr(sequence, "timestamps_s", None), shutter_of(sequence)
+    constant = {name: getattr(sequence.id, name) for name in SEQUENCE}
+    rows = [
+        {
+            **constant,
+            "frame": frame,
+            "time_s": None if times is None else float(times[frame]),
+            **_camera(camera_at(sequence, frame)),
+            "readout_s": shutter.readout_s if shutter else None,
+            "shutter_axis": shutter.axis if shutter else None,
+        }
+        for frame in range(n_frames)
+    ]
+    return pl.DataFrame(rows, schema=dict(CAMERAS))
+
+
+def _camera(camera: CameraModel) -> dict[str, object]:
+    """Columns of a camera; those of the lens only for the models that can be made from them again."""
+    size: dict[str, object] = {"width": camera.width, "height": camera.height}
+    if type(camera) not in (Camera, EquidistantCamera, DoubleSphereCamera):
+        return size
+    assert isinstance(camera, Camera | EquidistantCamera | DoubleSphereCamera)
+    intrinsics = {f"{name}_px": getattr(camera, name) for name in ("fx", "fy", "cx", "cy")}
+    return {**size, "model": model_of(camera), **intrinsics, "distortion": list(coefficients_of(camera))}
+
+
+def audit_samples(sequence: Sequence, prepared: PreparedSequence, truth: str) -> pl.DataFrame:
+    """Table `AUDIT_SAMPLES` of a sequence.
+
+    It is empty for views that are turned or played backward, whose truth is that of the upright view, and where points
+    are fitted to the tracks.
+
+    Parameters
+    ----------
+    sequence
+        What was measured.
+    prepared
+        Its observations and tracks.
+    truth
+        Kind of its truth.
+    """
+    upright = sequence.id.rotation == 0 and sequence.id.direction == Direction.forward
+    if not upright or truth == TRIANGULATED:
+        return empty(AUDIT_SAMPLES)
+    found = audited_observations(prepared)
+    if prepared.key_frame is not None:
+        found = _anchored_at(found, sequence, prepared.observations, prepared.key_frame)
+    timed = found.with_columns(**{f"{name}time_s": _times(sequence, found[f"{name}frame"]) for name in ("birth_", "")})
+    table = timed.select(pl.col(name).cast(kind) for name, kind in AUDIT_SAMPLES.items())
+    return check(table, AUDIT_SAMPLES, "audit_samples")
+
+
+def _times(sequence: Sequence, frames: pl.Series) -> pl.Series:
+    """Times of frames, seconds; null where they are unknown."""
+    times: NDArray[np.float64] | None = getattr(sequence, "timestamps_s", None)  # other packages may lack it
+    if times is None:
+        return pl.Series([None] * len(frames), dtype=pl.Float64)
+    return pl.Series(times[frames.to_numpy().astype(np.intp)], dtype=pl.Float64)
+
+
+def _anchored_at(found: pl.DataFrame, sequence: Sequence, observations: pl.DataFrame, key_frame: int) -> pl.DataFrame:
+    """Observations of tracks that were found in the key frame, with its number, and their position and depth there."""
+    key = ["tracker", "speed", "track"]
+    there = observations.filter(pl.col("frame") == key_frame)
+    at_key = there.select(*key, u_key_px="u_true_px", v_key_px="v_true_px").drop_nulls()
+    joined = found.join(at_key, on=key, how="inner", maintain_order="left")
+    births = joined["birth_frame"].to_numpy().astype(np.intp)
+    depth = _depth_in(sequence, key_frame, births, joined.select(_SIGHT).to_numpy())
+    renamed = joined.with_columns(
+        birth_frame=pl.lit(key_frame, dtype=pl.UInt32),
+        u_birth_px="u_key_px",
+        v_birth_px="v_key_px",
+        depth_m=pl.Series(depth, nan_to_null=True),
+    )
+    return renamed.filter(pl.col("depth_m").is_not_null())
+
+
+def _depth_in(
+    sequence: Sequence, frame: int, births: NDArray[np.intp], sight: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Depth in one frame of points that others show at u, v with a depth, (n, 3)."""
+    depth = np.full(len(births), np.nan)
+    poses = sequence.world_from_camera
+    for birth in np.unique(births).tolist():
+        rows = births == birth
+        points = camera_at(sequence, birth).unproject(sight[rows, :2], sight[rows, 2])
+        depth[rows] = transform(invert(poses[frame]) @ poses[birth], points)[:, 2]
+    return depth

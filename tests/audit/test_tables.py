@@ -1,0 +1,127 @@
+"""Tables and sentences of audits."""
+
+import re
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import polars as pl
+import pytest
+from benchmarks.validity.audit_worlds import World, make_samples, theta_of
+
+from tracknoise.audit.parameters import JOINT, Family, Parameter
+from tracknoise.audit.read import AuditedTables, read_samples
+from tracknoise.audit.summary import NO_FAULT, audit_sentences, corrections_toml
+from tracknoise.audit.table import audit_tables, tables_of
+from tracknoise.findings.sampling.groups import NO_GROUPS
+from tracknoise.findings.wording import SPACE
+from tracknoise.report.audit_cells import curve_cells, parameter_cells
+from tracknoise.tables.audit_schema import AUDIT_SAMPLES, CAMERAS
+from tracknoise.tables.schema import POSES, empty
+
+WORLD = World(per_scene=100, n_frames=60)
+
+
+@pytest.fixture(scope="module")
+def faulty():
+    """A focal length of 525 px where 597 would be right, and a readout of 0.8 frames."""
+    theta = theta_of({Parameter.focal_length: -0.12, Parameter.readout: 0.8})
+    return tables_of(make_samples(np.random.default_rng(1), WORLD, theta), "made-up")
+
+
+@pytest.fixture(scope="module")
+def exact():
+    return tables_of(make_samples(np.random.default_rng(1), WORLD, theta_of({})), "made-up")
+
+
+def test_the_answer_comes_first_with_its_numbers(faulty) -> None:
+    first, second = audit_sentences(faulty.audit)[:2]
+    pattern = (
+        rf"The focal length is 1[34]\.\d{SPACE}% too long \(46\d(\.\d+)? ± [\d.]+{SPACE}px instead of 525\): "
+        r"corrected, "
+        r"the (mean error|second moment) .* falls from .*\."
+    )
+    assert re.fullmatch(pattern, first), first
+    assert second.startswith("The readout time of the shutter is wrong (26.")
+    assert f"{SPACE}ms instead of 0): corrected as well, " in second
+
+
+def test_the_corrections_are_a_block_of_toml_that_undoes_the_faults(faulty, exact) -> None:
+    block = tomllib.loads(corrections_toml(faulty.audit))["truth"]["corrections"]
+    assert block == {"focal_scale": pytest.approx(0.88, abs=0.01), "readout_s": pytest.approx(0.8 / 30.0, abs=2e-3)}
+    assert corrections_toml(exact.audit) is None
+
+
+def test_values_stand_beside_what_is_stated(faulty) -> None:
+    named = faulty.audit.filter(family=Family.named)
+    focal, readout = named.filter(parameter="focal_length"), named.filter(parameter="readout")
+    assert (focal["unit"].item(), focal["stated"].item()) == ("px", 525.0)
+    assert focal["low"].item() < 525.0 * 0.88 < focal["high"].item()
+    assert (readout["unit"].item(), readout["stated"].item()) == ("ms", 0.0)
+    assert readout["value"].item() == pytest.approx(readout["in_frames"].item() * 1000.0 / 30.0)
+    assert readout["correlated_with"].item() == "focal_length"
+
+
+def test_every_family_and_parameter_has_its_rows(faulty) -> None:
+    alone = faulty.audit.filter(family=Family.alone)
+    assert alone["parameter"].unique().sort().to_list() == sorted(Parameter)
+    for family, parameters in JOINT.items():
+        rows = faulty.audit.filter(family=family)
+        assert rows["parameter"].unique(maintain_order=True).to_list() == list(parameters)
+        assert rows["n_units"].unique().to_list() == [8]
+    assert set(alone.filter(pl.col("rank").is_not_null())["verdict"]) == {"fault"}
+    assert alone["text"].null_count() == 0
+
+
+def test_held_out_errors_fall_to_the_noise(faulty) -> None:
+    old = faulty.audit_curves.filter(pl.col("age") == 24)
+    for tracker in old["tracker"].unique():
+        second = {
+            row["correction"]: row["second_uu"] + row["second_vv"]
+            for row in old.filter(tracker=tracker).iter_rows(named=True)
+        }
+        assert list(second) == ["measured", "focal_length", "readout", "all"]
+        assert second["all"] < 0.2 * second["measured"]
+
+
+def test_an_exact_truth_is_said_to_be_without_fault(exact) -> None:
+    assert audit_sentences(exact.audit) == [NO_FAULT]
+    every = audit_sentences(exact.audit, every=True)
+    assert every[1].startswith("No error of the focal length was found; one above ")
+    assert every[1].endswith(f"{SPACE}px would have been seen.")
+    assert exact.audit_curves["correction"].unique().to_list() == ["measured"]
+
+
+def test_tables_are_shown_as_text(faulty) -> None:
+    cells = parameter_cells(faulty.audit)
+    assert cells.rows[0][:2] == ["alone", "focal length"]
+    assert cells.rows[0][-1] == "fault"
+    assert cells.caption.endswith(f"95{SPACE}% intervals from 8 scenes.")
+    assert curve_cells(faulty.audit_curves).rows[0][2] == "nothing"
+
+
+def test_without_samples_the_reason_is_the_only_row() -> None:
+    tables = AuditedTables(empty(AUDIT_SAMPLES), empty(CAMERAS), empty(POSES))
+    found = audit_tables([tables], NO_GROUPS, dataset="x")
+    assert audit_sentences(found.audit) == [
+        "The truth was not audited: it is fitted to the tracks, or none was followed."
+    ]
+    assert found.audit_curves.is_empty()
+    assert parameter_cells(found.audit).rows == []
+
+
+def test_unknown_lenses_are_named_as_the_reason() -> None:
+    camera = dict.fromkeys(CAMERAS) | {"frame": 0, "width": 4, "height": 3}
+    cameras = pl.DataFrame([camera], schema=dict(CAMERAS))
+    found = read_samples([AuditedTables(empty(AUDIT_SAMPLES), cameras, empty(POSES))], NO_GROUPS)
+    assert found == "the camera model is not known"
+
+
+def test_times_in_frames_are_called_so() -> None:
+    theta = theta_of({Parameter.clock_offset: 0.5})
+    samples = replace(make_samples(np.random.default_rng(2), WORLD, theta), interval_s=None)
+    found = tables_of(samples, "made-up").audit
+    assert "clock_offset_frames = 0.5" in corrections_toml(found) or "clock_offset_frames = 0.4" in corrections_toml(
+        found
+    )
+    assert f"{SPACE}frames instead of 0)" in audit_sentences(found)[0]

@@ -1,0 +1,108 @@
+"""What a measured sequence keeps for the audit: true positions are reproduced from it, for every kind of truth."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+import pytest
+
+from tracknoise.audit.parameters import COUNT
+from tracknoise.audit.prediction import predict
+from tracknoise.audit.read import AuditedTables, read_samples
+from tracknoise.experiments.measure import measure
+from tracknoise.experiments.running.task import tables_to_keep
+from tracknoise.experiments.settings import parse_experiment
+from tracknoise.findings.sampling.groups import NO_GROUPS
+from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.fisheye import EquidistantCamera
+from tracknoise.sequences.registry import make_reader
+from tracknoise.sequences.sequence import Scan
+from tracknoise.sequences.views import View, turned
+from tracknoise.tables.audit_schema import AUDIT_SAMPLES, CAMERAS
+from tracknoise.tables.schema import check
+from tracknoise.trackers.oracle import Oracle
+
+EXPERIMENT = parse_experiment(
+    'name = "x"\nspeeds = [1, 2]\n[dataset]\nreader = "simulated"\n[[trackers]]\nkind = "oracle"\n', place="x"
+)
+ORACLE = Oracle(n_features=200, covariance_px2=((0.04, 0.0), (0.0, 0.04)))
+
+
+@pytest.fixture(scope="module")
+def sequence():
+    reader = make_reader("simulated", None, {"motions": ["arvr"], "frames": 12, "width": 160, "height": 120})
+    return reader.open(reader.sequences()[0])
+
+
+def audited(sequence, **options) -> AuditedTables:
+    measured = measure(sequence, {"oracle": ORACLE, "lucas-kanade": "lucas-kanade"}, speeds=(1, 2), **options)
+    tables = tables_to_keep(EXPERIMENT, sequence, measured)
+    return AuditedTables(*(tables[name] for name in ("audit_samples", "cameras", "poses")))
+
+
+def require_reproduced(tables: AuditedTables) -> None:
+    samples = read_samples([tables], NO_GROUPS)
+    assert not isinstance(samples, str), samples
+    assert len(samples.age) == tables.samples.height
+    np.testing.assert_allclose(predict(samples, np.zeros(COUNT)).uv, samples.stated, atol=1e-9)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Changed(View):
+    """The sequence with another truth, or other times and cameras."""
+
+    truths: tuple[str, ...] = ()
+    scan: Scan | None = None
+    timestamps_s: np.ndarray | None = None
+    camera: Camera | None = None
+
+    def camera_at(self, index):
+        return self.camera or self.sequence.camera
+
+
+@pytest.mark.parametrize("truth", ["birth", "raycast"])
+def test_true_positions_are_reproduced(sequence, truth) -> None:
+    tables = audited(sequence, truth=truth)
+    check(tables.samples, AUDIT_SAMPLES, "audit_samples")
+    check(tables.cameras, CAMERAS, "cameras")
+    require_reproduced(tables)
+    assert tables.samples["speed"].unique().to_list() == [1]
+    assert tables.samples["tracker"].unique().sort().to_list() == ["lucas-kanade", "oracle"]
+    per_track = tables.samples.group_by("tracker", "track").len()["len"]
+    assert per_track.max() == 2
+    assert set(tables.samples["age"].unique().to_list()) == {1, 2, 3, 4, 6, 8}
+    assert (tables.samples["frame"] == tables.samples["birth_frame"] + tables.samples["age"]).all()
+
+
+def test_points_of_a_scan_are_anchored_in_the_key_frame(sequence) -> None:
+    """Also tracks that began before it: their position there, and their depth there, are those of the audit."""
+    u, v = np.meshgrid(np.arange(0.0, 159.0, 0.3), np.arange(0.0, 119.0, 0.3))
+    points, hit = sequence.surface.cast(3, np.stack([u.ravel(), v.ravel()], axis=1))
+    scanned = Changed(sequence, truths=("scan",), scan=Scan(points[hit], 3), camera=sequence.camera)
+    measured = measure(scanned, "lucas-kanade")
+    tables = tables_to_keep(EXPERIMENT, scanned, measured)
+    kept = AuditedTables(*(tables[name] for name in ("audit_samples", "cameras", "poses")))
+    assert kept.samples["birth_frame"].unique().to_list() == [3]
+    assert kept.samples["frame"].min() < 3 < kept.samples["frame"].max()
+    require_reproduced(kept)
+
+
+def test_turned_views_are_not_audited_again(sequence) -> None:
+    view = turned(sequence, 90)
+    measured = measure(view, {"oracle": ORACLE})
+    assert tables_to_keep(EXPERIMENT, view, measured)["audit_samples"].is_empty()
+
+
+def test_times_and_fisheye_lenses_are_kept(sequence) -> None:
+    """Lenses are made again from their numbers."""
+    fisheye = EquidistantCamera(160, 120, 80.0, 80.0, 79.5, 59.5, (0.01, 0.0, 0.0, 0.0))
+    times = 5.0 + 0.1 * np.arange(12.0)
+    changed = Changed(sequence, truths=("birth",), timestamps_s=times, camera=fisheye)
+    measured = measure(changed, {"oracle": ORACLE})
+    tables = tables_to_keep(EXPERIMENT, changed, measured)
+    assert tables["cameras"]["time_s"].to_list() == times.tolist()
+    assert tables["audit_samples"].filter(pl.col("frame") == 4)["time_s"].unique().to_list() == [times[4]]
+    samples = read_samples([AuditedTables(tables["audit_samples"], tables["cameras"], tables["poses"])], NO_GROUPS)
+    assert samples.cameras == (fisheye,)
+    assert samples.interval_s == pytest.approx(0.1)
+    np.testing.assert_allclose(predict(samples, np.zeros(COUNT)).uv, samples.stated, atol=1e-9)

@@ -22,9 +22,9 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from tracknoise.audit.frame_geometry import FrameGeometry
 from tracknoise.audit.rigid import rigid_tables
 from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.frame_geometry import FrameGeometry
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.statistics.prepared import PreparedSequence, prepare_sequence
 from tracknoise.tables.schema import OBSERVATIONS, TRACKS

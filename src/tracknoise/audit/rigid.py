@@ -23,11 +23,11 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.audit.frame_geometry import FrameGeometry
 from tracknoise.audit.motions import adjoints
 from tracknoise.audit.pose_growth import pose_growth
 from tracknoise.audit.rigid_fit import Normal, normal_equations, predicted, robust_weights
 from tracknoise.audit.rigid_rows import RigidRows, TrackPoints, rigid_rows
+from tracknoise.geometry.frame_geometry import FrameGeometry
 from tracknoise.statistics.blocks import BLOCKS
 from tracknoise.statistics.definitions import STEPS
 from tracknoise.statistics.grouping import number_combinations

@@ -17,7 +17,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.audit.frame_geometry import FrameGeometry
+from tracknoise.geometry.frame_geometry import FrameGeometry
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.samples import scattered
 

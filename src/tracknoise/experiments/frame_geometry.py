@@ -1,9 +1,9 @@
-"""Poses and cameras of a sequence, for the audit, which knows no sequences."""
+"""Poses and cameras of a sequence as arrays."""
 
 import numpy as np
 
-from tracknoise.audit.frame_geometry import FrameGeometry
 from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.geometry.frame_geometry import FrameGeometry
 from tracknoise.sequences.sequence import Sequence, camera_at
 
 

@@ -1,4 +1,4 @@
-"""The stated poses and cameras of the frames of a sequence, as arrays, for the audit of the truth."""
+"""The stated poses and cameras of the frames of a sequence, as arrays."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -41,8 +41,8 @@ class ReportData:
         State of the run, and its resolved experiment.
     curves, cores, lifetimes, outliers, trims, errors, counts, summary, effects, aspect_curves, changes
         Its pooled tables.
-    intervals, incidence, seed_spread, triangulated_noise, point_tracking_metrics, zero_mean, gaussianity, radii,
-    time_structure, dependence, findings
+    intervals, incidence, seed_spread, triangulated_noise, point_tracking_metrics, window_sigmas, zero_mean,
+    gaussianity, radii, time_structure, dependence, findings
         Its findings. These tables have no rows where findings were not computed.
     """
 
@@ -65,6 +65,7 @@ class ReportData:
     seed_spread: pl.DataFrame
     triangulated_noise: pl.DataFrame
     point_tracking_metrics: pl.DataFrame
+    window_sigmas: pl.DataFrame
     zero_mean: pl.DataFrame
     gaussianity: pl.DataFrame
     radii: pl.DataFrame

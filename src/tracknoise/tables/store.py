@@ -58,6 +58,8 @@ SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "increments": schema.INCREMENTS,
     "samples": schema.SAMPLES,
     "fitted_noise": schema.FITTED_NOISE,
+    "window_noise": schema.WINDOW_NOISE,
+    "window_blocks": schema.WINDOW_BLOCKS,
 }
 SEED_TABLES: Mapping[str, schema.Schema] = {
     f"seed_{name}": {"seed": pl.Int32, **SEQUENCE_TABLES[name]} for name in ("moments", "ends", "frames")
@@ -86,6 +88,7 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "intervals": findings_schema.INTERVALS,
     "seed_spread": findings_schema.SEED_SPREAD,
     "triangulated_noise": findings_schema.TRIANGULATED_NOISE,
+    "window_sigmas": findings_schema.WINDOW_SIGMAS,
     "point_tracking_metrics": findings_schema.POINT_TRACKING_METRICS,
     "incidence": findings_schema.INCIDENCE,
     "zero_mean": findings_schema.ZERO_MEAN,

@@ -23,6 +23,7 @@ from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.seed_spread import Repeat, seed_spread, widened
 from tracknoise.findings.shape.gaussianity import gaussianity
 from tracknoise.findings.zero_mean import zero_mean
+from tracknoise.noise_models.window_noise import window_sigmas
 from tracknoise.sequences.sequence import TRIANGULATED, TruthKind
 from tracknoise.statistics.change_curves import change_curves
 from tracknoise.statistics.curves import aspect_curves
@@ -130,6 +131,9 @@ def _of_sequences(run: RunFolder, **sampling: Unpack[_Sampling]) -> dict[str, pl
     """Findings that need one table of every sequence that has it, and nothing else."""
     return {
         "triangulated_noise": fitted_noise_table(run.stored_tables("fitted_noise"), **sampling),
+        "window_sigmas": window_sigmas(
+            run.stored_tables("window_noise"), run.stored_tables("window_blocks"), **sampling
+        ),
         "point_tracking_metrics": point_tracking_metrics(run.stored_tables("point_tracking"), **sampling),
     }
 

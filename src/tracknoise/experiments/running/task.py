@@ -10,6 +10,7 @@ import polars as pl
 
 from tracknoise.exceptions import DataWarning
 from tracknoise.experiments.doubts import doubts
+from tracknoise.experiments.frame_geometry import frame_geometry
 from tracknoise.experiments.measure import Measurement, measure_together
 from tracknoise.experiments.running.failures import Result, diagnose
 from tracknoise.experiments.running.lock import Claim
@@ -24,6 +25,7 @@ from tracknoise.sequences.poses import pose_notes
 from tracknoise.sequences.sequence import TRIANGULATED, Sequence, group_of
 from tracknoise.statistics.lifetimes import count_ends
 from tracknoise.statistics.summarise import STATISTICS, statistics_of
+from tracknoise.statistics.window_noise import window_noise
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.schema import POSES, SEQUENCE
 from tracknoise.tables.store import RunFolder
@@ -167,6 +169,12 @@ def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Meas
         "moments": measurement.moments,
         "trims": measurement.trims,
         **statistics,
+        **window_noise(
+            measurement.prepared,
+            frame_geometry(sequence, measurement.n_frames),
+            population=experiment.truth.population,
+            with_depth=measurement.truth != TRIANGULATED,
+        ),
         **({"point_tracking": tap_metrics(measurement)} if experiment.statistics.tap_vid else {}),
     }
 

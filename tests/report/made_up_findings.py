@@ -41,7 +41,7 @@ def made_up(tables: Mapping[str, pl.DataFrame], *, scope: ReportedConditions) ->
         "time_structure": time_structure(tables["curves"]),
         "dependence": dependence(tables["effects"]),
         "rigid_share": rigid_share(tables["curves"]),
-        "pose_law": empty(POSE_LAW),
+        "pose_law": pose_law(tables["curves"]),
         "tracker_differences": tracker_differences(tables["curves"]),
     }
     found["findings"] = headline_table({**tables, **found}, scope)
@@ -198,6 +198,21 @@ def rigid_share(curves: pl.DataFrame) -> pl.DataFrame:
     )  # fmt: skip
     coordinates = pl.DataFrame({"coordinate": ["both", "u", "v"]})
     return _typed(table.join(coordinates, how="cross"), RIGID_SHARE)
+
+
+def pose_law(curves: pl.DataFrame) -> pl.DataFrame:
+    """Of each view: a random walk of the rotation, and white noise of the translation."""
+    views = _conditions(curves).filter(speed=1).unique([name for name in POOLED if name != "tracker"], keep="first")
+    rows = pl.DataFrame(
+        {
+            "motion": ["rotation", "translation"],
+            "law": ["random walk", "white"],
+            "unit": ["deg per sqrt(frame)", "m"],
+            "value": [0.1, 0.002],
+        }
+    )
+    table = views.sort(POOLED).join(rows, how="cross")
+    return _typed(table.with_columns(level=pl.lit(0.95), resampled=_resampled(POSE_LAW)), POSE_LAW)
 
 
 def tracker_differences(curves: pl.DataFrame) -> pl.DataFrame:

@@ -14,7 +14,15 @@ from tracknoise.statistics.definitions import POOLED
 from tracknoise.tables.findings_schema import TRIANGULATED_NOISE
 from tracknoise.tables.store import RunFolder
 
-SHOWN = {"example-frames", "trajectory", "trimming", "lifetimes", "feature-counts", "outlier-ratio"}
+SHOWN = {
+    "example-frames",
+    "trajectory",
+    "trimming",
+    "lifetimes",
+    "feature-counts",
+    "outlier-ratio",
+    "between-trackers",  # without any truth
+}
 NOISE = {"triangulated": 0.512, "epipolar": 0.634}
 
 

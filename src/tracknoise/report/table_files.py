@@ -81,6 +81,9 @@ EXPORTS: tuple[Export, ...] = (
     Export("time-structure", "error growth", lambda data: data.time_structure),
     Export("changes", "frame-to-frame changes of errors", lambda data: data.changes),
     Export("dependence", "verdicts on factors, with intervals", lambda data: data.dependence),
+    Export("rigid-share", "share of errors that pose errors explain", lambda data: data.rigid_share),
+    Export("pose-law", "growth of pose errors", lambda data: data.pose_law),
+    Export("tracker-differences", "differences between trackers", lambda data: data.tracker_differences),
     Export("counts", "truth statuses and track ends", lambda data: data.counts),
 )
 

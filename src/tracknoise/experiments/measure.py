@@ -190,10 +190,7 @@ def measure_together(
     """
     require_sequences(sequences)
     named, played = named_trackers(trackers), checked_speeds(speeds)
-    sequences, second = (
-        [chosen_frames(corrected(sequence, corrections), frames) for sequence in given]
-        for given in (sequences, second_truth)
-    )
+    sequences, second = (_as_measured(given, corrections, frames) for given in (sequences, second_truth))
     setups = [TrackerSetup(name, settings, speed) for name, settings in named.items() for speed in played]
     measured = measure_sequences(
         sequences,
@@ -216,6 +213,11 @@ def measure_together(
             population=population,
             second_truth=other,
         )
+
+
+def _as_measured(sequences: Items[Sequence], corrections: Corrections, frames: Items[int] | None) -> list[Sequence]:
+    """The sequences with corrections, and those frames only that are measured."""
+    return [chosen_frames(corrected(sequence, corrections), frames) for sequence in sequences]
 
 
 def complete(

@@ -49,6 +49,8 @@ _UNREAD = (
     "pose_growth",
     "cameras",
     "audit_samples",
+    "window_noise",
+    "window_blocks",
 )
 """Tables that the report does not need, because findings are made up here."""
 SMALL: dict[str, object] = {

@@ -17,6 +17,8 @@ LONG_LIVED_AGES = (5, 10, 20, 50, 100)
 """Ages that define long-lived tracks, frames of the nominal sequence."""
 LENGTHS: tuple[tuple[int, int | None], ...] = ((2, 2), (3, 4), (5, 9), (10, 19), (20, 49), (50, None))
 """Classes of lengths of tracks, in observations, for noise that is corrected for a fit."""
+WINDOWS = (3, 5, 10, 15, 20, 30)
+"""Lengths of the windows in which an estimator sees a track, in observations."""
 LEAST_MOTION_PX = 0.1
 """Shortest motion of a true position between two frames that has a direction, px."""
 LAGS = 5

@@ -165,6 +165,26 @@ noise in every position is measured without bias. Errors along the epipolar line
 other kinds of truth.
 """
 
+WINDOW_SIGMAS: Schema = {
+    **_POOLED,
+    "trimming": TRIMMING,
+    "window": pl.UInt32,
+    "quantity": pl.String,
+    "n": pl.Int64,
+    "value": pl.Float64,
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "kind": INTERVAL_KIND,
+    "level": pl.Float64,
+    "resampled": RESAMPLED,
+    "n_units": pl.Int32,
+    "n_scenes": pl.Int32,
+}
+"""The noise to give to an estimator, by length of its windows: see `tracknoise.noise_models.window_noise`.
+
+Sigmas and z_root_mean_square are in px, all others have no unit. n counts windows.
+"""
+
 POINT_TRACKING_METRICS: Schema = {
     **_POOLED,
     "raster": pl.String,

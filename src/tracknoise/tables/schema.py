@@ -328,6 +328,28 @@ the measure `epipolar`, squares is the sum of squared distances over their varia
 their number. The table has no rows for other kinds of truth.
 """
 
+_WINDOW_SUMS: Schema = {
+    "trimming": TRIMMING,
+    "window": pl.UInt32,
+    "n": pl.Int64,
+    "n_depth": pl.Int64,
+    **dict.fromkeys(("squares_u", "freedom_u", "squares_v", "freedom_v", "squares_z"), pl.Float64),
+    "residual_counts": pl.List(pl.UInt32),
+    "z_counts": pl.List(pl.UInt32),
+}
+
+WINDOW_NOISE: Schema = {**ORIGIN, **_WINDOW_SUMS}
+"""Windows of the first N observations of tracks, after a fit of their points (`tracknoise.statistics.windows`).
+
+window is N, n the number of windows, n_depth that of windows that show the depth of their point. squares are sums of
+squared residuals (px^2), freedom their degrees of freedom, squares_z the sum of z^2 (px^2). The lists are histograms of
+the root mean square residual of each window, and of |z|, in the bins of `tracknoise.statistics.log_histogram` (px).
+"""
+
+WINDOW_BLOCKS: Schema = {**ORIGIN, "block": pl.UInt8, **_WINDOW_SUMS}
+"""The same by blocks of tracks, at the slowest speed."""
+
+
 FLOORS: Schema = {
     **ORIGIN,
     "source": FLOOR_SOURCE,

@@ -69,6 +69,8 @@ SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "floors": schema.FLOORS,
     "cameras": audit_schema.CAMERAS,
     "audit_samples": audit_schema.AUDIT_SAMPLES,
+    "window_noise": schema.WINDOW_NOISE,
+    "window_blocks": schema.WINDOW_BLOCKS,
 }
 SEED_TABLES: Mapping[str, schema.Schema] = {
     f"seed_{name}": {"seed": pl.Int32, **SEQUENCE_TABLES[name]} for name in ("moments", "ends", "frames")
@@ -98,6 +100,7 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "intervals": findings_schema.INTERVALS,
     "seed_spread": findings_schema.SEED_SPREAD,
     "triangulated_noise": findings_schema.TRIANGULATED_NOISE,
+    "window_sigmas": findings_schema.WINDOW_SIGMAS,
     "point_tracking_metrics": findings_schema.POINT_TRACKING_METRICS,
     "two_truths": findings_schema.TWO_TRUTHS,
     "pose_disagreement": findings_schema.POSE_DISAGREEMENT,

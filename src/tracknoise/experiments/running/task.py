@@ -6,33 +6,27 @@ from collections.abc import Iterator
 from collections.abc import Sequence as Items
 from dataclasses import replace
 
-import numpy as np
 import polars as pl
 
-from tracknoise.audit.rigid import rigid_tables
 from tracknoise.exceptions import DataWarning
-from tracknoise.experiments.audit_inputs import audit_samples, cameras_table
-from tracknoise.experiments.doubts import SYNTHETIC, doubts
-from tracknoise.experiments.frame_geometry import frame_geometry
+from tracknoise.experiments.doubts import doubts
 from tracknoise.experiments.measure import Measurement, measure_together
 from tracknoise.experiments.running.failures import Result, diagnose
+from tracknoise.experiments.running.geometry_tables import geometry_tables
 from tracknoise.experiments.running.lock import Claim
 from tracknoise.experiments.running.plan import Task, make_trackers, open_batch
 from tracknoise.experiments.running.second_truth import open_second
 from tracknoise.experiments.settings import Experiment
 from tracknoise.experiments.tap_metrics import tap_metrics
 from tracknoise.findings.wording import SELF_REFERENTIAL
-from tracknoise.geometry.pose import position_rows
 from tracknoise.measurement.tracking import Progress
 from tracknoise.sequences.images import encode_png
 from tracknoise.sequences.poses import pose_notes
 from tracknoise.sequences.row_poses import shutter_notes
 from tracknoise.sequences.sequence import TRIANGULATED, Sequence, group_of
-from tracknoise.statistics.image_map import image_map
 from tracknoise.statistics.lifetimes import count_ends
 from tracknoise.statistics.summarise import STATISTICS, statistics_of
 from tracknoise.tables.manifest import SequenceEntry
-from tracknoise.tables.schema import POSES, SEQUENCE
 from tracknoise.tables.store import RunFolder
 from tracknoise.truth.scan_rule import ScanRule
 
@@ -176,36 +170,15 @@ def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Meas
         population=experiment.truth.population,
         slowest=slowest,
     )
+    prepared = replace(measurement.prepared, slowest=slowest)
     return {
         **(observed if experiment.keep == "observations" else {}),
         "frames": measurement.frames,
-        "poses": _poses(sequence, measurement.n_frames),
-        "cameras": cameras_table(sequence, measurement.n_frames),
-        "audit_samples": audit_samples(sequence, measurement.prepared, measurement.truth),
         "moments": measurement.moments,
         "trims": measurement.trims,
         "pose_differences": measurement.pose_differences,
         "floors": measurement.floors,
         **statistics,
+        **geometry_tables(experiment, sequence, prepared, measurement.n_frames, measurement.truth),
         **({"point_tracking": tap_metrics(measurement)} if experiment.statistics.tap_vid else {}),
-        "image_map": image_map(
-            replace(measurement.prepared, slowest=slowest), width=sequence.camera.width, height=sequence.camera.height
-        ),
-        **_audited(experiment, measurement),
     }
-
-
-def _audited(experiment: Experiment, measurement: Measurement) -> dict[str, pl.DataFrame]:
-    """Tables of the audit that need the poses and cameras of the sequence."""
-    geometry = frame_geometry(measurement.sequence, measurement.n_frames)
-    witnesses = [choice.label for choice in experiment.trackers if choice.kind not in SYNTHETIC]
-    return rigid_tables(measurement.prepared, geometry, witnesses=witnesses)
-
-
-def _poses(sequence: Sequence, n_frames: int) -> pl.DataFrame:
-    """Table `POSES` of the frames that were read."""
-    columns = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
-    rows = position_rows(sequence.world_from_camera[:n_frames])
-    values = {name: pl.Series(row, nan_to_null=True) for name, row in zip(columns, rows.T, strict=True)}
-    labels = {column: [getattr(sequence.id, column)] * n_frames for column in SEQUENCE}
-    return pl.DataFrame({**labels, "frame": np.arange(n_frames), **values}, schema=dict(POSES))

@@ -1,0 +1,57 @@
+"""Tables of a sequence that need its poses and cameras beside its observations."""
+
+import numpy as np
+import polars as pl
+
+from tracknoise.audit.rigid import rigid_tables
+from tracknoise.experiments.audit_inputs import audit_samples, cameras_table
+from tracknoise.experiments.doubts import SYNTHETIC
+from tracknoise.experiments.frame_geometry import frame_geometry
+from tracknoise.experiments.settings import Experiment
+from tracknoise.geometry.pose import position_rows
+from tracknoise.sequences.sequence import TRIANGULATED, Sequence
+from tracknoise.statistics.image_map import image_map
+from tracknoise.statistics.prepared import PreparedSequence
+from tracknoise.statistics.window_noise import window_noise
+from tracknoise.tables.schema import POSES, SEQUENCE
+
+
+def geometry_tables(
+    experiment: Experiment, sequence: Sequence, prepared: PreparedSequence, n_frames: int, truth: str
+) -> dict[str, pl.DataFrame]:
+    """Poses, cameras, samples for the audit, pose errors, noise of windows, and the map of the image, by name.
+
+    Parameters
+    ----------
+    experiment
+        Names the trackers, and the population of the errors.
+    sequence
+        What was measured.
+    prepared
+        Its trimmed observations; `slowest` is the speed at which the map is made.
+    n_frames
+        Number of frames that were read.
+    truth
+        Kind of truth.
+    """
+    geometry = frame_geometry(sequence, n_frames)
+    of_images = [choice.label for choice in experiment.trackers if choice.kind not in SYNTHETIC]
+    population, with_depth = experiment.truth.population, truth != TRIANGULATED
+    camera = sequence.camera
+    return {
+        "poses": _poses(sequence, n_frames),
+        "cameras": cameras_table(sequence, n_frames),
+        "audit_samples": audit_samples(sequence, prepared, truth),
+        "image_map": image_map(prepared, width=camera.width, height=camera.height),
+        **rigid_tables(prepared, geometry, witnesses=of_images),
+        **window_noise(prepared, geometry, population=population, with_depth=with_depth),
+    }
+
+
+def _poses(sequence: Sequence, n_frames: int) -> pl.DataFrame:
+    """Table `POSES` of the frames that were read."""
+    columns = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
+    rows = position_rows(sequence.world_from_camera[:n_frames])
+    values = {name: pl.Series(row, nan_to_null=True) for name, row in zip(columns, rows.T, strict=True)}
+    labels = {column: [getattr(sequence.id, column)] * n_frames for column in SEQUENCE}
+    return pl.DataFrame({**labels, "frame": np.arange(n_frames), **values}, schema=dict(POSES))

@@ -1,0 +1,164 @@
+"""The noise to give to an estimator that fits 3-D points to windows of tracks, with intervals.
+
+All of it is of windows of the first N observations, features pooled, with the true poses:
+
+- residual sigma: what residuals look like, sqrt(sum r^2 / sum of degrees of freedom) (window.residual_sigma)
+- consistent sigma: what makes the depths of points as certain as they are, the median of |z| over that of a Gaussian of
+  standard deviation 1, 0.6745 (window.consistent_sigma)
+- overconfidence: the second over the first. An estimator whose sigma was tuned to residuals claims depths that are this
+  much more certain than they are (window.overconfidence)
+- z root mean square: as the consistent sigma, but with the tails
+- gate ratios: quantile of the sum of squared residuals of a window, in units of residual sigma, over that of chi
+  square. A gate at this quantile must be multiplied by it (window.gate)
+- coverage: share of windows whose depth is inside its interval, for residual sigma
+- depth share: share of windows that show the depth of their point
+"""
+
+from functools import partial
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from scipy import stats
+
+from tracknoise.findings.intervals.condition_table import Sampling, condition_table, estimated
+from tracknoise.findings.sampling.bounds import Method, pooled
+from tracknoise.findings.sampling.draws import N_DRAWS, Draws
+from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
+from tracknoise.findings.sampling.units import Units, units_of
+from tracknoise.statistics.conditions import Condition, Tables, TablesByCondition, by_condition
+from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.log_histogram import BINS, quantile, share_below
+from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL
+from tracknoise.tables.findings_schema import WINDOW_SIGMAS
+from tracknoise.tables.schema import WINDOW_BLOCKS, WINDOW_NOISE, check
+
+_POINT = ["trimming", "window"]
+_SUMS = ("n", "n_depth", "squares_u", "freedom_u", "squares_v", "freedom_v", "squares_z")
+_HISTOGRAMS = ("residual_counts", "z_counts")
+_GATES, _LEVELS = (0.95, 0.99), (0.5, 0.9, 0.95, 0.99)
+_HALF = float(stats.norm.ppf(0.75))
+QUANTITIES: dict[str, str] = {
+    "residual_sigma": "log",
+    "residual_sigma_u": "log",
+    "residual_sigma_v": "log",
+    "consistent_sigma": "log",
+    "overconfidence": "log",
+    "z_root_mean_square": "log",
+    **{f"gate_{100 * level:.0f}": "log" for level in _GATES},
+    **{f"coverage_{100 * level:.0f}": "logit" for level in _LEVELS},
+    "depth_share": "logit",
+}
+"""Quantities of a window, and the scales of their intervals."""
+
+
+def window_sigmas(
+    windows: Tables,
+    blocks: Tables = (),
+    *,
+    groups: SceneGroups = NO_GROUPS,
+    kind: str = KIND_OF_INTERVAL,
+    level: float = LEVEL,
+    n_draws: int = N_DRAWS,
+    seed: int = 0,
+) -> pl.DataFrame:
+    """Quantities of every condition, trimming and length of window.
+
+    Parameters
+    ----------
+    windows
+        Tables of all scenes, schema `WINDOW_NOISE`.
+    blocks
+        The same by blocks of tracks, schema `WINDOW_BLOCKS`, for conditions of few scenes.
+    groups
+        Groups of scenes that are not independent of each other.
+    kind, level, n_draws, seed
+        As in `tracknoise.findings.intervals.table.interval_table`.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `WINDOW_SIGMAS`, sorted.
+
+    Raises
+    ------
+    SchemaError
+        If a table has other columns.
+    SettingsError
+        If there is no such kind, or the level is not between 0 and 1.
+    """
+    conditions = by_condition(windows, WINDOW_NOISE, "window noise")
+    of_blocks = by_condition(blocks, WINDOW_BLOCKS, "window blocks")
+    keyed = {key: part.with_columns(_condition=pl.lit(place)) for place, (key, part) in enumerate(conditions.items())}
+    rows = partial(_rows, list(keyed), of_blocks, groups)
+    table = condition_table(keyed, WINDOW_SIGMAS, rows, Sampling(kind, level, groups, n_draws, seed))
+    return check(table.sort(*POOLED, *_POINT, "quantity"), WINDOW_SIGMAS, "window sigmas")
+
+
+def _rows(
+    keys: list[Condition],
+    blocks: TablesByCondition,
+    groups: SceneGroups,
+    windows: pl.DataFrame,
+    draws: Draws,
+    method: Method,
+) -> pl.DataFrame:
+    """One row per trimming, window and quantity of a condition."""
+    own = blocks.get(keys[windows["_condition"][0]])
+    whole = _wide(windows)
+    units = units_of(whole, None if own is None else _wide(own), points=_POINT, columns=_columns(), groups=groups)
+    found = pooled(
+        units, draws.weights(units), _quantities, method, scales=list(QUANTITIES.values()), sizes=_sizes(units)
+    )
+    labels = pl.DataFrame({"quantity": list(QUANTITIES)}).join(units.points, how="cross")
+    n = np.tile(units.sums[..., 0].sum(axis=0), len(QUANTITIES))
+    table = estimated(labels, found, units, WINDOW_SIGMAS, value="value").with_columns(pl.Series("n", n))
+    return table.with_columns(pl.col("value", "low", "high").fill_nan(None)).drop_nulls("value")
+
+
+def _columns() -> list[str]:
+    return [*_SUMS, *(f"{name}_{place}" for name in _HISTOGRAMS for place in range(BINS))]
+
+
+def _wide(windows: pl.DataFrame) -> pl.DataFrame:
+    """The table with a column for each bin of the histograms."""
+    counts = [
+        pl.DataFrame(
+            np.array(windows[name].to_list(), dtype=np.float64).reshape(-1, BINS),
+            schema=[f"{name}_{place}" for place in range(BINS)],
+        )
+        for name in _HISTOGRAMS
+    ]
+    return windows.drop(_HISTOGRAMS).hstack([column for part in counts for column in part.get_columns()])
+
+
+def _sizes(units: Units) -> NDArray[np.float64]:
+    """(quantities, points, units) float64: windows, or those that show depth, of each unit."""
+    n, n_depth = units.sums[..., 0].T, units.sums[..., 1].T
+    about_depth = ("consistent", "overconfidence", "z_", "coverage")
+    return np.stack([n_depth if name.startswith(about_depth) else n for name in QUANTITIES])
+
+
+def _quantities(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(quantities, points, ...) float64 from sums (columns, points, ...), NaN where there are none."""
+    n, n_depth, squares_u, freedom_u, squares_v, freedom_v, squares_z = sums[: len(_SUMS)]
+    residuals, z = sums[len(_SUMS) : len(_SUMS) + BINS], sums[len(_SUMS) + BINS :]
+    residual = _root(squares_u + squares_v, freedom_u + freedom_v)
+    consistent = quantile(z, 0.5) / _HALF
+    freedom = _ratio(freedom_u + freedom_v, n)
+    gates = [
+        _ratio(quantile(residuals, level) ** 2, residual**2) / (stats.chi2.ppf(level, freedom) / freedom)
+        for level in _GATES
+    ]
+    inside = [share_below(z, float(stats.norm.ppf(0.5 + level / 2.0)) * residual) for level in _LEVELS]
+    axes = [_root(squares_u, freedom_u), _root(squares_v, freedom_v)]
+    about_z = [consistent, _ratio(consistent, residual), _root(squares_z, n_depth)]
+    return np.stack([residual, *axes, *about_z, *gates, *inside, _ratio(n_depth, n)])
+
+
+def _ratio(part: NDArray[np.float64], whole: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(part / np.where(whole > 0.0, whole, np.nan))
+
+
+def _root(squares: NDArray[np.float64], count: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(np.sqrt(_ratio(squares, count)))

@@ -189,9 +189,8 @@ def measure_together(
         the kind of truth, or no tracker finds a feature.
     """
     require_sequences(sequences)
-    named, played = named_trackers(trackers), checked_speeds(speeds)
+    setups = _setups(trackers, speeds)
     sequences, second = (_as_measured(given, corrections, frames) for given in (sequences, second_truth))
-    setups = [TrackerSetup(name, settings, speed) for name, settings in named.items() for speed in played]
     measured = measure_sequences(
         sequences,
         setups,
@@ -213,6 +212,12 @@ def measure_together(
             population=population,
             second_truth=other,
         )
+
+
+def _setups(trackers: Trackers, speeds: Items[int]) -> list[TrackerSetup]:
+    """Each tracker at each speed."""
+    named, played = named_trackers(trackers), checked_speeds(speeds)
+    return [TrackerSetup(name, settings, speed) for name, settings in named.items() for speed in played]
 
 
 def _as_measured(sequences: Items[Sequence], corrections: Corrections, frames: Items[int] | None) -> list[Sequence]:

@@ -26,7 +26,13 @@ AGES = (5, 20)
 def _effects(name: str, unit: str, options: dict[float, Options]) -> tuple[Effect, ...]:
     """One effect of one size for each of several settings, so that all share their images."""
     return tuple(
-        Effect(f"{name} {value:g}", "truth", unit, {Size.usual: changes}, {Size.usual: f"{value:g} frames"})
+        Effect(
+            f"{name} {value:g}",
+            "truth",
+            unit,
+            {Size.usual: changes},
+            {Size.usual: f"{value:g} {'frame' if value <= 1 else 'frames'}"},
+        )
         for value, changes in options.items()
     )
 
@@ -69,7 +75,8 @@ def table(changes: pl.DataFrame) -> Cells:
     for (tracker, age, name), part in changes.group_by("tracker", "age", "statistic", maintain_order=True):
         if name in _SHOWN:
             values = [_text(row) for row in part.to_dicts()]
-            rows.append([tracker, str(age), _SHOWN[EffectStatistic(name)], f"{part['clean'][0]:.3f}", *values])
+            exact = part["clean"][0]
+            rows.append([tracker, str(age), _SHOWN[name], DASH if exact is None else f"{exact:.4f}", *values])
     shown = changes["shown"].unique(maintain_order=True).to_list()
     caption = "nu and core in px, second moment in px²; changes by the fault ± half the 95 % interval over scenes."
     headings = ["tracker", "age", "", "exact", *shown]
@@ -80,7 +87,7 @@ def _text(row: dict[str, float | None]) -> str:
     change, low, high = row["change"], row["change_low"], row["change_high"]
     if change is None:
         return DASH
-    return f"{change:+.3f}" + ("" if low is None or high is None else f" ± {(high - low) / 2:.3f}")
+    return f"{change:+.4f}" + ("" if low is None or high is None else f" ± {(high - low) / 2:.4f}")
 
 
 def _print_done(part: tuple[str, Size], count: int, total: int) -> None:

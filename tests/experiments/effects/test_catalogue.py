@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import pytest
 
 from tracknoise.exceptions import UnknownNameError
@@ -46,3 +48,10 @@ def test_nested_options_are_merged() -> None:
         "lens": "radtan",
     }
     assert given["imaging"]["prnu"] == 0.1
+
+
+def test_the_documentation_lists_every_effect_with_its_sizes() -> None:
+    text = (Path(__file__).parents[3] / "docs" / "effects.md").read_text(encoding="utf-8")
+    for effect in catalogue():
+        sizes = " | ".join(effect.shown[size] for size in Size)
+        assert f"| {effect.name} | {effect.kind} | {sizes} | {effect.source} |" in text

@@ -77,7 +77,7 @@ def _panel(
     )
     scale = alt.Scale(type="symlog", constant=_LINEAR_PART[name])
     unit = "" if EFFECT_UNITS[name] == "1" else f" ({EFFECT_UNITS[name]})"
-    axis = alt.Axis(format="~g", tickCount=5)
+    axis = alt.Axis(format=".2~r", tickCount=5)
     x = alt.X("change:Q", title=f"change of {_TITLES[name]}{unit}", scale=scale, axis=axis)
     areas = alt.Scale(domain=[str(size) for size in Size], range=list(_DIAMETERS.values()))
     zero = alt.Chart(alt.InlineData(values=[{"change": 0}])).mark_rule(color=style.QUIET, strokeWidth=0.8).encode(x=x)

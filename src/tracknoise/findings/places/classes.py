@@ -3,6 +3,7 @@
 import polars as pl
 
 from tracknoise.statistics.definitions import NEAR_EDGE_PX
+from tracknoise.statistics.grouping import group_rows
 from tracknoise.tables.enumerations import EdgeSide, Occlusion, Surrounding
 from tracknoise.tables.schema import SURROUNDING
 
@@ -36,7 +37,7 @@ def class_sums(sums: pl.DataFrame) -> pl.DataFrame:
     visible = sums.filter(pl.col("occlusion") != Occlusion.now)
     parts = [_ranges(visible), _sides(visible), _occlusions(sums)]
     classes = pl.concat(_by_coordinate(part) for part in parts)
-    return _beside_all(classes.group_by(*_UNIT, *POINT).agg(pl.col("n", "s", "q").sum()))
+    return _beside_all(_added(classes, [*_UNIT, *POINT]))
 
 
 def _ranges(visible: pl.DataFrame) -> pl.DataFrame:
@@ -93,7 +94,13 @@ def _by_coordinate(table: pl.DataFrame) -> pl.DataFrame:
 def _beside_all(classes: pl.DataFrame) -> pl.DataFrame:
     """Every class in every block, with the sums of all classes there."""
     whole = ["surrounding", "axis", "at", "coordinate"]
-    totals = classes.group_by(*_UNIT, *whole).agg(pl.col("n", "s", "q").sum().name.prefix("all_"))
+    totals = _added(classes, [*_UNIT, *whole]).rename({name: f"all_{name}" for name in "nsq"})
     points = classes.select(POINT).unique()
     joined = totals.join(points, on=whole).join(classes, on=[*_UNIT, *POINT], how="left", nulls_equal=True)
     return joined.with_columns(pl.col("n", "s", "q").fill_null(0.0)).sort(*_UNIT, *POINT)
+
+
+def _added(classes: pl.DataFrame, by: list[str]) -> pl.DataFrame:
+    """Sums of the rows that agree, added up in the order of the rows: the same in every run, to the last bit."""
+    groups = group_rows(classes, by)
+    return groups.keys.hstack(groups.sums(classes, [*"nsq"]))

@@ -4,6 +4,8 @@ import json
 
 import pytest
 
+from tracknoise.api.run import open_run
+
 TOML = """
 name = "small"
 keep = "statistics"
@@ -49,6 +51,10 @@ def test_the_answer_then_the_numbers_are_printed(tracknoise, finished):
     assert "Corrections of the stated truth" in out
     assert "[truth.corrections]" not in out
     assert any(line.startswith("alone") and "focal length" in line for line in lines)
+
+
+def test_python_gives_the_same_sentences(finished):
+    assert open_run(finished).audit() == ["No fault of the stated truth was found."]
 
 
 def test_json_is_one_document(tracknoise, finished):

@@ -14,7 +14,7 @@ from tracknoise.audit.samples import AuditSamples
 from tracknoise.findings.sampling.groups import SceneGroups, scheme
 from tracknoise.geometry.lenses import KnownCamera, make_camera
 from tracknoise.geometry.pose import from_quaternion
-from tracknoise.statistics.samples import scattered
+from tracknoise.statistics.scattered import scattered
 from tracknoise.tables.enumerations import Resampled
 
 MOST_SAMPLES = 16_000

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from tracknoise.geometry.frame_geometry import FrameGeometry
 from tracknoise.statistics.prepared import PreparedSequence
-from tracknoise.statistics.samples import scattered
+from tracknoise.statistics.scattered import scattered
 
 REACH = 16
 """Most steps of the tracker between the two frames of an equation."""

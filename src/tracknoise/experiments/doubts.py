@@ -8,6 +8,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.experiments.settings import SYNTHETIC
 from tracknoise.inspection.check_report import Item, Severity
 from tracknoise.inspection.depths import FARTHEST_M, NEAREST_M
 from tracknoise.inspection.evidence import Evidence
@@ -19,9 +20,6 @@ from tracknoise.sequences.sequence import ChangingCamera, TruthKind
 
 if TYPE_CHECKING:
     from tracknoise.experiments.measure import Measurement
-
-SYNTHETIC = frozenset({"oracle"})
-"""Kinds of trackers whose positions do not come from images."""
 
 _MOST_PAIRS, _MOST_POINTS = 24, 150
 _BASELINES = 1, 2, 3, 4, 6, 8, 12, 16, 24

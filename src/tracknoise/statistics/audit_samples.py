@@ -8,7 +8,8 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.statistics.prepared import PreparedSequence
-from tracknoise.statistics.samples import first_tracks, scattered
+from tracknoise.statistics.samples import first_tracks
+from tracknoise.statistics.scattered import scattered
 
 AGES = (1, 2, 3, 4, 6, 8, 12, 16, 24)
 """Ages that are audited, in frames that the slowest trackers see."""

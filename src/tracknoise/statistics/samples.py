@@ -4,14 +4,13 @@ They are chosen by a hash of track and frame. The choice therefore depends only 
 trimming or the order of rows.
 """
 
-from typing import Any
-
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.statistics.grouping import group_rows, number_combinations
 from tracknoise.statistics.prepared import PreparedSequence
+from tracknoise.statistics.scattered import scattered
 from tracknoise.tables.schema import ORIGIN, SAMPLES, check
 
 BANDS = ((1, 4), (5, 9), (10, 19), (20, 49), (50, 99), (100, 199), (200, 499), (500, 999))
@@ -104,11 +103,3 @@ def _one_per_track(sequence: PreparedSequence, rows: NDArray[np.intp], band: NDA
     np.minimum.at(least, group, hashed)
     found = np.flatnonzero(hashed == least[group])
     return rows[found]
-
-
-def scattered(numbers: NDArray[np.integer[Any]]) -> NDArray[np.uint64]:
-    """Distinct pseudo-random numbers: the finaliser of SplitMix64 (Steele et al. 2014)."""
-    mixed = numbers.astype(np.uint64) + np.uint64(0x9E3779B97F4A7C15)
-    for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
-        mixed = (mixed ^ (mixed >> np.uint64(shift))) * np.uint64(factor)
-    return mixed ^ (mixed >> np.uint64(31))

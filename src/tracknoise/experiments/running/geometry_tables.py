@@ -5,9 +5,8 @@ import polars as pl
 
 from tracknoise.audit.rigid import rigid_tables
 from tracknoise.experiments.audit_inputs import audit_samples, cameras_table
-from tracknoise.experiments.doubts import SYNTHETIC
 from tracknoise.experiments.frame_geometry import frame_geometry
-from tracknoise.experiments.settings import Experiment
+from tracknoise.experiments.settings import SYNTHETIC, Experiment
 from tracknoise.geometry.pose import position_rows
 from tracknoise.sequences.sequence import TRIANGULATED, Sequence
 from tracknoise.statistics.image_map import image_map

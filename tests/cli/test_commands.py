@@ -41,7 +41,7 @@ def test_datasets_shows_the_options_of_a_reader_as_an_experiment_file_has_them(t
 
 def test_datasets_lists_the_options_and_sequences_of_a_reader_that_needs_no_data(tracknoise):
     code, out, _ = tracknoise("datasets", "simulated")
-    options, sequences = out.split("\n\n")
+    options, _, sequences = out.rpartition("\n\n")
     assert code == 0
     assert tomllib.loads(options)["motions"] == ["sideways", "fixating", "forward", "arvr"]
     assert [line.split()[0] for line in sequences.splitlines()] == [

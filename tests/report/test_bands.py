@@ -115,11 +115,14 @@ def test_bounds_turn_with_their_values(rotation: int, signed: bool) -> None:
             "u_high": [0.4],
             "v_low": [0.6],
             "v_high": [1.0],
+            "floor_u": [0.2],
+            "floor_v": [0.5],
         }
     )
     row = bands.upright_bounds(points, signed=pl.lit(signed)).row(0, named=True)
     assert (row["u"], row["v"]) == upright(points, signed=pl.lit(signed)).select("u", "v").row(0)
     widths = {"u": 0.3, "v": 0.4} if rotation in (0, 180) else {"u": 0.4, "v": 0.3}
+    assert row["floor_u"] == (0.2 if rotation in (0, 180) else 0.5)
     for axis, width in widths.items():
         assert row[f"{axis}_low"] <= row[axis] <= row[f"{axis}_high"]
         assert row[f"{axis}_high"] - row[f"{axis}_low"] == pytest.approx(width)

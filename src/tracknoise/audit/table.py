@@ -8,13 +8,13 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.audit.assessment import LEVEL, Basis
+from tracknoise.audit.assessment import LEVEL, Assessment, Basis
 from tracknoise.audit.curves import curves, second_moments
 from tracknoise.audit.fit import Start, fit
 from tracknoise.audit.fitted import Fit
 from tracknoise.audit.held_out import Gain, gain, held_out_errors, held_out_residuals, losses
 from tracknoise.audit.jackknife import Jackknife, condition_number, jackknife
-from tracknoise.audit.parameters import COUNT, JOINT, NUMBERS, TIMED, Family, Parameter, columns_of
+from tracknoise.audit.parameters import COUNT, JOINT, NUMBERS, TIMED, Family, Parameter
 from tracknoise.audit.read import AuditedTables, read_samples
 from tracknoise.audit.samples import AuditSamples
 from tracknoise.audit.selection import Selection, Stage, available, select
@@ -184,8 +184,8 @@ def _text(samples: AuditSamples, selection: Selection, one: Judged, curve: pl.Da
     if one.rank is not None:
         names = [MEASURED, *(fault.parameter for fault in selection.named)]
         effect = effect_text(curve, names[one.rank - 1], one.parameter)
-        estimate, rivals = _estimate(samples, selection, one.parameter), selection.named[one.rank - 1].rivals
-        return fault_text(one.parameter, estimate, effect, rivals)
+        fault = selection.named[one.rank - 1]
+        return fault_text(one.parameter, _estimate(samples, fault.assessment), effect, fault.rivals)
     beside = selection.last.assessed[one.parameter]
     return other_text(
         one.parameter,
@@ -198,10 +198,7 @@ def _text(samples: AuditSamples, selection: Selection, one: Judged, curve: pl.Da
     )
 
 
-def _estimate(samples: AuditSamples, selection: Selection, parameter: Parameter) -> Estimate:
-    """Of a named fault, from the fit of all of them together."""
-    final, unit = selection.final, shown(samples, parameter)
-    places = np.searchsorted(final.fitted.free, columns_of([parameter]), sorter=np.argsort(final.fitted.free))
-    order = np.argsort(final.fitted.free)[places]
-    half = final.moves.half_widths(LEVEL)[order] * abs(unit.factor)
-    return Estimate(unit, unit.values(final.fitted.estimate[order]), half)
+def _estimate(samples: AuditSamples, found: Assessment) -> Estimate:
+    """Of a named fault, together with those that were named before it, as its effect is."""
+    unit = shown(samples, found.parameter)
+    return Estimate(unit, unit.values(found.estimate), found.half_widths * abs(unit.factor))

@@ -119,6 +119,8 @@ def _second_text(rows: pl.DataFrame) -> str:
     ).with_columns(share=pl.col("after") / pl.col("before"))
     row = gains.sort("share").row(0, named=True)
     before, after = number(row["before"], digits=2), number(row["after"], digits=2)
+    if before == after:
+        return f"errors at age {row['age']} stay about the same"
     verb = "falls" if row["after"] < row["before"] else "goes"
     unit = f"{SPACE}px²"
     return f"the second moment of {row['tracker']} at age {row['age']} {verb} from {before} to {after}{unit}"

@@ -69,7 +69,7 @@ def window_sigmas(
     windows
         Tables of all scenes, schema `WINDOW_NOISE`.
     blocks
-        The same by blocks of tracks, schema `WINDOW_BLOCKS`, for conditions of few scenes.
+        The same by blocks of tracks, schema `WINDOW_BLOCKS`, where there are few scenes.
     groups
         Groups of scenes that are not independent of each other.
     kind, level, n_draws, seed

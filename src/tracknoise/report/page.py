@@ -14,6 +14,7 @@ from tracknoise.report import (
     measured,
     table_files,
     trimmed,
+    truth_section,
 )
 from tracknoise.report.cells import Cells
 from tracknoise.report.contents import CONTENTS, Section, contents_json
@@ -74,6 +75,7 @@ def _contents(data: ReportData, families: Sequence[Section]) -> list[Section]:
     exported = [(item.id, item.title) for item in table_files.EXPORTS]
     return [
         Section("findings", "Findings"),
+        Section("truth", truth_section.TITLE),
         Section("measured", "Measurement"),
         Section("summary", "Summary", tables=exported),
         Section("factor-effects", factor_effects.heading(data)),
@@ -113,6 +115,7 @@ def _page(
         factor_effects=factor_effects,
         findings_section=findings_section,
         trimmed=trimmed,
+        truth_section=truth_section,
         summary=measured.summary(data),
         exports=table_files.EXPORTS,
         sections=shown,

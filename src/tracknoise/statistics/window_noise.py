@@ -49,7 +49,9 @@ def window_noise(
     parts = [*_windows(sequence, geometry, population)]
     whole, blocks = [empty(WINDOW_NOISE)], [empty(WINDOW_BLOCKS)]
     if parts:
-        of_windows = pl.concat(part if with_depth else part.with_columns(z=None) for part in parts)
+        of_windows = pl.concat(
+            part if with_depth else part.with_columns(z=pl.lit(None, dtype=pl.Float64)) for part in parts
+        )
         for trimming, chosen in _trimmings(of_windows):
             whole.append(_table(sequence, chosen.with_columns(block=None), trimming, WINDOW_NOISE))
             blocks.append(_table(sequence, chosen.filter("slow"), trimming, WINDOW_BLOCKS))

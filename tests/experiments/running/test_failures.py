@@ -141,7 +141,7 @@ def test_a_failed_batch_is_reported_once_and_recorded_for_each_sequence(experime
         main(["run", str(path), "--out", str(tmp_path / "run"), "--no-report", "--workers", "1"])
     assert exit_.value.code == 2
     lines, five = capsys.readouterr().err.splitlines(), f"{ONE}, {TWO}, {THREE} and 2 others"
-    (error,) = [line for line in lines if "error" in line]
+    (error,) = [line for line in lines if line.startswith("tracknoise: error")]
     assert error.startswith(f"tracknoise: error: {five}: {image}: truncated")
     assert lines[-1].startswith(f"5 of 6 sequences failed: {five}; see failures.jsonl.")
     recorded = [json.loads(line) for line in (tmp_path / "run" / "failures.jsonl").read_text().splitlines()]

@@ -73,7 +73,10 @@ class Flat(type(tiny(1))):
 @pytest.mark.parametrize(
     ("change", "found"),
     [
-        (lambda one: Flat(one.id, one.camera, one.world_from_camera, one.settings), "no exact surface, expected"),
+        (
+            lambda one: Flat(one.id, one.camera, one.world_from_camera, one.settings, one.world),
+            "no exact surface, expected",
+        ),
         (lambda one: tiny(1, width=80), "another camera, expected one camera without distortion for all sequences"),
         (
             lambda one: replace(one, camera=Camera(64, 48, 55, 55, 31, 23, (0.1, 0, 0, 0, 0))),

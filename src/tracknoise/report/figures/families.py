@@ -134,6 +134,14 @@ FAMILIES: tuple[Family, ...] = (
         of_errors=True,
     ),
     Family(
+        "truth-audit",
+        "Corrections of the truth",
+        "A wrong focal length, clock or shutter looks like an error of tracks. The audit fits such faults to the "
+        "errors of all trackers.",
+        ("audit_curves:figures", "two_truths:figures"),
+        of_errors=True,
+    ),
+    Family(
         "pose-errors",
         "Pose errors",
         "An error of the stated poses moves all features of a frame together, as a motion of the camera does. The "

@@ -1,0 +1,48 @@
+"""Images of a rolling shutter, from the renderer to the audit: what is stated, hidden and corrected."""
+
+import polars as pl
+import pytest
+
+import tracknoise as tn
+from tracknoise.sequences.fault_options import Faults
+from tracknoise.sequences.simulated import Simulated
+from tracknoise.simulation.imaging import Imaging
+
+READOUT_S = 0.03
+
+
+def measured(*, hidden: bool, corrections: tn.Corrections | None = None):
+    imaging = Imaging(readout_s=READOUT_S, rate_hz=30.0)
+    size = {"frames": 40, "width": 320, "height": 240, "supersampling": 1}
+    reader = Simulated(motions=("arvr",), imaging=imaging, faults=Faults(hide_shutter=hidden), **size)
+    sequence = reader.open(reader.sequences()[0])
+    changes = {} if corrections is None else {"corrections": corrections}
+    return tn.measure(sequence, tn.LucasKanade(), truth="birth", **changes)
+
+
+def typical_px(measurement) -> float:
+    errors = measurement.observations.filter(pl.col("truth") == "valid", age=6)
+    return errors.select(pl.col("du_px", "dv_px").abs().median()).sum_horizontal().item()
+
+
+@pytest.fixture(scope="module")
+def stated():
+    return measured(hidden=False)
+
+
+@pytest.fixture(scope="module")
+def hidden():
+    return measured(hidden=True)
+
+
+def test_a_global_shutter_for_rolling_images_shows_in_the_errors_until_it_is_corrected(stated, hidden):
+    corrected = measured(hidden=True, corrections=tn.Corrections(readout_s=READOUT_S))
+    assert typical_px(hidden) > 1.3 * typical_px(stated)
+    assert typical_px(corrected) == pytest.approx(typical_px(stated), abs=1e-9)
+
+
+def test_the_audit_finds_the_readout_that_was_hidden_and_nothing_where_it_is_stated(stated, hidden):
+    assert tn.analyse([stated]).audit() == ["No fault of the stated truth was found."]
+    audit = tn.analyse([hidden]).table("audit").filter(family="named", parameter="readout")
+    (row,) = audit.to_dicts()
+    assert row["low"] < 1e3 * READOUT_S < row["high"]

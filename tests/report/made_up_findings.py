@@ -9,6 +9,7 @@ from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.table import headline_table
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
+from tracknoise.tables.audit_schema import AUDIT, AUDIT_CURVES
 from tracknoise.tables.findings_schema import (
     DEPENDENCE,
     GAUSSIANITY,
@@ -26,6 +27,7 @@ from tracknoise.tables.schema import CAUSES, Schema, empty
 
 BANDS = ((1, 4), (5, 9), (10, 19))
 PROBABILITIES = (0.1, 0.25, 0.5, 0.75, 0.9, 0.99, 0.999)
+AUDITED = "The focal length is 10 % too long (100 ± 2 px instead of 110)."
 FEW = "a test at 5 % needs at least 6 scenes; found {} scenes"
 
 
@@ -43,6 +45,8 @@ def made_up(tables: Mapping[str, pl.DataFrame], *, scope: ReportedConditions) ->
         "rigid_share": rigid_share(tables["curves"]),
         "pose_law": pose_law(tables["curves"]),
         "tracker_differences": tracker_differences(tables["curves"]),
+        "audit": audit(),
+        "audit_curves": audit_curves(tables["curves"]),
     }
     found["findings"] = headline_table({**tables, **found}, scope)
     return found
@@ -236,6 +240,34 @@ def tracker_differences(curves: pl.DataFrame) -> pl.DataFrame:
         resampled=_resampled(TRACKER_DIFFERENCES),
     )  # fmt: skip
     return _typed(table, TRACKER_DIFFERENCES)
+
+
+def audit() -> pl.DataFrame:
+    """A focal length that is wrong: the parameter alone, and all faults together."""
+    shared = {"dataset": "made-up", "parameter": "focal_length", "component": "", "unit": "px", "stated": 110.0}
+    numbers = {"value": 100.0, "low": 98.0, "high": 102.0, "level": 0.95, "n_units": 8, "gain": 0.2, "condition": 1.0}
+    alone = {"family": "alone", "rank": 1, "verdict": "fault", "text": AUDITED}
+    rows = [{**shared, **numbers, **more} for more in (alone, {"family": "named"})]
+    return pl.DataFrame(rows, schema=dict(AUDIT)).with_columns(resampled=pl.lit("blocks", dtype=AUDIT["resampled"]))
+
+
+def audit_curves(curves: pl.DataFrame) -> pl.DataFrame:
+    """Errors that the correction halves."""
+    rows = [
+        {
+            "dataset": "made-up",
+            "tracker": tracker,
+            "correction": correction,
+            "age": age,
+            "n": 50,
+            **{f"{name}_{axis}_px": factor * age for name in ("mean", "core") for axis in "uv"},
+            **dict.fromkeys(("second_uu", "second_vv"), (factor * age) ** 2),
+        }
+        for tracker in curves["tracker"].unique().sort()
+        for correction, factor in (("measured", 0.1), ("focal_length", 0.05), ("all", 0.05))
+        for age in (1, 4, 8)
+    ]
+    return pl.DataFrame(rows, schema=dict(AUDIT_CURVES))
 
 
 def _at_ages(curves: pl.DataFrame) -> pl.DataFrame:

@@ -93,7 +93,7 @@ def _panel(points: pl.DataFrame, surrounding: Surrounding, row: str, colours: di
     )
     shift = alt.XOffset("coordinate:N", sort=list(colours), scale=alt.Scale(paddingOuter=0.2))
     hue, opacity = marks.colour("coordinate", colours, "error"), marks.opacity("coordinate")
-    drawn = table.select("class", "coordinate", "n", "value", "low", "high")
+    drawn = (table if row == "mean" else _positive(table)).select("class", "coordinate", "n", "value", "low", "high")
     base = alt.Chart(marks.rows(drawn)).encode(x=x, xOffset=shift, color=hue, opacity=opacity)
     tips = [
         alt.Tooltip(f"{name}:{kind}")
@@ -104,6 +104,13 @@ def _panel(points: pl.DataFrame, surrounding: Surrounding, row: str, colours: di
     chart = layered(dot, bar, *_zero(row))
     width = _WIDTHS.get(surrounding, 210)
     return Panel(chart.properties(width=width, height=170), (marks.shown("coordinate", colours),))
+
+
+def _positive(table: pl.DataFrame) -> pl.DataFrame:
+    """Rows that a logarithmic axis can show; bounds of zero begin below all values."""
+    known = table.filter(pl.col("value") > 0)
+    least = known["value"].min()
+    return known if least is None else known.with_columns(pl.col("low", "high").clip(lower_bound=float(least) / 10.0))  # type: ignore[arg-type]
 
 
 def _scale(points: pl.DataFrame, row: str) -> alt.Scale:

@@ -1,0 +1,59 @@
+"""The section on how much of the errors is the truth's."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import polars as pl
+import pytest
+from tests.report.made_up_findings import AUDITED
+
+from tracknoise.report.report_data import ReportData
+from tracknoise.report.truth_section import corrections, tables, verdicts
+from tracknoise.tables.store import RunFolder
+
+
+@pytest.fixture(scope="module")
+def data(make_run: Callable[..., RunFolder]) -> ReportData:
+    return ReportData.of(make_run(scenes=("only",), trackers=("one",), speeds=(1,), n_frames=14))
+
+
+def with_floor(data: ReportData, share: float) -> ReportData:
+    """The run with a floor of this share of the second moment of every point."""
+    second = data.curves.filter(statistic="Phi", population=data.population, trimming="untrimmed", weighting="features")
+    floor = second.select(
+        *[name for name in data.floor.columns if name in second.columns],
+        source=pl.lit("all", dtype=data.floor.schema["source"]),
+        floor_uu=share * pl.col("u"),
+        floor_uv=pl.lit(0.0),
+        floor_vv=share * pl.col("v"),
+        mean_u_px=pl.lit(0.0),
+        mean_v_px=pl.lit(0.0),
+    )
+    return replace(data, floor=floor.select(data.floor.columns).cast(dict(data.floor.schema)))
+
+
+def test_it_begins_with_what_the_audit_found_and_how_to_correct_it(data: ReportData) -> None:
+    assert verdicts(data)[0] == AUDITED
+    assert corrections(data) == "[truth.corrections]\nfocal_scale = 0.90909"
+    assert len(tables(data)[0].rows) == 2
+
+
+@pytest.mark.parametrize(
+    ("share", "limit"),
+    [
+        (0.0, "The truth is stated to be exact"),
+        (0.25, "Less than half of the second moment can be the truth's up to age"),
+        (0.75, "Do not take a covariance from this recording"),
+    ],
+)
+def test_it_says_what_errors_of_the_truth_can_cause(data: ReportData, share: float, limit: str) -> None:
+    (found,) = verdicts(with_floor(data, share))[1:]
+    assert limit in found
+    if share:
+        error_px, floor_px = (float(found.split(" px of one")[0].split()[place]) for place in (-1, -4))
+        assert floor_px == pytest.approx(error_px * share**0.5, abs=0.1)  # as printed
+
+
+def test_without_a_stated_accuracy_there_is_no_floor(data: ReportData) -> None:
+    (found,) = verdicts(replace(data, floor=data.floor.clear()))[1:]
+    assert "is not stated, so that there is no truth floor" in found

@@ -22,7 +22,7 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from tracknoise.audit.rigid import rigid_tables
+from tracknoise.audit.pose_errors.rigid import rigid_tables
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.frame_geometry import FrameGeometry
 from tracknoise.geometry.pose import invert, transform

@@ -51,7 +51,7 @@ def test_it_says_what_errors_of_the_truth_can_cause(data: ReportData, share: flo
     assert limit in found
     if share:
         error_px, floor_px = (float(found.split(" px of one")[0].split()[place]) for place in (-1, -4))
-        assert floor_px == pytest.approx(error_px * share**0.5, abs=0.1)  # as printed
+        assert floor_px == pytest.approx(error_px * share**0.5, abs=0.2)  # as printed
 
 
 def test_without_a_stated_accuracy_there_is_no_floor(data: ReportData) -> None:

@@ -5,8 +5,8 @@ from typing import TypedDict, Unpack
 
 import polars as pl
 
-from tracknoise.audit.pose_law import pose_law
-from tracknoise.audit.rigid_share import rigid_share
+from tracknoise.audit.pose_errors.pose_law import pose_law
+from tracknoise.audit.pose_errors.rigid_share import rigid_share
 from tracknoise.experiments.analysis.finding_inputs import FindingInputs
 from tracknoise.experiments.analysis.freed_memory import keep_freed_memory
 from tracknoise.experiments.analysis.groups_of_scenes import groups_of_scenes

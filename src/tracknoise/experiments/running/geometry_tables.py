@@ -3,7 +3,7 @@
 import numpy as np
 import polars as pl
 
-from tracknoise.audit.rigid import rigid_tables
+from tracknoise.audit.pose_errors.rigid import rigid_tables
 from tracknoise.experiments.audit_inputs import audit_samples, cameras_table
 from tracknoise.experiments.frame_geometry import frame_geometry
 from tracknoise.experiments.settings import SYNTHETIC, Experiment

@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.audit.pose_law import pose_law
+from tracknoise.audit.pose_errors.pose_law import pose_law
 from tracknoise.tables.schema import POSE_GROWTH
 
 LAGS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 48)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
-from tracknoise.audit.rigid_rows import REACH, RigidRows
+from tracknoise.audit.pose_errors.rigid_rows import REACH, RigidRows
 
 PRIOR = 1.0
 """Standard deviation of a pose error before any track is seen: rad, and units of length."""

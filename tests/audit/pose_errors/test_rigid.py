@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 from benchmarks.validity.rigid import CAMERA, TRACKERS, by_hand, observed, pose_noise, prepared, tables
 
-from tracknoise.audit.rigid import rigid_tables
+from tracknoise.audit.pose_errors.rigid import rigid_tables
 from tracknoise.geometry.frame_geometry import FrameGeometry
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.statistics.prepared import prepare_sequence

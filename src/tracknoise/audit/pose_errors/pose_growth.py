@@ -16,7 +16,7 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy import special
 
-from tracknoise.audit.motions import adjoints
+from tracknoise.audit.pose_errors.motions import adjoints
 from tracknoise.geometry.pose import invert
 from tracknoise.statistics.definitions import STEPS
 from tracknoise.tables.defaults import LEVEL

@@ -2,7 +2,7 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from tracknoise.audit.motions import adjoints
+from tracknoise.audit.pose_errors.motions import adjoints
 
 
 def matrix(motion):

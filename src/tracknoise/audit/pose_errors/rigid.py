@@ -1,7 +1,7 @@
 """The rigid share: how much of the errors is a motion of the camera that the stated poses do not have.
 
-One small pose error per frame is fitted to half of the tracks (`tracknoise.audit.rigid_fit`) and predicts the errors of
-the other half. With the error e of a track and the prediction p from the other half,
+One small pose error per frame is fitted to half of the tracks (`tracknoise.audit.pose_errors.rigid_fit`) and predicts
+the errors of the other half. With the error e of a track and the prediction p from the other half,
 
     share = sum(e p) / sum(e e)    (rigid.share)
 
@@ -23,10 +23,10 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.audit.motions import adjoints
-from tracknoise.audit.pose_growth import pose_growth
-from tracknoise.audit.rigid_fit import Normal, normal_equations, predicted, robust_weights
-from tracknoise.audit.rigid_rows import RigidRows, TrackPoints, rigid_rows
+from tracknoise.audit.pose_errors.motions import adjoints
+from tracknoise.audit.pose_errors.pose_growth import pose_growth
+from tracknoise.audit.pose_errors.rigid_fit import Normal, normal_equations, predicted, robust_weights
+from tracknoise.audit.pose_errors.rigid_rows import RigidRows, TrackPoints, rigid_rows
 from tracknoise.geometry.frame_geometry import FrameGeometry
 from tracknoise.statistics.blocks import BLOCKS
 from tracknoise.statistics.definitions import STEPS

@@ -19,7 +19,9 @@ def data(make_run: Callable[..., RunFolder]) -> ReportData:
 
 def with_floor(data: ReportData, share: float) -> ReportData:
     """The run with a floor of this share of the second moment of every point."""
-    second = data.curves.filter(statistic="Phi", population=data.population, trimming="untrimmed", weighting="features")
+    second = data.curves.filter(
+        statistic="Phi", population=data.population, trimming=data.trimming, weighting="features"
+    )
     floor = second.select(
         *[name for name in data.floor.columns if name in second.columns],
         source=pl.lit("all", dtype=data.floor.schema["source"]),

@@ -10,7 +10,7 @@ from tracknoise.geometry.double_sphere import DoubleSphereCamera
 from tracknoise.geometry.fisheye import EquidistantCamera
 from tracknoise.geometry.lenses import coefficients_of, model_of
 from tracknoise.geometry.pose import invert, transform
-from tracknoise.sequences.sequence import TRIANGULATED, Sequence, camera_at, shutter_of
+from tracknoise.sequences.sequence import TRIANGULATED, Sequence, camera_at, shutter_of, times_of
 from tracknoise.statistics.audit_samples import audited_observations
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.audit_schema import AUDIT_SAMPLES, CAMERAS
@@ -22,7 +22,7 @@ _SIGHT = ("u_birth_px", "v_birth_px", "depth_m")
 
 def cameras_table(sequence: Sequence, n_frames: int) -> pl.DataFrame:
     """Table `CAMERAS` of the first frames of a sequence."""
-    times, shutter = getattr(sequence, "timestamps_s", None), shutter_of(sequence)
+    times, shutter = times_of(sequence), shutter_of(sequence)
     constant = {name: getattr(sequence.id, name) for name in SEQUENCE}
     rows = [
         {
@@ -76,7 +76,7 @@ def audit_samples(sequence: Sequence, prepared: PreparedSequence, truth: str) ->
 
 def _times(sequence: Sequence, frames: pl.Series) -> pl.Series:
     """Times of frames, seconds; null where they are unknown."""
-    times: NDArray[np.float64] | None = getattr(sequence, "timestamps_s", None)  # other packages may lack it
+    times = times_of(sequence)
     if times is None:
         return pl.Series([None] * len(frames), dtype=pl.Float64)
     return pl.Series(times[frames.to_numpy().astype(np.intp)], dtype=pl.Float64)

@@ -33,6 +33,15 @@ BEHAVIOUR = pl.Enum(Behaviour)
 SHAPE = pl.Enum(Shape)
 CAUSE = pl.Enum(CAUSES)
 
+_ESTIMATED: Schema = {
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "kind": INTERVAL_KIND,
+    "level": pl.Float64,
+    "resampled": RESAMPLED,
+    "n_units": pl.Int32,
+    "n_scenes": pl.Int32,
+}
 _POOLED: Schema = {"dataset": pl.String, **CONDITION}
 
 INTERVALS: Schema = {
@@ -48,13 +57,7 @@ INTERVALS: Schema = {
     "coordinate": pl.String,
     "unit": pl.String,
     "value": pl.Float64,
-    "low": pl.Float64,
-    "high": pl.Float64,
-    "kind": INTERVAL_KIND,
-    "level": pl.Float64,
-    "resampled": RESAMPLED,
-    "n_units": pl.Int32,
-    "n_scenes": pl.Int32,
+    **_ESTIMATED,
     "spread": pl.Float64,
     "next_low": pl.Float64,
     "next_high": pl.Float64,
@@ -80,13 +83,7 @@ INCIDENCE: Schema = {
     "cause": CAUSE,
     "lifetime": pl.Int64,
     "incidence": pl.Float64,
-    "low": pl.Float64,
-    "high": pl.Float64,
-    "kind": INTERVAL_KIND,
-    "level": pl.Float64,
-    "resampled": RESAMPLED,
-    "n_units": pl.Int32,
-    "n_scenes": pl.Int32,
+    **_ESTIMATED,
 }
 """Share of all tracks that have ended by a cause up to and including a lifetime: one row per cause and lifetime.
 
@@ -96,13 +93,7 @@ incidence is 0 or 1, or nothing can be resampled.
 
 _ESTIMATE: Schema = {
     "value": pl.Float64,
-    "low": pl.Float64,
-    "high": pl.Float64,
-    "kind": INTERVAL_KIND,
-    "level": pl.Float64,
-    "resampled": RESAMPLED,
-    "n_units": pl.Int32,
-    "n_scenes": pl.Int32,
+    **_ESTIMATED,
 }
 
 TWO_TRUTHS: Schema = {
@@ -147,13 +138,7 @@ TRIANGULATED_NOISE: Schema = {
     "coordinate": pl.String,
     "n": pl.Int64,
     "sigma_px": pl.Float64,
-    "low": pl.Float64,
-    "high": pl.Float64,
-    "kind": INTERVAL_KIND,
-    "level": pl.Float64,
-    "resampled": RESAMPLED,
-    "n_units": pl.Int32,
-    "n_scenes": pl.Int32,
+    **_ESTIMATED,
 }
 """Noise of tracks whose true positions are triangulated: standard deviation of one coordinate of a position, px.
 
@@ -172,13 +157,7 @@ WINDOW_SIGMAS: Schema = {
     "quantity": pl.String,
     "n": pl.Int64,
     "value": pl.Float64,
-    "low": pl.Float64,
-    "high": pl.Float64,
-    "kind": INTERVAL_KIND,
-    "level": pl.Float64,
-    "resampled": RESAMPLED,
-    "n_units": pl.Int32,
-    "n_scenes": pl.Int32,
+    **_ESTIMATED,
 }
 """The noise to give to an estimator, by length of its windows: see `tracknoise.noise_models.window_noise`.
 
@@ -190,13 +169,7 @@ POINT_TRACKING_METRICS: Schema = {
     "raster": pl.String,
     "metric": pl.String,
     "value": pl.Float64,
-    "low": pl.Float64,
-    "high": pl.Float64,
-    "kind": INTERVAL_KIND,
-    "level": pl.Float64,
-    "resampled": RESAMPLED,
-    "n_units": pl.Int32,
-    "n_scenes": pl.Int32,
+    **_ESTIMATED,
 }
 """Metrics of TAP-Vid and expected feature age: means over sequences, as benchmarks report them.
 
@@ -415,13 +388,7 @@ RIGID_SHARE: Schema = {
     "second_px2": pl.Float64,
     "left_px2": pl.Float64,
     "share": pl.Float64,
-    "low": pl.Float64,
-    "high": pl.Float64,
-    "kind": INTERVAL_KIND,
-    "level": pl.Float64,
-    "resampled": RESAMPLED,
-    "n_units": pl.Int32,
-    "n_scenes": pl.Int32,
+    **_ESTIMATED,
 }
 """Share of the second moment of the errors that one small pose error per frame explains, by age.
 
@@ -438,13 +405,7 @@ POSE_LAW: Schema = {
     "unit": pl.String,
     "n": pl.Int64,
     "value": pl.Float64,
-    "low": pl.Float64,
-    "high": pl.Float64,
-    "kind": INTERVAL_KIND,
-    "level": pl.Float64,
-    "resampled": RESAMPLED,
-    "n_units": pl.Int32,
-    "n_scenes": pl.Int32,
+    **_ESTIMATED,
 }
 """Growth law of the errors of the stated poses, fitted to `POSE_GROWTH`: one row per motion and part of the law.
 
@@ -462,13 +423,7 @@ TRACKER_DIFFERENCES: Schema = {
     "unit": pl.String,
     "n": pl.Int64,
     "value": pl.Float64,
-    "low": pl.Float64,
-    "high": pl.Float64,
-    "kind": INTERVAL_KIND,
-    "level": pl.Float64,
-    "resampled": RESAMPLED,
-    "n_units": pl.Int32,
-    "n_scenes": pl.Int32,
+    **_ESTIMATED,
     "established": pl.Boolean,
 }
 """Differences of the errors of two trackers at the same corners and in the same frames: `tracker` minus `other`.
@@ -477,15 +432,6 @@ statistic is `mean` (px) or `central`, the covariance of the differences (px^2):
 truth cancels in the difference. established states whether a mean differs from 0 at the level of the row, with
 Bonferroni's correction for all ages and both coordinates of the two trackers; it is null for covariances.
 """
-_ESTIMATED: Schema = {
-    "low": pl.Float64,
-    "high": pl.Float64,
-    "kind": INTERVAL_KIND,
-    "level": pl.Float64,
-    "resampled": RESAMPLED,
-    "n_units": pl.Int32,
-    "n_scenes": pl.Int32,
-}
 
 SURROUNDING_ERRORS: Schema = {
     **_POOLED,

@@ -24,7 +24,7 @@ from scipy import stats
 from tracknoise.findings.intervals.condition_table import Sampling, condition_table, estimated
 from tracknoise.findings.sampling.bounds import Method, pooled
 from tracknoise.findings.sampling.draws import N_DRAWS, Draws
-from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
+from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups, scheme
 from tracknoise.findings.sampling.units import Units, units_of
 from tracknoise.statistics.conditions import Condition, Tables, TablesByCondition, by_condition
 from tracknoise.statistics.definitions import POOLED
@@ -88,11 +88,17 @@ def window_sigmas(
         If there is no such kind, or the level is not between 0 and 1.
     """
     conditions = by_condition(windows, WINDOW_NOISE, "window noise")
-    of_blocks = by_condition(blocks, WINDOW_BLOCKS, "window blocks")
+    few = any(_has_few_scenes(key, part, groups) for key, part in conditions.items())
+    of_blocks = by_condition(blocks if few else (), WINDOW_BLOCKS, "window blocks")
     keyed = {key: part.with_columns(_condition=pl.lit(place)) for place, (key, part) in enumerate(conditions.items())}
     rows = partial(_rows, list(keyed), of_blocks, groups)
     table = condition_table(keyed, WINDOW_SIGMAS, rows, Sampling(kind, level, groups, n_draws, seed))
     return check(table.sort(*POOLED, *_POINT, "quantity"), WINDOW_SIGMAS, "window sigmas")
+
+
+def _has_few_scenes(key: Condition, windows: pl.DataFrame, groups: SceneGroups) -> bool:
+    """Whether blocks are resampled, because scenes cannot be. Only then blocks are read: they are many."""
+    return scheme(groups.of(key[0], windows["scene"].unique().sort().to_list())) is None
 
 
 def _rows(

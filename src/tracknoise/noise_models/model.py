@@ -1,0 +1,142 @@
+"""What is known of the noise of one tracker at one speed, as an estimator needs it.
+
+The error of an observation about the first position of its track, at age k >= 1, is modelled as
+
+    e_k = M_k a + w_k + sum_{1 <= i <= k} (M_k / M_i) q_i + k d                          (noise_model.error)
+
+with the magnification of the image about the point since birth, M_k = Z_0 / Z_k; a of covariance A (the error of the
+first position, its sign turned), w_k of covariance W (independent in each frame), q_i of covariance Q (walk) and d of
+covariance D (drift, constant in a track).
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Landmark(StrEnum):
+    """How an estimator uses the first observation of a track."""
+
+    FREE = "free"
+    """The 3-D point is solved for, and the first observation has a residual like any other."""
+    EXACT = "exact"
+    """The first observation is taken as true."""
+    STATE = "state"
+    """The first direction is a state with a prior."""
+
+
+class Purpose(StrEnum):
+    """What one standard deviation is to make right."""
+
+    INNOVATIONS = "innovations"
+    """Normalised innovations or residuals are as large as their degrees of freedom."""
+    ALL_POSES = "all_poses"
+    """The covariance of all poses of a window is right on average."""
+    NEWEST_POSE = "newest_pose"
+    """The covariance of the newest pose is right."""
+    DEPTH = "depth"
+    """The covariance of the depth of triangulated points is right."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Interval:
+    """A value with the bounds of its interval, all in the same unit. Bounds are None where there is no interval."""
+
+    value: float
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Component:
+    """A covariance of `noise_model.error`.
+
+    Parameters
+    ----------
+    covariance
+        (2, 2) float64, px^2 at full resolution; of the walk px^2 per frame, of the drift px^2 per frame^2. Zero if the
+        component was dropped.
+    sigma
+        The square root of half its trace, px, with its interval over scenes.
+    why_dropped
+        A sentence, if the component was dropped.
+    """
+
+    covariance: NDArray[np.float64]
+    sigma: Interval
+    why_dropped: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Equivalent:
+    """One standard deviation for all observations, and what it makes right.
+
+    Parameters
+    ----------
+    landmark, purpose
+        Estimators and uses it is right for.
+    window
+        Length of the window, frames.
+    sigma
+        Standard deviation of each coordinate, px at full resolution.
+    gate_95, gate_99
+        What to multiply a chi-square gate at .95 or .99 by, so that it lets through that share of good tracks.
+    """
+
+    landmark: Landmark
+    purpose: Purpose
+    window: int
+    sigma: Interval
+    gate_95: float
+    gate_99: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tails:
+    """Student t of the errors, untrimmed: `nu` degrees of freedom, and the scale of the core, px (2-D, per axis).
+
+    ``nu`` is infinite where the Gaussian describes the errors at least as well.
+    """
+
+    nu: float
+    core_sigma: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraOfModel:
+    """The camera of the recordings a model was fitted to: image size and focal length in px, rate in Hz if known."""
+
+    width: int
+    height: int
+    focal_px: float
+    rate_hz: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Training:
+    """What a model was fitted to.
+
+    Parameters
+    ----------
+    dataset, tracker, speed
+        Names as in the run; speed in frames of the recording per processed frame.
+    tracker_settings
+        Resolved options of the tracker, as in ``experiment.toml``.
+    scenes
+        Names of the scenes.
+    n_tracks, n_observations
+        Counts of what was fitted.
+    ages
+        First and last age that were fitted, frames.
+    """
+
+    dataset: str
+    tracker: str
+    speed: float
+    tracker_settings: dict[str, object]
+    scenes: tuple[str, ...]
+    n_tracks: int
+    n_observations: int
+    ages: tuple[int, int]

@@ -12,6 +12,8 @@ from tracknoise.tables.defaults import LEVEL
 from tracknoise.tables.enumerations import ComparedAges
 
 _KEYS = ("tolerances", "trackers", "speeds", "level", "ages")
+_MOST = 1000
+"""Largest tolerance."""
 
 
 def read_gate(path: Path) -> Gate:
@@ -55,8 +57,10 @@ def _tolerances(path: Path, found: object) -> dict[str, float]:
     for name, value in found.items():
         if name not in ESTIMANDS:
             raise UnknownNameError(f"statistic in {path}", name, ESTIMANDS)
-        if not _is_number(value) or not 0 < value < float("inf"):
-            raise SettingsError(f"{path}: tolerances.{name}: found {value!r}, expected a number above 0")
+        if not _is_number(value) or not 0 < value <= _MOST:
+            raise SettingsError(
+                f"{path}: tolerances.{name}: found {value!r}, expected a number above 0, at most {_MOST}"
+            )
     return {name: float(value) for name, value in found.items()}
 
 

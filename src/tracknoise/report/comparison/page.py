@@ -15,6 +15,7 @@ from tracknoise.report.comparison.words import (
     condition_words,
     effect_words,
     gate_sentences,
+    intervals_words,
     varying,
     where_words,
 )
@@ -38,6 +39,7 @@ class _Line:
 @dataclass(frozen=True, slots=True)
 class _Condition:
     title: str
+    intervals: str
     lines: Sequence[_Line]
 
 
@@ -60,17 +62,12 @@ def comparison_page(comparison: Comparison) -> str:
 
 def _conditions(comparison: Comparison, rows: Sequence[Row]) -> list[_Condition]:
     named = varying(rows)
-    return [
-        _Condition(
-            condition_words(of, named),
-            [
-                _Line(row, row.estimand, effect_words(row), where_words(row), plot_of(row))
-                for row in rows
-                if row.of == of
-            ],
-        )
-        for of in dict.fromkeys(row.of for row in rows)
-    ]
+    conditions = []
+    for of in dict.fromkeys(row.of for row in rows):
+        shown = [row for row in rows if row.of == of]
+        lines = [_Line(row, row.estimand, effect_words(row), where_words(row), plot_of(row)) for row in shown]
+        conditions.append(_Condition(condition_words(of, named), intervals_words(shown, comparison.level), lines))
+    return conditions
 
 
 def _estimands(rows: Sequence[Row]) -> list[Estimand]:

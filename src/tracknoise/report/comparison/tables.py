@@ -2,11 +2,20 @@
 
 from collections.abc import Sequence
 
-from tracknoise.findings.comparison.result import Comparison, GateResult, Row
+from tracknoise.findings.comparison.result import Comparison, GateResult, GateRow, Row
 from tracknoise.findings.wording import DASH
 from tracknoise.report.cells import Cells
-from tracknoise.report.comparison.words import condition_words, effect_words, tolerance_words, varying, where_words
+from tracknoise.report.comparison.words import (
+    condition_words,
+    effect_words,
+    intervals_words,
+    tolerance_words,
+    varying,
+    where_words,
+)
 
+_HEADINGS = ("statistic", "verdict", "change (interval)", "where", "scenes", "remark")
+_NUMERIC = (False, False, True, False, True, False)
 _GATE_HEADINGS = ("statistic", "outcome", "change (interval)", "tolerance", "why undecided")
 
 
@@ -23,16 +32,14 @@ def verdict_cells(comparison: Comparison, run: str, rows: Sequence[Row]) -> list
         Its rows.
     """
     named = varying(rows)
-    conditions = dict.fromkeys(row.of for row in rows)
-    return [
-        Cells(
-            f"{run} compared with {comparison.first.name}: {condition_words(of, named)}",
-            ["statistic", "verdict", f"change ({100 * comparison.level:g} % interval)", "where", "scenes", "remark"],
-            [_cells(row) for row in rows if row.of == of],
-            [False, False, True, False, True, False],
-        )
-        for of in conditions
-    ]
+    tables = []
+    for of in dict.fromkeys(row.of for row in rows):
+        shown = [row for row in rows if row.of == of]
+        intervals = intervals_words(shown, comparison.level)
+        title = f"{run} compared with {comparison.first.name}: {condition_words(of, named)}"
+        caption = f"{title} ({intervals})" if intervals else title
+        tables.append(Cells(caption, _HEADINGS, [_cells(row) for row in shown], _NUMERIC))
+    return tables
 
 
 def _cells(row: Row) -> list[str]:
@@ -42,11 +49,11 @@ def _cells(row: Row) -> list[str]:
 
 def gate_cells(result: GateResult) -> Cells:
     """The rows of a gate."""
-    runs = {row.of.run for row in result.rows}
-    conditions = {row.of for row in result.rows}
+    named = varying(result.rows)
+    several = len({row.of for row in result.rows}) > 1
     rows = [
         [
-            *([f"{row.of.run}: {condition_words(row.of, ('speed', 'lighting'))}"] if len(conditions) > 1 else []),
+            *([_condition(row, named)] if several else []),
             row.estimand.title,
             row.outcome,
             effect_words(row),
@@ -55,6 +62,10 @@ def gate_cells(result: GateResult) -> Cells:
         ]
         for row in result.rows
     ]
-    first = ["run and condition" if len(runs) > 1 else "condition"] if len(conditions) > 1 else []
-    headings = [*first, *_GATE_HEADINGS]
+    headings = [*(["condition"] if several else []), *_GATE_HEADINGS]
     return Cells("Gate", headings, rows, [name in _GATE_HEADINGS[2:4] for name in headings])
+
+
+def _condition(row: GateRow, named: Sequence[str]) -> str:
+    words = condition_words(row.of, named)
+    return f"{row.of.run}: {words}" if "run" in named else words

@@ -5,7 +5,7 @@ from dataclasses import fields
 
 from tracknoise.findings.comparison.estimands import Estimand, Unit
 from tracknoise.findings.comparison.result import Compared, Comparison, GateResult, GateRow, Row
-from tracknoise.findings.wording import DASH, MINUS, SPACE, listing, number, pixels, sentence_case
+from tracknoise.findings.wording import DASH, MINUS, SPACE, count, interval_text, listing, number, pixels, sentence_case
 from tracknoise.tables.enumerations import Axis, ChangeVerdict
 
 OUTCOMES = {
@@ -63,20 +63,23 @@ def condition_words(of: Compared, varying: Sequence[str]) -> str:
     return ", ".join([trackers, *parts])
 
 
-def varying(rows: Sequence[Row]) -> list[str]:
+def varying(rows: Sequence[Row | GateRow]) -> list[str]:
     """Fields of the conditions that have several values."""
     names = [field.name for field in fields(Compared)]
     return [name for name in names if len({getattr(row.of, name) for row in rows}) > 1]
 
 
 def answers(rows: Sequence[Row]) -> list[str]:
-    """One sentence per verdict that occurs, which names its statistics."""
+    """One sentence per verdict that occurs: its statistics, or how many rows have no difference or are undecided."""
     named = varying(rows)
+    several = len({row.of for row in rows}) > 1
     sentences = []
     for verdict in ChangeVerdict:
         found = [_named(row, named) for row in rows if row.verdict == verdict]
+        if several and verdict in (ChangeVerdict.none, ChangeVerdict.undecided):
+            found = [f"{len(found)} of {count(len(rows), 'row')}"] if found else []
+        rest = [f"{len(found) - _MOST_NAMED} more"] if len(found) > _MOST_NAMED else []
         if found:
-            rest = [f"{len(found) - _MOST_NAMED} more"] if len(found) > _MOST_NAMED else []
             sentences.append(f"{sentence_case(verdict)}: {listing([*found[:_MOST_NAMED], *rest])}.")
     return sentences
 
@@ -95,6 +98,14 @@ def clearest(rows: Sequence[Row]) -> list[str]:
 def gate_sentences(result: GateResult) -> list[str]:
     """The outcome, and what is missing."""
     return [OUTCOMES[result.outcome], *(f"{sentence_case(reason.removesuffix('.'))}." for reason in result.missing)]
+
+
+def intervals_words(rows: Sequence[Row], level: float) -> str:
+    """How the intervals of a condition were made; empty where there are none."""
+    made = [row for row in rows if row.resampled is not None and row.effect is not None]
+    if not made:
+        return ""
+    return interval_text(level, str(made[0].resampled), [row.n_scenes for row in made])
 
 
 def by_run(comparison: Comparison) -> dict[str, list[Row]]:

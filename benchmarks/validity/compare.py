@@ -1,13 +1,13 @@
 """How often a comparison of two runs says worse or better where nothing differs, and where a change is known.
 
-    python -m benchmarks.validity.compare FIRST SECOND [--runs N] [--margin M]     # two finished runs on the same scenes
-    python -m benchmarks.validity.compare --seeds N --out FOLDER                   # measures N runs with other seeds
-    python -m benchmarks.validity.compare --edge N                                 # made-up changes at the margin
+    python -m benchmarks.validity.compare FIRST SECOND [--swaps N]     # two finished runs on the same scenes
+    python -m benchmarks.validity.compare --seeds N --out FOLDER       # measures N runs with other seeds
+    python -m benchmarks.validity.compare --edge N                     # made-up changes at the margin
 
-The first form swaps both runs in each scene by chance. What is left of their differences is chance alone, as large as the
-differences that they have. Printed is the share of such comparisons in which any statistic is worse or better, and the
-verdicts without swaps. The second form compares every two of N runs of the same settings, which differ in their random
-seed. The third draws changes of many statistics whose true size is the margin, where a wrong claim is the most likely.
+The first form swaps both runs in each scene by chance. What is left of their differences is chance alone, as large as
+the differences that they have. Printed is the share of such comparisons in which any statistic is worse or better, and
+the verdicts without swaps. The second form compares every two of N runs of the same settings, which differ in their
+random seed. The third draws changes whose true size is the margin, where a wrong claim is the most likely.
 """
 
 import argparse
@@ -25,7 +25,7 @@ from tracknoise.experiments.comparing.questions import questions
 from tracknoise.experiments.running.execute import execute
 from tracknoise.experiments.settings import parse_experiment
 from tracknoise.findings.comparison.asked import Asked
-from tracknoise.findings.comparison.paired_values import NO_PLACES, PairedValues
+from tracknoise.findings.comparison.paired_values import PairedValues
 from tracknoise.findings.comparison.result import Compared, Row
 from tracknoise.findings.comparison.verdicts import verdicts
 from tracknoise.tables.enumerations import ChangeVerdict
@@ -121,9 +121,9 @@ def edge(runs: int, *, margin: float, seed: int) -> None:
         asked = []
         for _ in range(_STATISTICS):
             noise = 0.1 * rng.standard_normal((_SCENES, 1)) + 0.05 * rng.standard_normal((_SCENES, _AGES))
-            there = np.ones(_SCENES, dtype=np.bool_), np.zeros(_AGES, dtype=np.bool_)
-            values = PairedValues(np.log1p(margin) + noise, *there, np.arange(_AGES))
-            asked.append(Asked(of, "core", replace(values, places=NO_PLACES), names, np.arange(_SCENES)))
+            both, unlike = np.ones(_SCENES, dtype=np.bool_), np.zeros(_AGES, dtype=np.bool_)
+            values = PairedValues(np.log1p(margin) + noise, both, unlike, np.arange(1, _AGES + 1))
+            asked.append(Asked(of, "core", values, names, np.arange(_SCENES), "age"))
         rows = verdicts(asked, margin=margin)
         wrong["changed"] += any(row.verdict in _CHANGED for row in rows)
         wrong["none"] += any(row.verdict == ChangeVerdict.none for row in rows)

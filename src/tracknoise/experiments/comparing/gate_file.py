@@ -58,9 +58,7 @@ def _tolerances(path: Path, found: object) -> dict[str, float]:
         if name not in ESTIMANDS:
             raise UnknownNameError(f"statistic in {path}", name, ESTIMANDS)
         if not _is_number(value) or not 0 < value <= _MOST:
-            raise SettingsError(
-                f"{path}: tolerances.{name}: found {value!r}, expected a number above 0, at most {_MOST}"
-            )
+            raise SettingsError(f"{path}: tolerances.{name}: found {value!r}, expected more than 0, at most {_MOST}")
     return {name: float(value) for name, value in found.items()}
 
 

@@ -210,3 +210,25 @@ class Occlusion(StrEnum):
     never = "never"
     later = "later"
     now = "now"
+
+
+class ChangeVerdict(StrEnum):
+    """Answer to whether a statistic of one run is better or worse than that of another, by more than a margin.
+
+    none: it is shown to differ by less than the margin.
+    """
+
+    worse = "worse"
+    better = "better"
+    none = "no difference"
+    undecided = "undecided"
+
+
+class ComparedAges(StrEnum):
+    """Ages that the verdict of a comparison is about.
+
+    every: each single age, and their mean. mean: the mean over ages alone.
+    """
+
+    every = "every"
+    mean = "mean"

@@ -43,8 +43,8 @@ _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] 
 """Each makes a headline, or none where the tables have no rows about it; the most important first."""
 _FITTED_TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] = (
     caveats.doubtful_data,
-    estimator_noise,
     fitted_topics.self_referential,
+    estimator_noise,
     caveats.few_scenes,
     caveats.grouped_scenes,
     fitted_topics.noise,

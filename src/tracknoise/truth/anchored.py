@@ -133,6 +133,12 @@ class AnchoredTruth:
         """Positions of (n, 3) world points in a frame, (n, 2) px: see `SequenceGeometry.project`."""
         return self._geometry.project(index, points_world)
 
+    def displaced(
+        self, index: int, points_world: NDArray[np.float64], by_px: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Points of the same depth beside (n, 3) world points in a frame: see `SequenceGeometry.displaced`."""
+        return self._geometry.displaced(index, points_world, by_px)
+
     def locate(self, index: int, points_world: NDArray[np.float64]) -> Located:
         """Positions of (n, 3) world points in a frame, and whether the points can be seen: see `locate`.
 

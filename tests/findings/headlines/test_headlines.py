@@ -24,6 +24,7 @@ from tracknoise.tables.findings_schema import (
     TIME_STRUCTURE,
     TRACKER_DIFFERENCES,
     TRIANGULATED_NOISE,
+    WINDOW_SIGMAS,
     ZERO_MEAN,
 )
 from tracknoise.tables.schema import CURVES, EFFECTS, FLOOR, SUMMARY, Schema, check, empty
@@ -53,6 +54,7 @@ SCHEMAS: Mapping[str, Schema] = {
     "surrounding_errors": SURROUNDING_ERRORS,
     "rigid_share": RIGID_SHARE,
     "tracker_differences": TRACKER_DIFFERENCES,
+    "window_sigmas": WINDOW_SIGMAS,
 }
 
 

@@ -37,14 +37,14 @@ def judge_zero_mean_gaussian(claim: Claim, runs: Mapping[str, ReportData]) -> Ju
     """By the test of the mean and the shape of the distribution, at the nominal speed."""
     data = runs[claim.experiment]
     answers = _answers(data, tracker_named(data, claim.stated["tracker"]) or "")
-    return Judgement(_all_of(answers), _told(answers))
+    return Judgement(_all_of(answers), _described(answers))
 
 
 def judge_not_zero_mean_gaussian(claim: Claim, runs: Mapping[str, ReportData]) -> Judgement:
     """As `judge_zero_mean_gaussian` for every tracker. One tracker with such errors is enough."""
     data = runs[claim.experiment]
     found = {tracker: _answers(data, tracker) for tracker in data.trackers}
-    value = "; ".join(f"{tracker}: {_told(answers)}" for tracker, answers in found.items())
+    value = "; ".join(f"{tracker}: {_described(answers)}" for tracker, answers in found.items())
     contrary = {Agreement.agrees: Agreement.disagrees, Agreement.disagrees: Agreement.agrees}
     each = {contrary.get(verdict, verdict) for verdict in map(_all_of, found.values())}
     for verdict in (Agreement.agrees, Agreement.open):
@@ -100,5 +100,5 @@ _NAMES = {
 }
 
 
-def _told(answers: Mapping[str, bool | None]) -> str:
+def _described(answers: Mapping[str, bool | None]) -> str:
     return listing(_NAMES[name][answer] for name, answer in answers.items())

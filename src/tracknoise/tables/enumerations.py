@@ -27,6 +27,18 @@ class Trimming(StrEnum):
     trimmed = "trimmed"
 
 
+class Reading(StrEnum):
+    """A reading of the paper's trimming.
+
+    none: no track is dropped. all: the percentile is that of all tracks with an error, also of those that were seen
+    once. followed: it is that of tracks that were seen more than once.
+    """
+
+    none = "none"
+    all = "all"
+    followed = "followed"
+
+
 class TrimAmong(StrEnum):
     """Tracks from which the trimming percentile is computed.
 

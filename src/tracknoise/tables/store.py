@@ -332,6 +332,10 @@ class RunFolder:
         known = self._hashes_of(key).get(_SNAPSHOTS)
         return read_checked(self.snapshot_path(key), [known] if known else [], expected="an image of the run")
 
+    def names_of_tables(self, key: str) -> list[str]:
+        """Names of the tables that are stored of one sequence."""
+        return [name for name in self._hashes_of(key) if name in _ALL_SEQUENCE_TABLES]
+
     def sequence_table(self, name: str, key: str) -> pl.DataFrame:
         """One table of one sequence.
 

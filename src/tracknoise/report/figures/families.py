@@ -112,7 +112,7 @@ FAMILIES: tuple[Family, ...] = (
         "This section shows how the error grows from the frame where it is zero by construction. Usually that is the "
         "frame in which a feature was first seen. If one scan gives the true positions of all features, it is the key "
         "frame of that scan.",
-        ("curves:figures",),
+        ("curves:figures", "second_moments:figures"),
         of_errors=True,
     ),
     Family(

@@ -79,4 +79,4 @@ def _directions_of(data: ReportData, tracker: str, trimming: Trimming) -> Figure
 
 
 def _two(data: ReportData, tracker: str, names: Sequence[str]) -> dict[str, str]:
-    return dict(zip(names, style.shades(data.colour[tracker], len(names)), strict=True))
+    return dict(zip(names, style.levels(data.colour[tracker], len(names)), strict=True))

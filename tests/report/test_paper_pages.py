@@ -33,7 +33,7 @@ def mapped(experiment: str) -> set[str]:
     column = [cell.strip() for cell in heading].index(experiment)
     named = {name for row in rows if len(row) == len(heading) for name in re.findall(r"`([^`]+)`", row[column])}
     return {
-        re.sub(r"speed-S$", f"speed-{speed}", name.replace("TRACKER", TRACKER)) for name in named for speed in (1, 2)
+        re.sub(r"speed-S(?=$|-)", f"speed-{speed}", name.replace("TRACKER", TRACKER)) for name in named for speed in (1, 2)
     }
 
 

@@ -1,81 +1,40 @@
-"""Covariances of the errors of observations, of changes and of whole tracks, from the components of a model.
+"""Covariances of single errors, of changes and of whole tracks, from the components of a model."""
 
-All are of (noise_model.error). In the form ``birth`` errors are about the first position, and its own error is part of
-all of them. In the form ``free`` each observation has its own error only: the first one that of A, the others the rest.
-"""
-
-from dataclasses import dataclass
-from enum import StrEnum
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.noise_models.track_noise import Reference, TrackNoise
+
 Array = NDArray[np.float64]
 
 
-class Reference(StrEnum):
-    """What the errors of a track are counted from."""
+def error_covariances(noise: TrackNoise, age: Array, magnification: Array, factor: Array) -> Array:
+    """Covariances of errors about the first position, (n, 2, 2) px^2, at magnifications and factors (n,).
 
-    BIRTH = "birth"
-    """The first observation. Its error is part of all others."""
-    FREE = "free"
-    """The true positions: for estimators that solve for the point and have a residual for the first observation."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Covariances:
-    """A, W, Q and D, each (2, 2) float64, px^2 (Q per frame, D per frame^2)."""
-
-    first: Array
-    white: Array
-    walk: Array
-    drift: Array
-
-    def of_errors(self, age: Array, magnification: Array, factor: Array) -> Array:
-        """Covariances of errors about the first position, (n, 2, 2) px^2, at magnifications and factors (n,).
-
-        The magnification is taken to have changed evenly since birth, and the factor to have been the same.
-        """
-        carried = age * (1.0 + magnification + magnification**2) / 3.0
-        parts = (
-            (magnification**2, self.first),
-            (factor, self.white),
-            (factor * carried, self.walk),
-            (age**2, self.drift),
-        )
-        return sum((_scaled(scale, covariance) for scale, covariance in parts), np.zeros((len(age), 2, 2)))
-
-    def of_changes(self, frames: Array, factor: Array) -> Array:
-        """Covariances of changes over a number of frames after the first one, (n, 2, 2) px^2."""
-        parts = (2.0 * factor, self.white), (factor * frames, self.walk), (frames**2, self.drift)
-        return sum((_scaled(scale, covariance) for scale, covariance in parts), np.zeros((len(frames), 2, 2)))
-
-    def of_track(self, ages: Array, reference: Reference, magnification: Array, factor: Array) -> Array:
-        """Covariance of the errors of a track, (2 m, 2 m) px^2, u and v in turn.
-
-        Parameters
-        ----------
-        ages
-            (m,) float64, increasing, frames.
-        reference
-            What errors are counted from.
-        magnification, factor
-            (m,) float64: M_k, and the factor on W and on the walk since the observation before.
-        """
-        later = ages > 0
-        carried = np.outer(magnification, magnification)
-        first = carried * np.outer(later, later) if reference == Reference.BIRTH else np.diag(1.0 * ~later)
-        white, drift = np.diag(factor * later), np.outer(ages, ages)
-        parts = (first, self.first), (white, self.white), (carried * _walked(ages, magnification, factor), self.walk)
-        return np.asarray(sum(np.kron(scale, covariance) for scale, covariance in (*parts, (drift, self.drift))))
+    The depth is taken to have changed evenly since birth, and the factor to have been the same.
+    """
+    carried = age * (1.0 + magnification + magnification**2) / 3.0
+    return _summed(noise, (magnification**2, factor, factor * carried, age**2))
 
 
-def _scaled(scale: Array, covariance: Array) -> Array:
-    return np.asarray(scale[:, None, None] * covariance)
+def change_covariances(noise: TrackNoise, frames: Array, factor: Array) -> Array:
+    """Covariances of changes over a number of frames (n,) after the first one, (n, 2, 2) px^2."""
+    return _summed(noise, (np.zeros_like(frames), 2.0 * factor, factor * frames, frames**2))
 
 
-def _walked(ages: Array, magnification: Array, factor: Array) -> Array:
-    """Sums of frames times factor / M_i^2 over the steps up to the earlier one of two observations, (m, m)."""
-    steps = np.diff(ages, prepend=0.0) * factor / magnification**2
-    total = np.cumsum(steps)
-    return np.minimum.outer(total, total)
+def track_covariance(
+    noise: TrackNoise, ages: Array, reference: Reference, magnification: Array, factor: Array
+) -> Array:
+    """Covariance of the errors of a track, (2 m, 2 m) px^2, at ages (m,) that need not begin with 0."""
+    seen = np.stack([ages, magnification, factor])
+    missing = int(ages[0] > 0)
+    birth = np.array([[0.0], [1.0], [1.0]])
+    aged, carried, scale = np.hstack([birth, seen])[:, None, 1 - missing :]
+    return noise.covariance(carried, ages=aged, factor=scale, reference=reference)[0, 2 * missing :, 2 * missing :]
+
+
+def _summed(noise: TrackNoise, scales: Iterable[Array]) -> Array:
+    parts = zip(scales, (noise.first, noise.white, noise.walk, noise.drift), strict=True)
+    return np.asarray(sum(scale[:, None, None] * covariance for scale, covariance in parts))

@@ -12,7 +12,7 @@ from scipy import linalg
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.noise_models.correction import corrected
-from tracknoise.noise_models.covariances import Covariances, Reference
+from tracknoise.noise_models.covariances import change_covariances, error_covariances, track_covariance
 from tracknoise.noise_models.document import STRICT, read_document, written
 from tracknoise.noise_models.factors import factor_of
 from tracknoise.noise_models.losses import Loss, LossKind, matched_loss
@@ -28,6 +28,7 @@ from tracknoise.noise_models.model import (
     Tails,
     Training,
 )
+from tracknoise.noise_models.track_noise import Reference, TrackNoise
 from tracknoise.tables.files import write_atomically
 
 _Kind = TypeVar("_Kind", bound=StrEnum)
@@ -126,7 +127,7 @@ class NoiseModel:
             If the model has no such condition.
         """
         ages, carried, *_ = _spread(age, magnification, *at.values())
-        return self._components.of_errors(ages, carried, factor_of(self.conditions, at, len(ages)))
+        return error_covariances(self.components, ages, carried, factor_of(self.conditions, at, len(ages)))
 
     def change_covariance(self, *, frames: ArrayLike = 1.0, **at: ArrayLike) -> NDArray[np.float64]:
         """Covariances of what errors change by, after the first frame of a track.
@@ -148,7 +149,7 @@ class NoiseModel:
             If the model has no such condition.
         """
         (apart, *_) = _spread(frames, *at.values())
-        return self._components.of_changes(apart, factor_of(self.conditions, at, len(apart)))
+        return change_covariances(self.components, apart, factor_of(self.conditions, at, len(apart)))
 
     def track_covariance(
         self,
@@ -189,7 +190,8 @@ class NoiseModel:
         if (np.diff(spread, prepend=-1.0) <= 0.0).any() or not (carried > 0.0).all():
             found = f"ages {spread.tolist()}, magnifications {carried.tolist()}"
             raise SettingsError(f"track: found {found}, expected increasing ages from 0 on, and M > 0")
-        return self._components.of_track(spread, about, carried, factor_of(self.conditions, at, len(spread)))
+        factor = factor_of(self.conditions, at, len(spread))
+        return track_covariance(self.components, spread, about, carried, factor)
 
     def whiten(
         self,
@@ -252,9 +254,10 @@ class NoiseModel:
         return matched_loss(_named(LossKind, "loss", kind), self.tails)
 
     @property
-    def _components(self) -> Covariances:
+    def components(self) -> TrackNoise:
+        """The covariances of A, W, Q and D."""
         parts = {name: getattr(self, name).covariance for name in ("first", "white", "walk", "drift")}
-        return Covariances(**parts)
+        return TrackNoise(**parts)
 
     @property
     def text(self) -> str:

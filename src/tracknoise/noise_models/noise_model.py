@@ -1,6 +1,7 @@
 """The noise model of one tracker at one speed: what an estimator asks it, and its file."""
 
 import hashlib
+from collections.abc import Collection
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -15,6 +16,7 @@ from tracknoise.noise_models.correction import corrected
 from tracknoise.noise_models.covariances import change_covariances, error_covariances, track_covariance
 from tracknoise.noise_models.document import STRICT, read_document, written
 from tracknoise.noise_models.factors import factor_of
+from tracknoise.noise_models.fitting.fit import fitted_fields
 from tracknoise.noise_models.losses import Loss, LossKind, matched_loss
 from tracknoise.noise_models.model import (
     Bias,
@@ -30,6 +32,7 @@ from tracknoise.noise_models.model import (
 )
 from tracknoise.noise_models.track_noise import Reference, TrackNoise
 from tracknoise.tables.files import write_atomically
+from tracknoise.tables.store import RunFolder
 
 _Kind = TypeVar("_Kind", bound=StrEnum)
 
@@ -76,6 +79,32 @@ class NoiseModel:
     common_share: float | None = None
     truth_floor_px: float | None = None
     equivalents: tuple[Equivalent, ...] = ()
+
+    @classmethod
+    def fit(
+        cls, run: str | Path, *, tracker: str, speed: int = 1, scenes: Collection[str] | None = None
+    ) -> "NoiseModel":
+        """Fit a model to a finished run.
+
+        Parameters
+        ----------
+        run
+            Its folder.
+        tracker, speed
+            As in the run.
+        scenes
+            Names of the scenes; by default all. What a model is checked on should be others.
+
+        Raises
+        ------
+        UnknownNameError
+            If the run has no such tracker or scene.
+        SettingsError
+            If it has no such speed, no scene is named, or there are too few errors.
+        StoreError, SchemaError
+            If there is no finished run, or it does not hold what models are fitted to.
+        """
+        return cls(**fitted_fields(RunFolder(Path(run)), tracker=tracker, speed=speed, scenes=scenes))
 
     def equivalent(self, *, landmark: Landmark, window: int, purpose: Purpose) -> Equivalent:
         """The standard deviation for a kind of estimator and a purpose, of the window that is nearest in length.

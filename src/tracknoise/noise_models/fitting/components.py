@@ -1,10 +1,11 @@
 """The components of the noise of one tracker: which are there, how large they are, and how certain that is.
 
 A component is dropped if the interval of its variance reaches 0, or if scenes that were left out are not described
-better with it. One at a time, the least certain first, and the others are fitted again.
+better with it. This is done one at a time, the least certain first, and the others are fitted again. As there are four
+components, these intervals have a quarter of the usual error probability.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,28 +24,47 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedComponents:
-    """Components, and what each unit adds to their uncertainty.
+    """Components, and what they were fitted to.
 
     Attributes
     ----------
     components
         By name, in the order of `NAMES`.
-    without : (units, 4) float64
-        Half traces of the components of all units but one, px^2; 0 for those that were dropped.
+    units, weights, active
+        Sums, weights of their equations, and numbers of the components that were kept.
+    level
+        Of the intervals.
     """
 
     components: dict[str, Component]
-    without: Array
+    units: Units
+    weights: Array
+    active: tuple[int, ...]
+    level: float
+
+    def combined(self, coefficients: Array) -> list[Interval]:
+        """Square roots of linear combinations of the half traces, px, with their intervals.
+
+        Parameters
+        ----------
+        coefficients
+            (n, 4) float64, not negative.
+        """
+
+        def combinations(half_traces: Array) -> Array:
+            return np.einsum("na,a...->n...", coefficients[:, list(self.active)], np.maximum(half_traces, 0.0))
+
+        found = _estimates(self.units, self.weights, self.active, "log", self.level, combinations)
+        return [_root(*bounds) for bounds in zip(found.value, found.low, found.high, strict=True)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Estimates:
-    """Half traces (px^2) of the active components: of all units, their bounds, and of all units but one."""
+    """Half traces of the active components, or what is made of them, px^2, with their bounds."""
 
     value: Array
     low: Array
     high: Array
-    without: Array
 
 
 def fit_components(units: Units, *, level: float) -> FittedComponents:
@@ -69,7 +89,7 @@ def fit_components(units: Units, *, level: float) -> FittedComponents:
         raise SettingsError("noise model: found too few errors to fit, expected tracks of several frames")
     active, dropped = list(range(len(NAMES))), dict[int, tuple[str, float | None]]()
     while True:
-        found = _estimates(units, weights, active, "linear", level)
+        found = _estimates(units, weights, active, "linear", 1.0 - (1.0 - level) / len(NAMES))
         gains = _gains(units, weights, active)
         worst = _least_certain(found, gains)
         if worst is None or len(active) == 1:
@@ -90,7 +110,7 @@ def _fitted(
     sizes = _estimates(units, weights, active, "log", level)
     covariances = equations.bounded(weights, active)
     kept = {
-        number: Component(covariance=matrix(entries), sigma=_sigma(entries, low, high))
+        number: Component(covariance=matrix(entries), sigma=_root(0.5 * (entries[0] + entries[2]), low, high))
         for number, entries, low, high in zip(active, covariances, sizes.low, sizes.high, strict=True)
     }
     none = {
@@ -98,13 +118,13 @@ def _fitted(
         for number, (why, high) in dropped.items()
     }
     every = kept | none
-    without = np.zeros((sizes.without.shape[1], len(NAMES)))
-    without[:, list(active)] = np.maximum(sizes.without.T, 0.0)
-    return FittedComponents({name: every[number] for number, name in enumerate(NAMES)}, without)
+    named = {name: every[number] for number, name in enumerate(NAMES)}
+    return FittedComponents(named, units, weights, tuple(active), level)
 
 
-def _sigma(entries: Array, low: float, high: float) -> Interval:
-    value = float(np.sqrt(0.5 * (entries[0] + entries[2])))
+def _root(square: float, low: float, high: float) -> Interval:
+    """The square root of an estimate, with bounds that contain it."""
+    value = float(np.sqrt(max(square, 0.0)))
     bounds = [None if np.isnan(bound) else float(np.sqrt(max(bound, 0.0))) for bound in (low, high)]
     lower, upper = bounds
     return Interval(
@@ -114,23 +134,34 @@ def _sigma(entries: Array, low: float, high: float) -> Interval:
     )
 
 
-def _estimates(units: Units, weights: Array, active: Sequence[int], scale: str, level: float) -> _Estimates:
-    """Half traces with Student's intervals from the jackknife."""
+def _unchanged(half_traces: Array) -> Array:
+    return half_traces
 
-    def half_traces(sums: Array) -> Array:
+
+def _estimates(
+    units: Units,
+    weights: Array,
+    active: Sequence[int],
+    scale: str,
+    level: float,
+    of: Callable[[Array], Array] = _unchanged,
+) -> _Estimates:
+    """Half traces, or what is made of them, with Student's intervals from the jackknife."""
+
+    def statistics(sums: Array) -> Array:
         solved = Equations.of(sums).solved(weights, active)
-        return np.asarray(0.5 * (solved[:, 0] + solved[:, 2])[:, None])
+        return of(0.5 * (solved[:, 0] + solved[:, 2]))[:, None]
 
+    count = len(statistics(units.sums.sum(axis=0).T))
     found = pooled(
         units,
         np.zeros((0, len(units.sums))),
-        half_traces,
+        statistics,
         Method(IntervalKind.student, level),
-        scales=[scale] * len(active),
+        scales=[scale] * count,
         sizes=units.sums[..., 0].sum(axis=1)[None],
     )
-    without = half_traces(_left_out(units))[:, 0]
-    return _Estimates(found.value[:, 0], found.low[:, 0], found.high[:, 0], without)
+    return _Estimates(found.value[:, 0], found.low[:, 0], found.high[:, 0])
 
 
 def _left_out(units: Units) -> Array:

@@ -96,8 +96,9 @@ def outcome(window: Sequence[LinearTracks], actual: Covariances, assumed: Covari
     squares, freedom = 0.0, 0
     for tracks, true, believed in zip(window, actual, assumed, strict=True):
         by_pose, noise = _eliminated(tracks, true, believed)
-        information += np.tensordot(by_pose, by_pose, axes=((0, 1), (0, 1)))
-        middle += (np.swapaxes(by_pose, 1, 2) @ noise @ by_pose).sum(axis=0)
+        rows = by_pose.reshape(-1, size)
+        information += rows.T @ rows
+        middle += rows.T @ (noise @ by_pose).reshape(-1, size)
         squares += float(np.trace(noise, axis1=1, axis2=2).sum())
         freedom += noise.shape[0] * (noise.shape[1] - 3)
     claimed = np.asarray(np.linalg.inv(information), dtype=np.float64)

@@ -71,41 +71,64 @@ class LinearTracks:
     rays: NDArray[np.float64]
 
 
-def free_coordinates(positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The coordinates of poses that an estimator of a window has to find.
+@dataclass(frozen=True, slots=True, eq=False)
+class Gauge:
+    """What an estimator of a window takes as known, and which coordinates of poses it has to find.
+
+    A pose is moved as in `tracknoise.geometry.reprojection.image_derivatives`. The p = 6 frames - 7 coordinates are the
+    six of each pose but the first; the newest position has two, across the line from the first position to it.
 
     Parameters
     ----------
-    positions
-        (frames, 3) float64: of the camera, metres. The first and the last differ.
-
-    Returns
-    -------
-    (6 frames, 6 frames - 7) float64
-        Orthonormal columns. Each pose has rotation, then position. The last five columns belong to the newest pose:
-        three of its rotation, two of its position.
+    across
+        (3, 2) float64: orthonormal directions, along which the newest position is moved.
     """
-    count = 6 * len(positions)
-    line = positions[-1] - positions[0]
-    across = np.linalg.svd(line[None])[2][1:].T
-    basis = np.zeros((count, count - 7))
-    basis[6:-3, :-2] = np.eye(count - 9)
-    basis[-3:, -2:] = across
-    return basis
+
+    across: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, positions: NDArray[np.float64]) -> "Gauge":
+        """Of a camera at positions (frames, 3), metres, of which the first and the last differ."""
+        line = positions[-1:] - positions[:1]
+        return cls(np.linalg.svd(line)[2][1:].T)
+
+    def free(self, by_pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(..., p) float64: derivatives by the coordinates to be found, from those by all, (..., 6 frames)."""
+        return np.concatenate([by_pose[..., 6:-3], by_pose[..., -3:] @ self.across], axis=-1)
+
+    def moved(self, world_from_camera: NDArray[np.float64], coordinates: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(frames, 4, 4) float64: poses moved by their coordinates (p,)."""
+        moves = np.concatenate([np.zeros(6), coordinates[:-2], self.across @ coordinates[-2:]]).reshape(-1, 6)
+        poses = world_from_camera.copy()
+        poses[:, :3, :3] = poses[:, :3, :3] @ Rotation.from_rotvec(moves[:, :3]).as_matrix()
+        poses[:, :3, 3] += moves[:, 3:]
+        return poses
+
+    def between(self, estimated: NDArray[np.float64], true: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(p,) float64: coordinates that move true poses (frames, 4, 4) to estimated ones."""
+        turned = np.swapaxes(true[:, :3, :3], 1, 2) @ estimated[:, :3, :3]
+        moves = np.hstack([Rotation.from_matrix(turned).as_rotvec(), estimated[:, :3, 3] - true[:, :3, 3]])
+        return self.free(moves.ravel())
 
 
-def linear_tracks(camera: CameraModel, world_from_camera: NDArray[np.float64], tracks: PointTracks) -> LinearTracks:
-    """Derivatives of the images of tracks at given poses, (frames, 4, 4), and points."""
+def linear_tracks(
+    camera: CameraModel, world_from_camera: NDArray[np.float64], tracks: PointTracks, gauge: Gauge | None = None
+) -> LinearTracks:
+    """Derivatives of the images of tracks at given poses, (frames, 4, 4), and points.
+
+    The gauge is by default that of these poses.
+    """
     count, length = tracks.frames.shape
-    poses = world_from_camera[tracks.frames.ravel()]
+    rows = tracks.frames.ravel()
+    poses = world_from_camera[rows]
     points = np.repeat(tracks.points, length, axis=0)
     by_pose, by_point = image_derivatives(camera, poses, points)
     depth = transform(invert(poses), points)[:, 2].reshape(count, length)
     spread = np.zeros((count * length, 2, len(world_from_camera), 6))
-    spread[np.arange(count * length), :, tracks.frames.ravel()] = by_pose
-    basis = free_coordinates(world_from_camera[:, :3, 3])
+    spread[np.arange(count * length), :, rows] = by_pose
+    known = Gauge.of(world_from_camera[:, :3, 3]) if gauge is None else gauge
     return LinearTracks(
-        by_pose=spread.reshape(count, 2 * length, -1) @ basis,
+        by_pose=known.free(spread.reshape(count, 2 * length, -1)),
         by_point=by_point.reshape(count, 2 * length, 3),
         magnification=depth[:, :1] / depth,
         rays=tracks.points - world_from_camera[tracks.frames[:, 0], :3, 3],

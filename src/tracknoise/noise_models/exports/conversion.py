@@ -2,11 +2,11 @@
 
 Rules:
 
-- The focal length of the estimator must be that of the model, to `TOLERANCE`. Noise is measured in px of the images that
-  the tracker saw. It scales with the focal length only if these images are resampled.
-- The estimator must use as many frames per second as the tracker of the model saw, to `TOLERANCE`. Another rate has other
-  motions between frames, and therefore other noise. Only if features are tracked in every frame and the estimator uses
-  every n-th, the noise is known: white noise stays, and the walk of n frames adds up.
+- The focal length of the estimator must be that of the model, to `TOLERANCE`. Noise is measured in px of the images
+  that the tracker saw. It scales with the focal length only if these images are resampled.
+- The estimator must use as many frames per second as the tracker of the model saw, to `TOLERANCE`. Another rate has
+  other motions between frames, and therefore other noise. The noise is known only if features are tracked in every
+  frame and the estimator uses every n-th: white noise stays, and the walk of n frames adds up.
 """
 
 import math
@@ -83,12 +83,12 @@ def _scale(model: "NoiseModel", target: Target, caveats: list[str]) -> float:
         if abs(ratio - 1.0) > TOLERANCE:
             raise SettingsError(
                 f"focal length is {target.focal_px:g} px, expected that of the model, {known:g} px, to "
-                f"{TOLERANCE:.0%}; `--allow-focal resampled` if the images are the same in another size, "
+                f"{100 * TOLERANCE:g} %; `--allow-focal resampled` if the images are the same in another size, "
                 "`--allow-focal lens` to use its px as they are"
             )
         return 1.0
     if target.focal_change is FocalChange.LENS:
-        caveats.append(f"The model was measured with a focal length of {known:g} px. Its px are used with another lens.")
+        caveats.append(f"The model was measured at a focal length of {known:g} px. Its px are kept for another lens.")
         return 1.0
     caveats.append(
         f"The images are those of the model, resampled by {ratio:.3g}: px scale with them. A tracker that runs on "
@@ -110,7 +110,7 @@ def _thinning(model: "NoiseModel", target: Target, caveats: list[str]) -> int:
         return 1
     if target.rate_change is not RateChange.THINNED:
         raise SettingsError(
-            f"rate is {target.rate_hz:g} Hz, expected that of the model, {seen:g} Hz, to {TOLERANCE:.0%}; "
+            f"rate is {target.rate_hz:g} Hz, expected that of the model, {seen:g} Hz, to {100 * TOLERANCE:g} %; "
             "`--allow-rate thinned` if features are tracked in every frame and the estimator uses every n-th"
         )
     return _every(model, ratio, seen, target.rate_hz, caveats)

@@ -67,6 +67,11 @@ class Noise:
         return self.equivalent().gate_95
 
     @property
+    def residual_gate_95(self) -> float:
+        """Factor on a chi-square gate at .95, with a sigma of the size of residuals."""
+        return self._residual.gate_95
+
+    @property
     def gate_99(self) -> float:
         """Factor on a chi-square gate at .99, with `sigma`."""
         return self.equivalent().gate_99

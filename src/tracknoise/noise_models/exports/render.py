@@ -57,6 +57,8 @@ def export(
     at = converted(model, wanted)
     noise = Noise(at.model, about.landmark, wanted.window or about.window, _purpose(about, wanted))
     _require_given(about, {"rate": at.model.camera.rate_hz, "observations": observations})
+    if about.family == "data" and at.caveats:
+        raise SettingsError(f"{about.title}: found another focal length or rate, expected those of the model")
     header = wording.header(noise, source, model.sha256)
     values = {"noise": noise, "camera": at.model.camera, "header": header, "model": model, "observations": observations}
     caveats = (*at.caveats, *wording.caveats(about, noise))
@@ -92,7 +94,7 @@ def _environment() -> Environment:
         keep_trailing_newline=True,
         finalize=lambda value: number(value) if isinstance(value, float) else value,
     )
-    environment.filters |= {"precise": lambda value: number(value, _MORE_DIGITS), "rows": _rows, "entries": _entries}
+    environment.filters |= {"precise": _precise, "rows": _rows, "entries": _entries}
     return environment
 
 
@@ -102,11 +104,16 @@ def number(value: float, digits: int = _DIGITS) -> str:
     return f"{text}0" if text.endswith(".") else text
 
 
+def _precise(value: float) -> str:
+    """A number that is not measured, such as a focal length."""
+    return number(value, _MORE_DIGITS)
+
+
 def _rows(matrix: NDArray[np.float64]) -> str:
     """A matrix as a nested list, as Python has it."""
-    return "[" + ", ".join(f"[{_entries(row)}]" for row in matrix) + "]"
+    return "[" + ", ".join(f"[{_entries(matrix[row])}]" for row in range(len(matrix))) + "]"
 
 
 def _entries(matrix: NDArray[np.float64]) -> str:
     """All numbers of a matrix, row by row, with commas between them."""
-    return ", ".join(number(float(value), _MORE_DIGITS) for value in matrix.ravel())
+    return ", ".join(map(_precise, matrix.ravel().tolist()))

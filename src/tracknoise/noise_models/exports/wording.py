@@ -2,8 +2,8 @@
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from importlib.metadata import version
 
-from tracknoise import __version__
 from tracknoise.noise_models.exports.estimators import Estimator
 from tracknoise.noise_models.exports.noise import LEAST_PX, Noise
 from tracknoise.noise_models.model import BiasKind, Interval, Landmark, Purpose
@@ -40,7 +40,7 @@ def header(noise: Noise, source: str, sha256: str) -> str:
     """
     training = noise.model.training
     parts = [
-        f"tracknoise {__version__}",
+        f"tracknoise {version('tracknoise')}",
         f"{source} sha256 {sha256[:_DIGITS_OF_HASH]}",
         f"{training.tracker} at speed {training.speed:g} on {training.dataset}",
         makes_right(noise),
@@ -59,7 +59,8 @@ def makes_right(noise: Noise) -> str:
 
 def caveats(about: Estimator, noise: Noise) -> tuple[str, ...]:
     """Sentences on what the export does not express, and on what the model knows of that."""
-    return (*(f"Cannot be expressed: {phrase}." for phrase in about.cannot), *about.without_effect, *_of_model(noise))
+    cannot = [f"Cannot be expressed: {'; '.join(about.cannot)}."] if about.cannot else []
+    return (*cannot, *about.without_effect, *_of_model(noise))
 
 
 def text(about: Estimator, first_line: str, sentences: Iterable[str]) -> str:
@@ -76,7 +77,7 @@ def text(about: Estimator, first_line: str, sentences: Iterable[str]) -> str:
 
 def _of_model(noise: Noise) -> Iterator[str]:
     if noise.purpose is not None and (others := ", ".join(_other_sigmas(noise))):
-        yield f"No one sigma makes everything right. This model has {others}."
+        yield f"One sigma does not make everything right. This model has {others}."
     if noise.model.bias.kind in (BiasKind.BY_AGE, BiasKind.ALONG_MOTION):
         yield "The model has a bias: correct the pixels before the estimator gets them."
     if noise.purpose is None and not noise.model.first.covariance.any():

@@ -91,29 +91,38 @@ def scalar_covariances(window: Sequence[LinearTracks], sigma: float, *, first: f
 
 def outcome(window: Sequence[LinearTracks], actual: Covariances, assumed: Covariances) -> Outcome:
     """Claimed and actual covariance of the poses of a window, (benchmark.covariances)."""
+    return outcomes(window, [actual], assumed)[0]
+
+
+def outcomes(window: Sequence[LinearTracks], actual: Sequence[Covariances], assumed: Covariances) -> list[Outcome]:
+    """The same for several true covariances, of an estimator that assumes one."""
     size = window[0].by_pose.shape[2]
-    information, middle = np.zeros((size, size)), np.zeros((size, size))
-    squares, freedom = 0.0, 0
-    for tracks, true, believed in zip(window, actual, assumed, strict=True):
-        by_pose, noise = _eliminated(tracks, true, believed)
+    information, middle = np.zeros((size, size)), np.zeros((len(actual), size, size))
+    squares, freedom = np.zeros(len(actual)), 0
+    for place, (tracks, believed) in enumerate(zip(window, assumed, strict=True)):
+        whitening = np.linalg.inv(np.linalg.cholesky(believed))
+        span = np.linalg.qr(whitening @ tracks.by_point)[0]
+        by_pose = _without(whitening @ tracks.by_pose, span)
         rows = by_pose.reshape(-1, size)
         information += rows.T @ rows
-        middle += rows.T @ (noise @ by_pose).reshape(-1, size)
-        squares += float(np.trace(noise, axis1=1, axis2=2).sum())
-        freedom += noise.shape[0] * (noise.shape[1] - 3)
+        freedom += by_pose.shape[0] * (by_pose.shape[1] - 3)
+        for number, each in enumerate(actual):
+            noise = _innovations(whitening, span, each[place])
+            middle[number] += rows.T @ (noise @ by_pose).reshape(-1, size)
+            squares[number] += np.trace(noise, axis1=1, axis2=2).sum()
     claimed = np.asarray(np.linalg.inv(information), dtype=np.float64)
-    return Outcome(claimed, claimed @ middle @ claimed, squares / freedom)
+    return [
+        Outcome(claimed, claimed @ one @ claimed, float(sum_ / freedom))
+        for one, sum_ in zip(middle, squares, strict=True)
+    ]
 
 
-def _eliminated(
-    tracks: LinearTracks, true: NDArray[np.float64], believed: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Whitened derivatives by poses and covariances, both without what the points absorb."""
-    factor = np.linalg.cholesky(believed)
-    span = np.linalg.qr(np.linalg.solve(factor, tracks.by_point))[0]
-    by_pose = _without(np.linalg.solve(factor, tracks.by_pose), span)
-    half = _without(np.linalg.solve(factor, true), span)
-    return by_pose, _without(np.linalg.solve(factor, np.swapaxes(half, 1, 2)), span)
+def _innovations(
+    whitening: NDArray[np.float64], span: NDArray[np.float64], true: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Covariances of whitened innovations, without what the points absorb."""
+    half = _without(whitening @ true, span)
+    return _without(whitening @ np.swapaxes(half, 1, 2), span)
 
 
 def _without(values: NDArray[np.float64], span: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -163,15 +172,19 @@ def _root(excess: Callable[[float], float], start: float) -> float:
     return float(brentq(excess, low, high, xtol=1e-6))
 
 
-def consistencies(window: Sequence[LinearTracks], actual: Covariances, assumed: Covariances) -> dict[Purpose, float]:
-    """Actual over claimed mean square of what each purpose is about."""
-    found = outcome(window, actual, assumed)
-    return {
-        Purpose.INNOVATIONS: found.innovations,
-        Purpose.ALL_POSES: found.nees_all,
-        Purpose.NEWEST_POSE: found.nees_newest,
-        Purpose.DEPTH: _depth_consistency(window, actual, assumed),
-    }
+def consistencies(
+    window: Sequence[LinearTracks], actual: Sequence[Covariances], assumed: Covariances
+) -> list[dict[Purpose, float]]:
+    """Actual over claimed mean square of what each purpose is about, for each of several true covariances."""
+    return [
+        {
+            Purpose.INNOVATIONS: found.innovations,
+            Purpose.ALL_POSES: found.nees_all,
+            Purpose.NEWEST_POSE: found.nees_newest,
+            Purpose.DEPTH: _depth_consistency(window, each, assumed),
+        }
+        for each, found in zip(actual, outcomes(window, actual, assumed), strict=True)
+    ]
 
 
 def _consistency(window: Sequence[LinearTracks], actual: Covariances, assumed: Covariances, purpose: Purpose) -> float:
@@ -192,11 +205,14 @@ def _depth_consistency(window: Sequence[LinearTracks], actual: Covariances, assu
     """Mean square of the error of the depth of points over the claimed variance, with the true poses."""
     ratios = []
     for tracks, true, believed in zip(window, actual, assumed, strict=True):
-        weighted = np.linalg.solve(believed, tracks.by_point)
-        claimed = np.linalg.inv(np.swapaxes(tracks.by_point, 1, 2) @ weighted)
-        found = claimed @ (np.swapaxes(weighted, 1, 2) @ true @ weighted) @ claimed
-        along = tracks.rays / np.linalg.norm(tracks.rays, axis=1)[:, None]
-        ratios.append(np.einsum("ti,tij,tj->t", along, found, along) / np.einsum("ti,tij,tj->t", along, claimed, along))
+        whitening = np.linalg.inv(np.linalg.cholesky(believed))
+        span, root = np.linalg.qr(whitening @ tracks.by_point)
+        along = np.linalg.solve(
+            np.swapaxes(root, 1, 2), tracks.rays[:, :, None]
+        )  # exact observations leave it accurate
+        weights = np.swapaxes(whitening, 1, 2) @ (span @ along)
+        claimed = np.square(along).sum(axis=(1, 2))
+        ratios.append((np.swapaxes(weights, 1, 2) @ true @ weights)[:, 0, 0] / claimed)
     return float(np.concatenate(ratios).mean())
 
 
@@ -212,7 +228,9 @@ def gate_factor(
     actual, assumed = true_covariances(window, noise), scalar_covariances(window, sigma)
     ratios = []
     for tracks, true, believed in zip(window, actual, assumed, strict=True):
-        spread = np.linalg.eigvalsh(_eliminated(tracks, true, believed)[1])
+        whitening = np.linalg.inv(np.linalg.cholesky(believed))
+        span = np.linalg.qr(whitening @ tracks.by_point)[0]
+        spread = np.linalg.eigvalsh(_innovations(whitening, span, true))
         draws = random.chisquare(1.0, (len(spread), _DRAWS, spread.shape[1]))
         squares = np.einsum("tdi,ti->td", draws, np.maximum(spread, 0.0))
         ratios.append(squares.ravel() / stats.chi2.ppf(level, spread.shape[1] - 3))

@@ -28,38 +28,38 @@ Window = Sequence[LinearTracks]
 
 LENGTHS = (5, 10, 11, 20, 30)
 """Lengths of windows, frames of the tracker."""
-_GRID = np.exp(np.linspace(-1.5, 1.5, 7))
-"""Standard deviations that are tried for a state, over that for a free landmark."""
+_GRID = np.exp(np.linspace(-1.0, 1.6, 4))
+"""Standard deviations that are tried for a state, over that which makes all poses right for a free landmark."""
 
 
 def equivalents(
     fitted: FittedComponents,
-    windows: Mapping[int, Sequence[Window]],
+    windows: Sequence[Window],
     *,
+    length: int,
     speed: int,
-    gates: Mapping[int, tuple[float, float]],
-) -> tuple[Equivalent, ...]:
-    """Standard deviations for all kinds of landmarks and purposes.
+    gates: tuple[float, float],
+) -> list[Equivalent]:
+    """Standard deviations for all kinds of landmarks and purposes, for windows of one length.
 
     Parameters
     ----------
     fitted
         The components.
     windows
-        By length.
+        Windows of this length.
+    length
+        Frames of the tracker.
     speed
-        Frames of the recording per frame of a window.
+        Frames of the recording per frame of the tracker.
     gates
-        By length of the window: quantiles of .95 and .99 of the sum of squared residuals of a track, px^2, over those
-        of chi square with as many degrees of freedom.
+        Quantiles of .95 and .99 of the sum of squared residuals of a track, px^2, over those of chi square with as many
+        degrees of freedom.
     """
-    found: list[Equivalent] = []
-    for length, some in windows.items():
-        free = _linear(fitted, some, speed, Landmark.FREE)
-        exact = _linear(fitted, some, speed, Landmark.EXACT)
-        sigmas = {Landmark.FREE: free, Landmark.EXACT: exact, Landmark.STATE: _state(fitted, some, speed, free, exact)}
-        found.extend(_named(sigmas, length, gates[length]))
-    return tuple(found)
+    free = _linear(fitted, windows, speed, Landmark.FREE)
+    exact = _linear(fitted, windows, speed, Landmark.EXACT)
+    state = _state(fitted, windows, speed, free, exact)
+    return [*_named({Landmark.FREE: free, Landmark.EXACT: exact, Landmark.STATE: state}, length, gates)]
 
 
 def _named(
@@ -83,7 +83,7 @@ def _linear(
 ) -> dict[Purpose, Interval]:
     """By (equivalents), for a free landmark or an exact first observation."""
     first = None if landmark is Landmark.FREE else EXACT
-    rows = [[_ratios(window, unit, 1.0, first) for unit in _units_of_noise(speed)] for window in windows]
+    rows = [_ratios(window, _units_of_noise(speed), 1.0, first) for window in windows]
     kappa = np.array([[[one[purpose] for one in row] for purpose in Purpose] for row in rows]).mean(axis=0)
     return dict(zip(Purpose, fitted.combined(kappa), strict=True))
 
@@ -94,8 +94,11 @@ def _units_of_noise(speed: int) -> list[TrackNoise]:
     return [TrackNoise.isotropic(**{name: scale}) for name, scale in zip(NAMES, scales, strict=True)]
 
 
-def _ratios(window: Window, noise: TrackNoise, sigma: float, first: float | None) -> dict[Purpose, float]:
-    return consistencies(window, true_covariances(window, noise), scalar_covariances(window, sigma, first=first))
+def _ratios(
+    window: Window, noises: Sequence[TrackNoise], sigma: float, first: float | None
+) -> list[dict[Purpose, float]]:
+    actual = [true_covariances(window, noise) for noise in noises]
+    return consistencies(window, actual, scalar_covariances(window, sigma, first=first))
 
 
 def _state(
@@ -110,8 +113,8 @@ def _state(
     if first == 0.0:
         return dict(exact)
     noise = _noise(fitted, speed)
-    tried = free[Purpose.INNOVATIONS].value * _GRID
-    each = [[_ratios(window, noise, float(sigma), first) for window in windows] for sigma in tried]
+    tried = free[Purpose.ALL_POSES].value * _GRID
+    each = [[_ratios(window, [noise], float(sigma), first)[0] for window in windows] for sigma in tried]
     found = {}
     for purpose in Purpose:
         excess = np.log([np.mean([one[purpose] for one in row]) for row in each])

@@ -20,7 +20,7 @@ from tracknoise.noise_models.track_noise import TrackNoise
 from tracknoise.tables.defaults import LEVEL
 from tracknoise.tables.store import RunFolder
 
-_RECORDINGS = 3
+_RECORDINGS = 2
 """Sequences whose motions the equivalents are for."""
 _LONGEST = max(LENGTHS)
 
@@ -56,16 +56,17 @@ def fitted_fields(
     noise = TrackNoise(**{name: part.covariance for name, part in fitted.components.items()})
     last_age = int(sums["age"].max())  # type: ignore[arg-type]
     outliers = read["noise_outliers"]
+    limit_px = float((outliers["limit_px"] * outliers["n"]).sum() / outliers["n"].sum())
     return {
         "training": _training(read),
         "camera": _camera(read),
         **fitted.components,
         "tails": fit_tails(read["samples"], noise, last_age=last_age),
         "outlier_share": outliers["n_outliers"].sum() / outliers["n"].sum(),
-        "outliers_beyond_px": float((outliers["limit_px"] * outliers["n"]).sum() / outliers["n"].sum()),
+        "outliers_beyond_px": limit_px,
         "bias": Bias(kind=BiasKind.NONE, why="it was not examined"),
         "truth_floor_px": _floor(read["floors"], last_age),
-        "equivalents": _equivalents(read, fitted, noise),
+        "equivalents": _equivalents(read, fitted, noise, limit_px),
     }
 
 
@@ -103,11 +104,16 @@ def _floor(floors: pl.DataFrame, last_age: int) -> float | None:
     return float(np.sqrt((used["sum_uu"].sum() + used["sum_vv"].sum()) / (2 * n))) if n else None
 
 
-def _equivalents(read: TrainingTables, fitted: FittedComponents, noise: TrackNoise) -> tuple[Equivalent, ...]:
+def _equivalents(
+    read: TrainingTables, fitted: FittedComponents, noise: TrackNoise, limit_px: float
+) -> tuple[Equivalent, ...]:
     lifetimes, recordings = _lifetimes(read["ends"]), _recordings(read)
-    every = {length: windows(recordings, speed=read.speed, length=length, lifetimes=lifetimes) for length in LENGTHS}
-    limits = {length: gates(read["window_noise"], length, modelled=(some[0], noise)) for length, some in every.items()}
-    return equivalents(fitted, every, speed=read.speed, gates=limits)
+    found: list[Equivalent] = []
+    for length in LENGTHS:
+        some = windows(recordings, speed=read.speed, length=length, lifetimes=lifetimes)
+        limits = gates(read["window_noise"], length, limit_px=limit_px, modelled=(some[0], noise))
+        found.extend(equivalents(fitted, some, length=length, speed=read.speed, gates=limits))
+    return tuple(found)
 
 
 def _recordings(read: TrainingTables) -> list[Recording]:

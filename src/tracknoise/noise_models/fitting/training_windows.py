@@ -20,7 +20,8 @@ from tracknoise.noise_models.linear_window import (
 
 _LEAST_MOTION = 0.01
 """Least distance of the first and the last camera of a window, as a share of the median depth."""
-_LEAST_TRACKS = 20
+_TRACKS, _LEAST_TRACKS = 20, 15
+"""Tracks in each frame of a window, and fewest in all of it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,7 +86,10 @@ def _measured(
 def _linear(
     camera: Camera, poses: NDArray[np.float64], lifetimes: NDArray[np.int64], sights: NDArray[np.float64] | None
 ) -> Sequence[LinearTracks]:
-    drawn = simulated_tracks(poses, lengths=lifetimes, camera=camera, sights=sights)
+    length = len(poses)
+    mean = np.clip(lifetimes, 3, length).mean()
+    count = int(np.ceil(_TRACKS * (length + mean) / mean))
+    drawn = simulated_tracks(poses, n_tracks=count, lengths=lifetimes, camera=camera, sights=sights)
     return [linear_tracks(camera, poses, tracks) for tracks in drawn]
 
 

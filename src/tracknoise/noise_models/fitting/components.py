@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import SettingsError
 from tracknoise.findings.sampling.bounds import Method, pooled
 from tracknoise.findings.sampling.units import Units
-from tracknoise.noise_models.fitting.equations import NAMES, Equations, matrix, weights_of
+from tracknoise.noise_models.fitting.equations import LEAST, NAMES, Equations, matrix, weights_of
 from tracknoise.noise_models.fitting.held_out import log_likelihoods
 from tracknoise.noise_models.model import Component, Interval
 from tracknoise.tables.enumerations import IntervalKind
@@ -83,10 +83,10 @@ def fit_components(units: Units, *, level: float) -> FittedComponents:
         If there are too few errors.
     """
     whole = units.sums.sum(axis=0).T
+    if np.count_nonzero(whole[0] >= LEAST) < len(NAMES):
+        raise SettingsError("noise model: found too few errors to fit, expected tracks of several frames")
     equations = Equations.of(whole)
     weights = weights_of(whole[0], units.points, equations)
-    if np.count_nonzero(weights) < len(NAMES):
-        raise SettingsError("noise model: found too few errors to fit, expected tracks of several frames")
     active, dropped = list(range(len(NAMES))), dict[int, tuple[str, float | None]]()
     while True:
         found = _estimates(units, weights, active, "linear", 1.0 - (1.0 - level) / len(NAMES))

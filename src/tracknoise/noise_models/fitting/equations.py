@@ -63,7 +63,7 @@ class Equations:
         x, y = np.nan_to_num(self.factors[:, list(active)]), np.nan_to_num(self.second)
         left = np.moveaxis(np.einsum("e,ei...,ej...->ij...", weights, x, x), (0, 1), (-2, -1))
         right = np.moveaxis(np.einsum("e,ei...,ek...->ik...", weights, x, y), (0, 1), (-2, -1))
-        return np.moveaxis(np.linalg.solve(left, right), (-2, -1), (0, 1))
+        return np.moveaxis(np.linalg.pinv(left, hermitian=True) @ right, (-2, -1), (0, 1))
 
     def bounded(self, weights: Array, active: Sequence[int]) -> Array:
         """The same for one set of sums, without negative eigenvalues: (len(active), 3)."""

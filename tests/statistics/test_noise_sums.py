@@ -7,7 +7,8 @@ from tests.noise_models.simulated_tracks import error_tracks
 
 import tracknoise
 from tracknoise.experiments.frame_geometry import frame_geometry
-from tracknoise.statistics.noise_sums import noise_tables, products
+from tracknoise.statistics.noise_sums import products
+from tracknoise.statistics.noise_tables import noise_tables
 from tracknoise.tables.enumerations import Product
 
 ERRORS = np.array([[0.0, 0.0], [0.1, 0.2], [0.4, -0.1], [0.3, 0.3]])

@@ -23,15 +23,14 @@ Tails must not decide what the bulk is like. Errors larger than `OUTLIER` times 
 sequence, as a Gaussian of that median would have it, are left out and counted.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.geometry.frame_geometry import FrameGeometry
-from tracknoise.statistics.error_tracks import ErrorTracks, error_tracks
+from tracknoise.statistics.error_tracks import ErrorTracks
 from tracknoise.statistics.grouping import number_combinations
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.enumerations import Product
@@ -60,30 +59,25 @@ class Products:
     factors: NDArray[np.float64]
 
 
-def noise_tables(sequence: PreparedSequence, geometry: FrameGeometry) -> dict[str, pl.DataFrame]:
-    """Sums of every condition, and what was left out.
+def noise_sums(sequence: PreparedSequence, tracks: ErrorTracks, found: Mapping[Product, Products]) -> pl.DataFrame:
+    """Sums of every condition, block, product and age.
 
     Parameters
     ----------
     sequence
-        With errors about the first position of each track: without rows where a scan makes them zero elsewhere.
-    geometry
-        Poses and cameras of its frames.
+        Whose blocks they are of.
+    tracks
+        Its errors.
+    found
+        What `products` made of them.
 
     Returns
     -------
-    dict
-        Tables ``noise_sums`` and ``noise_outliers``, of the schemas `NOISE_SUMS` and `NOISE_OUTLIERS`, sorted.
+    polars.DataFrame
+        Schema `NOISE_SUMS`, sorted.
     """
-    if sequence.key_frame is not None:
-        return {"noise_sums": empty(NOISE_SUMS), "noise_outliers": empty(NOISE_OUTLIERS)}
-    tracks = error_tracks(sequence, geometry)
-    parts = [_summed(sequence, tracks, kind, found) for kind, found in products(tracks)]
-    sums = pl.concat([empty(NOISE_SUMS), *parts]).sort([name for name in NOISE_SUMS if name in _KEYS])
-    return {
-        "noise_sums": check(sums, NOISE_SUMS, "noise sums"),
-        "noise_outliers": check(_outliers(sequence, tracks), NOISE_OUTLIERS, "noise outliers"),
-    }
+    parts = [_summed(sequence, tracks, kind, each) for kind, each in found.items()]
+    return check(pl.concat([empty(NOISE_SUMS), *parts]).sort(_KEYS), NOISE_SUMS, "noise sums")
 
 
 _KEYS = tuple(name for name in NOISE_SUMS if name not in ("n", *_PRODUCTS, *_FACTORS, *_MEANS))
@@ -155,7 +149,8 @@ def _means(tracks: ErrorTracks, kind: Product, rows: NDArray[np.intp]) -> NDArra
     return np.stack([*error.T, (error * motion).sum(axis=1), (motion**2).sum(axis=1)])
 
 
-def _outliers(sequence: PreparedSequence, tracks: ErrorTracks) -> pl.DataFrame:
+def noise_outliers(sequence: PreparedSequence, tracks: ErrorTracks) -> pl.DataFrame:
+    """How many errors each condition has, and how many of them are outliers: schema `NOISE_OUTLIERS`."""
     condition, count = sequence.seen.condition[tracks.rows], sequence.seen.conditions.height
     aged = tracks.age > 0
     known = aged & ~np.isnan(tracks.error_px[:, 0])
@@ -165,7 +160,7 @@ def _outliers(sequence: PreparedSequence, tracks: ErrorTracks) -> pl.DataFrame:
         "n_outliers": np.bincount(condition[tracks.outlier], minlength=count),
     }
     table = sequence.seen.conditions.hstack(pl.DataFrame({**counts, "limit_px": tracks.limit_px}))
-    return _typed(table.filter(pl.col("n") > 0), NOISE_OUTLIERS)
+    return check(_typed(table.filter(pl.col("n") > 0), NOISE_OUTLIERS), NOISE_OUTLIERS, "noise outliers")
 
 
 def _typed(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:

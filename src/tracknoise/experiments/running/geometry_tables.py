@@ -10,7 +10,7 @@ from tracknoise.experiments.settings import SYNTHETIC, Experiment
 from tracknoise.geometry.pose import position_rows
 from tracknoise.sequences.sequence import TRIANGULATED, Sequence
 from tracknoise.statistics.image_map import image_map
-from tracknoise.statistics.noise_sums import noise_tables
+from tracknoise.statistics.noise_tables import noise_tables
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.window_noise import window_noise
 from tracknoise.tables.schema import POSES, SEQUENCE

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tracknoise.findings.sampling.units import units_of
 from tracknoise.noise_models.fitting.components import FittedComponents, fit_components
+from tracknoise.noise_models.fitting.conditions import conditions_of
 from tracknoise.noise_models.fitting.equations import COLUMNS
 from tracknoise.noise_models.fitting.equivalents import LENGTHS, equivalents
 from tracknoise.noise_models.fitting.gates import gates
@@ -64,6 +65,7 @@ def fitted_fields(
         "tails": fit_tails(read["samples"], noise, last_age=last_age),
         "outlier_share": outliers["n_outliers"].sum() / outliers["n"].sum(),
         "outliers_beyond_px": limit_px,
+        "conditions": conditions_of(read["noise_covariates"], fitted, level=level),
         "bias": Bias(kind=BiasKind.NONE, why="it was not examined"),
         "truth_floor_px": _floor(read["floors"], last_age),
         "equivalents": _equivalents(read, fitted, noise, limit_px),

@@ -18,6 +18,7 @@ _COMMANDS = (
     "findings",
     "compare",
     "audit",
+    "noise",
     "simulate",
     "effects",
     "datasets",

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from tracknoise.experiments.tap_metrics import tap_metrics
     from tracknoise.geometry.accuracy import TruthAccuracy
     from tracknoise.geometry.corrections import Corrections
+    from tracknoise.noise_models.noise_model import NoiseModel
     from tracknoise.sequences.arrays import Sequence
     from tracknoise.sequences.registry import open_sequence, open_sequences
     from tracknoise.statistics.curves import curves
@@ -41,6 +42,7 @@ __all__ = [
     "Imported",
     "LucasKanade",
     "Measurement",
+    "NoiseModel",
     "Oracle",
     "Rejection",
     "Run",
@@ -68,6 +70,7 @@ _HOMES = {
     "Imported": "trackers.imported",
     "LucasKanade": "trackers.lucas_kanade",
     "Measurement": "experiments.measure",
+    "NoiseModel": "noise_models.noise_model",
     "Oracle": "trackers.oracle",
     "Rejection": "trackers.rejection",
     "Run": "api.run",

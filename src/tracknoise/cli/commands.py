@@ -17,6 +17,7 @@ _COMMANDS = (
     "report",
     "findings",
     "audit",
+    "noise",
     "simulate",
     "effects",
     "datasets",

@@ -163,6 +163,17 @@ def _root(excess: Callable[[float], float], start: float) -> float:
     return float(brentq(excess, low, high, xtol=1e-6))
 
 
+def consistencies(window: Sequence[LinearTracks], actual: Covariances, assumed: Covariances) -> dict[Purpose, float]:
+    """Actual over claimed mean square of what each purpose is about."""
+    found = outcome(window, actual, assumed)
+    return {
+        Purpose.INNOVATIONS: found.innovations,
+        Purpose.ALL_POSES: found.nees_all,
+        Purpose.NEWEST_POSE: found.nees_newest,
+        Purpose.DEPTH: _depth_consistency(window, actual, assumed),
+    }
+
+
 def _consistency(window: Sequence[LinearTracks], actual: Covariances, assumed: Covariances, purpose: Purpose) -> float:
     """Actual over claimed mean square of what a purpose is about."""
     if purpose is Purpose.DEPTH:

@@ -153,8 +153,10 @@ def simulated_tracks(
     n_tracks: int = 80,
     lengths: Sequence[int] | NDArray[np.int64] | None = None,
     seed: int = 0,
+    camera: Camera = CAMERA,
+    sights: NDArray[np.float64] | None = None,
 ) -> tuple[PointTracks, ...]:
-    """Tracks of points at 2 to 10 m, as long as they are in the image of `CAMERA`, grouped by their length.
+    """Tracks of points, as long as they are in the image of a camera, grouped by their length.
 
     Parameters
     ----------
@@ -167,9 +169,14 @@ def simulated_tracks(
         lies in the window counts. By default all tracks begin in the first frame and end when they leave the image.
     seed
         Of the random numbers.
+    camera
+        The camera.
+    sights
+        (n, 3) float64: u, v (px) and depth (m) at first sight, drawn at random. By default in the middle of the image
+        of `CAMERA`, at 2 to 10 m.
     """
     random = np.random.default_rng(seed)
-    drawn = [_track(random, world_from_camera, lengths) for _ in range(n_tracks)]
+    drawn = [_track(random, world_from_camera, lengths, camera, sights) for _ in range(n_tracks)]
     long_enough = [(frames, point) for frames, point in drawn if len(frames) >= _LEAST_LENGTH]
     groups = sorted({len(frames) for frames, _ in long_enough})
     return tuple(_stacked([track for track in long_enough if len(track[0]) == length]) for length in groups)
@@ -183,16 +190,22 @@ def _track(
     random: np.random.Generator,
     world_from_camera: NDArray[np.float64],
     lengths: Sequence[int] | NDArray[np.int64] | None,
+    camera: Camera,
+    sights: NDArray[np.float64] | None,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     n_frames = len(world_from_camera)
     birth, length = 0, n_frames
     if lengths is not None:
         birth = max(0, int(random.integers(-n_frames, n_frames - _LEAST_LENGTH + 1)))
         length = max(_LEAST_LENGTH, int(random.choice(lengths)))
-    uv = (random.random(2) - 0.5) * _VIEW_PX + (CAMERA.cx, CAMERA.cy)
-    seen = CAMERA.unproject(uv, np.array(random.uniform(*_DEPTHS_M)))
+    if sights is None:
+        uv = (random.random(2) - 0.5) * _VIEW_PX + (CAMERA.cx, CAMERA.cy)
+        depth = random.uniform(*_DEPTHS_M)
+    else:
+        *uv, depth = sights[random.integers(len(sights))]
+    seen = camera.unproject(np.asarray(uv), np.array(depth))
     point = transform(world_from_camera[birth], seen[None])[0]
     frames = np.arange(birth, min(n_frames, birth + length))
-    images = CAMERA.project(transform(invert(world_from_camera[frames]), np.tile(point, (len(frames), 1))))
-    visible = np.logical_and.accumulate(CAMERA.contains(images))
+    images = camera.project(transform(invert(world_from_camera[frames]), np.tile(point, (len(frames), 1))))
+    visible = np.logical_and.accumulate(camera.contains(images))
     return frames[visible], point

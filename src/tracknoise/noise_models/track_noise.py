@@ -63,6 +63,7 @@ class TrackNoise:
         magnification: NDArray[np.float64],
         *,
         ages: NDArray[np.int64] | None = None,
+        factor: NDArray[np.float64] | None = None,
         reference: Reference = Reference.FREE,
     ) -> NDArray[np.float64]:
         """Covariances of tracks of n observations, (noise_model.track).
@@ -74,6 +75,8 @@ class TrackNoise:
         ages
             (tracks, n) integers: frames since the first observation, increasing from 0. By default 0 to n - 1. What
             the walk adds in frames without an observation is magnified as in the next observed one.
+        factor
+            (tracks, n) float64: on W, and on Q since the observation before. By default 1.
         reference
             From where errors are counted.
 
@@ -84,6 +87,7 @@ class TrackNoise:
         """
         count = magnification.shape[1]
         aged = np.broadcast_to(np.arange(count), magnification.shape) if ages is None else ages
+        scale = np.ones(magnification.shape) if factor is None else factor
         later = (np.arange(count) > 0).astype(np.float64)
         both = later[:, None] * later
         carried = magnification[:, :, None] * magnification[:, None, :]
@@ -91,16 +95,18 @@ class TrackNoise:
         first = np.diag(1.0 - later) if free else carried * both
         shares = (
             (np.broadcast_to(first, carried.shape), self.first),
-            (np.broadcast_to(np.diag(later), carried.shape), self.white),
-            (carried * _walked(magnification, aged), self.walk),
+            ((later * scale)[:, :, None] * np.eye(count), self.white),
+            (carried * _walked(magnification, aged, scale), self.walk),
             (aged[:, :, None] * aged[:, None, :] * 1.0, self.drift),
         )
         summed = sum(np.einsum("tjk,uv->tjukv", share, component) for share, component in shares)
         return np.asarray(summed).reshape(len(carried), 2 * count, 2 * count)
 
 
-def _walked(magnification: NDArray[np.float64], ages: NDArray[np.int64]) -> NDArray[np.float64]:
-    """(tracks, n, n) float64: sum of 1 / M_i^2 over the frames up to the earlier of two observations."""
-    steps = np.diff(ages, axis=1, prepend=ages[:, :1]) / magnification**2
+def _walked(
+    magnification: NDArray[np.float64], ages: NDArray[np.int64], factor: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(tracks, n, n) float64: sum of factor / M_i^2 over the frames up to the earlier of two observations."""
+    steps = factor * np.diff(ages, axis=1, prepend=ages[:, :1]) / magnification**2
     sums = np.cumsum(steps, axis=1)
     return np.minimum(sums[:, :, None], sums[:, None, :])

@@ -49,6 +49,19 @@ class Weighting(StrEnum):
     geometric = "geometric"
 
 
+class Product(StrEnum):
+    """Products of errors of one track, about the first position, from which components of the noise are fitted.
+
+    error: an error with itself. before: the error in the frame before, carried on by the magnification of the image,
+    with itself. change: the error minus the one before, carried on, with itself. lagged: a change with the one before.
+    """
+
+    error = "error"
+    before = "before"
+    change = "change"
+    lagged = "lagged"
+
+
 class FloorSource(StrEnum):
     """What makes a true position wrong.
 

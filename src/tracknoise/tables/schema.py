@@ -21,6 +21,7 @@ from tracknoise.tables.enumerations import (
     FloorSource,
     Occlusion,
     Population,
+    Product,
     Surrounding,
     TrimAmong,
     Trimming,
@@ -75,6 +76,7 @@ ASPECT = pl.Enum(Aspect)
 FITTED_MEASURE = pl.Enum(FittedMeasure)
 
 FLOOR_SOURCE = pl.Enum(FloorSource)
+PRODUCT = pl.Enum(Product)
 
 
 FITTED_TO = pl.Enum(FittedTo)
@@ -348,6 +350,48 @@ the root mean square residual of each window, and of |z|, in the bins of `trackn
 
 WINDOW_BLOCKS: Schema = {**ORIGIN, "block": pl.UInt8, **_WINDOW_SUMS}
 """The same by blocks of tracks, at the slowest speed."""
+
+
+NOISE_SUMS: Schema = {
+    **ORIGIN,
+    "block": pl.UInt8,
+    "product": PRODUCT,
+    "age": pl.UInt32,
+    "n": pl.Int64,
+    **dict.fromkeys(("uu", "uv", "vv"), pl.Float64),
+    **dict.fromkeys(("first", "white", "walk", "drift"), pl.Float64),
+    **dict.fromkeys(("sum_u", "sum_v", "along", "motion"), pl.Float64),
+}
+"""Sums of products of errors, and of what multiplies the covariances A, W, Q and D in their expectation.
+
+See `tracknoise.statistics.noise_sums`. uu, uv, vv and motion are in px^2, walk in frames, drift in frames^2; first and
+white have no unit. sum_u and sum_v are sums of the errors (px), along that of the errors along the motion of the image
+since the frame before, times this motion, and motion that of its square. These four are of the product `error`. Errors
+beyond the limit of `NOISE_OUTLIERS` are left out. block is that of the track at the slowest speed, 0 at others.
+"""
+
+NOISE_OUTLIERS: Schema = {
+    **ORIGIN,
+    "n_tracks": pl.Int64,
+    "n": pl.Int64,
+    "n_outliers": pl.Int64,
+    "limit_px": pl.Float64,
+}
+"""Errors at the ages of `NOISE_SUMS`, and how many of these are larger than `limit_px` in length."""
+
+NOISE_COVARIATES: Schema = {
+    **ORIGIN,
+    "covariate": pl.String,
+    "before": pl.Int16,
+    "now": pl.Int16,
+    "n": pl.Int64,
+    **dict.fromkeys(("squares", "white_before", "walk", "drift"), pl.Float64),
+}
+"""Sums over changes of errors by what was known at run time at both of their ends (`tracknoise.statistics.covariates`).
+
+before and now are classes of the covariate. squares is the sum of half the squared length of the changes (px^2).
+white_before, n, walk and drift multiply W at the first end, W at the second, Q and D in its expectation.
+"""
 
 
 FLOORS: Schema = {

@@ -1,0 +1,43 @@
+"""Gates that let through a stated share of good tracks, by length of the window."""
+
+import numpy as np
+import polars as pl
+from scipy import stats
+
+from tracknoise.noise_models.fitting.equivalents import Window
+from tracknoise.noise_models.linear_benchmark import gate_factor
+from tracknoise.noise_models.track_noise import TrackNoise
+from tracknoise.statistics.log_histogram import BINS, quantile
+from tracknoise.tables.enumerations import Trimming
+
+LEVELS = (0.95, 0.99)
+_LEAST = 200
+_NEAR = 0.2
+"""Windows may differ in length by this share."""
+
+
+def gates(windows: pl.DataFrame, length: int, *, modelled: tuple[Window, TrackNoise]) -> tuple[float, float]:
+    """Quantiles of .95 and .99 of the sum of squared residuals of a track, px^2, over those of chi square.
+
+    They are those of the measured windows, tails included, of nearly this length. If there are too few, they are those
+    of Gaussian noise with the components.
+
+    Parameters
+    ----------
+    windows
+        Schema `WINDOW_NOISE`, of one tracker and speed.
+    length
+        Frames of the window.
+    modelled
+        A window of this length, and its noise.
+    """
+    apart = (pl.col("window").cast(pl.Int64) - length).abs()
+    near = windows.filter(pl.col("trimming") == Trimming.untrimmed, apart <= _NEAR * length)
+    nearest = near.filter(apart == near.select(apart.min()).item())
+    if nearest["n"].sum() < _LEAST:
+        low, high = (gate_factor(*modelled, sigma=1.0, level=level) for level in LEVELS)
+        return low, high
+    counts = np.array(nearest["residual_counts"].to_list(), dtype=np.float64).reshape(-1, BINS).sum(axis=0)
+    freedom = (nearest["freedom_u"].sum() + nearest["freedom_v"].sum()) / nearest["n"].sum()
+    low, high = (float(quantile(counts, level)) ** 2 * freedom / stats.chi2.ppf(level, freedom) for level in LEVELS)
+    return low, high

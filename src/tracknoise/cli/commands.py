@@ -19,6 +19,7 @@ _COMMANDS = (
     "compare",
     "audit",
     "noise",
+    "prove",
     "simulate",
     "effects",
     "datasets",

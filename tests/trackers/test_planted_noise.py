@@ -13,7 +13,8 @@ from tracknoise.sequences.simulated import Simulated
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.gradient import min_eigenvalue
-from tracknoise.trackers.oracle import USUAL_TEXTURE, Oracle
+from tracknoise.trackers.noise_factors import USUAL_TEXTURE
+from tracknoise.trackers.oracle import Oracle
 from tracknoise.trackers.tracker import SequenceContext
 
 SIZE = (320, 240)
@@ -160,6 +161,24 @@ def test_noise_depends_on_texture_as_planted(setting: Setting):
     assert np.mean(errors[~known] ** 2) == pytest.approx(0.04, rel=0.3)
 
 
+@pytest.mark.parametrize("speed", [1, 3])
+def test_noise_depends_on_motion_as_planted(speed, setting: Setting):
+    """Points move by 0.02 of their distance to the corner per frame: magnified, so that far ones move faster."""
+    settings = Oracle(n_features=4000, covariance_px2=((0.04, 0.0), (0.0, 0.04)), motion_exponent=1.5)
+    context = setting(truth=Approached(), speed=speed)
+    tracker = settings.start(context)
+    image = np.zeros((SIZE[1], SIZE[0]), np.uint8)
+    first, second = (tracker.step(Frame(index, image)) for index in (0, speed))
+    start = dict(_pairs(first))
+    begun = np.array([start[one] for one, _ in _pairs(second) if one in start])
+    errors = np.array([uv for one, uv in _pairs(second) if one in start]) - begun * GROWTH**speed
+    motion_px = np.linalg.norm(begun, axis=1) * (GROWTH**speed - 1) / speed
+    whitened = errors / (0.2 * motion_px[:, None] ** 1.5)
+    slow = motion_px < np.median(motion_px)
+    assert np.mean(whitened[slow] ** 2) == pytest.approx(1.0, rel=0.08)
+    assert np.mean(whitened[~slow] ** 2) == pytest.approx(1.0, rel=0.08)
+
+
 def test_texture_strength_is_that_of_a_wave():
     """A wave of amplitude a and wavelength l along both axes: mean squared derivative 2 (pi a / l)^2."""
     amplitude, length = 40.0, 15.0
@@ -237,6 +256,7 @@ def test_a_truth_that_cannot_move_points_is_refused(options, setting: Setting):
         {"common_px": np.nan},
         {"student_nu": 2.0},
         {"texture_exponent": np.nan},
+        {"motion_exponent": np.inf},
     ],
 )
 def test_impossible_sizes_are_refused_by_name(wrong):

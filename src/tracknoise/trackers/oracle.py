@@ -13,12 +13,10 @@ from tracknoise.tables.schema import TrackEnd, TruthStatus
 from tracknoise.trackers.features import ALIVE, Features, report
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.gradient import min_eigenvalue
+from tracknoise.trackers.noise_factors import motion_factor, texture_factor
 from tracknoise.trackers.random_errors import RandomErrors, Stream, random_key
 from tracknoise.trackers.tracker import DisplacingTruth, OracleTruth, SequenceContext, Step
 
-USUAL_TEXTURE = 30.0
-"""Texture strength at which noise has its stated size, (gray values / px)^2."""
-_WEAKEST_TEXTURE = 1.0
 _BEGINNING_ROUNDS = 8
 
 Pair = tuple[float, float]
@@ -48,6 +46,12 @@ class Oracle:
         Covariance of the Gaussian noise, independent from frame to frame: ((uu, uv), (uv, vv)).
     drift_px_per_frame
         Growth of the mean error per frame of the nominal sequence, in u and v.
+    outlier_rate, loss_rate
+        Probability that a live feature is rejected as an outlier, or is lost, in each step; never both.
+    margin_px
+        Features begin at least this far inside the image.
+    seed
+        Random seed, combined with the sequence's identity, the speed and the experiment's seed.
     birth_px
         Standard deviation of b, the error of the first position, in each coordinate.
     walk_px_per_sqrt_frame
@@ -59,16 +63,10 @@ class Oracle:
         Degrees of freedom of Student's t, above 2, from which the noise, b and q are drawn with the same covariances;
         by default they are Gaussian.
     texture_exponent
-        The noise and the steps of the walk are multiplied by (strength / `USUAL_TEXTURE`) to the power of minus this
-        number. The strength is the smaller eigenvalue of the mean structure tensor around the feature, at least 1
-        (gray value / px)^2. Where it is unknown, at the border of the image, they are not multiplied. If not 0, the
-        strength is reported as the quality ``min_eigenvalue``.
-    outlier_rate, loss_rate
-        Probability that a live feature is rejected as an outlier, or is lost, in each step; never both.
-    margin_px
-        Features begin at least this far inside the image.
-    seed
-        Random seed, combined with the sequence's identity, the speed and the experiment's seed.
+        The noise and the steps of the walk are multiplied by `texture_factor`. If not 0, the strength of the texture is
+        reported as the quality ``min_eigenvalue``.
+    motion_exponent
+        They are also multiplied by `motion_factor`, for the motion of the point since the last frame seen.
     """
 
     kind: ClassVar[str] = "oracle"
@@ -78,15 +76,16 @@ class Oracle:
     bias_px: Pair = (0.0, 0.0)
     covariance_px2: tuple[Pair, Pair] = ((0.25, 0.0), (0.0, 0.25))
     drift_px_per_frame: Pair = (0.0, 0.0)
+    outlier_rate: float = 0.0
+    loss_rate: float = 0.0
+    margin_px: int = 8
+    seed: int = 0
     birth_px: float = 0.0
     walk_px_per_sqrt_frame: float = 0.0
     common_px: float = 0.0
     student_nu: float | None = None
     texture_exponent: float = 0.0
-    outlier_rate: float = 0.0
-    loss_rate: float = 0.0
-    margin_px: int = 8
-    seed: int = 0
+    motion_exponent: float = 0.0
 
     def __post_init__(self) -> None:
         require_at_least("n_features", self.n_features, 1)
@@ -99,7 +98,8 @@ class Oracle:
             require_at_least(name, getattr(self, name), 0)
         nu = self.student_nu
         require(nu is None or 2 < nu < math.inf, "student_nu", nu, "a number above 2")
-        require(math.isfinite(self.texture_exponent), "texture_exponent", self.texture_exponent, "a finite number")
+        for name in ("texture_exponent", "motion_exponent"):
+            require(math.isfinite(getattr(self, name)), name, getattr(self, name), "a finite number")
         require_share("outlier_rate", self.outlier_rate)
         require_share("loss_rate", self.loss_rate)
         either = self.outlier_rate + self.loss_rate
@@ -164,10 +164,12 @@ class OracleTracker:
     def step(self, frame: Frame) -> Step:
         """Project the points of the features into the next frame, and add the errors."""
         before = self._features
-        self._follow(frame.index)
-        texture = self._texture(frame)
-        noise = self._texture_factor(texture)
-        self._walk(frame.index, noise)
+        elapsed = 0 if frame.index in self._without_pose else frame.index - self._posed
+        motion_px = self._follow(frame.index, elapsed)
+        texture = min_eigenvalue(frame, self._point_uv) if self._settings.texture_exponent else None
+        noise = self._noise_factor(texture, motion_px)
+        self._walk(frame.index, elapsed, noise)
+        self._posed += elapsed
         end = self._fates(self._point_uv)
         alive = end == ALIVE
         uv = self._point_uv + self._errors(frame.index - self._born, noise)
@@ -185,35 +187,38 @@ class OracleTracker:
             quality={} if texture is None else {"min_eigenvalue": texture[alive]},
         )
 
-    def _follow(self, index: int) -> None:
-        """Positions of the points in a frame; the last that are known where the frame has no pose."""
-        if index not in self._without_pose:
-            self._point_uv = self._truth.project(index, self._points)
+    def _follow(self, index: int, elapsed: int) -> NDArray[np.float64]:
+        """Find the positions of the points in a frame; the last that are known where the frame has no pose.
 
-    def _walk(self, index: int, noise: float | NDArray[np.float64]) -> None:
-        """Move the points by their walk since the last frame that has a pose, if this one has one."""
+        Returns their motion, (n,) px per frame of the nominal sequence, NaN where it is unknown.
+        """
+        if elapsed == 0:
+            return np.full(len(self._points), np.nan)
+        before, self._point_uv = self._point_uv, self._truth.project(index, self._points)
+        return np.asarray(np.linalg.norm(self._point_uv - before, axis=1) / elapsed)
+
+    def _noise_factor(
+        self, texture: NDArray[np.float32] | None, motion_px: NDArray[np.float64]
+    ) -> float | NDArray[np.float64]:
+        """What noise and steps of the walk are multiplied by: (n, 1), or one number."""
+        exponent = self._settings.motion_exponent
+        of_motion = motion_factor(motion_px, exponent)[:, None] if exponent else 1.0
+        if texture is None:
+            return of_motion
+        return of_motion * texture_factor(texture, self._settings.texture_exponent)[:, None]
+
+    def _walk(self, index: int, elapsed: int, noise: float | NDArray[np.float64]) -> None:
+        """Move the points by their walk in the frames that have elapsed."""
         size = self._settings.walk_px_per_sqrt_frame
-        if size == 0 or index in self._without_pose:
+        if size == 0 or elapsed == 0:
             return
-        by_px = size * math.sqrt(index - self._posed) * noise * self._random.steps(Stream.walk, len(self._points))
+        by_px = size * math.sqrt(elapsed) * noise * self._random.steps(Stream.walk, len(self._points))
         self._points, self._point_uv = self._displaced(index, self._points, by_px), self._point_uv + by_px
-        self._posed = index
 
     def _displaced(self, index: int, points: NDArray[np.float64], by_px: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points moved across the line of sight."""
         assert isinstance(self._truth, DisplacingTruth)  # checked before the tracker was started
         return self._truth.displaced(index, points, by_px)
-
-    def _texture(self, frame: Frame) -> NDArray[np.float32] | None:
-        """Texture strength at the points; None where noise does not depend on it."""
-        return min_eigenvalue(frame, self._point_uv) if self._settings.texture_exponent else None
-
-    def _texture_factor(self, strength: NDArray[np.float32] | None) -> float | NDArray[np.float64]:
-        """What noise is multiplied by, (n, 1)."""
-        if strength is None:
-            return 1.0
-        relative = np.fmax(strength.astype(np.float64), _WEAKEST_TEXTURE) / USUAL_TEXTURE
-        return np.where(np.isnan(strength), 1.0, relative**-self._settings.texture_exponent)[:, None]
 
     def _fates(self, true_uv: NDArray[np.float64]) -> NDArray[np.int8]:
         draw = self._rng.random(len(true_uv))

@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from tracknoise.tables.store import RunFolder
 
 
+_CAPTION = "verdicts with untrimmed errors (none) and with two readings of the paper's trimming"
+
+
 def register(app: typer.Typer) -> None:
     """Add the command."""
     app.command("replicate")(replicate)
@@ -175,5 +178,5 @@ def _print_claims(terminal: "Terminal", replicated: "list[Replicated]") -> None:
     for item in replicated:
         judged = [one for one in (*stated, *of_tables) if one.claim.experiment == item.experiment]
         if item.run:
-            show(terminal.result, verdicts(judged, f"{paper.title(item.experiment)}: errors untrimmed, and trimmed"))
+            show(terminal.result, verdicts(judged, f"{paper.title(item.experiment)}: {_CAPTION}"))
     terminal.result(best_reading(stated))

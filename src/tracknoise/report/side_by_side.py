@@ -23,8 +23,8 @@ _FAMILIES = (
     "error-by-direction",
 )
 """Sections of a report that repeat figures of the paper and depend on its trimming."""
-_OTHER_TRIMMING = "-untrimmed"
-"""How ids of figures end that show the other errors than those of the reading."""
+_OTHER_TRIMMING = ("-untrimmed", "-trimmed")
+"""How ids of figures end that show other errors than those of the reading."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -215,7 +215,8 @@ class Surrounding(StrEnum):
     depth: of the point, metres. edge: signed distance to the nearest depth edge, px, negative on the far side.
     incidence: angle between the ray and the normal of the surface, degrees. side: side of a depth edge beside which the
     feature lies. These are of the first frame of the track. occlusion: whether the point is occluded now, later, or
-    never while it is tracked.
+    never while it is tracked. parallax: motion of the true position since errors were zero, less the median motion of
+    all features over the same frames, px.
     """
 
     depth = "depth"
@@ -223,6 +224,7 @@ class Surrounding(StrEnum):
     incidence = "incidence"
     side = "side"
     occlusion = "occlusion"
+    parallax = "parallax"
 
 
 class Occlusion(StrEnum):

@@ -528,11 +528,12 @@ SURROUNDINGS: Schema = {
     "n_directed": pl.Int64,
     **dict.fromkeys(("sum_along", "sum_across", "sum_along_2", "sum_across_2"), pl.Float64),
 }
-"""Sums of untrimmed errors at a few ages, by what surrounds a feature in its first frame.
+"""Sums of untrimmed errors at a few ages, by what surrounds a feature in its first frame, and by its parallax.
 
-low and high bound a class of the property: depth (m), edge (signed distance, px) or incidence (degrees). Both are null
-in the class of features without an edge in reach. The last sums are of the n_directed errors whose true position has
-moved since the frame before: along and across this motion. occlusion divides each class; `now` is not visible.
+low and high bound a class of the property: depth (m), edge (signed distance, px), incidence (degrees) or parallax
+(px). Both are null in the class of features without an edge in reach. The last sums are of the n_directed errors whose
+true position has moved since the frame before: along and across this motion. occlusion divides each class; `now` is not
+visible.
 """
 
 IMAGE_MAP: Schema = {
@@ -802,6 +803,24 @@ def check(table: pl.DataFrame, schema: Schema, name: str) -> pl.DataFrame:
     if len(found) > len(expected):
         raise SchemaError(f"{name}: unexpected column {found[len(expected)][0]!r}")
     return table
+
+
+def with_new_categories(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
+    """A table whose enumerations have all categories of those of `schema`, if these only have more at their end.
+
+    Tables of earlier versions lack categories that were added later.
+    """
+    found = {name: kind for name, kind in table.schema.items() if isinstance(kind, pl.Enum)}
+    expected = {name: kind for name, kind in dict(schema).items() if name in found and isinstance(kind, pl.Enum)}
+    return table.with_columns(
+        pl.col(name).cast(kind) for name, kind in expected.items() if _continues(kind, found[name])
+    )
+
+
+def _continues(longer: pl.Enum, shorter: pl.Enum) -> bool:
+    """Whether an enumeration begins with the categories of another and has more."""
+    begins = longer.categories[: len(shorter.categories)].to_list() == shorter.categories.to_list()
+    return begins and len(longer.categories) > len(shorter.categories)
 
 
 def joined(tables: Iterable[pl.DataFrame], schema: Schema) -> pl.DataFrame:

@@ -10,6 +10,7 @@ from tracknoise.report import style
 from tracknoise.report.axis import AGE
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.curve_grid import HEIGHT
+from tracknoise.report.figures.curves import no_curve
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Panel, arranged, layered
 from tracknoise.report.figures.series import Series
@@ -26,8 +27,7 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
     name, title = f"second-moment-by-{data.axis.name}", _TITLE.format(data.axis.name)
     points = _points(data)
     if points.filter(pl.col("since") != 0, speed=str(data.slowest)).is_empty():
-        why = f"No {data.axis.name} but that with zero errors has enough features with a known error."
-        return [Absence(name, title, why)]
+        return [Absence(name, title, no_curve(data))]
     panels = _row(data, points.filter(speed=str(data.slowest)), Series("tracker", data.colour), f"speed {data.slowest}")
     if len(data.speeds) > 1:
         for tracker in data.trackers:

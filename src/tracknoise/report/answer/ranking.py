@@ -115,7 +115,7 @@ def _unproven(data: ReportData, errors: dict[str, Measure | None]) -> Judgement:
     low, high = min(sizes, key=lambda name: sizes[name] or 0.0), max(sizes, key=lambda name: sizes[name] or 0.0)
     times = ratio((sizes[high] or 0.0) / (sizes[low] or 1.0))
     scenes = count(len({entry.sequence.scene for entry in data.sequences.values()}), "scene")
-    text = f"Undecided from {scenes}. There, the error of {high} is {times} times as large as that of {low}."
+    text = f"Undecided from {scenes}; there, the error of {high} is {times} times as large as that of {low}."
     return Judgement(undecided, text, _SECTION)
 
 
@@ -124,4 +124,4 @@ def counted(data: ReportData) -> str:
     rows = data.dependence.filter(pl.col("n_levels") > 1)
     counts = {verdict: rows.filter(verdict=verdict).height for verdict in Verdict}
     known = ", ".join(f"{n} {verdict}" for verdict, n in counts.items() if n)
-    return f"Does a factor change a statistic? Answers: {known}." if known else ""
+    return f"Does a factor change a statistic: {known}." if known else ""

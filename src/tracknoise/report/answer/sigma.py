@@ -48,7 +48,9 @@ def _trust(found: dict[str, dict[str, Any]]) -> str:
 
 
 def _at_window(data: ReportData, tracker: str) -> dict[str, dict[str, Any]]:
-    """Quantities of the chosen window, by name."""
+    """Quantities of the chosen window, by name; none where points are fitted to whole tracks."""
+    if data.truth_is_fitted:
+        return {}
     rows = data.nominal(data.window_sigmas).filter(tracker=tracker, trimming=data.trimming)
     lengths = rows.filter(quantity="consistent_sigma")["window"]
     if lengths.is_empty():

@@ -87,7 +87,7 @@ def _scenes(row: Mapping[str, Any]) -> str:
 def _truth(row: Mapping[str, Any]) -> str:
     if row["table"] == "triangulated_noise":
         return "True positions are fitted to the tracks, which hides drift along epipolar lines."
-    return "True positions were recorded. Their own errors are part of every number."
+    return "True positions were recorded, so that their own errors are part of every number."
 
 
 _SENTENCES: Mapping[str, Callable[[Mapping[str, Any]], str]] = {

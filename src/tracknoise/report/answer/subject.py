@@ -1,6 +1,7 @@
 """One tracker in the condition that a card is about, and its tables."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -62,10 +63,16 @@ class Subject:
 
 def number(estimate: Estimate | None) -> Number:
     """An estimate as plain data."""
-    if estimate is None or estimate.value is None:
+    value = None if estimate is None else _finite(estimate.value)
+    if estimate is None or value is None:
         return Number(None, None, None, "unknown", "")
-    text, _, interval = format_estimate(estimate).partition(" (")
-    return Number(float(estimate.value), estimate.low, estimate.high, text, interval.removesuffix(")"))
+    low, high = _finite(estimate.low), _finite(estimate.high)
+    text, _, interval = format_estimate(replace(estimate, low=low, high=high)).partition(" (")
+    return Number(value, low, high, text, interval.removesuffix(")"))
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)
 
 
 def with_interval(found: Number) -> str:

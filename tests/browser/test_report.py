@@ -25,7 +25,7 @@ TOO_WIDE = """[...document.querySelectorAll('table, figure, .chart, .scroll, pre
 
 @pytest.fixture(scope="module")
 def run(make_run: Callable[..., RunFolder]) -> RunFolder:
-    return make_run(scenes=("fixating", "forward"), n_frames=20, born=20, min_features=20)
+    return make_run(scenes=("fixating", "forward"), n_frames=20, born=20, min_features=20, patches=True)
 
 
 @pytest.fixture(scope="module")
@@ -192,3 +192,63 @@ def test_dark_and_print(report: Path, open_page: Open) -> None:
     assert page.evaluate(background) == "rgb(255, 255, 255)"
     page.command("Emulation.setEmulatedMedia", media="print")
     assert page.evaluate("getComputedStyle(document.querySelector('nav')).display") == "none"
+
+
+def pooled_tracks(run: RunFolder, tracker: str, at: int) -> pl.DataFrame:
+    """Observations of a tracker at an age, the largest error first, with the scene and the track."""
+    seen = pl.concat(run.sequence_tables("observations")).filter(tracker=tracker, speed=1, age=at, truth="valid")
+    size = (pl.col("du_px") ** 2 + pl.col("dv_px") ** 2).sqrt()
+    return seen.with_columns(size=size).sort("size", descending=True)
+
+
+def test_a_click_on_a_point_opens_the_tracks_behind_it(run: RunFolder, report: Path, open_page: Open) -> None:
+    page = open_page(report)
+    page.wait(DRAWN)
+    page.evaluate(
+        """(() => {
+          const marks = [...document.querySelectorAll('[data-explorer=second] .mark-symbol path')];
+          const wanted = (item) => item.datum.at === 5 && item.datum.series === 'lucas-kanade';
+          marks.find((mark) => wanted(mark.__data__)).id = 'point';
+        })()"""
+    )
+    page.click("#point")
+    page.wait("document.getElementById('looks').dataset.shown")
+    shown_now = json.loads(page.evaluate("document.getElementById('looks').dataset.shown"))
+    assert shown_now == {"tracker": "lucas-kanade", "scene": "all", "at": 5}
+    tracks = page.evaluate("[...document.querySelectorAll('.track')].map(one => ({...one.dataset}))")
+    assert [one["kind"] for one in tracks] == [*["worst"] * 8, *["median"] * 8, *["best"] * 8]
+    expected = pooled_tracks(run, "lucas-kanade", 5).select("scene", pl.col("track").cast(pl.String)).rows()
+    assert [(one["scene"], one["track"]) for one in tracks[:8]] == expected[:8]
+    assert [(one["scene"], one["track"]) for one in tracks[16:]] == expected[::-1][:8]
+    assert page.errors == []
+
+
+def test_tracks_of_one_scene_are_chosen_without_a_mouse(run: RunFolder, report: Path, open_page: Open) -> None:
+    page = open_page(report)
+    page.wait(DRAWN)
+    choice = "document.querySelector('#look [name={}]').value = '{}'; "
+    chosen = "".join(choice.format(*pair) for pair in (("tracker", "correspondence"), ("scene", "forward"), ("at", 1)))
+    page.evaluate(f"{chosen} document.getElementById('look').dispatchEvent(new Event('change'))")
+    tracks = page.evaluate("[...document.querySelectorAll('.track')].map(one => ({...one.dataset}))")
+    expected = pooled_tracks(run, "correspondence", 1).filter(scene="forward")["track"].cast(pl.String).to_list()
+    assert [one["track"] for one in tracks[:8]] == expected[:8]
+    assert {one["scene"] for one in tracks} == {"forward"}
+
+
+def test_the_marks_of_a_patch_are_where_the_tables_say(run: RunFolder, report: Path, open_page: Open) -> None:
+    page = open_page(report)
+    page.wait(DRAWN)
+    page.evaluate("look('lucas-kanade', 'forward', 5)")
+    worst = pooled_tracks(run, "lucas-kanade", 5).filter(scene="forward").row(0, named=True)
+    circle = page.evaluate(
+        "(({cx, cy}) => [cx, cy].map(one => one.baseVal.value))(document.querySelector('.track circle'))"
+    )
+    assert page.evaluate("tile") == 124
+    u, v = (worst[name] - round(worst[name]) for name in ("u_px", "v_px"))
+    assert circle == pytest.approx([124 + 62 + 4 * (u - worst["du_px"]), 62 + 4 * (v - worst["dv_px"])], abs=0.1)
+
+
+def test_a_run_without_patches_says_so(odd_report: Path, open_page: Open) -> None:
+    page = open_page(odd_report)
+    page.wait(DRAWN)
+    assert "This run keeps no patches of tracks." in page.evaluate("document.getElementById('explorer').textContent")

@@ -12,6 +12,7 @@ from tracknoise.report import (
     export,
     factor_effects,
     findings_section,
+    looks,
     measured,
     table_files,
     trimmed,
@@ -118,6 +119,7 @@ def _page(
     specs: Mapping[str, Any],
     formats: tuple[str, ...],
 ) -> str:
+    seen = looks.looks(data)
     return template("index.html.j2").render(
         data=data,
         summary=answered,
@@ -139,6 +141,8 @@ def _page(
         specs={name: _embedded(spec) for name, spec in specs.items()},
         charts=explorer.charts(data),
         explored=_embedded(explorer.explored(data)),
+        has_looks=bool(seen["groups"]),
+        looked=_embedded(seen),
         formats=formats,
         vega=export.scripts(),
     )

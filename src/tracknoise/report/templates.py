@@ -8,7 +8,13 @@ from markupsafe import Markup, escape
 from tracknoise.printable import printable
 from tracknoise.report.figures.figure import Figure
 
-_RAW = {"css": "page.css", "first_css": "first.css", "script": "page.js", "explorer": "explorer.js"}
+_RAW = {
+    "css": "page.css",
+    "first_css": "first.css",
+    "script": "page.js",
+    "looks": "looks.js",
+    "explorer": "explorer.js",
+}
 """Files that stand in a page as they are, by their names in templates."""
 
 

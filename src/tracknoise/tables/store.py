@@ -76,8 +76,8 @@ SEED_TABLES: Mapping[str, schema.Schema] = {
     f"seed_{name}": {"seed": pl.Int32, **SEQUENCE_TABLES[name]} for name in ("moments", "ends", "frames")
 }
 """Tables of a sequence that was measured with further random seeds, which are numbered from 1."""
-_ASKED_FOR: Mapping[str, schema.Schema] = {"point_tracking": schema.POINT_TRACKING}
-"""Tables of a sequence that it has only where the experiment asks for them."""
+_ASKED_FOR: Mapping[str, schema.Schema] = {"point_tracking": schema.POINT_TRACKING, "patches": schema.PATCHES}
+"""Tables of a sequence that it has only where the experiment asks for them, or keeps observations."""
 _ALL_SEQUENCE_TABLES: Mapping[str, schema.Schema] = {**SEQUENCE_TABLES, **SEED_TABLES, **_ASKED_FOR}
 OBSERVED = ("observations", "tracks")
 """Tables of a sequence that grow with its observations. No table of the whole run is computed from them."""

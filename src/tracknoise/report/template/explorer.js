@@ -83,6 +83,7 @@ function rows(curves, role, coordinate, colours) {
       high: column(`${coordinate}_high`)[place] ?? null,
       n: values.n[place],
       series: series(curve),
+      tracker: curve.tracker,
       scene: curve.scene ?? "pooled",
       colour: colours.get(series(curve)),
     }));
@@ -155,6 +156,7 @@ async function show() {
     views.get(place.dataset.explorer)?.result.finalize();
     const result = await vegaEmbed(place, spec, { actions: false, renderer: "svg" });
     views.set(place.dataset.explorer, { result, spec });
+    openOnClick(result.view);
     place.dataset.shown = JSON.stringify(chosen);
     const message = `${place.getAttribute("aria-label")}: ${spec.usermeta.rows.length} points of `;
     place.title = message + (spec.usermeta.colours.map(([name]) => name).join(", ") || "nothing");

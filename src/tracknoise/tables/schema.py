@@ -554,6 +554,27 @@ IMAGE_SPEEDS: Schema = {
 }
 """Sums of visible, untrimmed errors along and across the image motion, by its speed (px per frame, low to high)."""
 
+PATCHES: Schema = {
+    **ORIGIN,
+    "at": pl.UInt32,
+    "n_each": pl.UInt8,
+    "track": pl.List(pl.UInt32),
+    "frame": pl.List(pl.UInt32),
+    "anchor_frame": pl.List(pl.UInt32),
+    "du_px": pl.List(pl.Float64),
+    "dv_px": pl.List(pl.Float64),
+    "sheet": pl.Binary,
+    "strip": pl.Binary,
+}
+"""Pictures of the tracks with the largest, middle and smallest errors at an age, or in a frame of a run with a scan.
+
+The lists have the n_each worst tracks, the worst first, then n_each around the median and n_each best ones. A track was
+seen in `frame`, where its error is du, dv; its error is zero in anchor_frame. sheet is a WebP image with a row of two
+patches for each track: in the anchor frame and in `frame`, each centred on the pixel nearest to the observed position.
+strip is a WebP image with patches of the worst track side by side, from its anchor frame on. Patches are squares of
+`tracknoise.tables.defaults.PATCH_PX`.
+"""
+
 CURVES: Schema = {
     "dataset": pl.String,
     **CONDITION,

@@ -82,8 +82,8 @@ _NOISE: Mapping[str, schema.Schema] = {
     "noise_covariates": schema.NOISE_COVARIATES,
 }
 """What noise models are fitted to. Sequences that an earlier version measured do not have it."""
-_ASKED_FOR: Mapping[str, schema.Schema] = {"point_tracking": schema.POINT_TRACKING}
-"""Tables of a sequence that it has only where the experiment asks for them."""
+_ASKED_FOR: Mapping[str, schema.Schema] = {"point_tracking": schema.POINT_TRACKING, "patches": schema.PATCHES}
+"""Tables of a sequence that it has only where the experiment asks for them, or keeps observations."""
 _ALL_SEQUENCE_TABLES: Mapping[str, schema.Schema] = {**SEQUENCE_TABLES, **_NOISE, **SEED_TABLES, **_ASKED_FOR}
 OBSERVED = ("observations", "tracks")
 """Tables of a sequence that grow with its observations. No table of the whole run is computed from them."""

@@ -150,7 +150,7 @@ def write_run(path: Path, world: World, *, seed: int = 0) -> RunFolder:
 
 
 def _toml(world: World) -> str:
-    names = [json.dumps(name) for name in world.trackers]
+    names = [json.dumps(name, ensure_ascii=False) for name in world.trackers]
     trackers = [f"[[trackers]]\nname = {name}\nkind = {name}\n[trackers.options]\nwindow = 15" for name in names]
     return "\n".join(
         [

@@ -32,9 +32,8 @@ def mapped(experiment: str) -> set[str]:
     (heading,) = [row for row in rows if row[0].strip() == "what the paper shows"]
     column = [cell.strip() for cell in heading].index(experiment)
     named = {name for row in rows if len(row) == len(heading) for name in re.findall(r"`([^`]+)`", row[column])}
-    return {
-        re.sub(r"speed-S(?=$|-)", f"speed-{speed}", name.replace("TRACKER", TRACKER)) for name in named for speed in (1, 2)
-    }
+    filled = [name.replace("TRACKER", TRACKER) for name in named]
+    return {re.sub(r"speed-S(?=$|-)", f"speed-{speed}", name) for name in filled for speed in (1, 2)}
 
 
 @pytest.mark.parametrize("experiment", WORLDS)

@@ -83,7 +83,7 @@ def first_scene(data: ReportData) -> Scene | None:
     if not data.keeps_observations:
         return None
     entries = list(data.sequences.values())[:MOST_SCENES]
-    scenes = (_scene(data, entry, png) for entry in entries if (png := _image(data, entry)) is not None)
+    scenes = (_scene(data, entry, png) for entry in entries if (png := stored_image(data, entry)) is not None)
     return next((scene for scene in scenes if scene.features.height), None)
 
 

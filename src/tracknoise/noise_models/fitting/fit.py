@@ -8,6 +8,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.findings.sampling.units import units_of
+from tracknoise.noise_models.fitting.bias import fit_bias
 from tracknoise.noise_models.fitting.components import FittedComponents, fit_components
 from tracknoise.noise_models.fitting.conditions import conditions_of
 from tracknoise.noise_models.fitting.equations import COLUMNS
@@ -16,7 +17,7 @@ from tracknoise.noise_models.fitting.gates import gates
 from tracknoise.noise_models.fitting.tails import fit_tails
 from tracknoise.noise_models.fitting.training_tables import TrainingTables, training_tables
 from tracknoise.noise_models.fitting.training_windows import Recording, windows
-from tracknoise.noise_models.model import Bias, BiasKind, CameraOfModel, Equivalent, Training
+from tracknoise.noise_models.model import CameraOfModel, Equivalent, Training
 from tracknoise.noise_models.track_noise import TrackNoise
 from tracknoise.tables.defaults import LEVEL
 from tracknoise.tables.store import RunFolder
@@ -66,7 +67,7 @@ def fitted_fields(
         "outlier_share": outliers["n_outliers"].sum() / outliers["n"].sum(),
         "outliers_beyond_px": limit_px,
         "conditions": conditions_of(read["noise_covariates"], fitted, level=level),
-        "bias": Bias(kind=BiasKind.NONE, why="it was not examined"),
+        "bias": fit_bias(sums, read["floors"], groups=read.groups, level=level),
         "truth_floor_px": _floor(read["floors"], last_age),
         "equivalents": _equivalents(read, fitted, noise, limit_px),
     }

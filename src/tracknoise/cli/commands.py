@@ -18,6 +18,7 @@ _COMMANDS = (
     "findings",
     "audit",
     "noise",
+    "prove",
     "simulate",
     "effects",
     "datasets",

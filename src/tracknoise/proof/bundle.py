@@ -17,8 +17,8 @@ from tracknoise.noise_models.linear_window import PointTracks, linear_tracks
 from tracknoise.proof.loss import PLAIN, Loss
 from tracknoise.proof.problem import Problem, TrackGroup, images
 
-_MOST_STEPS, _MOST_HALVINGS = 30, 8
-_CONVERGED = 1e-13
+_MOST_STEPS, _MOST_HALVINGS = 60, 8
+_CONVERGED = 1e-12
 """A step that changes the cost by a smaller share is the last one."""
 
 
@@ -113,10 +113,11 @@ class _Eliminated:
 
     def points_step(self, step: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         parts = zip(self.triangles, self.spans, self.by_pose, self.residuals, strict=True)
-        return [
+        steps = (
             np.linalg.solve(triangle, np.swapaxes(span, 1, 2) @ (residual - by_pose @ step)[:, :, None])[:, :, 0]
             for triangle, span, by_pose, residual in parts
-        ]
+        )
+        return [np.asarray(found, dtype=np.float64) for found in steps]
 
 
 def adjust(problem: Problem, start: Start, assumption: Assumption) -> Adjusted:
@@ -126,7 +127,7 @@ def adjust(problem: Problem, start: Start, assumption: Assumption) -> Adjusted:
     cost, converged, steps = work.cost(state), False, 0
     while not converged and steps < _MOST_STEPS:
         equations = work.equations(state)
-        step = np.linalg.solve(equations.information, equations.gradient)
+        step = np.asarray(np.linalg.solve(equations.information, equations.gradient), dtype=np.float64)
         state, reached = work.best(state, step, equations.points_step(step), cost)
         converged, cost, steps = cost - reached <= _CONVERGED * cost, reached, steps + 1
     found = work.equations(state)

@@ -52,7 +52,7 @@ def floors(mean_px: float) -> pl.DataFrame:
         "n": N,
     }
     names = ("sum_uu", "sum_uv", "sum_vv", "own_uu", "own_vv", "shared_u", "shared_v")
-    values = {**dict.fromkeys(names, 0.0), "shared_u": mean_px * N, "shared_v": mean_px * N}
+    values = {"n": N, **dict.fromkeys(names, 0.0), "shared_u": mean_px * N, "shared_v": mean_px * N}
     rows = [{**row, **values, "at": age} for age in range(1, AGES + 1)]
     return pl.DataFrame(rows, schema=dict(FLOORS), orient="row")
 

@@ -4,8 +4,8 @@
     python -m benchmarks.proof_filter --runs 8 --frames 30
 
 Prints NEES of the newest pose, errors of the last one, the share of tracks that pass the chi-square gate, and mean
-innovations, for each assumed noise: the sigma that innovations suggest, with the usual gate and with a measured one; the
-sigma that makes the newest pose of windows right; and whole tracks.
+innovations, for each assumed noise: the sigma that innovations suggest, with the usual gate and with a measured one,
+the sigma that makes the newest pose of windows right, and whole tracks.
 """
 
 import argparse

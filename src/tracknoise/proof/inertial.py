@@ -91,7 +91,7 @@ def inertial_problem(
     random = np.random.default_rng((seed, 3))
     phase = random.uniform(0.0, 2.0 * np.pi, 6)
     interval_s = 1.0 / (_RATE_HZ * _PER_FRAME)
-    time_s = np.arange((n_frames - 1) * _PER_FRAME + 1) * interval_s
+    time_s = np.asarray(np.arange((n_frames - 1) * _PER_FRAME + 1) * interval_s, dtype=np.float64)
     poses = _poses(time_s, phase)
     sensor = noise or InertialNoise()
     gyro, accelerometer = _readings(random, time_s, phase, sensor, interval_s)

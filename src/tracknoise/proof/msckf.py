@@ -179,7 +179,7 @@ class _Filter:
         residual = np.concatenate([part[0] for part in parts])
         by_state = np.concatenate([part[1] for part in parts])
         crossed = self._covariance @ by_state.T
-        gain = np.linalg.solve(by_state @ crossed + np.eye(len(residual)), crossed.T).T
+        gain = np.asarray(np.linalg.solve(by_state @ crossed + np.eye(len(residual)), crossed.T).T, dtype=np.float64)
         kept = np.eye(len(self._covariance)) - gain @ by_state
         self._covariance = kept @ self._covariance @ kept.T + gain @ gain.T
         self._correct(gain @ residual)
@@ -187,7 +187,8 @@ class _Filter:
     def _constraint(self, track: _Track) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         """Whitened residuals and derivatives of a track without its point; None if it fails the gate."""
         residual, by_pose, by_point = self._linearised(track, self._triangulated(track))
-        left = np.linalg.qr(track.whiten @ by_point, mode="complete")[0][:, 3:].T @ track.whiten
+        span = np.linalg.qr(track.whiten @ by_point, mode="complete")[0][:, 3:]
+        left = np.asarray(span.T @ track.whiten, dtype=np.float64)
         reduced, by_state = left @ residual, left @ self._spread(track, by_pose)
         spread = by_state @ self._covariance @ by_state.T + np.eye(len(reduced))
         squared = float(reduced @ np.linalg.solve(spread, reduced))
@@ -211,7 +212,8 @@ class _Filter:
         point = track.point
         for _ in range(_TRIANGULATIONS):
             residual, _, by_point = self._linearised(track, point)
-            point = point + np.linalg.lstsq(track.whiten @ by_point, track.whiten @ residual)[0]
+            step = np.linalg.lstsq(track.whiten @ by_point, track.whiten @ residual)[0]
+            point = point + np.asarray(step, dtype=np.float64)
         return point
 
     def _spread(self, track: _Track, by_pose: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -102,6 +102,35 @@ def window_sigmas(
     return check(table.sort(*POOLED, *_POINT, "quantity"), WINDOW_SIGMAS, "window sigmas")
 
 
+def scene_quantities(windows: pl.DataFrame) -> pl.DataFrame:
+    """The same quantities of every scene on its own.
+
+    Parameters
+    ----------
+    windows
+        Rows of one condition and one trimming, schema `WINDOW_NOISE`.
+
+    Returns
+    -------
+    polars.DataFrame
+        Columns scene, window, quantity, n and value, without rows where a quantity is undefined. n counts the windows,
+        or those that show depth, that the quantity rests on.
+    """
+    units = units_of(_wide(windows), points=["window"], columns=_columns())
+    values, n = _quantities(np.transpose(units.sums, (2, 1, 0))), _sizes(units)
+    there = np.argwhere(~np.isnan(values))
+    quantity, window, scene = there.T
+    return pl.DataFrame(
+        {
+            "scene": np.array(units.scenes, dtype=np.str_)[scene],
+            "window": units.points["window"].to_numpy()[window],
+            "quantity": np.array(list(QUANTITIES))[quantity],
+            "n": n[tuple(there.T)].astype(np.int64),
+            "value": values[tuple(there.T)],
+        }
+    )
+
+
 def _has_few_scenes(key: Condition, windows: pl.DataFrame, groups: SceneGroups) -> bool:
     """Whether blocks are resampled, because scenes cannot be. Only then blocks are read: they are many."""
     return scheme(groups.of(key[0], windows["scene"].unique().sort().to_list())) is None

@@ -174,7 +174,7 @@ class BirthSession:
         """Anchor new tracks and locate all: see `tracknoise.truth.truth.TruthSession.observe`."""
         self._tracks.begin(index, *self._truth.anchor(index, uv[born]))
         self._surroundings.append(self._truth.surroundings(index, uv[born]))
-        self._tracks.locate(index, tracks)
+        self._tracks.locate(index, tracks, np.where(born[:, np.newaxis], uv, np.nan))
 
     def resolve(self) -> TruePositions:
         """True positions of all observations: see `tracknoise.truth.truth.TruthSession.resolve`."""

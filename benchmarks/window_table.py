@@ -61,6 +61,24 @@ def fitted(window: NDArray[np.float64]) -> tuple[float, float, float, float, flo
     return parallax, float(left @ left) - z**2, len(errors) - 3, z, float(errors[-2:] @ errors[-2:])
 
 
+def quantities(
+    run: RunFolder, length: int, *, least_parallax_px: float, trimmed: bool
+) -> dict[str, tuple[int, float, float, float]]:
+    """By tracker: windows, root mean square error in the last frame, residual sigma and consistent sigma, px."""
+    found: dict[str, list[tuple[float, ...]]] = {}
+    for key in sorted(run.manifest().sequences):
+        for tracker, kept, window in windows(run, key, length):
+            if kept or not trimmed:
+                found.setdefault(tracker, []).append(fitted(window))
+    sizes = {}
+    for tracker, rows in sorted(found.items()):
+        shown = np.array([row for row in rows if row[0] >= least_parallax_px])
+        _, squares, freedom, z, last = shown.T
+        residual = float(np.sqrt(squares.sum() / freedom.sum()))
+        sizes[tracker] = (len(shown), float(np.sqrt(last.mean() / 2)), residual, float(np.median(np.abs(z))) / HALF)
+    return sizes
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -69,24 +87,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--trimming", choices=("trimmed", "untrimmed"), default="trimmed")
     parser.add_argument("--windows", type=int, nargs="*", default=[5, 10, 15])
     chosen = parser.parse_args(arguments)
-    run = RunFolder(chosen.run)
     print(
         f"{'tracker':<16}{'window':>8}{'windows':>10}{'rms, last':>12}{'residual':>12}{'consistent':>12}{'ratio':>10}"
     )
     for length in chosen.windows:
-        found: dict[str, list[tuple[float, ...]]] = {}
-        for key in sorted(run.manifest().sequences):
-            for tracker, kept, window in windows(run, key, length):
-                if kept or chosen.trimming == "untrimmed":
-                    found.setdefault(tracker, []).append(fitted(window))
-        for tracker, rows in sorted(found.items()):
-            shown = np.array([row for row in rows if row[0] >= chosen.least_parallax])
-            _, squares, freedom, z, last = shown.T
-            residual, consistent = np.sqrt(squares.sum() / freedom.sum()), np.median(np.abs(z)) / HALF
-            sizes = (
-                f"{np.sqrt(last.mean() / 2):>12.3f}{residual:>12.3f}{consistent:>12.3f}{consistent / residual:>10.2f}"
-            )
-            print(f"{tracker:<16}{length:>8}{len(shown):>10}{sizes}", flush=True)
+        trimmed = chosen.trimming == "trimmed"
+        found = quantities(RunFolder(chosen.run), length, least_parallax_px=chosen.least_parallax, trimmed=trimmed)
+        for tracker, (n, last, residual, consistent) in found.items():
+            sizes = f"{last:>12.3f}{residual:>12.3f}{consistent:>12.3f}{consistent / residual:>10.2f}"
+            print(f"{tracker:<16}{length:>8}{n:>10}{sizes}", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Does the noise of windows come back: independent noise, noise of the first position, walks, and all of them?
 
-    python -m benchmarks.validity.window_noise [--scenes N] [--frames N] [--features N] [--seed N]
+    python -m benchmarks.validity.window_noise [--scenes N] [--frames N] [--features N] [--seed N] [--on-surface]
 
 The oracle tracks through simulated worlds, sideways and forward. Its errors are planted. Printed are the residual
 sigma, the consistent sigma and their ratio, the overconfidence, of windows of each length: as the tool measures them,
@@ -9,11 +9,14 @@ numerically.
 With independent errors of 0.3 px in all frames (`detection`), both sigmas are 0.3 px. Where the first position has no
 error (`white`), the first observation of a window is better than the others, and both sigmas are smaller: by a tenth
 and by a quarter in windows of 5. Walks are of 0.1 px per frame. `all` has every kind, each smaller.
+
+With `--on-surface`, features leave their points along surfaces, as real ones do, and not at the same depth. The truth
+takes the depth at the first observed position, which is then not that of the point that is followed.
 """
 
 import argparse
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import polars as pl
@@ -27,10 +30,44 @@ from tracknoise.noise_models.window_noise import window_sigmas
 from tracknoise.sequences.simulated import Simulated
 from tracknoise.statistics.window_noise import window_noise
 from tracknoise.statistics.windows import LEAST_PARALLAX_PX
-from tracknoise.trackers.oracle import Oracle
+from tracknoise.trackers.oracle import Oracle, OracleTracker
+from tracknoise.trackers.tracker import DisplacingTruth, SequenceContext
 
 WINDOWS = (5, 10, 15)
 SIGMAS = ("residual_sigma", "consistent_sigma", "overconfidence")
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """A truth that moves points along surfaces; where there is none, at the same depth."""
+
+    truth: DisplacingTruth
+
+    def anchor(self, index: int, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
+        """World points of pixels, as those of the truth."""
+        return self.truth.anchor(index, uv)
+
+    def project(self, index: int, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Pixels of world points, as those of the truth."""
+        return self.truth.project(index, points_world)
+
+    def displaced(
+        self, index: int, points_world: NDArray[np.float64], by_px: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Points of surfaces whose positions lie beside those of others."""
+        on_surface, _ = self.truth.anchor(index, self.truth.project(index, points_world) + by_px)
+        known = np.isfinite(on_surface).all(axis=1)[:, None]
+        return np.where(known, on_surface, self.truth.displaced(index, points_world, by_px))
+
+
+@dataclass(frozen=True, slots=True)
+class SurfaceOracle(Oracle):
+    """An oracle whose features leave their points along surfaces."""
+
+    def start(self, context: SequenceContext) -> OracleTracker:
+        """Start it on one sequence at one speed."""
+        assert isinstance(context.truth, DisplacingTruth)
+        return Oracle.start(self, replace(context, truth=Surface(context.truth)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,10 +78,11 @@ class Planted:
     white_px: float = 0.0
     walk_px: float = 0.0
 
-    def tracker(self, features: int) -> Oracle:
+    def tracker(self, features: int, *, on_surface: bool = False) -> Oracle:
         """The oracle with these errors."""
         white = ((self.white_px**2, 0.0), (0.0, self.white_px**2))
-        return Oracle(features, covariance_px2=white, birth_px=self.birth_px, walk_px_per_sqrt_frame=self.walk_px)
+        kind = SurfaceOracle if on_surface else Oracle
+        return kind(features, covariance_px2=white, birth_px=self.birth_px, walk_px_per_sqrt_frame=self.walk_px)
 
     def covariance(self, magnification: NDArray[np.float64]) -> NDArray[np.float64]:
         """(windows, N, N) of the errors of a coordinate about the first position, for magnifications (windows, N)."""
@@ -66,12 +104,14 @@ CASES = {
 }
 
 
-def measured(motion: str, *, scenes: int, frames: int, features: int, seed: int) -> list[tn.Measurement]:
+def measured(
+    motion: str, *, scenes: int, frames: int, features: int, seed: int, on_surface: bool = False
+) -> list[tn.Measurement]:
     """Oracles with the errors of `CASES` in simulated worlds."""
     reader = Simulated(
         motions=(motion,), worlds=scenes, frames=frames, width=320, height=240, supersampling=1, seed=seed
     )
-    trackers = {name: planted.tracker(features) for name, planted in CASES.items()}
+    trackers = {name: planted.tracker(features, on_surface=on_surface) for name, planted in CASES.items()}
     return [tn.measure(reader.open(scene), trackers, seed=seed) for scene in reader.sequences()]
 
 
@@ -170,12 +210,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--frames", type=int, default=18)
     parser.add_argument("--features", type=int, default=3000)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--on-surface", action="store_true")
     chosen = parser.parse_args(arguments)
     print(f"{'':32}" + "".join(f"{name:>34}" for name in SIGMAS))
     print(f"{'motion':<10}{'noise':<12}{'window':>10}" + f"{'measured':>14}{'predicted':>12}{'ratio':>8}" * 3)
     for motion in ("sideways", "forward"):
-        sizes = {"scenes": chosen.scenes, "frames": chosen.frames, "features": chosen.features, "seed": chosen.seed}
-        for row in rows(motion, measured(motion, **sizes)):
+        measurements = measured(motion, **vars(chosen))
+        for row in rows(motion, measurements):
             cells = "".join(f"{a:>14.4f}{b:>12.4f}{a / b:>8.3f}" for a, b in (row[name] for name in SIGMAS))
             print(f"{row['motion']:<10}{row['noise']:<12}{row['window']:>10}{cells}", flush=True)
 

@@ -5,23 +5,30 @@ from collections.abc import Mapping
 import polars as pl
 import pytest
 from benchmarks.validity.window_noise import CASES, SIGMAS, found, measured, predicted
+from benchmarks.window_table import quantities
 
 import tracknoise as tn
 from tracknoise.sequences.simulated import Simulated
+from tracknoise.tables.store import RunFolder
 from tracknoise.trackers.oracle import Oracle
 
 NOISE_PX = 0.4
 
 
 @pytest.fixture(scope="module")
-def table() -> pl.DataFrame:
+def run() -> tn.Run:
     options = {"frames": 14, "width": 320, "height": 240, "supersampling": 1, "worlds": 6}
     reader = Simulated(motions=("sideways",), **options)
     measured = [
         tn.measure(reader.open(scene), Oracle(covariance_px2=((NOISE_PX**2, 0.0), (0.0, NOISE_PX**2))))
         for scene in reader.sequences()
     ]
-    return tn.analyse(measured).table("window_sigmas", trimming="untrimmed")
+    return tn.analyse(measured)
+
+
+@pytest.fixture(scope="module")
+def table(run: tn.Run) -> pl.DataFrame:
+    return run.table("window_sigmas", trimming="untrimmed")
 
 
 @pytest.mark.parametrize("window", [5, 10])
@@ -33,6 +40,16 @@ def test_independent_noise_is_honest_in_every_window(table, window):
     assert rows["gate_95"]["value"] == pytest.approx(1.0, abs=0.1)
     for row in rows.values():
         assert row["low"] is None or row["low"] <= row["value"] <= row["high"]
+
+
+def test_other_code_finds_the_same_in_the_observations(run, table):
+    found = quantities(RunFolder(run.path), 10, least_parallax_px=1.0, trimmed=False)
+    n, _, residual, consistent = found["oracle"]
+    (row,) = table.filter(window=10, quantity="consistent_sigma").to_dicts()
+    (share,) = table.filter(window=10, quantity="depth_share")["value"].to_list()
+    assert n == round(share * row["n"])
+    assert consistent == pytest.approx(row["value"], rel=0.02)  # the median of a histogram
+    assert residual == pytest.approx(NOISE_PX, rel=0.1)
 
 
 Pairs = Mapping[str, tuple[float, float]]

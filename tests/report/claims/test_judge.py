@@ -92,6 +92,13 @@ def test_a_cell_without_a_known_direction_says_so(made: MakeData) -> None:
     assert verdict(paired(made("kitti"), verdict="no"), f"speed-second-{SIFT}").agreement is Agreement.agrees
 
 
+def test_factors_other_than_the_speed_have_no_direction(made: MakeData) -> None:
+    known = {"verdict": "yes", "unit": "ratio", "level_a": LK, "level_b": SIFT, "larger": SIFT, "effect": 2.0}
+    values = {name: pl.lit(value) for name, value in known.items()}
+    found = verdict(changed(made("kitti"), "dependence", pl.lit(value=True), **values), "tracker-absolute")
+    assert (found.agreement, found.reason) == (Agreement.agrees, "")
+
+
 def test_what_a_run_does_not_vary_is_not_judged(made: MakeData) -> None:
     data = made("kitti", trackers=(LK,), speeds=(1,))
     assert verdict(data, "tracker-absolute").reason == "the run does not vary the tracker"

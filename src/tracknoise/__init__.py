@@ -1,8 +1,8 @@
 """Measure the errors of feature tracks: bias, covariance, drift, outlier ratio and lifetime.
 
 `open_sequence` opens images of known geometry. `measure` runs trackers over them and returns tables of errors, and
-`analyse` computes findings from several measurements. `open_run` reads what `tracknoise run` has measured. Names are
-loaded when first used, so that importing the package is quick.
+`analyse` computes findings from several measurements. `open_run` reads what `tracknoise run` has measured, and
+`compare` compares such runs. Names are loaded when first used, so that importing the package is quick.
 """
 
 from importlib import import_module
@@ -12,10 +12,12 @@ if TYPE_CHECKING:
     from tracknoise.api.analyse import analyse
     from tracknoise.api.run import Run, open_run
     from tracknoise.exceptions import TracknoiseError
+    from tracknoise.experiments.comparing.compare_runs import compare
     from tracknoise.experiments.measure import Measurement, measure
     from tracknoise.experiments.tap_metrics import tap_metrics
     from tracknoise.geometry.accuracy import TruthAccuracy
     from tracknoise.geometry.corrections import Corrections
+    from tracknoise.noise_models.noise_model import NoiseModel
     from tracknoise.sequences.arrays import Sequence
     from tracknoise.sequences.registry import open_sequence, open_sequences
     from tracknoise.statistics.curves import curves
@@ -41,6 +43,7 @@ __all__ = [
     "Imported",
     "LucasKanade",
     "Measurement",
+    "NoiseModel",
     "Oracle",
     "Rejection",
     "Run",
@@ -48,6 +51,7 @@ __all__ = [
     "TracknoiseError",
     "TruthAccuracy",
     "analyse",
+    "compare",
     "curves",
     "lifetimes",
     "measure",
@@ -68,6 +72,7 @@ _HOMES = {
     "Imported": "trackers.imported",
     "LucasKanade": "trackers.lucas_kanade",
     "Measurement": "experiments.measure",
+    "NoiseModel": "noise_models.noise_model",
     "Oracle": "trackers.oracle",
     "Rejection": "trackers.rejection",
     "Run": "api.run",
@@ -75,6 +80,7 @@ _HOMES = {
     "TracknoiseError": "exceptions",
     "TruthAccuracy": "geometry.accuracy",
     "analyse": "api.analyse",
+    "compare": "experiments.comparing.compare_runs",
     "curves": "statistics.curves",
     "lifetimes": "statistics.lifetimes",
     "measure": "experiments.measure",

@@ -3,7 +3,10 @@
 from collections.abc import Callable
 from types import ModuleType
 
+import polars as pl
+
 from tracknoise.cli.summary import summary_text
+from tracknoise.tables.findings_schema import FINDINGS
 from tracknoise.tables.store import RunFolder
 
 
@@ -29,3 +32,10 @@ def test_many_conditions_are_not_all_listed(make_run: Callable[..., RunFolder], 
     lines = summary_text(make_run(**synthetic.DEGENERATE["many conditions"])).splitlines()
     assert len(lines) == 5
     assert lines[-1] == "(under lighting LR0; 40 other conditions are in the report's tables/summary.csv)"
+
+
+def test_the_noise_to_set_in_an_estimator_stands_below_the_table(make_run: Callable[..., RunFolder]) -> None:
+    run = make_run(scenes=("only",), speeds=(1,))
+    row = {"rank": 1, "topic": "estimator", "text": "Set 0.2 px.", "figure": "findings", "table": "window_sigmas"}
+    run.write_statistics({"findings": pl.DataFrame([row], schema=dict(FINDINGS))})
+    assert summary_text(run).splitlines()[-1] == "Set 0.2 px."

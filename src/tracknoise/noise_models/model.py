@@ -11,9 +11,15 @@ covariance D (drift, constant in a track).
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+
+from tracknoise.noise_models.json_types import as_covariance, as_degrees
+
+Covariance = Annotated[NDArray[np.float64], as_covariance()]
+"""(2, 2) float64, symmetric and not negative: of u and v."""
 
 
 class Landmark(StrEnum):
@@ -64,7 +70,7 @@ class Component:
         A sentence, if the component was dropped.
     """
 
-    covariance: NDArray[np.float64]
+    covariance: Covariance
     sigma: Interval
     why_dropped: str | None = None
 
@@ -95,13 +101,21 @@ class Equivalent:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tails:
-    """Student t of the errors, untrimmed: `nu` degrees of freedom, and the scale of the core, px (2-D, per axis).
+    """Student t of the errors, untrimmed.
 
-    ``nu`` is infinite where the Gaussian describes the errors at least as well.
+    Parameters
+    ----------
+    nu
+        Degrees of freedom; infinite where the Gaussian describes the errors at least as well.
+    core_sigma
+        Scale of the core (2-D, per axis) at the ages of the sample, px.
+    core_ratio
+        This scale over the standard deviation that the components give at the same ages.
     """
 
-    nu: float
+    nu: Annotated[float, as_degrees()]
     core_sigma: float
+    core_ratio: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,3 +154,64 @@ class Training:
     n_tracks: int
     n_observations: int
     ages: tuple[int, int]
+
+
+class BiasKind(StrEnum):
+    """What is known of the mean error."""
+
+    NONE = "none"
+    """It was not examined, or is not known."""
+    REFUSED = "refused"
+    """No correction is warranted."""
+    BY_AGE = "by_age"
+    """It depends on the age of the track."""
+    ALONG_MOTION = "along_motion"
+    """It is proportional to the motion of the image."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bias:
+    """Mean error, and whether a correction by it is warranted.
+
+    Parameters
+    ----------
+    kind
+        What it depends on.
+    why
+        A sentence.
+    ages, mean_px
+        Ages, and the mean error (u, v) at each of them, px; empty for other kinds.
+    per_motion
+        Error along the motion of the image, per px of motion from one frame to the next; 0 for other kinds.
+    reduction
+        Share of the second moment of the errors of scenes that were left out, that the correction removes.
+    """
+
+    kind: BiasKind
+    why: str
+    ages: tuple[int, ...] = ()
+    mean_px: tuple[tuple[float, float], ...] = ()
+    per_motion: float = 0.0
+    reduction: Interval | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Factor:
+    """A factor on the covariances of white noise and walk, by something that is known at run time.
+
+    It is piecewise linear in the natural logarithm of the covariate, and constant outside of the trained range.
+
+    Parameters
+    ----------
+    of
+        Name of the covariate: ``motion_px``, or that of a quality that the tracker reports.
+    log_knots, log_factor
+        Natural logarithms of the covariate, and of the factor there.
+    gain
+        Mean gain in log likelihood on scenes that were left out, nat per change of the error.
+    """
+
+    of: str
+    log_knots: tuple[float, ...]
+    log_factor: tuple[float, ...]
+    gain: Interval

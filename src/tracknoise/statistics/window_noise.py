@@ -15,6 +15,7 @@ from tracknoise.statistics.definitions import WINDOWS
 from tracknoise.statistics.grouping import group_rows
 from tracknoise.statistics.log_histogram import BINS, bin_of
 from tracknoise.statistics.prepared import PreparedSequence
+from tracknoise.statistics.true_points import true_points
 from tracknoise.statistics.windows import FittedWindows, fit_windows
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.schema import TRIMMING, WINDOW_BLOCKS, WINDOW_NOISE, Schema, check, empty
@@ -156,9 +157,7 @@ def _derivatives(
     """Derivatives of true positions by the point of their track, (rows, 2, 3), and rays of the tracks, (tracks, 3)."""
     frame, born = sequence.seen.frame[rows], rows[start]
     birth = sequence.seen.frame[born]
-    true_uv = sequence.observations.select("u_true_px", "v_true_px").to_numpy()[born]
-    depth_m = sequence.tracks["depth_m"].to_numpy()[sequence.track_row[born]]
-    points = geometry.unproject(birth, true_uv, depth_m)
+    points = true_points(sequence, geometry, born)
     ray_m = points - geometry.world_from_camera[birth, :3, 3]
     return geometry.jacobian(frame, np.repeat(points, length, axis=0)), ray_m
 

@@ -27,6 +27,18 @@ class Trimming(StrEnum):
     trimmed = "trimmed"
 
 
+class Reading(StrEnum):
+    """A reading of the paper's trimming.
+
+    none: no track is dropped. all: the percentile is that of all tracks with an error, also of those that were seen
+    once. followed: it is that of tracks that were seen more than once.
+    """
+
+    none = "none"
+    all = "all"
+    followed = "followed"
+
+
 class TrimAmong(StrEnum):
     """Tracks from which the trimming percentile is computed.
 
@@ -47,6 +59,19 @@ class Weighting(StrEnum):
     features = "features"
     scenes = "scenes"
     geometric = "geometric"
+
+
+class Product(StrEnum):
+    """Products of errors of one track, about the first position, from which components of the noise are fitted.
+
+    error: an error with itself. before: the error in the frame before, carried on by the magnification of the image,
+    with itself. change: the error minus the one before, carried on, with itself. lagged: a change with the one before.
+    """
+
+    error = "error"
+    before = "before"
+    change = "change"
+    lagged = "lagged"
 
 
 class FloorSource(StrEnum):
@@ -212,3 +237,25 @@ class Occlusion(StrEnum):
     never = "never"
     later = "later"
     now = "now"
+
+
+class ChangeVerdict(StrEnum):
+    """Answer to whether a statistic of one run is better or worse than that of another, by more than a margin.
+
+    none: it is shown to differ by less than the margin.
+    """
+
+    worse = "worse"
+    better = "better"
+    none = "no difference"
+    undecided = "undecided"
+
+
+class ComparedAges(StrEnum):
+    """Ages that the verdict of a comparison is about.
+
+    every: each single age, and their mean. mean: the mean over ages alone.
+    """
+
+    every = "every"
+    mean = "mean"

@@ -21,6 +21,7 @@ from tracknoise.tables.enumerations import (
     FloorSource,
     Occlusion,
     Population,
+    Product,
     Surrounding,
     TrimAmong,
     Trimming,
@@ -75,6 +76,7 @@ ASPECT = pl.Enum(Aspect)
 FITTED_MEASURE = pl.Enum(FittedMeasure)
 
 FLOOR_SOURCE = pl.Enum(FloorSource)
+PRODUCT = pl.Enum(Product)
 
 
 FITTED_TO = pl.Enum(FittedTo)
@@ -350,6 +352,48 @@ WINDOW_BLOCKS: Schema = {**ORIGIN, "block": pl.UInt8, **_WINDOW_SUMS}
 """The same by blocks of tracks, at the slowest speed."""
 
 
+NOISE_SUMS: Schema = {
+    **ORIGIN,
+    "block": pl.UInt8,
+    "product": PRODUCT,
+    "age": pl.UInt32,
+    "n": pl.Int64,
+    **dict.fromkeys(("uu", "uv", "vv"), pl.Float64),
+    **dict.fromkeys(("first", "white", "walk", "drift"), pl.Float64),
+    **dict.fromkeys(("sum_u", "sum_v", "along", "motion"), pl.Float64),
+}
+"""Sums of products of errors, and of what multiplies the covariances A, W, Q and D in their expectation.
+
+See `tracknoise.statistics.noise_sums`. uu, uv, vv and motion are in px^2, walk in frames, drift in frames^2; first and
+white have no unit. sum_u and sum_v are sums of the errors (px), along that of the errors along the motion of the image
+since the frame before, times this motion, and motion that of its square. These four are of the product `error`. Errors
+beyond the limit of `NOISE_OUTLIERS` are left out. block is that of the track at the slowest speed, 0 at others.
+"""
+
+NOISE_OUTLIERS: Schema = {
+    **ORIGIN,
+    "n_tracks": pl.Int64,
+    "n": pl.Int64,
+    "n_outliers": pl.Int64,
+    "limit_px": pl.Float64,
+}
+"""Errors at the ages of `NOISE_SUMS`, and how many of these are larger than `limit_px` in length."""
+
+NOISE_COVARIATES: Schema = {
+    **ORIGIN,
+    "covariate": pl.String,
+    "before": pl.Int16,
+    "now": pl.Int16,
+    "n": pl.Int64,
+    **dict.fromkeys(("squares", "white_before", "walk", "drift"), pl.Float64),
+}
+"""Sums over changes of errors by what was known at run time at both of their ends (`tracknoise.statistics.covariates`).
+
+before and now are classes of the covariate. squares is the sum of half the squared length of the changes (px^2).
+white_before, n, walk and drift multiply W at the first end, W at the second, Q and D in its expectation.
+"""
+
+
 FLOORS: Schema = {
     **ORIGIN,
     "source": FLOOR_SOURCE,
@@ -509,6 +553,27 @@ IMAGE_SPEEDS: Schema = {
     **dict.fromkeys(("sum_along", "sum_across", "sum_along_2", "sum_across_2"), pl.Float64),
 }
 """Sums of visible, untrimmed errors along and across the image motion, by its speed (px per frame, low to high)."""
+
+PATCHES: Schema = {
+    **ORIGIN,
+    "at": pl.UInt32,
+    "n_each": pl.UInt8,
+    "track": pl.List(pl.UInt32),
+    "frame": pl.List(pl.UInt32),
+    "anchor_frame": pl.List(pl.UInt32),
+    "du_px": pl.List(pl.Float64),
+    "dv_px": pl.List(pl.Float64),
+    "sheet": pl.Binary,
+    "strip": pl.Binary,
+}
+"""Pictures of the tracks with the largest, middle and smallest errors at an age, or in a frame of a run with a scan.
+
+The lists have the n_each worst tracks, the worst first, then n_each around the median and n_each best ones. A track was
+seen in `frame`, where its error is du, dv; its error is zero in anchor_frame. sheet is a WebP image with a row of two
+patches for each track: in the anchor frame and in `frame`, each centred on the pixel nearest to the observed position.
+strip is a WebP image with patches of the worst track side by side, from its anchor frame on. Patches are squares of
+`tracknoise.tables.defaults.PATCH_PX`.
+"""
 
 CURVES: Schema = {
     "dataset": pl.String,

@@ -10,6 +10,7 @@ from tracknoise.experiments.settings import SYNTHETIC, Experiment
 from tracknoise.geometry.pose import position_rows
 from tracknoise.sequences.sequence import TRIANGULATED, Sequence
 from tracknoise.statistics.image_map import image_map
+from tracknoise.statistics.noise_tables import noise_tables
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.window_noise import window_noise
 from tracknoise.tables.schema import POSES, SEQUENCE
@@ -44,6 +45,7 @@ def geometry_tables(
         "image_map": image_map(prepared, width=camera.width, height=camera.height),
         **rigid_tables(prepared, geometry, witnesses=of_images),
         **window_noise(prepared, geometry, population=population, with_depth=with_depth),
+        **(noise_tables(prepared, geometry) if with_depth else {}),
     }
 
 

@@ -78,6 +78,15 @@ def _figure(data: ReportData, entry: SequenceEntry, place: int) -> Figure | Abse
     return Figure(name, title, _shows(data, scene), _look_for(data, scene), _chart(data, scene))
 
 
+def first_scene(data: ReportData) -> Scene | None:
+    """The first scene that has an image and features with errors; None where none has."""
+    if not data.keeps_observations:
+        return None
+    entries = list(data.sequences.values())[:MOST_SCENES]
+    scenes = (_scene(data, entry, png) for entry in entries if (png := stored_image(data, entry)) is not None)
+    return next((scene for scene in scenes if scene.features.height), None)
+
+
 def _nothing(data: ReportData, entry: SequenceEntry) -> str:
     if entry.key_frame == entry.snapshot_frame:
         return f"The image is of frame {entry.snapshot_frame}, the key frame, where errors are zero by construction."

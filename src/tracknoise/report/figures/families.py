@@ -66,25 +66,21 @@ def _load(name: str) -> Any:
 
 FAMILIES: tuple[Family, ...] = (
     Family(
-        "example-frames",
-        "Example frames",
-        "One frame of each scene, with the features and their errors.",
-        ("example_frames:figures", "light_stage:figures"),
+        "estimator",
+        "For your estimator",
+        "An estimator that fits points to windows of tracks needs one sigma. The sigma of its own residuals is not the "
+        "one that makes its depths as certain as it claims, because errors of one track are alike from frame to frame.",
+        ("window_sigmas:figures",),
+        of_errors=True,
     ),
     Family(
-        "trajectory",
-        "Camera path",
-        "The camera motion determines how features move. Rotation shifts image points regardless of their depth. "
-        "Translation shifts near points more than far ones.",
-        ("trajectory:figures",),
-    ),
-    Family(
-        "trimming",
-        "Errors before trimming",
-        "Some tracks follow the wrong point. The paper drops the tracks with the largest errors in each scene. What is "
-        "left then depends on how many tracks are lost, and on the length of the sequences. The figures say which "
-        "errors they show.",
-        ("trimming:figures",),
+        "error-by-tracker",
+        "Error by tracker",
+        "This section shows how the error grows from the frame where it is zero by construction. Usually that is the "
+        "frame in which a feature was first seen. If one scan gives the true positions of all features, it is the key "
+        "frame of that scan.",
+        ("curves:figures", "second_moments:figures"),
+        of_errors=True,
     ),
     Family(
         "lifetimes",
@@ -94,12 +90,6 @@ FAMILIES: tuple[Family, ...] = (
         ("lifetimes:figures", "incidence:figures", "lifetimes_by_lighting:figures"),
     ),
     Family(
-        "feature-counts",
-        "Feature counts",
-        "An average over few features is unreliable. Curves are therefore cut where too few features remain.",
-        ("feature_counts:figures",),
-    ),
-    Family(
         "outlier-ratio",
         "Outlier ratio",
         "In every frame a tracker rejects features that do not move consistently with the others. The outlier ratio is "
@@ -107,12 +97,13 @@ FAMILIES: tuple[Family, ...] = (
         ("outlier_ratio:figures",),
     ),
     Family(
-        "error-by-tracker",
-        "Error by tracker",
-        "This section shows how the error grows from the frame where it is zero by construction. Usually that is the "
-        "frame in which a feature was first seen. If one scan gives the true positions of all features, it is the key "
-        "frame of that scan.",
-        ("curves:figures", "second_moments:figures"),
+        "gaussianity",
+        "Error distribution",
+        "Most estimators assume Gaussian errors. This section compares the shape of the distribution with a Gaussian "
+        "of the same covariance. In the table, a Gaussian has skewness 0 and kurtosis 8. P(99 %) is the share of "
+        "errors outside the 99 % ellipse, relative to that of a Gaussian.",
+        ("gaussianity:figures",),
+        "gaussianity:tables",
         of_errors=True,
     ),
     Family(
@@ -134,53 +125,18 @@ FAMILIES: tuple[Family, ...] = (
         of_errors=True,
     ),
     Family(
-        "truth-audit",
-        "Corrections of the truth",
-        "A wrong focal length, clock or shutter looks like an error of tracks. The audit fits such faults to the "
-        "errors of all trackers.",
-        ("audit_curves:figures", "two_truths:figures"),
-        of_errors=True,
+        "trimming",
+        "Errors before trimming",
+        "Some tracks follow the wrong point. The paper drops the tracks with the largest errors in each scene. What is "
+        "left then depends on how many tracks are lost, and on the length of the sequences. The figures say which "
+        "errors they show.",
+        ("trimming:figures",),
     ),
     Family(
-        "pose-errors",
-        "Pose errors",
-        "An error of the stated poses moves all features of a frame together, as a motion of the camera does. The "
-        "tracks measure such motions. What other tracks predict is not noise of single features.",
-        ("pose_errors:figures",),
-        of_errors=True,
-    ),
-    Family(
-        "between-trackers",
-        "Differences between trackers",
-        "Two trackers that follow the same corner have the same true position. Their difference contains no error of "
-        "the truth.",
-        ("between_trackers:figures",),
-    ),
-    Family(
-        "gaussianity",
-        "Error distribution",
-        "Most estimators assume Gaussian errors. This section compares the shape of the distribution with a Gaussian "
-        "of the same covariance. In the table, a Gaussian has skewness 0 and kurtosis 8. P(99 %) is the share of "
-        "errors outside the 99 % ellipse, relative to that of a Gaussian.",
-        ("gaussianity:figures",),
-        "gaussianity:tables",
-        of_errors=True,
-    ),
-    Family(
-        "along-and-across",
-        "Error along motion and gradient",
-        "Errors are caused by motion and image structure, not by the directions u and v. An error along the motion or "
-        "along an edge is easier to see in that direction.",
-        ("directions:figures",),
-        of_errors=True,
-    ),
-    Family(
-        "error-by-place",
-        "Error by place",
-        "Errors that depend on the place in the image, or on the speed of the image, often come from the truth: lens, "
-        "focal length, shutter or clock. Errors at depth edges come from the tracker.",
-        ("image_map:figures", "image_speed:figures", "surroundings:figures"),
-        of_errors=True,
+        "feature-counts",
+        "Feature counts",
+        "An average over few features is unreliable. Curves are therefore cut where too few features remain.",
+        ("feature_counts:figures",),
     ),
     Family(
         "survivorship-bias",
@@ -220,11 +176,63 @@ FAMILIES: tuple[Family, ...] = (
         of_errors=True,
     ),
     Family(
+        "error-by-place",
+        "Error by place",
+        "Errors that depend on the place in the image, or on the speed of the image, often come from the truth: lens, "
+        "focal length, shutter or clock. Errors at depth edges come from the tracker.",
+        ("image_map:figures", "image_speed:figures", "surroundings:figures"),
+        of_errors=True,
+    ),
+    Family(
+        "along-and-across",
+        "Error along motion and gradient",
+        "Errors are caused by motion and image structure, not by the directions u and v. An error along the motion or "
+        "along an edge is easier to see in that direction.",
+        ("directions:figures",),
+        of_errors=True,
+    ),
+    Family(
         "occlusion",
         "Occlusion",
         "When a point becomes occluded, a tracker may continue its track on the object in front. The paper counts "
         "such features. Counting them changes the error.",
         ("occlusion:figures",),
         of_errors=True,
+    ),
+    Family(
+        "truth-audit",
+        "Corrections of the truth",
+        "A wrong focal length, clock or shutter looks like an error of tracks. The audit fits such faults to the "
+        "errors of all trackers.",
+        ("audit_curves:figures", "two_truths:figures"),
+        of_errors=True,
+    ),
+    Family(
+        "pose-errors",
+        "Pose errors",
+        "An error of the stated poses moves all features of a frame together, as a motion of the camera does. The "
+        "tracks measure such motions. What other tracks predict is not noise of single features.",
+        ("pose_errors:figures",),
+        of_errors=True,
+    ),
+    Family(
+        "between-trackers",
+        "Differences between trackers",
+        "Two trackers that follow the same corner have the same true position. Their difference contains no error of "
+        "the truth.",
+        ("between_trackers:figures",),
+    ),
+    Family(
+        "example-frames",
+        "Example frames",
+        "One frame of each scene, with the features and their errors.",
+        ("example_frames:figures", "light_stage:figures"),
+    ),
+    Family(
+        "trajectory",
+        "Camera path",
+        "The camera motion determines how features move. Rotation shifts image points regardless of their depth. "
+        "Translation shifts near points more than far ones.",
+        ("trajectory:figures",),
     ),
 )

@@ -1,0 +1,104 @@
+"""``tracknoise noise``: noise models, for estimators."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tracknoise.cli import noise_check, noise_export
+from tracknoise.cli.options import DebugOption
+
+if TYPE_CHECKING:
+    from tracknoise.noise_models.noise_model import NoiseModel
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    noise = typer.Typer(no_args_is_help=True)
+    noise.command("fit", no_args_is_help=True)(fit)
+    noise.command("show", no_args_is_help=True)(show_model)
+    noise_check.register(noise)
+    noise_export.register(noise)
+    app.add_typer(noise, name="noise", help="Fit noise models to a run, check them, and export them to estimators.")
+
+
+def fit(
+    context: typer.Context,
+    run: Annotated[Path, typer.Argument(help="Folder of a finished run.")],
+    tracker: Annotated[list[str] | None, typer.Option("--tracker", help="Only this tracker; may be repeated.")] = None,
+    speed: Annotated[list[int] | None, typer.Option("--speed", help="Only this speed; may be repeated.")] = None,
+    scene: Annotated[
+        list[str] | None, typer.Option("--scene", help="Fit to this scene (default: all); may be repeated.")
+    ] = None,
+    window: Annotated[int, typer.Option("--window", min=2, help="Length of the windows that are shown, frames.")] = 10,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the models.")] = Path(),
+    debug: DebugOption = False,
+) -> int:
+    """Fit a noise model to each tracker and speed of a run, print what to assume, and write the models.
+
+    A model is written as TRACKER@SPEED.noise.json. `tracknoise noise export` writes it in the syntax of an estimator.
+
+    Example: `tracknoise noise fit runs/demo -o models`
+    """
+    from tracknoise.noise_models.noise_model import NoiseModel
+    from tracknoise.report.noise_model_cells import model_sentences
+
+    for name, played in _wanted(run, tracker, speed):
+        model = NoiseModel.fit(run, tracker=name, speed=played, scenes=scene)
+        path = out / f"{name}@{played}.noise.json"
+        model.write(path)
+        context.obj.result("\n".join(model_sentences(model)))
+        _show(context, model, window)
+        context.obj.result(f"written: {path}\n")
+    return 0
+
+
+def show_model(
+    context: typer.Context,
+    file: Annotated[Path, typer.Argument(help="Noise model, as `tracknoise noise fit` writes it.")],
+    window: Annotated[int, typer.Option("--window", min=2, help="Length of the windows that are shown, frames.")] = 10,
+    header: Annotated[bool, typer.Option("--header", help="Print the model as a C++ header.")] = False,
+    debug: DebugOption = False,
+) -> int:
+    """Show a noise model: its components, and the standard deviations to assume.
+
+    Example: `tracknoise noise show lucas-kanade@1.noise.json`
+    """
+    from tracknoise.noise_models.cpp_header import cpp_header
+    from tracknoise.noise_models.noise_model import NoiseModel
+    from tracknoise.report.noise_model_cells import model_sentences
+
+    model = NoiseModel.read(file)
+    if header:
+        context.obj.result(cpp_header(model))
+        return 0
+    context.obj.result("\n".join(model_sentences(model)))
+    _show(context, model, window)
+    return 0
+
+
+def _wanted(run: Path, trackers: list[str] | None, speeds: list[int] | None) -> list[tuple[str, int]]:
+    """Trackers and speeds of the run, or those that are asked for."""
+    from tracknoise.exceptions import SettingsError, UnknownNameError
+    from tracknoise.noise_models.fitting.training_tables import conditions
+    from tracknoise.tables.store import RunFolder
+
+    known = conditions(RunFolder(run))
+    names = {name for name, _ in known}
+    for name in trackers or ():
+        if name not in names:
+            raise UnknownNameError("tracker", name, names)
+    wanted = [(name, one) for name, one in known if name in (trackers or names) and (not speeds or one in speeds)]
+    if not wanted:
+        every = ", ".join(str(one) for one in sorted({one for _, one in known}))
+        raise SettingsError(f"{run}: found no speed {speeds}, expected one of {every}")
+    return wanted
+
+
+def _show(context: typer.Context, model: "NoiseModel", window: int) -> None:
+    from tracknoise.cli.text_table import show
+    from tracknoise.report.noise_model_cells import component_cells, equivalent_cells
+
+    for cells in (component_cells(model), equivalent_cells(model, window)):
+        context.obj.result("")
+        show(context.obj.result, cells)

@@ -1,0 +1,65 @@
+"""``tracknoise noise check``: whether a noise model, or what a front end reports itself, is right on other scenes."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tracknoise.cli.options import DebugOption
+
+if TYPE_CHECKING:
+    from tracknoise.noise_models.calibration import Calibration
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to those of ``tracknoise noise``."""
+    app.command("check", no_args_is_help=True)(check)
+
+
+def check(
+    context: typer.Context,
+    file: Annotated[Path | None, typer.Argument(help="Noise model, as `tracknoise noise fit` writes it.")] = None,
+    on: Annotated[Path | None, typer.Option("--on", help="Folder of a finished run of other scenes.")] = None,
+    scene: Annotated[
+        list[str] | None, typer.Option("--scene", help="Only this scene of the run; may be repeated.")
+    ] = None,
+    own: Annotated[
+        str | None,
+        typer.Option("--own", help="Check the covariances of columns quality_NAME_uu, _uv, _vv, not a model."),
+    ] = None,
+    tracker: Annotated[str | None, typer.Option("--tracker", help="Tracker of the run, with --own.")] = None,
+    speed: Annotated[int, typer.Option("--speed", min=1, help="Speed of the run, with --own.")] = 1,
+    debug: DebugOption = False,
+) -> int:
+    """Check whether predicted covariances describe the errors of a run: coverage, NEES, likelihood, ENCE.
+
+    Example: `tracknoise noise check lucas-kanade@1.noise.json --on runs/other`
+    """
+    from tracknoise.cli.text_table import show
+    from tracknoise.report.calibration_cells import calibration_cells, calibration_sentences, reliability_cells
+
+    found = _found(file, on, scene, own, tracker, speed)
+    context.obj.result("\n".join(calibration_sentences(found)))
+    for cells in (calibration_cells(found), reliability_cells(found)):
+        context.obj.result("")
+        show(context.obj.result, cells)
+    return 0
+
+
+def _found(
+    file: Path | None, on: Path | None, scenes: list[str] | None, own: str | None, tracker: str | None, speed: int
+) -> "Calibration":
+    from tracknoise.exceptions import SettingsError
+    from tracknoise.noise_models.calibration import check_model, check_own
+    from tracknoise.noise_models.noise_model import NoiseModel
+    from tracknoise.tables.store import RunFolder
+
+    if on is None:
+        raise SettingsError("no --on RUN, expected the run whose errors are compared")
+    if own is not None:
+        if tracker is None or file is not None:
+            raise SettingsError("--own NAME: found no --tracker or a model as well, expected --tracker alone")
+        return check_own(RunFolder(on), tracker=tracker, speed=speed, name=own, scenes=scenes)
+    if file is None:
+        raise SettingsError("no FILE, expected a noise model, or --own NAME")
+    return check_model(NoiseModel.read(file), RunFolder(on), scenes=scenes)

@@ -1,0 +1,228 @@
+"""Calibration of predicted covariances: whether they describe the errors of other scenes.
+
+With d^2 = e' C^-1 e of an error e of predicted covariance C:
+
+- coverage: share of errors with d^2 below the quantile of chi square with two degrees of freedom at a level
+- NEES: mean of d^2 / 2, which is 1 if the covariance is right, and larger if it claims too much
+- negative log likelihood: mean of (log |C| + d^2) / 2 + log(2 pi), nat; lower is better
+- ENCE: mean over ten classes of predicted variance, of |predicted - measured| / predicted standard deviation
+"""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from scipy import stats
+
+from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.findings.sampling.bounds import Method, pooled
+from tracknoise.findings.sampling.groups import SceneGroups
+from tracknoise.findings.sampling.units import units_of
+from tracknoise.noise_models.model import Interval
+from tracknoise.noise_models.noise_model import NoiseModel
+from tracknoise.tables.defaults import LEVEL
+from tracknoise.tables.enumerations import IntervalKind
+from tracknoise.tables.schema import QUALITY_PREFIX
+from tracknoise.tables.store import RunFolder
+
+Array = NDArray[np.float64]
+
+LEVELS = (0.5, 0.9, 0.95, 0.99)
+_CLASSES = 10
+_COLUMNS = ("n", *(f"inside_{100 * level:.0f}" for level in LEVELS), "squares", "nll")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reliability:
+    """Predicted and measured standard deviation of a class of errors, px, and how many there are."""
+
+    predicted_px: float
+    measured_px: float
+    n: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration:
+    """How well predicted covariances describe errors.
+
+    Parameters
+    ----------
+    n, n_scenes
+        Errors and scenes.
+    n_trained
+        Scenes among these that the model was fitted to.
+    coverage
+        By level, with intervals over scenes.
+    nees, nll
+        Of all errors, with intervals over scenes.
+    ence
+        Expected normalised calibration error.
+    reliability
+        By class of predicted variance.
+    outlier_share
+        Share of the errors that were left out, because they are outliers of the model.
+    """
+
+    n: int
+    n_scenes: int
+    n_trained: int
+    coverage: dict[float, Interval]
+    nees: Interval
+    nll: Interval
+    ence: float
+    reliability: tuple[Reliability, ...]
+    outlier_share: float
+
+
+def check_model(model: NoiseModel, folder: RunFolder, *, scenes: Collection[str] | None = None) -> Calibration:
+    """Compare a model with errors of a run, of its tracker at its speed. The magnification of the image is taken as 1.
+
+    Parameters
+    ----------
+    model
+        The model.
+    folder
+        Of a finished run.
+    scenes
+        Names of the scenes; by default all.
+
+    Raises
+    ------
+    UnknownNameError, SettingsError
+        If the run has no such scene, or no errors of this tracker and speed.
+    StoreError, SchemaError
+        If there is no finished run, or a table is damaged.
+    """
+    samples = _chosen(folder, "samples", model.training.tracker, int(model.training.speed), scenes)
+    used = samples.filter(pl.col("at").is_between(*model.training.ages))
+    errors = used.select("scene", "du_px", "dv_px")
+    covariance = model.covariance(age=used["at"].to_numpy()) if used.height else np.empty((0, 2, 2))
+    good = np.hypot(*errors.select("du_px", "dv_px").to_numpy().T) <= model.outliers_beyond_px
+    trained = set(model.training.scenes)
+    return _calibration(errors.filter(good), covariance[good], folder, trained, 1.0 - float(np.mean(good)))
+
+
+def check_own(
+    folder: RunFolder, *, tracker: str, speed: int, name: str, scenes: Collection[str] | None = None
+) -> Calibration:
+    """Compare covariances that a front end reports itself with its errors.
+
+    They are the columns ``quality_<name>_uu``, ``quality_<name>_uv`` and ``quality_<name>_vv`` of the observations,
+    px^2.
+
+    Parameters
+    ----------
+    folder
+        Of a finished run that keeps its observations.
+    tracker, speed
+        As in the run.
+    name
+        Of the columns.
+    scenes
+        Names of the scenes; by default all.
+
+    Raises
+    ------
+    UnknownNameError, SettingsError
+        If the run has no such scene, or no such columns or errors.
+    StoreError, SchemaError
+        If there is no finished run, or it does not keep its observations.
+    """
+    columns = [f"{QUALITY_PREFIX}{name}_{entry}" for entry in ("uu", "uv", "vv")]
+    observations = _chosen(folder, "observations", tracker, speed, scenes)
+    if missing := [column for column in columns if column not in observations.columns]:
+        expected = f"tracks with the columns {', '.join(columns)}"
+        raise SettingsError(f"{folder.path}: found no column {missing[0]} of {tracker}, expected {expected}")
+    used = observations.filter(pl.col("truth") == "valid", pl.col("age") > 0).drop_nulls(["du_px", *columns])
+    entries = used.select(columns).to_numpy().astype(np.float64)
+    covariance = entries[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+    possible = (entries[:, 0] > 0.0) & (np.linalg.det(covariance) > 0.0)
+    return _calibration(
+        used.select("scene", "du_px", "dv_px").filter(possible), covariance[possible], folder, set(), 0.0
+    )
+
+
+def _chosen(folder: RunFolder, name: str, tracker: str, speed: int, scenes: Collection[str] | None) -> pl.DataFrame:
+    """Rows of one table of all sequences, of a tracker, a speed, and some scenes."""
+    folder.statistics("summary")
+    entries = folder.manifest().sequences
+    known = {entry.sequence.scene for entry in entries.values()}
+    for scene in scenes or ():
+        if scene not in known:
+            raise UnknownNameError("scene", scene, known)
+    mine = (pl.col("tracker") == tracker) & (pl.col("speed") == speed)
+    keys = [key for key, entry in sorted(entries.items()) if scenes is None or entry.sequence.scene in scenes]
+    found = pl.concat([folder.sequence_table(name, key).filter(mine) for key in keys], how="diagonal")
+    if found.is_empty():
+        raise SettingsError(f"{folder.path}: found no errors of {tracker} at speed {speed}, expected some")
+    return found
+
+
+def _calibration(
+    errors: pl.DataFrame, covariance: Array, folder: RunFolder, trained: set[str], outlier_share: float
+) -> Calibration:
+    if errors.is_empty():
+        raise SettingsError(f"{folder.path}: found no errors at the ages of the model, expected some")
+    if not (np.linalg.det(covariance) > 0.0).all():
+        raise SettingsError("noise model: found a singular covariance, expected noise in both coordinates")
+    vectors = errors.select("du_px", "dv_px").to_numpy()
+    squared = np.einsum("ni,nij,nj->n", vectors, np.linalg.inv(covariance), vectors)
+    nll = 0.5 * (np.log(np.linalg.det(covariance)) + squared) + np.log(2.0 * np.pi)
+    scenes = errors["scene"].unique().to_list()
+    coverage, nees, mean_nll = _estimates(errors["scene"], squared, nll, folder)
+    classes = _reliability(vectors, covariance)
+    return Calibration(
+        n=errors.height,
+        n_scenes=len(scenes),
+        n_trained=len(trained.intersection(scenes)),
+        coverage=coverage,
+        nees=nees,
+        nll=mean_nll,
+        ence=float(np.mean([abs(one.predicted_px - one.measured_px) / one.predicted_px for one in classes])),
+        reliability=classes,
+        outlier_share=outlier_share,
+    )
+
+
+def _estimates(
+    scene: pl.Series, squared: Array, nll: Array, folder: RunFolder
+) -> tuple[dict[float, Interval], Interval, Interval]:
+    """Coverage by level, NEES and negative log likelihood, with intervals over scenes."""
+    inside = [(squared <= stats.chi2.ppf(level, 2)).astype(np.float64) for level in LEVELS]
+    values = [np.ones_like(squared), *inside, squared, nll]
+    dataset = next(iter(folder.manifest().sequences.values())).sequence.dataset
+    table = pl.DataFrame({"scene": scene, "dataset": dataset, **dict(zip(_COLUMNS, values, strict=True))})
+    units = units_of(table, points=[], columns=_COLUMNS, groups=_groups(folder))
+    found = pooled(
+        units,
+        np.zeros((0, len(units.sums))),
+        lambda sums: np.concatenate([sums[1:5] / sums[0], sums[5:6] / (2.0 * sums[0]), sums[6:] / sums[0]]),
+        Method(IntervalKind.student, LEVEL),
+        scales=[*["logit"] * len(LEVELS), "log", "linear"],
+    )
+    bounds = (found.value[:, 0], found.low[:, 0], found.high[:, 0])
+    *coverage, nees, mean = (_interval(*row) for row in zip(*bounds, strict=True))
+    return dict(zip(LEVELS, coverage, strict=True)), nees, mean
+
+
+def _groups(folder: RunFolder) -> SceneGroups:
+    entries = folder.manifest().sequences.values()
+    return SceneGroups({(one.sequence.dataset, one.sequence.scene): one.group for one in entries if one.group})
+
+
+def _interval(value: float, low: float, high: float) -> Interval:
+    bounds = [None if np.isnan(bound) else float(bound) for bound in (low, high)]
+    return Interval(value=float(value), low=bounds[0], high=bounds[1])
+
+
+def _reliability(vectors: Array, covariance: Array) -> tuple[Reliability, ...]:
+    """Classes with as many errors each, by predicted variance."""
+    predicted = 0.5 * np.trace(covariance, axis1=1, axis2=2)
+    measured = 0.5 * np.square(vectors).sum(axis=1)
+    found = []
+    for rows in np.array_split(np.argsort(predicted, kind="stable"), min(_CLASSES, len(predicted))):
+        sigmas = (float(np.sqrt(values[rows].mean())) for values in (predicted, measured))
+        found.append(Reliability(predicted_px=next(sigmas), measured_px=next(sigmas), n=len(rows)))
+    return tuple(found)

@@ -1,0 +1,164 @@
+"""A noise model in the px and frames of an estimator.
+
+Rules:
+
+- The focal length of the estimator must be that of the model, to `TOLERANCE`. Noise is measured in px of the images
+  that the tracker saw. It scales with the focal length only if these images are resampled.
+- The estimator must use as many frames per second as the tracker of the model saw, to `TOLERANCE`. Another rate has
+  other motions between frames, and therefore other noise. The noise is known only if features are tracked in every
+  frame and the estimator uses every n-th: white noise stays, and the walk of n frames adds up.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from tracknoise.exceptions import SettingsError
+from tracknoise.noise_models.exports.export import FocalChange, RateChange, Target
+from tracknoise.noise_models.model import Component, Equivalent, Interval
+
+if TYPE_CHECKING:
+    from tracknoise.noise_models.noise_model import NoiseModel
+
+TOLERANCE = 0.02
+"""Largest relative difference of focal lengths, and of rates, that count as equal."""
+
+
+@dataclass(frozen=True, slots=True)
+class Converted:
+    """A noise model for an estimator.
+
+    Parameters
+    ----------
+    model
+        In px of its images. Walk and drift are those of one of its frames, and the rate of the camera is its own.
+    caveats
+        What was assumed, one sentence each.
+    """
+
+    model: "NoiseModel"
+    caveats: tuple[str, ...]
+
+
+def converted(model: "NoiseModel", target: Target) -> Converted:
+    """Return the model in the px and frames of an estimator.
+
+    Raises
+    ------
+    SettingsError
+        If the focal length or the rate is not a positive number, or is not that of the model and cannot be converted.
+    """
+    caveats: list[str] = []
+    scale = _scale(model, target, caveats)
+    thinning = _thinning(model, target, caveats)
+    steps = float(model.training.speed) * thinning
+    rate = target.rate_hz or _seen_rate(model)
+    camera = replace(
+        model.camera,
+        width=round(model.camera.width * scale),
+        height=round(model.camera.height * scale),
+        focal_px=target.focal_px or model.camera.focal_px,
+        rate_hz=rate,
+    )
+    found = replace(
+        model,
+        camera=camera,
+        first=_scaled(model.first, scale),
+        white=_scaled(model.white, scale),
+        walk=_scaled(model.walk, scale * math.sqrt(steps)),
+        drift=_scaled(model.drift, scale * steps),
+        equivalents=tuple(_rescaled(one, scale) for one in model.equivalents),
+    )
+    return Converted(found, tuple(caveats))
+
+
+def _scale(model: "NoiseModel", target: Target, caveats: list[str]) -> float:
+    """How much larger the images of the estimator are."""
+    known = model.camera.focal_px
+    if target.focal_px is None:
+        return 1.0
+    _require_positive("focal length", target.focal_px, "px")
+    ratio = target.focal_px / known
+    if target.focal_change is None:
+        if abs(ratio - 1.0) > TOLERANCE:
+            raise SettingsError(
+                f"focal length is {target.focal_px:g} px, expected that of the model, {known:g} px, to "
+                f"{100 * TOLERANCE:g} %; `--allow-focal resampled` if the images are the same in another size, "
+                "`--allow-focal lens` to use its px as they are"
+            )
+        return 1.0
+    if target.focal_change is FocalChange.LENS:
+        caveats.append(f"The model was measured at a focal length of {known:g} px. Its px are kept for another lens.")
+        return 1.0
+    caveats.append(
+        f"The images are those of the model, resampled by {ratio:.3g}: px scale with them. A tracker that runs on "
+        "resampled images has other noise. Measure it on them."
+    )
+    return ratio
+
+
+def _thinning(model: "NoiseModel", target: Target, caveats: list[str]) -> int:
+    """How many frames of the tracker there are for one of the estimator."""
+    if target.rate_hz is None:
+        return 1
+    _require_positive("rate", target.rate_hz, "Hz")
+    seen = _seen_rate(model)
+    if seen is None:
+        return _unchecked(target, caveats)
+    ratio = seen / target.rate_hz
+    if abs(ratio - 1.0) <= TOLERANCE:
+        return 1
+    if target.rate_change is not RateChange.THINNED:
+        raise SettingsError(
+            f"rate is {target.rate_hz:g} Hz, expected that of the model, {seen:g} Hz, to {100 * TOLERANCE:g} %; "
+            "`--allow-rate thinned` if features are tracked in every frame and the estimator uses every n-th"
+        )
+    return _every(model, ratio, seen, target.rate_hz, caveats)
+
+
+def _unchecked(target: Target, caveats: list[str]) -> int:
+    if target.rate_change is not RateChange.UNCHECKED:
+        raise SettingsError(
+            f"rate is {target.rate_hz:g} Hz, expected none: the model does not know the rate of its recordings; "
+            "`--allow-rate unchecked` if that is the one"
+        )
+    caveats.append(f"The model does not know the rate of its recordings. It is taken to be {target.rate_hz:g} Hz.")
+    return 1
+
+
+def _every(model: "NoiseModel", ratio: float, seen: float, used: float, caveats: list[str]) -> int:
+    """The whole number n of frames, if noise of every n-th frame is known."""
+    n = round(ratio)
+    if n < 1 or abs(ratio / n - 1.0) > TOLERANCE:
+        raise SettingsError(f"rate is {used:g} Hz, expected {seen:g} Hz of the model over a whole number")
+    if model.walk.covariance.any() or model.drift.covariance.any():
+        raise SettingsError(
+            f"rate is {used:g} Hz, expected {seen:g} Hz of the model: its tracks walk, and which sigma is right for "
+            f"every frame of {n} was not computed"
+        )
+    caveats.append(f"Features are tracked in every frame, and one of {n} is used.")
+    return n
+
+
+def _seen_rate(model: "NoiseModel") -> float | None:
+    """Frames per second that the tracker of the model saw."""
+    recorded = model.camera.rate_hz
+    return None if recorded is None else recorded / model.training.speed
+
+
+def _require_positive(name: str, value: float, unit: str) -> None:
+    if not 0.0 < value < math.inf:
+        raise SettingsError(f"{name} is {value:g} {unit}, expected a number above 0")
+
+
+def _scaled(component: Component, scale: float) -> Component:
+    return replace(component, covariance=component.covariance * scale**2, sigma=_times(component.sigma, scale))
+
+
+def _rescaled(equivalent: Equivalent, scale: float) -> Equivalent:
+    return replace(equivalent, sigma=_times(equivalent.sigma, scale))
+
+
+def _times(interval: Interval, scale: float) -> Interval:
+    low, high = (None if bound is None else bound * scale for bound in (interval.low, interval.high))
+    return Interval(value=interval.value * scale, low=low, high=high)

@@ -1,0 +1,70 @@
+"""What an export returns, and what it is asked for."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from tracknoise.noise_models.model import Purpose
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Export:
+    """The noise of a model in the syntax of an estimator.
+
+    Parameters
+    ----------
+    files
+        Contents by name of the file.
+    text
+        What it is: unit, place, what it makes right, what it cannot express, and what it was checked against.
+    patch
+        Change of the source code of the estimator, None if there is none.
+    caveats
+        One sentence each.
+    """
+
+    files: dict[str, str]
+    text: str
+    patch: str | None
+    caveats: tuple[str, ...]
+
+
+class FocalChange(StrEnum):
+    """Why the focal length of the estimator is not that of the model."""
+
+    RESAMPLED = "resampled"
+    """The images are the same, made smaller or larger: px scale with the focal length."""
+    LENS = "lens"
+    """The lens is another one: px stay as they are, without a measurement that says so."""
+
+
+class RateChange(StrEnum):
+    """Why the rate of the estimator is not that of the model."""
+
+    THINNED = "thinned"
+    """Features are tracked in every frame, and the estimator uses every n-th."""
+    UNCHECKED = "unchecked"
+    """The model does not know the rate of its recordings. It is taken to be the stated one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """The estimator's side.
+
+    Parameters
+    ----------
+    focal_px
+        Focal length of its images, px. By default, that of the model.
+    rate_hz
+        Frames that it uses per second. By default, those that the tracker of the model saw.
+    focal_change, rate_change
+        Why they differ from those of the model. They must not, if None.
+    window, purpose
+        Length of its window, frames, and what its sigma is to make right. By default, what is usual for the estimator.
+    """
+
+    focal_px: float | None = None
+    rate_hz: float | None = None
+    focal_change: FocalChange | None = None
+    rate_change: RateChange | None = None
+    window: int | None = None
+    purpose: Purpose | None = None

@@ -1,0 +1,1 @@
+"""Fits of noise models to the sums of many scenes."""

@@ -1,0 +1,136 @@
+"""Standard deviations for all observations, each named by what it makes right.
+
+An estimator that assumes one standard deviation s for all observations claims covariances in proportion to s^2, while
+the actual ones are linear in A, W, Q and D. What makes a purpose right is therefore
+
+    s^2 = sum_j kappa_j a_j    (equivalents)
+
+with half the trace a_j of each component, and kappa_j from the linear benchmark with one component of 1 px^2 alone. It
+is the mean over windows of the recordings, with their motions, depths and track lengths. If the first direction is a
+state with the prior A, the claimed covariances are not in proportion to s^2; s is then found on a grid. Its interval is
+as wide, relative to it, as that for a free landmark.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.noise_models.fitting.components import FittedComponents
+from tracknoise.noise_models.fitting.equations import NAMES
+from tracknoise.noise_models.linear_benchmark import EXACT, consistencies, scalar_covariances, true_covariances
+from tracknoise.noise_models.linear_window import LinearTracks
+from tracknoise.noise_models.model import Equivalent, Interval, Landmark, Purpose
+from tracknoise.noise_models.track_noise import TrackNoise
+
+Array = NDArray[np.float64]
+Window = Sequence[LinearTracks]
+
+LENGTHS = (5, 10, 11, 20, 30)
+"""Lengths of windows, frames of the tracker."""
+_GRID = np.exp(np.linspace(-1.0, 1.6, 4))
+"""Standard deviations that are tried for a state, over that which makes all poses right for a free landmark."""
+
+
+def equivalents(
+    fitted: FittedComponents,
+    windows: Sequence[Window],
+    *,
+    length: int,
+    speed: int,
+    gates: tuple[float, float],
+) -> list[Equivalent]:
+    """Standard deviations for all kinds of landmarks and purposes, for windows of one length.
+
+    Parameters
+    ----------
+    fitted
+        The components.
+    windows
+        Windows of this length.
+    length
+        Frames of the tracker.
+    speed
+        Frames of the recording per frame of the tracker.
+    gates
+        Quantiles of .95 and .99 of the sum of squared residuals of a track, px^2, over those of chi square with as many
+        degrees of freedom.
+    """
+    free = _linear(fitted, windows, speed, Landmark.FREE)
+    exact = _linear(fitted, windows, speed, Landmark.EXACT)
+    state = _state(fitted, windows, speed, free, exact)
+    return [*_named({Landmark.FREE: free, Landmark.EXACT: exact, Landmark.STATE: state}, length, gates)]
+
+
+def _named(
+    sigmas: Mapping[Landmark, Mapping[Purpose, Interval]], length: int, gates: tuple[float, float]
+) -> Iterator[Equivalent]:
+    for landmark, by_purpose in sigmas.items():
+        for purpose, sigma in by_purpose.items():
+            ratios = [gate / sigma.value**2 if sigma.value > 0.0 else 1.0 for gate in gates]
+            yield Equivalent(
+                landmark=landmark,
+                purpose=purpose,
+                window=length,
+                sigma=sigma,
+                gate_95=ratios[0],
+                gate_99=ratios[1],
+            )
+
+
+def _linear(
+    fitted: FittedComponents, windows: Sequence[Window], speed: int, landmark: Landmark
+) -> dict[Purpose, Interval]:
+    """By (equivalents), for a free landmark or an exact first observation."""
+    first = None if landmark is Landmark.FREE else EXACT
+    rows = [_ratios(window, _units_of_noise(speed), 1.0, first) for window in windows]
+    kappa = np.array([[[one[purpose] for one in row] for purpose in Purpose] for row in rows]).mean(axis=0)
+    return dict(zip(Purpose, fitted.combined(kappa), strict=True))
+
+
+def _units_of_noise(speed: int) -> list[TrackNoise]:
+    """Noise of one component of 1 px^2 alone; walk and drift are per frame of the recording."""
+    scales = (1.0, 1.0, speed**0.5, float(speed))
+    return [TrackNoise.isotropic(**{name: scale}) for name, scale in zip(NAMES, scales, strict=True)]
+
+
+def _ratios(
+    window: Window, noises: Sequence[TrackNoise], sigma: float, first: float | None
+) -> list[dict[Purpose, float]]:
+    actual = [true_covariances(window, noise) for noise in noises]
+    return consistencies(window, actual, scalar_covariances(window, sigma, first=first))
+
+
+def _state(
+    fitted: FittedComponents,
+    windows: Sequence[Window],
+    speed: int,
+    free: Mapping[Purpose, Interval],
+    exact: Mapping[Purpose, Interval],
+) -> dict[Purpose, Interval]:
+    """With the prior A on the first direction; where A is 0, the first observation is exact."""
+    first = fitted.components["first"].sigma.value
+    if first == 0.0:
+        return dict(exact)
+    noise = _noise(fitted, speed)
+    tried = free[Purpose.ALL_POSES].value * _GRID
+    each = [[_ratios(window, [noise], float(sigma), first)[0] for window in windows] for sigma in tried]
+    found = {}
+    for purpose in Purpose:
+        excess = np.log([np.mean([one[purpose] for one in row]) for row in each])
+        sigma = float(np.exp(np.interp(0.0, -excess, np.log(tried))))
+        found[purpose] = _scaled(free[purpose], sigma)
+    return found
+
+
+def _noise(fitted: FittedComponents, speed: int) -> TrackNoise:
+    covariances = {name: part.covariance for name, part in fitted.components.items()}
+    covariances["walk"] = covariances["walk"] * speed
+    covariances["drift"] = covariances["drift"] * speed**2
+    return TrackNoise(**covariances)
+
+
+def _scaled(interval: Interval, value: float) -> Interval:
+    """The value, with bounds in the same ratio to it."""
+    low, high = (None if bound is None else bound * value / interval.value for bound in (interval.low, interval.high))
+    return Interval(value=value, low=low, high=high)

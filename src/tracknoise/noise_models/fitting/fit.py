@@ -1,0 +1,141 @@
+"""The fit of a noise model to the scenes of a run."""
+
+from collections.abc import Collection
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.findings.sampling.units import units_of
+from tracknoise.noise_models.fitting.components import FittedComponents, fit_components
+from tracknoise.noise_models.fitting.conditions import conditions_of
+from tracknoise.noise_models.fitting.equations import COLUMNS
+from tracknoise.noise_models.fitting.equivalents import LENGTHS, equivalents
+from tracknoise.noise_models.fitting.gates import gates
+from tracknoise.noise_models.fitting.tails import fit_tails
+from tracknoise.noise_models.fitting.training_tables import TrainingTables, training_tables
+from tracknoise.noise_models.fitting.training_windows import Recording, windows
+from tracknoise.noise_models.model import Bias, BiasKind, CameraOfModel, Equivalent, Training
+from tracknoise.noise_models.track_noise import TrackNoise
+from tracknoise.tables.defaults import LEVEL
+from tracknoise.tables.store import RunFolder
+
+_RECORDINGS = 2
+"""Sequences whose motions the equivalents are for."""
+_LONGEST = max(LENGTHS)
+
+
+def fitted_fields(
+    folder: RunFolder,
+    *,
+    tracker: str,
+    speed: int,
+    scenes: Collection[str] | None = None,
+    level: float = LEVEL,
+) -> dict[str, Any]:
+    """Fields of `tracknoise.noise_models.noise_model.NoiseModel`, fitted to a run.
+
+    Parameters
+    ----------
+    folder
+        Of a finished run.
+    tracker, speed, scenes
+        As in `tracknoise.noise_models.fitting.training_tables.training_tables`.
+    level
+        Of the intervals.
+
+    Raises
+    ------
+    UnknownNameError, SettingsError, StoreError, SchemaError
+        As `training_tables`, and if there are too few errors.
+    """
+    read = training_tables(folder, tracker=tracker, speed=speed, scenes=scenes)
+    sums = read["noise_sums"]
+    units = units_of(sums.drop("block"), sums, points=["product", "age"], columns=COLUMNS, groups=read.groups)
+    fitted = fit_components(units, level=level)
+    noise = TrackNoise(**{name: part.covariance for name, part in fitted.components.items()})
+    last_age = int(sums["age"].max())  # type: ignore[arg-type]
+    outliers = read["noise_outliers"]
+    limit_px = float((outliers["limit_px"] * outliers["n"]).sum() / outliers["n"].sum())
+    return {
+        "training": _training(read),
+        "camera": _camera(read),
+        **fitted.components,
+        "tails": fit_tails(read["samples"], noise, last_age=last_age),
+        "outlier_share": outliers["n_outliers"].sum() / outliers["n"].sum(),
+        "outliers_beyond_px": limit_px,
+        "conditions": conditions_of(read["noise_covariates"], fitted, level=level),
+        "bias": Bias(kind=BiasKind.NONE, why="it was not examined"),
+        "truth_floor_px": _floor(read["floors"], last_age),
+        "equivalents": _equivalents(read, fitted, noise, limit_px),
+    }
+
+
+def _training(read: TrainingTables) -> Training:
+    errors = read["noise_sums"].filter(pl.col("product") == "error")
+    return Training(
+        dataset=", ".join(errors["dataset"].unique().sort()),
+        tracker=read.tracker,
+        speed=float(read.speed),
+        tracker_settings=read.settings,
+        scenes=read.scenes,
+        n_tracks=int(read["noise_outliers"]["n_tracks"].sum()),
+        n_observations=int(errors["n"].sum()),
+        ages=(int(errors["age"].min()), int(errors["age"].max())),  # type: ignore[arg-type]
+    )
+
+
+def _camera(read: TrainingTables) -> CameraOfModel:
+    """The camera of the first sequence; its rate from the median time between two frames."""
+    table = read.of_sequence("cameras", read.keys[0])
+    first = table.row(0, named=True)
+    step = table["time_s"].diff().median()
+    return CameraOfModel(
+        width=first["width"],
+        height=first["height"],
+        focal_px=first["fx_px"] or float("nan"),
+        rate_hz=1.0 / step if isinstance(step, float) and step > 0.0 else None,
+    )
+
+
+def _floor(floors: pl.DataFrame, last_age: int) -> float | None:
+    """Root mean square error of true positions, px, of all sources together; None if it is unknown."""
+    used = floors.filter(pl.col("source") == "all", pl.col("axis") == "age", pl.col("at").is_between(1, last_age))
+    n = used["n"].sum()
+    return float(np.sqrt((used["sum_uu"].sum() + used["sum_vv"].sum()) / (2 * n))) if n else None
+
+
+def _equivalents(
+    read: TrainingTables, fitted: FittedComponents, noise: TrackNoise, limit_px: float
+) -> tuple[Equivalent, ...]:
+    lifetimes, recordings = _lifetimes(read["ends"]), _recordings(read)
+    found: list[Equivalent] = []
+    for length in LENGTHS:
+        some = windows(recordings, speed=read.speed, length=length, lifetimes=lifetimes)
+        limits = gates(read["window_noise"], length, limit_px=limit_px, modelled=(some[0], noise))
+        found.extend(equivalents(fitted, some, length=length, speed=read.speed, gates=limits))
+    return tuple(found)
+
+
+def _recordings(read: TrainingTables) -> list[Recording]:
+    """Some sequences, spread evenly over all of them."""
+    places = np.unique(np.linspace(0, len(read.keys) - 1, min(_RECORDINGS, len(read.keys))).round().astype(int))
+    found = []
+    for key in (read.keys[place] for place in places):
+        sights = read.of_sequence("audit_samples", key).select("u_birth_px", "v_birth_px", "depth_m").drop_nulls()
+        cameras, poses = (read.of_sequence(name, key) for name in ("cameras", "poses"))
+        if cameras.height and cameras["fx_px"][0] is not None:
+            found.append(Recording(poses, cameras, sights.to_numpy()))
+    return found
+
+
+def _lifetimes(ends: pl.DataFrame) -> NDArray[np.int64]:
+    """A thousand lengths of tracks with the distribution of Kaplan and Meier; those that are not known are long."""
+    by_length = ends.group_by("lifetime").agg(pl.col("n_ended", "n_censored").sum()).sort("lifetime")
+    lifetime, ended, censored = (by_length[name].to_numpy() for name in by_length.columns)
+    at_risk = np.cumsum((ended + censored)[::-1])[::-1]
+    gone = 1.0 - np.cumprod(1.0 - ended / np.maximum(at_risk, 1))
+    shares = (np.arange(1000) + 0.5) / 1000
+    place = np.searchsorted(gone, shares)
+    return np.append(lifetime, _LONGEST)[place].astype(np.int64)

@@ -1,0 +1,88 @@
+"""Tails of the errors: Student's t of untrimmed errors, in units of what the components give at their age."""
+
+import math
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.findings.shape.elliptical import moments, terms
+from tracknoise.findings.shape.student import Student, fit_student
+from tracknoise.noise_models.covariances import error_covariances
+from tracknoise.noise_models.model import Tails
+from tracknoise.noise_models.track_noise import TrackNoise
+
+Array = NDArray[np.float64]
+
+_FOLDS = 5
+_LEAST = 50
+_MOST = 30_000
+_GAUSSIAN = 200.0
+"""Degrees of freedom that cannot be told from a Gaussian."""
+
+
+def fit_tails(samples: pl.DataFrame, noise: TrackNoise, *, last_age: int) -> Tails:
+    """Fit Student's t to single errors.
+
+    Parameters
+    ----------
+    samples
+        Schema `SAMPLES`, of one tracker and speed.
+    noise
+        The components.
+    last_age
+        Oldest age to use, frames of the recording.
+    """
+    used = samples.filter(pl.col("at") <= last_age)
+    used = used.gather_every(max(1, -(-used.height // _MOST)))
+    if used.height < _LEAST or not (noise.first + noise.white + noise.walk + noise.drift).any():
+        return Tails(nu=math.inf, core_sigma=_core(used, noise), core_ratio=1.0)
+    points = _whitened(used, noise)
+    student = fit_student(terms([points]))
+    ratio = float(np.linalg.det(_matrix(student.scatter[0])) ** 0.25)
+    nu = float(student.nu[0])
+    if nu >= 0.99 * _GAUSSIAN or _gain(points, _folds(used["scene"])) <= 0.0:
+        nu, ratio = math.inf, 1.0
+    return Tails(nu=nu, core_sigma=ratio * _core(used, noise), core_ratio=ratio)
+
+
+def _whitened(samples: pl.DataFrame, noise: TrackNoise) -> Array:
+    """Errors in units of the standard deviations of the model at their ages, (n, 2)."""
+    errors = samples.select("du_px", "dv_px").to_numpy()
+    roots = np.linalg.cholesky(_covariances(samples, noise))
+    return np.asarray(np.linalg.solve(roots, errors[:, :, None])[:, :, 0])
+
+
+def _core(samples: pl.DataFrame, noise: TrackNoise) -> float:
+    """Root mean square of the standard deviations of the model at the ages of the sample, px."""
+    if samples.is_empty():
+        return 0.0
+    return float(np.sqrt(0.5 * np.trace(_covariances(samples, noise), axis1=1, axis2=2).mean()))
+
+
+def _covariances(samples: pl.DataFrame, noise: TrackNoise) -> Array:
+    age = samples["at"].to_numpy().astype(np.float64)
+    one = np.ones_like(age)
+    return error_covariances(noise, age, one, one)
+
+
+def _folds(scenes: pl.Series) -> NDArray[np.intp]:
+    """A number for each error, the same for all of a scene; of halves of the sample where there is one scene."""
+    places = scenes.rank("dense").to_numpy().astype(np.intp) % _FOLDS
+    return places if len(np.unique(places)) > 1 else (np.arange(len(scenes)) * 2 // len(scenes)).astype(np.intp)
+
+
+def _gain(points: Array, folds: NDArray[np.intp]) -> float:
+    """What Student's t gains over a Gaussian on errors of scenes that were left out, nat in all."""
+    total = 0.0
+    for fold in np.unique(folds):
+        rest, left = terms([points[folds != fold]]), terms([points[folds == fold]])
+        student = fit_student(rest)
+        mean, covariance = moments(rest.sum(axis=2))
+        gaussian = Student(mean, covariance, np.array([_GAUSSIAN]))
+        total += float((student.log_density(left) - gaussian.log_density(left)).sum())
+    return total
+
+
+def _matrix(entries: Array) -> Array:
+    return np.array([[entries[0], entries[1]], [entries[1], entries[2]]])

@@ -1,0 +1,142 @@
+"""The tables of a run that a noise model is fitted to, of one tracker at one speed."""
+
+import tomllib
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import polars as pl
+
+from tracknoise.exceptions import SettingsError, StoreError, UnknownNameError
+from tracknoise.findings.sampling.groups import SceneGroups
+from tracknoise.tables.store import RunFolder
+
+_NEEDED = "noise_sums"
+_POOLED = (_NEEDED, "noise_outliers", "noise_covariates", "samples", "ends", "window_noise", "floors")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrainingTables:
+    """Tables of all scenes that a model is fitted to.
+
+    Attributes
+    ----------
+    tracker, speed
+        Name, and frames of the recording per frame that it saw.
+    settings
+        Its options.
+    scenes
+        Names, sorted.
+    keys
+        Of the sequences.
+    groups
+        Of scenes that are not independent of each other.
+    tables
+        Tables of all sequences together, of the tracker at the speed, by name.
+    folder
+        Of the run.
+    """
+
+    tracker: str
+    speed: int
+    settings: dict[str, object]
+    scenes: tuple[str, ...]
+    keys: tuple[str, ...]
+    groups: SceneGroups
+    tables: dict[str, pl.DataFrame]
+    folder: RunFolder
+
+    def __getitem__(self, name: str) -> pl.DataFrame:
+        return self.tables[name]
+
+    def of_sequence(self, name: str, key: str) -> pl.DataFrame:
+        """A table of one sequence."""
+        return self.folder.sequence_table(name, key)
+
+
+def conditions(folder: RunFolder) -> list[tuple[str, int]]:
+    """Trackers and speeds that noise models can be fitted to, sorted.
+
+    Raises
+    ------
+    StoreError
+        If there are none.
+    """
+    found = [table.select("tracker", "speed").unique() for table in folder.stored_tables(_NEEDED)]
+    rows = sorted(pl.concat(found).unique().iter_rows()) if found else []
+    if not rows:
+        expected = "a run of this version whose truth is known for each first position (neither scan nor triangulated)"
+        raise StoreError(f"{folder.path}: holds no sums for noise models, expected {expected}")
+    return rows
+
+
+def training_tables(
+    folder: RunFolder, *, tracker: str, speed: int, scenes: Collection[str] | None = None
+) -> TrainingTables:
+    """Read what a model is fitted to.
+
+    Parameters
+    ----------
+    folder
+        Of a finished run.
+    tracker, speed
+        Names as in the run.
+    scenes
+        Names of the scenes; by default all.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such tracker or scene.
+    SettingsError
+        If there is no such speed, or no scene.
+    StoreError, SchemaError
+        If a table is missing or damaged.
+    """
+    known = conditions(folder)
+    names = {name for name, _ in known}
+    if tracker not in names:
+        raise UnknownNameError("tracker", tracker, names)
+    if (tracker, speed) not in known:
+        speeds = ", ".join(str(one) for name, one in known if name == tracker)
+        raise SettingsError(f"{folder.path}: found no speed {speed} of {tracker}, expected one of {speeds}")
+    entries = folder.manifest().sequences
+    _require_scenes({entry.sequence.scene for entry in entries.values()}, scenes)
+    chosen = {
+        key: entry
+        for key, entry in sorted(entries.items())
+        if _NEEDED in entry.sha256 and (scenes is None or entry.sequence.scene in scenes)
+    }
+    of = {name: _pooled(folder, name, chosen, tracker, speed) for name in _POOLED}
+    groups = {(one.sequence.dataset, one.sequence.scene): one.group for one in chosen.values() if one.group is not None}
+    return TrainingTables(
+        tracker=tracker,
+        speed=speed,
+        settings=_settings(folder, tracker),
+        scenes=tuple(sorted(of[_NEEDED]["scene"].unique())),
+        keys=tuple(chosen),
+        groups=SceneGroups(groups),
+        tables=of,
+        folder=folder,
+    )
+
+
+def _require_scenes(known: set[str], wanted: Collection[str] | None) -> None:
+    for scene in wanted or ():
+        if scene not in known:
+            raise UnknownNameError("scene", scene, known)
+    if wanted is not None and not wanted:
+        raise SettingsError("noise model: found no scenes to fit to, expected at least one")
+
+
+def _pooled(folder: RunFolder, name: str, keys: Collection[str], tracker: str, speed: int) -> pl.DataFrame:
+    mine = (pl.col("tracker") == tracker) & (pl.col("speed") == speed)
+    parts = [folder.sequence_table(name, key).filter(mine) for key in keys]
+    return pl.concat(parts)
+
+
+def _settings(folder: RunFolder, tracker: str) -> dict[str, object]:
+    """Settings of the tracker in the experiment; empty if they are not there."""
+    for settings in tomllib.loads(folder.experiment_toml()).get("trackers", []):
+        if settings.get("name", settings.get("kind")) == tracker:
+            return dict(settings)
+    return {}

@@ -1,0 +1,1 @@
+"""Whether an estimator gains from a noise model: small estimators, trials of noise assumptions, and controls."""

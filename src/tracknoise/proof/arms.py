@@ -1,0 +1,215 @@
+"""The noise assumptions that are tried on the same tracks, and what they need to know."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.noise_models.linear_benchmark import EXACT
+from tracknoise.noise_models.track_noise import TrackNoise
+from tracknoise.proof.bundle import Assumption
+from tracknoise.proof.loss import PLAIN, Loss, LossKind
+from tracknoise.proof.problem import Problem, TrackGroup, magnification_of
+
+REFERENCE = "1"
+"""The arm that all others are compared with."""
+
+
+@dataclass(frozen=True, slots=True)
+class Student:
+    """Student's distribution: degrees of freedom, infinite for a Gaussian, and squared scale."""
+
+    nu: float
+    squared_scale: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Beliefs:
+    """What was learned from training scenes.
+
+    Parameters
+    ----------
+    noise
+        Components of the noise.
+    tuned_px
+        The standard deviation for which the newest pose of training windows has a normalised error squared of 1.
+    about_birth_px
+        Root mean square error about the first position, of each coordinate.
+    newest_pose_px, innovations_px
+        Standard deviations that the linear benchmark names for the newest pose and for innovations.
+    by_covariate, exponent
+        Components of the noise where W of a track is multiplied by exp(-2 exponent covariate).
+    drift_px
+        (2,) float64, px per frame: mean drift.
+    of_errors
+        Student's distribution of single errors; its squared scale is in px^2.
+    of_tracks
+        Student's distribution of whole tracks; its squared scale is in units of the covariance of the noise.
+    planted, planted_exponent
+        The true noise, if it is known.
+    """
+
+    noise: TrackNoise
+    tuned_px: float
+    about_birth_px: float
+    newest_pose_px: float
+    innovations_px: float
+    by_covariate: TrackNoise
+    exponent: float
+    drift_px: NDArray[np.float64]
+    of_errors: Student
+    of_tracks: Student
+    planted: TrackNoise | None = None
+    planted_exponent: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """A noise assumption.
+
+    Parameters
+    ----------
+    title
+        What it is.
+    covariances
+        Of the tracks of a problem.
+    loss
+        Of the whitened residuals.
+    unbiased
+        Whether the mean drift is taken from the tracks first.
+    """
+
+    title: str
+    covariances: Callable[[Problem, Beliefs], Sequence[NDArray[np.float64]]]
+    loss: Callable[[Beliefs], Loss] = lambda _: PLAIN
+    unbiased: bool = False
+
+    def apply(self, problem: Problem, beliefs: Beliefs) -> tuple[Problem, Assumption]:
+        """What an estimator gets: the problem, and the noise to assume."""
+        given = without_drift(problem, beliefs.drift_px) if self.unbiased else problem
+        return given, Assumption(self.covariances(problem, beliefs), self.loss(beliefs))
+
+
+def without_drift(problem: Problem, drift_px: NDArray[np.float64]) -> Problem:
+    """The same tracks with a mean drift, (2,) px per frame, taken from them."""
+    return problem.with_uv(tuple(group.uv - group.ages[:, :, None] * drift_px for group in problem.groups))
+
+
+def one_sigma(problem: Problem, sigma: float) -> list[NDArray[np.float64]]:
+    """Independent errors of one standard deviation, px."""
+    sizes = [group.uv.shape for group in problem.groups]
+    return [np.tile(sigma**2 * np.eye(2 * length), (count, 1, 1)) for count, length, _ in sizes]
+
+
+def whole_tracks(problem: Problem, noise: TrackNoise, *, exponent: float = 0.0) -> list[NDArray[np.float64]]:
+    """Covariances of whole tracks."""
+    return [_whole(problem, group, noise, exponent) for group in problem.groups]
+
+
+def _whole(problem: Problem, group: TrackGroup, noise: TrackNoise, exponent: float) -> NDArray[np.float64]:
+    magnification, ages = magnification_of(problem, group), group.ages
+    ones = np.ones_like(magnification)
+    carried = TrackNoise(walk=noise.walk, drift=noise.drift).covariance(magnification, ages=ages)
+    white = TrackNoise(first=noise.white, white=noise.white).covariance(ones, ages=ages)
+    factor = np.exp(-2.0 * exponent * group.covariate)[:, None, None]
+    found = carried + factor * white
+    detected = found.copy()
+    detected[:, :2, :2] = noise.first
+    return _regular(np.where(group.born[:, None, None], detected, found))
+
+
+def _regular(covariances: NDArray[np.float64]) -> NDArray[np.float64]:
+    """With a small variance added where an observation would be exact."""
+    size = covariances.shape[1]
+    level = np.trace(covariances, axis1=1, axis2=2) / size
+    added: NDArray[np.float64] = covariances + EXACT**2 * level[:, None, None] * np.eye(size)
+    return added
+
+
+def independent(covariances: Sequence[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
+    """The same variances of each observation, without what observations have in common."""
+    blocks = [np.kron(np.eye(part.shape[1] // 2), np.ones((2, 2))) for part in covariances]
+    return [part * block for part, block in zip(covariances, blocks, strict=True)]
+
+
+def _by_age(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    return independent(whole_tracks(problem, beliefs.noise))
+
+
+def _by_covariate(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    return independent(_modelled_by_covariate(problem, beliefs))
+
+
+def _modelled_by_covariate(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    return whole_tracks(problem, beliefs.by_covariate, exponent=beliefs.exponent)
+
+
+def _planted(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    return whole_tracks(problem, beliefs.planted or beliefs.noise, exponent=beliefs.planted_exponent)
+
+
+def _tuned(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    return one_sigma(problem, beliefs.tuned_px)
+
+
+def _modelled(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    return whole_tracks(problem, beliefs.noise)
+
+
+def _student(beliefs: Beliefs) -> Loss:
+    nu = beliefs.of_errors.nu
+    return Loss(LossKind.CAUCHY, float(np.sqrt(nu + 2.0))) if np.isfinite(nu) else PLAIN
+
+
+def _student_core(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    nu, squared_scale = beliefs.of_errors.nu, beliefs.of_errors.squared_scale
+    share = nu / (nu + 2.0) if np.isfinite(nu) else 1.0
+    return one_sigma(problem, float(np.sqrt(share * squared_scale)))
+
+
+def _student_tracks(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    return [beliefs.of_tracks.squared_scale * part for part in whole_tracks(problem, beliefs.noise)]
+
+
+def _student_of_tracks(beliefs: Beliefs) -> Loss:
+    nu = beliefs.of_tracks.nu
+    return Loss(LossKind.STUDENT, nu) if np.isfinite(nu) else PLAIN
+
+
+def _huber(_: Beliefs) -> Loss:
+    return Loss(LossKind.HUBER, 1.345)
+
+
+def _cauchy(_: Beliefs) -> Loss:
+    return Loss(LossKind.CAUCHY, 1.0)
+
+
+SCALARS: Mapping[str, tuple[str, Callable[[Beliefs], float]]] = MappingProxyType(
+    {
+        "0": ("1 px", lambda _: 1.0),
+        "1": ("one sigma, tuned for the newest pose", lambda beliefs: beliefs.tuned_px),
+        "2": ("root mean square about birth", lambda beliefs: beliefs.about_birth_px),
+        "3": ("one sigma, from the model, for the newest pose", lambda beliefs: beliefs.newest_pose_px),
+        "3b": ("one sigma, from the model, for innovations", lambda beliefs: beliefs.innovations_px),
+    }
+)
+"""Arms with one standard deviation. They lead to the same poses: only what they claim differs."""
+
+ARMS: Mapping[str, Arm] = MappingProxyType(
+    {
+        "4": Arm("by age, independent", _by_age),
+        "5": Arm("by covariate, independent", _by_covariate),
+        "6": Arm("whole tracks", _modelled),
+        "6b": Arm("whole tracks, by covariate", _modelled_by_covariate),
+        "7": Arm("whole tracks, mean drift corrected", _modelled, unbiased=True),
+        "7b": Arm("one sigma, mean drift corrected", _tuned, unbiased=True),
+        "8": Arm("one sigma, Huber 1.345", _tuned, _huber),
+        "8b": Arm("one sigma, Cauchy 1", _tuned, _cauchy),
+        "8c": Arm("core sigma, Cauchy of Student's knee", _student_core, _student),
+        "8d": Arm("whole tracks, Student", _student_tracks, _student_of_tracks),
+        "U": Arm("whole tracks, planted noise", _planted),
+    }
+)
+"""All other arms, by their short names."""

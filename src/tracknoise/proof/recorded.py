@@ -1,0 +1,205 @@
+"""Windows of the tracks of a run, with the true poses and points, as an estimator would be given them.
+
+Only tracks whose distance the window shows are used, up to a stated number, drawn at random. A track ends before its
+first observation that is not visible, or that errs by more than an estimator's outlier test lets through.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import StoreError
+from tracknoise.geometry.lenses import KnownCamera, make_camera
+from tracknoise.geometry.pose import from_quaternion, transform
+from tracknoise.noise_models.linear_window import PointTracks, linear_tracks
+from tracknoise.proof.problem import Problem, TrackGroup
+from tracknoise.statistics.populations import in_population
+from tracknoise.tables.enumerations import Population
+from tracknoise.tables.store import RunFolder
+
+_LEAST_LENGTH, _LEAST_TRACKS = 3, 20
+_UNCERTAIN = 0.3
+"""A track is used if noise of 1 px leaves its distance uncertain by at most this share."""
+_LEAST_MOTION_PX = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cut:
+    """How windows are cut from a run.
+
+    Parameters
+    ----------
+    tracker, speed
+        As in the run.
+    length
+        Processed frames of a window.
+    per_sequence
+        Most windows of a sequence, spread evenly.
+    most_tracks
+        Most tracks of a window.
+    most_px
+        Larger errors are taken for outliers that an estimator rejects.
+    seed
+        Of the choice of tracks.
+    """
+
+    tracker: str
+    speed: int
+    length: int = 11
+    per_sequence: int = 8
+    most_tracks: int = 80
+    most_px: float = np.inf
+    seed: int = 0
+
+
+def recorded_problems(folder: RunFolder, cut: Cut) -> list[Problem]:
+    """Windows of all sequences of a run, in the order of their keys.
+
+    Raises
+    ------
+    StoreError, SchemaError
+        If the run keeps no observations, or a table is missing or damaged.
+    """
+    return [problem for key in sorted(folder.manifest().sequences) for problem in _of_sequence(folder, key, cut)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sequence:
+    scene: str
+    camera: KnownCamera
+    poses: NDArray[np.float64]
+    observations: pl.DataFrame
+
+
+def _of_sequence(folder: RunFolder, key: str, cut: Cut) -> Iterator[Problem]:
+    sequence = _read(folder, key, cut)
+    frames = np.arange(0, len(sequence.poses), cut.speed)
+    starts = np.arange(0, len(frames) - cut.length + 1, cut.length)
+    chosen = starts[np.unique(np.linspace(0, len(starts) - 1, min(cut.per_sequence, len(starts))).astype(int))]
+    for start in chosen:
+        found = _window(sequence, frames[start : start + cut.length], cut)
+        if found is not None:
+            yield found
+
+
+def _read(folder: RunFolder, key: str, cut: Cut) -> _Sequence:
+    mine = (pl.col("tracker") == cut.tracker) & (pl.col("speed") == cut.speed)
+    observations = folder.sequence_table("observations", key).filter(mine)
+    tracks = folder.sequence_table("tracks", key).filter(mine).select("track", "first_frame", "depth_m")
+    poses, cameras = folder.sequence_table("poses", key), folder.sequence_table("cameras", key)
+    return _Sequence(
+        scene=poses["scene"][0],
+        camera=_camera(cameras, key),
+        poses=_poses(poses.sort("frame")),
+        observations=_seen(observations, cut.most_px).join(tracks, on="track").sort("track", "frame"),
+    )
+
+
+def _camera(table: pl.DataFrame, key: str) -> KnownCamera:
+    names = ("model", "width", "height", "fx_px", "fy_px", "cx_px", "cy_px", "distortion")
+    different = table.select(names).unique()
+    if different.height != 1 or different["model"][0] is None:
+        raise StoreError(f"{key}: the camera is not known or changes, expected one camera model for all frames")
+    model, width, height, *intrinsics, distortion = different.row(0)
+    return make_camera(model, (width, height), intrinsics, tuple(distortion))
+
+
+def _poses(table: pl.DataFrame) -> NDArray[np.float64]:
+    """(frames, 4, 4): NaN where a frame has none."""
+    known = table["qw"].is_not_null().to_numpy()
+    rows = table.filter(pl.col("qw").is_not_null())
+    poses = np.full((table.height, 4, 4), np.nan)
+    xyzw = rows.select("qx", "qy", "qz", "qw").to_numpy()
+    poses[known] = from_quaternion(rows.select("x_m", "y_m", "z_m").to_numpy(), xyzw)
+    return poses
+
+
+def _seen(observations: pl.DataFrame, most_px: float) -> pl.DataFrame:
+    """Observations of each track before the first that is not visible or errs too much, with their true birth."""
+    usable = in_population(observations, Population.visible) & _small(observations, most_px)
+    ordered = observations.with_columns(usable=pl.Series(usable)).sort("track", "frame")
+    before = pl.col("usable").cast(pl.UInt8).cum_min().over("track") == 1
+    birth = {f"birth_{axis}_px": pl.col(f"{axis}_true_px").first().over("track") for axis in "uv"}
+    kept = ordered.with_columns(**birth).filter(before)
+    return kept.select("track", "frame", "u_px", "v_px", *birth)
+
+
+def _small(observations: pl.DataFrame, most_px: float) -> NDArray[np.bool_]:
+    error = observations.select("du_px", "dv_px").to_numpy()
+    return np.asarray(np.nan_to_num(np.linalg.norm(error, axis=1), nan=np.inf) <= most_px)
+
+
+def _window(sequence: _Sequence, frames: NDArray[np.intp], cut: Cut) -> Problem | None:
+    """The window of these frames; None if a pose is missing, nothing moves, or there are too few tracks."""
+    poses = sequence.poses[frames]
+    if np.isnan(poses).any() or np.array_equal(poses[0, :3, 3], poses[-1, :3, 3]):
+        return None
+    inside = sequence.observations.filter(pl.col("frame").is_in(frames.tolist()))
+    long_enough = inside.filter(pl.len().over("track") >= _LEAST_LENGTH)
+    groups = [
+        group
+        for length in sorted(long_enough.select(length=pl.len().over("track")).unique()["length"].to_list())
+        if (group := _group(sequence, long_enough.filter(pl.len().over("track") == length), length, frames)) is not None
+    ]
+    shown = [part for group in groups if (part := _showing_depth(sequence.camera, poses, group)) is not None]
+    chosen = _drawn(shown, cut.most_tracks, np.random.default_rng((cut.seed, int(frames[0]))))
+    if sum(len(group.points) for group in chosen) < _LEAST_TRACKS:
+        return None
+    return Problem(sequence.scene, sequence.camera, poses, tuple(chosen))
+
+
+def _group(sequence: _Sequence, rows: pl.DataFrame, length: int, frames: NDArray[np.intp]) -> TrackGroup | None:
+    """Tracks of equal length, where their births have poses."""
+    first = rows.gather_every(length)
+    birth = sequence.poses[first["first_frame"].to_numpy()]
+    birth_uv = first.select("birth_u_px", "birth_v_px").to_numpy()
+    seen = sequence.camera.unproject(birth_uv, first["depth_m"].to_numpy())
+    points = transform(birth, seen)
+    uv = rows.select("u_px", "v_px").to_numpy().reshape(-1, length, 2)
+    at = rows["frame"].to_numpy().reshape(-1, length)
+    group = TrackGroup(
+        frames=np.searchsorted(frames, at).astype(np.int64),
+        uv=uv,
+        points=points,
+        born=at[:, 0] == first["first_frame"].to_numpy(),
+        covariate=-np.log(np.maximum(_motion_px(uv), _LEAST_MOTION_PX)),
+    )
+    return _chosen(group, np.flatnonzero(np.isfinite(points).all(axis=1)))
+
+
+def _motion_px(uv: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(tracks,): mean distance from observation to observation."""
+    return np.asarray(np.linalg.norm(np.diff(uv, axis=1), axis=2).mean(axis=1))
+
+
+def _showing_depth(camera: KnownCamera, poses: NDArray[np.float64], group: TrackGroup) -> TrackGroup | None:
+    linear = linear_tracks(camera, poses, PointTracks(group.frames, group.points))
+    information = np.swapaxes(linear.by_point, 1, 2) @ linear.by_point
+    usable = np.isfinite(information).all(axis=(1, 2)) & (linear.magnification > 0.0).all(axis=1)
+    safe = np.where(usable[:, None, None], information, np.eye(3))
+    distance = np.linalg.norm(linear.rays, axis=1)
+    along = linear.rays / distance[:, None]
+    variance = np.einsum("ti,tij,tj->t", along, np.linalg.pinv(safe, hermitian=True), along)
+    known = np.linalg.cond(safe) < 1e12
+    return _chosen(group, np.flatnonzero(usable & known & (np.sqrt(variance) <= _UNCERTAIN * distance)))
+
+
+def _drawn(groups: Sequence[TrackGroup], most: int, random: np.random.Generator) -> list[TrackGroup]:
+    """At most so many tracks of all groups."""
+    owner = np.repeat(np.arange(len(groups)), [len(group.points) for group in groups])
+    kept = np.sort(random.permutation(len(owner))[:most])
+    first = np.concatenate([[0], np.cumsum([len(group.points) for group in groups])])
+    parts = [_chosen(group, kept[owner[kept] == place] - first[place]) for place, group in enumerate(groups)]
+    return [part for part in parts if part is not None]
+
+
+def _chosen(group: TrackGroup, tracks: NDArray[np.intp]) -> TrackGroup | None:
+    """Some tracks of a group; None without any."""
+    if not len(tracks):
+        return None
+    return TrackGroup(
+        group.frames[tracks], group.uv[tracks], group.points[tracks], group.born[tracks], group.covariate[tracks]
+    )

@@ -1,0 +1,61 @@
+"""The calibration of predicted covariances, as sentences and tables."""
+
+from tracknoise.findings.wording import number
+from tracknoise.noise_models.calibration import Calibration
+from tracknoise.noise_models.model import Interval
+from tracknoise.report.cells import Cells
+
+
+def calibration_sentences(found: Calibration) -> list[str]:
+    """What the comparison says, the answer first."""
+    return [
+        _verdict(found.nees),
+        f"Compared with {found.n} errors of {found.n_scenes} scenes.",
+        *_trained(found),
+        *_outliers(found),
+    ]
+
+
+def _verdict(nees: Interval) -> str:
+    size = number(nees.value**0.5)
+    if nees.low is None or nees.high is None:
+        return f"Errors are {size} times as large as predicted. There are too few scenes for an interval."
+    bounds = f"{number(nees.low**0.5)} to {number(nees.high**0.5)}"
+    if nees.low > 1.0:
+        return f"The covariance is too small: errors are {size} times as large as predicted ({bounds})."
+    if nees.high < 1.0:
+        return f"The covariance is too large: errors are {size} times as large as predicted ({bounds})."
+    return f"The size of the errors agrees with the covariance: {size} times as large as predicted ({bounds})."
+
+
+def _trained(found: Calibration) -> list[str]:
+    if not found.n_trained:
+        return []
+    return [f"The model was fitted to {found.n_trained} of these scenes. This is no test on new scenes."]
+
+
+def _outliers(found: Calibration) -> list[str]:
+    if not found.outlier_share:
+        return []
+    return [f"{100 * found.outlier_share:.2g} % of the errors are outliers of the model, and do not count."]
+
+
+def calibration_cells(found: Calibration) -> Cells:
+    """Coverage, NEES and likelihood with their intervals, and the value of a right covariance."""
+    rows = [
+        [f"coverage at {100 * level:g} %", *_cells(share), number(level)] for level, share in found.coverage.items()
+    ]
+    rows += [["NEES per degree of freedom", *_cells(found.nees), "1"]]
+    rows += [["negative log likelihood, nat", *_cells(found.nll), ""]]
+    rows += [["ENCE", number(found.ence), "", "", "0"]]
+    return Cells("Calibration", ["quantity", "value", "low", "high", "if right"], rows, (False, *[True] * 4))
+
+
+def reliability_cells(found: Calibration) -> Cells:
+    """Predicted and measured standard deviations by class."""
+    rows = [[number(one.predicted_px), number(one.measured_px), str(one.n)] for one in found.reliability]
+    return Cells("Standard deviations by class", ["predicted, px", "measured, px", "errors"], rows, (True, True, True))
+
+
+def _cells(interval: Interval) -> list[str]:
+    return [number(value) if value is not None else "" for value in (interval.value, interval.low, interval.high)]

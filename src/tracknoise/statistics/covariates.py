@@ -1,0 +1,92 @@
+"""Changes of errors by what a front end knows while it runs: motion of the image, and quality that trackers report.
+
+A covariate is divided into classes of half an octave, c = floor(2 log2(x)) (covariates.class). For each pair of
+classes, at the first and the second end of a change (noise_sums.change), the sums of half its squared length and of what
+multiplies the components in its expectation are kept. With a factor f(x) on W and Q, and half traces w, q and d,
+
+    E[|c|^2 / 2] = w (f_now + r^2 f_before) + q s f_now + d (k - r k')^2    (covariates.expected)
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.statistics.error_tracks import ErrorTracks
+from tracknoise.statistics.grouping import number_combinations
+from tracknoise.statistics.noise_sums import Products
+from tracknoise.statistics.prepared import PreparedSequence
+from tracknoise.tables.schema import NOISE_COVARIATES, QUALITY_PREFIX, check, empty
+
+MOTION = "motion_px"
+"""Distance of the observed positions in two frames in succession of the tracker, px."""
+PER_OCTAVE = 2
+_FURTHEST = 40
+
+
+def class_of(values: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Classes by (covariates.class), (n,) intp, of numbers that are not NaN; the last ones beyond 2^-20 and 2^20."""
+    with np.errstate(divide="ignore"):
+        place = np.floor(PER_OCTAVE * np.log2(np.maximum(values, 0.0)))
+    return np.asarray(np.clip(place, -_FURTHEST, _FURTHEST), dtype=np.intp)
+
+
+def log_centre(classes: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Natural logarithm of the middle of each class, (n,) float64."""
+    return np.asarray((classes + 0.5) / PER_OCTAVE * np.log(2.0))
+
+
+def noise_covariates(sequence: PreparedSequence, tracks: ErrorTracks, changes: Products) -> pl.DataFrame:
+    """Sums over changes by the classes of each covariate at both of their ends.
+
+    Parameters
+    ----------
+    sequence
+        Whose observations may have columns ``quality_<name>``.
+    tracks
+        Its errors.
+    changes
+        Products of changes, as `tracknoise.statistics.noise_sums.products` makes them.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `NOISE_COVARIATES`, sorted.
+    """
+    parts = [_summed(sequence, tracks, changes, name, values) for name, values in _covariates(sequence, tracks)]
+    keys = [name for name in NOISE_COVARIATES if name not in ("n", "squares", "white_before", "walk", "drift")]
+    return check(pl.concat([empty(NOISE_COVARIATES), *parts]).sort(keys), NOISE_COVARIATES, "noise covariates")
+
+
+def _covariates(sequence: PreparedSequence, tracks: ErrorTracks) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    """Names, and values of all observations of the tracks, (n,); NaN where unknown."""
+    observed = sequence.observations.select("u_px", "v_px").to_numpy()[tracks.rows]
+    motion = np.hypot(*np.diff(observed, axis=0, prepend=np.nan).T)
+    yield MOTION, np.where(tracks.age > 0, motion, np.nan)
+    for column in sequence.observations.columns:
+        if column.startswith(QUALITY_PREFIX):
+            values = sequence.observations[column].to_numpy()[tracks.rows].astype(np.float64)
+            yield column.removeprefix(QUALITY_PREFIX), values
+
+
+def _summed(
+    sequence: PreparedSequence, tracks: ErrorTracks, changes: Products, name: str, values: NDArray[np.float64]
+) -> pl.DataFrame:
+    now, before = values[changes.rows], values[changes.rows - 1]
+    known = np.flatnonzero(~np.isnan(now) & ~np.isnan(before))
+    condition = sequence.seen.condition[tracks.rows[changes.rows[known]]]
+    classes = [class_of(end[known]) + _FURTHEST for end in (before, now)]
+    (conditions, first, second), index = number_combinations([condition, *classes])
+    terms = {
+        "squares": 0.5 * (changes.values[known, 0] + changes.values[known, 2]),
+        "white_before": changes.factors[known, 1] - 1.0,
+        "walk": changes.factors[known, 2],
+        "drift": changes.factors[known, 3],
+    }
+    sums = {term: np.bincount(index, each, len(first)) for term, each in terms.items()}
+    counts = {"before": first - _FURTHEST, "now": second - _FURTHEST, "n": np.bincount(index, minlength=len(first))}
+    table = sequence.seen.conditions[conditions].hstack(pl.DataFrame({**counts, **sums}))
+    return table.with_columns(covariate=pl.lit(name)).select(
+        pl.col(column).cast(kind) for column, kind in NOISE_COVARIATES.items()
+    )

@@ -1,0 +1,96 @@
+"""``tracknoise noise export``, as a user types it."""
+
+import polars as pl
+import pytest
+from tests.noise_models.exports.models import detections, lucas_kanade
+
+from tracknoise.tables.store import RunFolder
+
+TOML = """
+name = "small"
+[dataset]
+reader = "simulated"
+[dataset.options]
+motions = ["arvr"]
+worlds = 2
+frames = 8
+width = 160
+height = 120
+[[trackers]]
+kind = "correspondence"
+"""
+
+
+@pytest.fixture
+def file(tmp_path):
+    lucas_kanade().write(tmp_path / "lk.noise.json")
+    return str(tmp_path / "lk.noise.json")
+
+
+def test_help_has_an_example(tracknoise):
+    code, out, _ = tracknoise("noise", "export", "--help")
+    assert code == 0
+    assert "--to openvins" in " ".join(out.replace("│", " ").split())
+
+
+def test_files_are_printed(tracknoise, file):
+    code, out, err = tracknoise("noise", "export", file, "--to", "openvins", "--focal", "458.6", "--rate", "20")
+    assert (code, err) == (0, "")
+    assert "==> openvins_noise.yaml <==\n%YAML:1.0\n# tracknoise" in out
+    assert "lk.noise.json sha256" in out
+    assert "up_msckf_sigma_px: 0.300" in out
+    assert "==> openvins.patch <==" in out
+    assert "Checked against: rpng/open_vins 6948812" in out
+
+
+def test_or_written(tracknoise, file, tmp_path):
+    out = tmp_path / "config"
+    code, printed, _ = tracknoise("noise", "export", file, "--to", "msckf_vio", "-o", str(out))
+    assert code == 0
+    assert sorted(path.name for path in out.iterdir()) == ["msckf_vio.patch", "msckf_vio.txt", "msckf_vio_noise.launch"]
+    assert all(str(path) in printed for path in out.iterdir())
+
+
+def test_the_list_has_those_without_an_export_too(tracknoise):
+    code, out, _ = tracknoise("noise", "export", "--list")
+    assert code == 0
+    assert "openvins " in out
+    assert "Without an export:" in out
+    assert "dso " in out
+
+
+def test_a_run_gives_a_covariance_for_each_observation(tracknoise, tmp_path):
+    (tmp_path / "small.toml").write_text(TOML)
+    made = tracknoise("run", str(tmp_path / "small.toml"), "-o", str(tmp_path / "run"), "-q", "--no-report", "-w", "1")
+    assert made[0] == 0
+    run = RunFolder(tmp_path / "run")
+    detections().write(tmp_path / "model.json")
+    code, _, err = tracknoise(
+        "noise", "export", str(tmp_path / "model.json"), "--to", "csv", "--tracks", str(run.path), "-o", str(tmp_path)
+    )
+    assert (code, err) == (0, "")
+    found = pl.read_csv(tmp_path / "observations.csv")
+    observed = pl.concat(run.sequence_tables("observations"))
+    assert len(found) == len(observed)
+    assert found["sequence"].unique().sort().to_list() == sorted(run.manifest().sequences)
+    assert found["cov_uu"].unique().round(6).to_list() == [0.16]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--to", "openvins", "--focal", "900"), "focal length is 900 px, expected that of the model"),
+        (("--to", "openvins", "--rate", "30"), "rate is 30 Hz, expected that of the model, 20 Hz"),
+        (("--to", "dso"), "DSO: Its residuals are intensities"),
+        (("--to", "openvinz"), "unknown estimator 'openvinz' (did you mean 'openvins'?)"),
+        (("--to", "csv"), "no observations, expected tracks"),
+        (("--to", "csv", "--tracks", "nowhere.csv"), "nowhere.csv"),
+        (("--to", "openvins", "--purpose", "newest"), "unknown value of --purpose 'newest'"),
+        ((), "no --to, expected a noise model and an estimator"),
+    ],
+)
+def test_bad_input_gives_one_line(tracknoise, file, arguments, message):
+    code, out, err = tracknoise("noise", "export", file, *arguments)
+    assert (code, out) == (1, "")
+    assert len(err.strip().splitlines()) == 1
+    assert message in err

@@ -1,0 +1,106 @@
+"""What an estimator gains from a noise model, as a user asks for it."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from tests.noise_models.models import TRAINING, made
+
+from tracknoise.exceptions import SettingsError, StoreError
+from tracknoise.experiments.running.execute import execute
+from tracknoise.experiments.settings import parse_experiment
+from tracknoise.proof.problem import errors_of
+from tracknoise.proof.proof import prove
+from tracknoise.proof.recorded import Cut, recorded_problems
+from tracknoise.tables.store import RunFolder
+
+TOML = """
+name = "small"
+keep = "{keep}"
+[dataset]
+reader = "simulated"
+[dataset.options]
+motions = {motions}
+worlds = 2
+frames = {frames}
+width = 240
+height = 180
+[[trackers]]
+kind = "lucas-kanade"
+"""
+
+
+class _Silent:
+    def __getattr__(self, name):
+        return lambda *arguments: None
+
+
+def _run(out: Path, **options: object) -> Path:
+    text = TOML.format(**options)
+    execute(parse_experiment(text, place="small.toml"), RunFolder(out), workers=1, listener=_Silent())
+    return out
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory) -> Path:
+    out = tmp_path_factory.mktemp("proof") / "run"
+    return _run(out, keep="observations", motions=["sideways", "forward"], frames=8)
+
+
+def _model(*scenes: str):
+    training = replace(TRAINING, dataset="simulated", tracker="lucas-kanade", scenes=scenes)
+    return made(first=0.05, white=0.05, walk=0.05, training=training)
+
+
+def test_windows_have_the_true_positions_of_the_run(run: Path) -> None:
+    folder = RunFolder(run)
+    cut = Cut(tracker="lucas-kanade", speed=1, length=6, most_px=3.0)
+    found = recorded_problems(folder, cut)
+    assert {problem.scene for problem in found} == {"sideways-00", "sideways-01", "forward-00", "forward-01"}
+    errors = np.concatenate([part.reshape(-1, 2) for problem in found for part in errors_of(problem)])
+    tables = [table.select("du_px", "dv_px").drop_nulls() for table in folder.sequence_tables("observations")]
+    stated = pl.concat(tables).to_numpy()
+    assert np.linalg.norm(errors, axis=1).max() <= 3.0
+    nearest = np.abs(errors[:50, None] - stated[None]).max(axis=2).min(axis=1)
+    assert nearest.max() < 1e-6
+
+
+def test_windows_hold_no_more_tracks_than_asked_for(run: Path) -> None:
+    cut = Cut(tracker="lucas-kanade", speed=1, length=6, most_tracks=25)
+    assert all(problem.n_tracks <= 25 for problem in recorded_problems(RunFolder(run), cut))
+
+
+def test_prints_the_answer_and_writes_it_beside_the_model(run: Path, tmp_path: Path, tracknoise) -> None:
+    file = tmp_path / "lk.noise.json"
+    _model("sideways-00", "forward-00").write(file)
+    code, printed, _ = tracknoise("prove", str(run), str(file), "--window", "6", "--tracks", "30")
+    assert code == 0
+    assert "Whole tracks: position errors are" in printed
+    assert "one sigma, tuned for the newest pose" in printed
+    document = json.loads((tmp_path / "lk.noise.proof.json").read_text())
+    assert document["format"] == "tracknoise.proof/1"
+    assert document["training_scenes"] == ["forward-00", "sideways-00"]
+    assert document["tested_scenes"] == ["forward-01", "sideways-01"]
+    assert {row["arm"] for row in document["poses"]} >= {"0", "1", "6", "8d"}
+    assert all(0.0 <= row["value"] <= 1.0 for row in document["distances"] if row["quantity"] == "coverage_95")
+
+
+def test_says_so_if_the_model_has_seen_all_scenes(run: Path) -> None:
+    scenes = ("sideways-00", "sideways-01", "forward-00", "forward-01")
+    found = prove(RunFolder(run), _model(*scenes), length=6, most_tracks=25)
+    assert any("fitted to all scenes" in sentence for sentence in found.sentences)
+    assert not set(found.training) & set(found.tested)
+
+
+def test_windows_longer_than_the_recording_are_refused(run: Path) -> None:
+    with pytest.raises(SettingsError, match="found usable windows in 0 scenes, expected at least 2"):
+        prove(RunFolder(run), _model("sideways-00"), length=20)
+
+
+def test_a_run_without_observations_is_refused(tmp_path: Path) -> None:
+    out = _run(tmp_path / "run", keep="statistics", motions=["arvr"], frames=3)
+    with pytest.raises(StoreError, match="keeps no observations"):
+        prove(RunFolder(out), _model("sideways-00"), length=6)

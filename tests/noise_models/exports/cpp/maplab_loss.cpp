@@ -1,0 +1,4 @@
+#include "ceres.hpp"
+ceres::LossFunction *loss =
+#include "exported/maplab_loss.cpp"
+;

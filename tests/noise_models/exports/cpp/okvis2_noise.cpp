@@ -1,0 +1,4 @@
+#include <Eigen/Dense>
+void set(Eigen::Matrix2d information) {
+#include "exported/okvis2_noise.cpp"
+}

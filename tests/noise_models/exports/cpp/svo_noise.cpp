@@ -1,0 +1,4 @@
+#include <Eigen/Dense>
+void set(Eigen::Matrix2d information, int level) {
+#include "exported/svo_noise.cpp"
+}

@@ -1,0 +1,110 @@
+"""Other focal lengths and rates than those of the model: what is converted, and what is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.noise_models.exports.models import detections, lucas_kanade
+
+from tracknoise.exceptions import SettingsError
+from tracknoise.noise_models.exports.conversion import converted
+from tracknoise.noise_models.exports.export import FocalChange, RateChange, Target
+from tracknoise.noise_models.exports.render import export
+from tracknoise.noise_models.model import CameraOfModel, Landmark, Purpose
+
+CAMERA = CameraOfModel(width=752, height=480, focal_px=458.6, rate_hz=20.0)
+UNKNOWN_RATE = replace(CAMERA, rate_hz=None)
+
+
+def sigma(model) -> float:
+    return model.equivalent(landmark=Landmark.FREE, purpose=Purpose.NEWEST_POSE, window=11).sigma.value
+
+
+def test_the_same_camera_changes_nothing():
+    model = lucas_kanade()
+    for target in (Target(), Target(focal_px=458.6, rate_hz=20.0), Target(focal_px=452.0, rate_hz=20.2)):
+        found = converted(model, target)
+        assert found.caveats == ()
+        assert sigma(found.model) == sigma(model)
+        assert found.model.camera.focal_px == (target.focal_px or 458.6)
+        np.testing.assert_array_equal(found.model.walk.covariance, model.walk.covariance)
+
+
+@pytest.mark.parametrize(
+    ("target", "message"),
+    [
+        (Target(focal_px=0.0), "focal length is 0 px, expected a number above 0"),
+        (Target(focal_px=-458.6, focal_change=FocalChange.LENS), "focal length is -458.6 px, expected a number"),
+        (Target(focal_px=float("nan")), "focal length is nan px"),
+        (Target(focal_px=float("inf"), focal_change=FocalChange.RESAMPLED), "focal length is inf px"),
+        (Target(focal_px=470.0), "expected that of the model, 458.6 px, to 2 %"),
+        (Target(focal_px=229.3), "`--allow-focal resampled`"),
+        (Target(rate_hz=0.0), "rate is 0 Hz, expected a number above 0"),
+        (Target(rate_hz=float("nan")), "rate is nan Hz"),
+        (Target(rate_hz=10.0), "rate is 10 Hz, expected that of the model, 20 Hz, to 2 %"),
+        (Target(rate_hz=30.0, rate_change=RateChange.UNCHECKED), "rate is 30 Hz, expected that of the model"),
+        (Target(rate_hz=30.0, rate_change=RateChange.THINNED), "20 Hz of the model over a whole number"),
+        (Target(rate_hz=8.0, rate_change=RateChange.THINNED), "20 Hz of the model over a whole number"),
+    ],
+)
+def test_refused(target, message):
+    with pytest.raises(SettingsError) as error:
+        converted(detections(), target)
+    assert message in str(error.value)
+
+
+def test_a_rate_cannot_be_compared_with_an_unknown_one():
+    model = lucas_kanade(camera=UNKNOWN_RATE)
+    with pytest.raises(SettingsError, match="does not know the rate of its recordings"):
+        converted(model, Target(rate_hz=20.0))
+    found = converted(model, Target(rate_hz=20.0, rate_change=RateChange.UNCHECKED))
+    assert found.model.camera.rate_hz == 20.0
+    assert "It is taken to be 20 Hz" in found.caveats[0]
+
+
+def test_what_needs_a_rate_asks_for_it():
+    model = lucas_kanade(camera=UNKNOWN_RATE)
+    with pytest.raises(SettingsError, match=r"ROVIO: no rate, expected frames per second, with `--rate`"):
+        export(model, "rovio")
+    assert export(model, "openvins").files
+
+
+def test_resampled_images_scale_all_px():
+    model = lucas_kanade()
+    found = converted(model, Target(focal_px=229.3, focal_change=FocalChange.RESAMPLED))
+    assert (found.model.camera.width, found.model.camera.height) == (376, 240)
+    assert sigma(found.model) == pytest.approx(sigma(model) / 2)
+    assert found.model.equivalents[0].sigma.low == pytest.approx(model.equivalents[0].sigma.low / 2)
+    for name in ("first", "white", "walk"):
+        np.testing.assert_allclose(getattr(found.model, name).covariance, getattr(model, name).covariance / 4)
+    assert "resampled by 0.5" in found.caveats[0]
+
+
+def test_another_lens_keeps_px():
+    found = converted(lucas_kanade(), Target(focal_px=300.0, focal_change=FocalChange.LENS))
+    assert sigma(found.model) == sigma(lucas_kanade())
+    assert found.model.camera.focal_px == 300.0
+    assert "another lens" in found.caveats[0]
+
+
+def test_numbers_on_the_normalised_plane_do_not_depend_on_the_size_of_images():
+    target = Target(focal_px=229.3, focal_change=FocalChange.RESAMPLED)
+    full, half = (export(lucas_kanade(), "msckf_vio", target=one).files for one in (None, target))
+    assert [text.splitlines()[1] for text in full.values()] == [text.splitlines()[1] for text in half.values()]
+
+
+def test_a_tracker_that_skips_frames_walks_more_from_frame_to_frame():
+    model = lucas_kanade(training=replace(lucas_kanade().training, speed=2.0))
+    found = converted(model, Target(rate_hz=10.0))
+    np.testing.assert_allclose(found.model.walk.covariance, 2.0 * model.walk.covariance)
+    np.testing.assert_allclose(found.model.white.covariance, model.white.covariance)
+    per_second = found.model.walk.covariance * found.model.camera.rate_hz
+    np.testing.assert_allclose(per_second, model.walk.covariance * model.camera.rate_hz)
+    with pytest.raises(SettingsError, match="expected that of the model, 10 Hz"):
+        converted(model, Target(rate_hz=20.0))
+
+
+def test_every_second_frame_of_detections_has_the_same_noise():
+    found = converted(detections(), Target(rate_hz=10.0, rate_change=RateChange.THINNED))
+    assert sigma(found.model) == sigma(detections())
+    assert "one of 2 is used" in found.caveats[0]

@@ -1,0 +1,84 @@
+import numpy as np
+import pytest
+from tests.noise_models.simulated_tracks import MOTIONS, units
+
+from tracknoise.exceptions import SettingsError
+from tracknoise.findings.sampling.units import Units
+from tracknoise.noise_models.fitting.components import fit_components
+from tracknoise.noise_models.fitting.equations import NAMES, Equations, matrix, without_negative
+
+PLANTED = {
+    "white": {"white": 0.3},
+    "detection": {"first": 0.3, "white": 0.3},
+    "walk": {"walk": 0.1},
+    "both": {"white": 0.3, "walk": 0.1},
+    "all": {"first": 0.2, "white": 0.2, "walk": 0.08},
+    "drift": {"first": 0.2, "drift": 0.05},
+}
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("name", PLANTED)
+def test_planted_components_come_back_within_intervals(name: str, motion: str) -> None:
+    planted = PLANTED[name]
+    found = fit_components(units(3, scenes=12, motion=motion, **planted), level=0.99).components
+    for component in NAMES:
+        sigma = found[component].sigma
+        assert (found[component].why_dropped is None) == (component in planted)
+        assert sigma.low <= planted.get(component, 0.0) <= sigma.high
+        assert sigma.value == pytest.approx(planted.get(component, 0.0), rel=0.05)
+
+
+def test_magnification_is_not_read_as_a_walk() -> None:
+    forward = units(5, scenes=12, motion="forward", first=0.3, white=0.05)
+    ignored = Units(forward.sums.copy(), forward.points, forward.scenes, forward.scene, forward.resampled)
+    errors = (forward.points["product"] == "error").to_numpy()
+    ignored.sums[:, errors, 4] = ignored.sums[:, errors, 0]  # as if the image were not magnified
+    found = [fit_components(each, level=0.95).components for each in (forward, ignored)]
+    assert found[0]["walk"].why_dropped is not None
+    assert found[1]["walk"].sigma.value > 0.02 or found[1]["drift"].sigma.value > 0.005
+
+
+def test_directions_come_back() -> None:
+    stretched = units(7, scenes=12, white=0.3, walk=0.1)
+    sums = stretched.sums.copy()
+    sums[..., 1] *= 4.0  # u
+    sums[..., 2] *= 2.0  # uv
+    found = fit_components(
+        Units(sums, stretched.points, stretched.scenes, stretched.scene, stretched.resampled), level=0.95
+    )
+    white = found.components["white"].covariance
+    assert white[0, 0] / white[1, 1] == pytest.approx(4.0, rel=0.1)
+    assert np.linalg.eigvalsh(white)[0] > 0
+
+
+def test_scenes_that_differ_widen_intervals() -> None:
+    same, differing = (
+        fit_components(units(9, scenes=12, white=0.3, spread=spread), level=0.95).components["white"].sigma
+        for spread in (0.0, 0.3)
+    )
+    assert differing.high - differing.low > 3 * (same.high - same.low)
+
+
+def test_combinations_have_the_interval_of_what_they_are_made_of() -> None:
+    fitted = fit_components(units(11, scenes=12, first=0.3, white=0.3), level=0.95)
+    (first, both) = fitted.combined(np.array([[1.0, 0, 0, 0], [1.0, 1.0, 0, 0]]))
+    sigma = fitted.components["first"].sigma
+    assert (first.value, first.low, first.high) == pytest.approx((sigma.value, sigma.low, sigma.high), rel=1e-6)
+    assert both.low < 0.3 * 2**0.5 < both.high
+
+
+def test_too_few_errors_are_refused() -> None:
+    with pytest.raises(SettingsError, match="too few errors to fit"):
+        fit_components(units(1, scenes=6, white=0.3, n_tracks=2), level=0.95)
+
+
+def test_bounded_solutions_have_no_negative_eigenvalues() -> None:
+    factors = np.array([[1.0, 1, 1, 1], [1, 1, 2, 4], [0, 2, 1, 1], [0, -1, 0, 1], [1, 1, 3, 9]])
+    second = factors @ np.array([[0.1, 0.0, 0.1], [0.2, 0.1, 0.3], [0.1, 0.3, 0.1], [0.0, 0.0, 0.0]])
+    found = Equations(second, factors).bounded(np.ones(5), range(4))
+    for entries in found:
+        assert np.linalg.eigvalsh(matrix(entries))[0] >= -1e-12
+    free = Equations(second, factors).solved(np.ones(5), range(4))
+    assert np.linalg.eigvalsh(matrix(free[2]))[0] < 0
+    np.testing.assert_allclose(without_negative(np.array([1.0, 2.0, 1.0])), 1.5)

@@ -226,7 +226,7 @@ FAMILIES: tuple[Family, ...] = (
         "example-frames",
         "Example frames",
         "One frame of each scene, with the features and their errors.",
-        ("example_frames:figures",),
+        ("example_frames:figures", "light_stage:figures"),
     ),
     Family(
         "trajectory",

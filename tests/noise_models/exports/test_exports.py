@@ -253,6 +253,26 @@ def test_an_unknown_estimator_names_the_known():
         made("openvin")
 
 
+def test_a_model_exports_itself():
+    target = Target(window=20)
+    assert lucas_kanade().export("openvins", target=target) == export(lucas_kanade(), "openvins", target=target)
+
+
+RUNS = {
+    "gtsam": "observation_noise(), smart_noise(), track_noise([4.0, 3.0, 2.5])",
+    "filterpy": "R, track_covariance([4.0, 3.0, 2.5])",
+    "symforce": "whitened.__doc__, noise",
+}
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_python_runs_with_the_library(name):
+    pytest.importorskip(name)
+    names: dict = {}
+    exec(made(name).files[f"{name}_noise.py"], names)
+    assert eval(RUNS[name], names)
+
+
 def test_names_as_people_write_them():
     assert made("MSCKF-VIO").files == made("msckf_vio").files
 

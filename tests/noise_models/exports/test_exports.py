@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.noise_models.exports.golden import NAMES, contents, stored
-from tests.noise_models.exports.models import detections, lucas_kanade
+from tests.noise_models.exports.models import detections, equivalents, lucas_kanade
 from tests.noise_models.exports.syntaxes import PARSERS
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
@@ -271,6 +271,18 @@ def test_python_runs_with_the_library(name):
     names: dict = {}
     exec(made(name).files[f"{name}_noise.py"], names)
     assert eval(RUNS[name], names)
+
+
+def test_a_sigma_of_zero_is_refused():
+    exact = lucas_kanade(equivalents=equivalents(0.0, 0.5))
+    with pytest.raises(SettingsError, match="newest_pose, windows of 11 frames, is 0 px, expected a number above 0"):
+        made("openvins", model=exact)
+    assert made("json", model=exact).files
+
+
+def test_a_window_has_two_frames():
+    with pytest.raises(SettingsError, match="window of 1, expected at least 2 frames"):
+        Target(window=1)
 
 
 def test_names_as_people_write_them():

@@ -3,7 +3,10 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
+from tracknoise.exceptions import SettingsError
 from tracknoise.noise_models.model import Purpose
+
+_SHORTEST = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,6 +63,11 @@ class Target:
         Why they differ from those of the model. They must not, if None.
     window, purpose
         Length of its window, frames, and what its sigma is to make right. By default, what is usual for the estimator.
+
+    Raises
+    ------
+    SettingsError
+        If the window has fewer than two frames.
     """
 
     focal_px: float | None = None
@@ -68,3 +76,8 @@ class Target:
     rate_change: RateChange | None = None
     window: int | None = None
     purpose: Purpose | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse a window without a second frame."""
+        if self.window is not None and self.window < _SHORTEST:
+            raise SettingsError(f"window of {self.window}, expected at least {_SHORTEST} frames")

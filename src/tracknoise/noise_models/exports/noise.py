@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.exceptions import SettingsError
 from tracknoise.noise_models.model import Component, Equivalent, Landmark, Purpose
 
 if TYPE_CHECKING:
@@ -45,12 +46,24 @@ class Noise:
     purpose: Purpose | None
 
     def equivalent(self, *, window: int | None = None, purpose: Purpose | None = None) -> Equivalent:
-        """The sigma for a window and a purpose, by default its own. Without a purpose, the one of residuals."""
-        return self.model.equivalent(
+        """The sigma for a window and a purpose, by default its own. Without a purpose, the one of residuals.
+
+        Raises
+        ------
+        SettingsError
+            If the model has none, or one that is not a positive number.
+        """
+        found = self.model.equivalent(
             landmark=self.landmark,
             window=self.window if window is None else window,
             purpose=purpose or self.purpose or Purpose.INNOVATIONS,
         )
+        if not 0.0 < found.sigma.value < math.inf:
+            raise SettingsError(
+                f"sigma for {found.purpose}, windows of {found.window} frames, is {found.sigma.value:g} px, "
+                "expected a number above 0"
+            )
+        return found
 
     @property
     def sigma(self) -> float:

@@ -13,7 +13,7 @@ from tests.noise_models.exports.syntaxes import PARSERS
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.noise_models.exports.estimators import FAMILIES, estimator, estimators, refused
-from tracknoise.noise_models.exports.export import Export, Target
+from tracknoise.noise_models.exports.export import Export, FocalChange, RateChange, Target
 from tracknoise.noise_models.exports.render import export, number
 from tracknoise.noise_models.model import Bias, BiasKind, Landmark, Purpose
 
@@ -88,10 +88,18 @@ def test_settings_are_parsed(file, source):
 def test_openvins():
     assert values("openvins", "openvins_noise.yaml") == {
         "up_msckf_sigma_px": rounded(sigma()),
-        "up_msckf_chi2_multipler": rounded(1.2 * 0.25),
+        "up_msckf_chi2_multipler": 1.0,
         "up_slam_sigma_px": rounded(sigma(window=30)),
-        "up_slam_chi2_multipler": rounded(1.2 * 0.25),
+        "up_slam_chi2_multipler": 1.0,
     }
+
+
+def test_gates_are_widened_and_never_narrowed():
+    tails = values("openvins", "openvins_noise.yaml", model=detections())
+    assert tails["up_msckf_chi2_multipler"] == tails["up_slam_chi2_multipler"] == rounded(1.2)
+    gates = values("hybvio", "hybvio_noise.txt", model=detections())
+    assert gates["trackChiTestOutlierR"] == rounded(0.4 * np.sqrt(1.2))
+    assert values("rtabmap", "rtabmap_noise.txt")["g2o/RobustKernelDelta"] == rounded(5.991)
 
 
 def test_on_the_normalised_plane():
@@ -139,7 +147,7 @@ def test_variances_and_shares_of_the_image():
     assert values("opensfm", "opensfm_noise.yaml")["reprojection_error_sd"] == rounded(all_poses[30] / 752)
     assert values("hybvio", "hybvio_noise.txt") == {
         "visualR": rounded(sigma(window=20)),
-        "trackChiTestOutlierR": rounded(sigma(window=20) * np.sqrt(1.2 * 0.25)),
+        "trackChiTestOutlierR": rounded(sigma(window=20)),
     }
 
 
@@ -278,6 +286,13 @@ def test_a_sigma_of_zero_is_refused():
     with pytest.raises(SettingsError, match="newest_pose, windows of 11 frames, is 0 px, expected a number above 0"):
         made("openvins", model=exact)
     assert made("json", model=exact).files
+
+
+def test_a_reason_needs_a_number():
+    with pytest.raises(SettingsError, match="no focal length"):
+        Target(focal_change=FocalChange.LENS)
+    with pytest.raises(SettingsError, match="no rate"):
+        Target(rate_change=RateChange.THINNED, focal_px=458.6)
 
 
 def test_a_window_has_two_frames():

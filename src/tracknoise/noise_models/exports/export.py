@@ -67,7 +67,7 @@ class Target:
     Raises
     ------
     SettingsError
-        If the window has fewer than two frames.
+        If the window has fewer than two frames, or a reason is given for a focal length or a rate that is not.
     """
 
     focal_px: float | None = None
@@ -78,6 +78,10 @@ class Target:
     purpose: Purpose | None = None
 
     def __post_init__(self) -> None:
-        """Refuse a window without a second frame."""
+        """Refuse a window without a second frame, and reasons for a difference that is not stated."""
         if self.window is not None and self.window < _SHORTEST:
             raise SettingsError(f"window of {self.window}, expected at least {_SHORTEST} frames")
+        if self.focal_change is not None and self.focal_px is None:
+            raise SettingsError(f"found no focal length, expected one because it may differ ({self.focal_change})")
+        if self.rate_change is not None and self.rate_hz is None:
+            raise SettingsError(f"found no rate, expected one because it may differ ({self.rate_change})")

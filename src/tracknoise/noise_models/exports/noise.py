@@ -30,6 +30,9 @@ efficiency of least squares.
 class Noise:
     """The noise of a model, as an estimator uses it. Templates call it `noise`.
 
+    Factors on gates are not below 1. Those of a model are for true poses, and are smaller where sigma is larger than
+    the residuals. The innovations that a filter gates contain the errors of its predicted poses, too.
+
     Parameters
     ----------
     model
@@ -77,21 +80,21 @@ class Noise:
     @property
     def gate_95(self) -> float:
         """Factor on a chi-square gate at .95, with `sigma`."""
-        return self.equivalent().gate_95
+        return max(self.equivalent().gate_95, 1.0)
 
     @property
     def residual_gate_95(self) -> float:
         """Factor on a chi-square gate at .95, with a sigma of the size of residuals."""
-        return self._residual.gate_95
+        return max(self._residual.gate_95, 1.0)
 
     @property
     def gate_99(self) -> float:
         """Factor on a chi-square gate at .99, with `sigma`."""
-        return self.equivalent().gate_99
+        return max(self.equivalent().gate_99, 1.0)
 
     def gate_at(self, window: int) -> float:
         """Factor on a chi-square gate at .95, with `sigma_at`."""
-        return self.equivalent(window=window).gate_95
+        return max(self.equivalent(window=window).gate_95, 1.0)
 
     @property
     def first(self) -> float:

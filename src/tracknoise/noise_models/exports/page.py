@@ -35,7 +35,8 @@ interval.
 """
 _CONVERSION = f"""
 With a walk, these numbers differ. A sigma that makes innovations look right makes the newest pose too certain. Knees of
-robust losses and bounds in px follow the size of residuals, whatever the purpose.
+robust losses and bounds in px follow the size of residuals, whatever the purpose. Gates are widened by the tails of the
+residuals. They are never narrowed, because innovations contain the errors of predicted poses too.
 
 ## Focal length and rate
 

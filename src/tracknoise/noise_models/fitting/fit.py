@@ -95,7 +95,7 @@ def _camera(read: TrainingTables) -> CameraOfModel:
     return CameraOfModel(
         width=first["width"],
         height=first["height"],
-        focal_px=first["fx_px"] or float("nan"),
+        focal_px=first["fx_px"],
         rate_hz=1.0 / step if isinstance(step, float) and step > 0.0 else None,
     )
 

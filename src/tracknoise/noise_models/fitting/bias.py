@@ -56,8 +56,9 @@ def fit_bias(sums: pl.DataFrame, floors: pl.DataFrame, *, groups: SceneGroups, l
     """
     errors = sums.filter(pl.col("product") == Product.error).with_columns(squares=pl.col("uu") + pl.col("vv"))
     units = units_of(errors.drop("block"), errors, points=["age"], columns=_COLUMNS, groups=groups)
-    own = units.joined(units.sums)
-    if len(own) < 2 or not own[..., -1].sum() > 0.0:
+    every = units.joined(units.sums)
+    own = every[every[..., -1].sum(axis=1) > 0.0]
+    if len(own) < 2:
         return Bias(kind=BiasKind.REFUSED, why="there is only one scene, so that none can be left out")
     ages = units.points["age"].to_numpy()
     best = max((_by_age(own, ages, level), _along(own, level)), key=lambda form: form.reduction.value)

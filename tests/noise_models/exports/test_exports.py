@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.noise_models.exports.golden import NAMES, contents, stored
-from tests.noise_models.exports.models import detections, equivalents, lucas_kanade
+from tests.noise_models.exports.models import component, detections, equivalents, lucas_kanade
 from tests.noise_models.exports.syntaxes import PARSERS
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
@@ -119,7 +119,16 @@ def test_components_where_the_estimator_has_a_place_for_them():
     prior = values("xivo", "xivo_noise.json", model=detections())
     assert prior["initial_std_x"] == prior["initial_std_y"] == rounded(0.4)
     assert prior["subfilter"]["visual_meas_std"] == rounded(0.4)
-    assert any("0.01 px are written instead of zero" in sentence for sentence in made("rovio").caveats)
+
+
+def test_what_is_written_instead_of_zero_is_stated():
+    first, white = (f"no noise of {phrase}: 0.01 px" for phrase in ("a first position", "a single frame"))
+    for name in ("rovio", "xivo", "gtsam", "openvins"):
+        assert first in made(name).text
+        assert white not in made(name).text
+    assert white in made("rovio", model=lucas_kanade(white=component(0.0))).text
+    for name in ("kimera", "json"):
+        assert "instead of zero" not in made(name).text
 
 
 def test_knees_follow_the_residuals_and_not_sigma():

@@ -100,6 +100,7 @@ def test_trackers_of_other_names_are_compared_if_named(make):
     found = tracknoise.compare(make("base"), make("base"), trackers=("lk", "other"))
     assert {(row.of.tracker, row.of.other_tracker) for row in found.rows} == {("lk", "other")}
     assert rows_of(found)["core"].verdict == "worse"
+    assert found.others[0].notes == ()
     with pytest.raises(UnknownNameError, match=r"tracker of .* 'sift'"):
         tracknoise.compare(make("base"), make("base"), trackers=("lk", "sift"))
 

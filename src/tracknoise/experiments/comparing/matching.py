@@ -1,13 +1,13 @@
 """Which trackers and conditions of two runs are compared with each other."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.statistics.conditions import Condition
 from tracknoise.statistics.definitions import POOLED
 
-_TRACKER = POOLED.index("tracker")
+_TRACKER, _SPEED = POOLED.index("tracker"), POOLED.index("speed")
 _EXPECTED = "trackers of the same name, or one of each run, named by --trackers"
 Pair = tuple[Condition, Condition]
 """A condition of the first run, and the one of the second that it is compared with."""
@@ -32,6 +32,11 @@ class Measured:
     def trackers(self) -> set[str]:
         """Names of its trackers."""
         return {str(key[_TRACKER]) for key in self.conditions}
+
+    @property
+    def speeds(self) -> set[int]:
+        """Its speeds."""
+        return {int(key[_SPEED]) for key in self.conditions}
 
 
 def matched_trackers(first: Measured, second: Measured, asked: tuple[str, str] | None) -> dict[str, str]:
@@ -74,13 +79,13 @@ def matched_conditions(first: Measured, second: Measured, trackers: Mapping[str,
     return [(key, other) for key, other in pairs if other in second.conditions]
 
 
-def unmatched(first: Measured, second: Measured, trackers: Mapping[str, str]) -> Iterable[str]:
-    """Sentences about trackers that take no part, and speeds that only one run has."""
-    for run, matched in ((first, set(trackers)), (second, set(trackers.values()))):
-        for name in sorted(run.trackers - matched):
-            yield f"Tracker {name} of {run.name} takes no part."
-    speeds = [{int(key[POOLED.index("speed")]) for key in run.conditions} for run in (first, second)]
-    for run, only in ((first, speeds[0] - speeds[1]), (second, speeds[1] - speeds[0])):
+def unmatched(first: Measured, second: Measured, trackers: Mapping[str, str] | None) -> Iterator[str]:
+    """Sentences about trackers that take no part, unless None is given, and about speeds that only one run has."""
+    if trackers is not None:
+        for run, matched in ((first, set(trackers)), (second, set(trackers.values()))):
+            for name in sorted(run.trackers - matched):
+                yield f"Tracker {name} of {run.name} takes no part."
+    for run, only in ((first, first.speeds - second.speeds), (second, second.speeds - first.speeds)):
         for speed in sorted(only):
             yield f"Speed {speed} is in {run.name} only."
 

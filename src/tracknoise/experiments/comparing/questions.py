@@ -66,7 +66,8 @@ def questions(first: OpenedRun, second: OpenedRun, trackers: tuple[str, str] | N
     matched = matched_trackers(known, found, trackers)
     fitted = any(first.manifest.sequences[key].truth == TRIANGULATED for key in keys)
     missing = tuple(failed_in(first, second))
-    notes = (*missing, *left_out(first, second), *unmatched(known, found, matched), *([_FITTED] if fitted else []))
+    apart = unmatched(known, found, matched if trackers is None else None)
+    notes = (*missing, *left_out(first, second), *apart, *([_FITTED] if fitted else []))
     groups = groups_of_scenes(first.manifest.sequences, first.settings["dataset"].get("groups"))
     pairs = matched_conditions(known, found, matched)
     asked = [

@@ -155,6 +155,6 @@ def _contrary(asked: Asked, found: Change, level: float) -> str | None:
 
 def _open(found: Change, margin: float, level: float) -> str:
     """Why an answer is undecided although there are enough scenes."""
-    if found.p_change <= 1 - level:
+    if found.p_change <= 1 - level or found.p_none <= (1 - level) / 2:
         return "not significant after the correction for multiple tests"
     return "the interval contains the margin" if straddles(found, margin) else UNSURE

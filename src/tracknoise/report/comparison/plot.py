@@ -8,6 +8,8 @@ from tracknoise.findings.comparison.result import Row
 
 WIDTH = 300.0
 """Length of the line, px."""
+_INSET = 6.0
+"""Room for the marks at both ends, px."""
 _MOST_MARGINS = 20.0
 """Changes of so many margins, and larger ones, lie at its ends."""
 
@@ -54,4 +56,4 @@ def _at(margins: float) -> float:
     """Place of a number of margins: the more of them, the closer they lie."""
     inside = max(-_MOST_MARGINS, min(_MOST_MARGINS, margins))
     share = math.copysign(math.log1p(abs(inside)) / math.log1p(_MOST_MARGINS), inside)
-    return round(WIDTH / 2 * (1 + share), 1)
+    return round(WIDTH / 2 + (WIDTH / 2 - _INSET) * share, 1)

@@ -59,8 +59,11 @@ def where_words(row: Row) -> str:
 def condition_words(of: Compared, varying: Sequence[str]) -> str:
     """Trackers of a row, and what else distinguishes it from other rows."""
     trackers = of.tracker if of.tracker == of.other_tracker else f"{of.other_tracker} against {of.tracker}"
-    parts = [f"{name} {getattr(of, name)}" for name in varying if name in _VARYING]
-    return ", ".join([trackers, *parts])
+    return ", ".join([trackers, *_distinct(of, varying)])
+
+
+def _distinct(of: Compared, varying: Sequence[str]) -> list[str]:
+    return [f"{name} {getattr(of, name)}" for name in varying if name in _VARYING]
 
 
 def varying(rows: Sequence[Row | GateRow]) -> list[str]:
@@ -119,8 +122,11 @@ def _at(row: Row) -> str:
 
 
 def _named(row: Row, named: Sequence[str]) -> str:
-    distinct = [name for name in named if name in (*_VARYING, "tracker")]
-    return f"{row.estimand.title} ({condition_words(row.of, distinct)})" if distinct else row.estimand.title
+    """The statistic, and the condition where there are several."""
+    if "tracker" in named:
+        return f"{row.estimand.title} ({condition_words(row.of, named)})"
+    distinct = ", ".join(_distinct(row.of, named))
+    return f"{row.estimand.title} ({distinct})" if distinct else row.estimand.title
 
 
 def _signed(text: str, value: float) -> str:

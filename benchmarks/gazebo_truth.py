@@ -63,7 +63,7 @@ def study(preset: str, fault: str, *, scenes: int, frames: int, width: int, untr
         (Size.usual,),
         AGES,
         str(experiment.truth.population),
-        None if untrimmed else experiment.statistics.trim_percentile,
+        100.0 if untrimmed else experiment.statistics.trim_percentile,
         str(experiment.statistics.trim_among),
     )
 

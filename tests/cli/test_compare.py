@@ -1,9 +1,13 @@
 """``tracknoise compare``: exit statuses, files, and messages."""
 
 import json
+import shutil
+from pathlib import Path
 
 import pytest
 from tests.report.synthetic import World, write_run
+
+from tracknoise.tables.store import RunFolder
 
 SCENES = tuple(f"scene-{number}" for number in range(8))
 BASE = {"scenes": SCENES, "speeds": (1,), "n_frames": 14, "born": 25, "min_features": 20, "trackers": ("lk", "other")}
@@ -58,11 +62,21 @@ def test_with_two_scenes_a_gate_is_undecided(tracknoise, make, gate):
     assert "only 2 scenes" in out
 
 
-def test_a_run_that_lost_a_scene_does_not_pass(tracknoise, make, gate):
-    status, out, err = tracknoise("compare", make("base"), make("seven", seed=1, scenes=SCENES[1:]), "--gate", gate())
+def test_a_run_that_failed_to_measure_a_scene_does_not_pass(tracknoise, make, gate, tmp_path):
+    run = RunFolder(Path(shutil.copytree(make("seven", seed=1, scenes=SCENES[1:]), tmp_path / "after")))
+    manifest = run.manifest()
+    manifest.failures["scene-0@default"] = "damaged image"
+    run.write_manifest(manifest)
+    status, out, err = tracknoise("compare", make("base"), str(run.path), "--gate", gate())
     assert status == 4
-    assert "Compare-seven has no scene-0@default, which compare-base measured." in out
-    assert "compare-seven: compare-seven has no scene-0@default" in err
+    assert "After could not measure scene-0@default, which compare-base measured." in out
+    assert "after: after could not measure scene-0@default" in err
+
+
+def test_a_scene_that_was_not_to_be_measured_is_named_and_no_obstacle(tracknoise, make, gate):
+    status, _, err = tracknoise("compare", make("base"), make("seven", seed=1, scenes=SCENES[1:]), "--gate", gate())
+    assert status == 0
+    assert "compare-seven has no scene-0@default, which compare-base measured." in err
 
 
 def test_all_files_are_written_whatever_the_gate_says(tracknoise, make, gate, tmp_path):

@@ -22,7 +22,7 @@ from tracknoise.report.answer.curve_plot import curves
 from tracknoise.report.answer.statements import MOST_NUMBERS, MOST_WORDS, short
 from tracknoise.report.answer.subject import number as plain_number
 from tracknoise.report.answer.summary import Card, Measure, Number, Summary, summary_json, summary_schema
-from tracknoise.report.figures.families import FAMILIES
+from tracknoise.report.figures.families import FAMILIES, Family
 from tracknoise.report.page import write_report
 from tracknoise.report.parts import PARTS
 from tracknoise.report.report_data import ReportData
@@ -282,3 +282,8 @@ def test_odd_names_are_escaped_in_drawings(make_run: Callable[..., RunFolder], s
     first = found.split('<section id="findings">')[0].split("<main>")[1]
     assert "&lt;b&gt;" in first
     assert "<b>&#34;" not in first
+
+
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.id)
+def test_every_section_says_what_it_would_look_like_otherwise(family: Family) -> None:
+    assert re.fullmatch(r"If [^.]*(\.\d[^.]*)?\.", family.what_if)

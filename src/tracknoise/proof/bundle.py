@@ -18,7 +18,7 @@ from tracknoise.proof.loss import PLAIN, Loss
 from tracknoise.proof.problem import Problem, TrackGroup, images
 
 _MOST_STEPS, _MOST_HALVINGS = 60, 8
-_CONVERGED = 1e-9
+_CONVERGED = 1e-12
 """A step that changes the cost by a smaller share is the last one."""
 
 

@@ -66,7 +66,8 @@ def explored(data: ReportData) -> dict[str, Any]:
     Parameters
     ----------
     data
-        The run. Of many conditions, only errors of its population are included, and single scenes of the view.
+        The run. Of many conditions, only the errors that the run is about are included, and of single scenes only those
+        of the view at the lowest speed.
 
     Returns
     -------
@@ -96,17 +97,22 @@ def _choices(data: ReportData) -> dict[str, list[Any]]:
         "rotation": data.rotations,
         "direction": data.directions,
         "camera": data.cameras,
-        **{name: data.points[name].unique().sort().cast(pl.String).to_list() for name in ("population", "trimming")},
+        **{
+            name: _included(data)[name].unique().sort().cast(pl.String).to_list() for name in ("population", "trimming")
+        },
         "scene": sorted({entry.sequence.scene for entry in data.manifest.sequences.values()}),
     }
 
 
+def _included(data: ReportData) -> pl.DataFrame:
+    """Points of the pooled curves."""
+    points = data.points.filter(pl.col("role").is_in(_ROLES))
+    return points.filter(population=data.population, trimming=data.trimming) if data.is_large else points
+
+
 def _pooled(data: ReportData) -> Iterator[dict[str, Any]]:
     """Pooled curves with intervals."""
-    points = data.points.filter(pl.col("role").is_in(_ROLES))
-    if data.is_large:
-        points = points.filter(population=data.population)
-    for key, part in points.sort("role", "at").group_by(_ERRORS, maintain_order=True):
+    for key, part in _included(data).sort("role", "at").group_by(_ERRORS, maintain_order=True):
         roles = {role: part.filter(role=role) for role in _ROLES if role in part["role"]}
         yield _curve(_ERRORS, key) | {
             role: _values(rows, ["at", "n", "u", "v", *BOUNDS]) for role, rows in roles.items()
@@ -130,12 +136,10 @@ def _scenes(data: ReportData) -> Iterator[dict[str, Any]]:
 def _of_scene(data: ReportData, name: str) -> pl.DataFrame:
     """Statistics of one sequence by age or frame, px, one row per condition and place."""
     keys = [*_ERRORS, "axis", "at"]
-    moments, scales = (
-        data.run.sequence_table(table, name).filter(
-            pl.col("n") >= SCENE_FEATURES, axis=data.axis.name, population=data.population
-        )
-        for table in ("moments", "scales")
-    )
+    chosen: dict[str, Any] = {"axis": data.axis.name, "population": data.population}
+    chosen |= {"trimming": data.trimming, "speed": data.slowest} if data.is_large else {}
+    enough = pl.col("n") >= SCENE_FEATURES
+    moments, scales = (data.run.sequence_table(table, name).filter(enough, **chosen) for table in ("moments", "scales"))
     cores = scales.select(*keys, core_u="core_u_px", core_v="core_v_px")
     roots = {f"second_{axis}": (pl.col(f"m_{axis}{axis}") / pl.col("n") + pl.col(f"mean_{axis}") ** 2).sqrt()
              for axis in "uv"}  # fmt: skip

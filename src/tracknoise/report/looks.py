@@ -1,6 +1,7 @@
 """Tracks to look at: the worst, middle and best ones of each tracker at a few ages, with their patches and paths."""
 
 import base64
+import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -10,8 +11,8 @@ from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.extreme_tracks import KINDS
 from tracknoise.tables.defaults import PATCH_PX
 
-MOST_BYTES = 1_500_000
-"""Size of the pictures in a page. Those of further scenes are left out."""
+MOST_BYTES = 1_300_000
+"""Size of all groups in a page, as JSON. Those of further scenes are left out."""
 _DIGITS = 3
 
 
@@ -35,7 +36,7 @@ def looks(data: ReportData) -> dict[str, Any]:
     size = 0
     for key, entry in data.sequences.items():
         found = list(_groups(data, key)) if "patches" in entry.sha256 and data.keeps_observations else []
-        size += sum(len(group["sheet"]) + len(group["strip"]) for group in found)
+        size += len(json.dumps(found))
         if size > MOST_BYTES:
             break
         groups += [{"scene": entry.sequence.scene, **group} for group in found]

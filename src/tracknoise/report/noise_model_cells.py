@@ -36,6 +36,7 @@ def model_sentences(model: NoiseModel) -> list[str]:
         f"{_percent(model.outlier_share)} of the observations are outliers, with errors beyond about "
         f"{number(model.outliers_beyond_px)} px; the numbers do not describe them.",
         _bias(model),
+        *_conditions(model),
         *_floor(model),
         f"Fitted to {len(training.scenes)} scenes, {training.n_tracks} tracks, ages {training.ages[0]} to "
         f"{training.ages[1]} frames.",
@@ -111,6 +112,15 @@ def _bias(model: NoiseModel) -> str:
         BiasKind.REFUSED: "No correction of the mean error is warranted",
     }
     return f"{verdict.get(model.bias.kind, 'The mean error should be corrected')}: {model.bias.why}."
+
+
+def _conditions(model: NoiseModel) -> list[str]:
+    return [
+        f"White noise and walk depend on {one.of}: their variances change by a factor of "
+        f"{number(math.exp(max(one.log_factor) - min(one.log_factor)))}. On scenes that were left out this gains "
+        f"{number(one.gain.value)} nat per change."
+        for one in model.conditions
+    ]
 
 
 def _floor(model: NoiseModel) -> list[str]:

@@ -25,6 +25,7 @@ _FAMILIES = (
 """Sections of a report that repeat figures of the paper and depend on its trimming."""
 _OTHER_TRIMMING = ("-untrimmed", "-trimmed")
 """How ids of figures end that show other errors than those of the reading."""
+_TRIMMING_IN_TITLE = {Reading.none: ", untrimmed", Reading.all: ", trimmed", Reading.followed: ", trimmed"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +77,7 @@ def _drawn(folder: Path, place: str, runs: Mapping[Reading, ReportData]) -> list
             file = f"{place}/{figure.id}-{reading}.svg"
             write_atomically(folder / file, export.render(export.specification(figure), ("svg",))["svg"])
             found.setdefault(figure.id, {})[reading] = file
-            titles.setdefault(figure.id, figure.title)
+            titles[figure.id] = figure.title.removesuffix(_TRIMMING_IN_TITLE[reading])
     return [Beside(titles[name], files) for name, files in found.items()]
 
 

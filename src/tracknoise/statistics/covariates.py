@@ -1,8 +1,8 @@
 """Changes of errors by what a front end knows while it runs: motion of the image, and quality that trackers report.
 
 A covariate is divided into classes of half an octave, c = floor(2 log2(x)) (covariates.class). For each pair of
-classes, at the first and the second end of a change (noise_sums.change), the sums of half its squared length and of what
-multiplies the components in its expectation are kept. With a factor f(x) on W and Q, and half traces w, q and d,
+classes, at the first and the second end of a change (noise_sums.change), the sums of half its squared length and of
+what multiplies the components in its expectation are kept. With a factor f(x) on W and Q, and half traces w, q and d,
 
     E[|c|^2 / 2] = w (f_now + r^2 f_before) + q s f_now + d (k - r k')^2    (covariates.expected)
 """
@@ -20,7 +20,11 @@ from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.schema import NOISE_COVARIATES, QUALITY_PREFIX, check, empty
 
 MOTION = "motion_px"
-"""Distance of the observed positions in two frames in succession of the tracker, px."""
+"""Motion of the image: distance of the true positions in two frames in succession of the tracker, px.
+
+That of the observed positions contains the error, and would explain it by itself. A front end knows the motion from its
+prediction, or from the features around.
+"""
 PER_OCTAVE = 2
 _FURTHEST = 40
 
@@ -61,9 +65,7 @@ def noise_covariates(sequence: PreparedSequence, tracks: ErrorTracks, changes: P
 
 def _covariates(sequence: PreparedSequence, tracks: ErrorTracks) -> Iterator[tuple[str, NDArray[np.float64]]]:
     """Names, and values of all observations of the tracks, (n,); NaN where unknown."""
-    observed = sequence.observations.select("u_px", "v_px").to_numpy()[tracks.rows]
-    motion = np.hypot(*np.diff(observed, axis=0, prepend=np.nan).T)
-    yield MOTION, np.where(tracks.age > 0, motion, np.nan)
+    yield MOTION, np.hypot(*tracks.motion_px.T)
     for column in sequence.observations.columns:
         if column.startswith(QUALITY_PREFIX):
             values = sequence.observations[column].to_numpy()[tracks.rows].astype(np.float64)

@@ -5,11 +5,17 @@ import shutil
 import numpy as np
 import polars as pl
 import pytest
+from benchmarks.validity.compare import swapped
 from tests.report.synthetic import World, write_run
 
 import tracknoise
 from tracknoise.exceptions import SettingsError, StoreError, UnknownNameError
+from tracknoise.experiments.comparing.comparable import OpenedRun
+from tracknoise.experiments.comparing.questions import questions
 from tracknoise.findings.comparison.estimands import ESTIMANDS
+from tracknoise.findings.comparison.verdicts import verdicts
+from tracknoise.tables.files import digest
+from tracknoise.tables.store import RunFolder
 
 SCENES = tuple(f"scene-{number}" for number in range(8))
 BASE = {"scenes": SCENES, "speeds": (1,), "n_frames": 14, "born": 25, "min_features": 20, "trackers": ("lk", "other")}
@@ -32,7 +38,7 @@ def change(make, tmp_path):
 
     def changed(edit, name="base", **settings):
         folder = shutil.copytree(make(name, **settings), tmp_path / "changed")
-        run = tracknoise.tables.store.RunFolder(folder)
+        run = RunFolder(folder)
         manifest = run.manifest()
         edit(manifest)
         run.write_manifest(manifest)
@@ -144,13 +150,13 @@ def test_other_packages_of_trackers_are_named_as_a_difference(make, change):
 def test_other_poses_are_refused_and_other_files_of_equal_poses_are_not(make, tmp_path):
     for name, factor in (("same", 1.0), ("moved", 1.01)):
         folder = shutil.copytree(make("base"), tmp_path / name)
-        run = tracknoise.tables.store.RunFolder(folder)
+        run = RunFolder(folder)
         key = sorted(run.manifest().sequences)[0]
         poses = run.sequence_table("poses", key).with_columns(pl.col("x_m") * factor)
         path = folder / "poses" / f"{key}.parquet"
         poses.write_parquet(path, compression="gzip")
         manifest = run.manifest()
-        manifest.sequences[key].sha256["poses"] = tracknoise.tables.files.digest(path.read_bytes())
+        manifest.sequences[key].sha256["poses"] = digest(path.read_bytes())
         run.write_manifest(manifest)
     assert tracknoise.compare(make("base"), tmp_path / "same").rows
     with pytest.raises(SettingsError, match="other truth: poses of scene-0@default differ"):
@@ -170,6 +176,20 @@ def test_wrong_arguments_are_refused(make, tmp_path):
         tracknoise.compare(base)
     with pytest.raises(StoreError, match="nothing"):
         tracknoise.compare(base, tmp_path / "nothing")
+
+
+def test_runs_that_are_swapped_by_chance_are_seldom_worse_or_better(make):
+    """What is left of their differences is chance, as large as the differences that they have."""
+    paths = make("base"), make("worse", seed=1, sigma_px=0.3, loss=0.2)
+    opened = [OpenedRun.of(RunFolder(path), path.name) for path in paths]
+    asked = questions(*opened, None).asked
+    rng = np.random.default_rng(0)
+    wrong = 0
+    for _ in range(60):
+        signs = dict(zip(SCENES, rng.choice([-1.0, 1.0], len(SCENES)), strict=True))
+        rows = verdicts(swapped(asked, signs))
+        wrong += any(row.verdict in ("worse", "better") for row in rows)
+    assert wrong <= 8
 
 
 def test_numbers_are_those_of_the_tables(make):

@@ -48,7 +48,8 @@ def test_effects_are_in_the_unit_of_the_statistic():
 
 def test_with_two_scenes_everything_is_undecided():
     (row,) = verdicts([asked("core", np.log(9.0), scenes=2)])
-    assert (row.verdict, row.effect) == ("undecided", None)
+    assert (row.verdict, row.low, row.high) == ("undecided", None, None)
+    assert row.effect == pytest.approx(9.0, rel=0.05)
     assert "only 2 scenes" in row.why
 
 

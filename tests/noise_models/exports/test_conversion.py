@@ -4,16 +4,27 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.noise_models.exports.models import detections, lucas_kanade
+from tests.noise_models.exports.models import component, detections, lucas_kanade
 
 from tracknoise.exceptions import SettingsError
 from tracknoise.noise_models.exports.conversion import converted
 from tracknoise.noise_models.exports.export import FocalChange, RateChange, Target
 from tracknoise.noise_models.exports.render import export
+from tracknoise.noise_models.linear_benchmark import consistent_sigma
+from tracknoise.noise_models.linear_window import CAMERA as CAMERA_OF_WINDOWS
+from tracknoise.noise_models.linear_window import Motion, linear_tracks, simulated_tracks, trajectory
 from tracknoise.noise_models.model import CameraOfModel, Landmark, Purpose
+from tracknoise.noise_models.track_noise import TrackNoise
 
 CAMERA = CameraOfModel(width=752, height=480, focal_px=458.6, rate_hz=20.0)
+EVERY_FOURTH = Target(rate_hz=5.0, rate_change=RateChange.THINNED)
 UNKNOWN_RATE = replace(CAMERA, rate_hz=None)
+
+
+def short(**changes: object):
+    """A model with sigmas of short windows only, which are quick to convert."""
+    model = lucas_kanade(**changes)
+    return replace(model, equivalents=tuple(one for one in model.equivalents if one.window in (5, 11)))
 
 
 def sigma(model) -> float:
@@ -107,4 +118,50 @@ def test_a_tracker_that_skips_frames_walks_more_from_frame_to_frame():
 def test_every_second_frame_of_detections_has_the_same_noise():
     found = converted(detections(), Target(rate_hz=10.0, rate_change=RateChange.THINNED))
     assert sigma(found.model) == sigma(detections())
-    assert "one of 2 is used" in found.caveats[0]
+    assert found.caveats == ("Features are tracked in every frame, and one frame of 2 is used.",)
+
+
+def test_the_walk_of_the_frames_between_adds_up():
+    model, at = short(), converted(short(), EVERY_FOURTH)
+    assert "The walk of 4 frames adds up" in at.caveats[1]
+    np.testing.assert_allclose(at.model.walk.covariance, 4.0 * model.walk.covariance)
+    np.testing.assert_allclose(at.model.white.covariance, model.white.covariance)
+    for before, after in zip(model.equivalents, at.model.equivalents, strict=True):
+        ratio = after.sigma.value / before.sigma.value
+        assert 1.0 < ratio < 2.0
+        assert after.sigma.high / after.sigma.value == pytest.approx(before.sigma.high / before.sigma.value)
+
+
+def test_the_sigma_of_a_pure_walk_grows_as_the_walk():
+    walking = short(white=component(0.0))
+    target = Target(rate_hz=10.0, rate_change=RateChange.THINNED)
+    for before, after in zip(walking.equivalents, converted(walking, target).model.equivalents, strict=True):
+        assert after.sigma.value / before.sigma.value == pytest.approx(np.sqrt(2.0))
+        assert (after.gate_95, after.gate_99) == pytest.approx((before.gate_95, before.gate_99))
+
+
+def test_sigma_grows_as_in_the_linear_benchmark():
+    """The benchmark itself, asked for sideways and for forward motion: the ratio of a mean is between both."""
+    ratios = []
+    for motion in Motion:
+        poses = trajectory(motion, 11)
+        window = [linear_tracks(CAMERA_OF_WINDOWS, poses, tracks) for tracks in simulated_tracks(poses, n_tracks=40)]
+        noises = [TrackNoise.isotropic(white=0.1, walk=walk) for walk in (0.08, 0.16)]
+        before, after = (consistent_sigma(window, noise, purpose=Purpose.NEWEST_POSE) for noise in noises)
+        ratios.append(after / before)
+    model = short(white=component(0.1))
+    found = sigma(converted(model, EVERY_FOURTH).model) / sigma(model)
+    assert min(ratios) <= found <= max(ratios)
+
+
+def test_gates_follow_the_innovations():
+    model, found = short(), converted(short(), EVERY_FOURTH).model
+    pairs = list(zip(model.equivalents, found.equivalents, strict=True))
+    for landmark in (Landmark.FREE, Landmark.EXACT):
+        chosen = [pair for pair in pairs if (pair[0].landmark, pair[0].window) == (landmark, 11)]
+        ratios = [
+            after.gate_95 * after.sigma.value**2 / (before.gate_95 * before.sigma.value**2) for before, after in chosen
+        ]
+        np.testing.assert_allclose(ratios, ratios[0])
+    innovations = next(one for one in found.equivalents if one.purpose is Purpose.INNOVATIONS)
+    assert innovations.gate_95 == pytest.approx(1.2)

@@ -7,6 +7,7 @@ from typing import Any
 import polars as pl
 import pytest
 
+from tracknoise.findings.wording import SPACE
 from tracknoise.report.claims.claim import Agreement, Claim, Judgement, cells, claims
 from tracknoise.report.claims.judge import judge
 from tracknoise.report.report_data import ReportData
@@ -92,6 +93,13 @@ def test_a_cell_without_a_known_direction_says_so(made: MakeData) -> None:
     assert verdict(paired(made("kitti"), verdict="no"), f"speed-second-{SIFT}").agreement is Agreement.agrees
 
 
+def test_factors_other_than_the_speed_have_no_direction(made: MakeData) -> None:
+    known = {"verdict": "yes", "unit": "ratio", "level_a": LK, "level_b": SIFT, "larger": SIFT, "effect": 2.0}
+    values = {name: pl.lit(value) for name, value in known.items()}
+    found = verdict(changed(made("kitti"), "dependence", pl.lit(value=True), **values), "tracker-absolute")
+    assert (found.agreement, found.reason) == (Agreement.agrees, "")
+
+
 def test_what_a_run_does_not_vary_is_not_judged(made: MakeData) -> None:
     data = made("kitti", trackers=(LK,), speeds=(1,))
     assert verdict(data, "tracker-absolute").reason == "the run does not vary the tracker"
@@ -170,14 +178,15 @@ def test_outlier_ratios_have_the_papers_level_at_every_speed(made: MakeData) -> 
     data, everywhere = made("gazebo-linear"), pl.lit(value=True)
     ratio = pl.col("statistic") == "outlier_ratio"
 
-    def at(level: float, low: float, high: float) -> Agreement:
+    def at(level: float, low: float, high: float) -> Judgement:
         found = changed(data, "outliers", everywhere, pooled_ratio=pl.lit(level))
         found = changed(found, "intervals", ratio, low=pl.lit(low), high=pl.lit(high))
-        return verdict(found, "outlier-level").agreement
+        return verdict(found, "outlier-level")
 
-    assert at(0.42, 0.3, 0.5) is Agreement.agrees
-    assert at(0.2, 0.1, 0.3) is Agreement.disagrees
-    assert at(0.5, 0.4, 0.6) is Agreement.open
+    assert at(0.42, 0.3, 0.5).agreement is Agreement.agrees
+    assert at(0.2, 0.1, 0.3).agreement is Agreement.disagrees
+    assert at(0.2, 0.1, 0.3).reason.replace(SPACE, " ") == "outside 35.0 % to 45.0 % at speeds 1 and 2"
+    assert at(0.5, 0.4, 0.6).agreement is Agreement.open
 
 
 def test_zero_mean_and_gaussian_must_both_hold(made: MakeData) -> None:

@@ -37,10 +37,8 @@ def test_a_reason_of_all_readings_stands_once_and_others_are_named() -> None:
 def test_the_reading_with_most_agreement_is_named() -> None:
     assert tallies([MIXED, OPEN], "x").rows[0] == ["untrimmed", "1", "0", "0", "1"]
     alone = made(Agreement.agrees, Agreement.disagrees, Agreement.open)
-    assert (
-        best_reading([MIXED, alone]) == "The reading with the most agreement is errors untrimmed: 2 of 2 claims agree."
-    )
-    assert best_reading([OPEN]).startswith("No single reading has the most agreement.")
+    assert best_reading([MIXED, alone]) == "The most claims agree if errors are untrimmed: 2 of 2."
+    assert best_reading([OPEN]).startswith("Equally many claims agree if errors are untrimmed, trimmed among")
 
 
 def test_the_csv_has_one_line_per_claim_and_reading() -> None:

@@ -53,6 +53,7 @@ def comparison(*rows, gate=None, name="after"):
         (replace(CORE, statistic="tap_delta_avg", effect=0.012, low=-0.003, high=0.027),
          "+1.2 percentage points (−0.3 to +2.7)"),
         (OPEN, "–"),
+        (replace(OPEN, effect=1.21), "+21 %"),
     ],
 )  # fmt: skip
 def test_effects_in_words(row, text):

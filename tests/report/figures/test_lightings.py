@@ -10,7 +10,7 @@ import polars as pl
 import pytest
 
 from tracknoise.findings.wording import number, percent, px
-from tracknoise.report.figures import lifetimes_by_lighting, light_sweeps, lightings, outlier_ratio
+from tracknoise.report.figures import lifetimes_by_lighting, light_stage, light_sweeps, lightings, outlier_ratio
 from tracknoise.report.figures.figure import Figure
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
@@ -115,3 +115,13 @@ def test_intervals_are_beside_their_boxes(boxes: Figure) -> None:
 def test_boxes_have_a_panel_a_sweep_that_begins_with_the_reference(boxes: Figure) -> None:
     orders = [panel["layer"][0]["encoding"]["x"]["sort"] for panel in boxes.spec["concat"]]
     assert orders == [["diffuse", *LEFT_TO_RIGHT], ["diffuse", "BF0", "BF1"], ["diffuse", "lamp"]]
+
+
+def test_one_scene_is_shown_under_the_reference_and_some_lights_of_each_sweep(data: ReportData) -> None:
+    (figure,) = light_stage.figures(data)
+    assert isinstance(figure, Figure)
+    titles = [panel["title"] for panel in figure.spec["concat"]]
+    assert titles == ["diffuse", "LR0", "LR3", "LR10", "BF0", "BF1", "lamp"]
+    shown = [panel["data"]["name"] for panel in figure.spec["concat"]]
+    assert len({*shown}) == len(titles)
+    assert all(figure.spec["datasets"][name][0]["url"].startswith("data:image/png;base64,") for name in shown)

@@ -1,7 +1,7 @@
 """Whether two runs can be compared: the same data, truth and libraries, whatever their trackers are."""
 
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -150,18 +150,22 @@ def _shown(value: object) -> str:
     return "not set" if value is None else str(value)
 
 
-def _some(keys: Mapping[str, object]) -> str:
+def _some(keys: Iterable[str]) -> str:
     """A few keys."""
     ordered = sorted(keys)
     return ", ".join(ordered[:_SHORT]) + (", ..." if len(ordered) > _SHORT else "")
 
 
+def failed_in(first: OpenedRun, second: OpenedRun) -> Iterator[str]:
+    """Sentences about sequences that the first run has measured, and the second could not."""
+    failed = set(first.manifest.sequences) & set(second.manifest.failures)
+    if failed:
+        yield f"{second.name} could not measure {_some(failed)}, which {first.name} measured."
+
+
 def left_out(first: OpenedRun, second: OpenedRun) -> Iterator[str]:
-    """Sentences about sequences that only one of the runs has measured."""
+    """Sentences about sequences that only one of the runs was to measure."""
     for one, other in ((first, second), (second, first)):
-        only = set(one.manifest.sequences) - set(other.manifest.sequences)
-        failed = only & set(other.manifest.failures)
-        if failed:
-            yield f"{other.name} could not measure {_some(dict.fromkeys(failed))}, which {one.name} measured."
-        if only - failed:
-            yield f"{other.name} has no {_some(dict.fromkeys(only - failed))}, which {one.name} measured."
+        known = set(other.manifest.sequences) | set(other.manifest.failures)
+        if only := set(one.manifest.sequences) - known:
+            yield f"{other.name} has no {_some(only)}, which {one.name} measured."

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from tracknoise.experiments.analysis.groups_of_scenes import groups_of_scenes
-from tracknoise.experiments.comparing.comparable import OpenedRun, left_out, require_comparable
+from tracknoise.experiments.comparing.comparable import OpenedRun, failed_in, left_out, require_comparable
 from tracknoise.experiments.comparing.matching import Measured, Pair, matched_conditions, matched_trackers, unmatched
 from tracknoise.experiments.comparing.run_tables import RunTables, read_run
 from tracknoise.findings.comparison.asked import Asked
@@ -34,7 +34,7 @@ class Questions:
     notes
         What takes no part, one sentence each.
     missing
-        Those of them that are about sequences.
+        Those of them that are about sequences that the second run could not measure.
     """
 
     asked: tuple[Asked, ...]
@@ -65,8 +65,8 @@ def questions(first: OpenedRun, second: OpenedRun, trackers: tuple[str, str] | N
     known, found = Measured(first.name, frozenset(tables[0].frames)), Measured(second.name, frozenset(tables[1].frames))
     matched = matched_trackers(known, found, trackers)
     fitted = any(first.manifest.sequences[key].truth == TRIANGULATED for key in keys)
-    missing = tuple(left_out(first, second))
-    notes = (*missing, *unmatched(known, found, matched), *([_FITTED] if fitted else []))
+    missing = tuple(failed_in(first, second))
+    notes = (*missing, *left_out(first, second), *unmatched(known, found, matched), *([_FITTED] if fitted else []))
     groups = groups_of_scenes(first.manifest.sequences, first.settings["dataset"].get("groups"))
     pairs = matched_conditions(known, found, matched)
     asked = [

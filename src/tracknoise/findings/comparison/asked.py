@@ -75,7 +75,8 @@ class Asked:
 
     def in_unit(self, change: float) -> float:
         """A change in the unit of the estimand."""
-        return float(np.exp(change)) if self.estimand.unit == Unit.ratio else change
+        with np.errstate(over="ignore"):
+            return float(np.exp(change)) if self.estimand.unit == Unit.ratio else change
 
     def _too_few(self) -> str:
         if self.n_scenes < MIN_SCENES:

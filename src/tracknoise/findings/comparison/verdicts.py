@@ -10,9 +10,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tracknoise.findings.comparison.asked import Asked, Tested
-from tracknoise.findings.comparison.change import Change
+from tracknoise.findings.comparison.change import Change, mean_of_points
 from tracknoise.findings.comparison.estimands import Unit
 from tracknoise.findings.comparison.result import Row
 from tracknoise.findings.sampling.multiplicity import benjamini_hochberg, holm
@@ -76,25 +77,48 @@ def margin_of(asked: Asked, margin: float) -> float:
 
 def described(asked: Asked, tested: Tested) -> dict[str, Any]:
     """Columns of a row that do not depend on the verdict."""
-    found, values = tested.found, asked.values
+    values = asked.values
     columns: dict[str, Any] = dict.fromkeys(("effect", "low", "high", "at", "coordinate", "at_low", "at_high"))
-    scenes: dict[str, float] = {}
-    if found is not None:
-        columns |= {name: known(asked.in_unit(getattr(found, name))) for name in ("effect", "low", "high")}
-        there = [values.place(int(point)) for point in np.flatnonzero(found.compared)]
-        columns |= {"at_low": there[0], "at_high": there[-1]}
-        if found.point is not None:
-            columns |= {"at": values.place(found.point), "coordinate": values.coordinate(found.point)}
-        pairs = zip(asked.scenes, found.scenes, strict=True)
-        scenes = {name: asked.in_unit(float(change)) for name, change in pairs if not np.isnan(change)}
+    found = _untested(asked) if tested.found is None else _tested(asked, tested.found)
     return {
         **columns,
+        **found,
         "axis": asked.axis,
         "horizon": values.horizon,
         "n_scenes": asked.n_scenes,
         "resampled": None if tested.resampled is None else str(tested.resampled),
-        "scenes": scenes,
     }
+
+
+def _tested(asked: Asked, found: Change) -> dict[str, Any]:
+    """Effect, interval and place of a change that was tested."""
+    values, columns = asked.values, {}
+    places = [values.place(int(point)) for point in np.flatnonzero(found.compared)]
+    if found.point is not None:
+        columns = {"at": values.place(found.point), "coordinate": values.coordinate(found.point)}
+    return {
+        **{name: known(asked.in_unit(getattr(found, name))) for name in ("effect", "low", "high")},
+        **columns,
+        "at_low": places[0],
+        "at_high": places[-1],
+        "scenes": _by_scene(asked, found.scenes),
+    }
+
+
+def _untested(asked: Asked) -> dict[str, Any]:
+    """Mean change where scenes are too few for a test, without an interval; of mean errors, none."""
+    change = asked.values.change
+    scenes = mean_of_points(change, np.ones(change.shape[1], dtype=np.bool_))
+    there = scenes[~np.isnan(scenes)]
+    if asked.values.total is not None or not len(there):
+        return {"scenes": {}}
+    return {"effect": known(asked.in_unit(float(there.mean()))), "scenes": _by_scene(asked, scenes)}
+
+
+def _by_scene(asked: Asked, changes: NDArray[np.float64]) -> dict[str, float]:
+    """Changes in the unit of the statistic, of scenes that have one."""
+    pairs = zip(asked.scenes, changes, strict=True)
+    return {name: asked.in_unit(float(change)) for name, change in pairs if not np.isnan(change)}
 
 
 def straddles(found: Change, margin: float) -> bool:

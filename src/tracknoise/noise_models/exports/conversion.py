@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING
 
 from tracknoise.exceptions import SettingsError
 from tracknoise.noise_models.exports.export import FocalChange, RateChange, Target
-from tracknoise.noise_models.model import Component, Equivalent, Interval
+from tracknoise.noise_models.exports.scaling import scaled_component, scaled_equivalent
+from tracknoise.noise_models.exports.thinning import thinned
+from tracknoise.noise_models.model import Equivalent
 
 if TYPE_CHECKING:
     from tracknoise.noise_models.noise_model import NoiseModel
@@ -52,22 +54,21 @@ def converted(model: "NoiseModel", target: Target) -> Converted:
     scale = _scale(model, target, caveats)
     thinning = _thinning(model, target, caveats)
     steps = float(model.training.speed) * thinning
-    rate = target.rate_hz or _seen_rate(model)
     camera = replace(
         model.camera,
         width=round(model.camera.width * scale),
         height=round(model.camera.height * scale),
         focal_px=target.focal_px or model.camera.focal_px,
-        rate_hz=rate,
+        rate_hz=target.rate_hz or _seen_rate(model),
     )
     found = replace(
         model,
         camera=camera,
-        first=_scaled(model.first, scale),
-        white=_scaled(model.white, scale),
-        walk=_scaled(model.walk, scale * math.sqrt(steps)),
-        drift=_scaled(model.drift, scale * steps),
-        equivalents=tuple(_rescaled(one, scale) for one in model.equivalents),
+        first=scaled_component(model.first, scale),
+        white=scaled_component(model.white, scale),
+        walk=scaled_component(model.walk, scale * math.sqrt(steps)),
+        drift=scaled_component(model.drift, scale * steps),
+        equivalents=tuple(scaled_equivalent(one, scale) for one in _equivalents(model, thinning, caveats)),
     )
     return Converted(found, tuple(caveats))
 
@@ -113,7 +114,7 @@ def _thinning(model: "NoiseModel", target: Target, caveats: list[str]) -> int:
             f"rate is {target.rate_hz:g} Hz, expected that of the model, {seen:g} Hz, to {100 * TOLERANCE:g} %; "
             "`--allow-rate thinned` if features are tracked in every frame and the estimator uses every n-th"
         )
-    return _every(model, ratio, seen, target.rate_hz, caveats)
+    return _every(ratio, seen, target.rate_hz, caveats)
 
 
 def _unchecked(target: Target, caveats: list[str]) -> int:
@@ -126,18 +127,23 @@ def _unchecked(target: Target, caveats: list[str]) -> int:
     return 1
 
 
-def _every(model: "NoiseModel", ratio: float, seen: float, used: float, caveats: list[str]) -> int:
+def _every(ratio: float, seen: float, used: float, caveats: list[str]) -> int:
     """The whole number n of frames, if noise of every n-th frame is known."""
     n = round(ratio)
     if n < 1 or abs(ratio / n - 1.0) > TOLERANCE:
         raise SettingsError(f"rate is {used:g} Hz, expected {seen:g} Hz of the model over a whole number")
-    if model.walk.covariance.any() or model.drift.covariance.any():
-        raise SettingsError(
-            f"rate is {used:g} Hz, expected {seen:g} Hz of the model: its tracks walk, and which sigma is right for "
-            f"every frame of {n} was not computed"
-        )
-    caveats.append(f"Features are tracked in every frame, and one of {n} is used.")
+    caveats.append(f"Features are tracked in every frame, and one frame of {n} is used.")
     return n
+
+
+def _equivalents(model: "NoiseModel", thinning: int, caveats: list[str]) -> tuple[Equivalent, ...]:
+    found = model.equivalents if thinning == 1 else thinned(model, thinning)
+    if found != model.equivalents:
+        caveats.append(
+            f"The walk of {thinning} frames adds up between used frames. What this does to sigma is computed by the "
+            "linear benchmark, for tracks that live as long as a window."
+        )
+    return found
 
 
 def _seen_rate(model: "NoiseModel") -> float | None:
@@ -149,16 +155,3 @@ def _seen_rate(model: "NoiseModel") -> float | None:
 def _require_positive(name: str, value: float, unit: str) -> None:
     if not 0.0 < value < math.inf:
         raise SettingsError(f"{name} is {value:g} {unit}, expected a number above 0")
-
-
-def _scaled(component: Component, scale: float) -> Component:
-    return replace(component, covariance=component.covariance * scale**2, sigma=_times(component.sigma, scale))
-
-
-def _rescaled(equivalent: Equivalent, scale: float) -> Equivalent:
-    return replace(equivalent, sigma=_times(equivalent.sigma, scale))
-
-
-def _times(interval: Interval, scale: float) -> Interval:
-    low, high = (None if bound is None else bound * scale for bound in (interval.low, interval.high))
-    return Interval(value=interval.value * scale, low=low, high=high)

@@ -10,7 +10,7 @@ an interval that does not reach 0, the best one is kept. There is only one, as t
 what two have in common.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import polars as pl
@@ -51,7 +51,7 @@ class _Cells:
 
     def chosen(self, rows: NDArray[np.bool_]) -> "_Cells":
         columns = ("scene", "before", "now", "count", "squares", "white_before", "walk", "drift")
-        return _Cells(*(getattr(self, name)[rows] for name in columns), sizes=self.sizes)
+        return replace(self, **{name: getattr(self, name)[rows] for name in columns})
 
     def cost(self, knots: Array, logs: Array) -> tuple[float, Array]:
         """Minus (conditions), and its derivative by the log factors at the knots."""
@@ -100,9 +100,10 @@ def candidates(covariates: pl.DataFrame, fitted: FittedComponents, *, level: flo
 
 def _cells(part: pl.DataFrame, sizes: tuple[float, float, float]) -> _Cells:
     scene = part["scene"].rank("dense").to_numpy().astype(np.intp) - 1
-    ends = (log_centre(part[name].to_numpy().astype(np.int64)) for name in ("before", "now"))
-    sums = (part[name].to_numpy().astype(np.float64) for name in ("n", "squares", "white_before", "walk", "drift"))
-    return _Cells(scene, *ends, *sums, sizes=sizes)
+    before, now = (log_centre(part[name].to_numpy().astype(np.int64)) for name in ("before", "now"))
+    names = ("n", "squares", "white_before", "walk", "drift")
+    count, squares, white, walk, drift = (part[name].to_numpy().astype(np.float64) for name in names)
+    return _Cells(scene, before, now, count, squares, white, walk, drift, sizes)
 
 
 def _knots(cells: _Cells) -> Array:

@@ -8,6 +8,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.findings.sampling.units import units_of
+from tracknoise.noise_models.fitting.bias import fit_bias
 from tracknoise.noise_models.fitting.components import FittedComponents, fit_components
 from tracknoise.noise_models.fitting.conditions import conditions_of
 from tracknoise.noise_models.fitting.equations import COLUMNS
@@ -16,7 +17,7 @@ from tracknoise.noise_models.fitting.gates import gates
 from tracknoise.noise_models.fitting.tails import fit_tails
 from tracknoise.noise_models.fitting.training_tables import TrainingTables, training_tables
 from tracknoise.noise_models.fitting.training_windows import Recording, windows
-from tracknoise.noise_models.model import Bias, BiasKind, CameraOfModel, Equivalent, Training
+from tracknoise.noise_models.model import CameraOfModel, Equivalent, Training
 from tracknoise.noise_models.track_noise import TrackNoise
 from tracknoise.tables.defaults import LEVEL
 from tracknoise.tables.store import RunFolder
@@ -57,16 +58,16 @@ def fitted_fields(
     noise = TrackNoise(**{name: part.covariance for name, part in fitted.components.items()})
     last_age = int(sums["age"].max())  # type: ignore[arg-type]
     outliers = read["noise_outliers"]
-    limit_px = float((outliers["limit_px"] * outliers["n"]).sum() / outliers["n"].sum())
+    limit_px = float((outliers["limit_px"] * outliers["n"]).to_numpy().sum() / outliers["n"].to_numpy().sum())
     return {
         "training": _training(read),
         "camera": _camera(read),
         **fitted.components,
         "tails": fit_tails(read["samples"], noise, last_age=last_age),
-        "outlier_share": outliers["n_outliers"].sum() / outliers["n"].sum(),
+        "outlier_share": outliers["n_outliers"].to_numpy().sum() / outliers["n"].to_numpy().sum(),
         "outliers_beyond_px": limit_px,
         "conditions": conditions_of(read["noise_covariates"], fitted, level=level),
-        "bias": Bias(kind=BiasKind.NONE, why="it was not examined"),
+        "bias": fit_bias(sums, read["floors"], groups=read.groups, level=level),
         "truth_floor_px": _floor(read["floors"], last_age),
         "equivalents": _equivalents(read, fitted, noise, limit_px),
     }
@@ -80,8 +81,8 @@ def _training(read: TrainingTables) -> Training:
         speed=float(read.speed),
         tracker_settings=read.settings,
         scenes=read.scenes,
-        n_tracks=int(read["noise_outliers"]["n_tracks"].sum()),
-        n_observations=int(errors["n"].sum()),
+        n_tracks=int(read["noise_outliers"]["n_tracks"].to_numpy().sum()),
+        n_observations=int(errors["n"].to_numpy().sum()),
         ages=(int(errors["age"].min()), int(errors["age"].max())),  # type: ignore[arg-type]
     )
 
@@ -102,8 +103,8 @@ def _camera(read: TrainingTables) -> CameraOfModel:
 def _floor(floors: pl.DataFrame, last_age: int) -> float | None:
     """Root mean square error of true positions, px, of all sources together; None if it is unknown."""
     used = floors.filter(pl.col("source") == "all", pl.col("axis") == "age", pl.col("at").is_between(1, last_age))
-    n = used["n"].sum()
-    return float(np.sqrt((used["sum_uu"].sum() + used["sum_vv"].sum()) / (2 * n))) if n else None
+    n = used["n"].to_numpy().sum()
+    return float(np.sqrt((used["sum_uu"].to_numpy().sum() + used["sum_vv"].to_numpy().sum()) / (2 * n))) if n else None
 
 
 def _equivalents(

@@ -37,12 +37,14 @@ def gates(
     """
     apart = (pl.col("window").cast(pl.Int64) - length).abs()
     near = windows.filter(pl.col("trimming") == Trimming.untrimmed, apart <= _NEAR * length)
-    if near["n"].sum() < _LEAST:
+    if near["n"].to_numpy().sum() < _LEAST:
         low, high = (gate_factor(*modelled, sigma=1.0, level=level) for level in LEVELS)
         return low, high
     nearest = near.filter(apart == near.select(apart.min()).item())
     counts = np.array(nearest["residual_counts"].to_list(), dtype=np.float64).reshape(-1, BINS).sum(axis=0)
-    freedom = (nearest["freedom_u"].sum() + nearest["freedom_v"].sum()) / nearest["n"].sum()
+    freedom = (nearest["freedom_u"].to_numpy().sum() + nearest["freedom_v"].to_numpy().sum()) / nearest[
+        "n"
+    ].to_numpy().sum()
     good = float(share_below(counts, np.array(limit_px / np.sqrt(freedom))))
     squares = [float(quantile(counts, level * good)) ** 2 * freedom for level in LEVELS]
     low, high = (float(square / stats.chi2.ppf(level, freedom)) for square, level in zip(squares, LEVELS, strict=True))

@@ -51,7 +51,7 @@ def _row(claim: Claim, data: ReportData) -> Mapping[str, Any] | None:
 def _directed(claim: Claim, row: Mapping[str, Any]) -> Judgement:
     """The verdict where both find a change."""
     said, ours = claim.stated.get("rises"), _rises(row)
-    if claim.stated["factor"] != "speed" or ours is None:
+    if ours is None:
         return Judgement(Agreement.agrees, _value(row))
     direction = f"{'rises' if ours else 'falls'} with speed"
     if said is None:
@@ -60,8 +60,8 @@ def _directed(claim: Claim, row: Mapping[str, Any]) -> Judgement:
 
 
 def _rises(row: Mapping[str, Any]) -> bool | None:
-    """Whether the higher of the two compared speeds has the larger value. None for signed differences."""
-    if row["larger"] is None or row["unit"] != "ratio":
+    """Whether the higher of two speeds has the larger value. None for other factors, and for signed differences."""
+    if row["factor"] != "speed" or row["larger"] is None or row["unit"] != "ratio":
         return None
     return int(row["larger"]) == max(int(row["level_a"]), int(row["level_b"]))
 

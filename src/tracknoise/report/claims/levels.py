@@ -28,8 +28,10 @@ def judge_outlier_level(claim: Claim, runs: Mapping[str, ReportData]) -> Judgeme
     value = ", ".join(f"{percent(row['pooled_ratio'])}{_bounds(row)} at speed {row['speed']}" for row in _ends(rows))
     if all(low <= row["pooled_ratio"] <= high for row in rows):
         return Judgement(Agreement.agrees, value)
-    if any(row["low"] is not None and (row["low"] > high or row["high"] < low) for row in rows):
-        return Judgement(Agreement.disagrees, value)
+    outside = [str(row["speed"]) for row in rows if row["low"] is not None and (row["low"] > high or row["high"] < low)]
+    if outside:
+        speeds = f"{'speed' if len(outside) == 1 else 'speeds'} {listing(outside)}"
+        return Judgement(Agreement.disagrees, value, f"outside {percent(low)} to {percent(high)} at {speeds}")
     return Judgement(Agreement.open, value, "the interval contains the paper's level, or there is none")
 
 

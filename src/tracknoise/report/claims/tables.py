@@ -5,7 +5,7 @@ import io
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from tracknoise.findings.wording import DASH, count, listing, number
+from tracknoise.findings.wording import DASH, listing, number
 from tracknoise.report.cells import Cells
 from tracknoise.report.claims.claim import Agreement, Claim, Judgement
 from tracknoise.report.claims.judge import judge
@@ -72,10 +72,8 @@ def best_reading(items: Sequence[Judged]) -> str:
     counts = {reading: tally(items, reading)[Agreement.agrees] for reading in Reading}
     most = max(counts.values(), default=0)
     best = [READINGS[reading] for reading, agreeing in counts.items() if agreeing == most]
-    counted = f"{number(most)} of {count(len(items), 'claim')} agree"
-    if len(best) > 1:
-        return f"No single reading has the most agreement. With errors {listing(best, joint='or')}, {counted}."
-    return f"The reading with the most agreement is errors {best[0]}: {counted}."
+    how_many = "The most" if len(best) == 1 else "Equally many"
+    return f"{how_many} claims agree if errors are {listing(best, joint='or')}: {number(most)} of {number(len(items))}."
 
 
 def verdicts(items: Sequence[Judged], caption: str) -> Cells:

@@ -21,25 +21,25 @@ _VARYING = ("dataset", "lighting", "rotation", "direction", "camera", "speed")
 
 
 def effect_words(row: Row | GateRow) -> str:
-    """An effect with its interval: ``+21 % (+10 to +33)``, or a dash."""
-    if row.effect is None or row.low is None or row.high is None:
+    """An effect with its interval, if it has one: ``+21 % (+10 to +33)``; a dash without data."""
+    if row.effect is None:
         return DASH
-    return interval_words(row.estimand, row.effect, row.low, row.high)
+    bounds = [bound for bound in (row.low, row.high) if bound is not None]
+    (value, *ends), unit = _in_unit(row.estimand, [row.effect, *bounds])
+    factor = "factor " if unit is None else ""
+    written = f"{factor}{value}{unit or ''}"
+    return f"{written} ({' to '.join(ends)})" if ends else written
 
 
-def interval_words(estimand: Estimand, effect: float, low: float, high: float) -> str:
-    """A value and its bounds in the unit of the estimand."""
+def _in_unit(estimand: Estimand, values: Sequence[float]) -> tuple[list[str], str | None]:
+    """Values as text, and their unit; None for factors."""
     if estimand.unit == Unit.px:
-        value, least, most = (_signed(pixels(abs(one)), one) for one in (effect, low, high))
-        return f"{value}{SPACE}px ({least} to {most})"
+        return [_signed(pixels(abs(one)), one) for one in values], f"{SPACE}px"
     if estimand.unit == Unit.share:
-        value, least, most = (_percent(100 * one) for one in (effect, low, high))
-        return f"{value} percentage points ({least} to {most})"
-    if all(_FACTORS[0] <= one <= _FACTORS[1] for one in (effect, low, high)):
-        value, least, most = (_percent(100 * (one - 1)) for one in (effect, low, high))
-        return f"{value}{SPACE}% ({least} to {most})"
-    value, least, most = (number(one) for one in (effect, low, high))
-    return f"factor {value} ({least} to {most})"
+        return [_percent(100 * one) for one in values], " percentage points"
+    if all(_FACTORS[0] <= one <= _FACTORS[1] for one in values):
+        return [_percent(100 * (one - 1)) for one in values], f"{SPACE}%"
+    return [number(one) for one in values], None
 
 
 def tolerance_words(row: GateRow) -> str:

@@ -7,7 +7,7 @@ import polars as pl
 
 from tracknoise.report import style
 from tracknoise.report.figures import marks
-from tracknoise.report.figures.frame_image import along_u, along_v, background, size, stored_image, with_image
+from tracknoise.report.figures.frame_image import IMAGE, along_u, along_v, background, size, stored_image, with_images
 from tracknoise.report.figures.layout import Panel, Spec, layered
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.manifest import SequenceEntry
@@ -57,7 +57,7 @@ class TrimmedFrame:
 
     def shown_in(self, spec: Spec) -> Spec:
         """A specification with the image of its panels."""
-        return with_image(spec, self.entry, self.png)
+        return with_images(spec, {IMAGE: (self.entry, self.png)})
 
 
 def trimmed_frame(data: ReportData) -> TrimmedFrame | None:

@@ -10,7 +10,7 @@ import polars as pl
 from tracknoise.findings.wording import count, px
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
-from tracknoise.report.figures.frame_image import along_u, along_v, background, size, stored_image, with_image
+from tracknoise.report.figures.frame_image import IMAGE, along_u, along_v, background, size, stored_image, with_images
 from tracknoise.report.figures.layout import Panel, Spec, arranged, layered
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.manifest import SequenceEntry
@@ -154,7 +154,7 @@ def _chart(data: ReportData, scene: Scene) -> Spec:
     present = [name for name in data.trackers if scene.features.filter(tracker=name).height]
     width = 425 if len(present) > 1 else 640
     panels = [_panel(data, scene, tracker, width) for tracker in present]
-    return with_image(arranged(panels, columns=2), scene.entry, scene.png)
+    return with_images(arranged(panels, columns=2), {IMAGE: (scene.entry, scene.png)})
 
 
 def _panel(data: ReportData, scene: Scene, tracker: str, width: int) -> Panel:

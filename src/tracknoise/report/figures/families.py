@@ -32,6 +32,8 @@ class Family:
         ``module:function`` of what makes the figures, within this package. Each takes a `ReportData`.
     tabulated_by
         The same for the tables below the figures. Empty where there are none.
+    what_if
+        What the figures would look like if errors were as many estimators assume, or the compared factor had no effect.
     of_errors
         Whether it is about errors since a point was fixed. They are withheld where points are fitted to whole tracks.
     """
@@ -42,6 +44,7 @@ class Family:
     drawn_by: tuple[str, ...]
     tabulated_by: str = ""
     of_errors: bool = False
+    what_if: str = ""
 
     def figures(self, data: ReportData) -> Sequence[Figure | Absence]:
         """Make the figures of a run, in order. Modules are imported when they are needed."""
@@ -72,6 +75,7 @@ FAMILIES: tuple[Family, ...] = (
         "one that makes its depths as certain as it claims, because errors of one track are alike from frame to frame.",
         ("window_sigmas:figures",),
         of_errors=True,
+        what_if="If errors were independent in every frame, both lines would be flat and equal.",
     ),
     Family(
         "error-by-tracker",
@@ -81,6 +85,8 @@ FAMILIES: tuple[Family, ...] = (
         "frame of that scan.",
         ("curves:figures", "second_moments:figures"),
         of_errors=True,
+        what_if="If errors had zero mean and were independent, the mean would be zero and all other rows would "
+        "be flat.",
     ),
     Family(
         "lifetimes",
@@ -88,6 +94,7 @@ FAMILIES: tuple[Family, ...] = (
         "The lifetime of a track is the number of consecutive frames in which its tracker found it, including the "
         "first. A track that is alive in the last frame is censored: its lifetime is cut short by the data.",
         ("lifetimes:figures", "incidence:figures", "lifetimes_by_lighting:figures"),
+        what_if="If features were lost by chance alone, the share that survives would fall exponentially.",
     ),
     Family(
         "outlier-ratio",
@@ -95,6 +102,7 @@ FAMILIES: tuple[Family, ...] = (
         "In every frame a tracker rejects features that do not move consistently with the others. The outlier ratio is "
         "the share of rejected features among those carried over from the previous frame.",
         ("outlier_ratio:figures",),
+        what_if="If no match were wrong, all boxes would lie at zero.",
     ),
     Family(
         "gaussianity",
@@ -105,6 +113,7 @@ FAMILIES: tuple[Family, ...] = (
         ("gaussianity:figures",),
         "gaussianity:tables",
         of_errors=True,
+        what_if="If errors were Gaussian, all points would lie on the diagonal.",
     ),
     Family(
         "time-structure",
@@ -115,6 +124,8 @@ FAMILIES: tuple[Family, ...] = (
         ("time_structure:figures",),
         "time_structure:tables",
         of_errors=True,
+        what_if="If errors were independent in every frame, the second moment would be flat, and successive "
+        "changes would have a correlation of -0.5.",
     ),
     Family(
         "changes",
@@ -123,6 +134,7 @@ FAMILIES: tuple[Family, ...] = (
         "has to model.",
         ("changes:figures",),
         of_errors=True,
+        what_if="If the tracker took over no error from the frame before, changes would not depend on age.",
     ),
     Family(
         "trimming",
@@ -131,12 +143,14 @@ FAMILIES: tuple[Family, ...] = (
         "left then depends on how many tracks are lost, and on the length of the sequences. The figures say which "
         "errors they show.",
         ("trimming:figures",),
+        what_if="If errors were Gaussian, the cut would lie close to the largest error.",
     ),
     Family(
         "feature-counts",
         "Feature counts",
         "An average over few features is unreliable. Curves are therefore cut where too few features remain.",
         ("feature_counts:figures",),
+        what_if="If no feature were lost, all counts would be those of the first age.",
     ),
     Family(
         "survivorship-bias",
@@ -145,6 +159,8 @@ FAMILIES: tuple[Family, ...] = (
         "all tracks.",
         ("survivorship_bias:figures",),
         of_errors=True,
+        what_if="If the loss of tracks did not depend on their errors, long-lived tracks would have the curve "
+        "of all tracks.",
     ),
     Family(
         "error-by-speed",
@@ -152,6 +168,7 @@ FAMILIES: tuple[Family, ...] = (
         "This section shows what changes when the camera moves faster, or the tracker sees fewer frames.",
         ("speeds:figures",),
         of_errors=True,
+        what_if="If errors did not depend on speed, all curves would coincide.",
     ),
     Family(
         "error-by-lighting",
@@ -159,6 +176,7 @@ FAMILIES: tuple[Family, ...] = (
         "This section shows what changes when the same camera path is seen under different lighting.",
         ("lightings:figures",),
         of_errors=True,
+        what_if="If errors did not depend on lighting, all curves would coincide.",
     ),
     Family(
         "error-by-rotation",
@@ -167,6 +185,7 @@ FAMILIES: tuple[Family, ...] = (
         "too.",
         ("views:rotations",),
         of_errors=True,
+        what_if="If the tracker treated all directions alike, all curves would coincide.",
     ),
     Family(
         "error-by-direction",
@@ -174,6 +193,7 @@ FAMILIES: tuple[Family, ...] = (
         "This section shows what changes when the same frames are played backward, as if the camera moved in reverse.",
         ("views:directions",),
         of_errors=True,
+        what_if="If errors did not depend on the direction of play, both curves would coincide.",
     ),
     Family(
         "error-by-place",
@@ -182,6 +202,7 @@ FAMILIES: tuple[Family, ...] = (
         "focal length, shutter or clock. Errors at depth edges come from the tracker.",
         ("image_map:figures", "image_speed:figures", "surroundings:figures"),
         of_errors=True,
+        what_if="If errors did not depend on the place, every map would have one colour and every curve would be flat.",
     ),
     Family(
         "along-and-across",
@@ -190,6 +211,7 @@ FAMILIES: tuple[Family, ...] = (
         "along an edge is easier to see in that direction.",
         ("directions:figures",),
         of_errors=True,
+        what_if="If errors had no preferred direction, both columns would be equal.",
     ),
     Family(
         "occlusion",
@@ -198,6 +220,7 @@ FAMILIES: tuple[Family, ...] = (
         "such features. Counting them changes the error.",
         ("occlusion:figures",),
         of_errors=True,
+        what_if="If trackers noticed that a point is occluded, both curves would coincide.",
     ),
     Family(
         "truth-audit",
@@ -206,6 +229,7 @@ FAMILIES: tuple[Family, ...] = (
         "errors of all trackers.",
         ("audit_curves:figures", "two_truths:figures"),
         of_errors=True,
+        what_if="If the truth were exact, no correction would change a curve.",
     ),
     Family(
         "pose-errors",
@@ -214,6 +238,7 @@ FAMILIES: tuple[Family, ...] = (
         "tracks measure such motions. What other tracks predict is not noise of single features.",
         ("pose_errors:figures",),
         of_errors=True,
+        what_if="If the poses were exact, all shares would be zero.",
     ),
     Family(
         "between-trackers",
@@ -221,12 +246,14 @@ FAMILIES: tuple[Family, ...] = (
         "Two trackers that follow the same corner have the same true position. Their difference contains no error of "
         "the truth.",
         ("between_trackers:figures",),
+        what_if="If both trackers followed the same point, their mean difference would be zero.",
     ),
     Family(
         "example-frames",
         "Example frames",
         "One frame of each scene, with the features and their errors.",
-        ("example_frames:figures",),
+        ("example_frames:figures", "light_stage:figures"),
+        what_if="If errors were noise alone, lines would point in all directions.",
     ),
     Family(
         "trajectory",
@@ -234,5 +261,6 @@ FAMILIES: tuple[Family, ...] = (
         "The camera motion determines how features move. Rotation shifts image points regardless of their depth. "
         "Translation shifts near points more than far ones.",
         ("trajectory:figures",),
+        what_if="If the camera only rotated, its path would be a point.",
     ),
 )

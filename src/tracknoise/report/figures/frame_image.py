@@ -1,6 +1,7 @@
 """The stored image of a sequence as the background of a panel, with its axes in pixels."""
 
 import base64
+from collections.abc import Mapping
 from typing import Any
 
 import altair as alt
@@ -9,7 +10,8 @@ from tracknoise.report.figures.layout import Spec
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.manifest import SequenceEntry
 
-_DATASET = "image"
+IMAGE = "image"
+"""Name of the image of figures that have one."""
 
 
 def stored_image(data: ReportData, entry: SequenceEntry) -> bytes | None:
@@ -26,21 +28,23 @@ def stored_image(data: ReportData, entry: SequenceEntry) -> bytes | None:
     return content if content.startswith(b"\x89PNG") else None
 
 
-def with_image(spec: Spec, entry: SequenceEntry, png: bytes) -> Spec:
-    """A specification with the image that its backgrounds show.
+def with_images(spec: Spec, images: Mapping[str, tuple[SequenceEntry, bytes]]) -> Spec:
+    """A specification with the images that its backgrounds show.
 
     Parameters
     ----------
     spec
         From `tracknoise.report.figures.layout.arranged`.
-    entry
-        The sequence.
-    png
-        Its image.
+    images
+        Sequence and PNG file of each image, by the name in its `background`.
     """
+    return {**spec, "datasets": {**spec["datasets"], **{name: [_placed(*image)] for name, image in images.items()}}}
+
+
+def _placed(entry: SequenceEntry, png: bytes) -> dict[str, Any]:
+    """An image and its edges, px."""
     url = "data:image/png;base64," + base64.b64encode(png).decode()
-    edges = {"left": -0.5, "right": entry.width - 0.5, "top": -0.5, "bottom": entry.height - 0.5}
-    return {**spec, "datasets": {**spec["datasets"], _DATASET: [{"url": url, **edges}]}}
+    return {"url": url, "left": -0.5, "right": entry.width - 0.5, "top": -0.5, "bottom": entry.height - 0.5}
 
 
 def size(entry: SequenceEntry, width: int) -> dict[str, Any]:
@@ -60,9 +64,9 @@ def along_v(shorthand: str, entry: SequenceEntry) -> alt.Y:
     return alt.Y(shorthand, scale=scale, title="v (px)", axis=alt.Axis(grid=False, tickCount=5))
 
 
-def background(entry: SequenceEntry) -> alt.Chart:
-    """The image. The centre of its first pixel is at 0, and its border half a pixel outside."""
+def background(entry: SequenceEntry, name: str = IMAGE) -> alt.Chart:
+    """The image of this name. The centre of its first pixel is at 0, and its border half a pixel outside."""
     x, y = along_u("left:Q", entry), along_v("top:Q", entry)
-    chart = alt.Chart(alt.NamedData(_DATASET)).mark_image(aspect=False, clip=True)
+    chart = alt.Chart(alt.NamedData(name)).mark_image(aspect=False, clip=True)
     encoded: alt.Chart = chart.encode(x=x, x2=alt.X2("right:Q"), y=y, y2=alt.Y2("bottom:Q"), url=alt.Url("url:N"))
     return encoded

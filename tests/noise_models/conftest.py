@@ -1,0 +1,68 @@
+"""A run with planted white noise, measured once."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tracknoise.cli.app import main
+from tracknoise.experiments.load import load_experiment
+from tracknoise.experiments.running.execute import execute
+from tracknoise.tables.store import RunFolder
+
+TEXT = """
+name = "planted"
+speeds = [1, 2]
+[dataset]
+reader = "simulated"
+[dataset.options]
+motions = ["sideways", "forward"]
+worlds = 4
+frames = 14
+width = 160
+height = 120
+supersampling = 1
+[[trackers]]
+kind = "oracle"
+options = { n_features = 120, margin_px = 2, covariance_px2 = [[0.09, 0.0], [0.0, 0.04]], loss_rate = 0.05 }
+[statistics]
+min_features = 2
+"""
+
+
+class Silent:
+    """Listens to a run."""
+
+    def planned(self, keys, done): ...
+
+    def frame(self, key, done, total): ...
+
+    def measured(self, key, entry): ...
+
+    def failed(self, keys, cause):
+        raise AssertionError(cause)
+
+    def remark(self, text): ...
+
+
+def _measure(path: Path) -> None:
+    path.mkdir(parents=True)
+    (path / "x.toml").write_text(TEXT)
+    execute(load_experiment(path / "x.toml"), RunFolder(path / "run"), listener=Silent())
+
+
+@pytest.fixture(scope="session")
+def planted_run(made_once: Callable[[str, Callable[[Path], object]], Path]) -> Path:
+    """Folder of a run of 8 scenes whose oracle has a standard deviation of 0.3 px in u and 0.2 px in v."""
+    return made_once("planted-noise", _measure) / "run"
+
+
+@pytest.fixture
+def tracknoise(capsys):
+    def go(*arguments):
+        with pytest.raises(SystemExit) as exit_:
+            main(list(map(str, arguments)))
+        captured = capsys.readouterr()
+        return exit_.value.code, captured.out, captured.err
+
+    return go

@@ -177,9 +177,11 @@ def window_sigmas(curves: pl.DataFrame) -> pl.DataFrame:
     """Residuals of 0.1 px in all windows, and a sigma to set that grows with their length."""
     windows = pl.DataFrame({"window": [3, 5, 10, 15]})
     values = {
-        "residual_sigma": pl.lit(0.1),
+        "residual_sigma": pl.lit(0.12),
+        "residual_core": pl.lit(0.1),
         "consistent_sigma": 0.1 + 0.01 * pl.col("window"),
-        "overconfidence": 1.0 + 0.1 * pl.col("window"),
+        "core_overconfidence": 1.0 + 0.1 * pl.col("window"),
+        "depth_share": pl.lit(0.8),
     }
     table = _conditions(curves).join(windows, how="cross")
     rows = [table.with_columns(quantity=pl.lit(name), value=value) for name, value in values.items()]

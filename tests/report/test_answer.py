@@ -206,6 +206,13 @@ def test_the_sigma_to_set_is_that_of_windows_of_fifteen(data: ReportData) -> Non
     assert card(summarise(none), "lucas-kanade").sigma == ""
 
 
+def test_the_finding_about_estimators_names_each_tracker_and_leads_to_its_section(data: ReportData) -> None:
+    (found,) = (one for one in summarise(data).findings if one.topic == "estimator")
+    assert [one.section for one in found.statements] == ["estimator"] * len(data.trackers)
+    expected = "lucas-kanade: set 0.250 px for windows of 15 frames; residuals look like 0.100 px."
+    assert expected in [one.text for one in found.statements]
+
+
 def test_the_file_keeps_to_its_schema(data: ReportData, run: RunFolder) -> None:
     document = json.loads(summary_json(summarise(data)))
     jsonschema.validate(document, summary_schema())

@@ -33,7 +33,7 @@ def estimator_noise(tables: RunTables, conditions: ReportedConditions) -> Headli
         opening=f"Noise to set in an estimator {conditions.where(tables['summary'])}{errors}.",
         closing=f"Windows begin at birth; numbers are medians over them, with true poses.{meant}{_brackets(windows)}",
         topic="estimator",
-        figure="findings",
+        figure="findings" if conditions.fitted else "estimator",
         table="window_sigmas",
     )
 

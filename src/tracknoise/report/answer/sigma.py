@@ -14,9 +14,9 @@ WINDOW = 15
 def sigma_sentence(data: ReportData, tracker: str) -> str:
     """What an estimator should set, and what residuals look like. Empty where windows were not measured."""
     found = _at_window(data, tracker)
-    if "consistent_sigma" not in found or "residual_sigma" not in found:
+    if "consistent_sigma" not in found or "residual_core" not in found:
         return ""
-    sigma, residual = found["consistent_sigma"], found["residual_sigma"]
+    sigma, residual = found["consistent_sigma"], found["residual_core"]
     return (
         f"Set {pixels(sigma['value'])} px for windows of {sigma['window']} frames; residuals look like "
         f"{pixels(residual['value'])} px."
@@ -36,7 +36,7 @@ def estimator_sentence(data: ReportData, tracker: str) -> str:
 
 def _trust(found: dict[str, dict[str, Any]]) -> str:
     """What an estimator that is tuned to its residuals gets wrong."""
-    row = found.get("overconfidence")
+    row = found.get("core_overconfidence")
     if row is None or row["low"] is None or row["high"] is None:
         return ""
     size = f"{number(row['value'])} times (interval {number(row['low'])} to {number(row['high'])})"

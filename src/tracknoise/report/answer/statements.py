@@ -41,13 +41,17 @@ def findings(data: ReportData, cards: Sequence[Card], accuracy: Judgement) -> tu
 
 
 def _finding(data: ReportData, row: Mapping[str, Any], cards: Sequence[Card], accuracy: Judgement) -> Finding:
-    texts = _of_cards(row["topic"], cards) or _of_topic(data, row, accuracy)
+    texts = _of_cards(row, cards) or _of_topic(data, row, accuracy)
     statements = tuple(Statement(text, section) for text, section in texts)
     return Finding(row["topic"], statements, row["table"].replace("_", "-"), row["text"])
 
 
-def _of_cards(topic: str, cards: Sequence[Card]) -> list[tuple[str, str]]:
-    names = _MEASURES.get(topic, ())
+def _of_cards(row: Mapping[str, Any], cards: Sequence[Card]) -> list[tuple[str, str]]:
+    if row["topic"] == "estimator":
+        return [
+            (f"{card.tracker}: {card.sigma[0].lower()}{card.sigma[1:]}", row["figure"]) for card in cards if card.sigma
+        ]
+    names = _MEASURES.get(row["topic"], ())
     return [(one.sentence, one.section) for card in cards for one in card.measures if one.name in names]
 
 
@@ -94,6 +98,9 @@ _SENTENCES: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
     "groups": lambda row: f"Scenes come in {number(int(row['value']))} groups; intervals allow for it.",
     "scenes": _scenes,
     "truth": _truth,
+    "estimator": lambda row: (
+        f"Residuals in windows of tracks look like {_value(row)}; how certain depths are is unknown."
+    ),
     "data": lambda _: "Some data look wrong, so that errors may not be those of the trackers.",
     "trimming": lambda _: "Trimming the tracks with the largest errors changes some of these answers.",
     "pose errors": lambda row: f"A motion that the stated poses do not have is {_value(row)} of the second moment.",

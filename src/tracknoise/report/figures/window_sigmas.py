@@ -14,7 +14,7 @@ from tracknoise.report.figures.layout import Panel, arranged, layered
 from tracknoise.report.report_data import ReportData
 
 _ID, _TITLE = "window-sigmas", "Noise to set, by length of the window"
-_LINES = {"consistent_sigma": "to set", "residual_sigma": "what residuals look like"}
+_LINES = {"consistent_sigma": "to set", "residual_core": "what residuals look like"}
 _COLOURS = dict(zip(_LINES.values(), style.PALETTE[:2], strict=True))
 _ADVICE = (
     "Set the upper line where the two differ: residuals alone look too small where errors of one track are alike from "
@@ -34,7 +34,7 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
     shows = (
         f"Standard deviation of one coordinate at speed {data.slowest}{data.where}, by the number of observations in a "
         "window. The first line is the sigma for which depths of points are as certain as an estimator claims. The "
-        f"second is what it would estimate from its own residuals. {describe_intervals(bounded, of='the lines')}"
+        f"second is what its residuals look like, without the tails. {describe_intervals(bounded, of='the lines')}"
     )
     look_for = " ".join([*filter(None, (estimator_sentence(data, tracker) for tracker in present)), _ADVICE])
     return [Figure(_ID, _TITLE, shows, look_for, arranged(panels, columns=2, independent=["fill"]))]

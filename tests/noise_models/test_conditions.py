@@ -9,7 +9,7 @@ from tracknoise.noise_models.fitting.components import fit_components
 from tracknoise.noise_models.fitting.conditions import candidates, conditions_of
 from tracknoise.noise_models.fitting.equations import COLUMNS
 from tracknoise.statistics.covariates import class_of
-from tracknoise.statistics.noise_sums import products
+from tracknoise.statistics.error_products import products
 from tracknoise.tables.enumerations import Product
 
 N_TRACKS, MOST, SCENES = 400, 12, 8

@@ -7,7 +7,7 @@ from tests.noise_models.simulated_tracks import error_tracks
 
 import tracknoise
 from tracknoise.experiments.frame_geometry import frame_geometry
-from tracknoise.statistics.noise_sums import products
+from tracknoise.statistics.error_products import products
 from tracknoise.statistics.noise_tables import noise_tables
 from tracknoise.tables.enumerations import Product
 

@@ -1,7 +1,7 @@
 """Changes of errors by what a front end knows while it runs: motion of the image, and quality that trackers report.
 
 A covariate is divided into classes of half an octave, c = floor(2 log2(x)) (covariates.class). For each pair of
-classes, at the first and the second end of a change (noise_sums.change), the sums of half its squared length and of
+classes, at the first and the second end of a change (error_products.change), the sums of half its squared length and of
 what multiplies the components in its expectation are kept. With a factor f(x) on W and Q, and half traces w, q and d,
 
     E[|c|^2 / 2] = w (f_now + r^2 f_before) + q s f_now + d (k - r k')^2    (covariates.expected)
@@ -13,9 +13,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.statistics.error_products import Products
 from tracknoise.statistics.error_tracks import ErrorTracks
 from tracknoise.statistics.grouping import number_combinations
-from tracknoise.statistics.noise_sums import Products
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.schema import NOISE_COVARIATES, QUALITY_PREFIX, check, empty
 
@@ -51,7 +51,7 @@ def noise_covariates(sequence: PreparedSequence, tracks: ErrorTracks, changes: P
     tracks
         Its errors.
     changes
-        Products of changes, as `tracknoise.statistics.noise_sums.products` makes them.
+        Products of changes, as `tracknoise.statistics.error_products.products` makes them.
 
     Returns
     -------

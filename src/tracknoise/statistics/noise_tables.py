@@ -4,9 +4,10 @@ import polars as pl
 
 from tracknoise.geometry.frame_geometry import FrameGeometry
 from tracknoise.statistics.covariates import noise_covariates
-from tracknoise.statistics.error_tracks import error_tracks
-from tracknoise.statistics.noise_sums import noise_outliers, noise_sums, products
+from tracknoise.statistics.error_products import products
+from tracknoise.statistics.noise_sums import noise_outliers, noise_sums
 from tracknoise.statistics.prepared import PreparedSequence
+from tracknoise.statistics.tracked_errors import error_tracks
 from tracknoise.tables.enumerations import Product
 from tracknoise.tables.schema import NOISE_COVARIATES, NOISE_OUTLIERS, NOISE_SUMS, empty
 

@@ -364,10 +364,10 @@ NOISE_SUMS: Schema = {
 }
 """Sums of products of errors, and of what multiplies the covariances A, W, Q and D in their expectation.
 
-See `tracknoise.statistics.noise_sums`. uu, uv, vv and motion are in px^2, walk in frames, drift in frames^2; first and
-white have no unit. sum_u and sum_v are sums of the errors (px), along that of the errors along the motion of the image
-since the frame before, times this motion, and motion that of its square. These four are of the product `error`. Errors
-beyond the limit of `NOISE_OUTLIERS` are left out. block is that of the track at the slowest speed, 0 at others.
+See `tracknoise.statistics.error_products`. uu, uv, vv and motion are in px^2, walk in frames, drift in frames^2. first
+and white have no unit. sum_u and sum_v are sums of the errors (px), along that of the errors along the motion of the
+image since the frame before, times this motion, and motion that of its square. These four are of the product `error`.
+Errors beyond the limit of `NOISE_OUTLIERS` are left out. block is that of the track at the slowest speed, 0 at others.
 """
 
 NOISE_OUTLIERS: Schema = {

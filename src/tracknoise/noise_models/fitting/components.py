@@ -52,9 +52,8 @@ class FittedComponents:
         """
 
         def combinations(half_traces: Array) -> Array:
-            return np.asarray(
-                np.einsum("na,a...->n...", coefficients[:, list(self.active)], np.maximum(half_traces, 0.0))
-            )
+            kept = coefficients[:, list(self.active)]
+            return np.asarray(np.einsum("na,a...->n...", kept, np.maximum(half_traces, 0.0)))
 
         found = _estimates(self.units, self.weights, self.active, "log", self.level, combinations)
         return [_root(*bounds) for bounds in zip(found.value, found.low, found.high, strict=True)]

@@ -1,6 +1,6 @@
 """Equations between second moments of errors and the components of noise, and their solutions.
 
-Each product at each age gives one equation, (noise_sums.expected) divided by its count:
+Each product at each age gives one equation, (error_products.expected) divided by its count:
 
     y = x A_0 + x_1 A_1 + ...,  y and A_j symmetric 2x2    (equations)
 

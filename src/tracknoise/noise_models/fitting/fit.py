@@ -7,6 +7,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.exceptions import SettingsError
 from tracknoise.findings.sampling.units import units_of
 from tracknoise.noise_models.fitting.bias import fit_bias
 from tracknoise.noise_models.fitting.components import FittedComponents, fit_components
@@ -91,6 +92,10 @@ def _camera(read: TrainingTables) -> CameraOfModel:
     """The camera of the first sequence; its rate from the median time between two frames."""
     table = read.of_sequence("cameras", read.keys[0])
     first = table.row(0, named=True)
+    if first["fx_px"] is None:
+        raise SettingsError(
+            f"noise model: found no focal length of {read.keys[0]}, expected a camera with a known lens"
+        )
     step = table["time_s"].diff().median()
     return CameraOfModel(
         width=first["width"],

@@ -1,11 +1,13 @@
 """Gates that let through a stated share of good tracks, by length of the window."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import polars as pl
 from scipy import stats
 
-from tracknoise.noise_models.fitting.equivalents import Window
 from tracknoise.noise_models.linear_benchmark import gate_factor
+from tracknoise.noise_models.linear_window import LinearTracks
 from tracknoise.noise_models.track_noise import TrackNoise
 from tracknoise.statistics.log_histogram import BINS, quantile, share_below
 from tracknoise.tables.enumerations import Trimming
@@ -17,7 +19,7 @@ _NEAR = 0.2
 
 
 def gates(
-    windows: pl.DataFrame, length: int, *, limit_px: float, modelled: tuple[Window, TrackNoise]
+    windows: pl.DataFrame, length: int, *, limit_px: float, modelled: tuple[Sequence[LinearTracks], TrackNoise]
 ) -> tuple[float, float]:
     """Quantiles of .95 and .99 of the sum of squared residuals of a track, px^2, over those of chi square.
 

@@ -18,7 +18,7 @@ _FOLDS = 5
 _LEAST = 50
 _MOST = 30_000
 _GAUSSIAN = 200.0
-"""Degrees of freedom that cannot be told from a Gaussian."""
+"""Degrees of freedom that cannot be distinguished from a Gaussian."""
 
 
 def fit_tails(samples: pl.DataFrame, noise: TrackNoise, *, last_age: int) -> Tails:

@@ -1,4 +1,4 @@
-"""The proof on simulated tracks (S1): every noise assumption, the acceptance of the instrument, and null controls.
+"""The proof on simulated tracks (S1): every noise assumption, the acceptance of the bundle adjustment, and null controls.
 
     python -m benchmarks.proof                                  # full size: 20 scenes of 15 windows each, about 3 hours
     python -m benchmarks.proof --scenes 6 --windows 4 --cases walk

@@ -1,6 +1,6 @@
-"""The proof on simulated tracks (S1): every noise assumption, the acceptance of the instrument, and null controls.
+"""The proof on simulated tracks (S1): every noise assumption, what linear algebra expects, and null controls.
 
-    python -m benchmarks.proof                                  # full size: 20 scenes of 15 windows each, about 3 hours
+    python -m benchmarks.proof                                  # full size: 40 scenes of 15 windows each, hours
     python -m benchmarks.proof --scenes 6 --windows 4 --cases walk
 
 Prints a table for each case and writes all of them as JSON with --out. Windows of even scenes train, of odd ones test.

@@ -1,6 +1,6 @@
 """The proof on a filter (E3): a multi-state constraint Kalman filter with simulated inertial readings.
 
-    python -m benchmarks.proof_filter              # full size: 40 sequences of 60 frames, about 15 minutes
+    python -m benchmarks.proof_filter              # full size: 40 sequences of 60 frames
     python -m benchmarks.proof_filter --runs 8 --frames 30
 
 Prints NEES of the newest pose, errors of the last one, the share of tracks that pass the chi-square gate, and mean

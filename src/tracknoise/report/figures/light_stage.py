@@ -38,7 +38,7 @@ def _images(data: ReportData) -> dict[str, tuple[SequenceEntry, bytes]]:
     """Sequence and image of the first scene under some lightings, the reference first, by their names."""
     scene = next(iter(data.sequences.values())).sequence.scene
     chosen = [light for names in light_sweeps.sweeps(data).values() for light in _ends_and_middle(names)]
-    found = {}
+    found: dict[str, tuple[SequenceEntry, bytes]] = {}
     for lighting in (data.view["lighting"], *dict.fromkeys(chosen)):
         wanted = {**data.view, "lighting": lighting, "scene": scene}
         for entry in data.manifest.sequences.values():

@@ -230,7 +230,7 @@ def test_missing_worlds_and_models_are_named(tmp_path: Path) -> None:
         ({"lightings": []}, "lightings is [], expected at least one name"),
         ({"motions": ["foward"]}, "unknown motion 'foward' (did you mean 'forward'?)"),
         ({"lightings": ["moon"]}, "unknown lighting 'moon'; known: default, east, overhead, west"),
-        ({"world": "moon"}, "unknown world 'moon'; known: objects, plaza"),
+        ({"world": "moon"}, "unknown world 'moon'; known: objects, objects-plain, plaza"),
         ({"motions": ["linear"]}, "motion 'linear' does not suit world 'plaza'; sideways, sideways-left, fixating, "),
         ({"world": "objects", "motions": ["forward"]}, "motion 'forward' does not suit world 'objects'; sideways, "),
         ({"models": "models"}, "world 'plaza' takes no models"),

@@ -99,7 +99,7 @@ def test_the_libraries_stand_in_the_page_once_and_specifications_are_json(page: 
     names = [attributes.get("id") or "" for attributes in page.named("script")]
     for text, kind, name in zip(page.scripts, kinds, names, strict=True):
         if kind == "application/json":
-            assert ("concat" if name.startswith("spec-") else "choices") in json.loads(text)
+            assert {"explored": "choices", "looked": "groups"}.get(name, "concat") in json.loads(text)
 
 
 def test_figures_are_described_for_those_who_do_not_see_them(page: Page) -> None:

@@ -62,8 +62,8 @@ def arranged(panels: Sequence[Panel], *, columns: int, independent: Sequence[str
 def _limit_title(spec: Spec) -> None:
     """Cut the title of a panel that is longer than the panel is wide: it would widen the figure."""
     title, width = spec.get("title"), spec.get("width")
-    if isinstance(title, dict) and isinstance(width, int | float):
-        title.setdefault("limit", width)
+    if title and isinstance(width, int | float):
+        spec["title"] = {"limit": width, **(title if isinstance(title, dict) else {"text": title})}
 
 
 def layered(*charts: alt.Chart) -> alt.LayerChart:

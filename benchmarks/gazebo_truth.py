@@ -1,9 +1,10 @@
 """How unsynchronised depth, or a clock offset, would change nu in the two simulated experiments of the paper.
 
-    python -m benchmarks.gazebo_truth gazebo-linear --scenes 4 --frames 40 --out /tmp/linear
-    python -m benchmarks.gazebo_truth gazebo-arvr --scenes 4 --frames 40 --out /tmp/arvr
+    python -m benchmarks.gazebo_truth gazebo-linear late-depth --scenes 4 --frames 40 --out /tmp/linear
+    python -m benchmarks.gazebo_truth gazebo-arvr clock-offset --scenes 4 --frames 40 --out /tmp/arvr
 
-The presets are used as they are, except for the number of scenes and frames and the size of the images.
+The presets are used as they are, except for the number of scenes and frames and the size of the images. With
+``--untrimmed``, no track is dropped.
 """
 
 import argparse
@@ -37,14 +38,12 @@ def _effects(name: str, unit: str, options: dict[float, Options]) -> tuple[Effec
     )
 
 
-EFFECTS = {
-    "gazebo-linear": _effects(
-        "late depth", "frames", {lag: {"faults": {"depth": {"lag_frames": lag}}} for lag in (0.5, 1.0, 2.0)}
-    ),
-    "gazebo-arvr": _effects(
-        "clock offset", "frames", {offset: {"faults": {"clock_frames": offset}} for offset in (0.25, 0.5, 1.0)}
-    ),
-}
+_LATE = _effects("late depth", "frames", {lag: {"faults": {"depth": {"lag_frames": lag}}} for lag in (0.5, 1.0, 2.0)})
+_OFFSETS = _effects(
+    "clock offset", "frames", {offset: {"faults": {"clock_frames": offset}} for offset in (0.25, 0.5, 1.0)}
+)
+EFFECTS = {"late-depth": _LATE, "clock-offset": _OFFSETS}
+PRESETS = ("gazebo-linear", "gazebo-arvr")
 _SHOWN = {
     EffectStatistic.mean_u: "nu, u",
     EffectStatistic.mean_v: "nu, v",
@@ -53,18 +52,18 @@ _SHOWN = {
 }
 
 
-def study(preset: str, *, scenes: int, frames: int, width: int) -> Study:
-    """The experiment of a preset with one fault."""
+def study(preset: str, fault: str, *, scenes: int, frames: int, width: int, untrimmed: bool) -> Study:
+    """The experiment of a preset with one fault of several sizes."""
     experiment = load_experiment(preset)
     limits = {"worlds": scenes, "frames": frames, "width": width, "height": width * 3 // 4}
     return Study(
         merged(experiment.dataset.options, limits),
-        EFFECTS[preset],
+        EFFECTS[fault],
         {choice.kind: choice.options for choice in experiment.trackers},
         (Size.usual,),
         AGES,
         str(experiment.truth.population),
-        experiment.statistics.trim_percentile,
+        100.0 if untrimmed else experiment.statistics.trim_percentile,
         str(experiment.statistics.trim_among),
     )
 
@@ -96,14 +95,17 @@ def _print_done(part: tuple[str, Size], count: int, total: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("preset", choices=sorted(EFFECTS))
+    parser.add_argument("preset", choices=PRESETS)
+    parser.add_argument("fault", choices=list(EFFECTS))
     parser.add_argument("--scenes", type=int, default=4)
     parser.add_argument("--frames", type=int, default=40)
     parser.add_argument("--width", type=int, default=400)
+    parser.add_argument("--untrimmed", action="store_true")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args()
-    chosen = study(given.preset, scenes=given.scenes, frames=given.frames, width=given.width)
+    limits = {"scenes": given.scenes, "frames": given.frames, "width": given.width}
+    chosen = study(given.preset, given.fault, **limits, untrimmed=given.untrimmed)
     changes = run_study(chosen, given.out, workers=given.workers, done=_print_done)
     print(markdown(table(changes)))
 

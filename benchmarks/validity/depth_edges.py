@@ -4,9 +4,10 @@
 
 A camera moves sideways past the objects of `objects`, and past a plain ground with a wall behind it, which meet in a
 crease, forward and backward. Printed is, for each, the mean error in u of the features on the far side of
-depth edges, on the near side and elsewhere, with 95 % intervals over worlds; how much of the mean is on the far side;
-and how much of the second moment is removed by excluding features beside depth edges. Played backward, the mean errors
-of both sides change their signs. Plain worlds have no depth edges.
+depth edges, on the near side and elsewhere, with 95 % intervals over worlds; the same by occlusion to come
+and by parallax; how much of the mean is in each class; and how much of the second moment is removed by excluding
+features beside depth edges. Played backward, the mean errors of both sides change their signs. Plain worlds have no
+depth edges.
 """
 
 import argparse
@@ -28,6 +29,7 @@ from tracknoise.tables.identity import Direction
 
 GROUND_X_M, GROUND_Y_M = (-84.0, 84.0), (-20.0, 78.0)
 STATISTICS = ("mean", "share", "share_of_mean")
+PROPERTIES = ("side", "occlusion", "parallax")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,13 +54,14 @@ def errors_of(reader: Simulated, direction: Direction, tracker: str) -> pl.DataF
 
 
 def lines(errors: pl.DataFrame, at: int) -> Iterator[str]:
-    """One line per side: mean error in u, share of the features, and share of the mean, with intervals."""
-    sides = errors.filter(surrounding="side", coordinate="u", at=at)
-    for side in ("far", "near", "none"):
-        rows = {row["statistic"]: row for row in sides.filter(pl.col("class") == side).to_dicts()}
-        if rows:
-            yield f"  {side:<6}" + "".join(_cell(rows.get(name)) for name in STATISTICS)
-    kept = sides.filter(pl.col("class") == "none", statistic="second_removed_by_others")
+    """One line per class: mean error in u, share of the features, and share of the mean, with intervals."""
+    in_u = errors.filter(coordinate="u", at=at)
+    for surrounding in PROPERTIES:
+        table = in_u.filter(surrounding=surrounding).sort("class_low")
+        for name in table["class"].unique(maintain_order=True):
+            rows = {row["statistic"]: row for row in table.filter(pl.col("class") == name).to_dicts()}
+            yield f"  {surrounding} {name:<14}" + "".join(_cell(rows.get(key)) for key in STATISTICS)
+    kept = in_u.filter(pl.col("class") == "none", surrounding="side", statistic="second_removed_by_others")
     for row in kept.to_dicts():
         yield f"  second moment removed without features beside edges: {_cell(row)}"
 

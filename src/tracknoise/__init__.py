@@ -1,8 +1,8 @@
 """Measure the errors of feature tracks: bias, covariance, drift, outlier ratio and lifetime.
 
 `open_sequence` opens images of known geometry. `measure` runs trackers over them and returns tables of errors, and
-`analyse` computes findings from several measurements. `open_run` reads what `tracknoise run` has measured. Names are
-loaded when first used, so that importing the package is quick.
+`analyse` computes findings from several measurements. `open_run` reads what `tracknoise run` has measured, and
+`compare` compares such runs. Names are loaded when first used, so that importing the package is quick.
 """
 
 from importlib import import_module
@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from tracknoise.api.analyse import analyse
     from tracknoise.api.run import Run, open_run
     from tracknoise.exceptions import TracknoiseError
+    from tracknoise.experiments.comparing.compare_runs import compare
     from tracknoise.experiments.measure import Measurement, measure
     from tracknoise.experiments.tap_metrics import tap_metrics
     from tracknoise.geometry.accuracy import TruthAccuracy
@@ -50,6 +51,7 @@ __all__ = [
     "TracknoiseError",
     "TruthAccuracy",
     "analyse",
+    "compare",
     "curves",
     "lifetimes",
     "measure",
@@ -78,6 +80,7 @@ _HOMES = {
     "TracknoiseError": "exceptions",
     "TruthAccuracy": "geometry.accuracy",
     "analyse": "api.analyse",
+    "compare": "experiments.comparing.compare_runs",
     "curves": "statistics.curves",
     "lifetimes": "statistics.lifetimes",
     "measure": "experiments.measure",

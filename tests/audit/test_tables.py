@@ -46,6 +46,17 @@ def test_the_answer_comes_first_with_its_numbers(faulty) -> None:
     assert f"{SPACE}ms instead of 0): corrected as well, " in second
 
 
+def test_another_value_beside_parameters_of_its_kind_is_stated() -> None:
+    """An offset of the depths that is too small to be named moves their scale, if this is fitted alone."""
+    theta = theta_of({Parameter.depth_scale: 0.06, Parameter.depth_offset: 0.02})
+    audit = tables_of(make_samples(np.random.default_rng(1), WORLD, theta), "made-up").audit
+    assert audit.filter(pl.col("rank").is_not_null())["parameter"].to_list() == ["depth_scale"]
+    sentence = audit_sentences(audit)[0]
+    found = re.search(r"Fitted together with the offset of the depths, it is ([\d.]+) ± ([\d.]+)\.$", sentence)
+    assert found, sentence
+    assert abs(float(found[1]) - 1.06) < 2.0 * float(found[2])
+
+
 def test_the_corrections_are_a_block_of_toml_that_undoes_the_faults(faulty, exact) -> None:
     block = tomllib.loads(corrections_toml(faulty.audit))["truth"]["corrections"]
     assert block == {"focal_scale": pytest.approx(0.88, abs=0.01), "readout_s": pytest.approx(0.8 / 30.0, abs=2e-3)}

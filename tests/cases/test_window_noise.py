@@ -1,24 +1,34 @@
 """The noise of an oracle in windows, from the images' geometry to the table of a run."""
 
+from collections.abc import Mapping
+
 import polars as pl
 import pytest
+from benchmarks.validity.window_noise import CASES, SIGMAS, found, measured, predicted
+from benchmarks.window_table import quantities
 
 import tracknoise as tn
 from tracknoise.sequences.simulated import Simulated
+from tracknoise.tables.store import RunFolder
 from tracknoise.trackers.oracle import Oracle
 
 NOISE_PX = 0.4
 
 
 @pytest.fixture(scope="module")
-def table() -> pl.DataFrame:
+def run() -> tn.Run:
     options = {"frames": 14, "width": 320, "height": 240, "supersampling": 1, "worlds": 6}
     reader = Simulated(motions=("sideways",), **options)
     measured = [
         tn.measure(reader.open(scene), Oracle(covariance_px2=((NOISE_PX**2, 0.0), (0.0, NOISE_PX**2))))
         for scene in reader.sequences()
     ]
-    return tn.analyse(measured).table("window_sigmas", trimming="untrimmed")
+    return tn.analyse(measured)
+
+
+@pytest.fixture(scope="module")
+def table(run: tn.Run) -> pl.DataFrame:
+    return run.table("window_sigmas", trimming="untrimmed")
 
 
 @pytest.mark.parametrize("window", [5, 10])
@@ -30,3 +40,40 @@ def test_independent_noise_is_honest_in_every_window(table, window):
     assert rows["gate_95"]["value"] == pytest.approx(1.0, abs=0.1)
     for row in rows.values():
         assert row["low"] is None or row["low"] <= row["value"] <= row["high"]
+
+
+def test_other_code_finds_the_same_in_the_observations(run, table):
+    found = quantities(RunFolder(run.path), 10, least_parallax_px=1.0, trimmed=False)
+    n, _, residual, consistent = found["oracle"]
+    (row,) = table.filter(window=10, quantity="consistent_sigma").to_dicts()
+    (share,) = table.filter(window=10, quantity="depth_share")["value"].to_list()
+    assert n == round(share * row["n"])
+    assert consistent == pytest.approx(row["value"], rel=0.02)  # the median of a histogram
+    assert residual == pytest.approx(NOISE_PX, rel=0.1)
+
+
+Pairs = Mapping[str, tuple[float, float]]
+
+
+@pytest.fixture(scope="module", params=["sideways", "forward"])
+def planted(request: pytest.FixtureRequest) -> dict[str, Pairs]:
+    """Of each kind of planted noise, what was measured in windows of 10 and what linear algebra predicts."""
+    measurements = measured(request.param, scenes=1, frames=11, features=2000, seed=0)
+    rows = {row["tracker"]: row for row in found(measurements).filter(window=10).to_dicts()}
+    predictions = {name: predicted(measurements, name, 10) for name in CASES}
+    return {name: {each: (rows[name][each], predictions[name][each]) for each in SIGMAS} for name in CASES}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_residual_and_consistent_sigma_are_those_of_the_planted_noise(planted, name):
+    for quantity, rel in zip(SIGMAS, (0.03, 0.12, 0.12), strict=True):  # about 1000 windows: 4 % of a median
+        value, expected = planted[name][quantity]
+        assert value == pytest.approx(expected, rel=rel), quantity
+
+
+def test_detection_noise_is_honest_and_a_walk_makes_depths_less_certain_than_residuals_say(planted):
+    residual, consistent, overconfidence = (planted["detection"][quantity] for quantity in SIGMAS)
+    assert (residual[1], consistent[1]) == pytest.approx((0.3, 0.3), rel=0.01)
+    assert residual[0] == pytest.approx(0.3, rel=0.03)
+    assert overconfidence[0] == pytest.approx(1.0, abs=0.1)
+    assert planted["walk"]["overconfidence"][0] > 2

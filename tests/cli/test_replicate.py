@@ -1,5 +1,7 @@
 """``tracknoise replicate``, as a user types it, on experiments cut down to be quick."""
 
+import re
+
 import pytest
 
 from tracknoise.cli.app import main
@@ -56,6 +58,15 @@ def test_one_experiment_that_fails_does_not_stop_the_others(tracknoise, small, t
     assert runs == {"gazebo-linear-differences", "gazebo-arvr", "gazebo-arvr-differences"}
     assert (out / "gazebo-arvr" / "report" / "index.html").is_file()
     assert (out / "differences.html").is_file()
+    assert {path.parent.name for path in out.glob("readings/*/manifest.json")} == {
+        "gazebo-arvr-none",
+        "gazebo-arvr-followed",
+    }
+    assert "Gazebo AR/VR: verdicts with untrimmed errors (none)" in printed
+    assert "Gazebo Linear: verdicts" not in printed
+    claim = "The mean error of lucas-kanade drifts with age."
+    (line,) = [line for line in printed.splitlines() if line.startswith(claim)]
+    assert len(re.findall(r"agrees|opposite sign|disagrees|cannot be judged", line)) == 3
 
 
 def test_what_was_measured_is_not_measured_again(tracknoise, small, tmp_path, monkeypatch):

@@ -21,6 +21,7 @@ from tracknoise.tables.findings_schema import (
     SEED_SPREAD,
     TIME_STRUCTURE,
     TRACKER_DIFFERENCES,
+    WINDOW_SIGMAS,
     ZERO_MEAN,
 )
 from tracknoise.tables.schema import CAUSES, Schema, empty
@@ -41,6 +42,7 @@ def made_up(tables: Mapping[str, pl.DataFrame], *, scope: ReportedConditions) ->
         "gaussianity": gaussianity(tables["curves"]),
         "radii": radii(tables["curves"]),
         "time_structure": time_structure(tables["curves"]),
+        "window_sigmas": window_sigmas(tables["curves"]),
         "dependence": dependence(tables["effects"]),
         "rigid_share": rigid_share(tables["curves"]),
         "pose_law": pose_law(tables["curves"]),
@@ -169,6 +171,25 @@ def time_structure(curves: pl.DataFrame) -> pl.DataFrame:
         why=pl.lit("random walk: 0.09 px per sqrt(frame)"),
     )
     return _typed(table, TIME_STRUCTURE)
+
+
+def window_sigmas(curves: pl.DataFrame) -> pl.DataFrame:
+    """Residuals of 0.1 px in all windows, and a sigma to set that grows with their length."""
+    windows = pl.DataFrame({"window": [3, 5, 10, 15]})
+    values = {
+        "residual_sigma": pl.lit(0.12),
+        "residual_core": pl.lit(0.1),
+        "consistent_sigma": 0.1 + 0.01 * pl.col("window"),
+        "core_overconfidence": 1.0 + 0.1 * pl.col("window"),
+        "depth_share": pl.lit(0.8),
+    }
+    table = _conditions(curves).join(windows, how="cross")
+    rows = [table.with_columns(quantity=pl.lit(name), value=value) for name, value in values.items()]
+    made = pl.concat(rows).with_columns(
+        n=pl.lit(200), low=0.9 * pl.col("value"), high=1.1 * pl.col("value"), level=pl.lit(0.95),
+        resampled=_resampled(WINDOW_SIGMAS),
+    )  # fmt: skip
+    return _typed(made, WINDOW_SIGMAS)
 
 
 def dependence(effects: pl.DataFrame, *, verdict: str = "undecided", n_scenes: int = 2) -> pl.DataFrame:

@@ -18,11 +18,13 @@ from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.places.image_cells import image_cells
 from tracknoise.findings.places.speed_errors import speed_errors
 from tracknoise.findings.places.surrounding_errors import surrounding_errors
+from tracknoise.sequences.images import encode_webp
 from tracknoise.statistics.change_curves import change_curves
 from tracknoise.statistics.cores import cores
 from tracknoise.statistics.counts import merge_counts
 from tracknoise.statistics.curves import aspect_curves, curves
 from tracknoise.statistics.effects import effects
+from tracknoise.statistics.extreme_tracks import extreme_tracks
 from tracknoise.statistics.factors import ReferenceCondition
 from tracknoise.statistics.floor import truth_floor
 from tracknoise.statistics.histogram import merge_errors
@@ -32,10 +34,21 @@ from tracknoise.statistics.outliers import outlier_ratios
 from tracknoise.statistics.prepared import prepare_sequence
 from tracknoise.statistics.summarise import STATISTICS, summarise_sequence
 from tracknoise.statistics.summary import summary
+from tracknoise.tables.defaults import PATCH_PX
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import Manifest, SequenceEntry
-from tracknoise.tables.schema import FRAME_COUNTS, OBSERVATIONS, ORIGIN, POSES, SEQUENCE, TRACKS, TrackEnd, empty
+from tracknoise.tables.schema import (
+    FRAME_COUNTS,
+    OBSERVATIONS,
+    ORIGIN,
+    PATCHES,
+    POSES,
+    SEQUENCE,
+    TRACKS,
+    TrackEnd,
+    empty,
+)
 from tracknoise.tables.store import OBSERVED, SEQUENCE_TABLES, RunFolder
 
 WIDTH, HEIGHT = 160, 120
@@ -129,6 +142,8 @@ class World:
     """Truth floor: error of the relative poses of successive frames, a random walk; None where nothing is known."""
     paper: str | None = None
     """Which experiment of the paper it repeats."""
+    patches: bool = False
+    """Whether the run has patches of tracks, grey ones."""
 
 
 def write_run(path: Path, world: World, *, seed: int = 0) -> RunFolder:
@@ -150,7 +165,7 @@ def write_run(path: Path, world: World, *, seed: int = 0) -> RunFolder:
 
 
 def _toml(world: World) -> str:
-    names = [json.dumps(name) for name in world.trackers]
+    names = [json.dumps(name, ensure_ascii=False) for name in world.trackers]
     trackers = [f"[[trackers]]\nname = {name}\nkind = {name}\n[trackers.options]\nwindow = 15" for name in names]
     return "\n".join(
         [
@@ -193,7 +208,22 @@ def _sequence(rng: np.random.Generator, origin: Sequence[Any], world: World) -> 
     seen = prepare_sequence(tables["observations"], tables["tracks"], key_frame=world.key_frame)
     cells = image_map(replace(seen, slowest=min(world.speeds)), width=WIDTH, height=HEIGHT)
     unread = {name: empty(SEQUENCE_TABLES[name]) for name in (*_UNREAD, "pose_differences")}
-    return {**tables, "poses": _poses(origin, world), "image_map": cells, **unread}
+    shown = {"patches": _patches(observations, world)} if world.patches else {}
+    return {**tables, "poses": _poses(origin, world), "image_map": cells, **unread, **shown}
+
+
+def _patches(observations: pl.DataFrame, world: World) -> pl.DataFrame:
+    """Patches without a picture of the tracks that a run would show."""
+    rows = []
+    for n_each, chosen in extreme_tracks(
+        observations, speed=min(world.speeds), population=world.population, key_frame=world.key_frame
+    ):
+        sheet = encode_webp(np.full((chosen.height * PATCH_PX, 2 * PATCH_PX), 90, np.uint8), quality=50)
+        strip = encode_webp(np.full((PATCH_PX, 3 * PATCH_PX), 90, np.uint8), quality=50)
+        lists = {name: chosen[name].to_list() for name in ("track", "frame", "anchor_frame", "du_px", "dv_px")}
+        labels = chosen.select(*ORIGIN, "at").row(0, named=True)
+        rows.append({**labels, "n_each": n_each, **lists, "sheet": sheet, "strip": strip})
+    return pl.DataFrame(rows, schema=dict(PATCHES))
 
 
 def _floors(moments: pl.DataFrame, world: World) -> pl.DataFrame:

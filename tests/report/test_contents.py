@@ -9,6 +9,7 @@ import pytest
 
 import tracknoise
 from tracknoise.exceptions import StoreError
+from tracknoise.report.answer.summary import SUMMARY
 from tracknoise.report.contents import CONTENTS, FORMAT, Section, contents_json, read_contents
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.page import write_report
@@ -76,8 +77,8 @@ def test_it_lists_every_file_of_the_report(report: Path) -> None:
         for file in item["files"]
     ]
     written = {str(path.relative_to(report)) for path in report.rglob("*") if path.is_file()}
-    assert {*listed, "index.html", CONTENTS} == written
-    assert len(listed) == len(written) - 2
+    assert {*listed, "index.html", CONTENTS, SUMMARY} == written
+    assert len(listed) == len(written) - 3
 
 
 def test_a_report_of_an_earlier_version_has_no_contents(tmp_path: Path) -> None:

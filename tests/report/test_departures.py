@@ -53,6 +53,9 @@ def test_tables_have_a_row_for_each_experiment_and_tracker(found: dict[str, Depa
     assert [row[:2] for row in cells.rows] == [["made up", "lucas-kanade"], ["made up", "correspondence"]]
     assert all(len(row) == len(cells.headings) == len(cells.numeric) for row in cells.rows)
     assert not cells.groups or sum(span for _, span in cells.groups) == len(cells.headings)
+    assert name in ("trimming", "lifetimes") or {"trimmed", "untrimmed"} == {
+        title.rpartition(", ")[2] for title, _ in cells.groups if title
+    }
 
 
 def test_what_the_tables_do_not_tell_has_no_numbers(found: dict[str, Departure]) -> None:
@@ -78,6 +81,21 @@ def test_trimming_and_hidden_features_make_a_difference_here(found: dict[str, De
         assert all(not text.startswith("0 ") for row in cells.rows for text in row[2:])
 
 
+@pytest.mark.parametrize("trimming", ["trimmed", "untrimmed"])
+def test_hidden_features_are_compared_with_and_without_trimming(
+    part: Part, found: dict[str, Departure], trimming: str
+) -> None:
+    curves = part.data.nominal(part.data.curves).filter(
+        pl.col("at") > 0, tracker="lucas-kanade", weighting="features", cut=False, statistic="eta", trimming=trimming
+    )
+    both = curves.filter(population="visible").join(curves.filter(population="projected"), on="at")
+    cells = found["occlusion"].measured
+    assert cells is not None
+    place = 2 * [title for title, _ in cells.groups].index(f"mean absolute error, {trimming}")
+    differences = {axis: (both[axis] - both[f"{axis}_right"]).abs().max() for axis in "uv"}
+    assert cells.rows[0][place] in {f"{number(difference)} px" for difference in differences.values()}
+
+
 def test_lifetimes_are_those_of_the_statistics(part: Part, found: dict[str, Departure]) -> None:
     table = mean_lifetime(part.data.nominal(part.data.lifetimes)).filter(tracker="lucas-kanade")
     cells = found["lifetimes"].measured
@@ -101,14 +119,14 @@ def test_ways_to_reject_outliers_are_compared_at_the_last_age_that_all_have(make
     assert [row[4] for row in cells.rows] == [f"at\N{NO-BREAK SPACE}age\N{NO-BREAK SPACE}{last[0]}"] * 2
     for row, tracker in zip(cells.rows, ("lasting", "fleeting"), strict=True):
         (point,) = points.filter(tracker=tracker, since=last[0]).to_dicts()
-        assert list(row[5:]) == [pixels(point["u"]), pixels(point["v"])]
+        assert list(row[5:7]) == [pixels(point["u"]), pixels(point["v"])]
 
 
 def test_one_scene_has_no_weight_to_be_compared(make_run: Callable[..., RunFolder]) -> None:
     data = ReportData.of(make_run(scenes=("only",), born=40))
     found = {item.id: item.measured for item in departures([Part("alone", data)])}
     assert found["weighting"] is not None
-    assert all(list(row[2:]) == ["–", "one scene"] * 3 for row in found["weighting"].rows)
+    assert all(list(row[2:]) == ["–", "one scene"] * 6 for row in found["weighting"].rows)
     assert found["trimming"] is not None
     assert "one scene" not in {text for row in found["trimming"].rows for text in row}
 

@@ -1,5 +1,6 @@
 """The pages that join the runs of a replication."""
 
+import csv
 import re
 import shutil
 from collections.abc import Callable
@@ -9,9 +10,13 @@ from pathlib import Path
 import pytest
 
 from tracknoise.exceptions import StoreError
+from tracknoise.report.claims.claim import cells, claims
 from tracknoise.report.page import write_report
 from tracknoise.report.replication import Replicated, write_replication
+from tracknoise.tables.enumerations import Reading
 from tracknoise.tables.store import RunFolder
+
+OTHERS = {Reading.none: {"trimming": "untrimmed"}, Reading.followed: {"trim_among": "followed"}}
 
 
 class Links(HTMLParser):
@@ -38,9 +43,10 @@ def written(make_run: Callable[..., RunFolder], tmp_path_factory: pytest.TempPat
     small = {"paper": "kitti", "scenes": ("one",), "trackers": ("lucas-kanade",), "speeds": (1,)}
     run = RunFolder(shutil.copytree(make_run(**small).path, folder / "kitti"))
     write_report(run, figure_formats=())
+    others = {reading: make_run(**small, **OTHERS[reading]) for reading in OTHERS}
     replicated = [
         Replicated("dtu", "No <data>: nothing there."),
-        Replicated("kitti", "1 scene in /data.", run, run),
+        Replicated("kitti", "1 scene in /data.", run, run, others),
         Replicated("gazebo-linear", "Simulated.", make_run(**small)),
     ]
     assert write_replication(folder, replicated) == folder / "index.html"
@@ -72,6 +78,30 @@ def test_every_figure_family_of_a_report_is_linked(written: Path) -> None:
     drawn = [section.partition('"')[0] for section in text.split('<section id="')[1:] if "<figure" in section]
     assert len(drawn) > 4
     assert linked - {"factor-effects"} == set(drawn)
+
+
+def test_figures_under_every_reading_stand_side_by_side(written: Path) -> None:
+    text = (written / "figures.html").read_text(encoding="utf-8")
+    shown = re.findall(r'<img src="([^"]+)"', text)
+    assert all((written / file).is_file() for file in shown)
+    kitti = [file for file in shown if file.startswith("figures/0/")]
+    names = {file.rpartition("-")[0] for file in kitti}
+    assert {f"{name}-{reading}.svg" for name in names for reading in Reading} == set(kitti)
+    assert "figures/0/error-by-age" in names
+    assert not any(name.endswith("trimmed") for name in names)
+    one, other = (written / f"figures/0/error-by-age-{reading}.svg" for reading in (Reading.none, Reading.all))
+    assert one.read_bytes() != other.read_bytes()
+    assert "No curve: too few features" in text  # of the experiment that was run under one reading only
+
+
+def test_every_claim_is_judged_under_every_reading(written: Path) -> None:
+    with (written / "claims.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(Reading) * len([*claims(), *cells()])
+    judged = {row["experiment"] for row in rows if row["reason"] != "the experiment was not repeated"}
+    assert judged == {"kitti", "gazebo-linear"}
+    text = (written / "index.html").read_text(encoding="utf-8")
+    assert all(claim.text in text for claim in (*claims(), *cells()) if claim.experiment in judged)
 
 
 def test_what_could_not_be_repeated_says_why(written: Path) -> None:

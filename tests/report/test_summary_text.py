@@ -3,14 +3,22 @@
 from collections.abc import Callable
 from types import ModuleType
 
+import polars as pl
+
 from tracknoise.cli.summary import summary_text
+from tracknoise.tables.findings_schema import FINDINGS
 from tracknoise.tables.store import RunFolder
+
+
+def _table(run: RunFolder) -> list[str]:
+    """The lines before the noise to set in an estimator."""
+    return summary_text(run).split("Noise to set")[0].splitlines()
 
 
 def test_there_is_a_line_a_condition_in_the_order_of_the_experiment(make_run: Callable[..., RunFolder]) -> None:
     views = ((0, "forward"), (0, "backward"))
     run = make_run(scenes=("only",), speeds=(1,), views=views)
-    lines = [line.split() for line in summary_text(run).splitlines()]
+    lines = [line.split() for line in _table(run)]
     assert lines[1][:4] == ["tracker", "speed", "direction", "tracks"]
     assert [line[0] + " " + line[2] for line in lines[3:]] == [
         f"{tracker} {direction}"
@@ -26,6 +34,13 @@ def test_frames_are_called_so(make_run: Callable[..., RunFolder]) -> None:
 
 
 def test_many_conditions_are_not_all_listed(make_run: Callable[..., RunFolder], synthetic: ModuleType) -> None:
-    lines = summary_text(make_run(**synthetic.DEGENERATE["many conditions"])).splitlines()
+    lines = _table(make_run(**synthetic.DEGENERATE["many conditions"]))
     assert len(lines) == 5
     assert lines[-1] == "(under lighting LR0; 40 other conditions are in the report's tables/summary.csv)"
+
+
+def test_the_noise_to_set_in_an_estimator_stands_below_the_table(make_run: Callable[..., RunFolder]) -> None:
+    run = make_run(scenes=("only",), speeds=(1,))
+    row = {"rank": 1, "topic": "estimator", "text": "Set 0.2 px.", "figure": "findings", "table": "window_sigmas"}
+    run.write_statistics({"findings": pl.DataFrame([row], schema=dict(FINDINGS))})
+    assert summary_text(run).splitlines()[-1] == "Set 0.2 px."

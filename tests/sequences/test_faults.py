@@ -161,6 +161,14 @@ def test_depth_is_rounded_to_steps() -> None:
     assert not with_faults(recorded(), Faults(depth=DepthFaults(step_m=5.0))).depth(0).valid.any()
 
 
+def test_there_is_no_depth_out_of_the_range_of_the_sensor() -> None:
+    kinect = with_faults(recorded(), Faults(depth=DepthFaults(nearest_m=2.5, farthest_m=4.0)))
+    assert [bool(kinect.depth(index).valid.all()) for index in range(4)] == [False, True, True, False]
+    assert [bool(kinect.depth(index).valid.any()) for index in range(4)] == [False, True, True, False]
+    with pytest.raises(ValueError, match=r"farthest_m is 1\.0, expected 0, or more than nearest_m"):
+        DepthFaults(nearest_m=2.0, farthest_m=1.0)
+
+
 def test_late_depth_of_a_recording_is_that_of_an_earlier_frame() -> None:
     wrong = with_faults(recorded(), Faults(depth=DepthFaults(lag_frames=2.0)))
     assert wrong.depth(1) is None

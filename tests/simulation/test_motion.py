@@ -13,6 +13,7 @@ from tracknoise.simulation.motion import (
     fixating,
     forward,
     linear,
+    linear_straight,
     looking,
     sideways,
     sideways_left,
@@ -157,3 +158,10 @@ def test_arvr_eases_by_the_haversine_and_turns_about_one_axis() -> None:
     )
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
     np.testing.assert_allclose(axes, np.broadcast_to(axes[-1], axes.shape), atol=1e-6)
+
+
+def test_linear_straight_is_the_same_flight_without_rotation() -> None:
+    straight, swaying = poses(linear_straight, 400), poses(linear, 400)
+    np.testing.assert_array_equal(straight[:, 0, 3], swaying[:, 0, 3])
+    assert rotation_deg(straight).max() < 1e-6
+    assert np.ptp(straight[:, 1:3, 3], axis=0).max() == 0.0

@@ -20,3 +20,12 @@ def test_places_are_built_from_a_generator_alone(name: str) -> None:
 def test_the_plaza_is_the_procedural_world() -> None:
     scenery = PLACES["plaza"].build(np.random.default_rng(3), None)
     np.testing.assert_array_equal(scenery.world.vertices, procedural_world(np.random.default_rng(3)).vertices)
+
+
+def test_ground_and_sky_are_plain_and_walls_are_not() -> None:
+    """Ground and sky have the last three textures, walls the first five."""
+    worlds = [PLACES[name].build(np.random.default_rng(2), None).world for name in ("objects", "objects-plain")]
+    textured, plain = (np.array([np.ptp(texture) for texture in world.textures]) for world in worlds)
+    assert textured.min() > 0.2
+    assert plain[5:].max() == 0.0
+    assert plain[:5].min() > 0.2

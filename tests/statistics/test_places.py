@@ -121,7 +121,8 @@ def test_occlusion_is_told_before_it_comes_and_while_it_lasts(made) -> None:
     truth[1, 10] = "occluded"
     truth[2, 5] = "out_of_image"
     seen, lived = made(truth=truth, lived={"depth_m": 3.0})
-    table = pooled(surroundings(prepare_sequence(seen, lived)), "at", "occlusion")
+    table = surroundings(prepare_sequence(seen, lived)).filter(surrounding="depth")
+    table = pooled(table, "at", "occlusion")
     found = {(at, occlusion): n for at, occlusion, n in table.select("at", "occlusion", "n").rows()}
     assert found == {
         (1, "later"): 2, (1, "never"): N_TRACKS - 2,
@@ -129,3 +130,38 @@ def test_occlusion_is_told_before_it_comes_and_while_it_lasts(made) -> None:
         (10, "now"): 1, (10, "never"): N_TRACKS - 1,
         (20, "never"): N_TRACKS,
     }  # fmt: skip
+
+
+def test_parallax_is_motion_relative_to_the_median_of_all_features(made) -> None:
+    age = np.arange(AGES)
+    u = np.tile(5.0 * age, (N_TRACKS, 1))  # a rotation moves all features by 5 px per frame
+    u[0] += 3.0 * age  # in front of the others
+    u[1] += 0.1 * age
+    seen, lived = made(u_true_px=u + 100.0, v_true_px=50.0, lived={"depth_m": 3.0})
+    table = surroundings(prepare_sequence(seen, lived)).filter(surrounding="parallax")
+    found = pooled(table, "at", "low", "high").select("at", "low", "high", "n").rows()
+    assert found == [
+        (1, 0.0, 1.0, N_TRACKS - 1), (1, 2.0, 4.0, 1),
+        (5, 0.0, 1.0, N_TRACKS - 1), (5, 8.0, 16.0, 1),
+        (10, 0.0, 1.0, N_TRACKS - 2), (10, 1.0, 2.0, 1), (10, 16.0, 32.0, 1),
+        (20, 0.0, 1.0, N_TRACKS - 2), (20, 2.0, 4.0, 1), (20, 32.0, 64.0, 1),
+    ]  # fmt: skip
+
+
+def test_parallax_needs_true_positions_of_enough_features_in_both_frames(made) -> None:
+    truth = np.full((N_TRACKS, AGES), "valid", dtype="U12")
+    truth[9:, 5] = "no_depth"
+    u = np.where(truth == "valid", 100.0, None)
+    error = np.where(truth == "valid", 0.0, None)
+    seen, lived = made(u_true_px=u, v_true_px=u, du_px=error, dv_px=error, truth=truth, lived={"depth_m": 3.0})
+    table = surroundings(prepare_sequence(seen, lived)).filter(surrounding="parallax")
+    assert table["at"].unique().sort().to_list() == [1, 10, 20]
+
+
+def test_parallax_is_counted_from_the_key_frame(made) -> None:
+    u = np.tile(100.0 + 5.0 * np.arange(AGES), (N_TRACKS, 1))
+    u[0] += 3.0 * np.arange(AGES)
+    seen, lived = made(u_true_px=u, v_true_px=50.0, lived={"depth_m": 3.0})
+    table = surroundings(prepare_sequence(seen, lived, key_frame=8)).filter(surrounding="parallax")
+    found = pooled(table, "at", "low").filter(n=1).select("at", "low").rows()
+    assert found == [(9, 2.0), (13, 8.0), (18, 16.0)]

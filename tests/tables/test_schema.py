@@ -111,3 +111,13 @@ def test_summary_has_the_same_values_trimmed_and_untrimmed() -> None:
     scales = [f"{name}_{axis}_px" for name in ("nu", "eta", "rms", "core") for axis in "uv"]
     assert names == ["n", *scales, "beyond_u", "beyond_v"]
     assert [f"untrimmed_{name}" for name in names] == [name for name in schema.SUMMARY if name.startswith("untrimmed_")]
+
+
+def test_an_enumeration_that_was_extended_since_a_table_was_written_is_read() -> None:
+    now, before, other = pl.Enum(["a", "b", "c"]), pl.Enum(["a", "b"]), pl.Enum(["b", "a"])
+    expected = {"name": now, "n": pl.Int64}
+    old = pl.DataFrame({"name": ["b", None], "n": [1, 2]}, schema={"name": before, "n": pl.Int64})
+    read = schema.with_new_categories(old, expected)
+    assert check(read, expected, "old").rows() == old.rows()
+    assert schema.with_new_categories(old.cast({"name": other}), expected).schema["name"] == other
+    assert schema.with_new_categories(read, {"name": before, "n": pl.Int64}).schema == read.schema

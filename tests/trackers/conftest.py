@@ -58,3 +58,6 @@ class FlatTruth:
 
     def project(self, index: int, points_world: np.ndarray) -> np.ndarray:
         return points_world[:, :2] + index * self.velocity
+
+    def displaced(self, index: int, points_world: np.ndarray, by_px: np.ndarray) -> np.ndarray:
+        return points_world + np.pad(by_px, ((0, 0), (0, 1)))

@@ -7,6 +7,7 @@ from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.sequence import Scan, TruthKind
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.truth.registry import make_truth
+from tracknoise.truth.scan_rule import ScanAnchoring, ScanRule
 
 VALID, NO_DEPTH, EDGE, OCCLUDED = TruthStatus.valid, TruthStatus.no_depth, TruthStatus.edge, TruthStatus.occluded
 
@@ -132,3 +133,28 @@ def test_surroundings_are_unknown_without_dense_depth_and_infinite_without_an_ed
     for bare in (Sparse(room.world_from_camera), make_room(at(), with_depth=False)):
         found = observe(make_truth(bare, TruthKind.birth).start(), frames).surroundings
         assert np.isnan([found.edge_px, found.incidence_deg]).all()
+
+
+@pytest.mark.parametrize("kind", [TruthKind.birth, TruthKind.raycast, TruthKind.scan])
+def test_the_error_where_a_track_is_anchored_is_exactly_zero(make_room, at, pixel_grid, kind):
+    """Rounding on the way to the world point and back would otherwise decide which tracks trimming drops."""
+    points = np.stack([*np.meshgrid(np.linspace(-3, 3, 600), np.linspace(-2, 2, 400)), np.full((400, 600), 4.0)], -1)
+    poses = at(x=0.0), at(x=0.37, z=0.113)
+    room = make_room(*poses, truths=(kind,), scan=Scan(points.reshape(-1, 3), 1))
+    session = make_truth(room).start()
+    uv = pixel_grid(room.camera, 1.7)
+    tracks, born = np.arange(len(uv), dtype=np.uint32), np.ones(len(uv), bool)
+    session.observe(1, tracks, uv, born)
+    found = session.resolve()
+    known = found.status == VALID
+    assert known.sum() > 100
+    np.testing.assert_array_equal(found.uv[known], uv[known])
+
+
+def test_the_scan_point_itself_keeps_its_distance_from_the_feature(make_room, at):
+    scan = Scan(np.array([[0.0, 0.0, 2.0]]), 0)
+    truth = make_truth(
+        make_room(at(), truths=(TruthKind.scan,), scan=scan), scan_rule=ScanRule(0.25, ScanAnchoring.point)
+    )
+    found = observe(truth.start(), {0: [(0, 31.6, 23.5)]})
+    np.testing.assert_allclose(found.uv, [(31.5, 23.5)], atol=1e-12)

@@ -79,6 +79,13 @@ class Run:
         counts = f"sequences: {len(manifest.sequences)}{failed}"
         return f"<Run {self.path}; {counts}; trackers: {trackers}; speeds: {speeds}>"
 
+    def _repr_html_(self) -> str:
+        """The cards of its trackers, which notebooks show."""
+        from tracknoise.report.notebook import run_html
+        from tracknoise.report.report_data import ReportData
+
+        return run_html(ReportData.of(self._folder))
+
     @property
     def path(self) -> Path:
         """The folder of the run."""

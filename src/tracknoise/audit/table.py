@@ -20,12 +20,13 @@ from tracknoise.audit.samples import AuditSamples
 from tracknoise.audit.selection import Selection, Stage, available, select
 from tracknoise.audit.units import shown
 from tracknoise.audit.verdicts import Judged, judge
-from tracknoise.audit.wording import Estimate, effect_text, fault_text, in_unit, other_text
+from tracknoise.audit.wording import Estimate, effect_text, family_text, fault_text, in_unit, other_text
 from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.tables.audit_schema import AUDIT, AUDIT_CURVES, EVERYTHING, MEASURED, AuditVerdict
 from tracknoise.tables.schema import check, empty
 
 Row = dict[str, Any]
+JointFits = dict[Family, tuple[Fit, Jackknife]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +68,8 @@ def tables_of(samples: AuditSamples, dataset: str) -> AuditTables:
     """Tables of the audit of some observations."""
     selection = select(samples)
     curve = curves(samples, _corrected_errors(samples, selection), dataset)
-    rows = [*_single_rows(samples, selection, curve), *_joint_rows(samples, selection)]
+    joint = _joint_fits(samples, selection)
+    rows = [*_single_rows(samples, selection, joint, curve), *_joint_rows(samples, selection, joint)]
     table = pl.DataFrame([{"dataset": dataset, **row} for row in rows], schema=dict(AUDIT))
     return AuditTables(check(table, AUDIT, "audit"), check(curve, AUDIT_CURVES, "audit_curves"))
 
@@ -82,11 +84,25 @@ def _corrected_errors(samples: AuditSamples, selection: Selection) -> dict[str, 
     return found
 
 
-def _single_rows(samples: AuditSamples, selection: Selection, curve: pl.DataFrame) -> Iterator[Row]:
+def _joint_fits(samples: AuditSamples, selection: Selection) -> JointFits:
+    """The stated joint fits, and that of the named faults together, with biases of trackers where these matter."""
+    start, every = Start.at(samples, np.zeros(COUNT)), available(samples)
+    with_bias = selection.final.fitted.with_bias
+    fits = {
+        family: fit(samples, [one for one in parameters if one in every], start, with_bias=with_bias)
+        for family, parameters in JOINT.items()
+    }
+    found = {family: (fitted, jackknife(fitted.equations)) for family, fitted in fits.items()}
+    if selection.named:
+        found[Family.named] = (selection.final.fitted, selection.final.moves)
+    return found
+
+
+def _single_rows(samples: AuditSamples, selection: Selection, joint: JointFits, curve: pl.DataFrame) -> Iterator[Row]:
     """Of the families of one parameter; verdicts and sentences are in the rows of the family alone."""
     judged = judge(selection)
     for one in judged:
-        extra = {"rank": one.rank, "verdict": one.verdict, "text": _text(samples, selection, one, curve)}
+        extra = {"rank": one.rank, "verdict": one.verdict, "text": _text(samples, selection, joint, one, curve)}
         factor = shown(samples, one.parameter).factor
         for component, row in enumerate(_assessed_rows(samples, Family.alone, selection.alone, one.parameter)):
             yield {**row, **extra, "visible_above": abs(factor) * float(one.visible_above[component])}
@@ -100,18 +116,11 @@ def _assessed_rows(samples: AuditSamples, family: Family, stage: Stage, paramete
         yield {**row, "p": stage.p[parameter]}
 
 
-def _joint_rows(samples: AuditSamples, selection: Selection) -> Iterator[Row]:
-    """Of the stated joint fits, and of the named faults together, with biases of trackers where these matter."""
-    start, every = Start.at(samples, np.zeros(COUNT)), available(samples)
-    with_bias = selection.final.fitted.with_bias
-    base = (selection.beside_bias if with_bias else selection.alone).basis
-    for family, parameters in JOINT.items():
-        fitted = fit(samples, [one for one in parameters if one in every], start, with_bias=with_bias)
-        moves = jackknife(fitted.equations)
+def _joint_rows(samples: AuditSamples, selection: Selection, joint: JointFits) -> Iterator[Row]:
+    """Of the joint fits."""
+    base = (selection.beside_bias if selection.final.fitted.with_bias else selection.alone).basis
+    for family, (fitted, moves) in joint.items():
         yield from _fit_rows(samples, family, fitted, moves, _gain(samples, base, fitted, moves))
-    if selection.named:
-        fitted, moves = selection.final.fitted, selection.final.moves
-        yield from _fit_rows(samples, Family.named, fitted, moves, _gain(samples, base, fitted, moves))
 
 
 def _gain(samples: AuditSamples, base: Basis, fitted: Fit, moves: Jackknife) -> Gain:
@@ -179,13 +188,15 @@ def _most_related(names: Sequence[tuple[Parameter, str]], related: NDArray[np.fl
     return {"correlation": float(related[other]), "correlated_with": " ".join(names[other]).strip()}
 
 
-def _text(samples: AuditSamples, selection: Selection, one: Judged, curve: pl.DataFrame) -> str:
+def _text(samples: AuditSamples, selection: Selection, joint: JointFits, one: Judged, curve: pl.DataFrame) -> str:
     unit = shown(samples, one.parameter)
     if one.rank is not None:
         names = [MEASURED, *(fault.parameter for fault in selection.named)]
         effect = effect_text(curve, names[one.rank - 1], one.parameter)
         fault = selection.named[one.rank - 1]
-        return fault_text(one.parameter, _estimate(samples, fault.assessment), effect, fault.rivals)
+        found = _estimate(samples, fault.assessment)
+        beside_others = _in_its_family(samples, selection, joint, one, found)
+        return fault_text(one.parameter, found, effect, fault.rivals) + beside_others
     beside = selection.last.assessed[one.parameter]
     return other_text(
         one.parameter,
@@ -202,3 +213,18 @@ def _estimate(samples: AuditSamples, found: Assessment) -> Estimate:
     """Of a named fault, together with those that were named before it, as its effect is."""
     unit = shown(samples, found.parameter)
     return Estimate(unit, unit.values(found.estimate), found.half_widths * abs(unit.factor))
+
+
+def _in_its_family(samples: AuditSamples, selection: Selection, joint: JointFits, one: Judged, found: Estimate) -> str:
+    """A sentence if the first fault has another value beside parameters of its kind, none of which was named."""
+    family = next(family for family, parameters in JOINT.items() if one.parameter in parameters)
+    fitted, moves = joint[family]
+    others = [parameter for parameter in fitted.parameters if parameter != one.parameter]
+    if not others or one.rank != 1 or any(fault.parameter in others for fault in selection.named):
+        return ""
+    mine = [owner == one.parameter for owner in fitted.parameters for _ in NUMBERS[owner].components]
+    unit = shown(samples, one.parameter)
+    half = moves.half_widths(LEVEL)[: len(mine)][mine] * abs(unit.factor)
+    together = Estimate(unit, unit.values(fitted.estimate[: len(mine)][mine]), half)
+    moved = np.abs(together.values - found.values) > found.half
+    return family_text(others, together) if moved.any() else ""

@@ -75,6 +75,11 @@ def _claim(parameter: Parameter, found: Estimate) -> str:
     return f"The {name} is wrong ({found.text} instead of {found.stated})"
 
 
+def family_text(others: Sequence[Parameter], together: Estimate) -> str:
+    """`` Fitted together with the clock offset of the poses, it is 28 ± 7 ms.``, after another sentence."""
+    return f" Fitted together with {listing([f'the {PARAMETER_NAMES[one]}' for one in others])}, it is {together.text}."
+
+
 def _rivals_text(rivals: Mapping[Parameter, float]) -> str:
     if not rivals:
         return ""

@@ -1,7 +1,8 @@
 """The ``tracknoise`` command: how it ends, by itself, with an error or by a signal.
 
 Exit status: 0 success, 1 user error, 2 some scenes failed, 3 and 4 of
-``tracknoise check`` (usable with caveats, not usable), 128 + N ended by signal N (130 for Ctrl-C). Results go to
+``tracknoise check`` (usable with caveats, not usable) and of ``tracknoise compare --gate`` (worse, undecided), 128 + N
+ended by signal N (130 for Ctrl-C). Results go to
 stdout, everything else to stderr.
 """
 

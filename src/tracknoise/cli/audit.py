@@ -31,10 +31,12 @@ def audit(
 ) -> int:
     """Say whether the stated truth of a run is wrong: its camera, poses, depths or times.
 
-    Prints the answer, the corrections for the experiment file, and the numbers behind both.
+    Prints the answer, what to add to the experiment file (corrections, and the accuracy of the poses), and the numbers
+    behind it.
 
     Example: `tracknoise audit runs/7scenes`
     """
+    from tracknoise.audit.pose_errors.accuracy import accuracy_toml
     from tracknoise.exceptions import StoreError
     from tracknoise.tables.store import RunFolder
 
@@ -42,27 +44,29 @@ def audit(
     found, curves = folder.statistics("audit"), folder.statistics("audit_curves")
     if found.is_empty():
         raise StoreError(f"{run}: holds no audit, expected that of a finished run; `tracknoise run` makes it")
+    accuracy = accuracy_toml(folder.statistics("pose_law"), folder.statistics("rigid_share"))
     if as_json:
-        context.obj.result(_json(found, curves))
+        context.obj.result(_json(found, curves, accuracy))
     else:
-        _print(context.obj, found, curves)
+        _print(context.obj, found, curves, accuracy)
     return 0
 
 
-def _json(found: "pl.DataFrame", curves: "pl.DataFrame") -> str:
+def _json(found: "pl.DataFrame", curves: "pl.DataFrame", accuracy: str | None) -> str:
     from tracknoise.audit.summary import audit_sentences, corrections_toml
 
     document = {
         "format": 1,
         "sentences": audit_sentences(found),
         "corrections": corrections_toml(found),
+        "accuracy": accuracy,
         "audit": found.to_dicts(),
         "audit_curves": curves.to_dicts(),
     }
     return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
 
 
-def _print(terminal: "Terminal", found: "pl.DataFrame", curves: "pl.DataFrame") -> None:
+def _print(terminal: "Terminal", found: "pl.DataFrame", curves: "pl.DataFrame", accuracy: str | None) -> None:
     from tracknoise.audit.summary import audit_sentences, corrections_toml
     from tracknoise.cli.text_table import show
     from tracknoise.report.audit_cells import curve_cells, parameter_cells
@@ -71,6 +75,10 @@ def _print(terminal: "Terminal", found: "pl.DataFrame", curves: "pl.DataFrame") 
         terminal.result(textwrap.fill(sentence, _WIDTH))
     if block := corrections_toml(found):
         terminal.result(f"\nTo correct this, add to the experiment file and run it again:\n\n{block}")
+    if accuracy:
+        terminal.result(
+            f"\nThe trackers agree on errors of the poses. To include them in the truth floor, add:\n\n{accuracy}"
+        )
     for cells in (parameter_cells(found), curve_cells(curves)):
         if cells.rows:
             terminal.result("")

@@ -16,6 +16,7 @@ _COMMANDS = (
     "replicate",
     "report",
     "findings",
+    "compare",
     "audit",
     "noise",
     "prove",

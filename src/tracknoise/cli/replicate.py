@@ -26,7 +26,11 @@ if TYPE_CHECKING:
     from tracknoise.experiments.replicate import Candidate, Limits
     from tracknoise.experiments.settings import Experiment
     from tracknoise.report.replication import Replicated
+    from tracknoise.tables.enumerations import Reading
     from tracknoise.tables.store import RunFolder
+
+
+_CAPTION = "verdicts with untrimmed errors (none) and with two readings of the paper's trimming"
 
 
 def register(app: typer.Typer) -> None:
@@ -52,7 +56,8 @@ def replicate(
     """Repeat the paper's experiments and compare the results with the paper's tables.
 
     The two Gazebo experiments are simulated. DTU Point Features and KITTI are measured if `--data` has them. For each
-    experiment, the first scene is also run with other outlier rejections. An interrupted replication resumes.
+    experiment, the first scene is also run with other outlier rejections. Every claim of the paper is judged with
+    untrimmed errors, and with two readings of its trimming. An interrupted replication resumes.
 
     Example: `tracknoise replicate --data /data --scenes 2 --frames 60`
     """
@@ -67,7 +72,9 @@ def replicate(
     if not any(item.run for item in replicated):
         context.obj.error("none of the paper's experiments could be measured")
         return 1
-    context.obj.result(f"replication: {write_replication(out, replicated).resolve()}")
+    page = write_replication(out, replicated)
+    _print_claims(context.obj, replicated)
+    context.obj.result(f"replication: {page.resolve()}")
     return 2 if runs.failed else 0
 
 
@@ -91,6 +98,21 @@ class _Runs:
             return print_outcome(self._terminal, folder, outcome, report=False)
 
         return None if self._survive(name, execute) == 1 else RunFolder(folder)
+
+    def remake(self, name: str, run: "RunFolder", reading: "Reading") -> "RunFolder | None":
+        """Make a run again under a reading of the paper's trimming. Returns its folder, or None if that failed."""
+        from tracknoise.experiments.replicate import as_read
+        from tracknoise.experiments.running.remade import remake
+        from tracknoise.tables.store import RunFolder
+
+        folder = RunFolder(self._out / "readings" / f"{name}-{reading}")
+        self._terminal.say(f"{name}: statistics with trimming {reading}")
+
+        def make() -> int:
+            remake(run, as_read(run, reading), folder)
+            return 0
+
+        return None if self._survive(name, make) else folder
 
     @contextmanager
     def report_beside(self, name: str, run: "RunFolder | None") -> Iterator[None]:
@@ -133,4 +155,28 @@ def _repeat(candidate: "Candidate", runs: _Runs, limits: "Limits") -> "Replicate
     run = runs.run(candidate.preset, lambda: load_candidate(candidate, limits))
     with runs.report_beside(candidate.preset, run):
         others = runs.run(f"{candidate.preset}-differences", lambda: variants(load_candidate(candidate, limits)))
-    return Replicated(candidate.preset, candidate.found, run, others)
+    read = _other_readings(candidate.preset, run, runs) if run else {}
+    return Replicated(candidate.preset, candidate.found, run, others, read)
+
+
+def _other_readings(name: str, run: "RunFolder", runs: _Runs) -> "dict[Reading, RunFolder]":
+    """The run under the readings of the paper's trimming that are not its own, as far as they can be made."""
+    from tracknoise.tables.enumerations import Reading
+
+    made = ((reading, runs.remake(name, run, reading)) for reading in (Reading.none, Reading.followed))
+    return {reading: folder for reading, folder in made if folder}
+
+
+def _print_claims(terminal: "Terminal", replicated: "list[Replicated]") -> None:
+    """Print the verdict on every claim under each reading of the paper's trimming."""
+    from tracknoise.cli.text_table import show
+    from tracknoise.report import paper
+    from tracknoise.report.claims.tables import best_reading, verdicts
+    from tracknoise.report.replication import judged_cells, judged_claims
+
+    stated, of_tables = judged_claims(replicated), judged_cells(replicated)
+    for item in replicated:
+        judged = [one for one in (*stated, *of_tables) if one.claim.experiment == item.experiment]
+        if item.run:
+            show(terminal.result, verdicts(judged, f"{paper.title(item.experiment)}: {_CAPTION}"))
+    terminal.result(best_reading(stated))

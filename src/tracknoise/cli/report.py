@@ -16,15 +16,28 @@ def register(app: typer.Typer) -> None:
 def report(
     context: typer.Context,
     run: Annotated[Path, typer.Argument(help="Run folder.")],
+    rerun: Annotated[
+        Path | None,
+        typer.Option("--rerun", help="Also write a recording of one scene for the viewer Rerun (extra: rerun)."),
+    ] = None,
+    scene: Annotated[str | None, typer.Option("--scene", help="Scene of this recording. Default: the first.")] = None,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
     """Write the report of a run: an HTML page, figures as SVG, PNG and PDF, tables as CSV and LaTeX.
 
-    Example: `tracknoise report runs/7scenes`
+    A recording for Rerun shows images, tracks coloured by error, true points and the path of the camera. It requires
+    the data of the run.
+
+    Examples: `tracknoise report runs/7scenes`, `tracknoise report runs/demo --rerun demo.rrd --scene forward-00`
     """
     from tracknoise.cli.summary import print_results
     from tracknoise.tables.store import RunFolder
 
+    if rerun is not None:
+        from tracknoise.experiments.view3d.recording import write_recording
+
+        write_recording(RunFolder(run), rerun, scene=scene)
+        context.obj.result(f"written: {rerun.resolve()}")
     print_results(context.obj, RunFolder(run), report=True)
     return 0

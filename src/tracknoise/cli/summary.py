@@ -86,7 +86,7 @@ def summary_text(run: RunFolder) -> str:
     rows = [[parts[0] if len(parts) > 1 else "" for parts in headings], [parts[-1] for parts in headings]]
     rows += [[_cell(row[name], form) for _, name, form in shown] for row in table.iter_rows(named=True)]
     lines = aligned(rows, numeric=[place > 0 for place in range(len(shown))])
-    texts = [*_others(data), *_fitted(data), *_where_trimming_matters(data)]
+    texts = [*_others(data), *_for_estimators(data), *_fitted(data), *_where_trimming_matters(data)]
     return "\n".join([*_doubts(data), *lines[:2], "-" * len(lines[1]), *lines[2:], *texts])
 
 
@@ -126,6 +126,11 @@ def _with_noise(data: ReportData) -> pl.DataFrame:
 def _doubts(data: ReportData) -> list[str]:
     """The finding that says why the data look wrong, before any number."""
     return [f"{textwrap.fill(text, _WIDTH)}\n" for text in data.findings.filter(topic="data")["text"]]
+
+
+def _for_estimators(data: ReportData) -> list[str]:
+    """The finding that says which noise to set in an estimator."""
+    return [textwrap.fill(text, _WIDTH) for text in data.findings.filter(topic="estimator")["text"]]
 
 
 def _where_trimming_matters(data: ReportData) -> list[str]:

@@ -1,6 +1,6 @@
 """Measure sequences: tables of observations and tracks, trimmed, and their moments."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from collections.abc import Sequence as Items
 from dataclasses import dataclass, field
 
@@ -53,6 +53,8 @@ class Measurement:
     notes
         What trackers state about their results, and what is known of the errors of the truth, one sentence each.
         `sequence` has the notes of the reader.
+    images
+        Images of the first frames, (height, width) uint8, as far as they were to be kept.
     """
 
     sequence: Sequence = field(repr=False)
@@ -71,6 +73,7 @@ class Measurement:
     prepared: PreparedSequence = field(repr=False)
     pose_differences: pl.DataFrame = field(repr=False)
     notes: tuple[str, ...] = ()
+    images: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict, repr=False)
 
 
 def measure(
@@ -132,6 +135,7 @@ def measure_together(
     second_truth: Items[Sequence] = (),
     seed: int = 0,
     progress: Progress | None = None,
+    kept_bytes: int = 0,
 ) -> Iterator[Measurement]:
     """Run trackers on sequences that advance together, because they share what they read.
 
@@ -176,6 +180,8 @@ def measure_together(
         Random seed, for trackers that need one.
     progress
         Called after each frame with the number of frames done, and of all frames.
+    kept_bytes
+        Size of the images of each sequence that `Measurement.images` keeps; by default none is kept.
 
     Yields
     ------
@@ -201,6 +207,7 @@ def measure_together(
         progress=progress,
         second=second,
         accuracy=accuracy,
+        kept_bytes=kept_bytes,
     )
     others: Items[Sequence | None] = second or [None for _ in sequences]
     for sequence, other, tables in zip(sequences, others, measured, strict=True):
@@ -260,6 +267,7 @@ def complete(
         prepared=trimmed.sequence,
         pose_differences=_pose_differences(sequence, second_truth, measured.n_frames),
         notes=measured.notes,
+        images=measured.images,
     )
 
 

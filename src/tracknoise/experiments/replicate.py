@@ -11,10 +11,12 @@ from tracknoise.experiments.analysis.reference_condition import first_lighting
 from tracknoise.experiments.load import load_experiment
 from tracknoise.experiments.resolve import resolve
 from tracknoise.experiments.running.plan import plan
-from tracknoise.experiments.settings import Experiment, TrackerChoice, ViewSettings
+from tracknoise.experiments.settings import Experiment, TrackerChoice, ViewSettings, parse_experiment
 from tracknoise.sequences.registry import make_reader
 from tracknoise.sequences.sequence import require_directory
 from tracknoise.simulation.places import PLACES
+from tracknoise.tables.enumerations import Reading, TrimAmong, Trimming
+from tracknoise.tables.store import RunFolder
 from tracknoise.trackers.rejection import Consensus, ReferencePosition
 
 RECORDED, SIMULATED = ("dtu", "kitti"), ("gazebo-linear", "gazebo-arvr")
@@ -27,6 +29,16 @@ _VARIED: dict[str, dict[str, tuple[str, ...]]] = {
     "lucas-kanade": {"consensus": tuple(Consensus)},
 }
 """Outlier rejections that are compared, for each kind of tracker."""
+_AMONG: dict[Reading, dict[str, TrimAmong]] = {
+    Reading.none: {},
+    Reading.all: {"trim_among": TrimAmong.all},
+    Reading.followed: {"trim_among": TrimAmong.followed},
+}
+_TRIMMING = {
+    Reading.none: Trimming.untrimmed,
+    Reading.all: Trimming.trimmed,
+    Reading.followed: Trimming.trimmed,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +107,22 @@ def load_candidate(candidate: Candidate, limits: Limits) -> Experiment:
     if limits.models is None or not _takes_models(experiment):
         return experiment
     return resolve(experiment.with_option("models", str(limits.models.resolve())))
+
+
+def as_read(run: RunFolder, reading: Reading) -> Experiment:
+    """The experiment of a run with one reading of the paper's trimming, whose run keeps statistics alone.
+
+    Raises
+    ------
+    StoreError, SettingsError
+        If the settings of the run are damaged.
+    """
+    experiment = parse_experiment(run.experiment_toml(), place=str(run.path))
+    sections: dict[str, object] = {
+        "statistics": experiment.statistics.model_copy(update=_AMONG[reading]),
+        "findings": experiment.findings.model_copy(update={"trimming": _TRIMMING[reading]}),
+    }
+    return experiment.model_copy(update={**sections, "keep": "statistics"})
 
 
 def variants(experiment: Experiment) -> Experiment:

@@ -36,10 +36,10 @@ def image_derivatives(
     seen = transform(camera_from_world, points)
     projected = projection_jacobian(camera, seen)
     by_point = projected @ camera_from_world[:, :3, :3]
-    return np.concatenate([projected @ _cross(seen), -by_point], axis=2), by_point
+    return np.concatenate([projected @ cross_matrices(seen), -by_point], axis=2), by_point
 
 
-def _cross(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+def cross_matrices(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n, 3, 3) float64: matrices of the cross product with vectors (n, 3) on the left."""
     x, y, z = vectors.T
     zero = np.zeros_like(x)

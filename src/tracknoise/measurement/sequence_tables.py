@@ -1,8 +1,8 @@
 """Measure sequences: tables of what trackers reported, and of its errors."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from collections.abc import Sequence as Items
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import polars as pl
@@ -41,6 +41,8 @@ class SequenceTables:
     notes
         What trackers state about their results, what is known of the errors of the truth, and the notes of the second
         truth, one sentence each.
+    images
+        Images of the first frames, (height, width) uint8, as far as they were to be kept.
     """
 
     observations: pl.DataFrame
@@ -53,6 +55,7 @@ class SequenceTables:
     snapshot_frame: int
     snapshot: NDArray[np.uint8]
     notes: tuple[str, ...] = ()
+    images: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict, repr=False)
 
 
 def measure_sequences(
@@ -66,6 +69,7 @@ def measure_sequences(
     seed: int = 0,
     progress: Progress | None = None,
     second: Items[Sequence] = (),
+    kept_bytes: int = 0,
 ) -> Iterator[SequenceTables]:
     """Run trackers on sequences that advance together, and compute the error of each observation.
 
@@ -90,6 +94,8 @@ def measure_sequences(
     second
         The same sequences with another truth, such as other poses, in the same order. Their images are not read. By
         default there is none.
+    kept_bytes
+        Size of the images of each sequence that are kept; by default none is.
 
     Yields
     ------
@@ -113,7 +119,14 @@ def measure_sequences(
         _check_key_frame(sequence, n_frames, setups, known.key_frame)
     others = open_second_truths(sequences, truths, second, scan_rule=scan_rule)
     results = run_trackers(
-        sequences, setups, truths, n_frames=n_frames, seed=seed, progress=progress, second_truths=others
+        sequences,
+        setups,
+        truths,
+        n_frames=n_frames,
+        seed=seed,
+        progress=progress,
+        second_truths=others,
+        kept_bytes=kept_bytes,
     )
     notes = [second_notes(*pair) for pair in zip(sequences, second, strict=True)] if second else [()] * len(sequences)
     for sequence, known, result, more in zip(sequences, truths, results, notes, strict=True):
@@ -147,6 +160,7 @@ def _sequence_tables(
         snapshot_frame=result.snapshot_frame,
         snapshot=result.snapshot,
         notes=(*result.notes, *floor.notes),
+        images=result.images,
     )
 
 

@@ -1,8 +1,8 @@
 """One pass over the images of sequences that runs every tracker at every speed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from collections.abc import Sequence as Items
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +57,8 @@ class TrackingResult:
         What trackers state about their results, one sentence each.
     second_positions
         The true positions of a second truth, in the same order; None where there is no second truth.
+    images
+        Images of the first frames, (height, width) uint8, as far as they were to be kept.
     """
 
     recordings: list[Recording]
@@ -65,6 +67,7 @@ class TrackingResult:
     snapshot: NDArray[np.uint8]
     notes: tuple[str, ...] = ()
     second_positions: list[TruePositions] | None = None
+    images: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict, repr=False)
 
 
 def run_trackers(
@@ -76,6 +79,7 @@ def run_trackers(
     seed: int,
     progress: Progress | None = None,
     second_truths: Items[Truth] | None = None,
+    kept_bytes: int = 0,
 ) -> list[TrackingResult]:
     """Read each image once, in order, and run each tracker on the frames that it sees.
 
@@ -98,6 +102,8 @@ def run_trackers(
         Called after each frame of all sequences.
     second_truths
         Further truths of each sequence, which receive the same observations; by default none.
+    kept_bytes
+        Size of the images of each sequence that are kept; by default none is.
 
     Returns
     -------
@@ -116,7 +122,7 @@ def run_trackers(
     snapshot_frame = _snapshot_frame(n_frames, conditions, truths[0].key_frame)
     seconds: Items[Truth | None] = second_truths or [None for _ in truths]
     passes = [
-        _Pass(sequence, conditions, truth, second, snapshot_frame=snapshot_frame, seed=seed)
+        _Pass(sequence, conditions, truth, second, snapshot_frame=snapshot_frame, seed=seed, kept_bytes=kept_bytes)
         for sequence, truth, second in zip(sequences, truths, seconds, strict=True)
     ]
     for index in range(n_frames):
@@ -160,6 +166,7 @@ class _Pass:
         *,
         snapshot_frame: int,
         seed: int,
+        kept_bytes: int,
     ) -> None:
         self._sequence = sequence
         self._runs = [
@@ -175,6 +182,8 @@ class _Pass:
         self._notes = _notes(conditions, [run.tracker for run in self._runs])
         self._snapshot_frame = snapshot_frame
         self._snapshot: NDArray[np.uint8] = np.empty((0, 0), np.uint8)
+        self._images: dict[int, NDArray[np.uint8]] = {}
+        self._free_bytes = kept_bytes
 
     def step(self, index: int) -> None:
         """Read a frame and show it to every tracker that sees it."""
@@ -183,6 +192,9 @@ class _Pass:
             run.step(frame)
         if index == self._snapshot_frame:
             self._snapshot = frame.image
+        if frame.image.nbytes <= self._free_bytes:
+            self._images[index] = frame.image
+            self._free_bytes -= frame.image.nbytes
 
     def finish(self) -> TrackingResult:
         """What was recorded, and the true positions."""
@@ -190,7 +202,9 @@ class _Pass:
         positions = [run.truth.resolve() for run in self._runs]
         sessions = [run.second for run in self._runs if run.second is not None]
         second = [session.resolve() for session in sessions] or None
-        return TrackingResult(recordings, positions, self._snapshot_frame, self._snapshot, self._notes, second)
+        return TrackingResult(
+            recordings, positions, self._snapshot_frame, self._snapshot, self._notes, second, self._images
+        )
 
 
 def _start(condition: TrackerSetup, sequence: Sequence, truth: Truth, seed: int) -> Tracker:

@@ -5,7 +5,7 @@ from tracknoise.noise_models.noise_model import NoiseModel
 
 _HEAD = """\
 // Noise of {tracker} at speed {speed:g}, by tracknoise. Model {sha256}.
-// Errors in px at {width} x {height}, focal length {focal:g} px. Ages and the walk are per frame of the recording.
+// Errors in px at {width} x {height}, focal length {focal}. Ages and the walk are per frame of the recording.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -53,7 +53,7 @@ def cpp_header(model: NoiseModel) -> str:
         sha256=model.sha256,
         width=model.camera.width,
         height=model.camera.height,
-        focal=model.camera.focal_px,
+        focal="unknown" if model.camera.focal_px is None else f"{model.camera.focal_px:g} px",
         **parts,
     )
     return head + "".join(_factor(one) for one in model.conditions) + _TAIL

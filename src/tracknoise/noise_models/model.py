@@ -120,11 +120,11 @@ class Tails:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraOfModel:
-    """The camera of the recordings a model was fitted to: image size and focal length in px, rate in Hz if known."""
+    """The camera of the recordings of a model: image size, px, and if known focal length, px, and rate, Hz."""
 
     width: int
     height: int
-    focal_px: float
+    focal_px: float | None
     rate_hz: float | None
 
 

@@ -15,6 +15,8 @@ from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.noise_models.correction import corrected
 from tracknoise.noise_models.covariances import change_covariances, error_covariances, track_covariance
 from tracknoise.noise_models.document import STRICT, read_document, written
+from tracknoise.noise_models.exports.export import Export, Target
+from tracknoise.noise_models.exports.render import export
 from tracknoise.noise_models.factors import factor_of
 from tracknoise.noise_models.fitting.fit import fitted_fields
 from tracknoise.noise_models.losses import Loss, LossKind, matched_loss
@@ -281,6 +283,25 @@ class NoiseModel:
             If there is no such loss.
         """
         return matched_loss(_named(LossKind, "loss", kind), self.tails)
+
+    def export(self, estimator: str, *, target: Target | None = None) -> Export:
+        """The noise in the syntax of an estimator, with what it makes right and what cannot be expressed.
+
+        Parameters
+        ----------
+        estimator
+            Its name: see docs/estimators/exports.md.
+        target
+            Its camera, rate, window and purpose. By default, those of the model and what is usual for the estimator.
+
+        Raises
+        ------
+        SettingsError
+            If the estimator takes no noise of tracks, or the model was not measured at its focal length or rate.
+        UnknownNameError
+            If the estimator is not known.
+        """
+        return export(self, estimator, target=target)
 
     @property
     def components(self) -> TrackNoise:

@@ -3,10 +3,14 @@
 All of it is of windows of the first N observations, features pooled, with the true poses:
 
 - residual sigma: what residuals look like, sqrt(sum r^2 / sum of degrees of freedom) (window.residual_sigma)
+- residual core: the same without the tails. It is the median over windows of sqrt(sum r^2 / degrees of freedom), over
+  that of independent Gaussian noise of standard deviation 1 (window.residual_core)
 - consistent sigma: what makes the depths of points as certain as they are, the median of |z| over that of a Gaussian of
   standard deviation 1, 0.6745 (window.consistent_sigma)
 - overconfidence: the second over the first. An estimator whose sigma was tuned to residuals claims depths that are this
   much more certain than they are (window.overconfidence)
+- core overconfidence: consistent sigma over residual core. Both are medians, so that few tracks that were lost on
+  another point do not change them. Where errors are not trimmed, these tracks dominate the residual sigma
 - z root mean square: as the consistent sigma, but with the tails
 - gate ratios: quantile of the sum of squared residuals of a window, in units of residual sigma, over that of chi
   square. A gate at this quantile must be multiplied by it (window.gate)
@@ -42,8 +46,10 @@ QUANTITIES: dict[str, str] = {
     "residual_sigma": "log",
     "residual_sigma_u": "log",
     "residual_sigma_v": "log",
+    "residual_core": "log",
     "consistent_sigma": "log",
     "overconfidence": "log",
+    "core_overconfidence": "log",
     "z_root_mean_square": "log",
     **{f"gate_{100 * level:.0f}": "log" for level in _GATES},
     **{f"coverage_{100 * level:.0f}": "logit" for level in _LEVELS},
@@ -96,6 +102,35 @@ def window_sigmas(
     return check(table.sort(*POOLED, *_POINT, "quantity"), WINDOW_SIGMAS, "window sigmas")
 
 
+def scene_quantities(windows: pl.DataFrame) -> pl.DataFrame:
+    """The same quantities of every scene on its own.
+
+    Parameters
+    ----------
+    windows
+        Rows of one condition and one trimming, schema `WINDOW_NOISE`.
+
+    Returns
+    -------
+    polars.DataFrame
+        Columns scene, window, quantity, n and value, without rows where a quantity is undefined. n counts the windows,
+        or those that show depth, that the quantity rests on.
+    """
+    units = units_of(_wide(windows), points=["window"], columns=_columns())
+    values, n = _quantities(np.transpose(units.sums, (2, 1, 0))), _sizes(units)
+    there = np.argwhere(~np.isnan(values))
+    quantity, window, scene = there.T
+    return pl.DataFrame(
+        {
+            "scene": np.array(units.scenes, dtype=np.str_)[scene],
+            "window": units.points["window"].to_numpy()[window],
+            "quantity": np.array(list(QUANTITIES))[quantity],
+            "n": n[tuple(there.T)].astype(np.int64),
+            "value": values[tuple(there.T)],
+        }
+    )
+
+
 def _has_few_scenes(key: Condition, windows: pl.DataFrame, groups: SceneGroups) -> bool:
     """Whether blocks are resampled, because scenes cannot be. Only then blocks are read: they are many."""
     return scheme(groups.of(key[0], windows["scene"].unique().sort().to_list())) is None
@@ -141,7 +176,7 @@ def _wide(windows: pl.DataFrame) -> pl.DataFrame:
 def _sizes(units: Units) -> NDArray[np.float64]:
     """(quantities, points, units) float64: windows, or those that show depth, of each unit."""
     n, n_depth = units.sums[..., 0].T, units.sums[..., 1].T
-    about_depth = ("consistent", "overconfidence", "z_", "coverage")
+    about_depth = ("consistent", "overconfidence", "core_overconfidence", "z_", "coverage")
     return np.stack([n_depth if name.startswith(about_depth) else n for name in QUANTITIES])
 
 
@@ -152,14 +187,15 @@ def _quantities(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     residual = _root(squares_u + squares_v, freedom_u + freedom_v)
     consistent = quantile(z, 0.5) / _HALF
     freedom = _ratio(freedom_u + freedom_v, n)
+    core = quantile(residuals, 0.5) / np.sqrt(stats.chi2.ppf(0.5, freedom) / freedom)
     gates = [
         _ratio(quantile(residuals, level) ** 2, residual**2) / (stats.chi2.ppf(level, freedom) / freedom)
         for level in _GATES
     ]
     inside = [share_below(z, float(stats.norm.ppf(0.5 + level / 2.0)) * residual) for level in _LEVELS]
     axes = [_root(squares_u, freedom_u), _root(squares_v, freedom_v)]
-    about_z = [consistent, _ratio(consistent, residual), _root(squares_z, n_depth)]
-    return np.stack([residual, *axes, *about_z, *gates, *inside, _ratio(n_depth, n)])
+    about_z = [consistent, _ratio(consistent, residual), _ratio(consistent, core), _root(squares_z, n_depth)]
+    return np.stack([residual, *axes, core, *about_z, *gates, *inside, _ratio(n_depth, n)])
 
 
 def _ratio(part: NDArray[np.float64], whole: NDArray[np.float64]) -> NDArray[np.float64]:

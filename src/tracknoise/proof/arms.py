@@ -154,6 +154,13 @@ def _tuned(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
     return one_sigma(problem, beliefs.tuned_px)
 
 
+def _exact_first(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    covariances = one_sigma(problem, beliefs.tuned_px)
+    for part in covariances:
+        part[:, :2, :2] *= EXACT**2
+    return covariances
+
+
 def _modelled(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
     return whole_tracks(problem, beliefs.noise)
 
@@ -199,6 +206,7 @@ SCALARS: Mapping[str, tuple[str, Callable[[Beliefs], float]]] = MappingProxyType
 
 ARMS: Mapping[str, Arm] = MappingProxyType(
     {
+        "1e": Arm("one sigma, first observation exact", _exact_first),
         "4": Arm("by age, independent", _by_age),
         "5": Arm("by covariate, independent", _by_covariate),
         "6": Arm("whole tracks", _modelled),

@@ -17,7 +17,7 @@ from tracknoise.proof.trial import try_arms
 from tracknoise.proof.triangulation import learn_sigmas, triangulate
 from tracknoise.tables.store import RunFolder
 
-RUN_ARMS = ("0", "1", "2", "3", "3b", "4", "5", "6", "6b", "7", "7b", "8", "8b", "8c", "8d")
+RUN_ARMS = ("0", "1", "1e", "2", "3", "3b", "4", "5", "6", "6b", "7", "7b", "8", "8b", "8c", "8d")
 """Arms that need no planted noise."""
 _LEAST_SCENES = 2
 

@@ -178,7 +178,8 @@ def _motion_px(uv: NDArray[np.float64]) -> NDArray[np.float64]:
 def _showing_depth(camera: KnownCamera, poses: NDArray[np.float64], group: TrackGroup) -> TrackGroup | None:
     linear = linear_tracks(camera, poses, PointTracks(group.frames, group.points))
     information = np.swapaxes(linear.by_point, 1, 2) @ linear.by_point
-    usable = np.isfinite(information).all(axis=(1, 2)) & (linear.magnification > 0.0).all(axis=1)
+    finite, ahead = np.isfinite(information).all(axis=(1, 2)), (linear.magnification > 0.0).all(axis=1)
+    usable = np.asarray(finite & ahead)
     safe = np.where(usable[:, None, None], information, np.eye(3))
     distance = np.linalg.norm(linear.rays, axis=1)
     along = linear.rays / distance[:, None]

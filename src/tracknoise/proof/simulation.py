@@ -1,5 +1,6 @@
 """Windows of tracks with planted noise, on simulated geometry."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -68,12 +69,26 @@ def simulated_problem(
         Of points and noise.
     """
     poses = trajectory(motion, n_frames)
-    random = np.random.default_rng((seed, 1))
     tracks = simulated_tracks(poses, n_tracks=n_tracks, lengths=lengths, seed=seed)
-    exact = Problem(scene, CAMERA, poses, tuple(_exact(random, poses, group) for group in tracks))
-    shared = random.standard_normal((n_frames, 2))
-    noisy = tuple(group.uv + _errors(random, exact, group, planted, shared) for group in exact.groups)
-    return exact.with_uv(noisy)
+    return noisy(scene, poses, tracks, planted, seed=seed)
+
+
+def noisy(
+    scene: str,
+    world_from_camera: NDArray[np.float64],
+    tracks: Sequence[PointTracks],
+    planted: PlantedNoise,
+    *,
+    seed: int = 0,
+) -> Problem:
+    """Tracks of points, seen by `CAMERA` from poses (frames, 4, 4), with planted noise."""
+    random = np.random.default_rng((seed, 1))
+    exact = Problem(
+        scene, CAMERA, world_from_camera, tuple(_exact(random, world_from_camera, group) for group in tracks)
+    )
+    shared = random.standard_normal((len(world_from_camera), 2))
+    uv = tuple(group.uv + _errors(random, exact, group, planted, shared) for group in exact.groups)
+    return exact.with_uv(uv)
 
 
 def _exact(random: np.random.Generator, poses: NDArray[np.float64], tracks: PointTracks) -> TrackGroup:

@@ -101,7 +101,7 @@ def _projected(problem: Problem) -> list[_Projected]:
 def _of_group(problem: Problem, group: TrackGroup, errors: NDArray[np.float64]) -> _Projected:
     tracks = PointTracks(group.frames, group.points)
     linear = linear_tracks(problem.camera, problem.world_from_camera, tracks)
-    span = np.linalg.qr(linear.by_point, mode="complete")[0][:, :, 3:]
+    span = np.asarray(np.linalg.qr(linear.by_point, mode="complete")[0][:, :, 3:], dtype=np.float64)
     across = np.swapaxes(span, 1, 2)
 
     def share(noise: TrackNoise) -> NDArray[np.float64]:

@@ -129,8 +129,9 @@ def _triangulated(problem: Problem, covariances: Sequence[NDArray[np.float64]]) 
         tracks = PointTracks(group.frames, group.points)
         linear = linear_tracks(problem.camera, problem.world_from_camera, tracks)
         flat = errors.reshape(len(errors), -1, 1)
-        weighted = np.linalg.solve(covariance, linear.by_point)
-        claimed = np.linalg.inv(np.swapaxes(linear.by_point, 1, 2) @ weighted)
+        weighted = np.asarray(np.linalg.solve(covariance, linear.by_point), dtype=np.float64)
+        information = np.swapaxes(linear.by_point, 1, 2) @ weighted
+        claimed = np.asarray(np.linalg.inv(information), dtype=np.float64)
         step = claimed @ (np.swapaxes(weighted, 1, 2) @ flat)
         distance = np.linalg.norm(linear.rays, axis=1)
         along = linear.rays / distance[:, None]

@@ -7,6 +7,10 @@ import polars as pl
 
 from tracknoise.findings.wording import number, percent, pixels
 
+_CHARACTERS, _GAP = 135, 2
+"""Characters in a line of a table that is as wide as the page, and those between two columns."""
+_MOST_TURNED = 6
+"""Tables with more rows than this are not turned."""
 _SHARES = ("outlier_ratio", "pooled_ratio", "dropped_share", "survival")
 
 
@@ -33,6 +37,38 @@ class Cells:
     rows: Sequence[Sequence[str]]
     numeric: Sequence[bool]
     groups: Sequence[tuple[str, int]] = ()
+
+    def part(self, places: Sequence[int], caption: str, groups: Sequence[tuple[str, int]] = ()) -> "Cells":
+        """Some of the columns, by their places, under another caption."""
+        rows = [[row[place] for place in places] for row in self.rows]
+        return Cells(
+            caption,
+            [self.headings[place] for place in places],
+            rows,
+            [self.numeric[place] for place in places],
+            groups,
+        )
+
+    @property
+    def is_dense(self) -> bool:
+        """Whether the table needs small print to fit the page."""
+        return self._characters > _CHARACTERS
+
+    @property
+    def _characters(self) -> int:
+        """Characters in its longest line, if no cell is broken."""
+        widest = [max(map(len, column)) for column in zip(self.headings, *self.rows, strict=True)]
+        return sum(widest) + _GAP * len(widest)
+
+    @property
+    def fitting(self) -> "Cells":
+        """The table as the page prints it: one that is too wide and has few rows has a column for each of them."""
+        if not self.is_dense or not 0 < len(self.rows) <= _MOST_TURNED:
+            return self
+        above = [title for title, span in self.groups for _ in range(span)] or [""] * len(self.headings)
+        names = [f"{group}: {name}" if group else name for group, name in zip(above, self.headings, strict=True)]
+        turned = [[name, *column] for name, column in zip(names, zip(*self.rows, strict=True), strict=True)]
+        return Cells(self.caption, turned[0], turned[1:], [False] * len(turned[0]))
 
 
 def cells(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import polars as pl
 
@@ -11,6 +12,7 @@ from tracknoise.report.departure_texts import texts
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.statistics.differences import comparable, largest_differences
+from tracknoise.tables.enumerations import Trimming
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +72,7 @@ def _measured(name: str, parts: Sequence[Part]) -> Cells | None:
 
 
 def _populations(curves: pl.DataFrame, data: ReportData) -> pl.DataFrame:
-    chosen = curves.filter(weighting="features", trimming="trimmed")
+    chosen = curves.filter(weighting="features")
     return chosen.with_columns(level=pl.col("population").cast(pl.String))
 
 
@@ -80,12 +82,12 @@ def _trimmings(curves: pl.DataFrame, data: ReportData) -> pl.DataFrame:
 
 
 def _weightings(curves: pl.DataFrame, data: ReportData) -> pl.DataFrame:
-    chosen = curves.filter(trimming="trimmed", population=data.population)
+    chosen = curves.filter(population=data.population)
     return chosen.with_columns(level=pl.col("weighting").cast(pl.String))
 
 
 def _centres(curves: pl.DataFrame, data: ReportData) -> pl.DataFrame:
-    chosen = curves.filter(weighting="features", trimming="trimmed", population=data.population)
+    chosen = curves.filter(weighting="features", population=data.population)
     return chosen.filter(pl.col("role").is_in(["second", "central"])).with_columns(level="role", role=pl.lit("second"))
 
 
@@ -97,23 +99,25 @@ _CURVES: Mapping[str, tuple[str, Callable[[pl.DataFrame, ReportData], pl.DataFra
 }
 """Differences that are a choice between curves: caption, and a function that labels the two."""
 _ROLES = ("mean", "absolute", "second")
+_TRIMMINGS = (Trimming.trimmed, Trimming.untrimmed)
 
 
 def _by_curves(name: str, parts: Sequence[Part]) -> Cells:
     """For each tracker at the nominal speed, how much the two curves differ, relative to their common variation."""
     caption, choose = _CURVES[name]
     roles = [role for role in _ROLES if name != "covariance" or role == "second"]
+    shown = [(trimming, role) for trimming in (_TRIMMINGS if name != "trimming" else (None,)) for role in roles]
     rows = []
     for part in parts:
-        found = _differences(part.data, choose)
+        found = {trimming: _differences(part.data, choose, trimming) for trimming, _ in shown}
         for tracker in part.data.trackers:
-            cells = [_difference(found.filter(tracker=tracker, role=role), role) for role in roles]
+            cells = [_difference(found[trimming].filter(tracker=tracker, role=role), role) for trimming, role in shown]
             if name == "weighting" and _is_one_scene(part.data, tracker):
-                cells = [(DASH, "one scene")] * len(roles)
+                cells = [(DASH, "one scene")] * len(shown)
             rows.append([part.title, tracker, *(text for pair in cells for text in pair)])
-    headings = ["experiment", "tracker", *(["difference", "effect"] * len(roles))]
-    groups = [("", 2), *((STATISTICS[role], 2) for role in roles)]
-    return Cells(caption, headings, rows, [False, False, *[True] * (2 * len(roles))], groups)
+    headings = ["experiment", "tracker", *(["difference", "effect"] * len(shown))]
+    groups = [("", 2), *((", ".join(filter(None, [STATISTICS[role], trimming])), 2) for trimming, role in shown)]
+    return Cells(caption, headings, rows, [False, False, *[True] * (2 * len(shown))], groups)
 
 
 def _is_one_scene(data: ReportData, tracker: str) -> bool:
@@ -121,11 +125,18 @@ def _is_one_scene(data: ReportData, tracker: str) -> bool:
     return data.nominal(data.curves).filter(tracker=tracker)["n_scenes"].max() == 1
 
 
-def _differences(data: ReportData, choose: Callable[[pl.DataFrame, ReportData], pl.DataFrame]) -> pl.DataFrame:
-    """The largest differences between the two levels that `choose` labels, by tracker and role."""
+def _differences(
+    data: ReportData, choose: Callable[[pl.DataFrame, ReportData], pl.DataFrame], trimming: Trimming | None
+) -> pl.DataFrame:
+    """The largest differences between the two levels that `choose` labels, by tracker and role.
+
+    Curves are those of one trimming; of both where `choose` compares them.
+    """
     key_frames = {direction: data.key_frame(direction) or 0 for direction in data.directions}
     roles = data.axis.roles
-    curves = comparable(data.nominal(data.curves), key_frames).with_columns(
+    of_both = data.nominal(data.curves)
+    chosen = of_both if trimming is None else of_both.filter(trimming=trimming)
+    curves = comparable(chosen, key_frames).with_columns(
         role=pl.col("statistic").replace_strict(roles, return_dtype=pl.String)
     )
     return largest_differences(choose(curves, data), by=["tracker", "role"], level="level").sort(
@@ -158,27 +169,34 @@ def _rejection(parts: Sequence[Part]) -> Cells | None:
     """Results of the variants of outlier rejection, in the first scene of each experiment."""
     rows = []
     for title, variants in ((part.title, part.variants) for part in parts if part.variants):
-        table = variants.nominal(variants.summary).join(_shared_roots(variants), on="tracker", how="left")
-        for row in variants.in_order(table).to_dicts():
+        roots = {trimming: _shared_roots(variants, trimming) for trimming in _TRIMMINGS}
+        for row in variants.in_order(variants.nominal(variants.summary)).to_dicts():
             ratio = DASH if row["outlier_ratio"] is None else percent(row["outlier_ratio"])
-            place = DASH if row["since"] is None else variants.axis.place(row["since"]).replace(" ", SPACE)
-            rms = [pixels(row["u"]), pixels(row["v"])]
-            rows.append([title, row["tracker"], ratio, number(row["mean_lifetime"]), place, *rms])
-    headings = ["experiment", "tracker", "outlier ratio", "mean lifetime (frames)", "where", "u (px)", "v (px)"]
-    numeric = [False, False, True, True, False, True, True]
-    groups = [("", 4), ("root mean square error, trimmed", 3)]
+            lengths = (_root_cells(variants, table.filter(tracker=row["tracker"])) for table in roots.values())
+            rows.append([title, row["tracker"], ratio, number(row["mean_lifetime"]), *chain.from_iterable(lengths)])
+    headings = ["experiment", "tracker", "outlier ratio", "mean lifetime (frames)", *["where", "u (px)", "v (px)"] * 2]
+    numeric = [False, False, True, True, *[False, True, True] * 2]
+    groups = [("", 4), *((f"root mean square error, {trimming}", 3) for trimming in _TRIMMINGS)]
     return Cells("Variants of outlier rejection", headings, rows, numeric, groups) if rows else None
 
 
-def _shared_roots(data: ReportData) -> pl.DataFrame:
-    """Roots of trimmed second moments at the last age, up to `REFERENCE_AGE`, that all trackers with a curve share.
+def _root_cells(data: ReportData, roots: pl.DataFrame) -> list[str]:
+    """Where roots of second moments are compared, and their values; dashes where there are none."""
+    if roots.is_empty():
+        return [DASH, DASH, DASH]
+    row = roots.row(0, named=True)
+    return [data.axis.place(row["since"]).replace(" ", SPACE), pixels(row["u"]), pixels(row["v"])]
+
+
+def _shared_roots(data: ReportData, trimming: Trimming) -> pl.DataFrame:
+    """Roots of second moments at the last age, up to `REFERENCE_AGE`, that all trackers with a curve share.
 
     Columns tracker, since, u and v: one row per tracker. Empty where no age is shared.
     """
     points = data.nominal(data.points).filter(
         pl.col("since").is_between(1, REFERENCE_AGE),
         role="second",
-        trimming="trimmed",
+        trimming=trimming,
         population=data.population,
     )
     is_shared = pl.col("tracker").n_unique().over("since") == points["tracker"].n_unique()

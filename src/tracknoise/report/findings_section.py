@@ -15,7 +15,7 @@ from tracknoise.findings.headlines.reported_conditions import (
 from tracknoise.findings.wording import DASH, SELF_REFERENTIAL, SPACE, chance, number
 from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
-from tracknoise.statistics.factors import ReferenceCondition
+from tracknoise.report.reported import reported_conditions
 
 _GROWTH = {"white": "constant", "none": "other"}
 """Words for verdicts that need more than their name."""
@@ -39,7 +39,9 @@ def verdicts(data: ReportData) -> Cells:
     """One row per tracker and speed, in the view shown in the figures: size of errors, and verdicts."""
     axis, dropped = data.axis, data.percentile is not None
     headings = ["tracker", "speed", f"at {axis.name}", "u", "v", "u", "v", "is zero?"]
-    shapes = [str(trimming) for trimming in _conditions(data, data.slowest).trimmings] if dropped else ["errors"]
+    shapes = (
+        [str(trimming) for trimming in reported_conditions(data, data.slowest).trimmings] if dropped else ["errors"]
+    )
     headings += [*shapes, "in u", "in v", "outliers", "median lifetime"]
     groups = [
         ("", 3),
@@ -108,7 +110,7 @@ def _lengths(low: int | None, high: int | None) -> str:
 
 def _row(data: ReportData, tracker: str, speed: int) -> list[str]:
     """Cells of one condition. Empty where it was not measured."""
-    chosen = _conditions(data, speed)
+    chosen = reported_conditions(data, speed)
     summary = _first(chosen.of(data.summary, tracker))
     if summary is None:
         return []
@@ -129,13 +131,6 @@ def _sizes(data: ReportData, conditions: ReportedConditions, tracker: str, at: i
     if at is None or data.truth_is_fitted:
         return [DASH] * 5
     return [str(at), *(size(data, conditions, tracker, coordinate) for size in (_core, _rms) for coordinate in "uv")]
-
-
-def _conditions(data: ReportData, speed: int) -> ReportedConditions:
-    found = {name: data.key_frame(name) for name in data.directions}
-    frames = {name: frame for name, frame in found.items() if frame is not None}
-    reference = ReferenceCondition(**data.view, speed=speed, key_frames=frames)
-    return ReportedConditions(reference, data.trackers, data.population, data.percentile, trimming=data.trimming)
 
 
 def _core(data: ReportData, conditions: ReportedConditions, tracker: str, coordinate: str) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
+from itertools import accumulate
 from typing import Any
 
 import polars as pl
@@ -226,6 +227,17 @@ def summary(data: ReportData) -> Cells:
     table = data.in_order(data.listed(data.summary))
     caption = f"Key numbers of every condition{_chosen(data)}"
     return cells(table, {**conditions, **lived, **errors}, caption, groups=groups)
+
+
+def summary_parts(data: ReportData) -> list[Cells]:
+    """The table of `summary` in parts that fit the page: lifetimes and outliers, then errors by trimming."""
+    whole, keys = summary(data), len(data.condition_columns)
+    ends = list(accumulate(span for _, span in whole.groups))
+    parts = [whole.part(range(ends[2]), whole.caption, whole.groups[:3])]
+    for (title, span), start, end in zip(whole.groups[3:], ends[2:], ends[3:], strict=False):
+        groups = [("", keys + 1), (title, span)]
+        parts.append(whole.part([*range(keys), ends[2] - 1, *range(start, end)], f"Errors, {title}", groups))
+    return parts
 
 
 def _chosen(data: ReportData) -> str:

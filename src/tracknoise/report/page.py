@@ -8,18 +8,25 @@ from typing import Any
 from tracknoise.atomic import replaced_folder
 from tracknoise.exceptions import StoreError, UnknownNameError
 from tracknoise.report import (
+    explorer,
     export,
     factor_effects,
     findings_section,
+    looks,
     measured,
     table_files,
     trimmed,
     truth_section,
 )
-from tracknoise.report.cells import Cells
+from tracknoise.report.answer import interval_plot
+from tracknoise.report.answer.annotated_frame import annotated_frame
+from tracknoise.report.answer.answer import summarise
+from tracknoise.report.answer.curve_plot import curves, curves_caption
+from tracknoise.report.answer.summary import SUMMARY, Summary, summary_json
 from tracknoise.report.contents import CONTENTS, Section, contents_json
-from tracknoise.report.figures.families import FAMILIES
-from tracknoise.report.figures.figure import Absence, Figure, require_distinct
+from tracknoise.report.figures.families import FAMILIES, Family
+from tracknoise.report.figures.figure import Figure, require_distinct
+from tracknoise.report.parts import Part, parts
 from tracknoise.report.report_data import ReportData
 from tracknoise.report.templates import template
 from tracknoise.tables.store import RunFolder
@@ -28,7 +35,8 @@ from tracknoise.tables.store import RunFolder
 def write_report(run: RunFolder, *, figure_formats: Sequence[str] = export.FORMATS) -> Path:
     """Write the folder ``report/`` of a run. An earlier report is replaced when the new one is complete.
 
-    The folder has ``index.html``, ``contents.json`` (see `tracknoise.report.contents`), ``figures/`` and ``tables/``.
+    The folder has ``index.html``, ``summary.json`` (see `tracknoise.report.answer.summary`), ``contents.json`` (see
+    `tracknoise.report.contents`), ``figures/`` and ``tables/``.
 
     Parameters
     ----------
@@ -58,20 +66,23 @@ def write_report(run: RunFolder, *, figure_formats: Sequence[str] = export.FORMA
 
 def _files(data: ReportData, formats: tuple[str, ...]) -> dict[str, bytes]:
     """Content of every file of the report, by its path within it."""
-    drawn = [(family, family.figures(data), family.tables(data)) for family in FAMILIES]
-    shown = [section for section in drawn if section[1]]
-    require_distinct(item for _, items, _ in shown for item in items)
-    contents = _contents(data, [Section(family.id, family.title, items) for family, items, _ in shown])
-    figures = [item for _, items, _ in shown for item in items if isinstance(item, Figure)]
+    drawn = {family: family.figures(data) for family in FAMILIES}
+    shown = {family.id: family for family, items in drawn.items() if items}
+    sections = [Section(family.id, family.title, items) for family, items in drawn.items() if items]
+    require_distinct(item for section in sections for item in section.items)
+    arranged = parts({section.id: section for section in [*_fixed(data), *sections]})
+    figures = [item for section in sections for item in section.items if isinstance(item, Figure)]
     specs = {figure.id: export.specification(figure) for figure in figures}
+    answered = summarise(data)
     files = _figure_files(specs, formats) | _table_files(data)
-    files[CONTENTS] = contents_json(data.name, contents, formats).encode()
-    files["index.html"] = _page(data, contents, shown, specs, formats).encode()
+    files[CONTENTS] = contents_json(data.name, [one for part in arranged for one in part.sections], formats).encode()
+    files[SUMMARY] = summary_json(answered).encode()
+    files["index.html"] = _page(data, answered, arranged, shown, specs, formats).encode()
     return files
 
 
-def _contents(data: ReportData, families: Sequence[Section]) -> list[Section]:
-    """All sections of the page, in order."""
+def _fixed(data: ReportData) -> list[Section]:
+    """Sections without figures."""
     exported = [(item.id, item.title) for item in table_files.EXPORTS]
     return [
         Section("findings", "Findings"),
@@ -79,8 +90,8 @@ def _contents(data: ReportData, families: Sequence[Section]) -> list[Section]:
         Section("measured", "Measurement"),
         Section("summary", "Summary", tables=exported),
         Section("factor-effects", factor_effects.heading(data)),
-        *families,
         Section("limits", "Reading guide and limits"),
+        Section("explorer", "Explorer"),
     ]
 
 
@@ -102,24 +113,36 @@ def _table_files(data: ReportData) -> dict[str, bytes]:
 
 def _page(
     data: ReportData,
-    contents: Sequence[Section],
-    shown: Sequence[tuple[object, Sequence[Figure | Absence], Sequence[Cells]]],
+    answered: Summary,
+    arranged: Sequence[Part],
+    families: Mapping[str, Family],
     specs: Mapping[str, Any],
     formats: tuple[str, ...],
 ) -> str:
+    seen = looks.looks(data)
     return template("index.html.j2").render(
         data=data,
-        contents=contents,
-        titles={section.id: section.title for section in contents},
+        summary=answered,
+        scales=interval_plot.scales(answered.cards),
+        interval_plot=interval_plot,
+        frame=annotated_frame(data),
+        curves=curves(data),
+        curves_caption=curves_caption(data),
+        parts=arranged,
+        families=families,
+        below={name: family.tables(data) for name, family in families.items()},
+        titles={section.id: section.title for part in arranged for section in part.sections},
         measured=measured,
         factor_effects=factor_effects,
         findings_section=findings_section,
         trimmed=trimmed,
         truth_section=truth_section,
-        summary=measured.summary(data),
         exports=table_files.EXPORTS,
-        sections=shown,
         specs={name: _embedded(spec) for name, spec in specs.items()},
+        charts=explorer.charts(data),
+        explored=_embedded(explorer.explored(data)),
+        has_looks=bool(seen["groups"]),
+        looked=_embedded(seen),
         formats=formats,
         vega=export.scripts(),
     )

@@ -17,6 +17,9 @@ from tracknoise.tables.schema import CONDITION, EFFECTS, VERDICT, Schema
 
 STATISTICS: Mapping[str, str] = {role: name for role, name in wording.STATISTICS.items() if role != "core"}
 """Rows of the paper's summary tables: name of each statistic by its role."""
+TRACKERS = ("lucas-kanade", "correspondence")
+"""Kinds of the trackers that the paper compares."""
+_CLAIMS = "claims"
 _KEYS = ["dataset", "factor", *CONDITION, "statistic"]
 _YARDSTICK: Schema = {f"yardstick_{name}": kind for name, kind in EFFECTS.items() if name not in _KEYS}
 COMPARISON: Schema = {
@@ -33,6 +36,17 @@ AGREEMENTS = ("agree", "disagree", "undecided")
 @cache
 def findings() -> Mapping[str, Mapping[str, Any]]:
     """The paper's findings: by experiment, factor and statistic, and by tracker where it distinguishes them."""
+    return {name: section for name, section in _document().items() if name != _CLAIMS}
+
+
+def stated_claims() -> Sequence[Mapping[str, Any]]:
+    """The claims of its abstract, text, figures and captions (`tracknoise.report.claims`)."""
+    entries: Sequence[Mapping[str, Any]] = _document()[_CLAIMS]
+    return entries
+
+
+@cache
+def _document() -> Mapping[str, Any]:
     text = (resources.files("tracknoise.report") / "paper_findings.toml").read_text(encoding="utf-8")
     return tomllib.loads(text)
 

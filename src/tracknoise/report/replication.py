@@ -1,23 +1,29 @@
-"""The pages of a replication: the paper's tables compared with the runs, and the differences from the paper."""
+"""The pages of a replication: the paper's claims and tables compared with the runs, and the differences from it."""
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from tracknoise.findings.wording import DASH, number
 from tracknoise.report import factor_effects, paper
 from tracknoise.report.cells import Cells
+from tracknoise.report.claims import tables
+from tracknoise.report.claims.claim import cells, claims
+from tracknoise.report.claims.tables import Judged
 from tracknoise.report.contents import read_contents
 from tracknoise.report.departures import Part, departures
 from tracknoise.report.report_data import ReportData
+from tracknoise.report.side_by_side import write_figures
 from tracknoise.report.templates import template
+from tracknoise.tables.enumerations import Reading
 from tracknoise.tables.files import write_atomically
 from tracknoise.tables.store import RunFolder
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Replicated:
     """One experiment of the paper, and its run if there is one.
 
@@ -31,16 +37,35 @@ class Replicated:
         Its run, with a report; None where there is none.
     variants
         A run of its first scene with variants of its trackers; None where there is none.
+    others
+        The same run under other readings of the paper's trimming. `run` is that of `Reading.all`.
     """
 
     experiment: str
     found: str
     run: RunFolder | None = None
     variants: RunFolder | None = None
+    others: Mapping[Reading, RunFolder] = field(default_factory=dict)
+
+    @cached_property
+    def data(self) -> Mapping[Reading, ReportData]:
+        """Tables of the run under each reading that there is, in the order of the readings."""
+        runs = {**self.others, **({Reading.all: self.run} if self.run else {})}
+        return {reading: ReportData.of(runs[reading]) for reading in Reading if reading in runs}
+
+
+def judged_claims(replicated: Sequence[Replicated]) -> list[Judged]:
+    """Verdicts on the claims of abstract, text and captions under every reading."""
+    return tables.judged(claims(), _by_reading(replicated))
+
+
+def judged_cells(replicated: Sequence[Replicated]) -> list[Judged]:
+    """Verdicts on the cells of the summary tables under every reading."""
+    return tables.judged(cells(), _by_reading(replicated))
 
 
 def write_replication(folder: Path, replicated: Sequence[Replicated]) -> Path:
-    """Write ``index.html`` and ``differences.html`` into the folder of the runs.
+    """Write ``index.html``, ``differences.html``, ``figures.html`` and ``claims.csv`` into the folder of the runs.
 
     Parameters
     ----------
@@ -60,30 +85,50 @@ def write_replication(folder: Path, replicated: Sequence[Replicated]) -> Path:
         If a run is damaged, or the folder cannot be written.
     """
     parts = {item.experiment: _part(item) for item in replicated if item.run}
-    shown: dict[str, Any] = {"paper": paper, "parts": parts}
-    chapters = [_chapter(item, parts.get(item.experiment), folder) for item in replicated]
+    stated, of_tables = judged_claims(replicated), judged_cells(replicated)
+    shown: dict[str, Any] = {"paper": paper, "parts": parts, "claims": _claims(stated, of_tables)}
+    chapters = [_chapter(item, parts.get(item.experiment), folder, [stated, of_tables]) for item in replicated]
     total = {name: sum(chapter["tally"].get(name, 0) for chapter in chapters) for name in paper.AGREEMENTS}
     index = template("replication.html.j2").render(ran=_ran(replicated, parts), chapters=chapters, total=total, **shown)
     differences = template("differences.html.j2").render(departures=departures(list(parts.values())), **shown)
+    drawn = {paper.title(item.experiment): item.data for item in replicated if item.run}
+    write_figures(folder, drawn, tables.READINGS)
+    write_atomically(folder / "claims.csv", tables.to_csv([*stated, *of_tables]).encode())
     write_atomically(folder / "differences.html", differences.encode())
     write_atomically(folder / "index.html", index.encode())
     return folder / "index.html"
 
 
+def _by_reading(replicated: Sequence[Replicated]) -> tables.Runs:
+    read = [(reading, item.experiment, data) for item in replicated for reading, data in item.data.items()]
+    return {reading: {name: data for one, name, data in read if one is reading} for reading in Reading}
+
+
+def _claims(stated: Sequence[Judged], of_tables: Sequence[Judged]) -> Mapping[str, Any]:
+    """What the page shows of the claims of all experiments."""
+    return {
+        "best": tables.best_reading(stated),
+        "stated": tables.tallies(stated, "Claims of abstract, text and captions"),
+        "cells": tables.tallies(of_tables, "Cells of the summary tables"),
+    }
+
+
 def _part(item: Replicated) -> Part:
-    assert item.run is not None
     variants = ReportData.of(item.variants) if item.variants else None
-    return Part(paper.title(item.experiment), ReportData.of(item.run), variants)
+    return Part(paper.title(item.experiment), item.data[Reading.all], variants)
 
 
-def _chapter(item: Replicated, part: Part | None, folder: Path) -> Mapping[str, Any]:
+def _chapter(item: Replicated, part: Part | None, folder: Path, items: Sequence[Sequence[Judged]]) -> Mapping[str, Any]:
     """What the page shows for one experiment."""
     chapter: dict[str, Any] = {"id": item.experiment, "title": paper.title(item.experiment), "found": item.found}
     if part is None or item.run is None:
         return {**chapter, "part": None, "tally": {}}
     table = part.data.comparison
+    stated, of_tables = ([one for one in some if one.claim.experiment == item.experiment] for some in items)
     return {
         **chapter,
+        "claims": tables.table(stated, "Claims of abstract, text and captions"),
+        "cells": tables.table(of_tables, "Cells of the summary table, by paired verdicts"),
         "part": part,
         "tally": paper.tally(table, of="yardstick_agreement"),
         "sentences": factor_effects.sentences(part.data),

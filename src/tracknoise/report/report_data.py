@@ -292,9 +292,9 @@ class ReportData:
         return identifiers(self.trackers, taken=_FIXED)
 
     def speed_colours(self, tracker: str) -> dict[str, str]:
-        """Shade of each speed of a tracker, by the speed's label."""
-        shades = style.shades(self.colour[tracker], len(self.speeds))
-        return dict(zip(map(str, self.speeds), shades, strict=True))
+        """Colour of each speed of a tracker, by the speed's label. A few speeds are shades of the tracker's colour."""
+        colours = style.levels(self.colour[tracker], len(self.speeds))
+        return dict(zip(map(str, self.speeds), colours, strict=True))
 
     def reference(self, table: pl.DataFrame) -> pl.DataFrame:
         """Rows of the `view`."""

@@ -1,4 +1,4 @@
-"""Colours, fonts and sizes. A tracker has the same colour in all figures, and a speed a shade of it."""
+"""Colours, fonts and sizes. A tracker has the same colour in all figures. A few speeds are shades of it."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -7,8 +7,10 @@ PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#0
 """Okabe and Ito's colours, which people with any colour vision can distinguish."""
 INK, QUIET, FAINT = "#1b2430", "#5b6775", "#e3e7ec"
 BLACK = "#000000"
-BLUES, REDS = ("#08306b", "#74c7ee"), ("#67000d", "#fdae5b")
-"""Ends of two ramps that differ for any colour vision."""
+ORDINAL = ("#380045", "#5f358c", "#8b59ed", "#62b3ea", "#086b63", "#6ca361", "#efab06", "#a76002", "#890d16")
+"""Nine colours in the order of their hues, from violet to red. Any two differ for any colour vision."""
+MOST_SHADES = 4
+"""More shades of one colour than this are hard to distinguish."""
 MEDIAN, MEAN = "#E69F00", "#009E73"
 FONT = "Helvetica Neue, Helvetica, Arial, Liberation Sans, DejaVu Sans, sans-serif"
 
@@ -26,9 +28,22 @@ def shades(colour: str, n: int) -> list[str]:
     return [_mixed(colour, "#000000", -step) if step < 0 else _mixed(colour, "#ffffff", step) for step in steps]
 
 
-def ramp(ends: tuple[str, str], n: int) -> list[str]:
-    """`n` colours from the first of two to the second."""
-    return [_mixed(*ends, i / max(1, n - 1)) for i in range(n)]
+def levels(colour: str, n: int) -> list[str]:
+    """`n` colours for values in an order.
+
+    They are shades of a colour, from dark to light, if there are at most `MOST_SHADES`. Otherwise they are those of
+    `ORDINAL`, and colours between them if these are too few.
+    """
+    if n <= MOST_SHADES:
+        return shades(colour, n)
+    places = [(len(ORDINAL) - 1) * i / (n - 1) for i in range(n)]
+    return [ORDINAL[round(place)] if n <= len(ORDINAL) else _between(ORDINAL, place) for place in places]
+
+
+def _between(stops: Sequence[str], place: float) -> str:
+    """The colour at a place among evenly spaced stops, counted from 0."""
+    first = min(int(place), len(stops) - 2)
+    return _mixed(stops[first], stops[first + 1], place - first)
 
 
 def _mixed(colour: str, other: str, share: float) -> str:

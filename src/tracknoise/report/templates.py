@@ -8,9 +8,18 @@ from markupsafe import Markup, escape
 from tracknoise.printable import printable
 from tracknoise.report.figures.figure import Figure
 
+_RAW = {
+    "css": "page.css",
+    "first_css": "first.css",
+    "script": "page.js",
+    "looks": "looks.js",
+    "explorer": "explorer.js",
+}
+"""Files that stand in a page as they are, by their names in templates."""
+
 
 def template(name: str) -> Template:
-    """A template. It finds the style of the report as `css`, its script as `script`, and the filter `code`."""
+    """A template. It finds the styles and scripts of the report by the names in `_RAW`, and the filter `code`."""
     loader = PackageLoader("tracknoise.report", "template")
     environment = Environment(
         loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
@@ -18,8 +27,7 @@ def template(name: str) -> Template:
     environment.finalize = _shown
     environment.tests["figure"] = lambda item: isinstance(item, Figure)
     environment.filters["code"] = _code
-    raw = {"css": "page.css", "script": "page.js"}
-    environment.globals |= {key: loader.get_source(environment, file)[0] for key, file in raw.items()}
+    environment.globals |= {key: loader.get_source(environment, file)[0] for key, file in _RAW.items()}
     return environment.get_template(name)
 
 

@@ -76,6 +76,8 @@ class DepthFaults:
         from frame to frame, and correlated over a few pixels.
     step_m
         Depths are rounded to multiples of this, metres; 0 for none.
+    nearest_m, farthest_m
+        The range of the sensor: there is no depth outside of it, metres; 0 for no limit.
     lag_frames
         The depth map of a frame is of a time this many frames earlier. Parts of a frame need a simulated sequence.
 
@@ -90,13 +92,17 @@ class DepthFaults:
     noise_m: float = 0.0
     noise_quadratic_per_m: float = 0.0
     step_m: float = 0.0
+    nearest_m: float = 0.0
+    farthest_m: float = 0.0
     lag_frames: float = 0.0
 
     def __post_init__(self) -> None:
         require_positive("scale", self.scale)
         require(math.isfinite(self.offset_m), "offset_m", self.offset_m, "a finite number")
-        for name in ("noise_m", "noise_quadratic_per_m", "step_m", "lag_frames"):
+        for name in ("noise_m", "noise_quadratic_per_m", "step_m", "nearest_m", "farthest_m", "lag_frames"):
             require_at_least(name, getattr(self, name), 0)
+        in_order = not self.farthest_m or self.farthest_m > self.nearest_m
+        require(in_order, "farthest_m", self.farthest_m, "0, or more than nearest_m")
 
     @property
     def noise(self) -> DepthAccuracy:

@@ -136,10 +136,10 @@ def depth_with_lag(sequence: Sequence, index: int, lag_frames: float) -> DepthMa
 
 
 def stated_depth(depth: DepthMap, faults: DepthFaults, rng: np.random.Generator) -> DepthMap:
-    """The depth map with wrong scale and offset, noise and rounding, in this order.
+    """The depth map with wrong scale and offset, noise and rounding, in this order, within the range of the sensor.
 
-    Depths that are not positive afterwards are not valid. The accuracy of the map includes noise and rounding, so that
-    these do not make visible points count as occluded.
+    Depths that are not positive afterwards, or out of range, are not valid. The accuracy of the map includes noise and
+    rounding, so that these do not make visible points count as occluded.
     """
     true_m = np.where(depth.valid, depth.depth_m, 1.0).astype(np.float64)
     stated = (true_m - faults.offset_m) / faults.scale
@@ -148,7 +148,9 @@ def stated_depth(depth: DepthMap, faults: DepthFaults, rng: np.random.Generator)
         stated = stated + sigma_m * _smooth_noise(stated.shape, rng)
     if faults.step_m:
         stated = np.rint(stated / faults.step_m) * faults.step_m
-    valid = depth.valid & (stated > 0.0)
+    valid = depth.valid & (stated > 0.0) & (stated >= faults.nearest_m)
+    if faults.farthest_m:
+        valid &= stated <= faults.farthest_m
     return replace(depth, depth_m=stated, valid=valid, accuracy=_accuracy(depth.accuracy, faults))
 
 

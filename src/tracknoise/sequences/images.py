@@ -266,6 +266,13 @@ def _layout(array: NDArray[Any]) -> str:
     return f"{array.dtype.itemsize * 8}-bit image of {channels} channel{'s' if channels > 1 else ''}"
 
 
+def encode_webp(image: NDArray[np.uint8], *, quality: int) -> bytes:
+    """Encode a grayscale image, (height, width) of 8 bits, as the bytes of a WebP file; quality is from 1 to 100."""
+    done, encoded = cv2.imencode(".webp", image, [cv2.IMWRITE_WEBP_QUALITY, quality])
+    assert done, "such an image can always be encoded"
+    return encoded.tobytes()
+
+
 def encode_png(image: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
     """Encode a grayscale image, (height, width) of 8 or 16 bits, as the bytes of a PNG file."""
     done, encoded = cv2.imencode(".png", image)

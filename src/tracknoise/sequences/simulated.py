@@ -3,7 +3,7 @@
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import ClassVar
 
@@ -241,7 +241,9 @@ class Simulated:
         """
         if self.world_file is not None:
             return load_world(self.world_file, models=self.models)
-        return PLACES[self.world].build(generator(self.seed, Stream.world, scene), self.models)
+        if self.models is None:
+            return _kept(self.world, self.seed, scene)
+        return _built(self.world, self.seed, scene, self.models)
 
     def _world_from_motion(self) -> NDArray[np.float64]:
         """(4, 4) float64: from the frame of the motion to that of the world file."""
@@ -249,6 +251,14 @@ class Simulated:
         pose[:3, :3] = Rotation.from_euler("z", self.yaw_deg, degrees=True).as_matrix()
         pose[:3, 3] = self.origin
         return pose
+
+
+def _built(place: str, seed: int, scene: str, models: Path | None = None) -> Scenery:
+    return PLACES[place].build(generator(seed, Stream.world, scene), models)
+
+
+_kept = lru_cache(maxsize=2)(_built)
+"""Worlds that depend on no file, for further sequences of their scene: the textures of one take a second to make."""
 
 
 def _names(kind: str, names: tuple[str, ...], known: Collection[str]) -> tuple[str, ...]:

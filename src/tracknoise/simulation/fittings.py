@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from tracknoise.simulation.pattern import CLOUDS, GROUND, MASONRY, paint
+from tracknoise.simulation.pattern import CLOUDS, GROUND, MASONRY, facade, paint, plain
 from tracknoise.simulation.quad import Quad, box
 
 _TEXTURE_SIDE = 1024
@@ -21,6 +21,12 @@ _FAR_M = 300.0
 def paint_textures(rng: np.random.Generator) -> tuple[NDArray[np.float32], ...]:
     """Textures that the other functions use, by index."""
     return tuple(paint(recipe, _TEXTURE_SIDE, rng) for recipe in _RECIPES)
+
+
+def paint_plain_textures(rng: np.random.Generator) -> tuple[NDArray[np.float32], ...]:
+    """Textures of the same places: walls with windows, plain ground and plain sky."""
+    walls = [facade(_TEXTURE_SIDE, rng) for _ in MASONRY_TEXTURES]
+    return (*walls, *(plain(_TEXTURE_SIDE, rng) for _ in (*_GROUND_TEXTURES, _CLOUDS_TEXTURE)))
 
 
 def sky() -> Iterator[Quad]:

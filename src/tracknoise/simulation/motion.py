@@ -73,9 +73,19 @@ def linear(frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
     Like a hovering quadrotor, it sways: across its path by up to 5 cm, and about each axis by up to 0.8 degrees. The
     sway is the sum of three slow oscillations.
     """
+    return _flight(frames, rng, swaying=1.0)
+
+
+def linear_straight(frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """The same flight as `linear` without sway: pure translation."""
+    return _flight(frames, rng, swaying=0.0)
+
+
+def _flight(frames: int, rng: np.random.Generator, *, swaying: float) -> NDArray[np.float64]:
+    """The flight of `linear` with this share of its sway."""
     step = _LINEAR_STEP_M * rng.uniform(0.9, 1.1)
     x = _back_and_forth(step, frames, 2.0 * LINEAR_HALF_M) - LINEAR_HALF_M
-    sway = _sway(frames, 5, rng)
+    sway = swaying * _sway(frames, 5, rng)
     across = (_HOME[1], _HOVER_HEIGHT_M) + rng.uniform(-0.3, 0.3, 2) + _HOVER_SWAY_M * sway[:, :2]
     poses = looking(np.column_stack([x, across]), np.broadcast_to([0.0, 1.0, 0.0], (frames, 3)))
     poses[:, :3, :3] @= Rotation.from_rotvec(_HOVER_SWAY_DEG * sway[:, 2:], degrees=True).as_matrix()
@@ -169,6 +179,7 @@ MOTIONS: Mapping[str, Motion] = MappingProxyType(
         "sideways": sideways,
         "sideways-left": sideways_left,
         "linear": linear,
+        "linear-straight": linear_straight,
         "fixating": fixating,
         "forward": forward,
         "arvr": arvr,

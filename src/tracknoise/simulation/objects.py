@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tracknoise.exceptions import DataError
-from tracknoise.simulation.fittings import block, ground, paint_textures, sky
+from tracknoise.simulation.fittings import block, ground, paint_plain_textures, paint_textures, sky
 from tracknoise.simulation.quad import Quad, assemble
 from tracknoise.simulation.scenery import Scenery, joined, moved
 from tracknoise.simulation.sdf.library import model_names
@@ -64,6 +64,14 @@ class _Row:
         self.filled_m += float(high[0] - low[0]) + rng.uniform(*self.gap_m)
 
 
+def plain_world(rng: np.random.Generator, models: Path | None = None) -> Scenery:
+    """Build a world with plain ground and sky, whose objects of boxes have walls with windows.
+
+    Parameters, return value and errors are those of `objects_world`.
+    """
+    return _world(rng, models, paint_plain_textures(rng))
+
+
 def objects_world(rng: np.random.Generator, models: Path | None = None) -> Scenery:
     """Build a world.
 
@@ -84,7 +92,11 @@ def objects_world(rng: np.random.Generator, models: Path | None = None) -> Scene
     DataError
         If no model in the folder can be used.
     """
-    textures = paint_textures(rng)
+    return _world(rng, models, paint_textures(rng))
+
+
+def _world(rng: np.random.Generator, models: Path | None, textures: _Textures) -> Scenery:
+    """A world with these textures."""
     stage = assemble([*sky(), *ground(rng, _GROUND_X_M, _GROUND_Y_M), *_horizon(rng)], textures)
     shelf = None if models is None else _Shelf(models, rng)
     objects = _rows((lambda: _boxes(textures, rng)) if shelf is None else shelf.one_of_each, rng)

@@ -1,4 +1,4 @@
-"""Textures from a random generator: natural 1/f content with crisp shapes on it."""
+"""Textures from a random generator: natural 1/f content with crisp shapes on it, and plain ones with windows."""
 
 from dataclasses import dataclass
 
@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 _DARKEST, _LIGHTEST = 0.03, 0.97
 _SUBTEXEL_BITS = 4
+_TONES = (0.35, 0.8)
+"""Reflectances of plain surfaces."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +35,48 @@ class Recipe:
 MASONRY = Recipe(exponent=1.0, mean=0.5, contrast=0.13, shapes=90)
 GROUND = Recipe(exponent=0.8, mean=0.45, contrast=0.14, shapes=40)
 CLOUDS = Recipe(exponent=1.4, mean=0.75, contrast=0.1, shapes=0)
+
+
+def plain(side: int, rng: np.random.Generator) -> NDArray[np.float32]:
+    """A texture of one random tone.
+
+    Parameters
+    ----------
+    side, rng
+        As in `paint`.
+
+    Returns
+    -------
+    (side, side) float32
+        Reflectance.
+    """
+    return np.full((side, side), rng.uniform(*_TONES), np.float32)
+
+
+def facade(side: int, rng: np.random.Generator) -> NDArray[np.float32]:
+    """A wall of one tone with a grid of windows, whose frames and panes differ in tone.
+
+    Parameters
+    ----------
+    side, rng
+        As in `paint`.
+
+    Returns
+    -------
+    (side, side) float32
+        Reflectance.
+    """
+    texture = plain(side, rng)
+    columns, rows = rng.integers(2, 5, 2)
+    width, height, frame = side // (2 * columns), side // (2 * rows), max(side // 64, 1)
+    tone = rng.uniform(*_TONES)
+    for row in range(rows):
+        for column in range(columns):
+            top, left = side * row // rows + height // 2, side * column // columns + width // 2
+            texture[top : top + height, left : left + width] = tone
+            pane = texture[top + frame : top + height - frame, left + frame : left + width - frame]
+            pane[:] = rng.uniform(_DARKEST, 0.5 * tone)
+    return texture
 
 
 def paint(recipe: Recipe, side: int, rng: np.random.Generator) -> NDArray[np.float32]:

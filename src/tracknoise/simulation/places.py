@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from tracknoise.simulation.objects import objects_world
+from tracknoise.simulation.objects import objects_world, plain_world
 from tracknoise.simulation.procedural import procedural_world
 from tracknoise.simulation.scenery import Scenery
 
@@ -35,10 +35,13 @@ def _plaza(rng: np.random.Generator, models: Path | None) -> Scenery:
     return Scenery(procedural_world(rng))
 
 
+_PAST_OBJECTS = ("sideways", "sideways-left", "linear", "linear-straight", "arvr")
+
 PLACES: Mapping[str, Place] = MappingProxyType(
     {
         "plaza": Place(_plaza, ("sideways", "sideways-left", "fixating", "forward", "arvr"), takes_models=False),
-        "objects": Place(objects_world, ("sideways", "sideways-left", "linear", "arvr"), takes_models=True),
+        "objects": Place(objects_world, _PAST_OBJECTS, takes_models=True),
+        "objects-plain": Place(plain_world, _PAST_OBJECTS, takes_models=True),
     }
 )
 """Kinds of worlds by name."""

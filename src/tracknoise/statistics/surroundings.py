@@ -1,11 +1,11 @@
-"""Errors by what surrounds a feature in its first frame: its depth, the nearest depth edge, and the slope it lies on.
+"""Errors by what surrounds a feature: its depth, the nearest depth edge, the slope it lies on, and its parallax.
 
 A feature beside a depth edge has two surfaces in its window. A tracker that follows a mixture of both is drawn along by
 the other surface. Features on the far side are also those that become occluded.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import polars as pl
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from tracknoise.statistics.definitions import EDGE_BOUNDS_PX, INCIDENCE_STEP_DEG
 from tracknoise.statistics.image_motion import along_and_across, image_motion
+from tracknoise.statistics.parallax import parallax_px
 from tracknoise.statistics.places import at_place_ages, products, squares, summed
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.enumerations import EdgeSide, Occlusion, Surrounding
@@ -23,14 +24,14 @@ _SIGNED_BOUNDS_PX = (*(-bound for bound in reversed(EDGE_BOUNDS_PX[1:])), *EDGE_
 
 @dataclass(frozen=True, slots=True)
 class _Classes:
-    """Classes of tracks by one property.
+    """Classes of observations by one property.
 
     Attributes
     ----------
     surrounding
         The property.
-    number : (tracks,) intp
-        Class of each track; -1 where it has none.
+    number : (n,) intp
+        Class of each of the rows; -1 where it has none.
     low, high
         Bounds of each class; None where it has none.
     """
@@ -58,7 +59,7 @@ def surroundings(sequence: PreparedSequence) -> pl.DataFrame:
     occlusion = _occlusion(sequence)
     rows = np.flatnonzero(at_place_ages(sequence) & (occlusion >= 0))
     values = {**products(sequence.seen.error_px[rows]), **_directed(sequence, rows)}
-    parts = [_of_classes(sequence, classes, rows, occlusion[rows], values) for classes in _classes(sequence.tracks)]
+    parts = [_of_classes(sequence, classes, rows, occlusion[rows], values) for classes in _classes(sequence, rows)]
     keys = list(SURROUNDINGS)[: list(SURROUNDINGS).index("n")]
     return check(pl.concat(parts).sort(keys), SURROUNDINGS, "surroundings")
 
@@ -70,9 +71,8 @@ def _of_classes(
     occlusion: NDArray[np.intp],
     values: dict[str, NDArray[np.float64]],
 ) -> pl.DataFrame:
-    number = classes.number[sequence.track_row[rows]]
-    known = number >= 0
-    keys = {"class": number[known], "occlusion": occlusion[known]}
+    known = classes.number >= 0
+    keys = {"class": classes.number[known], "occlusion": occlusion[known]}
     table = summed(sequence, rows[known], keys, {name: value[known] for name, value in values.items()})
     place = table["class"].to_numpy()
     table = table.with_columns(
@@ -105,10 +105,13 @@ def _directed(sequence: PreparedSequence, rows: NDArray[np.intp]) -> dict[str, N
     return {"n_directed": directed[rows], **squares(turned[rows])}
 
 
-def _classes(tracks: pl.DataFrame) -> Iterator[_Classes]:
-    yield _by_depth(tracks["depth_m"])
-    yield _by_edge(tracks)
-    yield _by_incidence(tracks["incidence_deg"])
+def _classes(sequence: PreparedSequence, rows: NDArray[np.intp]) -> Iterator[_Classes]:
+    tracks = sequence.tracks
+    of_tracks = _by_depth(tracks["depth_m"]), _by_edge(tracks), _by_incidence(tracks["incidence_deg"])
+    for classes in of_tracks:
+        yield replace(classes, number=classes.number[sequence.track_row[rows]])
+    depth_known = tracks["depth_m"].is_not_null().to_numpy()[sequence.track_row[rows]]
+    yield _by_parallax(np.where(depth_known, parallax_px(sequence, rows), np.nan))
 
 
 def _by_depth(depth: pl.Series) -> _Classes:
@@ -129,6 +132,14 @@ def _by_edge(tracks: pl.DataFrame) -> _Classes:
     none = (tracks["edge_side"] == EdgeSide.none).fill_null(value=False).to_numpy()
     number = np.where(none, last, np.where(np.isnan(edge_px), -1, np.clip(number, 0, last - 1)))
     return _Classes(Surrounding.edge, number, [*_SIGNED_BOUNDS_PX[:-1], None], [*_SIGNED_BOUNDS_PX[1:], None])
+
+
+def _by_parallax(parallax: NDArray[np.float64]) -> _Classes:
+    """Octaves from 1 px: from 0 to 1 px, from 1 to 2 px, from 2 to 4 px."""
+    known = ~np.isnan(parallax)
+    octave = np.floor(np.log2(np.maximum(np.where(known, parallax, 0.0), 0.5))).astype(np.intp) + 1
+    bounds = [0.0, *(2.0**k for k in range(int(octave.max(initial=0)) + 1))]
+    return _Classes(Surrounding.parallax, np.where(known, octave, -1), [*bounds[:-1]], [*bounds[1:]])
 
 
 def _by_incidence(incidence: pl.Series) -> _Classes:

@@ -18,3 +18,5 @@ LEVEL = 0.95
 """Share of intervals that hold the true value."""
 KIND_OF_INTERVAL = IntervalKind.student
 """How intervals are made."""
+PATCH_PX = 31
+"""Side of the patches that show tracks, px."""

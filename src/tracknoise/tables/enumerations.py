@@ -27,6 +27,18 @@ class Trimming(StrEnum):
     trimmed = "trimmed"
 
 
+class Reading(StrEnum):
+    """A reading of the paper's trimming.
+
+    none: no track is dropped. all: the percentile is that of all tracks with an error, also of those that were seen
+    once. followed: it is that of tracks that were seen more than once.
+    """
+
+    none = "none"
+    all = "all"
+    followed = "followed"
+
+
 class TrimAmong(StrEnum):
     """Tracks from which the trimming percentile is computed.
 
@@ -203,7 +215,8 @@ class Surrounding(StrEnum):
     depth: of the point, metres. edge: signed distance to the nearest depth edge, px, negative on the far side.
     incidence: angle between the ray and the normal of the surface, degrees. side: side of a depth edge beside which the
     feature lies. These are of the first frame of the track. occlusion: whether the point is occluded now, later, or
-    never while it is tracked.
+    never while it is tracked. parallax: motion of the true position since errors were zero, less the median motion of
+    all features over the same frames, px.
     """
 
     depth = "depth"
@@ -211,6 +224,7 @@ class Surrounding(StrEnum):
     incidence = "incidence"
     side = "side"
     occlusion = "occlusion"
+    parallax = "parallax"
 
 
 class Occlusion(StrEnum):
@@ -223,3 +237,25 @@ class Occlusion(StrEnum):
     never = "never"
     later = "later"
     now = "now"
+
+
+class ChangeVerdict(StrEnum):
+    """Answer to whether a statistic of one run is better or worse than that of another, by more than a margin.
+
+    none: it is shown to differ by less than the margin.
+    """
+
+    worse = "worse"
+    better = "better"
+    none = "no difference"
+    undecided = "undecided"
+
+
+class ComparedAges(StrEnum):
+    """Ages that the verdict of a comparison is about.
+
+    every: each single age, and their mean. mean: the mean over ages alone.
+    """
+
+    every = "every"
+    mean = "mean"

@@ -112,7 +112,7 @@ def read_stacked(files: Mapping[Path, str | None], columns: schema.Schema) -> pl
     try:
         sources: list[IO[bytes]] = [io.BytesIO(content) for content in contents.values()]
         table = pl.scan_parquet(sources).collect()
-        return schema.check(table, columns, "tables")
+        return schema.check(schema.with_new_categories(table, columns), columns, "tables")
     except (OSError, SchemaError, *_DAMAGE):  # one by one, so that the error names the file
         return pl.concat([_parsed(path, content, columns) for path, content in contents.items()])
 
@@ -126,7 +126,7 @@ def _parsed(path: Path, content: bytes, columns: schema.Schema) -> pl.DataFrame:
         table = pl.read_parquet(io.BytesIO(content))
     except (OSError, *_DAMAGE) as error:
         raise StoreError(f"{path}: damaged ({error}), expected a Parquet table; {REMEDY}") from error
-    return schema.check(table, columns, str(path))
+    return schema.check(schema.with_new_categories(table, columns), columns, str(path))
 
 
 def is_intact(path: Path, sha256: str) -> bool:

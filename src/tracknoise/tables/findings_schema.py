@@ -161,7 +161,7 @@ WINDOW_SIGMAS: Schema = {
 }
 """The noise to give to an estimator, by length of its windows: see `tracknoise.noise_models.window_noise`.
 
-Sigmas and z_root_mean_square are in px, all others have no unit. n counts windows.
+Sigmas, residual_core and z_root_mean_square are in px, all others have no unit. n counts windows.
 """
 
 POINT_TRACKING_METRICS: Schema = {

@@ -528,11 +528,12 @@ SURROUNDINGS: Schema = {
     "n_directed": pl.Int64,
     **dict.fromkeys(("sum_along", "sum_across", "sum_along_2", "sum_across_2"), pl.Float64),
 }
-"""Sums of untrimmed errors at a few ages, by what surrounds a feature in its first frame.
+"""Sums of untrimmed errors at a few ages, by what surrounds a feature in its first frame, and by its parallax.
 
-low and high bound a class of the property: depth (m), edge (signed distance, px) or incidence (degrees). Both are null
-in the class of features without an edge in reach. The last sums are of the n_directed errors whose true position has
-moved since the frame before: along and across this motion. occlusion divides each class; `now` is not visible.
+low and high bound a class of the property: depth (m), edge (signed distance, px), incidence (degrees) or parallax
+(px). Both are null in the class of features without an edge in reach. The last sums are of the n_directed errors whose
+true position has moved since the frame before: along and across this motion. occlusion divides each class; `now` is not
+visible.
 """
 
 IMAGE_MAP: Schema = {
@@ -552,6 +553,27 @@ IMAGE_SPEEDS: Schema = {
     **dict.fromkeys(("sum_along", "sum_across", "sum_along_2", "sum_across_2"), pl.Float64),
 }
 """Sums of visible, untrimmed errors along and across the image motion, by its speed (px per frame, low to high)."""
+
+PATCHES: Schema = {
+    **ORIGIN,
+    "at": pl.UInt32,
+    "n_each": pl.UInt8,
+    "track": pl.List(pl.UInt32),
+    "frame": pl.List(pl.UInt32),
+    "anchor_frame": pl.List(pl.UInt32),
+    "du_px": pl.List(pl.Float64),
+    "dv_px": pl.List(pl.Float64),
+    "sheet": pl.Binary,
+    "strip": pl.Binary,
+}
+"""Pictures of the tracks with the largest, middle and smallest errors at an age, or in a frame of a run with a scan.
+
+The lists have the n_each worst tracks, the worst first, then n_each around the median and n_each best ones. A track was
+seen in `frame`, where its error is du, dv; its error is zero in anchor_frame. sheet is a WebP image with a row of two
+patches for each track: in the anchor frame and in `frame`, each centred on the pixel nearest to the observed position.
+strip is a WebP image with patches of the worst track side by side, from its anchor frame on. Patches are squares of
+`tracknoise.tables.defaults.PATCH_PX`.
+"""
 
 CURVES: Schema = {
     "dataset": pl.String,
@@ -802,6 +824,24 @@ def check(table: pl.DataFrame, schema: Schema, name: str) -> pl.DataFrame:
     if len(found) > len(expected):
         raise SchemaError(f"{name}: unexpected column {found[len(expected)][0]!r}")
     return table
+
+
+def with_new_categories(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
+    """A table whose enumerations have all categories of those of `schema`, if these only have more at their end.
+
+    Tables of earlier versions lack categories that were added later.
+    """
+    found = {name: kind for name, kind in table.schema.items() if isinstance(kind, pl.Enum)}
+    expected = {name: kind for name, kind in dict(schema).items() if name in found and isinstance(kind, pl.Enum)}
+    return table.with_columns(
+        pl.col(name).cast(kind) for name, kind in expected.items() if _continues(kind, found[name])
+    )
+
+
+def _continues(longer: pl.Enum, shorter: pl.Enum) -> bool:
+    """Whether an enumeration begins with the categories of another and has more."""
+    begins = longer.categories[: len(shorter.categories)].to_list() == shorter.categories.to_list()
+    return begins and len(longer.categories) > len(shorter.categories)
 
 
 def joined(tables: Iterable[pl.DataFrame], schema: Schema) -> pl.DataFrame:

@@ -82,8 +82,8 @@ _NOISE: Mapping[str, schema.Schema] = {
     "noise_covariates": schema.NOISE_COVARIATES,
 }
 """What noise models are fitted to. Sequences that an earlier version measured do not have it."""
-_ASKED_FOR: Mapping[str, schema.Schema] = {"point_tracking": schema.POINT_TRACKING}
-"""Tables of a sequence that it has only where the experiment asks for them."""
+_ASKED_FOR: Mapping[str, schema.Schema] = {"point_tracking": schema.POINT_TRACKING, "patches": schema.PATCHES}
+"""Tables of a sequence that it has only where the experiment asks for them, or keeps observations."""
 _ALL_SEQUENCE_TABLES: Mapping[str, schema.Schema] = {**SEQUENCE_TABLES, **_NOISE, **SEED_TABLES, **_ASKED_FOR}
 OBSERVED = ("observations", "tracks")
 """Tables of a sequence that grow with its observations. No table of the whole run is computed from them."""
@@ -337,6 +337,10 @@ class RunFolder:
         """
         known = self._hashes_of(key).get(_SNAPSHOTS)
         return read_checked(self.snapshot_path(key), [known] if known else [], expected="an image of the run")
+
+    def names_of_tables(self, key: str) -> list[str]:
+        """Names of the tables that are stored of one sequence."""
+        return [name for name in self._hashes_of(key) if name in _ALL_SEQUENCE_TABLES]
 
     def sequence_table(self, name: str, key: str) -> pl.DataFrame:
         """One table of one sequence.

@@ -1,4 +1,6 @@
-"""The dominant gradient of the image around a feature: the axis along which a tracker is best constrained."""
+"""The gradients of the image around a feature: the axis along which a tracker is best constrained, and how well."""
+
+from collections.abc import Callable
 
 import cv2
 import numpy as np
@@ -12,6 +14,7 @@ LEAST_COHERENCE = 0.1
 """Below this coherence, gradients are about equally strong in all directions, and none dominates."""
 _HALF_PX = WINDOW_PX // 2
 _MARGIN_PX = _HALF_PX + 1  # a derivative needs its neighbours too
+_SCALE = 8  # sum of the weights of Sobel's derivative
 
 Derivatives = tuple[NDArray[np.int16], NDArray[np.int16]]
 
@@ -37,17 +40,42 @@ def dominant_gradient(frame: Frame, uv: NDArray[np.float64]) -> NDArray[np.float
         Radians from u towards v, in (-pi/2, pi/2]. NaN where no gradient dominates, and where the window, with a
         pixel more around it for the derivatives, does not lie in the image.
     """
-    angles = np.full(len(uv), np.nan, dtype=np.float32)
+    return _where_inside(frame, uv, _orientation)
+
+
+def min_eigenvalue(frame: Frame, uv: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Smaller eigenvalue of the mean structure tensor at positions in an image: how strong its texture is there.
+
+    Parameters
+    ----------
+    frame
+        The image.
+    uv
+        (n, 2) float64, px.
+
+    Returns
+    -------
+    (n,) float32
+        (Gray values / px)^2; NaN where the window of `dominant_gradient` does not lie in the image.
+    """
+    return _where_inside(frame, uv, _smaller_eigenvalue)
+
+
+def _where_inside(
+    frame: Frame, uv: NDArray[np.float64], of_tensor: Callable[..., NDArray[np.float64]]
+) -> NDArray[np.float32]:
+    """A function of the structure tensor at positions; NaN where the window leaves the image."""
+    values = np.full(len(uv), np.nan, dtype=np.float32)
     least, most = _MARGIN_PX - 0.5, np.array(frame.size) - _MARGIN_PX - 0.5
     inside = np.all((uv >= least) & (uv < most), axis=1)
     if inside.any():
         column, row = np.floor(uv[inside] + 0.5).astype(np.intp).T
-        angles[inside] = _orientation(*_tensor(frame.memo("derivatives", _derivatives), column, row))
-    return angles
+        values[inside] = of_tensor(*_tensor(frame.memo("derivatives", _derivatives), column, row))
+    return values
 
 
 def _derivatives(image: NDArray[np.uint8]) -> Derivatives:
-    """Along u and v, 8 times as large as they are: whole numbers, so that sums of them are exact."""
+    """Along u and v, `_SCALE` times as large as they are: whole numbers, so that sums of them are exact."""
     du, dv = cv2.spatialGradient(image)
     return np.asarray(du, dtype=np.int16), np.asarray(dv, dtype=np.int16)
 
@@ -67,3 +95,8 @@ def _orientation(uu: NDArray[np.int64], uv: NDArray[np.int64], vv: NDArray[np.in
     """Half the angle of (uu - vv, 2 uv), whose length is l1 - l2; l1 + l2 is uu + vv."""
     coherent = (np.hypot(uu - vv, 2 * uv) >= LEAST_COHERENCE * (uu + vv)) & (uu + vv > 0)
     return np.where(coherent, np.arctan2(2 * uv, uu - vv) / 2, np.nan)
+
+
+def _smaller_eigenvalue(uu: NDArray[np.int64], uv: NDArray[np.int64], vv: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Of the tensor's mean over the window, in the unit of derivatives."""
+    return np.asarray((uu + vv - np.hypot(uu - vv, 2 * uv)) / (2 * (_SCALE * WINDOW_PX) ** 2))

@@ -1,7 +1,6 @@
 """The oracle: true positions plus errors of known size. It tests the measurement, not a front end."""
 
 import math
-import zlib
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -13,7 +12,10 @@ from tracknoise.exceptions import SettingsError
 from tracknoise.tables.schema import TrackEnd, TruthStatus
 from tracknoise.trackers.features import ALIVE, Features, report
 from tracknoise.trackers.frame import Frame
-from tracknoise.trackers.tracker import OracleTruth, SequenceContext, Step
+from tracknoise.trackers.gradient import min_eigenvalue
+from tracknoise.trackers.noise_factors import motion_factor, texture_factor
+from tracknoise.trackers.random_errors import RandomErrors, Stream, random_key
+from tracknoise.trackers.tracker import DisplacingTruth, OracleTruth, SequenceContext, Step
 
 _BEGINNING_ROUNDS = 8
 
@@ -24,8 +26,15 @@ Pair = tuple[float, float]
 class Oracle:
     """Settings of the oracle.
 
-    A feature is observed without error in its first frame. At age k, in frames of the nominal sequence, it is
-    observed at its true position + `bias_px` + k `drift_px_per_frame` + noise.
+    A feature follows a point of the scene. At age k, in frames of the nominal sequence, it is observed at the position
+    of this point + `bias_px` + k `drift_px_per_frame` + noise. Without `birth_px` and `walk_px_per_sqrt_frame`, the
+    point is that of its first position, so that this position has no error.
+
+    With them, the point lies beside that of the first position, at the same depth, and moves in each frame. The error
+    that this makes is then carried along by the magnification of the image, as those of real trackers are. With depths
+    Z_i of the point in the frames after the first, it is
+
+        - (Z_0 / Z_k) b + sum_{1 <= i <= k} (Z_i / Z_k) q_i        (without roll)
 
     Parameters
     ----------
@@ -43,6 +52,21 @@ class Oracle:
         Features begin at least this far inside the image.
     seed
         Random seed, combined with the sequence's identity, the speed and the experiment's seed.
+    birth_px
+        Standard deviation of b, the error of the first position, in each coordinate.
+    walk_px_per_sqrt_frame
+        Standard deviation of q, the step of a random walk, in each coordinate and frame of the nominal sequence.
+    common_px
+        Standard deviation of Gaussian noise, in each coordinate, that all features have in common, except in their
+        first frames.
+    student_nu
+        Degrees of freedom of Student's t, above 2, from which the noise, b and q are drawn with the same covariances;
+        by default they are Gaussian.
+    texture_exponent
+        The noise and the steps of the walk are multiplied by `texture_factor`. If not 0, the strength of the texture is
+        reported as the quality ``min_eigenvalue``.
+    motion_exponent
+        They are also multiplied by `motion_factor`, for the motion of the point since the last frame seen.
     """
 
     kind: ClassVar[str] = "oracle"
@@ -56,6 +80,12 @@ class Oracle:
     loss_rate: float = 0.0
     margin_px: int = 8
     seed: int = 0
+    birth_px: float = 0.0
+    walk_px_per_sqrt_frame: float = 0.0
+    common_px: float = 0.0
+    student_nu: float | None = None
+    texture_exponent: float = 0.0
+    motion_exponent: float = 0.0
 
     def __post_init__(self) -> None:
         require_at_least("n_features", self.n_features, 1)
@@ -64,6 +94,12 @@ class Oracle:
         (uu, uv), (vu, vv) = self.covariance_px2
         semidefinite = uv == vu and uu >= 0 and vv >= 0 and uv * uv <= uu * vv and math.isfinite(uu + vv)
         require(semidefinite, "covariance_px2", self.covariance_px2, "a symmetric matrix without negative eigenvalues")
+        for name in ("birth_px", "walk_px_per_sqrt_frame", "common_px"):
+            require_at_least(name, getattr(self, name), 0)
+        nu = self.student_nu
+        require(nu is None or 2 < nu < math.inf, "student_nu", nu, "a number above 2")
+        for name in ("texture_exponent", "motion_exponent"):
+            require(math.isfinite(getattr(self, name)), name, getattr(self, name), "a finite number")
         require_share("outlier_rate", self.outlier_rate)
         require_share("loss_rate", self.loss_rate)
         either = self.outlier_rate + self.loss_rate
@@ -77,20 +113,29 @@ class Oracle:
         Raises
         ------
         SettingsError
-            If the kind of truth cannot compute world points.
+            If the kind of truth cannot compute world points, or cannot move them although features leave theirs.
         """
-        if context.truth is None:
-            found = "a kind of truth that cannot place points"
-            raise SettingsError(f"tracker 'oracle': {found}, expected one that can, such as 'birth' or 'raycast'")
-        return OracleTracker(self, context, context.truth)
+        truth = context.truth
+        if truth is None:
+            raise _unfit("place points")
+        leave = self.birth_px > 0 or self.walk_px_per_sqrt_frame > 0
+        if leave and not isinstance(truth, DisplacingTruth):
+            raise _unfit("move points")
+        return OracleTracker(self, context, truth)
+
+
+def _unfit(lacking: str) -> SettingsError:
+    found = f"a kind of truth that cannot {lacking}"
+    return SettingsError(f"tracker 'oracle': {found}, expected one that can, such as 'birth' or 'raycast'")
 
 
 class OracleTracker:
     """The oracle on one sequence.
 
     In each step one random draw per feature decides whether it is lost, an outlier, or neither, so that both rates are
-    relative to the features offered. A feature that is neither ends as ``masked`` if its true position has left the
-    image. In a frame without a pose, true positions are unknown. Features then stay at their last one, and none begin.
+    relative to the features offered. A feature that is neither ends as ``masked`` if the point that it follows has left
+    the image. In a frame without a pose, positions of points are unknown. Features then stay at the last one, and none
+    begin.
 
     Parameters
     ----------
@@ -99,35 +144,39 @@ class OracleTracker:
     context
         The sequence and condition.
     truth
-        True positions.
+        True positions; a `DisplacingTruth` if features leave their points.
     """
 
     def __init__(self, settings: Oracle, context: SequenceContext, truth: OracleTruth) -> None:
         self._settings = settings
         self._truth = truth
         self._size = context.size
-        self._rng = _generator(settings.seed, context)
+        key = random_key(settings.seed, context)
+        self._rng, self._random = np.random.default_rng(key), RandomErrors(key, settings.student_nu)
         self._root = _root(settings.covariance_px2)
         self._features = Features.begin(0, np.empty((0, 2)))
-        self._points, self._true_uv = np.empty((0, 3)), np.empty((0, 2))
+        self._points, self._point_uv = np.empty((0, 3)), np.empty((0, 2))
         self._without_pose = context.frames_without_pose
+        self._posed = 0  # the last frame with a pose
         self._born = np.empty(0, dtype=np.int64)
         self._next_id = 0
 
     def step(self, frame: Frame) -> Step:
-        """Project the features into the next frame, and add the errors."""
+        """Project the points of the features into the next frame, and add the errors."""
         before = self._features
-        true_uv = self._true_positions(frame.index)
-        end = self._fates(true_uv)
+        elapsed = 0 if frame.index in self._without_pose else frame.index - self._posed
+        motion_px = self._follow(frame.index, elapsed)
+        texture = min_eigenvalue(frame, self._point_uv) if self._settings.texture_exponent else None
+        noise = self._noise_factor(texture, motion_px)
+        self._walk(frame.index, elapsed, noise)
+        self._posed += elapsed
+        end = self._fates(self._point_uv)
         alive = end == ALIVE
-        uv = true_uv + self._errors(frame.index - self._born)
+        uv = self._point_uv + self._errors(frame.index - self._born, noise)
         found = before.chosen(alive, uv[alive])
-        new, points = self._begin(frame.index, len(found))
+        self._points, self._point_uv, self._born = self._points[alive], self._point_uv[alive], self._born[alive]
+        new = self._begin(frame.index, len(found))
         self._features = found.joined(new)
-        self._points = np.concatenate([self._points[alive], points])
-        self._true_uv = np.concatenate([true_uv[alive], new.uv])
-        self._born = np.concatenate([self._born[alive], np.full(len(new), frame.index)])
-        self._next_id += len(new)
         return report(
             offered=before.ids,
             end=end,
@@ -135,11 +184,41 @@ class OracleTracker:
             found=found,
             new=new,
             response=np.full(len(new), np.nan, dtype=np.float32),
+            quality={} if texture is None else {"min_eigenvalue": texture[alive]},
         )
 
-    def _true_positions(self, index: int) -> NDArray[np.float64]:
-        """True positions of the features; the last that are known where the frame has no pose."""
-        return self._true_uv if index in self._without_pose else self._truth.project(index, self._points)
+    def _follow(self, index: int, elapsed: int) -> NDArray[np.float64]:
+        """Find the positions of the points in a frame; the last that are known where the frame has no pose.
+
+        Returns their motion, (n,) px per frame of the nominal sequence, NaN where it is unknown.
+        """
+        if elapsed == 0:
+            return np.full(len(self._points), np.nan)
+        before, self._point_uv = self._point_uv, self._truth.project(index, self._points)
+        return np.asarray(np.linalg.norm(self._point_uv - before, axis=1) / elapsed)
+
+    def _noise_factor(
+        self, texture: NDArray[np.float32] | None, motion_px: NDArray[np.float64]
+    ) -> float | NDArray[np.float64]:
+        """What noise and steps of the walk are multiplied by: (n, 1), or one number."""
+        exponent = self._settings.motion_exponent
+        of_motion = motion_factor(motion_px, exponent)[:, None] if exponent else 1.0
+        if texture is None:
+            return of_motion
+        return of_motion * texture_factor(texture, self._settings.texture_exponent)[:, None]
+
+    def _walk(self, index: int, elapsed: int, noise: float | NDArray[np.float64]) -> None:
+        """Move the points by their walk in the frames that have elapsed."""
+        size = self._settings.walk_px_per_sqrt_frame
+        if size == 0 or elapsed == 0:
+            return
+        by_px = size * math.sqrt(elapsed) * noise * self._random.steps(Stream.walk, len(self._points))
+        self._points, self._point_uv = self._displaced(index, self._points, by_px), self._point_uv + by_px
+
+    def _displaced(self, index: int, points: NDArray[np.float64], by_px: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points moved across the line of sight."""
+        assert isinstance(self._truth, DisplacingTruth)  # checked before the tracker was started
+        return self._truth.displaced(index, points, by_px)
 
     def _fates(self, true_uv: NDArray[np.float64]) -> NDArray[np.int8]:
         draw = self._rng.random(len(true_uv))
@@ -150,19 +229,34 @@ class OracleTracker:
         end[draw < loss] = TrackEnd.lost
         return end
 
-    def _errors(self, age: NDArray[np.int64]) -> NDArray[np.float64]:
+    def _errors(self, age: NDArray[np.int64], noise: float | NDArray[np.float64]) -> NDArray[np.float64]:
         (uu, _), (vu, vv) = self._root
         first, second = self._rng.standard_normal((len(age), 2)).T
-        noise = np.column_stack([uu * first, vu * first + vv * second])
+        white = self._random.heavy_tailed(Stream.white, np.column_stack([uu * first, vu * first + vv * second]))
         drift = age[:, None] * np.array(self._settings.drift_px_per_frame)
-        errors: NDArray[np.float64] = noise + drift + np.array(self._settings.bias_px)
+        common = self._settings.common_px * self._random.gaussian(Stream.common, 1)
+        errors: NDArray[np.float64] = noise * white + drift + np.array(self._settings.bias_px) + common
         return errors
 
-    def _begin(self, index: int, alive: int) -> tuple[Features, NDArray[np.float64]]:
-        """New features at random positions whose world point is known, and these points; fewer if they are rare."""
+    def _begin(self, index: int, alive: int) -> Features:
+        """New features at random positions whose world point is known; fewer if they are rare."""
+        uv, points = self._beginnings(index, max(self._settings.n_features - alive, 0))
+        point_uv = uv
+        if self._settings.birth_px:
+            by_px = -self._settings.birth_px * self._random.steps(Stream.birth, len(uv))
+            points, point_uv = self._displaced(index, points, by_px), uv + by_px
+        self._points, self._point_uv = (
+            np.concatenate([self._points, points]),
+            np.concatenate([self._point_uv, point_uv]),
+        )
+        self._born = np.concatenate([self._born, np.full(len(uv), index)])
+        self._next_id += len(uv)
+        return Features.begin(self._next_id - len(uv), uv)
+
+    def _beginnings(self, index: int, wanted: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Up to `wanted` random positions, and their world points."""
         uv, points = np.empty((0, 2)), np.empty((0, 3))
         low, high = self._settings.margin_px, np.array(self._size) - 1.0 - self._settings.margin_px
-        wanted = self._settings.n_features - alive
         for _ in range(_BEGINNING_ROUNDS if np.all(high > low) else 0):
             if len(uv) >= wanted:
                 break
@@ -170,17 +264,7 @@ class OracleTracker:
             world, status = self._truth.anchor(index, tried)
             valid = status == TruthStatus.valid
             uv, points = np.concatenate([uv, tried[valid]]), np.concatenate([points, world[valid]])
-        wanted = max(wanted, 0)
-        return Features.begin(self._next_id, uv[:wanted]), points[:wanted]
-
-
-def _generator(seed: int, context: SequenceContext) -> np.random.Generator:
-    """Independent for every sequence and speed, and the same in every process, unlike `hash`."""
-    sequence = context.sequence
-    cameras = [sequence.camera] if sequence.camera else []
-    names = (zlib.crc32(name.encode()) for name in (sequence.scene, sequence.lighting, sequence.direction, *cameras))
-    again = [context.repeat] if context.repeat else []
-    return np.random.default_rng([seed, context.seed, *names, sequence.rotation % 360, context.speed, *again])
+        return uv[:wanted], points[:wanted]
 
 
 def _root(covariance: tuple[Pair, Pair]) -> tuple[Pair, Pair]:

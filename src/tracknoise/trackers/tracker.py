@@ -104,6 +104,32 @@ class OracleTruth(Protocol):
         ...
 
 
+@runtime_checkable
+class DisplacingTruth(OracleTruth, Protocol):
+    """A truth that can also move points across the line of sight: for oracles whose features leave their points."""
+
+    def displaced(
+        self, index: int, points_world: NDArray[np.float64], by_px: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """World points of the same depth whose positions in a frame lie beside those of others.
+
+        Parameters
+        ----------
+        index
+            Frame.
+        points_world
+            (n, 3) float64, metres.
+        by_px
+            (n, 2) float64: by how much their positions differ, px.
+
+        Returns
+        -------
+        (n, 3) float64
+            Metres; NaN where a point has no position, or the pixel no ray.
+        """
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class SequenceContext:
     """The sequence and condition for which a tracker is started, and further inputs of some trackers.

@@ -133,6 +133,12 @@ class AnchoredTruth:
         """Positions of (n, 3) world points in a frame, (n, 2) px: see `SequenceGeometry.project`."""
         return self._geometry.project(index, points_world)
 
+    def displaced(
+        self, index: int, points_world: NDArray[np.float64], by_px: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Points of the same depth beside (n, 3) world points in a frame: see `SequenceGeometry.displaced`."""
+        return self._geometry.displaced(index, points_world, by_px)
+
     def locate(self, index: int, points_world: NDArray[np.float64]) -> Located:
         """Positions of (n, 3) world points in a frame, and whether the points can be seen: see `locate`.
 
@@ -168,7 +174,7 @@ class BirthSession:
         """Anchor new tracks and locate all: see `tracknoise.truth.truth.TruthSession.observe`."""
         self._tracks.begin(index, *self._truth.anchor(index, uv[born]))
         self._surroundings.append(self._truth.surroundings(index, uv[born]))
-        self._tracks.locate(index, tracks)
+        self._tracks.locate(index, tracks, np.where(born[:, np.newaxis], uv, np.nan))
 
     def resolve(self) -> TruePositions:
         """True positions of all observations: see `tracknoise.truth.truth.TruthSession.resolve`."""

@@ -14,6 +14,8 @@ Locate = Callable[[int, NDArray[np.float64]], Located]
 """Takes a frame and world points (n, 3); returns their positions in the frame and whether they can be seen."""
 
 _LEAST_CAPACITY = 1024
+_ROUNDING_PX = 1e-6
+"""A point that is projected this close to the pixel it was taken from lies on the ray of that pixel."""
 
 
 class AnchoredTracks:
@@ -49,9 +51,25 @@ class AnchoredTracks:
         """Give tracks that have begun other points."""
         self._points[tracks], self._status[tracks] = points_world, status
 
-    def locate(self, index: int, tracks: NDArray[np.uint32]) -> None:
-        """Add the true positions of tracks observed in a frame."""
-        uv, seen = self._locate(index, self._points[tracks])
+    def locate(self, index: int, tracks: NDArray[np.uint32], anchors_uv: NDArray[np.float64]) -> None:
+        """Add the true positions of tracks observed in a frame.
+
+        The error of a track is exactly 0 where its point was taken from its own ray, without the rounding of the way to
+        the point and back.
+
+        Parameters
+        ----------
+        index
+            Frame.
+        tracks
+            (n,) uint32.
+        anchors_uv
+            (n, 2) float64: pixel of this frame from which the point of a track was taken, px; NaN where it was taken
+            from another frame.
+        """
+        projected, seen = self._locate(index, self._points[tracks])
+        on_ray = np.abs(projected - anchors_uv).max(axis=1) < _ROUNDING_PX
+        uv = np.where(on_ray[:, np.newaxis], anchors_uv, projected)
         status = self._status[tracks]
         known = (status == TruthStatus.valid) | (seen == TruthStatus.no_pose)
         self._located.append((uv, np.where(known, seen, status)))

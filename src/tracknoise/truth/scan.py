@@ -95,14 +95,15 @@ class KeyFrameSession:
     def __init__(self, truth: ScanTruth) -> None:
         self._truth = truth
         self._tracks = truth.tracks()
-        self._waiting: list[tuple[int, NDArray[np.uint32]]] = []
+        self._waiting: list[tuple[int, NDArray[np.uint32], NDArray[np.float64]]] = []
 
     def observe(self, index: int, tracks: NDArray[np.uint32], uv: NDArray[np.float64], born: NDArray[np.bool_]) -> None:
         """Anchor tracks in the key frame, and locate them: see `tracknoise.truth.truth.TruthSession.observe`."""
         new = int(np.count_nonzero(born))
         self._tracks.begin(index, np.full((new, 3), np.nan), np.full(new, TruthStatus.no_depth, np.int8))
-        self._waiting.append((index, tracks))
-        if index == self._truth.key_frame:
+        is_anchored = index == self._truth.key_frame
+        self._waiting.append((index, tracks, uv if is_anchored else np.full_like(uv, np.nan)))
+        if is_anchored:
             self._tracks.anchor(tracks, *self._truth.anchor(index, uv))
         if index >= self._truth.key_frame:
             self._locate_waiting()
@@ -113,6 +114,6 @@ class KeyFrameSession:
         return self._tracks.positions()
 
     def _locate_waiting(self) -> None:
-        for index, tracks in self._waiting:
-            self._tracks.locate(index, tracks)
+        for waiting in self._waiting:
+            self._tracks.locate(*waiting)
         self._waiting = []

@@ -89,3 +89,25 @@ class SequenceGeometry:
     def project(self, index: int, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n, 2) float64, px: positions of world points in one frame, see `seen`."""
         return self.seen(index, points_world)[0]
+
+    def displaced(
+        self, index: int, points_world: NDArray[np.float64], by_px: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """World points of the same depth whose positions in a frame lie beside those of others.
+
+        Parameters
+        ----------
+        index
+            Frame.
+        points_world
+            (n, 3) float64, metres.
+        by_px
+            (n, 2) float64: by how much their positions differ, px.
+
+        Returns
+        -------
+        (n, 3) float64
+            Metres; NaN where a point has no position, or the pixel no ray.
+        """
+        uv, points = self.seen(index, points_world)
+        return self.to_world(index, uv + by_px, self.camera_at(index).unproject(uv + by_px, points[:, 2]))

@@ -58,11 +58,11 @@ while True:
     assert status == -signal.SIGKILL, status
     assert run.lock_path.exists() or before < 3, "it was killed in the middle"
     assert in_child(run, None) == 0, before
-    before += 1 if before < 8 else step
+    before += 1 if before < 4 else step
 '''
 
 
-@pytest.mark.parametrize(("over", "step"), [("nothing", 23), ("another run", 37)])
+@pytest.mark.parametrize(("over", "step"), [("nothing", 97), ("another run", 131)])
 def test_killed_before_any_change_on_disk_and_started_again(over, step, finished, shared_file, tmp_path, told, files):
     (experiment, whole), there = finished(2), RunFolder(tmp_path / "there")
     if over == "another run":

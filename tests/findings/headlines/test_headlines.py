@@ -24,6 +24,7 @@ from tracknoise.tables.findings_schema import (
     TIME_STRUCTURE,
     TRACKER_DIFFERENCES,
     TRIANGULATED_NOISE,
+    WINDOW_SIGMAS,
     ZERO_MEAN,
 )
 from tracknoise.tables.schema import CURVES, EFFECTS, FLOOR, SUMMARY, Schema, check, empty
@@ -53,6 +54,7 @@ SCHEMAS: Mapping[str, Schema] = {
     "surrounding_errors": SURROUNDING_ERRORS,
     "rigid_share": RIGID_SHARE,
     "tracker_differences": TRACKER_DIFFERENCES,
+    "window_sigmas": WINDOW_SIGMAS,
 }
 
 
@@ -253,6 +255,17 @@ def test_a_bias_that_was_shown_is_reported_with_its_size() -> None:
 
 
 WHOLE = {**OVERALL, "verdict": "yes", "sign_flip_p_family": 0.012}
+
+
+def test_a_bias_of_trimmed_errors_stands_beside_that_of_all_tracks() -> None:
+    every = {**AT_TEN, "trimming": "untrimmed", "mean_u_px": -0.611, "mean_v_px": 0.02}
+    mean = {**POINT, "statistic": "nu", "weighting": "scenes", "trimming": "untrimmed"}
+    known = table(INTERVALS, {**mean, "value": -0.611, "low": -0.7, "high": -0.5})
+    tables = {"zero_mean": table(ZERO_MEAN, WHOLE, AT_TEN, every), "intervals": known}
+    expected = "Without trimming, the mean is −0.611 px (−0.700 to −0.500) in u and 0.020 px in v."
+    assert expected in read(**tables)["bias"]["text"]
+    untrimmed = replace(SCOPE, trimming=Trimming.untrimmed)
+    assert "Without trimming" not in read(untrimmed, **tables).get("bias", {"text": ""})["text"]
 
 
 def with_floor(u: float | None, v: float | None) -> pl.DataFrame:

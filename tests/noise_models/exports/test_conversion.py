@@ -165,3 +165,14 @@ def test_gates_follow_the_innovations():
         np.testing.assert_allclose(ratios, ratios[0])
     innovations = next(one for one in found.equivalents if one.purpose is Purpose.INNOVATIONS)
     assert innovations.gate_95 == pytest.approx(1.2)
+
+
+def test_a_focal_length_cannot_be_compared_with_an_unknown_one():
+    model = lucas_kanade(camera=replace(CAMERA, focal_px=None))
+    for change in (None, FocalChange.RESAMPLED):
+        with pytest.raises(SettingsError, match="does not know that of its recordings"):
+            converted(model, Target(focal_px=458.6, focal_change=change))
+    with pytest.raises(SettingsError, match="VINS-Fusion: no focal length, expected that of its camera"):
+        export(model, "vins")
+    lens = Target(focal_px=458.6, focal_change=FocalChange.LENS)
+    assert "focal_px = 458.600;" in export(model, "vins", target=lens).files["vins_mono_noise.cpp"]

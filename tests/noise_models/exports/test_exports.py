@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.noise_models.exports.golden import NAMES, contents, stored
-from tests.noise_models.exports.models import detections, lucas_kanade
+from tests.noise_models.exports.models import component, detections, equivalents, lucas_kanade
 from tests.noise_models.exports.syntaxes import PARSERS
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.noise_models.exports.estimators import FAMILIES, estimator, estimators, refused
-from tracknoise.noise_models.exports.export import Export, Target
+from tracknoise.noise_models.exports.export import Export, FocalChange, RateChange, Target
 from tracknoise.noise_models.exports.render import export, number
 from tracknoise.noise_models.model import Bias, BiasKind, Landmark, Purpose
 
@@ -88,10 +88,18 @@ def test_settings_are_parsed(file, source):
 def test_openvins():
     assert values("openvins", "openvins_noise.yaml") == {
         "up_msckf_sigma_px": rounded(sigma()),
-        "up_msckf_chi2_multipler": rounded(1.2 * 0.25),
+        "up_msckf_chi2_multipler": 1.0,
         "up_slam_sigma_px": rounded(sigma(window=30)),
-        "up_slam_chi2_multipler": rounded(1.2 * 0.25),
+        "up_slam_chi2_multipler": 1.0,
     }
+
+
+def test_gates_are_widened_and_never_narrowed():
+    tails = values("openvins", "openvins_noise.yaml", model=detections())
+    assert tails["up_msckf_chi2_multipler"] == tails["up_slam_chi2_multipler"] == rounded(1.2)
+    gates = values("hybvio", "hybvio_noise.txt", model=detections())
+    assert gates["trackChiTestOutlierR"] == rounded(0.4 * np.sqrt(1.2))
+    assert values("rtabmap", "rtabmap_noise.txt")["g2o/RobustKernelDelta"] == rounded(5.991)
 
 
 def test_on_the_normalised_plane():
@@ -111,7 +119,16 @@ def test_components_where_the_estimator_has_a_place_for_them():
     prior = values("xivo", "xivo_noise.json", model=detections())
     assert prior["initial_std_x"] == prior["initial_std_y"] == rounded(0.4)
     assert prior["subfilter"]["visual_meas_std"] == rounded(0.4)
-    assert any("0.01 px are written instead of zero" in sentence for sentence in made("rovio").caveats)
+
+
+def test_what_is_written_instead_of_zero_is_stated():
+    first, white = (f"no noise of {phrase}: 0.01 px" for phrase in ("a first position", "a single frame"))
+    for name in ("rovio", "xivo", "gtsam", "openvins"):
+        assert first in made(name).text
+        assert white not in made(name).text
+    assert white in made("rovio", model=lucas_kanade(white=component(0.0))).text
+    for name in ("kimera", "json"):
+        assert "instead of zero" not in made(name).text
 
 
 def test_knees_follow_the_residuals_and_not_sigma():
@@ -139,7 +156,7 @@ def test_variances_and_shares_of_the_image():
     assert values("opensfm", "opensfm_noise.yaml")["reprojection_error_sd"] == rounded(all_poses[30] / 752)
     assert values("hybvio", "hybvio_noise.txt") == {
         "visualR": rounded(sigma(window=20)),
-        "trackChiTestOutlierR": rounded(sigma(window=20) * np.sqrt(1.2 * 0.25)),
+        "trackChiTestOutlierR": rounded(sigma(window=20)),
     }
 
 
@@ -251,6 +268,45 @@ def test_estimators_without_noise_of_tracks_are_refused(name):
 def test_an_unknown_estimator_names_the_known():
     with pytest.raises(UnknownNameError, match="did you mean 'openvins'"):
         made("openvin")
+
+
+def test_a_model_exports_itself():
+    target = Target(window=20)
+    assert lucas_kanade().export("openvins", target=target) == export(lucas_kanade(), "openvins", target=target)
+
+
+RUNS = {
+    "gtsam": "observation_noise(), smart_noise(), track_noise([4.0, 3.0, 2.5])",
+    "filterpy": "R, track_covariance([4.0, 3.0, 2.5])",
+    "symforce": "whitened.__doc__, noise",
+}
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_python_runs_with_the_library(name):
+    pytest.importorskip(name)
+    names: dict = {}
+    exec(made(name).files[f"{name}_noise.py"], names)
+    assert eval(RUNS[name], names)
+
+
+def test_a_sigma_of_zero_is_refused():
+    exact = lucas_kanade(equivalents=equivalents(0.0, 0.5))
+    with pytest.raises(SettingsError, match="newest_pose, windows of 11 frames, is 0 px, expected a number above 0"):
+        made("openvins", model=exact)
+    assert made("json", model=exact).files
+
+
+def test_a_reason_needs_a_number():
+    with pytest.raises(SettingsError, match="no focal length"):
+        Target(focal_change=FocalChange.LENS)
+    with pytest.raises(SettingsError, match="no rate"):
+        Target(rate_change=RateChange.THINNED, focal_px=458.6)
+
+
+def test_a_window_has_two_frames():
+    with pytest.raises(SettingsError, match="window of 1, expected at least 2 frames"):
+        Target(window=1)
 
 
 def test_names_as_people_write_them():

@@ -28,8 +28,9 @@ def test_moving_and_turning_are_told_with_the_share_of_turning(figure: Figure) -
 
 def test_what_is_drawn_is_the_path(figure: Figure) -> None:
     tables = [pl.read_csv(io.StringIO(text)) for text in figure.spec["datasets"].values()]
-    (turned, *_) = [table for table in tables if "turned" in table.columns]
-    assert turned["turned"].to_list() == pytest.approx(range(20))
+    (turned, *_) = [table for table in tables if "rotated" in table.columns]
+    for axis, expected in {"x": [0.0] * 20, "y": [0.0] * 20, "z": list(range(20))}.items():
+        assert turned.filter(axis=axis)["rotated"].to_list() == pytest.approx(expected, abs=1e-6)
     (moved, *_) = [table for table in tables if "moved" in table.columns]
     assert moved.filter(axis="x")["moved"].to_list() == pytest.approx([0.1 * frame for frame in range(20)])
     assert moved.filter(axis="y")["moved"].unique().to_list() == [0]

@@ -62,3 +62,12 @@ def test_a_bias_that_follows_the_motion_is_told_with_both_signs(data: ReportData
 
 def test_one_view_leaves_nothing_to_compare(run: RunFolder) -> None:
     assert views.rotations(ReportData.of(run)) == views.directions(ReportData.of(run)) == []
+
+
+def test_a_drift_that_trimming_may_hide_is_shown_without_it_too(make_run: Callable[..., RunFolder]) -> None:
+    world = {"scenes": ("only",), "trackers": ("one",), "speeds": (1,), "views": ((0, "forward"), (0, "backward"))}
+    for trimming, ids in {"trimmed": ["", "-untrimmed"], "untrimmed": [""]}.items():
+        figures = views.directions(ReportData.of(make_run(**world, trimming=trimming, trim_among="followed")))
+        assert [figure.id for figure in figures] == [f"error-by-direction-one{end}" for end in ids]
+        assert isinstance(figures[-1], Figure)
+        assert figures[-1].shows.startswith("Untrimmed errors of one")

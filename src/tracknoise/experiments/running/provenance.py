@@ -13,7 +13,8 @@ from tracknoise.trackers.registry import TRACKERS
 from tracknoise.truth.registry import TRUTHS
 
 _PYTHON = "python"
-_LIBRARIES = ("tracknoise", "numpy", "scipy", "opencv-contrib-python-headless", "polars", "embreex")
+LIBRARIES = ("tracknoise", "numpy", "scipy", "opencv-contrib-python-headless", "polars", "embreex")
+"""Distributions that results depend on."""
 
 
 def new_manifest(experiment: Experiment) -> Manifest:
@@ -46,14 +47,14 @@ def require_versions(recorded: Mapping[str, str], *, place: str) -> None:
     SettingsError
         Naming the first library or package that differs.
     """
-    for name in dict.fromkeys([*_LIBRARIES, *recorded]):
+    for name in dict.fromkeys([*LIBRARIES, *recorded]):
         found, expected = _installed(name), recorded.get(name, "none")
         if name != _PYTHON and found != expected:
             raise SettingsError(f"{place}: {name} {found} is installed, expected {expected} as the run was begun with")
 
 
 def _versions(experiment: Experiment) -> dict[str, str]:
-    versions = {name: version(name) for name in _LIBRARIES} | READERS.versions(experiment.dataset.reader)
+    versions = {name: version(name) for name in LIBRARIES} | READERS.versions(experiment.dataset.reader)
     for choice in experiment.trackers:
         versions |= TRACKERS.versions(choice.kind)
     return versions | (TRUTHS.versions(experiment.truth.kind) if experiment.truth.kind else {})

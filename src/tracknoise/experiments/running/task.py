@@ -11,6 +11,7 @@ import polars as pl
 from tracknoise.exceptions import DataWarning
 from tracknoise.experiments.doubts import doubts
 from tracknoise.experiments.measure import Measurement, measure_together
+from tracknoise.experiments.patches import KEPT_BYTES, track_patches
 from tracknoise.experiments.running.failures import Result, diagnose
 from tracknoise.experiments.running.geometry_tables import geometry_tables
 from tracknoise.experiments.running.lock import Claim
@@ -84,6 +85,8 @@ def run_batch(
         measured = _measure(batch[0], sequences, progress, second=open_second(batch))
         for task, sequence, measurement, more in zip(batch, sequences, measured, repeated, strict=True):
             tables = {**tables_to_keep(task.experiment, sequence, measurement), **more}
+            if _has_patches(task.experiment, sequences):
+                tables["patches"] = track_patches(measurement, speed=min(task.speeds))
             snapshot = encode_png(measurement.snapshot)
             if claim:
                 claim.check()
@@ -157,7 +160,13 @@ def _measure(
         second_truth=second,
         seed=experiment.seed,
         progress=progress,
+        kept_bytes=KEPT_BYTES if _has_patches(experiment, sequences) and not repeat else 0,
     )
+
+
+def _has_patches(experiment: Experiment, sequences: Items[Sequence]) -> bool:
+    """Whether patches of tracks are kept: not of sequences that are read together, whose images are costly to keep."""
+    return experiment.keep == "observations" and len(sequences) == 1
 
 
 def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Measurement) -> dict[str, pl.DataFrame]:

@@ -116,7 +116,7 @@ def answer(asked: Differences, question: Question) -> Answer | None:
     """Compare all pairs; None where no point has enough scenes."""
     n_scenes, n_pairs, n_points = asked.values.shape
     every = average(asked.values.reshape(n_scenes, n_pairs * n_points), question.group, question.resampled)
-    enough = _enough(every, question.resampled)
+    enough = enough_scenes(every, question.resampled)
     if not enough.any():
         return None
     points, compared = every.of(enough), enough.reshape(n_pairs, n_points)
@@ -140,8 +140,20 @@ def answer(asked: Differences, question: Question) -> Answer | None:
     )
 
 
-def _enough(found: Averages, resampled: Resampled) -> NDArray[np.bool_]:
-    """Where there are enough scenes or groups for an interval, as in `tracknoise.findings.sampling.groups.scheme`."""
+def enough_scenes(found: Averages, resampled: Resampled) -> NDArray[np.bool_]:
+    """Where there are enough scenes or groups for an interval, as in `tracknoise.findings.sampling.groups.scheme`.
+
+    Parameters
+    ----------
+    found
+        Means at any number of points.
+    resampled
+        What was averaged.
+
+    Returns
+    -------
+    (points,) bool
+    """
     least = MIN_WITHIN if resampled == Resampled.within else 0
     return np.asarray((found.n_units >= MIN_SCENES) & (found.degrees >= least), dtype=np.bool_)
 

@@ -18,21 +18,16 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.factors.answers import Question
-from tracknoise.findings.factors.differences import Differences, differences
+from tracknoise.findings.factors.asking import N_DRAWS, ask
+from tracknoise.findings.factors.differences import differences
 from tracknoise.findings.factors.questions import Cell, cells
 from tracknoise.findings.factors.rows import Row, judged, row_of
 from tracknoise.findings.factors.scene_counts import lifetime_differences, outlier_differences
 from tracknoise.findings.factors.scene_values import SIGNED, AllValues, scene_values
-from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups, scheme
-from tracknoise.findings.sampling.rotation import rotations
+from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.statistics.conditions import Tables, TablesByCondition, by_condition, scenes_by_dataset
 from tracknoise.tables.defaults import LEVEL, MARGIN, POPULATION, TRIMMING
-from tracknoise.tables.enumerations import Resampled
 from tracknoise.tables.schema import ENDS, FRAME_COUNTS, MOMENTS, SCALES, Schema, empty
-
-N_DRAWS = 499
-"""Rotations: enough to distinguish p-values of a few percent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,22 +137,16 @@ def _rows(
             levels, measured = _levels(cell, role, values, (len(scenes), len(places)))
             asked = differences(levels, measured, logarithms=role != SIGNED)
         margin = _margin_px(cell, values, options.margin) if role == SIGNED else float(np.log1p(options.margin))
-        question = _question(asked, group, margin, options, cancels=role == SIGNED)
+        question = ask(
+            asked.both,
+            group,
+            margin=margin,
+            level=options.level,
+            n_draws=options.n_draws,
+            seed=options.seed,
+            cancels=role == SIGNED,
+        )
         yield row_of(cell, role, name, places, asked, question, margin, group)
-
-
-def _question(
-    asked: Differences, group: NDArray[np.intp], margin: float, options: _Options, *, cancels: bool
-) -> Question | None:
-    """What is asked of differences; None where scenes or groups are too few, or the margin is unknown."""
-    resampled = scheme(group[asked.both.any(axis=1)])
-    if resampled is None or not np.isfinite(margin):
-        return None
-    n_groups = len(np.unique(group))
-    within = len(group) - n_groups + 1
-    dimensions = {Resampled.scenes: len(group), Resampled.groups: n_groups}.get(resampled, within)
-    directions = rotations(dimensions, n_draws=options.n_draws, seed=options.seed)
-    return Question(margin, options.level, group, resampled, directions, cancels=cancels)
 
 
 def _tables(cell: Cell, tables: TablesByCondition, schema: Schema) -> list[pl.DataFrame]:

@@ -56,15 +56,15 @@ def best_of_few(found: Averages, margin: float, directions: NDArray[np.float64])
     directions : (draws, dimensions)
         See `tracknoise.findings.sampling.rotation.rotations`.
     """
-    error = _errors(found, margin)
+    error = standard_errors(found, margin)
     alone = _at_margin(np.abs(found.mean) / error, margin / error, found.degrees)
     chosen, best = int(np.argmin(alone)), float(alone.min())
     if len(alone) == 1:
         return Best(chosen, best)
-    parts, turned = _taking_part(found, directions)
+    parts, turned = taking_part(found, directions)
     shift = np.sign(found.mean) * margin / error
     as_clear = np.abs(students(parts, turned) + shift) >= _needed(np.abs(shift), best, max(len(parts) - 1.0, 1.0))
-    return Best(chosen, _of_best(best, int(as_clear.any(axis=1).sum()), len(directions), len(alone)))
+    return Best(chosen, p_of_best(best, int(as_clear.any(axis=1).sum()), len(directions), len(alone)))
 
 
 def best_of_many(found: Averages, margin: float, directions: NDArray[np.float64], *, needed: float) -> Best:
@@ -73,28 +73,28 @@ def best_of_many(found: Averages, margin: float, directions: NDArray[np.float64]
     Both tails of t are counted, which is more than (above). A p-value that is not below `needed` is not computed any
     more exactly.
     """
-    excess = (np.abs(found.mean) - margin) / _errors(found, margin)
+    excess = (np.abs(found.mean) - margin) / standard_errors(found, margin)
     chosen = _largest(excess, found.degrees)
-    best, draws = min(float(2 * _tail(excess[chosen], found.degrees[chosen])), 1.0), len(directions)
+    best, draws = min(float(2 * upper_tail(excess[chosen], found.degrees[chosen])), 1.0), len(directions)
     least = max(best, min(1 / (1 + draws), len(excess) * best))
     if least >= needed:
         return Best(chosen, least)
-    by_chance = best_by_chance(*_taking_part(found, directions))
-    return Best(chosen, _of_best(best, int(np.searchsorted(by_chance, best, side="right")), draws, len(excess)))
+    by_chance = best_by_chance(*taking_part(found, directions))
+    return Best(chosen, p_of_best(best, int(np.searchsorted(by_chance, best, side="right")), draws, len(excess)))
 
 
 def p_below(found: Averages, margin: float) -> float:
     """Largest p-value by (below)."""
-    short = (margin - np.abs(found.mean)) / _errors(found, margin)
+    short = (margin - np.abs(found.mean)) / standard_errors(found, margin)
     worst = _largest(-short, found.degrees)
-    return float(_tail(short[worst], found.degrees[worst]))
+    return float(upper_tail(short[worst], found.degrees[worst]))
 
 
 def half_widths(found: Averages, directions: NDArray[np.float64], share: float) -> NDArray[np.float64]:
     """Half widths of intervals that together miss any of the true differences with a probability of `share`."""
     if len(found.mean) == 1:
         return half_widths_alone(found, share)
-    by_chance = best_by_chance(*_taking_part(found, directions))
+    by_chance = best_by_chance(*taking_part(found, directions))
     return half_widths_alone(found, min(float(least_share(by_chance, share)), share))
 
 
@@ -104,7 +104,7 @@ def half_widths_alone(found: Averages, share: float) -> NDArray[np.float64]:
     return np.asarray(found.error * -special.stdtrit(degrees, share / 2)[place], dtype=np.float64)
 
 
-def _taking_part(found: Averages, directions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def taking_part(found: Averages, directions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Parts of errors, and directions, without the scenes that add to no error."""
     some = np.any(found.parts, axis=1)
     return found.parts[some], within(directions, some)
@@ -114,10 +114,10 @@ def _largest(t: NDArray[np.float64], degrees: NDArray[np.float64]) -> int:
     """The least probable of some values of t: only the largest of each number of degrees can be."""
     each = [np.flatnonzero(degrees == number) for number in np.unique(degrees)]
     largest = np.array([places[np.argmax(t[places])] for places in each])
-    return int(largest[np.argmin(_tail(t[largest], degrees[largest]))])
+    return int(largest[np.argmin(upper_tail(t[largest], degrees[largest]))])
 
 
-def _of_best(best: float, as_small: int, draws: int, count: int) -> float:
+def p_of_best(best: float, as_small: int, draws: int, count: int) -> float:
     """P-value of the best of `count` p-values, which is so small by chance in `as_small` rotations."""
     share = max(best, (1 + as_small) / (1 + draws))
     return share if as_small else min(share, count * best)
@@ -137,13 +137,14 @@ def _at_margin(
     size: NDArray[np.float64], margin: NDArray[np.float64], degrees: NDArray[np.float64] | float
 ) -> NDArray[np.float64]:
     """(above), of sizes and margins in standard errors."""
-    return np.minimum(_tail(size - margin, degrees) + _tail(size + margin, degrees), 1.0)
+    return np.minimum(upper_tail(size - margin, degrees) + upper_tail(size + margin, degrees), 1.0)
 
 
-def _tail(t: NDArray[np.float64], degrees: NDArray[np.float64] | float) -> NDArray[np.float64]:
+def upper_tail(t: NDArray[np.float64], degrees: NDArray[np.float64] | float) -> NDArray[np.float64]:
+    """Probability of a larger value, P above."""
     return np.asarray(special.stdtr(degrees, -t), dtype=np.float64)
 
 
-def _errors(found: Averages, margin: float) -> NDArray[np.float64]:
+def standard_errors(found: Averages, margin: float) -> NDArray[np.float64]:
     """Standard errors to divide by: those of scenes that are all alike are rounding."""
     return np.maximum(found.error, _ROUNDING * (np.abs(found.mean) + margin) + np.finfo(np.float64).tiny)

@@ -7,7 +7,7 @@ import polars as pl
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
-from tracknoise.findings.headlines.error_size import first, rms
+from tracknoise.findings.headlines.error_size import first, in_u_and_v, rms
 from tracknoise.findings.headlines.headline import Headline, Part, RunTables, by_tracker
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions, curve_bounds, curve_scenes
 from tracknoise.findings.headlines.withheld import (
@@ -18,7 +18,7 @@ from tracknoise.findings.headlines.withheld import (
     withheld_growth,
 )
 from tracknoise.findings.wording import SHAPES, SPACE, chance, listing, number, percent, sentence_case
-from tracknoise.tables.enumerations import Aspect, Axis, Behaviour, Resampled, Verdict, Weighting
+from tracknoise.tables.enumerations import Aspect, Axis, Behaviour, Resampled, Trimming, Verdict, Weighting
 
 _GROWTH: Mapping[str, tuple[str, str, str]] = {
     Behaviour.white: ("constant", "white_px", "px"),
@@ -56,7 +56,8 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
     withheld = None if there is None else withheld_bias(tracker, conditions.opening_place(there["at"]), covers)
     if withheld is not None and overall["verdict"] == Verdict.yes:
         return withheld, []
-    estimates = [] if there is None else _means(conditions.of(tables["intervals"], tracker), conditions, there)
+    trimming = conditions.trimmings[0]
+    estimates = [] if there is None else _means(tables, conditions, tracker, there, trimming)
     text = _zero_or_not(f"the mean {_trimmed(conditions)}error of {tracker}", overall)
     if there is not None and len(estimates) == 2:
         u, v = map(format_estimate, estimates)
@@ -67,7 +68,19 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
         if there["share_of_second"] is not None:
             text += f" Its square is {percent(there['share_of_second'])} of the second moment."
         text += covered_coordinates(covers)
+        untrimmed = _untrimmed_means(tables, conditions, tracker, there["at"])
+        text += f" Without trimming, the mean is {in_u_and_v(untrimmed)}." if len(untrimmed) == 2 else ""
+        estimates += untrimmed
     return text, estimates
+
+
+def _untrimmed_means(tables: RunTables, conditions: ReportedConditions, tracker: str, at: int) -> list[Estimate]:
+    """Mean errors of all tracks, where the verdict is about those that trimming kept."""
+    if conditions.percentile is None or conditions.trimming == Trimming.untrimmed:
+        return []
+    rows = conditions.of(tables["zero_mean"], tracker)
+    there = first(rows.filter(trimming=Trimming.untrimmed, axis=conditions.axis, at=at))
+    return [] if there is None else _means(tables, conditions, tracker, there, Trimming.untrimmed)
 
 
 def _zero_or_not(mean: str, overall: Mapping[str, Any]) -> str:
@@ -79,9 +92,11 @@ def _zero_or_not(mean: str, overall: Mapping[str, Any]) -> str:
     return f"It is undecided whether {mean} is zero{test}{why}."
 
 
-def _means(intervals: pl.DataFrame, conditions: ReportedConditions, row: Mapping[str, Any]) -> list[Estimate]:
+def _means(
+    tables: RunTables, conditions: ReportedConditions, tracker: str, row: Mapping[str, Any], trimming: Trimming
+) -> list[Estimate]:
     found = []
-    trimming, scenes = conditions.trimmings[0], Weighting.scenes
+    intervals, scenes = conditions.of(tables["intervals"], tracker), Weighting.scenes
     for coordinate in "uv":
         value = row[f"mean_{coordinate}_px"]
         bounds = curve_bounds(intervals, conditions, "mean", row["at"], coordinate, trimming=trimming, weighting=scenes)

@@ -1,4 +1,4 @@
-"""The findings of a run in a few sentences: caveats first, then what an estimator needs to know."""
+"""The findings of a run in a few sentences: the noise to set in an estimator first, then caveats and the rest."""
 
 from collections.abc import Callable
 
@@ -17,11 +17,13 @@ from tracknoise.findings.headlines.factor_topic import factors
 from tracknoise.findings.headlines.headline import Headline, RunTables
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.trimming_topic import trimming_matters
+from tracknoise.findings.headlines.window_topic import estimator_noise
 from tracknoise.tables.findings_schema import FINDINGS
 from tracknoise.tables.schema import check
 
 _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] = (
     caveats.doubtful_data,
+    estimator_noise,
     caveats.few_scenes,
     caveats.grouped_scenes,
     caveats.recorded_truth,
@@ -42,6 +44,7 @@ _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] 
 _FITTED_TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] = (
     caveats.doubtful_data,
     fitted_topics.self_referential,
+    estimator_noise,
     caveats.few_scenes,
     caveats.grouped_scenes,
     fitted_topics.noise,
@@ -60,7 +63,7 @@ def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.Data
     ----------
     tables
         By their names: curves, floor, summary, effects, intervals, seed_spread, zero_mean, gaussianity, time_structure,
-        dependence, surrounding_errors, rigid_share, tracker_differences and triangulated_noise.
+        dependence, surrounding_errors, rigid_share, tracker_differences, triangulated_noise and window_sigmas.
         One without rows has no headline.
     conditions
         Which conditions the sentences are about.

@@ -22,7 +22,8 @@ _COORDINATES = {
 def class_sums(sums: pl.DataFrame) -> pl.DataFrame:
     """Sums of every class and coordinate in every scene and block.
 
-    Classes by depth, edge, incidence and side are of visible features. Those by occlusion include the occluded ones.
+    Classes by depth, edge, incidence, side and parallax are of visible features. Those by occlusion include the
+    occluded ones.
 
     Parameters
     ----------

@@ -79,23 +79,33 @@ def _scale(model: "NoiseModel", target: Target, caveats: list[str]) -> float:
     if target.focal_px is None:
         return 1.0
     _require_positive("focal length", target.focal_px, "px")
+    if target.focal_change is FocalChange.LENS:
+        measured = "an unknown focal length" if known is None else f"a focal length of {known:g} px"
+        caveats.append(f"The model was measured at {measured}. Its px are kept for another lens.")
+        return 1.0
+    if known is None:
+        raise SettingsError(
+            f"focal length is {target.focal_px:g} px, expected none: the model does not know that of its recordings; "
+            "`--allow-focal lens` to use its px as they are"
+        )
     ratio = target.focal_px / known
     if target.focal_change is None:
-        if abs(ratio - 1.0) > TOLERANCE:
-            raise SettingsError(
-                f"focal length is {target.focal_px:g} px, expected that of the model, {known:g} px, to "
-                f"{100 * TOLERANCE:g} %; `--allow-focal resampled` if the images are the same in another size, "
-                "`--allow-focal lens` to use its px as they are"
-            )
-        return 1.0
-    if target.focal_change is FocalChange.LENS:
-        caveats.append(f"The model was measured at a focal length of {known:g} px. Its px are kept for another lens.")
+        _require_same_focal(ratio, target.focal_px, known)
         return 1.0
     caveats.append(
         f"The images are those of the model, resampled by {ratio:.3g}: px scale with them. A tracker that runs on "
         "resampled images has other noise. Measure it on them."
     )
     return ratio
+
+
+def _require_same_focal(ratio: float, focal: float, known: float) -> None:
+    if abs(ratio - 1.0) > TOLERANCE:
+        raise SettingsError(
+            f"focal length is {focal:g} px, expected that of the model, {known:g} px, to {100 * TOLERANCE:g} %; "
+            "`--allow-focal resampled` if the images are the same in another size, "
+            "`--allow-focal lens` to use its px as they are"
+        )
 
 
 def _thinning(model: "NoiseModel", target: Target, caveats: list[str]) -> int:

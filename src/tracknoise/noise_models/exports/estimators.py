@@ -38,7 +38,7 @@ class Estimator:
         What its sigma makes right by default, and the length of its window as shipped, frames. The purpose is None
         where the components of the model are written themselves.
     needs
-        What must be given: ``rate``, ``observations``.
+        What must be known: ``focal length``, ``rate``, ``observations``.
     cannot
         What it cannot express: phrases.
     without_effect

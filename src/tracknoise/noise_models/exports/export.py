@@ -3,7 +3,10 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
+from tracknoise.exceptions import SettingsError
 from tracknoise.noise_models.model import Purpose
+
+_SHORTEST = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,6 +63,11 @@ class Target:
         Why they differ from those of the model. They must not, if None.
     window, purpose
         Length of its window, frames, and what its sigma is to make right. By default, what is usual for the estimator.
+
+    Raises
+    ------
+    SettingsError
+        If the window has fewer than two frames, or a reason is given for a focal length or a rate that is not.
     """
 
     focal_px: float | None = None
@@ -68,3 +76,12 @@ class Target:
     rate_change: RateChange | None = None
     window: int | None = None
     purpose: Purpose | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse a window without a second frame, and reasons for a difference that is not stated."""
+        if self.window is not None and self.window < _SHORTEST:
+            raise SettingsError(f"window of {self.window}, expected at least {_SHORTEST} frames")
+        if self.focal_change is not None and self.focal_px is None:
+            raise SettingsError(f"found no focal length, expected one because it may differ ({self.focal_change})")
+        if self.rate_change is not None and self.rate_hz is None:
+            raise SettingsError(f"found no rate, expected one because it may differ ({self.rate_change})")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.exceptions import SettingsError
 from tracknoise.noise_models.model import Component, Equivalent, Landmark, Purpose
 
 if TYPE_CHECKING:
@@ -29,6 +30,9 @@ efficiency of least squares.
 class Noise:
     """The noise of a model, as an estimator uses it. Templates call it `noise`.
 
+    Factors on gates are not below 1. Those of a model are for true poses, and are smaller where sigma is larger than
+    the residuals. The innovations that a filter gates contain the errors of its predicted poses, too.
+
     Parameters
     ----------
     model
@@ -45,12 +49,24 @@ class Noise:
     purpose: Purpose | None
 
     def equivalent(self, *, window: int | None = None, purpose: Purpose | None = None) -> Equivalent:
-        """The sigma for a window and a purpose, by default its own. Without a purpose, the one of residuals."""
-        return self.model.equivalent(
+        """The sigma for a window and a purpose, by default its own. Without a purpose, the one of residuals.
+
+        Raises
+        ------
+        SettingsError
+            If the model has none, or one that is not a positive number.
+        """
+        found = self.model.equivalent(
             landmark=self.landmark,
             window=self.window if window is None else window,
             purpose=purpose or self.purpose or Purpose.INNOVATIONS,
         )
+        if not 0.0 < found.sigma.value < math.inf:
+            raise SettingsError(
+                f"sigma for {found.purpose}, windows of {found.window} frames, is {found.sigma.value:g} px, "
+                "expected a number above 0"
+            )
+        return found
 
     @property
     def sigma(self) -> float:
@@ -64,21 +80,21 @@ class Noise:
     @property
     def gate_95(self) -> float:
         """Factor on a chi-square gate at .95, with `sigma`."""
-        return self.equivalent().gate_95
+        return max(self.equivalent().gate_95, 1.0)
 
     @property
     def residual_gate_95(self) -> float:
         """Factor on a chi-square gate at .95, with a sigma of the size of residuals."""
-        return self._residual.gate_95
+        return max(self._residual.gate_95, 1.0)
 
     @property
     def gate_99(self) -> float:
         """Factor on a chi-square gate at .99, with `sigma`."""
-        return self.equivalent().gate_99
+        return max(self.equivalent().gate_99, 1.0)
 
     def gate_at(self, window: int) -> float:
         """Factor on a chi-square gate at .95, with `sigma_at`."""
-        return self.equivalent(window=window).gate_95
+        return max(self.equivalent(window=window).gate_95, 1.0)
 
     @property
     def first(self) -> float:

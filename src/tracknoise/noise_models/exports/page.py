@@ -22,7 +22,7 @@ tracknoise noise export --list
 ```
 
 With `-o`, the files are written to a folder, with a text and with a patch if there is one. Otherwise they are printed.
-From Python: `tracknoise.noise_models.exports.render.export(model, "openvins")`.
+From Python: `model.export("openvins")`, with `target=` for another camera, rate, window or purpose.
 
 ## Which number is written
 
@@ -35,7 +35,8 @@ interval.
 """
 _CONVERSION = f"""
 With a walk, these numbers differ. A sigma that makes innovations look right makes the newest pose too certain. Knees of
-robust losses and bounds in px follow the size of residuals, whatever the purpose.
+robust losses and bounds in px follow the size of residuals, whatever the purpose. Gates are widened by the tails of the
+residuals. They are never narrowed, because innovations contain the errors of predicted poses too.
 
 ## Focal length and rate
 
@@ -78,7 +79,7 @@ def _section(name: str, about: Estimator) -> Iterator[str]:
         "Where": about.place,
         "First observation": LANDMARKS[about.landmark],
         "Default": about.purpose and f"`{about.purpose}`, windows of {about.window} frames",
-        "Needs": ", ".join(f"`--{_OPTIONS[need]}`" for need in about.needs),
+        "Needs": ", ".join(_NEEDS[need] for need in about.needs),
         "Cannot be expressed": "; ".join(about.cannot),
         "Files": ", ".join(f"`{file}`" for file in about.files) + (", and a patch" if about.patch else ""),
         "Checked against": ", ".join(about.checked_against),
@@ -90,7 +91,11 @@ def _section(name: str, about: Estimator) -> Iterator[str]:
     yield ""
 
 
-_OPTIONS = {"rate": "rate", "observations": "tracks"}
+_NEEDS = {
+    "focal length": "`--focal`, unless the model knows it",
+    "rate": "`--rate`, unless the model knows it",
+    "observations": "`--tracks`",
+}
 
 
 if __name__ == "__main__":

@@ -56,11 +56,13 @@ def export(
     about, wanted = estimator(name), target or Target()
     at = converted(model, wanted)
     noise = Noise(at.model, about.landmark, wanted.window or about.window, _purpose(about, wanted))
-    _require_given(about, {"rate": at.model.camera.rate_hz, "observations": observations})
+    camera = at.model.camera
+    known = {"focal length": camera.focal_px, "rate": camera.rate_hz, "observations": observations}
+    _require_known(about, known)
     if about.family == "data" and at.caveats:
         raise SettingsError(f"{about.title}: found another focal length or rate, expected those of the model")
     header = wording.header(noise, source, model.sha256)
-    values = {"noise": noise, "camera": at.model.camera, "header": header, "model": model, "observations": observations}
+    values = {"noise": noise, "camera": camera, "header": header, "model": model, "observations": observations}
     caveats = (*at.caveats, *wording.caveats(about, noise))
     return Export(
         files={file: _filled(template, values) for file, template in about.files.items()},
@@ -74,10 +76,14 @@ def _purpose(about: Estimator, wanted: Target) -> Purpose | None:
     return about.purpose and (wanted.purpose or about.purpose)
 
 
-def _require_given(about: Estimator, given: Mapping[str, object]) -> None:
-    expected = {"rate": "frames per second, with `--rate`", "observations": "tracks, with `--tracks`"}
+def _require_known(about: Estimator, known: Mapping[str, object]) -> None:
+    expected = {
+        "focal length": "that of its camera, with `--focal`",
+        "rate": "frames per second, with `--rate`",
+        "observations": "tracks, with `--tracks`",
+    }
     for need in about.needs:
-        if given[need] is None:
+        if known[need] is None:
             raise SettingsError(f"{about.title}: no {need}, expected {expected[need]}")
 
 

@@ -22,6 +22,8 @@ LANDMARKS: Mapping[Landmark, str] = {
 }
 """How an estimator uses the first observation of a track."""
 _DIGITS_OF_HASH = 12
+_TRACK = "track_covariance."
+"""In templates that include the covariance of a track, with all components."""
 _DIFFERENT = 1.02
 """Ratio from which on the sigmas of two purposes are stated as different."""
 
@@ -60,7 +62,7 @@ def makes_right(noise: Noise) -> str:
 def caveats(about: Estimator, noise: Noise) -> tuple[str, ...]:
     """Sentences on what the export does not express, and on what the model knows of that."""
     cannot = [f"Cannot be expressed: {'; '.join(about.cannot)}."] if about.cannot else []
-    return (*cannot, *about.without_effect, *_of_model(noise))
+    return (*cannot, *about.without_effect, *_of_model(noise), *_of_zeros(about, noise))
 
 
 def text(about: Estimator, first_line: str, sentences: Iterable[str]) -> str:
@@ -80,8 +82,16 @@ def _of_model(noise: Noise) -> Iterator[str]:
         yield f"One sigma does not make everything right. This model has {others}."
     if noise.model.bias.kind in (BiasKind.BY_AGE, BiasKind.ALONG_MOTION):
         yield "The model has a bias: correct the pixels before the estimator gets them."
-    if noise.purpose is None and not noise.model.first.covariance.any():
-        yield f"The first position has no noise of its own in this model: {LEAST_PX:g} px are written instead of zero."
+
+
+def _of_zeros(about: Estimator, noise: Noise) -> Iterator[str]:
+    """What is written for components that are zero, where the templates name them."""
+    templates = " ".join((*about.files.values(), about.patch or ""))
+    named = {"first": "a first position", "white": "a single frame"}
+    for name, phrase in named.items():
+        is_written = f"noise.{name}" in templates or _TRACK in templates
+        if is_written and not getattr(noise.model, name).covariance.any():
+            yield f"The model has no noise of {phrase}: {LEAST_PX:g} px are written instead of zero."
 
 
 def _other_sigmas(noise: Noise) -> Iterator[str]:

@@ -10,7 +10,10 @@ from tracknoise.report.figures import marks
 from tracknoise.report.figures.layout import Chart, layered
 
 _VALUES = ("upper_whisker", "upper_quartile", "mean", "median", "lower_quartile", "lower_whisker")
-_WIDEST, _LETTER = 34, 7
+_WIDEST, _BEAD, _LETTER = 34, 6.0, 7
+"""Widths of a box and of the dot of an interval, at most, and of a letter, px."""
+_BESIDE = " beside"
+"""What is added to the name of a box for its interval."""
 
 
 def box_plot(
@@ -24,7 +27,7 @@ def box_plot(
     places: tuple[str, Sequence[str]] | None = None,
     interval: tuple[str, str, str] | None = None,
 ) -> Chart:
-    """A box for each row of a table.
+    """A box for each row of a table. Rows without a median have no box, and leave no room for one.
 
     Parameters
     ----------
@@ -42,13 +45,19 @@ def box_plot(
     interval
         Columns of one more value and of the ends of its interval. Null where there is none.
     """
+    table = table.drop_nulls("median")
+    colours = {name: colour for name, colour in colours.items() if name in table[field]}
     column, order = places or (field, list(colours))
+    order = [name for name in order if name in table[column]]
     tips = [alt.Tooltip(f"{name}:Q", format=".4~g", title=name.replace("_", " ")) for name in _VALUES]
     names = [alt.Tooltip(f"{name}:N") for name in dict.fromkeys((column, field))]
     base = alt.Chart(marks.rows(table)).encode(x=_across(column, order, width), tooltip=[*names, *tips])
+    slot, beads = width / max(1, len(order)), base
     if places is not None:
-        base = base.encode(xOffset=alt.XOffset(f"{field}:N", sort=list(colours)))
-    across = min(_WIDEST, 0.6 * width / max(1, len(order)) / (1 if places is None else len(colours)))
+        offsets = [name for colour in colours for name in _offsets(colour, with_interval=interval is not None)]
+        base, beads = _side_by_side(base, field, offsets)
+        slot /= max(1, len(offsets))
+    across = min(_WIDEST, 0.6 * slot)
     box = base.mark_bar(size=across, fillOpacity=0.25, strokeWidth=min(1.2, across / 4)).encode(
         y=marks.on(y, "lower_quartile"),
         y2=alt.Y2("upper_quartile:Q"),
@@ -57,8 +66,24 @@ def box_plot(
     )
     layers = [*_whiskers(base, y, across), box, *_middles(base, y, across)]
     if interval is not None:
-        layers += _interval(base, y, across, *interval)
+        wide = min(_BEAD, 0.8 * (slot - across if places is None else slot))
+        aside = -(across + 1.2 * wide) / 2 if places is None else 0.0
+        layers += _interval(beads, y, wide, aside, *interval)
     return layered(*layers).properties(width=width, height=height)
+
+
+def _offsets(name: str, *, with_interval: bool) -> list[str]:
+    """The places of a box, and of its interval to the left of it."""
+    return [name + _BESIDE, name] if with_interval else [name]
+
+
+def _side_by_side(base: alt.Chart, field: str, offsets: Sequence[str]) -> tuple[alt.Chart, alt.Chart]:
+    """Marks of the boxes at one place, and of the intervals, beside each other."""
+    scale = alt.Scale(domain=list(offsets))
+    boxes = base.encode(xOffset=alt.XOffset(f"{field}:N", scale=scale))
+    named = base.transform_calculate(beside=f"datum[{field!r}] + {_BESIDE!r}")
+    beads: alt.Chart = named.encode(xOffset=alt.XOffset("beside:N", scale=scale))
+    return boxes, beads
 
 
 def _across(column: str, order: Sequence[str], width: int) -> alt.X:
@@ -87,15 +112,19 @@ def _middles(base: alt.Chart, y: alt.Y, across: float) -> list[alt.Chart]:
     return [median.encode(y=marks.on(y, "median")), mean.encode(y=marks.on(y, "mean"))]
 
 
-def _interval(base: alt.Chart, y: alt.Y, across: float, value: str, low: str, high: str) -> list[alt.Chart]:
-    """A heavy line between the ends of an interval, and a dot at its value, left of the middle of the box."""
-    aside = -across / 3
-    known = base.transform_filter(f"isValid(datum[{low!r}]) && isValid(datum[{high!r}])")
+def _interval(
+    beads: alt.Chart, y: alt.Y, wide: float, aside: float, value: str, low: str, high: str
+) -> list[alt.Chart]:
+    """A heavy line between the ends of an interval, and a dot at its value.
+
+    They are beside the box, where they hide neither the mean nor the median.
+    """
+    known = beads.transform_filter(f"isValid(datum[{low!r}]) && isValid(datum[{high!r}])")
     tips = [alt.Tooltip(f"{name}:Q", format=".4~g", title=name.replace("_", " ")) for name in (value, low, high)]
-    line = known.mark_rule(color=style.INK, strokeWidth=min(3.0, across / 3), opacity=1, xOffset=aside).encode(
+    line = known.mark_rule(color=style.INK, strokeWidth=wide / 2, opacity=1, xOffset=aside).encode(
         y=marks.on(y, low), y2=alt.Y2(f"{high}:Q"), tooltip=tips
     )
-    dot = known.mark_point(color=style.INK, size=min(30.0, 3 + across**2), opacity=1, xOffset=aside).encode(
+    dot = known.mark_point(color=style.INK, size=0.8 * wide**2, opacity=1, xOffset=aside).encode(
         y=marks.on(y, value), tooltip=tips
     )
     return [line, dot]

@@ -16,6 +16,7 @@ from tracknoise.report.figures.series import MANY, Series
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.box import box_summary
 from tracknoise.statistics.definitions import REFERENCE_AGE
+from tracknoise.tables.enumerations import Trimming
 
 _NAMES = {"mean": "mean error", "second": "root second moment"}
 _WIDTHS = {"few": (240, 105), "many": (196, 156)}
@@ -32,8 +33,9 @@ def comparison(
     shows: str,
     advice: str,
     role: str = "second",
+    trimming: Trimming | None = None,
 ) -> Figure | Absence:
-    """A figure of the errors that the experiment is about, trimmed or not.
+    """A figure of the errors that the experiment is about, trimmed or not, unless `trimming` says which.
 
     Parameters
     ----------
@@ -47,8 +49,10 @@ def comparison(
         What to look for, after the numbers.
     role
         Of the statistic whose numbers are stated: mean or second.
+    trimming
+        By default that of the errors that verdicts are about.
     """
-    kept = points.filter(trimming=data.trimming, population=data.population)
+    kept = points.filter(trimming=trimming or data.trimming, population=data.population)
     found = readings(kept, series)
     if not found:
         return Absence(id, title, f"No {data.axis.name} has enough features with a known error, so there is no curve.")

@@ -45,8 +45,9 @@ def grid(points: pl.DataFrame, series: Series, axis: Axis, *, beside: Beside | N
     """
     named = points.with_columns(pl.col(series.field).cast(pl.String))
     chosen = series.present(named)
-    present = [role for role in _ROWS if role in named["role"]]
-    panels = [panel for role in present for panel in _row(named, role, chosen, axis, beside, width)]
+    shown = named.filter(pl.col(series.field).is_in(list(chosen.colours)))
+    present = [role for role in _ROWS if role in shown["role"]]
+    panels = [panel for role in present for panel in _row(shown, role, chosen, axis, beside, width)]
     return arranged(panels, columns=4 if beside else 2, independent=["fill", "stroke"])
 
 
@@ -65,7 +66,7 @@ def _row(points: pl.DataFrame, role: str, series: Series, axis: Axis, beside: Be
     banded = table.filter(pl.col("role") == role, pl.col(series.field).is_in(series.banded))
     ends = pl.concat([*(banded[name] for name in BOUNDS), floor_ends(table, role)])
     bounds = marks.holding(pl.concat([table["u"], table["v"]]), ends)
-    x = marks.along(table["at"], title=axis.title, from_zero=axis is AGE)
+    x = marks.along(_places(points), title=axis.title, from_zero=axis is AGE)
     panels = []
     for coordinate, label in zip("uv", series.columns, strict=True):
         title = alt.Title(label if role == "mean" else "")
@@ -78,6 +79,12 @@ def _row(points: pl.DataFrame, role: str, series: Series, axis: Axis, beside: Be
         panels.append(Panel(chart.properties(title=title, width=width, height=HEIGHT), selections, layer=len(band)))
         panels += [beside(table.filter(role=role), coordinate, series, bounds)] if beside else []
     return panels
+
+
+def _places(points: pl.DataFrame) -> pl.Series:
+    """Places of all points, whatever their statistic, and those where errors are zero by construction."""
+    places = points["at"].cast(pl.Int64)
+    return pl.concat([places, places - points["since"]]).unique()
 
 
 def _drawn(points: pl.DataFrame, role: str, series: Series) -> pl.DataFrame:
@@ -106,7 +113,7 @@ def _lines(table: pl.DataFrame, series: Series, axis: Axis, x: alt.X, y: alt.Y) 
         opacity=marks.opacity(series.field),
         tooltip=tips,
     )
-    curve = lines.mark_line(strokeWidth=1.2 if len(series.colours) > MANY else 1.8).encode(strokeDash=dash)
+    curve = lines.mark_line(strokeWidth=1.4 if len(series.colours) > MANY else 1.8).encode(strokeDash=dash)
     size = 6 if len(series.colours) > MANY else 14
     dots = lines.mark_point(size=size, opacity=1).transform_filter("datum.of != 'about the mean'")
     zero = alt.Chart(alt.InlineData(values=[{"zero": 0}])).mark_rule(color="#9aa5b1").encode(y=alt.Y("zero:Q"))

@@ -67,7 +67,7 @@ def _figure(data: ReportData, trimming: str, name: str, title: str, shows: str, 
     series = Series("tracker", data.colour)
     found = readings(points, series)
     if not found:
-        return Absence(name, title, _nothing(data))
+        return Absence(name, title, no_curve(data))
     parts = [
         f"{one.name} has a mean error of {one.describe('mean')}. Its root second moment is {one.describe('second')}."
         for one in found
@@ -77,7 +77,9 @@ def _figure(data: ReportData, trimming: str, name: str, title: str, shows: str, 
     return Figure(name, title, shows, look_for, grid(points, series, data.axis))
 
 
-def _nothing(data: ReportData) -> str:
+def no_curve(data: ReportData) -> str:
+    """Say why no tracker has a curve."""
+    """Say why no tracker has a curve."""
     return (
         f"At speed {data.slowest} no {data.axis.name} other than {data.axis.zero} has {number(data.min_features)} "
         "features with a known error, so there is no curve."

@@ -1,6 +1,5 @@
 """One frame of each scene with the features of every tracker, their magnified errors and their trails."""
 
-import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,6 +10,7 @@ import polars as pl
 from tracknoise.findings.wording import count, px
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.figures.frame_image import IMAGE, along_u, along_v, background, size, stored_image, with_images
 from tracknoise.report.figures.layout import Panel, Spec, arranged, layered
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.manifest import SequenceEntry
@@ -69,13 +69,22 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
 
 def _figure(data: ReportData, entry: SequenceEntry, place: int) -> Figure | Absence:
     name, title = f"{_ID}-{place}", f"Scene {entry.sequence.scene}"
-    png = _image(data, entry)
+    png = stored_image(data, entry)
     if png is None:
         return Absence(name, title, f"The image of frame {entry.snapshot_frame} is missing in the run folder.")
     scene = _scene(data, entry, png)
     if scene.features.is_empty():
         return Absence(name, title, _nothing(data, entry))
     return Figure(name, title, _shows(data, scene), _look_for(data, scene), _chart(data, scene))
+
+
+def first_scene(data: ReportData) -> Scene | None:
+    """The first scene that has an image and features with errors; None where none has."""
+    if not data.keeps_observations:
+        return None
+    entries = list(data.sequences.values())[:MOST_SCENES]
+    scenes = (_scene(data, entry, png) for entry in entries if (png := stored_image(data, entry)) is not None)
+    return next((scene for scene in scenes if scene.features.height), None)
 
 
 def _nothing(data: ReportData, entry: SequenceEntry) -> str:
@@ -85,13 +94,6 @@ def _nothing(data: ReportData, entry: SequenceEntry) -> str:
     return f"{place} has no feature with a known error" + (
         " that is older than its first frame." if entry.key_frame is None else "."
     )
-
-
-def _image(data: ReportData, entry: SequenceEntry) -> bytes | None:
-    if not data.run.snapshot_path(entry.key).exists():
-        return None
-    content = data.run.snapshot(entry.key)
-    return content if content.startswith(b"\x89PNG") else None
 
 
 def _scene(data: ReportData, entry: SequenceEntry, png: bytes) -> Scene:
@@ -152,36 +154,13 @@ def _chart(data: ReportData, scene: Scene) -> Spec:
     present = [name for name in data.trackers if scene.features.filter(tracker=name).height]
     width = 425 if len(present) > 1 else 640
     panels = [_panel(data, scene, tracker, width) for tracker in present]
-    url = "data:image/png;base64," + base64.b64encode(scene.png).decode()
-    left, right, top, bottom = -0.5, scene.entry.width - 0.5, -0.5, scene.entry.height - 0.5
-    image = [{"url": url, "left": left, "right": right, "top": top, "bottom": bottom}]
-    spec = arranged(panels, columns=2)
-    return {**spec, "datasets": {**spec["datasets"], "image": image}}
+    return with_images(arranged(panels, columns=2), {IMAGE: (scene.entry, scene.png)})
 
 
 def _panel(data: ReportData, scene: Scene, tracker: str, width: int) -> Panel:
-    height = round(width * scene.entry.height / scene.entry.width)
-    layers = layered(_background(scene), _trails(scene, tracker), *_errors(scene, tracker))
+    layers = layered(background(scene.entry), _trails(scene, tracker), *_errors(scene, tracker))
     title = alt.Title(tracker, color=data.colour[tracker])
-    return Panel(layers.properties(width=width, height=height, title=title), (marks.zoom("x", "y"),))
-
-
-def _x(shorthand: str, scene: Scene) -> alt.X:
-    scale = alt.Scale(domain=[-0.5, scene.entry.width - 0.5], nice=False, zero=False)
-    return alt.X(shorthand, scale=scale, title="u (px)", axis=alt.Axis(grid=False, tickCount=6))
-
-
-def _y(shorthand: str, scene: Scene) -> alt.Y:
-    scale = alt.Scale(domain=[scene.entry.height - 0.5, -0.5], nice=False, zero=False)
-    return alt.Y(shorthand, scale=scale, title="v (px)", axis=alt.Axis(grid=False, tickCount=5))
-
-
-def _background(scene: Scene) -> alt.Chart:
-    """The image. The centre of its first pixel is at 0, and its border half a pixel outside."""
-    chart = alt.Chart(alt.NamedData("image")).mark_image(aspect=False, clip=True)
-    x, y = _x("left:Q", scene), _y("top:Q", scene)
-    encoded: alt.Chart = chart.encode(x=x, x2=alt.X2("right:Q"), y=y, y2=alt.Y2("bottom:Q"), url=alt.Url("url:N"))
-    return encoded
+    return Panel(layers.properties(title=title, **size(scene.entry, width)), (marks.zoom("x", "y"),))
 
 
 def _trails(scene: Scene, tracker: str) -> alt.Chart:
@@ -191,7 +170,9 @@ def _trails(scene: Scene, tracker: str) -> alt.Chart:
     ordered = pl.concat([table, breaks.cast(table.schema)]).sort("track", "frame").with_row_index("place")
     chart = alt.Chart(marks.rows(ordered.select("place", "u", "v")))
     line = chart.mark_line(clip=True, color="#ffffff", strokeWidth=0.9, opacity=0.6, invalid="break-paths-show-domains")
-    encoded: alt.Chart = line.encode(x=_x("u:Q", scene), y=_y("v:Q", scene), order=alt.Order("place:Q"))
+    encoded: alt.Chart = line.encode(
+        x=along_u("u:Q", scene.entry), y=along_v("v:Q", scene.entry), order=alt.Order("place:Q")
+    )
     return encoded
 
 
@@ -216,8 +197,8 @@ def _errors(scene: Scene, tracker: str) -> list[alt.Chart]:
     scale = alt.Scale(domain=[0, scene.longest_px / 2, scene.longest_px], range=_ERROR_COLOURS, clamp=True)
     tips = [alt.Tooltip(f"{name}:Q", title=title) for name, title in _TIPS.items()] + [alt.Tooltip("truth:N")]
     base = alt.Chart(marks.rows(table)).encode(
-        x=_x("u:Q", scene),
-        y=_y("v:Q", scene),
+        x=along_u("u:Q", scene.entry),
+        y=along_v("v:Q", scene.entry),
         tooltip=tips,
         color=alt.Color("error:Q", scale=scale, title="error (px)"),
     )

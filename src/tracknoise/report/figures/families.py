@@ -32,6 +32,8 @@ class Family:
         ``module:function`` of what makes the figures, within this package. Each takes a `ReportData`.
     tabulated_by
         The same for the tables below the figures. Empty where there are none.
+    what_if
+        What the figures would look like if errors were as many estimators assume, or the compared factor had no effect.
     of_errors
         Whether it is about errors since a point was fixed. They are withheld where points are fitted to whole tracks.
     """
@@ -42,6 +44,7 @@ class Family:
     drawn_by: tuple[str, ...]
     tabulated_by: str = ""
     of_errors: bool = False
+    what_if: str = ""
 
     def figures(self, data: ReportData) -> Sequence[Figure | Absence]:
         """Make the figures of a run, in order. Modules are imported when they are needed."""
@@ -66,45 +69,13 @@ def _load(name: str) -> Any:
 
 FAMILIES: tuple[Family, ...] = (
     Family(
-        "example-frames",
-        "Example frames",
-        "One frame of each scene, with the features and their errors.",
-        ("example_frames:figures",),
-    ),
-    Family(
-        "trajectory",
-        "Camera path",
-        "The camera motion determines how features move. Rotation shifts image points regardless of their depth. "
-        "Translation shifts near points more than far ones.",
-        ("trajectory:figures",),
-    ),
-    Family(
-        "trimming",
-        "Errors before trimming",
-        "Some tracks follow the wrong point. The paper drops the tracks with the largest errors in each scene. What is "
-        "left then depends on how many tracks are lost, and on the length of the sequences. The figures say which "
-        "errors they show.",
-        ("trimming:figures",),
-    ),
-    Family(
-        "lifetimes",
-        "Lifetimes",
-        "The lifetime of a track is the number of consecutive frames in which its tracker found it, including the "
-        "first. A track that is alive in the last frame is censored: its lifetime is cut short by the data.",
-        ("lifetimes:figures", "incidence:figures", "lifetimes_by_lighting:figures"),
-    ),
-    Family(
-        "feature-counts",
-        "Feature counts",
-        "An average over few features is unreliable. Curves are therefore cut where too few features remain.",
-        ("feature_counts:figures",),
-    ),
-    Family(
-        "outlier-ratio",
-        "Outlier ratio",
-        "In every frame a tracker rejects features that do not move consistently with the others. The outlier ratio is "
-        "the share of rejected features among those carried over from the previous frame.",
-        ("outlier_ratio:figures",),
+        "estimator",
+        "For your estimator",
+        "An estimator that fits points to windows of tracks needs one sigma. The sigma of its own residuals is not the "
+        "one that makes its depths as certain as it claims, because errors of one track are alike from frame to frame.",
+        ("window_sigmas:figures",),
+        of_errors=True,
+        what_if="If errors were independent in every frame, both lines would be flat and equal.",
     ),
     Family(
         "error-by-tracker",
@@ -112,49 +83,26 @@ FAMILIES: tuple[Family, ...] = (
         "This section shows how the error grows from the frame where it is zero by construction. Usually that is the "
         "frame in which a feature was first seen. If one scan gives the true positions of all features, it is the key "
         "frame of that scan.",
-        ("curves:figures",),
+        ("curves:figures", "second_moments:figures"),
         of_errors=True,
+        what_if="If errors had zero mean and were independent, the mean would be zero and all other rows would "
+        "be flat.",
     ),
     Family(
-        "time-structure",
-        "Error growth",
-        "Many estimators assume that the error is independent in every frame. If it accumulates instead, they trust "
-        "long tracks too much. The growth of the second moment and the correlation of successive changes distinguish "
-        "the two cases.",
-        ("time_structure:figures",),
-        "time_structure:tables",
-        of_errors=True,
+        "lifetimes",
+        "Lifetimes",
+        "The lifetime of a track is the number of consecutive frames in which its tracker found it, including the "
+        "first. A track that is alive in the last frame is censored: its lifetime is cut short by the data.",
+        ("lifetimes:figures", "incidence:figures", "lifetimes_by_lighting:figures"),
+        what_if="If features were lost by chance alone, the share that survives would fall exponentially.",
     ),
     Family(
-        "changes",
-        "Changes from frame to frame",
-        "The change of the error in one frame is what the process noise of a filter, or a factor between two frames, "
-        "has to model.",
-        ("changes:figures",),
-        of_errors=True,
-    ),
-    Family(
-        "truth-audit",
-        "Corrections of the truth",
-        "A wrong focal length, clock or shutter looks like an error of tracks. The audit fits such faults to the "
-        "errors of all trackers.",
-        ("audit_curves:figures", "two_truths:figures"),
-        of_errors=True,
-    ),
-    Family(
-        "pose-errors",
-        "Pose errors",
-        "An error of the stated poses moves all features of a frame together, as a motion of the camera does. The "
-        "tracks measure such motions. What other tracks predict is not noise of single features.",
-        ("pose_errors:figures",),
-        of_errors=True,
-    ),
-    Family(
-        "between-trackers",
-        "Differences between trackers",
-        "Two trackers that follow the same corner have the same true position. Their difference contains no error of "
-        "the truth.",
-        ("between_trackers:figures",),
+        "outlier-ratio",
+        "Outlier ratio",
+        "In every frame a tracker rejects features that do not move consistently with the others. The outlier ratio is "
+        "the share of rejected features among those carried over from the previous frame.",
+        ("outlier_ratio:figures",),
+        what_if="If no match were wrong, all boxes would lie at zero.",
     ),
     Family(
         "gaussianity",
@@ -165,22 +113,44 @@ FAMILIES: tuple[Family, ...] = (
         ("gaussianity:figures",),
         "gaussianity:tables",
         of_errors=True,
+        what_if="If errors were Gaussian, all points would lie on the diagonal.",
     ),
     Family(
-        "along-and-across",
-        "Error along motion and gradient",
-        "Errors are caused by motion and image structure, not by the directions u and v. An error along the motion or "
-        "along an edge is easier to see in that direction.",
-        ("directions:figures",),
+        "time-structure",
+        "Error growth",
+        "Many estimators assume that the error is independent in every frame. If it accumulates instead, they trust "
+        "long tracks too much. The growth of the second moment and the correlation of successive changes distinguish "
+        "the two cases.",
+        ("time_structure:figures",),
+        "time_structure:tables",
         of_errors=True,
+        what_if="If errors were independent in every frame, the second moment would be flat, and successive "
+        "changes would have a correlation of -0.5.",
     ),
     Family(
-        "error-by-place",
-        "Error by place",
-        "Errors that depend on the place in the image, or on the speed of the image, often come from the truth: lens, "
-        "focal length, shutter or clock. Errors at depth edges come from the tracker.",
-        ("image_map:figures", "image_speed:figures", "surroundings:figures"),
+        "changes",
+        "Changes from frame to frame",
+        "The change of the error in one frame is what the process noise of a filter, or a factor between two frames, "
+        "has to model.",
+        ("changes:figures",),
         of_errors=True,
+        what_if="If the tracker took over no error from the frame before, changes would not depend on age.",
+    ),
+    Family(
+        "trimming",
+        "Errors before trimming",
+        "Some tracks follow the wrong point. The paper drops the tracks with the largest errors in each scene. What is "
+        "left then depends on how many tracks are lost, and on the length of the sequences. The figures say which "
+        "errors they show.",
+        ("trimming:figures",),
+        what_if="If errors were Gaussian, the cut would lie close to the largest error.",
+    ),
+    Family(
+        "feature-counts",
+        "Feature counts",
+        "An average over few features is unreliable. Curves are therefore cut where too few features remain.",
+        ("feature_counts:figures",),
+        what_if="If no feature were lost, all counts would be those of the first age.",
     ),
     Family(
         "survivorship-bias",
@@ -189,6 +159,8 @@ FAMILIES: tuple[Family, ...] = (
         "all tracks.",
         ("survivorship_bias:figures",),
         of_errors=True,
+        what_if="If the loss of tracks did not depend on their errors, long-lived tracks would have the curve "
+        "of all tracks.",
     ),
     Family(
         "error-by-speed",
@@ -196,6 +168,7 @@ FAMILIES: tuple[Family, ...] = (
         "This section shows what changes when the camera moves faster, or the tracker sees fewer frames.",
         ("speeds:figures",),
         of_errors=True,
+        what_if="If errors did not depend on speed, all curves would coincide.",
     ),
     Family(
         "error-by-lighting",
@@ -203,6 +176,7 @@ FAMILIES: tuple[Family, ...] = (
         "This section shows what changes when the same camera path is seen under different lighting.",
         ("lightings:figures",),
         of_errors=True,
+        what_if="If errors did not depend on lighting, all curves would coincide.",
     ),
     Family(
         "error-by-rotation",
@@ -211,6 +185,7 @@ FAMILIES: tuple[Family, ...] = (
         "too.",
         ("views:rotations",),
         of_errors=True,
+        what_if="If the tracker treated all directions alike, all curves would coincide.",
     ),
     Family(
         "error-by-direction",
@@ -218,6 +193,25 @@ FAMILIES: tuple[Family, ...] = (
         "This section shows what changes when the same frames are played backward, as if the camera moved in reverse.",
         ("views:directions",),
         of_errors=True,
+        what_if="If errors did not depend on the direction of play, both curves would coincide.",
+    ),
+    Family(
+        "error-by-place",
+        "Error by place",
+        "Errors that depend on the place in the image, or on the speed of the image, often come from the truth: lens, "
+        "focal length, shutter or clock. Errors at depth edges come from the tracker.",
+        ("image_map:figures", "image_speed:figures", "surroundings:figures"),
+        of_errors=True,
+        what_if="If errors did not depend on the place, every map would have one colour and every curve would be flat.",
+    ),
+    Family(
+        "along-and-across",
+        "Error along motion and gradient",
+        "Errors are caused by motion and image structure, not by the directions u and v. An error along the motion or "
+        "along an edge is easier to see in that direction.",
+        ("directions:figures",),
+        of_errors=True,
+        what_if="If errors had no preferred direction, both columns would be equal.",
     ),
     Family(
         "occlusion",
@@ -226,5 +220,47 @@ FAMILIES: tuple[Family, ...] = (
         "such features. Counting them changes the error.",
         ("occlusion:figures",),
         of_errors=True,
+        what_if="If trackers noticed that a point is occluded, both curves would coincide.",
+    ),
+    Family(
+        "truth-audit",
+        "Corrections of the truth",
+        "A wrong focal length, clock or shutter looks like an error of tracks. The audit fits such faults to the "
+        "errors of all trackers.",
+        ("audit_curves:figures", "two_truths:figures"),
+        of_errors=True,
+        what_if="If the truth were exact, no correction would change a curve.",
+    ),
+    Family(
+        "pose-errors",
+        "Pose errors",
+        "An error of the stated poses moves all features of a frame together, as a motion of the camera does. The "
+        "tracks measure such motions. What other tracks predict is not noise of single features.",
+        ("pose_errors:figures",),
+        of_errors=True,
+        what_if="If the poses were exact, all shares would be zero.",
+    ),
+    Family(
+        "between-trackers",
+        "Differences between trackers",
+        "Two trackers that follow the same corner have the same true position. Their difference contains no error of "
+        "the truth.",
+        ("between_trackers:figures",),
+        what_if="If both trackers followed the same point, their mean difference would be zero.",
+    ),
+    Family(
+        "example-frames",
+        "Example frames",
+        "One frame of each scene, with the features and their errors.",
+        ("example_frames:figures", "light_stage:figures"),
+        what_if="If errors were noise alone, lines would point in all directions.",
+    ),
+    Family(
+        "trajectory",
+        "Camera path",
+        "The camera motion determines how features move. Rotation shifts image points regardless of their depth. "
+        "Translation shifts near points more than far ones.",
+        ("trajectory:figures",),
+        what_if="If the camera only rotated, its path would be a point.",
     ),
 )

@@ -135,13 +135,12 @@ def _panel(counts: pl.DataFrame, field: str, colours: Mapping[str, str], data: R
     place = alt.Tooltip("at:Q", title=data.axis.name)
     tips = [alt.Tooltip(f"{field}:N"), alt.Tooltip("of:N", title="counted"), place, alt.Tooltip("n:Q")]
     dash = alt.StrokeDash("of:N", scale=alt.Scale(domain=[_ALL, _MEASURED], range=[[1, 0], [4, 3]]), legend=None)
-    largest = float(table["drawn"].max() or 1)  # type: ignore[arg-type]
     lines = (
         alt.Chart(marks.rows(table))
         .mark_line()
         .encode(
             x=marks.along(table["at"], title=data.axis.title, from_zero=data.axis is not FRAME),
-            y=marks.log_count("features (count)", largest),
+            y=marks.log_count("features (count)", table["drawn"], data.min_features),
             color=marks.colour(field, colours, field),
             strokeDash=dash,
             opacity=marks.opacity(field),

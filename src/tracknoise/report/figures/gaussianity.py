@@ -110,7 +110,7 @@ def _panel(data: ReportData, radii: pl.DataFrame, tracker: str, trimming: str) -
     """Observed against expected quantiles of one tracker, with the diagonal."""
     known = radii.filter((pl.col("expected") > 0) & (pl.col("observed") > 0)).sort("age_low", "probability")
     names = known.sort("age_low")["band"].unique(maintain_order=True).to_list()
-    hues = dict(zip(names, style.shades(data.colour[tracker], max(1, len(names))), strict=False))
+    hues = dict(zip(names, style.levels(data.colour[tracker], len(names)), strict=False))
     x = alt.X("expected:Q", title="expected for a Gaussian", scale=_logarithmic(known["expected"]))
     y = alt.Y("observed:Q", title="observed", scale=_logarithmic(pl.concat([known["expected"], known["observed"]])))
     tips = [

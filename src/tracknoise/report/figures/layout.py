@@ -43,6 +43,7 @@ def arranged(panels: Sequence[Panel], *, columns: int, independent: Sequence[str
     for place, panel in enumerate(panels):
         spec = panel.chart.to_dict(validate=False)
         datasets |= spec.pop("datasets", {})
+        _limit_title(spec)
         view = f"panel_{place}"
         _unit(spec, panel.layer)["name"] = view
         specs.append({key: value for key, value in spec.items() if key not in ("$schema", "config")})
@@ -56,6 +57,13 @@ def arranged(panels: Sequence[Panel], *, columns: int, independent: Sequence[str
         "params": list(parameters.values()),
         "resolve": {"scale": dict.fromkeys(independent, "independent")},
     }
+
+
+def _limit_title(spec: Spec) -> None:
+    """Cut the title of a panel that is longer than the panel is wide: it would widen the figure."""
+    title, width = spec.get("title"), spec.get("width")
+    if isinstance(title, dict) and isinstance(width, int | float):
+        title.setdefault("limit", width)
 
 
 def layered(*charts: alt.Chart) -> alt.LayerChart:

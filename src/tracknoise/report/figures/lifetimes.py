@@ -108,7 +108,7 @@ def _histogram(table: pl.DataFrame) -> alt.Chart:
         alt.Tooltip("cut:Q", title="censored"),
     ]
     chart = alt.Chart(marks.rows(counts)).mark_line(interpolate="step")
-    y = marks.log_count("tracks (count)", float(counts["drawn"].max()))  # type: ignore[arg-type]
+    y = marks.log_count("tracks (count)", counts["drawn"])
     encoded: alt.Chart = chart.encode(x=_LIFETIME, y=y, tooltip=tips)
     return encoded
 

@@ -11,7 +11,8 @@ from tracknoise.report.figures.box_plot import box_plot
 from tracknoise.report.figures.layout import Panel, Spec, arranged
 from tracknoise.report.report_data import ReportData
 
-_SWEEPS = {"LR": ("left to right", style.BLUES), "BF": ("back to front", style.REDS)}
+_SWEEPS = {"LR": ("left to right", style.PALETTE[0]), "BF": ("back to front", style.PALETTE[1])}
+"""Name and colour of each direction in which light moves, by how the names of its lightings begin."""
 _OTHERS = "other light"
 
 
@@ -24,22 +25,18 @@ def sweeps(data: ReportData) -> dict[str, list[str]]:
     return {title: names for title, names in found.items() if names}
 
 
-def colours(data: ReportData, tracker: str) -> dict[str, str]:
-    """Colour of each lighting: black for the reference, a ramp for every sweep, shades of the tracker's for others."""
-    ramps = dict(_SWEEPS.values())
-    chosen = {data.view["lighting"]: style.BLACK}
-    for title, names in sweeps(data).items():
-        ends = ramps.get(title)
-        made = style.ramp(ends, len(names)) if ends else style.shades(data.colour[tracker], len(names))
-        chosen |= dict(zip(names, made, strict=True))
-    return chosen
+def colours(data: ReportData, tracker: str, sweep: str) -> dict[str, str]:
+    """Colour of each lighting of a sweep: black for the reference, then `levels` of a colour."""
+    names = sweeps(data)[sweep]
+    made = style.levels(dict(_SWEEPS.values()).get(sweep, data.colour[tracker]), len(names))
+    return {data.view["lighting"]: style.BLACK, **dict(zip(names, made, strict=True))}
 
 
 def legend(data: ReportData) -> str:
     """Describe the boxes of one lighting, as part of a caption."""
     if len(data.speeds) < 2:
         return f"at speed {data.slowest}"
-    return f"one box for each of the speeds {listing(map(str, data.speeds))}, the lowest darkest"
+    return f"one box for each of the speeds {listing(map(str, data.speeds))}, from left to right"
 
 
 def boxes(data: ReportData, table: pl.DataFrame, y: alt.Y, *, interval: tuple[str, str, str] | None = None) -> Spec:

@@ -12,6 +12,8 @@ Selection: TypeAlias = Mapping[str, Any]
 MUTED = 0.07
 BAND = 0.15
 _NONE = 0.6
+_FEW_TICKS = 300
+"""Decades alone are too few ticks for a logarithmic axis of a smaller range."""
 
 
 def rows(table: pl.DataFrame, *, digits: int = 4) -> alt.InlineData:
@@ -47,9 +49,9 @@ def zoom(*encodings: str) -> Selection:
     return {"name": "zoom", "select": select, "bind": "scales"}
 
 
-def colour(field: str, colours: Mapping[str, str], title: str, *, legend: bool = True) -> alt.Color:
-    """Nominal colours in a stated order."""
-    shape = alt.Legend(title=title, symbolType="stroke", columns=8) if legend else None
+def colour(field: str, colours: Mapping[str, str], title: str, *, legend: bool = True, columns: int = 10) -> alt.Color:
+    """Nominal colours in a stated order, with a legend of so many columns at most."""
+    shape = alt.Legend(title=title, symbolType="stroke", columns=columns) if legend else None
     return alt.Color(f"{field}:N", scale=scale(colours), sort=None, legend=shape)
 
 
@@ -117,11 +119,25 @@ def on(y: alt.Y, column: str) -> alt.Y:
     return placed
 
 
-def log_count(title: str, largest: float) -> alt.Y:
-    """Logarithmic axis for the column ``drawn`` of `drawn_count`."""
-    scale = alt.Scale(type="log", domain=[_NONE, max(1.5 * largest, 10.0)], nice=False)
-    decades = [10**power for power in range(max(2, len(str(int(largest))) + 1))]
-    return alt.Y("drawn:Q", scale=scale, title=title, axis=alt.Axis(values=decades, format="~s"))
+def log_count(title: str, drawn: pl.Series, *marked: float) -> alt.Y:
+    """Logarithmic axis for the column ``drawn`` of `drawn_count`, from the smallest count to the largest.
+
+    Parameters
+    ----------
+    title
+        Of the axis.
+    drawn
+        The column.
+    marked
+        Other counts that are drawn.
+    """
+    counts = [*drawn, *marked] or [1.0]
+    least, largest = min(counts), max(counts)
+    low, high = max(_NONE, least / 1.5), max(1.5 * largest, 10.0 * least)
+    steps = (1,) if high / low > _FEW_TICKS else (1, 2, 5)
+    ticks = [step * 10**power for power in range(len(str(int(high)))) for step in steps]
+    scale = alt.Scale(type="log", domain=[low, high], nice=False)
+    return alt.Y("drawn:Q", scale=scale, title=title, axis=alt.Axis(values=ticks, format="~s"))
 
 
 def drawn_count(n: pl.Expr) -> pl.Expr:

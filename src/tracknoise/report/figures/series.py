@@ -31,8 +31,8 @@ class Series:
     columns: tuple[str, str] = ("u (horizontal)", "v (vertical)")
 
     def present(self, points: pl.DataFrame) -> "Series":
-        """The series without the names that have no curve in `points`."""
-        names = points[self.field].cast(pl.String).unique()
+        """The series without the names that have no point but those where errors are zero by construction."""
+        names = points.filter(pl.col("since") != 0)[self.field].cast(pl.String).unique()
         return replace(self, colours={name: colour for name, colour in self.colours.items() if name in names})
 
     @property

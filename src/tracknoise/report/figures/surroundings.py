@@ -1,4 +1,4 @@
-"""Errors by depth, by the nearest depth edge, by the angle of incidence, and by occlusion."""
+"""Errors by depth, by the nearest depth edge, by the angle of incidence, by parallax, and by occlusion."""
 
 from collections.abc import Sequence
 
@@ -18,6 +18,7 @@ _PROPERTIES = {
     Surrounding.depth: "depth (m)",
     Surrounding.edge: "distance to a depth edge (px)",
     Surrounding.incidence: "angle of incidence (°)",
+    Surrounding.parallax: "parallax (px)",
     Surrounding.occlusion: "occluded",
 }
 _ROWS = {"mean": "mean error (px)", "second": "root second moment (px)"}
@@ -26,7 +27,7 @@ _DECADES = [step * 10.0**power for power in range(-4, 4) for step in (1, 2, 5)]
 _SIDES = {EdgeSide.far: "On the far side", EdgeSide.near: "On the near side", EdgeSide.none: "Elsewhere"}
 _FEWEST = 20
 """Classes with fewer errors than this are left out."""
-_WIDTHS = {Surrounding.edge: 270, Surrounding.occlusion: 90}
+_WIDTHS = {Surrounding.edge: 210, Surrounding.occlusion: 70, Surrounding.incidence: 130}
 
 
 def figures(data: ReportData) -> Sequence[Figure | Absence]:
@@ -49,6 +50,7 @@ def _figure(data: ReportData, tracker: str) -> Figure | Absence:
     shows = (
         f"Untrimmed errors of {tracker} {where}, by what surrounds a feature in its first frame. Distances to a depth "
         "edge are negative on its far side, which is the surface behind. The class none has no edge within 15 px. "
+        "Parallax is how far the true position moved since its error was zero, relative to the median of all features. "
         "Occlusion is that of the point: never while it is tracked, later, or now. All but the last class are of "
         f"visible features. Classes with fewer than {_FEWEST} features are left out. "
         f"{describe_intervals(bounded, of='the values', marks='Bars around')}"
@@ -102,7 +104,7 @@ def _panel(points: pl.DataFrame, surrounding: Surrounding, row: str, colours: di
     dot = base.mark_point(size=26, filled=True, clip=True).encode(y=y, tooltip=tips)
     bar = base.mark_rule(strokeWidth=1.4, clip=True).encode(y=marks.on(y, "low"), y2=alt.Y2("high:Q"))
     chart = layered(dot, bar, *_zero(row))
-    width = _WIDTHS.get(surrounding, 210)
+    width = _WIDTHS.get(surrounding, 165)
     return Panel(chart.properties(width=width, height=170), (marks.shown("coordinate", colours),))
 
 

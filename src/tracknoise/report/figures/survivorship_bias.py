@@ -50,7 +50,7 @@ def _points(data: ReportData, tracker: str) -> pl.DataFrame:
 def _series(points: pl.DataFrame, colour: str) -> Series:
     """The groups that have a curve, in shades that differ as much as their number allows."""
     present = [name for name in (_ALL, *_NAMES.values()) if name in points["tracks"].unique()]
-    return Series("tracks", dict(zip(present, style.shades(colour, len(present)), strict=True)))
+    return Series("tracks", dict(zip(present, style.levels(colour, len(present)), strict=True)))
 
 
 def _longest_beside_all(data: ReportData, points: pl.DataFrame) -> list[Reading]:

@@ -1,4 +1,4 @@
-"""The camera path, along its two longest axes, and how far the camera moved and rotated."""
+"""The camera path, along its two longest axes, and how far the camera moved and rotated along each axis."""
 
 import re
 from collections.abc import Sequence
@@ -21,8 +21,8 @@ MOST = 4
 _TITLE = "Camera path"
 _POINTS, _HEADINGS = 300, 12
 _SIZE = {"width": 235, "height": 190}
-_STILL = 1e-7
-"""Rotations smaller than this, rad, are rounding errors of quaternions."""
+_STILL_DEG = 1e-5
+"""Rotations smaller than this are rounding errors of quaternions."""
 _AXES = ("x", "y", "z")
 _COLOURS = dict(zip(_AXES, style.colours(_AXES), strict=True))
 
@@ -41,8 +41,8 @@ class Path:
         The camera's centre in the world.
     forwards : (n, 3) float64
         Unit vectors along its line of sight, in the world.
-    angles_deg : (n,) float64
-        Rotation from its first frame.
+    turns_deg : (n, 3) float64
+        Rotation about the axes of the camera, summed from frame to frame.
     turned_deg, moved_m
         Sums of rotations and translations from frame to frame.
     depth_m
@@ -53,7 +53,7 @@ class Path:
     frame: NDArray[np.int64]
     places_m: NDArray[np.float64]
     forwards: NDArray[np.float64]
-    angles_deg: NDArray[np.float64]
+    turns_deg: NDArray[np.float64]
     turned_deg: float
     moved_m: float
     depth_m: float | None
@@ -72,7 +72,8 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
         title=_TITLE,
         shows="Left: the camera path along the two world axes in which it extends farthest. The dot is its start. "
         "Strokes show the viewing direction. Middle: displacement from the first frame along each world axis. Right: "
-        f"rotation from the first frame.{others}",
+        "rotation about each axis of the camera (x right, y down, z forward), summed from frame to frame. The legend "
+        f"holds for both.{others}",
         look_for=" ".join(_sentence(path) for path in paths),
         spec=arranged([panel for path in paths for panel in _row(path)], columns=3),
     )
@@ -91,14 +92,16 @@ def _path(data: ReportData, key: str) -> Path:
     poses = data.run.sequence_table("poses", key).drop_nulls().sort("frame")
     places = poses.select("x_m", "y_m", "z_m").to_numpy()
     rotations = Rotation.from_quat(poses.select("qx", "qy", "qz", "qw").to_numpy())
-    steps = np.asarray((rotations[:-1].inv() * rotations[1:]).magnitude())
+    steps = np.rad2deg((rotations[:-1].inv() * rotations[1:]).as_rotvec()).reshape(-1, 3)
+    turned = np.linalg.norm(steps, axis=1)
+    steps[turned <= _STILL_DEG] = 0.0
     return Path(
         scene=data.sequences[key].sequence.scene,
         frame=poses["frame"].to_numpy().astype(np.int64),
         places_m=places,
         forwards=rotations.apply([0.0, 0.0, 1.0]),
-        angles_deg=np.rad2deg((rotations[0].inv() * rotations).magnitude()),
-        turned_deg=float(np.rad2deg(steps[steps > _STILL].sum())),
+        turns_deg=np.vstack([np.zeros((1, 3)), np.cumsum(steps, axis=0)]),
+        turned_deg=float(turned[turned > _STILL_DEG].sum()),
         moved_m=float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum()),
         depth_m=_depth_m(data, key),
     )
@@ -126,28 +129,30 @@ def _sentence(path: Path) -> str:
 
 def _row(path: Path) -> list[Panel]:
     shown = _spread(len(path.frame), _POINTS)
-    moved = pl.DataFrame({"frame": path.frame[shown], **dict(zip(_AXES, path.places_m[shown].T, strict=True))})
-    since = moved.with_columns(pl.col(axis) - path.places_m[0, place] for place, axis in enumerate(_AXES))
-    long = since.unpivot(_AXES, index="frame", variable_name="axis", value_name="moved")
-    turned = pl.DataFrame({"frame": path.frame[shown], "turned": path.angles_deg[shown]})
-    x = alt.X("frame:Q", title="frame", axis=alt.Axis(tickMinStep=1), scale=alt.Scale(nice=False))
-    distance = alt.Chart(marks.rows(long)).mark_line().encode(
-        x=x,
-        y=alt.Y("moved:Q", title="moved (m)"),
-        color=marks.colour("axis", _COLOURS, "axis"),
-        opacity=marks.opacity("axis"),
-        tooltip=[alt.Tooltip("frame:Q"), alt.Tooltip("axis:N"), alt.Tooltip("moved:Q", title="moved (m)")],
-    )  # fmt: skip
-    angle = alt.Chart(marks.rows(turned)).mark_line(color=style.INK).encode(
-        x=x,
-        y=alt.Y("turned:Q", title="rotated (°)", scale=alt.Scale(domain=[0, 1.05 * path.angles_deg.max() or 1.0])),
-        tooltip=[alt.Tooltip("frame:Q"), alt.Tooltip("turned:Q", title="rotated (°)")],
-    )  # fmt: skip
+    moved = _along(path.frame[shown], path.places_m[shown] - path.places_m[0], "moved", "m")
+    turned = _along(path.frame[shown], path.turns_deg[shown], "rotated", "°")
+    legend = (marks.shown("axis", _COLOURS),)
     return [
         Panel(_top_view(path, shown).properties(title=path.scene, **_SIZE)),
-        Panel(distance.properties(**_SIZE), (marks.shown("axis", _COLOURS),)),
-        Panel(angle.properties(**_SIZE)),
+        Panel(moved.properties(**_SIZE), legend),
+        Panel(turned.properties(**_SIZE), legend),
     ]
+
+
+def _along(frame: NDArray[np.int64], values: NDArray[np.float64], name: str, unit: str) -> alt.Chart:
+    """One line per axis, by frame."""
+    title = f"{name} ({unit})"
+    table = pl.DataFrame({"frame": frame, **dict(zip(_AXES, values.T, strict=True))})
+    long = table.unpivot(_AXES, index="frame", variable_name="axis", value_name=name)
+    domain = marks.holding(long[name], pl.Series([], dtype=pl.Float64))
+    chart: alt.Chart = alt.Chart(marks.rows(long)).mark_line().encode(
+        x=alt.X("frame:Q", title="frame", axis=alt.Axis(tickMinStep=1), scale=alt.Scale(nice=False)),
+        y=alt.Y(f"{name}:Q", title=title, scale=alt.Scale(domain=domain, nice=False)),
+        color=marks.colour("axis", _COLOURS, "axis"),
+        opacity=marks.opacity("axis"),
+        tooltip=[alt.Tooltip("frame:Q"), alt.Tooltip("axis:N"), alt.Tooltip(f"{name}:Q", title=title)],
+    )  # fmt: skip
+    return chart
 
 
 def _top_view(path: Path, shown: NDArray[np.intp]) -> Chart:

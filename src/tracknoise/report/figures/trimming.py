@@ -1,6 +1,7 @@
-"""The largest error of every track before trimming, and the threshold of trimming."""
+"""The largest error of every track before trimming, the threshold of trimming, and the dropped tracks of one scene."""
 
 from collections.abc import Sequence
+from itertools import chain
 
 import altair as alt
 import polars as pl
@@ -9,31 +10,51 @@ from tracknoise.findings.wording import SPACE, count, number, percent, px
 from tracknoise.report import style
 from tracknoise.report.axis import FRAME
 from tracknoise.report.figures import marks
+from tracknoise.report.figures.dropped_tracks import TrimmedFrame, trimmed_frame
 from tracknoise.report.figures.figure import Absence, Figure
-from tracknoise.report.figures.layout import Panel, arranged, layered
+from tracknoise.report.figures.layout import Panel, Spec, arranged, layered
 from tracknoise.report.report_data import ReportData
 
 _TITLE = "Errors before trimming"
+_FRAME_EXPLAINED = (
+    " The images show the features of one scene at the lowest speed. Lines connect dropped features with their true "
+    "positions."
+)
 _DECADES = alt.Axis(values=[10.0**power for power in range(-3, 4)], format="~g")
 
 
 def figures(data: ReportData) -> Sequence[Figure | Absence]:
-    """One panel per tracker, one line per speed."""
+    """One histogram per tracker, with one line per speed, and the image of one scene beside it."""
     table = data.reference(data.errors)
     if not table["n"].sum():
         return [Absence("trimming", _TITLE, "No track has a known true position, so there are no errors.")]
     trackers = [name for name in data.trackers if table.filter(tracker=name)["n"].sum()]
-    panels = [_panel(data, tracker, table, width=max(240, 850 // min(2, len(trackers)) - 40)) for tracker in trackers]
+    frame = trimmed_frame(data)
     figure = Figure(
         id="trimming",
         title=_TITLE,
-        shows=f"Distribution of the largest error of each track{data.where}. The error is the distance between "
-        "observed and true position. Both axes are logarithmic. The leftmost bin contains all errors below "
-        f"{_first_bound(table)}. {_cut_explained(data)}",
+        shows=f"{_shows(data, table)}{'' if frame is None else _FRAME_EXPLAINED}",
         look_for=_look_for(data, trackers),
-        spec=arranged(panels, columns=2, independent=["color"]),
+        spec=_chart(data, trackers, table, frame),
     )
     return [figure]
+
+
+def _chart(data: ReportData, trackers: Sequence[str], table: pl.DataFrame, frame: TrimmedFrame | None) -> Spec:
+    width = 385 if len(trackers) > 1 or data.percentile is not None else 700
+    histograms = [_panel(data, tracker, table, width=width) for tracker in trackers]
+    if frame is None:
+        return arranged(histograms, columns=2, independent=["color"])
+    rows = zip(histograms, map(frame.panel, trackers), strict=True)
+    return frame.shown_in(arranged(list(chain.from_iterable(rows)), columns=2, independent=["color"]))
+
+
+def _shows(data: ReportData, table: pl.DataFrame) -> str:
+    return (
+        f"Distribution of the largest error of each track{data.where}. The error is the distance between observed and "
+        f"true position. Both axes are logarithmic. The leftmost bin contains all errors below {_first_bound(table)}. "
+        f"{_cut_explained(data)}"
+    )
 
 
 def _first_bound(table: pl.DataFrame) -> str:
@@ -105,7 +126,7 @@ def _histogram(bins: pl.DataFrame, hue: alt.Color) -> alt.Chart:
         alt.Tooltip("to:Q", title="to (px)"),
         alt.Tooltip("n:Q", title="tracks"),
     ]
-    y = marks.log_count("tracks (count)", float(table["drawn"].max()))  # type: ignore[arg-type]
+    y = marks.log_count("tracks (count)", table["drawn"])
     chart = alt.Chart(marks.rows(table)).mark_line(interpolate="step-after")
     encoded: alt.Chart = chart.encode(x=x, y=y, color=hue, opacity=marks.opacity("speed"), tooltip=tips)
     return encoded

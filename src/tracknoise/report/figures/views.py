@@ -11,6 +11,7 @@ from tracknoise.report.figures.comparison import comparison
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.series import Series
 from tracknoise.report.report_data import ReportData
+from tracknoise.tables.enumerations import Trimming
 
 _ROTATED = {0: "upright", 90: "sideways", 180: "upside down", 270: "sideways (270°)"}
 """Name of each counter-clockwise rotation of the images, degrees."""
@@ -24,10 +25,19 @@ def rotations(data: ReportData) -> Sequence[Figure | Absence]:
 
 
 def directions(data: ReportData) -> Sequence[Figure | Absence]:
-    """One figure per tracker, one colour per direction. None where there is only one direction."""
+    """One figure per tracker, one colour per direction; where errors are trimmed, another one of untrimmed errors.
+
+    None where there is only one direction.
+    """
     if len(data.directions) < 2:
         return []
-    return [_directions_of(data, tracker) for tracker in data.trackers]
+    return [_directions_of(data, tracker, trimming) for tracker in data.trackers for trimming in _trimmings(data)]
+
+
+def _trimmings(data: ReportData) -> Sequence[Trimming]:
+    """Trimming may hide a drift, so that untrimmed errors are always shown."""
+    is_trimmed = data.trimming == Trimming.trimmed and data.percentile is not None
+    return [Trimming.trimmed, Trimming.untrimmed] if is_trimmed else [data.trimming]
 
 
 def _rotations_of(data: ReportData, tracker: str) -> Figure | Absence:
@@ -50,20 +60,23 @@ def _rotations_of(data: ReportData, tracker: str) -> Figure | Absence:
     )
 
 
-def _directions_of(data: ReportData, tracker: str) -> Figure | Absence:
+def _directions_of(data: ReportData, tracker: str, trimming: Trimming) -> Figure | Absence:
+    other = trimming != data.trimming
+    errors = f"{trimming.capitalize()} errors" if other else data.errors_shown
     return comparison(
         data,
         data.across(data.points, "direction").filter(tracker=tracker, speed=data.slowest),
         Series("direction", _two(data, tracker, data.directions), "when played {}"),
-        id=f"error-by-direction-{data.slug(tracker)}",
-        title=f"{tracker}, {listing(data.directions, joint='and')}",
-        shows=f"{data.errors_shown} of {tracker} at speed {data.slowest}{data.elsewhere('direction')} with "
+        id=f"error-by-direction-{data.slug(tracker)}{f'-{trimming}' if other else ''}",
+        title=f"{tracker}, {listing(data.directions, joint='and')}{f', {trimming}' if other else ''}",
+        shows=f"{errors} of {tracker} at speed {data.slowest}{data.elsewhere('direction')} with "
         "the frames in recorded order and in reverse order.",
         advice="A mean error that changes its sign with the direction follows the motion in the image. One that keeps "
         "its sign does not.",
         role="mean",
+        trimming=trimming,
     )
 
 
 def _two(data: ReportData, tracker: str, names: Sequence[str]) -> dict[str, str]:
-    return dict(zip(names, style.shades(data.colour[tracker], len(names)), strict=True))
+    return dict(zip(names, style.levels(data.colour[tracker], len(names)), strict=True))

@@ -1,0 +1,129 @@
+"""Pictures of the tracks with the largest, middle and smallest errors: what the tracker saw."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.sequences.images import encode_webp
+from tracknoise.statistics.extreme_tracks import extreme_tracks
+from tracknoise.tables.defaults import PATCH_PX
+from tracknoise.tables.schema import ORIGIN, PATCHES
+
+if TYPE_CHECKING:
+    from tracknoise.experiments.measure import Measurement
+
+KEPT_BYTES = 64 * 2**20
+"""Size of the images of a sequence that are kept while it is measured. Others are read again where they are needed."""
+LONGEST_STRIP = 32
+"""Frames of the strip of the worst track."""
+_QUALITY = 80
+
+Patch = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class _Chosen:
+    """Tracks of one tracker and age, and where the worst of them was seen.
+
+    Attributes
+    ----------
+    n_each
+        Tracks of each kind.
+    now, first
+        Their observations at this age, and where they were anchored: frame, u_px, v_px.
+    path
+        Those of the worst track, from its anchor frame on.
+    """
+
+    n_each: int
+    now: pl.DataFrame
+    first: pl.DataFrame
+    path: pl.DataFrame
+
+
+def track_patches(measurement: "Measurement", *, speed: int) -> pl.DataFrame:
+    """Cut patches around the tracks that are worth a look. Images that were not kept are read again, each once.
+
+    Parameters
+    ----------
+    measurement
+        Of one sequence.
+    speed
+        Tracks at this speed are used.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `PATCHES`.
+
+    Raises
+    ------
+    DataError
+        If an image can no longer be read.
+    """
+    observed = measurement.observations.filter(speed=speed)
+    found = extreme_tracks(observed, speed=speed, population=measurement.population, key_frame=measurement.key_frame)
+    chosen = [_located(observed, n_each, rows) for n_each, rows in found]
+    patches = _cut(measurement, chosen)
+    return pl.DataFrame([_row(one, patches) for one in chosen], schema=dict(PATCHES))
+
+
+def _located(observed: pl.DataFrame, n_each: int, now: pl.DataFrame) -> _Chosen:
+    places = observed.filter(tracker=now["tracker"][0]).select("track", "frame", "u_px", "v_px")
+    first = now.select("track", frame="anchor_frame").join(
+        places, on=["track", "frame"], how="left", maintain_order="left"
+    )
+    worst = now.row(0, named=True)
+    seen = pl.col("frame").is_between(worst["anchor_frame"], worst["frame"])
+    path = places.filter(seen, track=worst["track"]).sort("frame").tail(LONGEST_STRIP)
+    return _Chosen(n_each, now, first, path)
+
+
+def _cut(measurement: "Measurement", chosen: Sequence[_Chosen]) -> Mapping[tuple[int, float, float], Patch]:
+    """Patches by frame and position. Each image is read once."""
+    tables = [table.select("frame", "u_px", "v_px") for one in chosen for table in (one.now, one.first, one.path)]
+    if not tables:
+        return {}
+    wanted = pl.concat(tables).drop_nulls().unique().sort("frame")
+    patches = {}
+    for (frame,), rows in wanted.group_by("frame", maintain_order=True):
+        image = _image(measurement, frame)
+        patches.update({(frame, u, v): _patch(image, u, v) for _, u, v in rows.iter_rows()})
+    return patches
+
+
+def _image(measurement: "Measurement", frame: Any) -> NDArray[np.uint8]:
+    kept = measurement.images.get(frame)
+    return measurement.sequence.image(frame) if kept is None else kept
+
+
+def _patch(image: NDArray[np.uint8], u: float, v: float) -> Patch:
+    """(PATCH_PX, PATCH_PX) uint8 around the nearest pixel; the border of the image is repeated beyond it."""
+    reach = np.arange(PATCH_PX) - PATCH_PX // 2
+    rows = np.clip(round(v) + reach, 0, image.shape[0] - 1)
+    columns = np.clip(round(u) + reach, 0, image.shape[1] - 1)
+    return np.ascontiguousarray(image[np.ix_(rows, columns)])
+
+
+def _row(one: _Chosen, patches: Mapping[tuple[int, float, float], Patch]) -> dict[str, Any]:
+    lists = {name: one.now[name].to_list() for name in ("track", "frame", "anchor_frame", "du_px", "dv_px")}
+    pairs = [np.hstack(pair) for pair in zip(_of(one.first, patches), _of(one.now, patches), strict=True)]
+    strip = np.hstack(list(_of(one.path, patches)))
+    return {
+        **one.now.select(*ORIGIN, "at").row(0, named=True),
+        "n_each": one.n_each,
+        **lists,
+        "sheet": encode_webp(np.vstack(pairs), quality=_QUALITY),
+        "strip": encode_webp(strip, quality=_QUALITY),
+    }
+
+
+def _of(table: pl.DataFrame, patches: Mapping[tuple[int, float, float], Patch]) -> Iterator[Patch]:
+    """Patches of the rows of a table; a grey one where the tracker reports no position."""
+    nothing = np.full((PATCH_PX, PATCH_PX), 128, np.uint8)
+    for place in table.select("frame", "u_px", "v_px").iter_rows():
+        yield patches.get(place, nothing)

@@ -1,0 +1,60 @@
+"""The noise to give to an estimator, from windows of tracks: sentences of one tracker."""
+
+from typing import Any
+
+import polars as pl
+
+from tracknoise.findings.wording import number, pixels
+from tracknoise.report.report_data import ReportData
+
+WINDOW = 15
+"""Length of the windows that sentences are about, in observations, or else the nearest shorter one."""
+
+
+def sigma_sentence(data: ReportData, tracker: str) -> str:
+    """What an estimator should set, and what residuals look like. Empty where windows were not measured."""
+    found = _at_window(data, tracker)
+    if "consistent_sigma" not in found or "residual_core" not in found:
+        return ""
+    sigma, residual = found["consistent_sigma"], found["residual_core"]
+    return (
+        f"Set {pixels(sigma['value'])} px for windows of {sigma['window']} frames; residuals look like "
+        f"{pixels(residual['value'])} px."
+    )
+
+
+def estimator_sentence(data: ReportData, tracker: str) -> str:
+    """The same with the interval, and what follows for an estimator. Empty where windows were not measured."""
+    found = _at_window(data, tracker)
+    if "consistent_sigma" not in found:
+        return ""
+    sigma = found["consistent_sigma"]
+    bounds = "" if sigma["low"] is None else f" ({pixels(sigma['low'])} to {pixels(sigma['high'])})"
+    size = f"{pixels(sigma['value'])} px{bounds}"
+    return f"For {tracker}, set {size} for windows of {sigma['window']} frames. {_trust(found)}".strip()
+
+
+def _trust(found: dict[str, dict[str, Any]]) -> str:
+    """What an estimator that is tuned to its residuals gets wrong."""
+    row = found.get("core_overconfidence")
+    if row is None or row["low"] is None or row["high"] is None:
+        return ""
+    size = f"{number(row['value'])} times (interval {number(row['low'])} to {number(row['high'])})"
+    if row["low"] > 1.0:
+        return f"Tuned to its residuals, an estimator claims depths that are more certain than they are, by {size}."
+    if row["high"] < 1.0:
+        return f"Tuned to its residuals, an estimator claims depths that are less certain than they are, by {size}."
+    return f"Tuned to its residuals, an estimator is not shown to claim too much or too little: {size}."
+
+
+def _at_window(data: ReportData, tracker: str) -> dict[str, dict[str, Any]]:
+    """Quantities of the chosen window, by name; none where points are fitted to whole tracks."""
+    if data.truth_is_fitted:
+        return {}
+    rows = data.nominal(data.window_sigmas).filter(tracker=tracker, trimming=data.trimming)
+    lengths = rows.filter(quantity="consistent_sigma")["window"]
+    if lengths.is_empty():
+        return {}
+    shorter = lengths.filter(lengths <= WINDOW)
+    window = shorter.max() if shorter.len() else lengths.min()
+    return {row["quantity"]: row for row in rows.filter(pl.col("window") == window).to_dicts()}

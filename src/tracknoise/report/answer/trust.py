@@ -1,0 +1,98 @@
+"""How far the numbers of a run can be trusted: how sure they are, and whether the truth is right."""
+
+import math
+
+import polars as pl
+
+from tracknoise.audit.summary import NO_FAULT
+from tracknoise.findings.wording import count, interval_text, pixels, sentence_case
+from tracknoise.report.answer.subject import answer
+from tracknoise.report.answer.summary import Judgement
+from tracknoise.report.report_data import ReportData
+from tracknoise.statistics.definitions import REFERENCE_AGE
+from tracknoise.tables.enumerations import Resampled, Verdict
+
+_HOLD: dict[str, tuple[str, Verdict]] = {
+    Resampled.scenes: ("They hold for similar scenes", Verdict.yes),
+    Resampled.groups: ("They hold for similar groups of scenes", Verdict.yes),
+    Resampled.within: ("They hold for these groups of scenes only", Verdict.undecided),
+    Resampled.blocks: ("They hold for these scenes only", Verdict.undecided),
+}
+_FEW = 8
+"""With fewer scenes than this, intervals contain the true value less often than their level says."""
+_MOST_SHARE = 0.5
+"""Share of the second moment from which on it is the truth's rather than the tracker's."""
+_GENERAL, _RIGHT = "other scenes", "trusted"
+
+
+def certainty(data: ReportData) -> Judgement:
+    """What intervals were made from, and what they hold for."""
+    known = data.nominal(data.intervals).drop_nulls(["level", "resampled", "n_scenes"])
+    if known.is_empty():
+        text = "No intervals were computed: the numbers hold for these scenes only."
+        return Judgement(answer(_GENERAL, Verdict.undecided, wished=Verdict.yes), text, "measured")
+    kinds = known.group_by("resampled", "level").agg(pl.len(), pl.col("n_scenes").max()).sort("len")
+    row = kinds.row(-1, named=True)
+    hold, verdict = _HOLD[row["resampled"]]
+    few = row["n_scenes"] < _FEW and row["resampled"] != Resampled.blocks
+    text = f"{sentence_case(interval_text(row['level'], row['resampled'], [row['n_scenes']]))}. {hold}"
+    text += "; with few scenes they are less reliable." if few else "."
+    return Judgement(answer(_GENERAL, verdict, wished=Verdict.yes), text, "measured")
+
+
+def truth(data: ReportData) -> Judgement:
+    """Whether the true positions can be trusted: doubts about the data, faults that were found, and the floor."""
+    verdict, text = _doubts(data) or _fitted(data) or _faults(data) or _floor(data)
+    return Judgement(answer(_RIGHT, verdict, wished=Verdict.yes), text, "truth")
+
+
+def _doubts(data: ReportData) -> tuple[Verdict, str] | None:
+    doubtful = [entry for entry in data.manifest.sequences.values() if entry.doubts]
+    if not doubtful:
+        return None
+    noun = "sequence looks" if len(doubtful) == 1 else "sequences look"
+    return Verdict.no, f"The data of {len(doubtful)} {noun} wrong. Errors may not be those of the trackers."
+
+
+def _fitted(data: ReportData) -> tuple[Verdict, str] | None:
+    if not data.truth_is_fitted:
+        return None
+    return Verdict.undecided, "True positions are fitted to the tracks, which hides drift along epipolar lines."
+
+
+def _faults(data: ReportData) -> tuple[Verdict, str] | None:
+    """The first fault of the audit."""
+    faults = data.audit.filter(pl.col("rank").is_not_null()).unique("rank", keep="first")
+    texts = faults.sort("rank")["text"].drop_nulls().to_list()
+    if not texts:
+        return None
+    first = texts[0].partition(" (")[0].partition(":")[0].rstrip(".")
+    others = f"; {count(len(texts) - 1, 'other fault')} as well" if len(texts) > 1 else ""
+    return Verdict.no, f"{first}{others}. Correct this before using the numbers."
+
+
+def _floor(data: ReportData) -> tuple[Verdict, str]:
+    """Whether known errors of the truth are small beside the errors of the trackers."""
+    audited = data.audit["family"].is_not_null().any()
+    opening = NO_FAULT if audited else "The truth was not checked for faults."
+    points = data.nominal(data.points).filter(
+        pl.col("since").is_between(1, REFERENCE_AGE),
+        role="second",
+        trimming=data.trimming,
+        population=data.population,
+    )
+    known = points.drop_nulls(["floor_u", "floor_v"]).sort("since")
+    if known.is_empty():
+        return Verdict.undecided, f"{opening} How accurate it is, is not stated."
+    share, error_px, floor_px = max(_share(known.filter(tracker=name)) for name in known["tracker"].unique())
+    if floor_px == 0.0:
+        return Verdict.yes if audited else Verdict.undecided, f"{opening} It is stated to be exact."
+    text = f"{opening} Its errors can cause {pixels(floor_px)} of {pixels(error_px)} px."
+    return Verdict.no if share > _MOST_SHARE else Verdict.yes, text
+
+
+def _share(points: pl.DataFrame) -> tuple[float, float, float]:
+    """Share of the second moment that the floor can cause at the last age, and both as lengths, px."""
+    row = points.row(-1, named=True)
+    error_px, floor_px = math.hypot(row["u"], row["v"]), math.hypot(row["floor_u"], row["floor_v"])
+    return min((floor_px / error_px) ** 2 if error_px else 1.0, 1.0), error_px, floor_px

@@ -1,0 +1,76 @@
+"""Judges claims on drift and on where curves end."""
+
+from collections.abc import Mapping
+from math import log
+
+from tracknoise.findings.estimate import Estimate
+from tracknoise.findings.wording import number, percent
+from tracknoise.report.claims.claim import Agreement, Claim, Judgement
+from tracknoise.report.claims.points import at_place, curve, estimate, excludes_zero, last, overlap, tracker_named
+from tracknoise.report.report_data import ReportData
+from tracknoise.tables.defaults import MARGIN
+
+_FACTOR = 1.5
+"""Ages within this factor of each other count as the same size."""
+_NO_CURVE = "too few features for a curve"
+
+
+def judge_drift(claim: Claim, runs: Mapping[str, ReportData]) -> Judgement:
+    """By the mean error at the last age (or frame) of the curve, and its interval."""
+    data, stated = runs[claim.experiment], claim.stated
+    if stated["direction"] not in data.directions:
+        return Judgement(Agreement.open, reason=f"not played {stated['direction']}")
+    tracker = tracker_named(data, stated["tracker"]) or ""
+    mean, absolute = (last(curve(data, tracker, role, direction=stated["direction"])) for role in ("mean", "absolute"))
+    if mean is None or absolute is None:
+        return Judgement(Agreement.open, reason=_NO_CURVE)
+    coordinate = stated.get("coordinate") or max("uv", key=lambda axis: abs(mean[axis]))
+    drift = estimate(mean, coordinate)
+    value = f"{coordinate}: {at_place(data, drift, mean['since'])}"
+    if _is_slight(drift, absolute[coordinate]):
+        return Judgement(Agreement.disagrees, value, f"less than {percent(MARGIN)} of the mean absolute error")
+    if not excludes_zero(drift):
+        return Judgement(Agreement.open, value, "the interval contains zero, or there is none")
+    same = stated.get("sign") is None or stated["sign"] * mean[coordinate] > 0
+    return Judgement(Agreement.agrees if same else Agreement.opposite, value)
+
+
+def judge_same_drift(claim: Claim, runs: Mapping[str, ReportData]) -> Judgement:
+    """By the mean errors of both trackers at the last age (or frame) that both curves have."""
+    data = runs[claim.experiment]
+    one, other = (curve(data, tracker_named(data, kind) or "", "mean") for kind in claim.stated["trackers"])
+    at = last(one.join(other, on="since", how="semi"))
+    if at is None:
+        return Judgement(Agreement.open, reason=_NO_CURVE)
+    points = [table.filter(since=at["since"]).row(0, named=True) for table in (one, other)]
+    axis = max("uv", key=lambda name: abs(at[name]))
+    first, second = (estimate(point, axis) for point in points)
+    value = f"{axis}: {at_place(data, first, at['since'])} and {at_place(data, second, at['since'])}"
+    if not excludes_zero(first) or not excludes_zero(second):
+        return Judgement(Agreement.open, value, "not both drift")
+    if len({point[axis] > 0 for point in points}) > 1:
+        return Judgement(Agreement.opposite, value)
+    return Judgement(Agreement.agrees if overlap(first, second) else Agreement.disagrees, value)
+
+
+def judge_cut(claim: Claim, runs: Mapping[str, ReportData]) -> Judgement:
+    """By the last age that has enough features, which is comparable only with as many scenes."""
+    data, wanted = runs[claim.experiment], claim.stated["ages"]
+    scenes = len({entry.sequence.scene for entry in data.sequences.values()})
+    ends = {kind: last(curve(data, tracker_named(data, kind) or "", "mean")) for kind in wanted}
+    ages = {kind: int(end["since"]) for kind, end in ends.items() if end is not None}
+    value = ", ".join(f"{kind}: {number(age)}" for kind, age in ages.items())
+    if scenes < claim.stated["scenes"]:
+        return Judgement(Agreement.open, value, f"{scenes} of the paper's {claim.stated['scenes']} scenes")
+    if len(ages) < len(wanted):
+        return Judgement(Agreement.open, value, _NO_CURVE)
+    if sorted(ages, key=ages.__getitem__) != sorted(wanted, key=wanted.__getitem__):
+        return Judgement(Agreement.opposite, value, "the other tracker has the longer curve")
+    alike = all(abs(log(ages[kind] / wanted[kind])) <= log(_FACTOR) for kind in wanted)
+    return Judgement(Agreement.agrees if alike else Agreement.disagrees, value)
+
+
+def _is_slight(drift: Estimate, absolute_px: float) -> bool:
+    """Whether a whole interval is within the margin of the mean absolute error."""
+    bounds = [bound for bound in (drift.low, drift.high) if bound is not None]
+    return len(bounds) == 2 and max(map(abs, bounds)) <= MARGIN * absolute_px

@@ -1,0 +1,1 @@
+"""A comparison of runs for readers: words, tables, Markdown and a page."""

@@ -1,0 +1,84 @@
+"""Tracks to look at: the worst, middle and best ones of each tracker at a few ages, with their patches and paths."""
+
+import base64
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import polars as pl
+
+from tracknoise.report.report_data import ReportData
+from tracknoise.statistics.extreme_tracks import KINDS
+from tracknoise.tables.defaults import PATCH_PX
+
+MOST_BYTES = 1_300_000
+"""Size of all groups in a page, as JSON. Those of further scenes are left out."""
+_DIGITS = 3
+
+
+def looks(data: ReportData) -> dict[str, Any]:
+    """Patches and tracks as the script of the page reads them.
+
+    Parameters
+    ----------
+    data
+        The run. Runs that keep no patches have none.
+
+    Returns
+    -------
+    dict
+        `patch_px`; `kinds`, names in the order of the tracks; `groups`, one for each scene, tracker and age: `scene`,
+        `tracker`, `at`, `sheet` and `strip` (WebP, base64), `strip_frames` and `tracks`. A track has its `kind`, `row`
+        in the sheet, number, frames, position within its pixel, error, reason of end, truth status, and the `path` of
+        its error.
+    """
+    groups: list[dict[str, Any]] = []
+    size = 0
+    for key, entry in data.sequences.items():
+        found = list(_groups(data, key)) if "patches" in entry.sha256 and data.keeps_observations else []
+        size += len(json.dumps(found))
+        if size > MOST_BYTES:
+            break
+        groups += [{"scene": entry.sequence.scene, **group} for group in found]
+    return {"patch_px": PATCH_PX, "kinds": KINDS, "groups": groups}
+
+
+def _groups(data: ReportData, key: str) -> Iterator[dict[str, Any]]:
+    """Groups of one sequence."""
+    patches = data.run.sequence_table("patches", key).filter(speed=data.slowest)
+    observed = data.run.sequence_table("observations", key).filter(speed=data.slowest)
+    ends = data.run.sequence_table("tracks", key).filter(speed=data.slowest)
+    for row in patches.to_dicts():
+        own = observed.filter(pl.col("track").is_in(row["track"]), tracker=row["tracker"]).sort("frame")
+        reasons = ends.filter(pl.col("track").is_in(row["track"]), tracker=row["tracker"])
+        paths = {track: part for (track,), part in own.group_by("track")}
+        ended = dict(reasons.select("track", pl.col("end").cast(pl.String)).iter_rows())
+        worst = paths[row["track"][0]]
+        frames = worst["frame"].is_between(row["anchor_frame"][0], row["frame"][0]).sum()
+        yield {
+            "tracker": row["tracker"],
+            "at": row["at"],
+            "sheet": base64.b64encode(row["sheet"]).decode(),
+            "strip": base64.b64encode(row["strip"]).decode(),
+            "strip_frames": frames,
+            "tracks": [_track(row, place, paths[track], ended[track]) for place, track in enumerate(row["track"])],
+        }
+
+
+def _track(row: Mapping[str, Any], place: int, path: pl.DataFrame, end: str) -> dict[str, Any]:
+    """One of the chosen tracks."""
+    frame, anchor = row["frame"][place], row["anchor_frame"][place]
+    now = path.filter(frame=frame).row(0, named=True)
+    known = path.filter(pl.col("frame").is_between(anchor, frame)).drop_nulls(["du_px", "dv_px"])
+    return {
+        "kind": KINDS[place // row["n_each"]],
+        "row": place,
+        "track": row["track"][place],
+        "frame": frame,
+        "anchor_frame": anchor,
+        "within": [now[name] - round(now[name]) for name in ("u_px", "v_px")],
+        "error": [row["du_px"][place], row["dv_px"][place]],
+        "end": end.replace("_", " "),
+        "truth": now["truth"].replace("_", " "),
+        "path": {name: known[name].round_sig_figs(_DIGITS).to_list() for name in ("du_px", "dv_px")},
+    }

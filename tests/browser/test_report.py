@@ -1,0 +1,254 @@
+"""The report in a browser: it fits the window, loads nothing, and its controls and links work."""
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import polars as pl
+import pytest
+from tests.browser.chromium import Page
+
+from tracknoise.report.page import write_report
+from tracknoise.report.report_data import ReportData
+from tracknoise.tables.store import RunFolder
+
+Open = Callable[..., Page]
+ODD = "<script>window.harmed = 1</script>\"'`\N{GRINNING FACE}&${x}"
+LONG = "n" * 300
+DRAWN = "[...document.querySelectorAll('[data-explorer]')].every(one => one.dataset.shown && one.querySelector('svg'))"
+EVERY = "[...document.querySelectorAll('[data-figure]')].every(one => one.dataset.drawn === 'yes')"
+TOO_WIDE = """[...document.querySelectorAll('table, figure, .chart, .scroll, pre, .card, dl')]
+  .filter(one => one.scrollWidth > one.clientWidth + 1 || one.getBoundingClientRect().right > innerWidth + 1)
+  .map(one => one.textContent.slice(0, 60))"""
+
+
+@pytest.fixture(scope="module")
+def run(make_run: Callable[..., RunFolder]) -> RunFolder:
+    return make_run(scenes=("fixating", "forward"), n_frames=20, born=20, min_features=20, patches=True)
+
+
+@pytest.fixture(scope="module")
+def report(run: RunFolder) -> Path:
+    return write_report(run, figure_formats=())
+
+
+@pytest.fixture(scope="module")
+def odd_report(make_run: Callable[..., RunFolder]) -> Path:
+    """Names of trackers and scenes that are markup, or very long."""
+    run = make_run(scenes=(ODD, LONG), trackers=(ODD, LONG, "c"), speeds=(1,), n_frames=12, born=20, min_features=10)
+    return write_report(run, figure_formats=())
+
+
+def shown(page: Page) -> dict[str, str]:
+    """Every figure of the explorer as it is drawn, by name, without the numbers of clips, which differ every time."""
+    page.wait(DRAWN)
+    pairs = "[...document.querySelectorAll('[data-explorer]')].map(one => [one.dataset.explorer, one.innerHTML])"
+    return {name: re.sub(r"clip\d+", "", drawn) for name, drawn in page.evaluate(pairs)}
+
+
+def choose(page: Page, name: str, value: str) -> None:
+    """Choose in a control, as a reader does, and wait until all figures follow."""
+    control = f"document.querySelector('#controls [name={name}]')"
+    page.evaluate(
+        f"{control}.value = {json.dumps(value)}; {control}.dispatchEvent(new Event('change', {{bubbles: true}}))"
+    )
+    one = "JSON.parse(one.dataset.shown)"
+    page.wait(
+        "[...document.querySelectorAll('[data-explorer]')]"
+        f".every(one => one.dataset.shown && {one}[{json.dumps(name)}] === {json.dumps(value)})"
+    )
+
+
+@pytest.mark.parametrize("name", ["report", "odd_report"])
+def test_nothing_is_wider_than_the_window(name: str, open_page: Open, request: pytest.FixtureRequest) -> None:
+    page = open_page(request.getfixturevalue(name))
+    page.wait(EVERY)
+    page.wait(DRAWN)
+    page.evaluate("document.querySelectorAll('details').forEach(one => one.open = true)")
+    assert page.evaluate("document.documentElement.scrollWidth") == 1280
+    assert page.evaluate(TOO_WIDE) == []
+
+
+@pytest.mark.parametrize("name", ["report", "odd_report"])
+def test_nothing_is_loaded_and_nothing_fails(name: str, open_page: Open, request: pytest.FixtureRequest) -> None:
+    path = request.getfixturevalue(name)
+    page = open_page(path)
+    page.wait(EVERY)
+    page.wait(DRAWN)
+    assert page.errors == []
+    assert [address for address in page.requests if not address.startswith("data:")] == [f"file://{path}"]
+    assert page.evaluate("window.harmed === undefined")
+
+
+def test_the_answer_fits_the_first_screen(report: Path, open_page: Open) -> None:
+    page = open_page(report, width=1366)
+    parts = ".questions, .measure, .sigma, svg.picture, svg.curves"
+    bottoms = page.evaluate(f"[...document.querySelectorAll('{parts}')].map(one => one.getBoundingClientRect().bottom)")
+    assert len(bottoms) >= 1 + 2 * 6 + 3
+    assert max(bottoms) <= 768
+    answered = page.evaluate("[...document.querySelectorAll('.first .chip')].map(one => one.textContent)")
+    assert {text.split(": ")[1] for text in answered} <= {"yes", "no", "undecided"}
+    assert {text.split(": ")[0] for text in answered} >= {"biased", "heavy tails", "grows", "trusted", "other scenes"}
+
+
+def test_links_of_the_first_screen_lead_into_the_page(report: Path, open_page: Open) -> None:
+    page = open_page(report)
+    targets = page.evaluate("[...document.querySelectorAll('.first a')].map(one => one.getAttribute('href'))")
+    assert targets
+    assert page.evaluate(f"{json.dumps(targets)}.filter(one => !document.getElementById(one.slice(1)))") == []
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "kept"),
+    [("tracker", "lucas-kanade", ()), ("speed", "2", ()), ("trimming", "untrimmed", ("survival",))],
+)
+def test_a_choice_changes_every_figure(
+    name: str, value: str, kept: tuple[str, ...], report: Path, open_page: Open
+) -> None:
+    page = open_page(report)
+    before = shown(page)
+    assert set(before) == {"mean", "absolute", "second", "core", "survival"}
+    choose(page, name, value)
+    after = shown(page)
+    assert {figure for figure in before if before[figure] == after[figure]} == set(kept)
+    assert page.errors == []
+
+
+def test_scenes_are_added_as_lines(report: Path, open_page: Open) -> None:
+    page = open_page(report)
+    before = shown(page)
+    choose(page, "scene", "all")
+    after = shown(page)
+    assert all(len(after[name]) > len(before[name]) for name in ("mean", "absolute", "second", "core"))
+
+
+def test_the_address_holds_the_choice(report: Path, open_page: Open) -> None:
+    page = open_page(report)
+    shown(page)
+    choose(page, "speed", "2")
+    address = page.evaluate("location.hash")
+    expected = shown(page)
+    again = open_page(f"{report}?other{address}")
+    again.wait(DRAWN)
+    assert again.evaluate("document.querySelector('#controls [name=speed]').value") == "2"
+    assert shown(again).keys() == expected.keys()
+
+
+def test_an_address_that_names_nothing_is_ignored(report: Path, open_page: Open) -> None:
+    page = open_page(f"{report}#explorer?tracker=none-such&speed=99&other=1")
+    shown(page)
+    assert page.evaluate("document.querySelector('#controls [name=tracker]').value") == "all"
+    assert page.errors == []
+
+
+def test_the_keyboard_moves_the_controls(report: Path, open_page: Open) -> None:
+    page = open_page(report)
+    before = shown(page)
+    page.evaluate("document.querySelector('#controls [name=tracker]').focus()")
+    page.key("ArrowUp")
+    page.wait("document.querySelector('#controls [name=tracker]').value !== 'all'")
+    page.wait("JSON.parse(document.querySelector('[data-explorer=mean]').dataset.shown).tracker !== 'all'")
+    assert shown(page)["mean"] != before["mean"]
+
+
+def test_curves_are_those_of_the_tables(run: RunFolder, report: Path, open_page: Open) -> None:
+    page = open_page(report)
+    shown(page)
+    rows = page.evaluate("views.get('second').spec.usermeta.rows.filter(row => row.series === 'correspondence')")
+    data = ReportData.of(run)
+    points = data.nominal(data.points).filter(
+        role="second", tracker="correspondence", trimming=data.trimming, population=data.population
+    )
+    expected = pl.concat([points["u"], points["v"]]).sort().to_list()
+    assert sorted(row["value"] for row in rows) == pytest.approx(expected, rel=1e-3)
+
+
+def test_the_data_of_a_figure_can_be_saved(report: Path, open_page: Open) -> None:
+    page = open_page(report)
+    page.evaluate("window.saved = []; save = (name, text) => window.saved.push([name, text])")
+    page.click("[data-download]")
+    page.wait(DRAWN)
+    page.click("[data-save=mean][data-kind=csv]")
+    page.wait("window.saved.length === 2")
+    (figure, text), (name, values) = page.evaluate("window.saved")
+    assert figure.endswith(".csv")
+    assert text.count("\n") > 5
+    assert name == "mean.csv"
+    assert values.startswith("series,scene,at,value,low,high,n\n")
+
+
+def test_a_link_unfolds_what_it_leads_to(report: Path, open_page: Open) -> None:
+    page = open_page(report)
+    page.evaluate("document.querySelector('#measured details').id = 'folded'; location.hash = '#folded'")
+    page.wait("document.getElementById('folded').open")
+
+
+def test_dark_and_print(report: Path, open_page: Open) -> None:
+    page = open_page(report, dark=True)
+    background = "getComputedStyle(document.body).backgroundColor"
+    assert page.evaluate(background) == "rgb(20, 25, 31)"
+    page.size(1280, 768)
+    assert page.evaluate(background) == "rgb(255, 255, 255)"
+    page.command("Emulation.setEmulatedMedia", media="print")
+    assert page.evaluate("getComputedStyle(document.querySelector('nav')).display") == "none"
+
+
+def pooled_tracks(run: RunFolder, tracker: str, at: int) -> pl.DataFrame:
+    """Observations of a tracker at an age, the largest error first, with the scene and the track."""
+    seen = pl.concat(run.sequence_tables("observations")).filter(tracker=tracker, speed=1, age=at, truth="valid")
+    size = (pl.col("du_px") ** 2 + pl.col("dv_px") ** 2).sqrt()
+    return seen.with_columns(size=size).sort("size", descending=True)
+
+
+def test_a_click_on_a_point_opens_the_tracks_behind_it(run: RunFolder, report: Path, open_page: Open) -> None:
+    page = open_page(report)
+    page.wait(DRAWN)
+    page.evaluate(
+        """(() => {
+          const marks = [...document.querySelectorAll('[data-explorer=second] .mark-symbol path')];
+          const wanted = (item) => item.datum.at === 5 && item.datum.series === 'lucas-kanade';
+          marks.find((mark) => wanted(mark.__data__)).id = 'point';
+        })()"""
+    )
+    page.click("#point")
+    page.wait("document.getElementById('looks').dataset.shown")
+    shown_now = json.loads(page.evaluate("document.getElementById('looks').dataset.shown"))
+    assert shown_now == {"tracker": "lucas-kanade", "scene": "all", "at": 5}
+    tracks = page.evaluate("[...document.querySelectorAll('.track')].map(one => ({...one.dataset}))")
+    assert [one["kind"] for one in tracks] == [*["worst"] * 8, *["median"] * 8, *["best"] * 8]
+    expected = pooled_tracks(run, "lucas-kanade", 5).select("scene", pl.col("track").cast(pl.String)).rows()
+    assert [(one["scene"], one["track"]) for one in tracks[:8]] == expected[:8]
+    assert [(one["scene"], one["track"]) for one in tracks[16:]] == expected[::-1][:8]
+    assert page.errors == []
+
+
+def test_tracks_of_one_scene_are_chosen_without_a_mouse(run: RunFolder, report: Path, open_page: Open) -> None:
+    page = open_page(report)
+    page.wait(DRAWN)
+    choice = "document.querySelector('#look [name={}]').value = '{}'; "
+    chosen = "".join(choice.format(*pair) for pair in (("tracker", "correspondence"), ("scene", "forward"), ("at", 1)))
+    page.evaluate(f"{chosen} document.getElementById('look').dispatchEvent(new Event('change'))")
+    tracks = page.evaluate("[...document.querySelectorAll('.track')].map(one => ({...one.dataset}))")
+    expected = pooled_tracks(run, "correspondence", 1).filter(scene="forward")["track"].cast(pl.String).to_list()
+    assert [one["track"] for one in tracks[:8]] == expected[:8]
+    assert {one["scene"] for one in tracks} == {"forward"}
+
+
+def test_the_marks_of_a_patch_are_where_the_tables_say(run: RunFolder, report: Path, open_page: Open) -> None:
+    page = open_page(report)
+    page.wait(DRAWN)
+    page.evaluate("look('lucas-kanade', 'forward', 5)")
+    worst = pooled_tracks(run, "lucas-kanade", 5).filter(scene="forward").row(0, named=True)
+    circle = page.evaluate(
+        "(({cx, cy}) => [cx, cy].map(one => one.baseVal.value))(document.querySelector('.track circle'))"
+    )
+    assert page.evaluate("tile") == 124
+    u, v = (worst[name] - round(worst[name]) for name in ("u_px", "v_px"))
+    assert circle == pytest.approx([124 + 62 + 4 * (u - worst["du_px"]), 62 + 4 * (v - worst["dv_px"])], abs=0.1)
+
+
+def test_a_run_without_patches_says_so(odd_report: Path, open_page: Open) -> None:
+    page = open_page(odd_report)
+    page.wait(DRAWN)
+    assert "This run keeps no patches of tracks." in page.evaluate("document.getElementById('explorer').textContent")

@@ -1,0 +1,119 @@
+"""``tracknoise compare``: exit statuses, files, and messages."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from tests.report.synthetic import World, write_run
+
+from tracknoise.tables.store import RunFolder
+
+SCENES = tuple(f"scene-{number}" for number in range(8))
+BASE = {"scenes": SCENES, "speeds": (1,), "n_frames": 14, "born": 25, "min_features": 20, "trackers": ("lk", "other")}
+WORSE = {"seed": 1, "sigma_px": 0.3, "loss": 0.2}
+
+
+@pytest.fixture
+def make(made_once):
+    def made(name, *, seed=0, **settings):
+        world = World(**{**BASE, **settings})
+        return str(made_once(f"compare-{name}", lambda path: write_run(path, world, seed=seed)))
+
+    return made
+
+
+@pytest.fixture
+def gate(tmp_path):
+    def written(text='ages = "mean"\n[tolerances]\ncore = 0.25\nlifetime = 0.25\n'):
+        path = tmp_path / "gate.toml"
+        path.write_text(text)
+        return str(path)
+
+    return written
+
+
+def test_without_a_gate_the_status_is_0_whatever_the_verdicts_are(tracknoise, make):
+    status, out, _ = tracknoise("compare", make("base"), make("worse", **WORSE))
+    assert status == 0
+    assert "Worse: core of the errors (lk), " in out
+    assert "compare-worse compared with compare-base: other" in out
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "status", "sentence"),
+    [
+        ("seed", {"seed": 1}, 0, "The gate passes."),
+        ("worse", WORSE, 3, "The gate fails: something is worse than its tolerance."),
+    ],
+)
+def test_a_gate_decides_the_status(tracknoise, make, gate, name, settings, status, sentence):
+    found, out, _ = tracknoise("compare", make("base"), make(name, **settings), "--gate", gate())
+    assert found == status
+    assert sentence in out
+
+
+def test_with_two_scenes_a_gate_is_undecided(tracknoise, make, gate):
+    few = {"scenes": SCENES[:2]}
+    runs = make("two", **few), make("two worse", seed=1, sigma_px=0.9, **few)
+    status, out, _ = tracknoise("compare", *runs, "--gate", gate())
+    assert status == 4
+    assert "The gate is undecided: this is neither a pass nor a failure." in out
+    assert "only 2 scenes" in out
+
+
+def test_a_run_that_failed_to_measure_a_scene_does_not_pass(tracknoise, make, gate, tmp_path):
+    run = RunFolder(Path(shutil.copytree(make("seven", seed=1, scenes=SCENES[1:]), tmp_path / "after")))
+    manifest = run.manifest()
+    manifest.failures["scene-0@default"] = "damaged image"
+    run.write_manifest(manifest)
+    status, out, err = tracknoise("compare", make("base"), str(run.path), "--gate", gate())
+    assert status == 4
+    assert "After could not measure scene-0@default, which compare-base measured." in out
+    assert "after: after could not measure scene-0@default" in err
+
+
+def test_a_scene_that_was_not_to_be_measured_is_named_and_no_obstacle(tracknoise, make, gate):
+    status, _, err = tracknoise("compare", make("base"), make("seven", seed=1, scenes=SCENES[1:]), "--gate", gate())
+    assert status == 0
+    assert "compare-seven has no scene-0@default, which compare-base measured." in err
+
+
+def test_all_files_are_written_whatever_the_gate_says(tracknoise, make, gate, tmp_path):
+    paths = {name: tmp_path / "out" / f"compare.{name}" for name in ("html", "markdown", "json")}
+    options = [part for name, path in paths.items() for part in (f"--{name}", str(path))]
+    status, _, _ = tracknoise("compare", make("base"), make("worse", **WORSE), "--gate", gate(), *options)
+    assert status == 3
+    assert "<h1>compare-worse compared with compare-base</h1>" in paths["html"].read_text()
+    assert "**The gate fails" in paths["markdown"].read_text()
+    assert json.loads(paths["json"].read_text())["gate"]["outcome"] == "worse"
+
+
+def test_trackers_are_named_by_a_pair(tracknoise, make):
+    status, out, _ = tracknoise("compare", make("base"), make("base"), "--trackers", "lk", "other")
+    assert status == 0
+    assert "other against lk" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["base"], "found one run to compare, expected at least two"),
+        (["base", "nothing"], "nothing"),
+        (["base", "base", "--margin", "0"], "margin is 0.0, expected a number above 0"),
+        (["base", "base", "--ages", "all"], "'all' is not one of"),
+        (["base", "base", "--trackers", "lk", "sift"], "unknown tracker of"),
+        (["base", "base", "--gate", "none.toml"], "none.toml: cannot be read"),
+    ],
+)
+def test_mistakes_end_with_status_1_and_one_line(tracknoise, make, arguments, message):
+    status, _, err = tracknoise("compare", *(make("base") if part == "base" else part for part in arguments))
+    assert status == 1
+    assert message in err
+    assert len(err.splitlines()) == 1
+
+
+def test_other_data_are_refused_with_the_reason(tracknoise, make):
+    status, _, err = tracknoise("compare", make("base"), make("refused n_frames", n_frames=15))
+    assert status == 1
+    assert "compare-refused n_frames cannot be compared: other data: n_frames of scene-0@default is 14 and 15" in err

@@ -1,0 +1,59 @@
+"""Gates are read, and refused with one clear line."""
+
+import pytest
+
+from tracknoise.exceptions import TracknoiseError
+from tracknoise.experiments.comparing.gate_file import read_gate
+
+
+def write(tmp_path, text):
+    path = tmp_path / "gate.toml"
+    path.write_text(text)
+    return path
+
+
+def test_a_gate(tmp_path):
+    text = 'level = 0.9\nages = "mean"\ntrackers = ["lk"]\nspeeds = [1, 2]\n[tolerances]\ncore = 0.1\nbias = 1\n'
+    gate = read_gate(write(tmp_path, text))
+    assert gate.tolerances == {"core": 0.1, "bias": 1.0}
+    assert (gate.level, gate.ages, gate.trackers, gate.speeds) == (0.9, "mean", ("lk",), (1, 2))
+
+
+def test_defaults(tmp_path):
+    gate = read_gate(write(tmp_path, "[tolerances]\ncore = 0.1\n"))
+    assert (gate.level, gate.ages, gate.trackers, gate.speeds) == (0.95, "every", None, None)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "tolerances: found {}, expected a table"),
+        ("tolerances = 3", "tolerances: found 3"),
+        ("[tolerances]\ncore = -0.1", "tolerances.core: found -0.1, expected more than 0"),
+        ("[tolerances]\ncore = true", "tolerances.core: found True"),
+        ("[tolerances]\ncore = nan", "tolerances.core: found nan"),
+        ("[tolerances]\ncore = inf", "tolerances.core: found inf"),
+        ("[tolerances]\ncoer = 0.1", "unknown statistic in .*gate.toml 'coer' .did you mean 'core'"),
+        ("level = 2\n[tolerances]\ncore = 0.1", "level: found 2"),
+        ('ages = "all"\n[tolerances]\ncore = 0.1', "ages: found 'all', expected one of every, mean"),
+        ("ages = [1]\n[tolerances]\ncore = 0.1", r"ages: found \[1\]"),
+        ('speeds = ["1"]\n[tolerances]\ncore = 0.1', "speeds: found .* expected a list of whole numbers"),
+        ("trackers = []\n[tolerances]\ncore = 0.1", "trackers: found .* expected a list of names"),
+        ("tolerance = 1\n[tolerances]\ncore = 0.1", "unknown key in .* 'tolerance'"),
+        ("[tolerances", "expected TOML"),
+        ("a = " + "[" * 5000, "expected TOML"),
+    ],
+)
+def test_mistakes(tmp_path, text, message):
+    with pytest.raises(TracknoiseError, match=message):
+        read_gate(write(tmp_path, text))
+
+
+def test_files_that_cannot_be_read(tmp_path):
+    with pytest.raises(TracknoiseError, match="cannot be read"):
+        read_gate(tmp_path / "none.toml")
+    with pytest.raises(TracknoiseError, match="cannot be read"):
+        read_gate(tmp_path)
+    (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe")
+    with pytest.raises(TracknoiseError, match="expected TOML"):
+        read_gate(tmp_path / "bytes.toml")

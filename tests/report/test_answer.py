@@ -1,0 +1,289 @@
+"""The first screen: its numbers are those of the tables, its verdicts follow theirs, and its sentences are short."""
+
+import dataclasses
+import json
+import math
+import re
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import jsonschema
+import polars as pl
+import pytest
+from tests.report import made_up_findings
+from tests.report.synthetic import DEGENERATE
+from tests.report.test_truth_section import with_floor
+
+from tracknoise.findings.estimate import Estimate
+from tracknoise.report.answer import interval_plot
+from tracknoise.report.answer.answer import summarise
+from tracknoise.report.answer.curve_plot import curves
+from tracknoise.report.answer.statements import MOST_NUMBERS, MOST_WORDS, short
+from tracknoise.report.answer.subject import number as plain_number
+from tracknoise.report.answer.summary import Card, Measure, Number, Summary, summary_json, summary_schema
+from tracknoise.report.figures.families import FAMILIES, Family
+from tracknoise.report.page import write_report
+from tracknoise.report.parts import PARTS
+from tracknoise.report.report_data import ReportData
+from tracknoise.tables.store import RunFolder
+
+SCHEMA = Path(__file__).parents[2] / "docs" / "report-summary.schema.json"
+WORLDS: dict[str, dict[str, object]] = {
+    "ordinary": {},
+    "recorded": {"dataset": "tum", "truth": "birth", "scenes": ("only",)},
+    **{name: DEGENERATE[name] for name in ("a light stage", "no depth", "no feature found", "a perfect tracker")},
+}
+
+
+@pytest.fixture(scope="module")
+def data(run: RunFolder) -> ReportData:
+    return ReportData.of(run)
+
+
+def compared(data: ReportData, verdict: str) -> ReportData:
+    """The run with eight scenes, of which the paired comparison has a verdict."""
+    return dataclasses.replace(data, dependence=made_up_findings.dependence(data.effects, verdict=verdict, n_scenes=8))
+
+
+def card(summary: Summary, tracker: str) -> Card:
+    return next(one for one in summary.cards if one.tracker == tracker)
+
+
+def measure(summary: Summary, tracker: str, name: str) -> Measure:
+    return next(one for one in card(summary, tracker).measures if one.name == name)
+
+
+def test_every_tracker_has_a_card_with_every_measure(data: ReportData) -> None:
+    cards = summarise(data).cards
+    assert [one.tracker for one in cards] == data.trackers
+    for one in cards:
+        names = [found.name for found in one.measures]
+        assert names == ["error", "bias", "tails", "growth", "outliers", "lifetime"]
+        assert one.colour == data.colour[one.tracker]
+
+
+def test_the_error_is_the_larger_coordinate_of_the_summary(data: ReportData) -> None:
+    row = data.nominal(data.summary).filter(tracker="correspondence").row(0, named=True)
+    size = "core" if data.nominal(data.summary)["trimmed_core_u_px"].null_count() == 0 else "rms"
+    expected = max(row[f"trimmed_{size}_u_px"], row[f"trimmed_{size}_v_px"])
+    assert measure(summarise(data), "correspondence", "error").number.value == expected
+
+
+def test_all_trackers_are_compared_by_the_same_size(data: ReportData) -> None:
+    """One tracker without a core makes all errors root mean squares: a core and an RMS are not comparable."""
+    one = pl.col("tracker") == "correspondence"
+    without = [pl.when(~one).then(pl.col(f"trimmed_core_{axis}_px")).alias(f"trimmed_core_{axis}_px") for axis in "uv"]
+    turned = dataclasses.replace(data, summary=data.summary.with_columns(without))
+    notes = [measure(summarise(turned), tracker, "error").note for tracker in data.trackers]
+    assert all(note.startswith("RMS error") for note in notes)
+
+
+def test_intervals_are_those_of_the_table(data: ReportData) -> None:
+    found = measure(summarise(data), "lucas-kanade", "outliers").number
+    row = data.nominal(data.intervals).filter(tracker="lucas-kanade", statistic="outlier_ratio").row(0, named=True)
+    assert (found.low, found.high) == (row["low"], row["high"])
+
+
+@pytest.mark.parametrize("world", WORLDS, ids=str)
+def test_findings_are_short_sentences_with_evidence(make_run: Callable[..., RunFolder], world: str) -> None:
+    data = ReportData.of(make_run(**WORLDS[world]))
+    found = summarise(data).findings
+    assert [one.topic for one in found] == data.findings.sort("rank")["topic"].to_list()
+    sections = {name for names in PARTS.values() for name in names}
+    for statement in (one for finding in found for one in finding.statements):
+        text = statement.text
+        for tracker in data.trackers:
+            text = text.replace(tracker, "it")
+        assert len(text.replace("\N{NO-BREAK SPACE}", " ").split()) <= MOST_WORDS, text
+        assert len(re.findall(r"\d[\d.,]*", text)) <= MOST_NUMBERS, text
+        assert statement.section in sections
+
+
+def test_a_long_finding_of_an_unknown_topic_is_only_named() -> None:
+    assert short("A short one with 1 number. And more.", "x") == "A short one with 1 number."
+    assert short("One 1, two 2, three 3 and four 4 numbers. And more.", "fog") == "This run has a finding about fog."
+    assert short(f"{'word ' * 26}end.", "fog") == "This run has a finding about fog."
+
+
+def test_the_better_tracker_is_named_only_where_the_comparison_says_so(data: ReportData) -> None:
+    row = compared(data, "yes").dependence.filter(factor="tracker", statistic="core").row(0, named=True)
+    worse = next(name for name in data.trackers if name != row["better"])
+    yes = summarise(compared(data, "yes"))
+    assert yes.accuracy.text.startswith(f"{row['better']} is more accurate: the core error of {worse} is 1.50 times")
+    assert measure(yes, row["better"], "error").answer.verdict == "yes"
+    assert measure(yes, worse, "error").answer.verdict == "no"
+    undecided = summarise(compared(data, "undecided"))
+    assert undecided.accuracy.text.startswith("It is undecided which is more accurate")
+    assert measure(undecided, row["better"], "error").answer.verdict == "undecided"
+    assert "equally accurate" in summarise(compared(data, "no")).accuracy.text
+
+
+def test_of_three_trackers_the_comparison_of_two_makes_none_the_best(data: ReportData) -> None:
+    three = compared(data, "yes")
+    three = dataclasses.replace(three, dependence=three.dependence.with_columns(n_levels=pl.lit(3, pl.Int32)))
+    verdicts = {one.tracker: one.measures[0].answer.verdict for one in summarise(three).cards}
+    assert sorted(verdicts.values()) == ["no", "undecided"]
+
+
+def test_one_tracker_is_compared_with_nothing(make_run: Callable[..., RunFolder]) -> None:
+    found = summarise(ReportData.of(make_run(scenes=("only",), trackers=("one",), speeds=(1,), n_frames=14)))
+    assert measure(found, "one", "error").answer is None
+    assert found.accuracy.text == measure(found, "one", "error").sentence
+
+
+def test_a_bias_is_undecided_with_two_scenes(data: ReportData) -> None:
+    found = measure(summarise(data), "lucas-kanade", "bias")
+    assert found.answer.verdict == "undecided"
+    assert found.reference == 0.0
+    assert found.sentence.startswith("It is undecided whether lucas-kanade is biased; its mean error in ")
+
+
+def test_growth_within_the_errors_of_the_truth_is_undecided(data: ReportData) -> None:
+    assert measure(summarise(data), "lucas-kanade", "growth").answer.verdict == "yes"
+    covered = summarise(with_floor(data, 1.0))
+    assert measure(covered, "lucas-kanade", "growth").answer.verdict == "undecided"
+
+
+def test_tails_are_asked_of_the_errors_that_the_run_is_about(data: ReportData) -> None:
+    assert measure(summarise(data), "lucas-kanade", "tails").answer.verdict == "no"  # light-tailed when trimmed
+    untrimmed = {**data.settings, "findings": {"trimming": "untrimmed"}}
+    found = measure(summarise(dataclasses.replace(data, settings=untrimmed)), "lucas-kanade", "tails")
+    assert found.answer.verdict == "yes"
+    assert (found.number.value, found.reference) == (31.0, 8.0)
+
+
+def faultless(data: ReportData) -> ReportData:
+    """The run with an audit that found nothing."""
+    return dataclasses.replace(data, audit=data.audit.with_columns(rank=pl.lit(None, dtype=data.audit.schema["rank"])))
+
+
+def test_a_fault_of_the_truth_is_told_first(data: ReportData) -> None:
+    found = summarise(data).truth
+    assert found.answer.verdict == "no"
+    assert found.text == "The focal length is 10 % too long. Correct this before using the numbers."
+
+
+@pytest.mark.parametrize(("share", "verdict"), [(0.0, "yes"), (0.25, "yes"), (0.75, "no"), (None, "undecided")])
+def test_whether_the_truth_can_be_trusted_depends_on_its_floor(
+    data: ReportData, share: float | None, verdict: str
+) -> None:
+    sound = faultless(data)
+    found = summarise(sound if share is None else with_floor(sound, share)).truth
+    assert found.answer.verdict == verdict
+    assert found.text.startswith("No fault of the stated truth was found.")
+
+
+def test_doubtful_data_come_before_all(data: ReportData) -> None:
+    key, entry = next(iter(data.manifest.sequences.items()))
+    doubted = {**data.manifest.sequences, key: dataclasses.replace(entry, doubts=("The clock jumps.",))}
+    found = summarise(dataclasses.replace(data, manifest=dataclasses.replace(data.manifest, sequences=doubted))).truth
+    assert found.answer.verdict == "no"
+    assert found.text.startswith("The data of 1 sequence looks wrong.")
+
+
+@pytest.mark.parametrize(
+    ("resampled", "verdict"), [("scenes", "yes"), ("within", "undecided"), ("blocks", "undecided")]
+)
+def test_how_sure_it_is_depends_on_what_was_resampled(data: ReportData, resampled: str, verdict: str) -> None:
+    kind = pl.lit(resampled, dtype=data.intervals.schema["resampled"])
+    found = summarise(dataclasses.replace(data, intervals=data.intervals.with_columns(resampled=kind))).certainty
+    assert found.answer.verdict == verdict
+
+
+def test_without_intervals_numbers_hold_for_their_scenes_only(data: ReportData) -> None:
+    found = summarise(dataclasses.replace(data, intervals=data.intervals.clear()))
+    assert found.certainty.text == "No intervals were computed: the numbers hold for these scenes only."
+    assert measure(found, "lucas-kanade", "error").number.interval == ""
+
+
+def test_the_sigma_to_set_is_that_of_windows_of_fifteen(data: ReportData) -> None:
+    expected = "Set 0.250 px for windows of 15 frames; residuals look like 0.100 px."
+    assert card(summarise(data), "lucas-kanade").sigma == expected
+    short_ones = dataclasses.replace(data, window_sigmas=data.window_sigmas.filter(pl.col("window") < 15))
+    assert "windows of 10 frames" in card(summarise(short_ones), "lucas-kanade").sigma
+    none = dataclasses.replace(data, window_sigmas=data.window_sigmas.clear())
+    assert card(summarise(none), "lucas-kanade").sigma == ""
+
+
+def test_the_finding_about_estimators_names_each_tracker_and_leads_to_its_section(data: ReportData) -> None:
+    (found,) = (one for one in summarise(data).findings if one.topic == "estimator")
+    assert [one.section for one in found.statements] == ["estimator"] * len(data.trackers)
+    expected = "lucas-kanade: set 0.250 px for windows of 15 frames; residuals look like 0.100 px."
+    assert expected in [one.text for one in found.statements]
+
+
+def test_the_file_keeps_to_its_schema(data: ReportData, run: RunFolder) -> None:
+    document = json.loads(summary_json(summarise(data)))
+    jsonschema.validate(document, summary_schema())
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate({**document, "cards": [{"tracker": 1}]}, summary_schema())
+    written = write_report(run, figure_formats=()).parent / "summary.json"
+    assert json.loads(written.read_text(encoding="utf-8")) == document
+
+
+def test_the_schema_is_documented() -> None:
+    assert json.loads(SCHEMA.read_text(encoding="utf-8")) == summary_schema(), (
+        "renew it: python -c 'import json; from tracknoise.report.answer.summary import summary_schema; "
+        "print(json.dumps(summary_schema(), indent=1))' > docs/report-summary.schema.json"
+    )
+
+
+def test_every_section_of_figures_has_its_place_in_the_page() -> None:
+    order = [name for names in PARTS.values() for name in names]
+    families = [family.id for family in FAMILIES]
+    assert len(set(order)) == len(order)
+    assert [name for name in order if name in families] == families
+
+
+def of(value: float, low: float | None = None, high: float | None = None) -> Measure:
+    number = Number(value, low, high, str(value), "")
+    return Measure("error", "px", number, None, None, None, "", "", "findings")
+
+
+def test_numbers_that_are_not_finite_are_unknown() -> None:
+    found = plain_number(Estimate(math.inf, math.nan, 2.0, "px"))
+    assert (found.value, found.low, found.high) == (None, None, None)
+    one_sided = plain_number(Estimate(1.0, 0.5, math.inf, "px"))
+    assert (one_sided.low, one_sided.high, one_sided.interval) == (0.5, None, "0.500 or more")
+
+
+def test_drawings_of_a_measure_share_an_axis() -> None:
+    axis = interval_plot.scale([of(1.0, 0.5, 2.0), of(4.0)])
+    assert (axis.low, axis.high, axis.is_log) == (0.0, 4.0, False)
+    places = [axis.place(value) for value in (0.0, 1.0, 4.0, 9.0)]
+    assert places == sorted(places)
+    assert places[-1] == places[-2]  # what lies outside is drawn at the edge
+    assert interval_plot.scale([of(0.001), of(1.0)]).is_log
+
+
+def test_drawings_say_what_they_show(data: ReportData) -> None:
+    summary = summarise(data)
+    axes = interval_plot.scales(summary.cards)
+    for one in summary.cards[0].measures:
+        drawn = interval_plot.draw(one, axes[one.name], "#123456")
+        assert f'aria-label="{one.name}: {one.number.text}'.replace("'", "&#39;") in drawn
+        assert "#123456" in drawn
+
+
+def test_the_curves_hold_a_point_for_every_age(data: ReportData) -> None:
+    u, v = curves(data)
+    points = data.nominal(data.points).filter(
+        role="second", trimming=data.trimming, population=data.population, tracker="lucas-kanade"
+    )
+    assert all(f'stroke="{data.colour["lucas-kanade"]}"' in one for one in (u, v))
+    lines = [line.split() for line in re.findall(r'<polyline points="([^"]*)"', u)]
+    assert len(lines) == len(data.trackers)
+    assert len(lines[0]) == points.height
+
+
+def test_odd_names_are_escaped_in_drawings(make_run: Callable[..., RunFolder], synthetic: ModuleType) -> None:
+    found = write_report(make_run(**synthetic.DEGENERATE["odd names"]), figure_formats=()).read_text(encoding="utf-8")
+    first = found.split('<section id="findings">')[0].split("<main>")[1]
+    assert "&lt;b&gt;" in first
+    assert "<b>&#34;" not in first
+
+
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.id)
+def test_every_section_says_what_it_would_look_like_otherwise(family: Family) -> None:
+    assert re.fullmatch(r"If [^.]*(\.\d[^.]*)?\.", family.what_if)

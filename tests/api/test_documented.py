@@ -16,7 +16,7 @@ def test_the_example_of_the_readme_reads_a_run(place, monkeypatch, capsys):
     _, code = BLOCK.findall((ROOT / "README.md").read_text())
     scope: dict = {}
     exec(code, scope)
-    assert "only 2 scenes" in capsys.readouterr().out
+    assert "lucas-kanade: set " in capsys.readouterr().out
     assert (place / "error-by-age.svg").read_text().startswith("<svg")
     assert set(scope["intervals"]["tracker"]) == {"lucas-kanade"}
     assert scope["track"]["track"].unique().to_list() == [17]

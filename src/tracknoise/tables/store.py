@@ -76,7 +76,7 @@ SEED_TABLES: Mapping[str, schema.Schema] = {
     f"seed_{name}": {"seed": pl.Int32, **SEQUENCE_TABLES[name]} for name in ("moments", "ends", "frames")
 }
 """Tables of a sequence that was measured with further random seeds, which are numbered from 1."""
-_NOISE: Mapping[str, schema.Schema] = {
+NOISE_TABLES: Mapping[str, schema.Schema] = {
     "noise_sums": schema.NOISE_SUMS,
     "noise_outliers": schema.NOISE_OUTLIERS,
     "noise_covariates": schema.NOISE_COVARIATES,
@@ -84,10 +84,10 @@ _NOISE: Mapping[str, schema.Schema] = {
 """What noise models are fitted to. Sequences that an earlier version measured do not have it."""
 _ASKED_FOR: Mapping[str, schema.Schema] = {"point_tracking": schema.POINT_TRACKING, "patches": schema.PATCHES}
 """Tables of a sequence that it has only where the experiment asks for them, or keeps observations."""
-_ALL_SEQUENCE_TABLES: Mapping[str, schema.Schema] = {**SEQUENCE_TABLES, **_NOISE, **SEED_TABLES, **_ASKED_FOR}
+_ALL_SEQUENCE_TABLES: Mapping[str, schema.Schema] = {**SEQUENCE_TABLES, **NOISE_TABLES, **SEED_TABLES, **_ASKED_FOR}
 OBSERVED = ("observations", "tracks")
 """Tables of a sequence that grow with its observations. No table of the whole run is computed from them."""
-_OPTIONAL = (*OBSERVED, *_NOISE, *SEED_TABLES, *_ASKED_FOR)
+_OPTIONAL = (*OBSERVED, *NOISE_TABLES, *SEED_TABLES, *_ASKED_FOR)
 STATISTICS_TABLES: Mapping[str, schema.Schema] = {
     "curves": schema.CURVES,
     "cores": schema.CORES,

@@ -10,7 +10,7 @@ import pytest
 from tracknoise.experiments.running.execute import execute
 from tracknoise.experiments.settings import Experiment, parse_experiment
 from tracknoise.tables.enumerations import TrimAmong
-from tracknoise.tables.store import FINDINGS_TABLES, SEQUENCE_TABLES, STATISTICS_TABLES, RunFolder
+from tracknoise.tables.store import FINDINGS_TABLES, NOISE_TABLES, SEQUENCE_TABLES, STATISTICS_TABLES, RunFolder
 
 TEXT = """
 name = "small"
@@ -77,7 +77,7 @@ def tables(run: RunFolder) -> dict[Path, bytes]:
 def test_a_second_run_is_identical_to_the_byte_whatever_the_count_of_opencv_threads(
     experiment, finished, tmp_path, threads
 ):
-    of_sequences = 2 * len([*SEQUENCE_TABLES, "patches"])
+    of_sequences = 2 * len([*SEQUENCE_TABLES, *NOISE_TABLES, "patches"])
     assert len(tables(finished)) == of_sequences + len(STATISTICS_TABLES) + len(FINDINGS_TABLES)
     before = cv2.getNumThreads()
     cv2.setNumThreads(threads)

@@ -165,10 +165,10 @@ def test_a_full_disk_ends_the_run_with_one_line_and_keeps_what_was_whole(experim
         (tmp_path / "data" / name).rename(tmp_path / name)
     execute(load_experiment(path), run, listener=told())
     before = files(run)
-    largest = max(len(content) for name, content in before.items() if name.startswith("observations"))
+    observed = min(len(content) for name, content in before.items() if name.startswith("observations"))
     for name in ("seq-03", "seq-04"):
         (tmp_path / name).rename(tmp_path / "data" / name)
-    ended = limited(["run", path, "--out", run.path, "--no-report", "--workers", "1"], largest // 2)
+    ended = limited(["run", path, "--out", run.path, "--no-report", "--workers", "1"], observed - 1)
     errors = [line for line in ended.stderr.splitlines() if "error" in line]
     assert ended.returncode == 1
     assert len(errors) == 1, ended.stderr

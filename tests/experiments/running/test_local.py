@@ -204,7 +204,7 @@ def test_no_socket_of_a_run_accepts_a_stranger(scenes, tmp_path, told):
             first.write(contents[0])
             second.write(contents[1])
 
-    before = set(listening([psutil.Process()]))
+    before = set(listening([psutil.Process(), *psutil.Process().children(recursive=True)]))
     thread = threading.Thread(target=look)
     thread.start()
     outcome = execute(experiment, RunFolder(tmp_path / "run"), listener=told(), workers=2)

@@ -120,7 +120,7 @@ def test_boxes_have_a_panel_a_sweep_that_begins_with_the_reference(boxes: Figure
 def test_one_scene_is_shown_under_the_reference_and_some_lights_of_each_sweep(data: ReportData) -> None:
     (figure,) = light_stage.figures(data)
     assert isinstance(figure, Figure)
-    titles = [panel["title"] for panel in figure.spec["concat"]]
+    titles = [panel["title"]["text"] for panel in figure.spec["concat"]]
     assert titles == ["diffuse", "LR0", "LR3", "LR10", "BF0", "BF1", "lamp"]
     shown = [panel["data"]["name"] for panel in figure.spec["concat"]]
     assert len({*shown}) == len(titles)

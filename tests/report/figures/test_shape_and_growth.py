@@ -61,7 +61,7 @@ def test_a_verdict_that_is_open_says_why(data: ReportData) -> None:
 def test_quantiles_are_drawn_for_both_trimmings(data: ReportData) -> None:
     (figure,) = gaussianity.figures(data)
     assert isinstance(figure, Figure)
-    titles = [panel["title"] for panel in figure.spec["concat"]]
+    titles = [panel["title"]["text"] for panel in figure.spec["concat"]]
     assert titles[:2] == ["lucas-kanade, untrimmed", "lucas-kanade, trimmed"]
     table = drawn(figure, "observed")
     assert sorted(table["band"].unique()) == ["1 to 4", "10 to 19", "5 to 9"]

@@ -8,6 +8,7 @@ import polars as pl
 import vl_convert as vlc
 from markupsafe import Markup
 
+from tracknoise.printable import printable
 from tracknoise.report.figures.example_frames import Scene, first_scene
 from tracknoise.report.report_data import ReportData
 
@@ -42,7 +43,7 @@ def annotated_frame(data: ReportData) -> AnnotatedFrame | None:
     width, height = scene.entry.width, scene.entry.height
     parts = [part for tracker in data.trackers for part in _tracker(scene, tracker, data.colour[tracker])]
     times = f"magnified {scene.magnification} times" if scene.magnification > 1 else "not magnified"
-    caption = (
+    caption = printable(
         f"Scene {scene.entry.sequence.scene}, frame {scene.entry.snapshot_frame}: tracks (white) and error vectors "
         f"({times}), in the colour of each tracker."
     )

@@ -20,6 +20,7 @@ from tracknoise.statistics.definitions import REFERENCE_AGE
 _TITLE = "Second moment by {}"
 _ELEMENTS = {"u": "uu", "uv": "uv", "v": "vv"}
 _WIDTH = 245
+_SYMBOL_WIDTH, _CHARACTER_WIDTH = 28, 7
 
 
 def figures(data: ReportData) -> Sequence[Figure | Absence]:
@@ -101,7 +102,7 @@ def _panel(
     lines = lines.mark_line(point=alt.OverlayMarkDef(size=10), clip=True).encode(
         x=marks.along(points["at"], title=data.axis.title, from_zero=data.axis is AGE),
         y=y,
-        color=marks.colour(series.field, series.colours, series.field, legend=first, columns=5),
+        color=marks.colour(series.field, series.colours, series.field, legend=first, columns=_columns(series)),
         opacity=marks.opacity(series.field),
         tooltip=[alt.Tooltip(f"{series.field}:N"), alt.Tooltip("at:Q", title=data.axis.name), f"{element}:Q"],
     )
@@ -113,3 +114,9 @@ def _panel(
 
 def _sign(data: ReportData) -> str:
     return data.axis.signs["second"].removeprefix("√")
+
+
+def _columns(series: Series) -> int:
+    """Columns of a legend that is no wider than its panel."""
+    longest = max((len(name) for name in series.colours), default=1)
+    return max(1, int(_WIDTH / (_SYMBOL_WIDTH + _CHARACTER_WIDTH * longest)))

@@ -72,11 +72,11 @@ ESTIMANDS: Mapping[str, Estimand] = {
         "feature count", "Mean number of features per frame: geometric mean over scenes.", larger_is_better=True
     ),
     "window_sigma": Estimand(
-        "window sigma", "Residual sigma of windows of observations: geometric mean over scenes and lengths of windows."
+        "window sigma", "Residual core of windows of observations: geometric mean over scenes and lengths of windows."
     ),
     "overconfidence": Estimand(
         "overconfidence",
-        "Consistent sigma of windows, divided by their residual sigma: geometric mean over scenes and lengths.",
+        "Consistent sigma of windows, divided by their residual core: geometric mean over scenes and lengths.",
     ),
     "tap_delta_avg": Estimand("position accuracy (TAP)", f"Delta average, {_TAP}.", Unit.share, larger_is_better=True),
     "tap_average_jaccard": Estimand(

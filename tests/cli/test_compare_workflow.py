@@ -5,10 +5,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import cv2
-import numpy as np
 import pytest
 import yaml
+from tests.experiments.conftest import write_scene
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "compare.md"
 SCENES, FRAMES = 6, 6
@@ -36,26 +35,13 @@ def shell_steps():
     return {step["name"]: step["run"] for step in steps if "run" in step and step["name"] != "Install"}
 
 
-def write_scene(folder, seed):
-    folder.mkdir(parents=True)
-    wall = np.random.default_rng(seed).integers(0, 256, (48, 64 + 2 * FRAMES), dtype=np.uint8)
-    for index in range(FRAMES):
-        pose = np.eye(4)
-        pose[0, 3] = index * 2e-3
-        name = f"frame-{index:06d}"
-        cv2.imwrite(str(folder / f"{name}.color.png"), wall[:, 2 * index : 2 * index + 64])
-        cv2.imwrite(str(folder / f"{name}.depth.png"), np.full((48, 64), 585, np.uint16))
-        np.savetxt(folder / f"{name}.pose.txt", pose)
-    np.savetxt(folder / "camera-intrinsics.txt", [[585, 0, 31.5], [0, 585, 23.5], [0, 0, 1]])
-
-
 @pytest.fixture
 def repository(tmp_path):
     """A repository whose last commit changes the noise of the tracker."""
 
     def made(variance, scenes=SCENES):
         for number in range(scenes):
-            write_scene(tmp_path / "data" / f"seq-{number + 1:02d}", number)
+            write_scene(tmp_path / "data" / f"seq-{number + 1:02d}", FRAMES, number)
         folder = tmp_path / "repository"
         folder.mkdir()
         subprocess.run([*GIT, "init", "-q"], cwd=folder, check=True)

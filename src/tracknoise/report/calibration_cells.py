@@ -4,6 +4,7 @@ from tracknoise.findings.wording import number
 from tracknoise.noise_models.calibration import Calibration
 from tracknoise.noise_models.model import Interval
 from tracknoise.report.cells import Cells
+from tracknoise.report.noise_model_cells import interval_cells
 
 
 def calibration_sentences(found: Calibration) -> list[str]:
@@ -43,10 +44,11 @@ def _outliers(found: Calibration) -> list[str]:
 def calibration_cells(found: Calibration) -> Cells:
     """Coverage, NEES and likelihood with their intervals, and the value of a right covariance."""
     rows = [
-        [f"coverage at {100 * level:g} %", *_cells(share), number(level)] for level, share in found.coverage.items()
+        [f"coverage at {100 * level:g} %", *interval_cells(share), number(level)]
+        for level, share in found.coverage.items()
     ]
-    rows += [["NEES per degree of freedom", *_cells(found.nees), "1"]]
-    rows += [["negative log likelihood, nat", *_cells(found.nll), ""]]
+    rows += [["NEES per degree of freedom", *interval_cells(found.nees), "1"]]
+    rows += [["negative log likelihood, nat", *interval_cells(found.nll), ""]]
     rows += [["ENCE", number(found.ence), "", "", "0"]]
     return Cells("Calibration", ["quantity", "value", "low", "high", "if right"], rows, (False, *[True] * 4))
 
@@ -55,7 +57,3 @@ def reliability_cells(found: Calibration) -> Cells:
     """Predicted and measured standard deviations by class."""
     rows = [[number(one.predicted_px), number(one.measured_px), str(one.n)] for one in found.reliability]
     return Cells("Standard deviations by class", ["predicted, px", "measured, px", "errors"], rows, (True, True, True))
-
-
-def _cells(interval: Interval) -> list[str]:
-    return [number(value) if value is not None else "" for value in (interval.value, interval.low, interval.high)]

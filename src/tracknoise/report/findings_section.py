@@ -6,6 +6,7 @@ import polars as pl
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
+from tracknoise.findings.headlines.error_size import first
 from tracknoise.findings.headlines.reported_conditions import (
     ReportedConditions,
     curve_bounds,
@@ -111,7 +112,7 @@ def _lengths(low: int | None, high: int | None) -> str:
 def _row(data: ReportData, tracker: str, speed: int) -> list[str]:
     """Cells of one condition. Empty where it was not measured."""
     chosen = reported_conditions(data, speed)
-    summary = _first(chosen.of(data.summary, tracker))
+    summary = first(chosen.of(data.summary, tracker))
     if summary is None:
         return []
     return [
@@ -155,7 +156,7 @@ def _px(value: float | None, bounds: Estimate | None) -> str:
 
 def _zero_mean(data: ReportData, conditions: ReportedConditions, tracker: str) -> str:
     rows = conditions.of(data.zero_mean, tracker).filter(pl.col("at").is_null(), trimming=data.trimming)
-    row = _first(rows.filter(axis=data.axis.name))
+    row = first(rows.filter(axis=data.axis.name))
     if row is None:
         return DASH
     p = row["sign_flip_p_family"]
@@ -167,13 +168,13 @@ def _shapes(data: ReportData, conditions: ReportedConditions, tracker: str, at: 
     rows = conditions.of(data.gaussianity, tracker).sort("age_low")
     since = 1 if at is None else abs(conditions.since(at))
     holding = rows.filter(pl.col("age_low") <= since, pl.col("age_high").is_null() | (pl.col("age_high") >= since))
-    found = [_first(holding.filter(trimming=trimming)) for trimming in conditions.trimmings]
+    found = [first(holding.filter(trimming=trimming)) for trimming in conditions.trimmings]
     return [DASH if row is None else str(row["verdict"]) for row in found]
 
 
 def _growth(data: ReportData, conditions: ReportedConditions, tracker: str, coordinate: str) -> str:
     rows = conditions.of(data.time_structure, tracker).filter(trimming=data.trimming, coordinate=coordinate)
-    row = _first(rows)
+    row = first(rows)
     return DASH if row is None else _GROWTH.get(row["verdict"], row["verdict"])
 
 
@@ -191,7 +192,3 @@ def _median_lifetime(data: ReportData, conditions: ReportedConditions, tracker: 
         return DASH
     bounds = scalar_bounds(conditions.of(data.intervals, tracker), "median_lifetime")
     return format_estimate(Estimate.of(value, bounds, "frames"))
-
-
-def _first(rows: pl.DataFrame) -> dict[str, Any] | None:
-    return rows.row(0, named=True) if rows.height else None

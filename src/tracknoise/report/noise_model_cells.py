@@ -48,7 +48,7 @@ def component_cells(model: NoiseModel) -> Cells:
     rows = []
     for name, (title, unit) in _COMPONENTS.items():
         part = getattr(model, name)
-        rows.append([title, *_cells(part.sigma), unit, part.why_dropped or ""])
+        rows.append([title, *interval_cells(part.sigma), unit, part.why_dropped or ""])
     return Cells("Components", ["component", "sigma", "low", "high", "unit", "dropped because"], rows, _NUMERIC)
 
 
@@ -63,7 +63,7 @@ def equivalent_cells(model: NoiseModel, window: int) -> Cells:
         [
             _LANDMARKS[one.landmark],
             _PURPOSES[one.purpose],
-            *_cells(one.sigma),
+            *interval_cells(one.sigma),
             number(one.gate_95),
             number(one.gate_99),
         ]
@@ -129,7 +129,8 @@ def _floor(model: NoiseModel) -> list[str]:
     return [f"Errors of the truth are part of these numbers: {number(model.truth_floor_px)} px root mean square."]
 
 
-def _cells(interval: Interval) -> list[str]:
+def interval_cells(interval: Interval) -> list[str]:
+    """A value and its bounds, each in a cell of its own; empty where there is none."""
     return [number(value) if value is not None else "" for value in (interval.value, interval.low, interval.high)]
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from tracknoise.findings.shape.elliptical import moments, terms
 from tracknoise.findings.shape.student import Student, fit_student
 from tracknoise.noise_models.covariances import error_covariances
+from tracknoise.noise_models.fitting.equations import matrix
 from tracknoise.noise_models.model import Tails
 from tracknoise.noise_models.track_noise import TrackNoise
 
@@ -39,7 +40,7 @@ def fit_tails(samples: pl.DataFrame, noise: TrackNoise, *, last_age: int) -> Tai
         return Tails(nu=math.inf, core_sigma=_core(used, noise), core_ratio=1.0)
     points = _whitened(used, noise)
     student = fit_student(terms([points]))
-    ratio = float(np.linalg.det(_matrix(student.scatter[0])) ** 0.25)
+    ratio = float(np.linalg.det(matrix(student.scatter[0])) ** 0.25)
     nu = float(student.nu[0])
     if nu >= 0.99 * _GAUSSIAN or _gain(points, _folds(used["scene"])) <= 0.0:
         nu, ratio = math.inf, 1.0
@@ -82,7 +83,3 @@ def _gain(points: Array, folds: NDArray[np.intp]) -> float:
         gaussian = Student(mean, covariance, np.array([_GAUSSIAN]))
         total += float((student.log_density(left) - gaussian.log_density(left)).sum())
     return total
-
-
-def _matrix(entries: Array) -> Array:
-    return np.array([[entries[0], entries[1]], [entries[1], entries[2]]])

@@ -7,6 +7,7 @@ from typing import Any
 import polars as pl
 
 from tracknoise.findings.estimate import Estimate
+from tracknoise.findings.headlines.error_size import first
 from tracknoise.findings.headlines.reported_conditions import curve_bounds, scale_estimate
 from tracknoise.findings.headlines.withheld import bias_covers, growth_cover, withheld_bias
 from tracknoise.findings.wording import SHAPES, listing, percent, sentence_case
@@ -90,7 +91,7 @@ def _fitted(subject: Subject, smallest: Answer | None) -> Measure | None:
 def bias(subject: Subject) -> Measure | None:
     """Mean error at the reference age in the coordinate where it is larger, and the test of all ages."""
     rows = subject.of("zero_mean").filter(trimming=subject.conditions.trimming, axis=subject.conditions.axis)
-    overall, there = (_first(rows.filter(at)) for at in (pl.col("at").is_null(), pl.col("at").eq_missing(subject.at)))
+    overall, there = (first(rows.filter(at)) for at in (pl.col("at").is_null(), pl.col("at").eq_missing(subject.at)))
     if overall is None or there is None or subject.at is None or subject.row is None:
         return None
     found = larger({axis: _mean(subject, there, axis) for axis in "uv"})
@@ -120,7 +121,7 @@ def tails(subject: Subject) -> Measure | None:
     rows = subject.of("gaussianity").filter(trimming=subject.conditions.trimming).sort("age_low")
     since = 1 if subject.at is None else abs(subject.conditions.since(subject.at))
     holding = rows.filter(pl.col("age_low") <= since, pl.col("age_high").fill_null(since) >= since)
-    row = _first(holding) or _first(rows)
+    row = first(holding) or first(rows)
     if row is None:
         return None
     part = "kurtosis" if row["kurtosis_within"] is None else "kurtosis_within"
@@ -178,7 +179,7 @@ def _rms(subject: Subject, at: int, axis: str) -> Estimate | None:
     points = subject.of("points").filter(
         role="second", trimming=subject.conditions.trimming, population=subject.data.population, at=at
     )
-    row = _first(points)
+    row = first(points)
     return None if row is None else Estimate.of_row(row, axis, f"{axis}_low", f"{axis}_high", "px")
 
 
@@ -206,7 +207,3 @@ def _asked(verdict: Verdict, yes: str, no: str, size: str) -> str:
     """A sentence by its verdict. What was found comes first, the size after it."""
     opening = {Verdict.yes: yes, Verdict.no: no, Verdict.undecided: f"It is undecided whether {yes}"}[verdict]
     return f"{opening}; {size}."
-
-
-def _first(rows: pl.DataFrame) -> dict[str, Any] | None:
-    return rows.row(0, named=True) if rows.height else None

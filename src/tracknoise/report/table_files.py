@@ -71,6 +71,7 @@ EXPORTS: tuple[Export, ...] = (
     Export("seed-spread", "differences between random seeds", lambda data: data.seed_spread),
     Export("triangulated-noise", "noise from triangulated truth", lambda data: data.triangulated_noise),
     Export("window-sigmas", "noise for estimators, by length of window", lambda data: data.window_sigmas),
+    Export("depth-intervals", "intervals of depths, by assumed noise", lambda data: data.depth_intervals),
     Export(
         "point-tracking-metrics",
         "metrics of TAP-Vid and expected feature age",

@@ -15,6 +15,7 @@ from tracknoise.statistics.factors import ReferenceCondition
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.findings_schema import (
     DEPENDENCE,
+    DEPTH_INTERVALS,
     FINDINGS,
     GAUSSIANITY,
     INTERVALS,
@@ -55,6 +56,7 @@ SCHEMAS: Mapping[str, Schema] = {
     "rigid_share": RIGID_SHARE,
     "tracker_differences": TRACKER_DIFFERENCES,
     "window_sigmas": WINDOW_SIGMAS,
+    "depth_intervals": DEPTH_INTERVALS,
 }
 
 

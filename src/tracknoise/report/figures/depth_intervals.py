@@ -8,15 +8,14 @@ import polars as pl
 from tracknoise.findings.wording import SPACE, sentence_case
 from tracknoise.report import style
 from tracknoise.report.bands import describe_intervals
+from tracknoise.report.depth_shares import LEVELS, depth_shares
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Panel, arranged, layered
 from tracknoise.report.report_data import ReportData
 
 _ID, _TITLE = "depth-intervals", "Depths that claimed intervals hold"
-_LONGEST, _LEAST_WINDOWS = 15, 100
 _COLOURS = dict(zip(("residual sigma", "consistent sigma", "whole tracks", "1 px"), style.PALETTE[:4], strict=True))
-_LEVELS = {f"coverage_{level}": level for level in (50, 90, 95, 99)}
 _WHY = (
     "It takes true depths, tracks of at least five observations, and two scenes or more. Noise is tried on scenes that "
     "it was not learned from."
@@ -25,18 +24,12 @@ _WHY = (
 
 def figures(data: ReportData) -> Sequence[Figure | Absence]:
     """One figure: a panel per tracker at the lowest speed."""
-    rows = data.nominal(data.depth_intervals).filter(
-        pl.col("quantity").is_in([*_LEVELS]), pl.col("window") <= _LONGEST, trimming=data.trimming
-    )
-    enough = rows.filter(pl.col("n").min().over("tracker", "window") >= _LEAST_WINDOWS)
-    longest = enough.filter(pl.col("window") == pl.col("window").max().over("tracker"))
-    if longest.is_empty():
+    rows = depth_shares(data)
+    if rows.is_empty():
         return [Absence(_ID, _TITLE, _WHY)]
-    shares = {name: 100.0 * pl.col(column) for name, column in (("u", "value"), ("u_low", "low"), ("u_high", "high"))}
-    levels = pl.col("quantity").replace_strict(_LEVELS, return_dtype=pl.Int64)
-    table = longest.with_columns(**shares, at=levels)
+    table = rows.rename({"value": "u", "low": "u_low", "high": "u_high"})
     present = [tracker for tracker in data.trackers if tracker in table["tracker"]]
-    bounded = table.drop_nulls(["low", "high"]).rename({"n_scenes": "n_resampled"})
+    bounded = table.drop_nulls(["u_low", "u_high"]).rename({"n_scenes": "n_resampled"})
     shows = (
         f"Share of windows whose true depth is inside the claimed interval, by the level of the interval, at speed "
         f"{data.slowest}{data.where}. Points are triangulated with the true poses. The noise was learned from other "
@@ -70,7 +63,7 @@ def _panel(table: pl.DataFrame, tracker: str) -> Panel:
     own = table.filter(tracker=tracker).sort("covariance", "at")
     columns = own.select("covariance", "at", "n", "u", "u_low", "u_high")
     scale = alt.Scale(domain=[40, 100], nice=False, clamp=True)
-    x = alt.X("at:Q", title="level of the claimed interval (%)", scale=scale, axis=alt.Axis(values=[*_LEVELS.values()]))
+    x = alt.X("at:Q", title="level of the claimed interval (%)", scale=scale, axis=alt.Axis(values=[*LEVELS.values()]))
     y = alt.Y("u:Q", title="true depths inside (%)", scale=alt.Scale(domain=[0, 100], nice=False))
     tips = [alt.Tooltip("covariance:N"), alt.Tooltip("at:Q", title="level (%)"), alt.Tooltip("n:Q", title="windows"),
             alt.Tooltip("u:Q", title="inside (%)")]  # fmt: skip

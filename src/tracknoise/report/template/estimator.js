@@ -15,6 +15,7 @@ async function copy(text) {
     const area = document.createElement("textarea");
     area.value = text;
     document.body.append(area);
+    area.focus();
     area.select();
     const copied = document.execCommand("copy");
     area.remove();

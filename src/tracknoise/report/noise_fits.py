@@ -113,5 +113,9 @@ def _folder(data: ReportData) -> Path:
 def _inputs(data: ReportData) -> str:
     """Hash of everything that models are fitted to, and of the version that fits them."""
     entries = sorted(data.manifest.sequences.items())
-    stated = [version("tracknoise"), *(f"{key} {sorted(entry.sha256.items())} {entry.group}" for key, entry in entries)]
+    stated = [
+        version("tracknoise"),
+        *data.manifest.experiment_sha256,
+        *(f"{key} {sorted(entry.sha256.items())} {entry.group}" for key, entry in entries),
+    ]
     return hashlib.sha256("\n".join(stated).encode()).hexdigest()

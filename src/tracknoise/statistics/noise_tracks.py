@@ -1,7 +1,8 @@
 """A sample of tracks with all that their points' depths depend on, to try covariances of whole tracks on.
 
 What a covariance of a whole track makes of its depth cannot be added up over tracks before the covariance is known. So
-some tracks of each condition are kept: up to `MOST` at the slowest speed, spread evenly over all that are long enough.
+some tracks of each condition are kept: up to `MOST` of each class of lengths at the slowest speed, spread evenly over
+the class. Long tracks are rarer than short ones, and the longest windows consist of them alone.
 """
 
 import numpy as np
@@ -15,10 +16,10 @@ from tracknoise.statistics.window_tracks import window_derivatives, window_runs
 from tracknoise.statistics.windows import directions
 from tracknoise.tables.schema import NOISE_TRACKS, check
 
-MOST = 128
-"""Tracks of a sequence and condition that are kept."""
+MOST = 96
+"""Tracks of a sequence, condition and class of lengths that are kept."""
 LENGTHS = (5, 10, 15)
-"""Lengths of the windows that are cut from them, in observations."""
+"""Lengths of the windows that are cut from them, in observations: each begins a class."""
 _DERIVATIVES = ("across_u", "across_v", "other_u", "other_v", "depth_u", "depth_v")
 
 
@@ -68,10 +69,12 @@ def _spread(
     sequence: PreparedSequence, born: NDArray[np.intp], length: NDArray[np.intp]
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
     """Places of the tracks that are kept, and how many tracks each of them stands for."""
-    enough = (length >= min(LENGTHS)) & sequence.at_slowest[born]
+    condition = sequence.seen.condition[born]
+    kind = np.where(sequence.at_slowest[born], np.searchsorted(LENGTHS, length, side="right"), 0)
+    group = condition * (len(LENGTHS) + 1) + kind
     places, weights = [np.empty(0, np.intp)], [np.empty(0)]
-    for condition in np.unique(sequence.seen.condition[born[enough]]):
-        own = np.flatnonzero(enough & (sequence.seen.condition[born] == condition))
+    for one in np.unique(group[kind > 0]):
+        own = np.flatnonzero(group == one)
         count = min(len(own), MOST)
         places.append(own[np.arange(count) * len(own) // count])
         weights.append(np.full(count, len(own) / count))

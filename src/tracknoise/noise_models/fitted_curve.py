@@ -15,6 +15,7 @@ from tracknoise.noise_models.fitting.equations import COLUMNS, Equations
 from tracknoise.noise_models.track_noise import TrackNoise
 from tracknoise.tables.defaults import LEVEL
 from tracknoise.tables.enumerations import IntervalKind, Product
+from tracknoise.tables.findings_schema import RESAMPLED
 
 Array = NDArray[np.float64]
 
@@ -59,5 +60,5 @@ def fitted_curve(
         pl.Series("n_scenes", found.n_scenes[0]),
         *(pl.Series(name, np.sqrt(values), nan_to_null=True) for name, values in squares.items()),
         level=pl.lit(level),
-        resampled=pl.lit(units.resampled),
+        resampled=pl.lit(units.resampled, dtype=RESAMPLED),
     ).sort("age")

@@ -27,13 +27,8 @@ def doubtful_data(_tables: RunTables, conditions: ReportedConditions) -> Headlin
     sentences = list(dict.fromkeys([*of_scenes, *conditions.mistakes]))
     more = len(sentences) - MOST_DOUBTS
     others = [f"There are {count(more, 'further reason')}: see the measurement section."] if more > 0 else []
-    text = " ".join(
-        [
-            f"{_whose(list(conditions.doubts))} wrong, so that errors are not those of the trackers.",
-            *sentences[:MOST_DOUBTS],
-            *others,
-        ]
-    )
+    opening = f"{_whose(list(conditions.doubts))} wrong, so that errors are not those of the trackers."
+    text = " ".join([opening, *sentences[:MOST_DOUBTS], *others])
     return Headline("data", text, "limits", "counts")
 
 

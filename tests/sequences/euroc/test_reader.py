@@ -188,7 +188,7 @@ def test_tum_vi_has_fisheye_lenses_a_kalibr_chain_and_images_of_16_bits(tmp_path
         open_sequence("euroc", tmp_path).image(0)
     chain = folder / "dso" / "camchain.yaml"
     chain.rename(tmp_path / "elsewhere.yaml")
-    with pytest.raises(DataError, match=r"sensor\.yaml: no such file, .* or the option camera_file"):
+    with pytest.raises(DataError, match=r"sensor\.yaml: no such file, .* or --option camera_file=FILE"):
         open_sequence("euroc", tmp_path)
     assert open_sequence("euroc", tmp_path, camera_file=tmp_path / "elsewhere.yaml").camera.fx == 60.0
 

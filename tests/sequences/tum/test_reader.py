@@ -180,7 +180,7 @@ def test_a_camera_file_is_used_before_what_is_published(tmp_path):
 
 def test_unknown_names_need_a_camera(tmp_path):
     write_tum(tmp_path / "vehicle", images(2), poses(2))
-    with pytest.raises(DataError, match=r"no camera, .* expected one of camera\.yaml, .* or the option camera_file"):
+    with pytest.raises(DataError, match=r"no camera, .* expected one of camera\.yaml, .* or --option camera_file=FILE"):
         open_sequence("tum", tmp_path)
 
 

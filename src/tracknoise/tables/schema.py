@@ -394,6 +394,16 @@ white_before, n, walk and drift multiply W at the first end, W at the second, Q 
 """
 
 
+NOISE_PAIRS: Schema = {
+    **ORIGIN,
+    **dict.fromkeys(("first", "second"), pl.String),
+    **dict.fromkeys(("first_before", "first_now", "second_before", "second_now"), pl.Int16),
+    "n": pl.Int64,
+    **dict.fromkeys(("squares", "white_before", "walk", "drift"), pl.Float64),
+}
+"""The same sums by two covariates together, in classes of an octave (`tracknoise.statistics.covariate_pairs`)."""
+
+
 FLOORS: Schema = {
     **ORIGIN,
     "source": FLOOR_SOURCE,

@@ -80,6 +80,7 @@ NOISE_TABLES: Mapping[str, schema.Schema] = {
     "noise_sums": schema.NOISE_SUMS,
     "noise_outliers": schema.NOISE_OUTLIERS,
     "noise_covariates": schema.NOISE_COVARIATES,
+    "noise_pairs": schema.NOISE_PAIRS,
 }
 """What noise models are fitted to. Sequences that an earlier version measured do not have it."""
 _ASKED_FOR: Mapping[str, schema.Schema] = {"point_tracking": schema.POINT_TRACKING, "patches": schema.PATCHES}

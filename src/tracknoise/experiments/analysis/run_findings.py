@@ -10,7 +10,6 @@ from tracknoise.audit.pose_errors.rigid_share import rigid_share
 from tracknoise.audit.usual import usual_mistakes
 from tracknoise.experiments.analysis.finding_inputs import FindingInputs
 from tracknoise.experiments.analysis.freed_memory import keep_freed_memory
-from tracknoise.experiments.analysis.groups_of_scenes import groups_of_scenes
 from tracknoise.experiments.analysis.reference_condition import reference_condition
 from tracknoise.experiments.analysis.run_audit import run_audit
 from tracknoise.experiments.settings import Experiment
@@ -27,6 +26,7 @@ from tracknoise.findings.places.speed_errors import speed_errors
 from tracknoise.findings.places.surrounding_errors import surrounding_errors
 from tracknoise.findings.point_tracking import point_tracking_metrics
 from tracknoise.findings.sampling.groups import SceneGroups
+from tracknoise.findings.sampling.groups_of_scenes import groups_of_scenes
 from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.seed_spread import Repeat, seed_spread, widened
 from tracknoise.findings.shape.gaussianity import gaussianity

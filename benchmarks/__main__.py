@@ -15,22 +15,31 @@ from pathlib import Path
 import benchmarks
 from benchmarks.harness import ONE_THREAD, Row
 
-_NOT_BENCHMARKS = {"__main__", "attack", "harness", "made_up", "validity"}
+_TOOLS = {
+    *("__main__", "harness", "made_up", "same_tables"),
+    *("gazebo_truth", "paper_claims", "proof", "proof_filter", "window_sigmas", "window_table"),
+}
+"""Modules that measure no time and no memory."""
+
+
+def names() -> list[str]:
+    """The benchmarks."""
+    modules = pkgutil.iter_modules(benchmarks.__path__)
+    return sorted({module.name for module in modules if not module.ispkg} - _TOOLS)
 
 
 def main() -> None:
     """Run the named benchmarks, or all, one after another."""
-    names = sorted({module.name for module in pkgutil.iter_modules(benchmarks.__path__)} - _NOT_BENCHMARKS)
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description="Time and weigh the parts.")
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"which: {', '.join(names)}; by default all")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"which: {', '.join(names())}; by default all")
     parser.add_argument("--full", action="store_true", help="in full size, where there is a larger one")
     parser.add_argument("--json", type=Path, default=Path("runs/benchmarks.json"), help="where to write the figures")
     arguments = parser.parse_args()
-    if unknown := set(arguments.names) - set(names):
-        parser.error(f"no such benchmark: {', '.join(sorted(unknown))}; known: {', '.join(names)}")
+    if unknown := set(arguments.names) - set(names()):
+        parser.error(f"no such benchmark: {', '.join(sorted(unknown))}; known: {', '.join(names())}")
     os.environ.update(ONE_THREAD)  # before any of the libraries is loaded, which is when they look
     rows = []
-    for name in arguments.names or names:
+    for name in arguments.names or names():
         for row in _rows(name, full=arguments.full):
             rows.append(row)
             print(f"{row.value:12.4g} {row.unit:<14} {row.name}{f'  ({row.note})' if row.note else ''}", flush=True)

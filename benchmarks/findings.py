@@ -10,13 +10,11 @@ import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
-import numpy as np
 import polars as pl
 
 from benchmarks.harness import Row, in_new_process, peak_mib
-from benchmarks.made_up import EXPERIMENT, SPEEDS, TRACKERS, made_up
+from benchmarks.made_up import EXPERIMENT, SPEEDS, TRACKERS, made_up, made_up_sequence
 from tracknoise.experiments.analysis.run_findings import compute_findings
 from tracknoise.experiments.analysis.run_statistics import compute_statistics
 from tracknoise.experiments.measure import complete
@@ -75,8 +73,7 @@ def _measure(scenes: int, lightings: int) -> dict[str, float]:
 
 def _tables(experiment, seed: int) -> dict[str, pl.DataFrame]:
     scene = made_up("scene", seed=seed, frames=FRAMES, observations=OBSERVATIONS)
-    poses = np.broadcast_to(np.eye(4), (FRAMES, 4, 4))
-    sequence = SimpleNamespace(id=SequenceId("made up", "scene"), world_from_camera=poses)
+    sequence = made_up_sequence(SequenceId("made up", "scene"), FRAMES)
     return tables_to_keep(experiment, sequence, complete(sequence, scene))
 
 

@@ -1,12 +1,16 @@
 """Tables as a measurement makes them, made up: for benchmarks of what comes after."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.geometry.camera import Camera
 from tracknoise.measurement.sequence_tables import SequenceTables
 from tracknoise.sequences.sequence import TruthKind
 from tracknoise.tables import schema
+from tracknoise.tables.identity import SequenceId
 
 TRACKERS, SPEEDS = ("lucas-kanade", "correspondence"), (1, 2, 4, 8, 12)
 MEAN_LIFETIME = 20
@@ -22,6 +26,13 @@ kind = "correspondence"
 reader = "simulated"
 """
 """That might have measured them; more settings of the dataset may follow."""
+
+
+def made_up_sequence(name: SequenceId, frames: int) -> SimpleNamespace:
+    """The name, poses and camera of a sequence whose camera stands still: all that its tables need of it."""
+    poses = np.broadcast_to(np.eye(4), (frames, 4, 4))
+    camera = Camera(width=800, height=600, fx=600.0, fy=600.0, cx=399.5, cy=299.5)
+    return SimpleNamespace(id=name, world_from_camera=poses, camera=camera)
 
 
 def made_up(scene: str, *, seed: int, frames: int, observations: int) -> SequenceTables:
@@ -54,9 +65,11 @@ def _condition(
     """Observations, tracks and frames."""
     n_seen = len(range(0, frames, speed))
     lifetime = np.minimum(rng.geometric(1 / MEAN_LIFETIME, n_tracks), n_seen)
+    first = rng.integers(0, n_seen - lifetime + 1)
+    order = np.argsort(first)
+    lifetime, first = lifetime[order], first[order] * speed
     track = np.repeat(np.arange(len(lifetime)), lifetime)
     age = (np.arange(len(track)) - np.repeat(np.cumsum(lifetime) - lifetime, lifetime)) * speed
-    first = np.sort(rng.integers(0, n_seen - lifetime + 1)) * speed
     error = rng.standard_normal((len(track), 2)) * np.sqrt(0.01 + 0.05 * age)[:, None]
     place = rng.uniform(0, 600, (len(track), 2))
     observed = {"track": track, "frame": first[track] + age, "age": age, **_pairs("u_px", "v_px", place + error)}

@@ -5,6 +5,10 @@
 Ctrl-C, SIGTERM and SIGHUP go to the program alone or to all its processes, as from a terminal, once or five times. The
 program must print exactly one line, exit with 128 plus the number of the signal, and leave no worker. After the run is
 resumed, every file must be the same to the byte; of the manifest, everything but the seconds.
+
+A program whose results are all written ignores signals while its interpreter exits. Whether it still handles them is
+asked while it is stopped, right before the signal is sent. If it does not, nothing was interrupted, and another run is
+started.
 """
 
 import argparse
@@ -16,7 +20,17 @@ import subprocess
 import time
 from collections.abc import Sequence
 
-from benchmarks.attack.subject import PHASES, SCENES, Subject, measured, subject, wait_for, workers
+from benchmarks.attack.subject import (
+    PHASES,
+    SCENES,
+    Subject,
+    handles_signals,
+    measured,
+    subject,
+    wait_for,
+    wait_until_stopped,
+    workers,
+)
 
 NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 TIMES = (1, 5)
@@ -46,9 +60,12 @@ def _all(attacked: Subject, rng: random.Random, count: int) -> int:
         if not attacked.reach(program, "run", phase, rng):
             program.communicate()
             continue
-        sent += 1
         there, done = workers(program.pid), measured(attacked.folder / "run")
-        faults = _faults(program, number, times, group=group)
+        if not interrupt(program, number, times, group=group):
+            program.communicate()
+            continue
+        sent += 1
+        faults = _faults(program, number)
         if wait_for(there) == float("inf"):
             faults.append("a worker is left")
         status = attacked.resume("run")
@@ -60,12 +77,23 @@ def _all(attacked: Subject, rng: random.Random, count: int) -> int:
     return wrong
 
 
-def _faults(program: subprocess.Popen[str], number: signal.Signals, times: int, *, group: bool) -> list[str]:
-    """Send a signal, and list what is wrong with the end of the program."""
-    for _ in range(times):
+def interrupt(program: subprocess.Popen[str], number: signal.Signals, times: int, *, group: bool) -> bool:
+    """Send a signal some times; False, and nothing is sent, if the program has ended but for its interpreter."""
+    receiver = -program.pid if group else program.pid
+    os.kill(program.pid, signal.SIGSTOP)
+    handles = wait_until_stopped(program.pid) and handles_signals(program.pid)
+    if handles:
+        os.kill(receiver, number)
+    os.kill(program.pid, signal.SIGCONT)
+    for _ in range(handles * (times - 1)):
+        time.sleep(_PAUSE_S)
         if program.poll() is None:
-            os.kill(-program.pid if group else program.pid, number)
-            time.sleep(_PAUSE_S)
+            os.kill(receiver, number)
+    return handles
+
+
+def _faults(program: subprocess.Popen[str], number: signal.Signals) -> list[str]:
+    """What is wrong with the end of a program that was interrupted."""
     try:
         _, errors = program.communicate(timeout=_LIMIT_S)
     except subprocess.TimeoutExpired:

@@ -126,6 +126,28 @@ def wait_for(processes: list[psutil.Process]) -> float:
     return float("inf") if alive else time.monotonic() - started
 
 
+def handles_signals(pid: int) -> bool:
+    """Whether a program handles signals itself: not while its interpreter starts or exits."""
+    caught = _status(pid).get("SigCgt", "0")
+    return bool(int(caught, 16) >> (signal.SIGHUP - 1) & 1)
+
+
+def wait_until_stopped(pid: int) -> bool:
+    """Wait until SIGSTOP has its effect; False if the program has ended."""
+    while (state := _status(pid).get("State", "Z")[0]) not in "TZX":
+        time.sleep(0.0005)
+    return state == "T"
+
+
+def _status(pid: int) -> dict[str, str]:
+    """What the kernel says about a process; empty if there is none."""
+    try:
+        lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    except OSError:
+        return {}
+    return {name: value.strip() for name, _, value in (line.partition(":") for line in lines)}
+
+
 def measured(run: Path) -> int:
     """Number of measured scenes of a run."""
     return len(_manifest(run).get("sequences", {}))
@@ -143,7 +165,7 @@ def _has_reached(run: Path, pid: int, phase: str) -> bool:
     manifest = _manifest(run)
     match phase:
         case "start":
-            return _handles_signals(pid)
+            return handles_signals(pid)
         case "workers":
             return bool(workers(pid))
         case "measurement":
@@ -154,16 +176,6 @@ def _has_reached(run: Path, pid: int, phase: str) -> bool:
             return (run / "statistics" / "findings.json").exists()
         case _:
             return any(run.glob(".report.*/*")) or (run / "report").exists()
-
-
-def _handles_signals(pid: int) -> bool:
-    """Whether a program has begun to handle signals itself. Before, the interpreter still starts."""
-    try:
-        lines = Path(f"/proc/{pid}/status").read_text().splitlines()
-    except OSError:
-        return False
-    caught = next((int(line.split()[1], 16) for line in lines if line.startswith("SigCgt")), 0)
-    return bool(caught >> (signal.SIGHUP - 1) & 1)
 
 
 def _is_worker(process: psutil.Process) -> bool:

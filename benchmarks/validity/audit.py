@@ -35,8 +35,9 @@ SIZES: dict[Parameter, tuple[float | tuple[float, ...], float | tuple[float, ...
     Parameter.mounting_translation: ((0.02, 0.02, -0.02), (0.1, -0.05, 0.05)),
     Parameter.clock_offset: (0.06, 0.5),
     Parameter.readout: (0.2, 0.8),
+    Parameter.ray_depth: (1.0, 1.0),
 }
-"""Small and large, in the units of the fit: 1, px, metres, radians and frame intervals."""
+"""Small and large, in the units of the fit: 1, px, metres, radians and frame intervals; of a kind, 1."""
 ONE_SCENE = World(n_scenes=1, n_frames=240, per_scene=1600)
 EIGHT_SCENES = World(per_scene=200)
 BIASED = {
@@ -64,7 +65,7 @@ def cells() -> Iterator[Cell]:
         for name, biases in BIASED.items():
             yield Cell(f"biased: {name}, {where}", replace(world, **biases))
         for parameter, sizes in SIZES.items():
-            for size in sizes:
+            for size in dict.fromkeys(sizes):
                 yield Cell(f"{parameter} {size}, {where}", world, parameter, size)
 
 

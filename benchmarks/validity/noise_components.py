@@ -1,7 +1,8 @@
-"""Planted components of noise and their intervals: python -m benchmarks.validity.noise_components [SEEDS].
+"""Planted components of noise and their intervals: python -m benchmarks.validity.noise_components [SEEDS [SCENES]].
 
 For white noise, detection noise, walks and both, with sideways and forward motion: the share of seeds whose 95 %
-intervals contain the planted standard deviation, and the mean of the estimates.
+intervals contain the planted standard deviation, and the mean of the estimates. With fewer than six scenes, blocks of
+tracks are resampled.
 """
 
 import sys
@@ -19,15 +20,15 @@ PLANTED = {
     "both": {"white": 0.3, "walk": 0.1},
     "all": {"first": 0.2, "white": 0.2, "walk": 0.08},
 }
-_SEEDS = 400
+_SEEDS, _SCENES = 400, 20
 
 
-def main(seeds: int) -> None:
+def main(seeds: int = _SEEDS, scenes: int = _SCENES) -> None:
     for motion in MOTIONS:
         for case, planted in PLANTED.items():
             inside, values = dict.fromkeys(NAMES, 0), {name: [] for name in NAMES}
             for seed in range(seeds):
-                found = fit_components(units(seed, motion=motion, **planted), level=0.95).components
+                found = fit_components(units(seed, scenes=scenes, motion=motion, **planted), level=0.95).components
                 for name in NAMES:
                     sigma, true = found[name].sigma, planted.get(name, 0.0)
                     inside[name] += sigma.low <= true <= sigma.high
@@ -37,4 +38,4 @@ def main(seeds: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else _SEEDS)
+    main(*map(int, sys.argv[1:]))

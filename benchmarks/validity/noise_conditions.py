@@ -5,9 +5,10 @@ from pathlib import Path
 
 from tracknoise.findings.sampling.units import units_of
 from tracknoise.noise_models.fitting.components import fit_components
-from tracknoise.noise_models.fitting.conditions import candidates
+from tracknoise.noise_models.fitting.conditions import candidates, conditions_of, second_candidates
 from tracknoise.noise_models.fitting.equations import COLUMNS
 from tracknoise.noise_models.fitting.training_tables import conditions, training_tables
+from tracknoise.noise_models.model import Factor
 from tracknoise.tables.defaults import LEVEL
 from tracknoise.tables.store import RunFolder
 
@@ -19,9 +20,17 @@ def main(run: str) -> None:
         sums = read["noise_sums"]
         units = units_of(sums.drop("block"), sums, points=["product", "age"], columns=COLUMNS, groups=read.groups)
         fitted = fit_components(units, level=LEVEL)
-        for factor in candidates(read["noise_covariates"], fitted, level=LEVEL):
-            gain = factor.gain
-            print(f"{tracker} {speed} {factor.of}: {gain.value:.4f} ({gain.low:.4f} to {gain.high:.4f}) nat per change")
+        single, pairs = read["noise_covariates"], read["noise_pairs"]
+        for factor in candidates(single, fitted, groups=read.groups, level=LEVEL):
+            print(f"{tracker} {speed} {factor.of}: {_text(factor)}")
+        for first in conditions_of(single, pairs, fitted, groups=read.groups, level=LEVEL)[:1]:
+            for _, second in second_candidates(pairs, first, fitted, groups=read.groups, level=LEVEL):
+                print(f"{tracker} {speed} {second.of} beyond {first.of}: {_text(second)}")
+
+
+def _text(factor: Factor) -> str:
+    gain = factor.gain
+    return f"{gain.value:.4f} ({gain.low:.4f} to {gain.high:.4f}) nat per change"
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ CAMERAS = (
     EquidistantCamera(640, 480, 300.0, 305.0, 310.0, 235.0, (0.01, 0.002, 0.0, 0.0)),
     DoubleSphereCamera(640, 480, 300.0, 305.0, 310.0, 235.0, -0.2, 0.6),
 )
-STEP = np.array([0.05, 3.0, 3.0, 0.02, 0.05, 0.02, *[0.02] * 6, 0.3, 0.3])
+STEP = np.array([0.05, 3.0, 3.0, 0.02, 0.05, 0.02, *[0.02] * 6, 0.3, 0.3, 0.4])
 
 
 def samples(world: World = SMALL, seed: int = 0) -> AuditSamples:
@@ -82,9 +82,11 @@ def by_hand(some: AuditSamples, row: int, theta: np.ndarray) -> np.ndarray:
         time = frame - own.start + theta[12] + theta[13] * ((v + 0.5) / 480.0 - 0.5)
         return path.at(np.array([time]))[0] @ mounting
 
-    depth = (1.0 + theta[4]) * some.depth[row] + theta[5]
     uv = some.uv_at_birth[row]
-    point = np.array([*((uv - centre) / focal * depth), depth, 1.0])
+    xy = (uv - centre) / focal
+    cosine = 1.0 / np.sqrt(1.0 + xy @ xy)
+    depth = ((1.0 + theta[4]) * some.depth[row] + theta[5]) * (1.0 - theta[14] + theta[14] * cosine)
+    point = np.array([*(xy * depth), depth, 1.0])
     world = pose(some.birth[row], uv[1]) @ point
 
     def seen(v: float) -> np.ndarray:
@@ -100,7 +102,7 @@ def by_hand(some: AuditSamples, row: int, theta: np.ndarray) -> np.ndarray:
 
 def test_corrections_do_what_they_are_called() -> None:
     some = samples()
-    theta = np.array([0.05, 4.0, -3.0, 0.0, 0.04, 0.1, 0.02, -0.03, 0.01, 0.05, 0.02, -0.04, 0.3, 0.6])
+    theta = np.array([0.05, 4.0, -3.0, 0.0, 0.04, 0.1, 0.02, -0.03, 0.01, 0.05, 0.02, -0.04, 0.3, 0.6, 0.9])
     found = predict(some, theta).uv
     for row in range(0, len(found), 17):
         np.testing.assert_allclose(found[row], by_hand(some, row, theta), atol=1e-7)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tracknoise.experiments.analysis.groups_of_scenes import groups_of_scenes
+from tracknoise.findings.sampling.groups_of_scenes import groups_of_scenes
 from tracknoise.sequences.kitti.layout import recording_of
 from tracknoise.sequences.scenes import parent_of
 from tracknoise.sequences.sequence import group_of

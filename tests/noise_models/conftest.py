@@ -1,6 +1,7 @@
 """A run with planted white noise, measured once."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -30,6 +31,25 @@ min_features = 2
 """
 
 
+COMMON = """
+name = "common"
+[dataset]
+reader = "simulated"
+[dataset.options]
+motions = ["sideways", "forward"]
+worlds = 4
+frames = 14
+width = 160
+height = 120
+supersampling = 1
+[[trackers]]
+kind = "oracle"
+options = { n_features = 120, margin_px = 2, covariance_px2 = [[0.09, 0.0], [0.0, 0.04]], common_px = 0.2 }
+[statistics]
+min_features = 2
+"""
+
+
 class Silent:
     """Listens to a run."""
 
@@ -45,9 +65,9 @@ class Silent:
     def remark(self, text): ...
 
 
-def _measure(path: Path) -> None:
+def _measure(path: Path, text: str = TEXT) -> None:
     path.mkdir(parents=True)
-    (path / "x.toml").write_text(TEXT)
+    (path / "x.toml").write_text(text)
     execute(load_experiment(path / "x.toml"), RunFolder(path / "run"), listener=Silent())
 
 
@@ -55,6 +75,12 @@ def _measure(path: Path) -> None:
 def planted_run(made_once: Callable[[str, Callable[[Path], object]], Path]) -> Path:
     """Folder of a run of 8 scenes whose oracle has a standard deviation of 0.3 px in u and 0.2 px in v."""
     return made_once("planted-noise", _measure) / "run"
+
+
+@pytest.fixture(scope="session")
+def common_run(made_once: Callable[[str, Callable[[Path], object]], Path]) -> Path:
+    """Folder of such a run in which all features of a frame also have an error of 0.2 px in common."""
+    return made_once("common-noise", partial(_measure, text=COMMON)) / "run"
 
 
 @pytest.fixture

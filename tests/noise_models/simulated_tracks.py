@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from tracknoise.findings.sampling.units import Units, units_of
 from tracknoise.noise_models.fitting.equations import COLUMNS
+from tracknoise.statistics.blocks import BLOCKS
 from tracknoise.statistics.error_products import products
 from tracknoise.statistics.error_tracks import ErrorTracks
 
@@ -61,11 +62,12 @@ def error_tracks(
 
 
 def sums_of(scene: str, tracks: ErrorTracks) -> pl.DataFrame:
-    """Sums by product and age."""
+    """Sums by block, product and age."""
     parts = [
         pl.DataFrame(np.hstack([found.values, found.factors]), schema=COLUMNS[1:])
         .with_columns(product=pl.lit(str(kind)), age=pl.Series(tracks.age[found.rows]).cast(pl.UInt32))
-        .group_by("product", "age")
+        .with_columns(block=pl.Series(tracks.track[found.rows] % BLOCKS).cast(pl.UInt8))
+        .group_by("block", "product", "age")
         .agg(pl.len().alias("n"), pl.all().sum())
         for kind, found in products(tracks)
     ]
@@ -81,4 +83,5 @@ def units(seed: int, *, scenes: int = 20, spread: float = 0.0, **planted: object
         scale = float(np.exp(spread * random.standard_normal()))
         own = {name: value * scale if name in sigmas else value for name, value in planted.items()}
         tables.append(sums_of(f"scene-{number:02}", error_tracks(random, **own)))
-    return units_of(pl.concat(tables), points=["product", "age"], columns=COLUMNS)
+    table = pl.concat(tables)
+    return units_of(table.drop("block"), table, points=["product", "age"], columns=COLUMNS)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.noise_models.simulated_tracks import MOTIONS, units
@@ -6,6 +8,8 @@ from tracknoise.exceptions import SettingsError
 from tracknoise.findings.sampling.units import Units
 from tracknoise.noise_models.fitting.components import fit_components
 from tracknoise.noise_models.fitting.equations import NAMES, Equations, matrix, without_negative
+from tracknoise.noise_models.fitting.independent import independent_sums
+from tracknoise.tables.enumerations import Resampled
 
 PLANTED = {
     "white": {"white": 0.3},
@@ -66,6 +70,41 @@ def test_combinations_have_the_interval_of_what_they_are_made_of() -> None:
     sigma = fitted.components["first"].sigma
     assert (first.value, first.low, first.high) == pytest.approx((sigma.value, sigma.low, sigma.high), rel=1e-6)
     assert both.low < 0.3 * 2**0.5 < both.high
+
+
+def test_intervals_of_a_walk_alone_contain_it_in_most_seeds() -> None:
+    seeds = range(60)
+    found = [fit_components(units(seed, scenes=8, n_tracks=60, walk=0.1), level=0.95).components for seed in seeds]
+    contained = [one["walk"].sigma.low <= 0.1 <= one["walk"].sigma.high for one in found]
+    assert 54 <= sum(contained) <= 60  # 95 % of 60 seeds are 57
+
+
+@pytest.mark.parametrize(("seed", "kept"), [(3, True), (9, False)])
+def test_intervals_hold_whichever_way_a_close_decision_goes(seed: int, kept: bool) -> None:
+    faint = units(seed, scenes=8, n_tracks=60, walk=0.1, white=0.03)
+    fitted = fit_components(faint, level=0.95)
+    white, walk = NAMES.index("white"), NAMES.index("walk")
+    assert (white in fitted.selection.active) is kept
+    (alternative,) = fitted.selection.alternatives
+    assert (white in alternative) is not kept
+    own, other = (
+        fitted.sums.half_traces(active, scale="log", level=0.95) for active in (fitted.selection.active, alternative)
+    )
+    places = fitted.selection.active.index(walk), alternative.index(walk)
+    bounds = [(one.low[place] ** 0.5, one.high[place] ** 0.5) for one, place in zip((own, other), places, strict=True)]
+    sigma = fitted.components["walk"].sigma
+    assert (sigma.low, sigma.high) == pytest.approx((min(bounds)[0], max(high for _, high in bounds)))
+    assert sigma.high - sigma.low > max(high - low for low, high in bounds)
+    (combined,) = fitted.combined(np.eye(4)[[walk]])
+    assert (combined.low, combined.high) == pytest.approx((sigma.low, sigma.high))
+
+
+def test_groups_of_scenes_are_left_out_as_a_whole() -> None:
+    grouped = replace(units(1, scenes=8, white=0.3), resampled=Resampled.within, group=np.arange(8) // 2)
+    left = independent_sums(grouped)
+    assert len(left) == 4
+    np.testing.assert_allclose(left[1], grouped.sums[2:4].sum(axis=0))
+    assert fit_components(grouped, level=0.95).components["white"].sigma.value == pytest.approx(0.3, rel=0.05)
 
 
 def test_too_few_errors_are_refused() -> None:

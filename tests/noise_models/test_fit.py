@@ -11,6 +11,7 @@ import tracknoise as tn
 from tracknoise.exceptions import SettingsError, StoreError, UnknownNameError
 from tracknoise.noise_models.cpp_header import cpp_header
 from tracknoise.noise_models.fitting.equivalents import LENGTHS
+from tracknoise.noise_models.fitting.training_tables import training_tables
 from tracknoise.noise_models.model import BiasKind, Landmark, Purpose
 from tracknoise.tables.store import RunFolder
 
@@ -76,6 +77,20 @@ def test_only_the_named_scenes_are_fitted_to(planted_run: Path, model: tn.NoiseM
     assert some.white.sigma.low < some.white.sigma.value < some.white.sigma.high  # blocks of tracks are resampled
 
 
+def test_groups_that_the_experiment_declares_are_those_of_the_fit(planted_run: Path, tmp_path: Path) -> None:
+    folder = RunFolder(shutil.copytree(planted_run, tmp_path / "run"))
+    text = folder.experiment_toml().replace("[dataset]", "[dataset]\ngroups = {}", 1)
+    manifest = folder.manifest()
+    folder.replace_experiment(text, manifest)
+    folder.write_manifest(manifest)
+    known, found = (training_tables(one, tracker="oracle", speed=1).groups for one in (RunFolder(planted_run), folder))
+    assert set(known.names.values()) == {"sideways", "forward"}
+    assert found.names == {}
+    wide, narrow = (tn.NoiseModel.fit(one, tracker="oracle").white.sigma for one in (planted_run, folder.path))
+    assert wide.value == narrow.value
+    assert wide.low != narrow.low
+
+
 def test_what_is_not_in_the_run_is_refused(planted_run: Path) -> None:
     with pytest.raises(UnknownNameError, match="oracle"):
         tn.NoiseModel.fit(planted_run, tracker="orakle")
@@ -91,7 +106,7 @@ def test_runs_of_earlier_versions_say_what_is_missing(planted_run: Path, tmp_pat
     folder = RunFolder(shutil.copytree(planted_run, tmp_path / "run"))
     manifest = folder.manifest()
     for entry in manifest.sequences.values():
-        for name in ("noise_sums", "noise_outliers", "noise_covariates"):
+        for name in ("noise_sums", "noise_outliers", "noise_covariates", "noise_pairs"):
             del entry.sha256[name]
     folder.write_manifest(manifest)
     assert all(folder.has_sequence(entry) for entry in folder.manifest().sequences.values())

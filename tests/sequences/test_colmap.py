@@ -78,7 +78,9 @@ def test_one_of_several_folders_of_images(tmp_path, simulated, write):
     save(tmp_path / "images", simulated, [*right])
     cameras = {3: pinhole(simulated.camera), 5: pinhole(simulated.camera, shift=2.5)}
     write(tmp_path / "sparse", cameras, {**posed(simulated, left, 3), **posed(simulated, right, 5)})
-    with pytest.raises(DataError, match="images of several folders: left, right, expected one; choose it with folder"):
+    with pytest.raises(
+        DataError, match="images of several folders: left, right, expected one; choose it with --option folder=left"
+    ):
         open_sequence("colmap", tmp_path)
     assert open_sequence("colmap", tmp_path, folder="left").camera == simulated.camera
     assert open_sequence("colmap", tmp_path, folder="right").camera.cx == simulated.camera.cx + 2

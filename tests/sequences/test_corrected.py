@@ -51,6 +51,10 @@ class Stated(View):
 
     def depth(self, index):
         depth = self.sequence.depth(index)
+        if "ray depth" in self.changes:
+            v, u = np.indices(depth.depth_m.shape)
+            rays = self.camera.bearings(np.stack([u, v], axis=-1).astype(float))
+            return replace(depth, depth_m=depth.depth_m * np.linalg.norm(rays, axis=-1))
         return replace(depth, depth_m=(depth.depth_m - 0.05) / 1.1) if "depth" in self.changes else depth
 
 
@@ -84,6 +88,7 @@ FAULTS = {
     ),
     "k1": ({"camera": {"distortion": (-0.1, *CAMERA.distortion[1:])}}, Corrections(k1=CAMERA.distortion[0] + 0.1)),
     "depth": ({"depth": True}, Corrections(depth_scale=1.1, depth_offset_m=0.05)),
+    "ray depth": ({"ray depth": True}, Corrections(depth_along_ray=True)),
     "readout": ({"shutter": None}, Corrections(readout_s=READOUT_S)),
     "part of the readout": ({"shutter": RollingShutter(0.01)}, Corrections(readout_s=READOUT_S - 0.01)),
     "mounting": ({"poses": path() @ invert(mounting(MOUNTING))}, MOUNTING),
@@ -153,6 +158,12 @@ def test_an_exact_surface_keeps_its_depth_under_each_pixel(room):
     expected, _ = located(corrected(room, Corrections(focal_scale=0.9, depth_scale=1.1)), "birth")
     close = np.linalg.norm(found - expected, axis=1)
     assert np.nanmedian(close) < 0.02
+
+
+def test_an_exact_surface_is_corrected_as_a_depth_map_is(room):
+    corrections = Corrections(depth_along_ray=True)
+    found, expected = (located(corrected(room, corrections), kind)[0] for kind in ("raycast", "birth"))
+    assert np.nanmedian(np.linalg.norm(found - expected, axis=1)) < 0.02
 
 
 def test_corrections_apply_before_views(room):

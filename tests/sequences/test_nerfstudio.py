@@ -115,6 +115,33 @@ def test_smaller_depth_maps_are_enlarged(tmp_path, simulated, intrinsics):
         found.depth(1)
 
 
+@pytest.mark.parametrize("as_written", [lambda d: d, lambda d: np.rint(d).astype(np.uint16), lambda d: d[..., None]])
+def test_smaller_numpy_depth_is_enlarged(tmp_path, simulated, intrinsics, as_written):
+    """Float32, 16-bit integers, and with an axis of one channel."""
+    save(tmp_path, simulated, NAMES[:2])
+    np.save(tmp_path / "d.npy", as_written(np.full((24, 32), 2000.0, np.float32)))
+    np.save(tmp_path / "bad.npy", np.ones((24, 31), np.float32))
+    written = {"frames": [{"depth_file_path": "d.npy"}, {"depth_file_path": "bad.npy"}], **intrinsics}
+    write_transforms(tmp_path, NAMES[:2], simulated.world_from_camera[:2], **written)
+    found = open_sequence("nerfstudio", tmp_path)
+    depth = found.depth(0)
+    assert depth.valid[1:-1, 1:-1].all()
+    np.testing.assert_allclose(depth.depth_m[depth.valid], 2.0, rtol=1e-6)
+    assert "depth maps of 32x24 pixels are enlarged to the 64x48 of the images" in found.notes
+    with pytest.raises(DataError, match=r"bad.npy: size 31x24, expected the camera's 64x48"):
+        found.depth(1)
+
+
+@pytest.mark.parametrize("shape", [(48, 64, 2), (3072,), (), (49, 64), (0, 0)])
+def test_numpy_depth_of_another_shape_is_refused(tmp_path, simulated, intrinsics, shape):
+    save(tmp_path, simulated, NAMES[:2])
+    np.save(tmp_path / "d.npy", np.ones(shape, np.float32))
+    written = {"frames": [{"depth_file_path": "d.npy"}, {}], **intrinsics}
+    write_transforms(tmp_path, NAMES[:2], simulated.world_from_camera[:2], **written)
+    with pytest.raises(DataError, match=r"d.npy: size .*, expected the camera's 64x48"):
+        open_sequence("nerfstudio", tmp_path).depth(0)
+
+
 def test_the_original_layout_of_nerf(tmp_path, simulated):
     """An angle of view, names without an ending, and no size: the principal point is the centre of the image."""
     save(tmp_path, simulated, ["train/r_0.png", "train/r_1.png"])

@@ -21,6 +21,8 @@ ALPHA = 0.05
 LEVEL = 1.0 - ALPHA
 MARGIN = 0.02
 """Least share that a fault must explain on held-out clusters to be named."""
+_NEAR_KIND = 0.4
+"""A number that is 0 or 1 in truth is 1 if it is this near to it; others stand in for another fault."""
 
 
 @dataclass(frozen=True)
@@ -105,6 +107,11 @@ class Assessment:
     def explains(self) -> bool:
         """Whether the correction surely explains something, and enough to be named."""
         return self.gain.value >= MARGIN and self.gain.low > 0.0
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether there are faults with this estimate."""
+        return not NUMBERS[self.parameter].is_kind or bool(abs(self.estimate[0] - 1.0) < _NEAR_KIND)
 
     @cached_property
     def shares(self) -> list[Shares]:

@@ -15,7 +15,8 @@ class Parameter(StrEnum):
     focal_length: factor of fx and fy. principal_point: added to cx and cy. k1: added to the first radial coefficient.
     depth_scale, depth_offset: true depth = scale * depth + offset. mounting_rotation, mounting_translation: the poses
     belong to another sensor, in whose frame the camera is turned and placed like this. clock_offset: the pose at the
-    time of a frame plus this fits its image. readout: time from the first row of an image to the last.
+    time of a frame plus this fits its image. readout: time from the first row of an image to the last. ray_depth: 1 if
+    depths are distances along the ray, 0 if they are distances along the optical axis.
     """
 
     focal_length = "focal_length"
@@ -27,6 +28,7 @@ class Parameter(StrEnum):
     mounting_translation = "mounting_translation"
     clock_offset = "clock_offset"
     readout = "readout"
+    ray_depth = "ray_depth"
 
 
 class Family(StrEnum):
@@ -76,11 +78,14 @@ class Numbers:
         either side, the parameter cannot be determined.
     furthest
         Largest change that is tried.
+    is_kind
+        Whether the truth is one of two kinds, 0 or 1, and nothing between.
     """
 
     components: tuple[str, ...]
     plausible: float
     furthest: float
+    is_kind: bool = False
 
     @property
     def count(self) -> int:
@@ -99,9 +104,10 @@ NUMBERS: Mapping[Parameter, Numbers] = MappingProxyType(
         Parameter.mounting_translation: Numbers(("x", "y", "z"), 0.1, 1.0),
         Parameter.clock_offset: Numbers(("",), 1.0, 8.0),
         Parameter.readout: Numbers(("",), 1.0, 2.0),
+        Parameter.ray_depth: Numbers(("",), 0.3, 2.0, is_kind=True),
     }
 )
-"""In the units of the fit: changes of factors from 1, px, metres, radians, and frame intervals."""
+"""In the units of the fit: changes of factors from 1, px, metres, radians, frame intervals, and 0 or 1."""
 
 TIMED = frozenset(_TIMING)
 """Parameters that need poses between frames."""

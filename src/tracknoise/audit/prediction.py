@@ -1,7 +1,8 @@
 """True positions as they would be if the stated truth were corrected, and how they change with the corrections.
 
 A feature is at pixel x0 of its first frame with depth Z. Its position in a later frame is
-x = pi(M^-1 T(t)^-1 T(t0) M (s Z + o) pi^-1(x0)), with the intrinsics in pi, the mounting M of the camera on the
+x = pi(M^-1 T(t)^-1 T(t0) M w (s Z + o) pi^-1(x0)), with w = 1 - k + k / |pi^-1(x0)| for the kind of depth k, the
+intrinsics in pi, the mounting M of the camera on the
 sensor that the poses T belong to, and times t = t_frame + clock offset + readout ((v + 0.5) / H - 0.5):
 (audit.prediction). The row v of a rolling shutter is that of the position itself, which is solved by Newton's method.
 """
@@ -16,11 +17,12 @@ from tracknoise.audit.motion import Moving
 from tracknoise.audit.optics import INTRINSIC, Projected, corrected, project, rays
 from tracknoise.audit.parameters import COUNT, SLICES, Parameter
 from tracknoise.audit.samples import AuditSamples
+from tracknoise.audit.sight import sight
 
 _ROWS_STEPS = 4
 _ROWS_SOLVED = 1e-10
 _ROTATION, _TRANSLATION = SLICES[Parameter.mounting_rotation], SLICES[Parameter.mounting_translation]
-_SCALE, _OFFSET = SLICES[Parameter.depth_scale], SLICES[Parameter.depth_offset]
+_SCALE, _OFFSET, _KIND = (SLICES[one] for one in (Parameter.depth_scale, Parameter.depth_offset, Parameter.ray_depth))
 _CLOCK, _READOUT = SLICES[Parameter.clock_offset], SLICES[Parameter.readout]
 
 
@@ -73,19 +75,20 @@ class _AtBirth:
 
     @classmethod
     def of(cls, samples: AuditSamples, theta: NDArray[np.float64]) -> "_AtBirth":
-        ray, by_optics = _of_cameras_rays(samples, theta)
+        seen_by = sight(*_of_cameras_rays(samples, theta), float(theta[_KIND][0]))
         scale, offset = 1.0 + theta[_SCALE][0], theta[_OFFSET][0]
         depth = scale * samples.depth + offset
-        points, mounting = depth[:, None] * ray, _matrix(theta)
+        points, mounting = depth[:, None] * seen_by.point, _matrix(theta)
         seen = points @ mounting.T + theta[_TRANSLATION]
         phase = samples.phase_at_birth
         delay = theta[_CLOCK][0] + (samples.readout + theta[_READOUT]) * phase
         moving = _moving(samples, samples.birth, delay)
         to_world = moving.rotation @ mounting
-        by = np.zeros((len(ray), 3, COUNT))
-        by[:, :, :INTRINSIC] = to_world @ (depth[:, None, None] * by_optics)
-        by[:, :, _SCALE] = to_world @ (samples.depth[:, None] * ray)[:, :, None]
-        by[:, :, _OFFSET] = to_world @ ray[:, :, None]
+        by = np.zeros((len(depth), 3, COUNT))
+        by[:, :, :INTRINSIC] = to_world @ (depth[:, None, None] * seen_by.by_optics)
+        by[:, :, _SCALE] = to_world @ (samples.depth[:, None] * seen_by.point)[:, :, None]
+        by[:, :, _OFFSET] = to_world @ seen_by.point[:, :, None]
+        by[:, :, _KIND] = to_world @ (depth[:, None] * seen_by.by_kind)[:, :, None]
         by[:, :, _ROTATION] = -to_world @ _crossed(points) @ _right_jacobian(theta[_ROTATION])
         by[:, :, _TRANSLATION] = moving.rotation
         pace = np.einsum("nij,nj->ni", moving.rotation, np.cross(moving.turning, seen)) + moving.velocity

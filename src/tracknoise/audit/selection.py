@@ -37,8 +37,9 @@ class Stage:
     p: Mapping[Parameter, float]
 
     def passes(self, parameter: Parameter) -> bool:
-        """Whether a parameter is significant and explains enough, whatever single trackers say."""
-        return parameter in self.p and self.p[parameter] <= ALPHA and self.assessed[parameter].explains
+        """Whether a parameter is significant, possible and explains enough, whatever single trackers say."""
+        found = self.assessed.get(parameter)
+        return found is not None and self.p[parameter] <= ALPHA and found.is_possible and found.explains
 
     @property
     def best(self) -> Assessment | None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.audit.parameters import Family, Parameter
+from tracknoise.audit.parameters import NUMBERS, Family, Parameter
 from tracknoise.tables.audit_schema import AuditVerdict
 
 NO_FAULT = "No fault of the stated truth was found."
@@ -19,6 +19,7 @@ _KEYS: Mapping[str, tuple[str, bool]] = MappingProxyType(
         Parameter.k1: ("k1", False),
         Parameter.depth_scale: ("depth_scale", True),
         Parameter.depth_offset: ("depth_offset_m", False),
+        Parameter.ray_depth: ("depth_along_ray", False),
         Parameter.mounting_rotation: ("mounting_rotation_deg", False),
         Parameter.mounting_translation: ("mounting_translation_m", False),
         Parameter.clock_offset: ("clock_offset_s", False),
@@ -71,6 +72,8 @@ def corrections_toml(audit: pl.DataFrame) -> str | None:
 
 def _line(parameter: Parameter, row: Mapping[str, Any]) -> str:
     key, is_factor = _KEYS[parameter]
+    if NUMBERS[parameter].is_kind:
+        return f"{key} = true"
     pairs = list(zip(row["value"], row["stated"], strict=True))
     values = [value / stated if is_factor else value - stated for value, stated in pairs]
     if row["unit"][0] == "ms":

@@ -220,7 +220,12 @@ def _in_its_family(samples: AuditSamples, selection: Selection, joint: JointFits
     family = next(family for family, parameters in JOINT.items() if one.parameter in parameters)
     fitted, moves = joint[family]
     others = [parameter for parameter in fitted.parameters if parameter != one.parameter]
-    if not others or one.rank != 1 or any(fault.parameter in others for fault in selection.named):
+    if (
+        family is Family.all
+        or not others
+        or one.rank != 1
+        or any(fault.parameter in others for fault in selection.named)
+    ):
         return ""
     mine = [owner == one.parameter for owner in fitted.parameters for _ in NUMBERS[owner].components]
     unit = shown(samples, one.parameter)

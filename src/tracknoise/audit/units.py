@@ -47,8 +47,8 @@ def shown(samples: AuditSamples, parameter: Parameter) -> Shown:
     if parameter is Parameter.k1:
         known = isinstance(camera, Camera) and camera.distortion
         return Shown("", (camera.distortion[0],) if known and isinstance(camera, Camera) else nothing, 1.0)
-    if parameter is Parameter.depth_scale:
-        return Shown("", (1.0,), 1.0)
+    if parameter in (Parameter.depth_scale, Parameter.ray_depth):
+        return Shown("", (1.0 if parameter is Parameter.depth_scale else 0.0,), 1.0)
     if parameter is Parameter.mounting_rotation:
         return Shown("deg", nothing, float(np.degrees(1.0)))
     if parameter in TIMED:

@@ -70,7 +70,8 @@ def _verdict(selection: Selection, name: Parameter) -> AuditVerdict:
 def _is_wide(one: Assessment) -> bool:
     """Whether the data would not show a change worth correcting, or no change that is tried."""
     numbers = NUMBERS[one.parameter]
-    return bool(np.any(one.half_widths > numbers.plausible) or np.any(visible_above(one) > numbers.furthest))
+    largest = 1.0 if numbers.is_kind else numbers.furthest
+    return bool(np.any(one.half_widths > numbers.plausible) or np.any(visible_above(one) > largest))
 
 
 def visible_above(one: Assessment) -> NDArray[np.float64]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tracknoise.audit.parameters import Parameter
 from tracknoise.audit.samples import AuditSamples
 from tracknoise.audit.units import Shown
+from tracknoise.audit.usual import shifted_text, whole_frames
 from tracknoise.findings.wording import MINUS, SPACE, listing, number, percent, px
 from tracknoise.tables.audit_schema import MEASURED, AuditVerdict
 
@@ -25,6 +26,7 @@ PARAMETER_NAMES: Mapping[str, str] = MappingProxyType(
         Parameter.mounting_translation: "translation between camera and poses",
         Parameter.clock_offset: "clock offset of the poses",
         Parameter.readout: "readout time of the shutter",
+        Parameter.ray_depth: "kind of depth",
     }
 )
 """What each parameter is called in text."""
@@ -55,6 +57,12 @@ class Estimate:
         return _with_unit(pairs[0] if len(pairs) == 1 else f"({', '.join(pairs)})", self.shown.unit)
 
     @property
+    def in_fit_units(self) -> tuple[float, float]:
+        """The first value as a change from the stated one, and half of its interval, in units of the fit."""
+        change = float(self.values[0]) - self.shown.stated[0]
+        return change / self.shown.factor, float(self.half[0]) / abs(self.shown.factor)
+
+    @property
     def stated(self) -> str:
         """The stated value as text, without its unit."""
         values = [number(value) for value in self.shown.stated]
@@ -68,6 +76,10 @@ def fault_text(parameter: Parameter, found: Estimate, effect: str, rivals: Mappi
 
 def _claim(parameter: Parameter, found: Estimate) -> str:
     name = PARAMETER_NAMES[parameter]
+    if parameter is Parameter.ray_depth:
+        return f"Depth is the distance along the ray, not along the optical axis (share {found.text} instead of 0)"
+    if parameter is Parameter.clock_offset and (frames := whole_frames(*found.in_fit_units)):
+        return f"{shifted_text(frames)} (clock offset {found.text} instead of {found.stated})"
     if parameter in (Parameter.focal_length, Parameter.depth_scale) and found.values[0] > 0:
         excess = found.shown.stated[0] / float(found.values[0]) - 1.0
         words = ("too long", "too short") if parameter is Parameter.focal_length else ("too large", "too small")
@@ -156,6 +168,8 @@ def other_text(
         return f"The {name} cannot be determined here (± {half}){_why(parameter, samples)}."
     if verdict == AuditVerdict.fault:
         return f"The {name} seems to be wrong too; correct the faults above first."
+    if parameter is Parameter.ray_depth:
+        return "Depth is not the distance along the ray."
     return f"No error of the {name} was found; one above {visible} would have been seen."
 
 

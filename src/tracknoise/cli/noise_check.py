@@ -29,6 +29,9 @@ def check(
     ] = None,
     tracker: Annotated[str | None, typer.Option("--tracker", help="Tracker of the run, with --own.")] = None,
     speed: Annotated[int, typer.Option("--speed", min=1, help="Speed of the run, with --own.")] = 1,
+    figure: Annotated[
+        Path | None, typer.Option("--figure", help="Write the reliability plot to this file: .svg, .png or .pdf.")
+    ] = None,
     debug: DebugOption = False,
 ) -> int:
     """Check whether predicted covariances describe the errors of a run: coverage, NEES, likelihood, ENCE.
@@ -38,12 +41,36 @@ def check(
     from tracknoise.cli.text_table import show
     from tracknoise.report.calibration_cells import calibration_cells, calibration_sentences, reliability_cells
 
+    kind = None if figure is None else _kind(figure)
     found = _found(file, on, scene, own, tracker, speed)
     context.obj.result("\n".join(calibration_sentences(found)))
     for cells in (calibration_cells(found), reliability_cells(found)):
         context.obj.result("")
         show(context.obj.result, cells)
+    if figure is not None and kind is not None:
+        _draw(found, str(file or own), figure, kind)
+        context.obj.result(f"\nwritten: {figure}")
     return 0
+
+
+def _kind(path: Path) -> str:
+    """Format of a figure, by the name of its file."""
+    from tracknoise.exceptions import SettingsError
+    from tracknoise.report.export import FORMATS
+
+    kind = path.suffix.lower().removeprefix(".")
+    if kind not in FORMATS:
+        raise SettingsError(f"--figure {path}: found a name that ends in {path.suffix!r}, expected .svg, .png or .pdf")
+    return kind
+
+
+def _draw(found: "Calibration", what: str, path: Path, kind: str) -> None:
+    from tracknoise.report.export import render, specification
+    from tracknoise.report.figures.reliability import reliability
+    from tracknoise.tables.files import write_atomically
+
+    figure = reliability(found, title=f"Reliability of {what}")
+    write_atomically(path, render(specification(figure), (kind,))[kind])
 
 
 def _found(

@@ -114,6 +114,8 @@ class CorrectionSettings(_Section):
     """Factor of depths."""
     depth_offset_m: float = UNCORRECTED.depth_offset_m
     """Added to depths, after the factor, metres."""
+    depth_along_ray: bool | None = None
+    """Whether depths, with their factor and offset, are distances along the ray. By default they are not."""
     clock_offset_s: float = UNCORRECTED.clock_offset_s
     """The pose at the time of an image plus this fits the image, seconds. For recordings with timestamps."""
     clock_offset_frames: float = UNCORRECTED.clock_offset_frames
@@ -132,7 +134,7 @@ class CorrectionSettings(_Section):
 
     def as_corrections(self) -> Corrections:
         """What the settings stand for."""
-        return Corrections(**self.model_dump())
+        return Corrections(**self.model_dump(exclude_none=True))
 
 
 class SecondTruthSettings(_Section):

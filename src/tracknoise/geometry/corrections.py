@@ -30,6 +30,8 @@ class Corrections:
         Factor of depths.
     depth_offset_m
         Added to depths, after the factor, metres.
+    depth_along_ray
+        Whether what is stated as depth, with its factor and offset, is the distance along the ray.
     clock_offset_s
         The pose at the time of an image plus this fits the image, seconds. For recordings with timestamps.
     clock_offset_frames
@@ -52,6 +54,7 @@ class Corrections:
     k1: float = 0.0
     depth_scale: float = 1.0
     depth_offset_m: float = 0.0
+    depth_along_ray: bool = False
     clock_offset_s: float = 0.0
     clock_offset_frames: float = 0.0
     readout_s: float = 0.0
@@ -63,6 +66,8 @@ class Corrections:
             value = getattr(self, field.name)
             if isinstance(field.default, tuple):
                 object.__setattr__(self, field.name, _checked(field.name, value, len(field.default)))
+            elif isinstance(field.default, bool):
+                require(isinstance(value, bool), field.name, value, "true or false")
             else:
                 require(_is_finite(value), field.name, value, "a finite number")
         require_positive("focal_scale", self.focal_scale)
@@ -75,6 +80,11 @@ class Corrections:
     def are_neutral(self) -> bool:
         """Whether nothing is changed."""
         return self == UNCORRECTED
+
+    @property
+    def change_depths(self) -> bool:
+        """Whether depths are changed."""
+        return any(self._changes(name) for name in ("depth_scale", "depth_offset_m", "depth_along_ray"))
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -93,6 +103,7 @@ _SENTENCES = {
     "k1": "correction: {} is added to the radial distortion k1",
     "depth_scale": "correction: depths are multiplied by {}",
     "depth_offset_m": "correction: {} m is added to depths",
+    "depth_along_ray": "correction: depths are taken as distances along the ray",
     "clock_offset_s": "correction: the pose of a frame is the one recorded {} s after it",
     "clock_offset_frames": "correction: the pose of a frame is the one recorded {} frames after it",
     "readout_s": "correction: {} s is added to the readout of the rolling shutter",

@@ -5,11 +5,13 @@ With d^2 = e' C^-1 e of an error e of predicted covariance C:
 - coverage: share of errors with d^2 below the quantile of chi square with two degrees of freedom at a level
 - NEES: mean of d^2 / 2, which is 1 if the covariance is right, and larger if it claims too much
 - negative log likelihood: mean of (log |C| + d^2) / 2 + log(2 pi), nat; lower is better
-- ENCE: mean over ten classes of predicted variance, of |predicted - measured| / predicted standard deviation
+- ENCE: mean over errors, in up to ten classes of predicted variance, of |predicted - measured| / predicted standard
+  deviation
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
@@ -18,14 +20,16 @@ from scipy import stats
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.findings.sampling.bounds import Method, pooled
-from tracknoise.findings.sampling.groups import SceneGroups
-from tracknoise.findings.sampling.units import units_of
+from tracknoise.findings.sampling.groups_of_scenes import groups_of_run
+from tracknoise.findings.sampling.units import Units, units_of
 from tracknoise.noise_models.model import Interval
-from tracknoise.noise_models.noise_model import NoiseModel
 from tracknoise.tables.defaults import LEVEL
 from tracknoise.tables.enumerations import IntervalKind
 from tracknoise.tables.schema import QUALITY_PREFIX
 from tracknoise.tables.store import RunFolder
+
+if TYPE_CHECKING:
+    from tracknoise.noise_models.noise_model import NoiseModel
 
 Array = NDArray[np.float64]
 
@@ -36,10 +40,15 @@ _COLUMNS = ("n", *(f"inside_{100 * level:.0f}" for level in LEVELS), "squares", 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reliability:
-    """Predicted and measured standard deviation of a class of errors, px, and how many there are."""
+    """Predicted and measured standard deviation of a class of errors, px, and how many there are.
+
+    The measured one has an interval over scenes, where there are enough of them.
+    """
 
     predicted_px: float
     measured_px: float
+    low_px: float | None = None
+    high_px: float | None = None
     n: int
 
 
@@ -76,7 +85,7 @@ class Calibration:
     outlier_share: float
 
 
-def check_model(model: NoiseModel, folder: RunFolder, *, scenes: Collection[str] | None = None) -> Calibration:
+def check_model(model: "NoiseModel", folder: RunFolder, *, scenes: Collection[str] | None = None) -> Calibration:
     """Compare a model with errors of a run, of its tracker at its speed. The magnification of the image is taken as 1.
 
     Parameters
@@ -172,7 +181,7 @@ def _calibration(
     nll = 0.5 * (np.log(np.linalg.det(covariance)) + squared) + np.log(2.0 * np.pi)
     scenes = errors["scene"].unique().to_list()
     coverage, nees, mean_nll = _estimates(errors["scene"], squared, nll, folder)
-    classes = _reliability(vectors, covariance)
+    classes = _reliability(errors["scene"], vectors, covariance, folder)
     return Calibration(
         n=errors.height,
         n_scenes=len(scenes),
@@ -180,7 +189,7 @@ def _calibration(
         coverage=coverage,
         nees=nees,
         nll=mean_nll,
-        ence=float(np.mean([abs(one.predicted_px - one.measured_px) / one.predicted_px for one in classes])),
+        ence=_ence(classes),
         reliability=classes,
         outlier_share=outlier_share,
     )
@@ -191,10 +200,8 @@ def _estimates(
 ) -> tuple[dict[float, Interval], Interval, Interval]:
     """Coverage by level, NEES and negative log likelihood, with intervals over scenes."""
     inside = [(squared <= stats.chi2.ppf(level, 2)).astype(np.float64) for level in LEVELS]
-    values = [np.ones_like(squared), *inside, squared, nll]
-    dataset = next(iter(folder.manifest().sequences.values())).sequence.dataset
-    table = pl.DataFrame({"scene": scene, "dataset": dataset, **dict(zip(_COLUMNS, values, strict=True))})
-    units = units_of(table, points=[], columns=_COLUMNS, groups=_groups(folder))
+    values = dict(zip(_COLUMNS, [np.ones_like(squared), *inside, squared, nll], strict=True))
+    units = _units(scene, values, folder, points=[])
     found = pooled(
         units,
         np.zeros((0, len(units.sums))),
@@ -207,9 +214,12 @@ def _estimates(
     return dict(zip(LEVELS, coverage, strict=True)), nees, mean
 
 
-def _groups(folder: RunFolder) -> SceneGroups:
-    entries = folder.manifest().sequences.values()
-    return SceneGroups({(one.sequence.dataset, one.sequence.scene): one.group for one in entries if one.group})
+def _units(scene: pl.Series, values: Mapping[str, Array], folder: RunFolder, *, points: Sequence[str]) -> Units:
+    """Sums of values by scene, and by those of them that are points."""
+    dataset = next(iter(folder.manifest().sequences.values())).sequence.dataset
+    table = pl.DataFrame({"scene": scene, "dataset": dataset, **values})
+    columns = [name for name in values if name not in points]
+    return units_of(table, points=points, columns=columns, groups=groups_of_run(folder))
 
 
 def _interval(value: float, low: float, high: float) -> Interval:
@@ -217,12 +227,31 @@ def _interval(value: float, low: float, high: float) -> Interval:
     return Interval(value=float(value), low=bounds[0], high=bounds[1])
 
 
-def _reliability(vectors: Array, covariance: Array) -> tuple[Reliability, ...]:
-    """Classes with as many errors each, by predicted variance."""
+def _reliability(scene: pl.Series, vectors: Array, covariance: Array, folder: RunFolder) -> tuple[Reliability, ...]:
+    """Classes by predicted variance, with about as many errors each; equal predictions are of one class."""
     predicted = 0.5 * np.trace(covariance, axis1=1, axis2=2)
-    measured = 0.5 * np.square(vectors).sum(axis=1)
-    found = []
-    for rows in np.array_split(np.argsort(predicted, kind="stable"), min(_CLASSES, len(predicted))):
-        sigmas = (float(np.sqrt(values[rows].mean())) for values in (predicted, measured))
-        found.append(Reliability(predicted_px=next(sigmas), measured_px=next(sigmas), n=len(rows)))
-    return tuple(found)
+    fewer = pl.Series(predicted).rank("min").to_numpy() - 1.0
+    values = {
+        "class": np.floor(fewer * _CLASSES / len(predicted)),
+        "n": np.ones_like(predicted),
+        "predicted": predicted,
+    }
+    units = _units(scene, {**values, "measured": 0.5 * np.square(vectors).sum(axis=1)}, folder, points=["class"])
+    found = pooled(
+        units,
+        np.zeros((0, len(units.sums))),
+        lambda sums: np.sqrt(sums[1:] / np.where(sums[0] > 0.0, sums[0], np.nan)),
+        Method(IntervalKind.student, LEVEL),
+        scales=["log", "log"],
+    )
+    (sigmas, measured), counts = found.value, units.sums[..., 0].sum(axis=0)
+    bounds = [_interval(*row) for row in zip(measured, found.low[1], found.high[1], strict=True)]
+    return tuple(
+        Reliability(predicted_px=float(sigma), measured_px=one.value, low_px=one.low, high_px=one.high, n=int(count))
+        for sigma, one, count in zip(sigmas, bounds, counts, strict=True)
+    )
+
+
+def _ence(classes: Sequence[Reliability]) -> float:
+    distances = [abs(one.predicted_px - one.measured_px) / one.predicted_px for one in classes]
+    return float(np.average(distances, weights=[one.n for one in classes]))

@@ -208,7 +208,8 @@ class Factor:
     log_knots, log_factor
         Natural logarithms of the covariate, and of the factor there.
     gain
-        Mean gain in log likelihood on scenes that were left out, nat per change of the error.
+        Mean gain in log likelihood on scenes that were left out, nat per change of the error. That of a second factor
+        is beyond the first one.
     """
 
     of: str

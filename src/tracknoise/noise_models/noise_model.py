@@ -58,7 +58,7 @@ class NoiseModel:
     conditions
         Factors on white noise and walk. They multiply.
     common_share
-        Share of the variance that all features of a frame have in common; None if unknown.
+        Share of the variance that all features of a frame have in common, with its interval; None if unknown.
     truth_floor_px
         Root mean square error of the true positions at the ages that were fitted; None if unknown.
     equivalents
@@ -78,7 +78,7 @@ class NoiseModel:
     outliers_beyond_px: float
     bias: Bias
     conditions: tuple[Factor, ...] = ()
-    common_share: float | None = None
+    common_share: Interval | None = None
     truth_floor_px: float | None = None
     equivalents: tuple[Equivalent, ...] = ()
 

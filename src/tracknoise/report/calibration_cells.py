@@ -55,5 +55,10 @@ def calibration_cells(found: Calibration) -> Cells:
 
 def reliability_cells(found: Calibration) -> Cells:
     """Predicted and measured standard deviations by class."""
-    rows = [[number(one.predicted_px), number(one.measured_px), str(one.n)] for one in found.reliability]
-    return Cells("Standard deviations by class", ["predicted, px", "measured, px", "errors"], rows, (True, True, True))
+    measured = [Interval(value=one.measured_px, low=one.low_px, high=one.high_px) for one in found.reliability]
+    rows = [
+        [number(one.predicted_px), *interval_cells(interval), str(one.n)]
+        for one, interval in zip(found.reliability, measured, strict=True)
+    ]
+    headings = ["predicted, px", "measured, px", "low", "high", "errors"]
+    return Cells("Standard deviations by class", headings, rows, (True,) * 5)

@@ -11,7 +11,6 @@ from importlib.metadata import version
 from pathlib import Path
 
 from tracknoise.exceptions import DataError, SettingsError, StoreError
-from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.noise_models.fitting.training_tables import conditions
 from tracknoise.noise_models.noise_model import NoiseModel
 from tracknoise.report.report_data import ReportData
@@ -52,13 +51,6 @@ def noise_fits(data: ReportData) -> NoiseFits:
     models = {tracker: model for tracker, model in found.items() if isinstance(model, NoiseModel)}
     missing = {tracker: why for tracker, why in found.items() if isinstance(why, str)}
     return NoiseFits(models, missing, {tracker: _path(data, tracker) for tracker in models})
-
-
-def scene_groups(data: ReportData) -> SceneGroups:
-    """Groups of scenes that are not independent of each other."""
-    entries = data.manifest.sequences.values()
-    known = {(one.sequence.dataset, one.sequence.scene): one.group for one in entries}
-    return SceneGroups({scene: group for scene, group in known.items() if group is not None})
 
 
 def _path(data: ReportData, tracker: str) -> str:

@@ -37,6 +37,7 @@ def model_sentences(model: NoiseModel) -> list[str]:
         f"{number(model.outliers_beyond_px)} px; the numbers do not describe them.",
         _bias(model),
         *_conditions(model),
+        *_common(model),
         *_floor(model),
         f"Fitted to {len(training.scenes)} scenes, {training.n_tracks} tracks, ages {training.ages[0]} to "
         f"{training.ages[1]} frames.",
@@ -121,6 +122,18 @@ def _conditions(model: NoiseModel) -> list[str]:
         f"{number(one.gain.value)} nat per change."
         for one in model.conditions
     ]
+
+
+def _common(model: NoiseModel) -> list[str]:
+    """How much of the noise does not average out over the features of a frame."""
+    share = model.common_share
+    if share is None:
+        return []
+    bounds = "" if share.low is None or share.high is None else f" ({_percent(share.low)} to {_percent(share.high)})"
+    text = f"All features of a frame have {_percent(share.value)} of the variance in common{bounds}."
+    if not share.low:
+        return [text]
+    return [text, f"More than {number(1.0 / share.value)} features in a frame therefore improve a pose little."]
 
 
 def _floor(model: NoiseModel) -> list[str]:

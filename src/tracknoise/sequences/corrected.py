@@ -1,7 +1,7 @@
 """A recording whose stated camera, poses, depths or clock are corrected."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,8 +70,8 @@ def corrected_camera(camera: CameraModel, corrections: Corrections, source: str)
 class CorrectedSequence(View):
     """A sequence with corrections. Made by `corrected`.
 
-    A depth map belongs to pixels: the depth under a pixel stays there, but for its factor and offset. Where an exact
-    surface is known, its depth under each pixel is treated likewise.
+    A depth map belongs to pixels: the depth under a pixel stays there, but for its factor, offset and kind. Where an
+    exact surface is known, its depth under each pixel is treated likewise.
 
     Parameters
     ----------
@@ -125,25 +125,26 @@ class CorrectedSequence(View):
     def depth(self, index: int) -> DepthMap | None:
         """Corrected depth of one frame: see `Sequence.depth`."""
         depth = self.sequence.depth(index)
-        if depth is None or not self._changes_depth:
+        if depth is None or not self.corrections.change_depths:
             return depth
         depth_m = self._corrected_m(depth.depth_m.astype(np.float64))
+        if self.corrections.depth_along_ray:
+            depth_m = depth_m * _cosines_of_image(self.camera_at(index))
         return replace(depth, depth_m=depth_m, valid=depth.valid & (depth_m > 0.0))
 
     def cast(self, index: int, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Surface points under pixels: at their corrected depths, on the rays of the corrected camera."""
         points_world, hit = View.cast(self, index, uv)
         depth_m = self._corrected_m(transform(invert(self._recorded_poses.at(index, uv)), points_world)[:, 2])
+        if self.corrections.depth_along_ray:
+            depth_m = depth_m * _cosines(self.camera_at(index), uv)
         usable = hit & (depth_m > 0.0)
         points = self.camera_at(index).unproject(uv, np.where(usable, depth_m, 1.0))
         return transform(self._poses.at(index, uv), points), usable
 
-    @property
-    def _changes_depth(self) -> bool:
-        return self.corrections.depth_scale != 1.0 or self.corrections.depth_offset_m != 0.0
-
-    def _corrected_m(self, depth_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        return self.corrections.depth_scale * depth_m + self.corrections.depth_offset_m
+    def _corrected_m(self, stated_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Depths with their factor and offset."""
+        return self.corrections.depth_scale * stated_m + self.corrections.depth_offset_m
 
     @cached_property
     def _mounting(self) -> NDArray[np.float64]:
@@ -168,6 +169,18 @@ class CorrectedSequence(View):
 
     def _recorded_path(self) -> PosePath:
         return path_of(self.sequence) or PosePath(self._times(), self.sequence.world_from_camera)
+
+
+def _cosines(camera: CameraModel, uv: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n,) float64: of the angles between the rays of pixels (n, 2) and the optical axis; NaN where there is no ray."""
+    return np.asarray(1.0 / np.linalg.norm(camera.bearings(uv), axis=1))
+
+
+@lru_cache(maxsize=4)
+def _cosines_of_image(camera: CameraModel) -> NDArray[np.float64]:
+    """(height, width) float64: `_cosines` of all pixels. It is kept, because the rays of a distorted lens are slow."""
+    v, u = np.indices((camera.height, camera.width), dtype=np.float64)
+    return _cosines(camera, np.stack([u.ravel(), v.ravel()], axis=-1)).reshape(u.shape)
 
 
 def _with_k1(camera: Intrinsics, k1: float, source: str) -> Camera:

@@ -26,8 +26,9 @@ from tracknoise.geometry.pose import position_rows
 from tracknoise.sequences.camera_files.camera_file import CameraFile
 from tracknoise.sequences.camera_files.read import read_camera_file
 from tracknoise.sequences.frame_files import DepthReader, ImageFiles, depth_files, depth_notes
-from tracknoise.sequences.images import first_readable, image_size, read_depth_npy, read_depth_png16, require_levels
+from tracknoise.sequences.images import first_readable, image_size, read_depth_png16, require_levels
 from tracknoise.sequences.new_folder import new_folder
+from tracknoise.sequences.numpy_depth import read_depth_npy
 from tracknoise.sequences.pinhole import only_camera
 from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses, surplus_notes
 from tracknoise.sequences.recorded import RecordedSequence

@@ -6,7 +6,6 @@ that a small file cannot become a huge array.
 """
 
 from collections.abc import Iterable
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,6 @@ from tracknoise.checks import require
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.files import read_bytes
 from tracknoise.foreign.image_header import KINDS, require_whole_image
-from tracknoise.foreign.parsing import damage_reported
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap, enlarged
 
@@ -28,7 +26,6 @@ Levels = tuple[float, float]
 _MOST_LEVEL = 65535
 NO_DEPTH = (0, _MOST_LEVEL)
 """16-bit integers that are no depth: nothing was measured, or more than can be written."""
-_NUMPY_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
 def image_size(path: Path) -> tuple[int, int]:
@@ -79,7 +76,7 @@ def read_gray(path: Path, camera: CameraModel, *, levels: Levels | None = None) 
         If the file is missing, truncated, no image, of another size than the camera's, or of 16 bits without levels.
     """
     image = _decode(path, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
-    _require_size(path, image.shape, camera)
+    require_size(path, image.shape, camera)
     if image.dtype == np.uint8:
         return image
     if levels is None:
@@ -112,37 +109,6 @@ def require_levels(field: str, levels: Levels) -> None:
     require(0 <= black < white <= _MOST_LEVEL, field, [*levels], f"[low, high] with 0 <= low < high <= {_MOST_LEVEL}")
 
 
-def read_depth_npy(path: Path, camera: CameraModel, *, farthest_m: float = np.inf) -> DepthMap:
-    """Read depth in metres from a NumPy file of float32 or float64.
-
-    Parameters
-    ----------
-    path
-        The file.
-    camera
-        Whose size the depth map must have.
-    farthest_m
-        Depth beyond this is invalid (sky), metres; so are zero, negative, infinite and NaN depths.
-
-    Raises
-    ------
-    DataError
-        If the file is missing, truncated, no NumPy array, or of another type or size.
-    """
-    file = BytesIO(read_bytes(path, "a depth map"))
-    with damage_reported(path, "damaged or truncated file", "a NumPy array of float32 depth"):
-        shape, by_columns, dtype = _NUMPY_HEADERS[np.lib.format.read_magic(file)](file)
-        if dtype.hasobject:
-            raise ValueError("Python objects")
-    if dtype not in (np.float32, np.float64):
-        raise DataError(path, f"{dtype} numbers", "float32 or float64 depth in metres")
-    _require_size(path, shape, camera)
-    data = file.read(camera.height * camera.width * dtype.itemsize)
-    with damage_reported(path, "damaged or truncated file", "a NumPy array of float32 depth"):
-        depth = np.frombuffer(data, dtype).reshape(shape, order="F" if by_columns else "C")
-    return _depth_map(path, depth, camera, farthest_m)
-
-
 def read_depth_png16(path: Path, camera: CameraModel, *, metres_per_unit: float) -> DepthMap:
     """Read depth from a PNG file of 16-bit integers. 0 and 65535, the largest that can be written, are no depth.
 
@@ -160,7 +126,7 @@ def read_depth_png16(path: Path, camera: CameraModel, *, metres_per_unit: float)
     DataError
         If the file is missing, truncated, no 16-bit single-channel PNG, or of another size.
     """
-    return _depth_map(path, _metres(path, metres_per_unit), camera)
+    return depth_map(path, _metres(path, metres_per_unit), camera)
 
 
 def read_enlarged_depth_png16(path: Path, camera: CameraModel, *, metres_per_unit: float) -> DepthMap:
@@ -168,11 +134,22 @@ def read_enlarged_depth_png16(path: Path, camera: CameraModel, *, metres_per_uni
 
     Depth sensors of phones have fewer pixels than their cameras, and their maps show the same as the images.
     """
-    depth_m = _metres(path, metres_per_unit)
-    height, width = depth_m.shape
+    return enlarged_map(path, _metres(path, metres_per_unit), camera)
+
+
+def enlarged_map(path: Path, depth_m: NDArray[np.floating], camera: CameraModel) -> DepthMap:
+    """The map (height, width) of a file; a smaller one of the same proportions is `tracknoise.geometry.depth.enlarged`.
+
+    Raises
+    ------
+    DataError
+        If it is of another size or other proportions than the camera's images.
+    """
+    height, width = depth_m.shape[:2]
     if width >= camera.width or width * camera.height != height * camera.width:
-        return _depth_map(path, depth_m, camera)
-    return enlarged(DepthMap(depth_m, depth_m > 0.0), camera.width, camera.height)
+        return depth_map(path, depth_m, camera)
+    small = DepthMap(depth_m, np.isfinite(depth_m) & (depth_m > 0.0))
+    return enlarged(small, camera.width, camera.height)
 
 
 def _metres(path: Path, metres_per_unit: float) -> NDArray[np.float64]:
@@ -206,7 +183,7 @@ def read_depth_png_float32(path: Path, camera: CameraModel, *, farthest_m: float
     if channels.dtype != np.uint8 or channels.ndim != 3 or channels.shape[2] != 4:
         raise DataError(path, _layout(channels), "8-bit four-channel depth")
     depth = np.ascontiguousarray(channels).view("<f4")[..., 0].astype(np.float32)
-    return _depth_map(path, depth, camera, farthest_m)
+    return depth_map(path, depth, camera, farthest_m)
 
 
 def is_readable(path: Path) -> bool:
@@ -250,12 +227,20 @@ def _decode(path: Path, flags: int) -> NDArray[Any]:
     return decode_image(path, read_bytes(path, "an image"), flags)
 
 
-def _depth_map(path: Path, depth: NDArray[np.floating], camera: CameraModel, farthest_m: float = np.inf) -> DepthMap:
-    _require_size(path, depth.shape, camera)
+def depth_map(path: Path, depth: NDArray[np.floating], camera: CameraModel, farthest_m: float = np.inf) -> DepthMap:
+    """The map (height, width), metres, of a file; depth beyond `farthest_m` is invalid.
+
+    Raises
+    ------
+    DataError
+        If it is of another size than the camera's images.
+    """
+    require_size(path, depth.shape, camera)
     return DepthMap(depth, np.isfinite(depth) & (depth > 0) & (depth <= farthest_m))
 
 
-def _require_size(path: Path, shape: tuple[int, ...], camera: CameraModel) -> None:
+def require_size(path: Path, shape: tuple[int, ...], camera: CameraModel) -> None:
+    """Raise DataError unless an array of this shape has the size of the camera's images."""
     if shape != (camera.height, camera.width):
         found = "x".join(str(length) for length in shape[1::-1] + shape[2:])
         raise DataError(path, f"size {found}", f"the camera's {camera.width}x{camera.height}")

@@ -10,6 +10,7 @@ from tracknoise.exceptions import DataError
 from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy, TruthAccuracy
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
+from tracknoise.geometry.interpolation import PosePath
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.poses import require_some_poses
 from tracknoise.sequences.sequence import TRIANGULATED, SecondCamera, TruthKind
@@ -54,6 +55,8 @@ class RecordedSequence:
         A second camera, for depth from stereo; None where there is none.
     shutter
         How images are read out; None where all rows of an image are exposed together. It needs timestamps.
+    path
+        Camera poses at other times than those of frames, on the clock of the timestamps; None where there are none.
 
     Raises
     ------
@@ -78,6 +81,7 @@ class RecordedSequence:
     group: str | None = None
     second: SecondCamera | None = None
     shutter: RollingShutter | None = None
+    path: PosePath | None = None
 
     def __post_init__(self) -> None:
         place = f"{self.id.dataset} {self.id.scene}"

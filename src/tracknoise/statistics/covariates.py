@@ -7,7 +7,7 @@ what multiplies the components in its expectation are kept. With a factor f(x) o
     E[|c|^2 / 2] = w (f_now + r^2 f_before) + q s f_now + d (k - r k')^2    (covariates.expected)
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 import polars as pl
@@ -27,6 +27,8 @@ prediction, or from the features around.
 """
 PER_OCTAVE = 2
 _FURTHEST = 40
+TERMS = ("squares", "white_before", "walk", "drift")
+"""Sums over changes, besides their count."""
 
 
 def class_of(values: NDArray[np.float64]) -> NDArray[np.intp]:
@@ -36,9 +38,9 @@ def class_of(values: NDArray[np.float64]) -> NDArray[np.intp]:
     return np.asarray(np.clip(place, -_FURTHEST, _FURTHEST), dtype=np.intp)
 
 
-def log_centre(classes: NDArray[np.int64]) -> NDArray[np.float64]:
+def log_centre(classes: NDArray[np.int64], per_octave: int = PER_OCTAVE) -> NDArray[np.float64]:
     """Natural logarithm of the middle of each class, (n,) float64."""
-    return np.asarray((classes + 0.5) / PER_OCTAVE * np.log(2.0))
+    return np.asarray((classes + 0.5) / per_octave * np.log(2.0))
 
 
 def noise_covariates(sequence: PreparedSequence, tracks: ErrorTracks, changes: Products) -> pl.DataFrame:
@@ -58,12 +60,12 @@ def noise_covariates(sequence: PreparedSequence, tracks: ErrorTracks, changes: P
     polars.DataFrame
         Schema `NOISE_COVARIATES`, sorted.
     """
-    parts = [_summed(sequence, tracks, changes, name, values) for name, values in _covariates(sequence, tracks)]
-    keys = [name for name in NOISE_COVARIATES if name not in ("n", "squares", "white_before", "walk", "drift")]
+    parts = [_summed(sequence, tracks, changes, name, values) for name, values in covariates_of(sequence, tracks)]
+    keys = [name for name in NOISE_COVARIATES if name not in ("n", *TERMS)]
     return check(pl.concat([empty(NOISE_COVARIATES), *parts]).sort(keys), NOISE_COVARIATES, "noise covariates")
 
 
-def _covariates(sequence: PreparedSequence, tracks: ErrorTracks) -> Iterator[tuple[str, NDArray[np.float64]]]:
+def covariates_of(sequence: PreparedSequence, tracks: ErrorTracks) -> Iterator[tuple[str, NDArray[np.float64]]]:
     """Names, and values of all observations of the tracks, (n,); NaN where unknown."""
     yield MOTION, np.hypot(*tracks.motion_px.T)
     for column in sequence.observations.columns:
@@ -72,23 +74,51 @@ def _covariates(sequence: PreparedSequence, tracks: ErrorTracks) -> Iterator[tup
             yield column.removeprefix(QUALITY_PREFIX), values
 
 
-def _summed(
-    sequence: PreparedSequence, tracks: ErrorTracks, changes: Products, name: str, values: NDArray[np.float64]
+def sums_by_class(
+    sequence: PreparedSequence, tracks: ErrorTracks, changes: Products, classes: Mapping[str, NDArray[np.float64]]
 ) -> pl.DataFrame:
-    now, before = values[changes.rows], values[changes.rows - 1]
-    known = np.flatnonzero(~np.isnan(now) & ~np.isnan(before))
+    """Sums of every condition and combination of classes.
+
+    Parameters
+    ----------
+    sequence, tracks, changes
+        As in `noise_covariates`.
+    classes
+        (changes,) by the name of a column; NaN where a covariate is unknown. Such changes do not count.
+
+    Returns
+    -------
+    polars.DataFrame
+        The columns of the conditions, of the classes, n and `TERMS`.
+    """
+    known = np.flatnonzero(~np.isnan(np.stack(list(classes.values()))).any(axis=0))
     condition = sequence.seen.condition[tracks.rows[changes.rows[known]]]
-    classes = [class_of(end[known]) + _FURTHEST for end in (before, now)]
-    (conditions, first, second), index = number_combinations([condition, *classes])
+    numbers = [values[known].astype(np.intp) + _FURTHEST for values in classes.values()]
+    (conditions, *combined), index = number_combinations([condition, *numbers])
     terms = {
         "squares": 0.5 * (changes.values[known, 0] + changes.values[known, 2]),
         "white_before": changes.factors[known, 1] - 1.0,
         "walk": changes.factors[known, 2],
         "drift": changes.factors[known, 3],
     }
-    sums = {term: np.bincount(index, each, len(first)) for term, each in terms.items()}
-    counts = {"before": first - _FURTHEST, "now": second - _FURTHEST, "n": np.bincount(index, minlength=len(first))}
-    table = sequence.seen.conditions[conditions].hstack(pl.DataFrame({**counts, **sums}))
+    sums = {term: np.bincount(index, each, len(conditions)) for term, each in terms.items()}
+    labels = {name: values - _FURTHEST for name, values in zip(classes, combined, strict=True)}
+    counts = {"n": np.bincount(index, minlength=len(conditions))}
+    return sequence.seen.conditions[conditions].hstack(pl.DataFrame({**labels, **counts, **sums}))
+
+
+def _summed(
+    sequence: PreparedSequence, tracks: ErrorTracks, changes: Products, name: str, values: NDArray[np.float64]
+) -> pl.DataFrame:
+    ends = {"before": changes.rows - 1, "now": changes.rows}
+    classes = {end: known_classes(values[rows]) for end, rows in ends.items()}
+    table = sums_by_class(sequence, tracks, changes, classes)
     return table.with_columns(covariate=pl.lit(name)).select(
         pl.col(column).cast(kind) for column, kind in NOISE_COVARIATES.items()
     )
+
+
+def known_classes(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Classes by (covariates.class), (n,) float64; NaN where a value is."""
+    unknown = np.isnan(values)
+    return np.where(unknown, np.nan, class_of(np.where(unknown, 1.0, values)))

@@ -48,40 +48,33 @@ class Groups:
 def group_rows(table: pl.DataFrame, by: Sequence[str]) -> Groups:
     """Group the rows of `table` that agree in all columns of `by` (at least one)."""
     keys = table[list(by)]
-    numbers = _numbers(keys)
-    found, index = number_combinations([_codes(numbers[name], keys[name]) for name in by])
+    found, index = number_combinations([_codes(keys[name]) for name in by])
     return Groups(keys[_first_rows(index, len(found[0]))], index)
 
 
-def _numbers(keys: pl.DataFrame) -> pl.DataFrame:
-    """Names and enumerations as numbers, those of names in the order of their appearance; all in one pass."""
-    names = [column.name for column in keys if column.dtype == pl.String and not _is_constant(column)]
-    enumerations = [column.name for column in keys if column.dtype == pl.Enum]
-    if not names and not enumerations:
-        return keys
-    return keys.with_columns(pl.col(names).cast(pl.Categorical).to_physical(), pl.col(enumerations).to_physical())
-
-
-def _is_constant(column: pl.Series) -> bool:
-    """As the names of a condition are, in most tables."""
-    return not len(column) or (not column.null_count() and bool((column == column[0]).all()))
-
-
-def _codes(column: pl.Series, keys: pl.Series) -> NDArray[np.intp]:
-    """Numbers of the values of a key column from 0 on, in their order, from those of `_numbers`; null comes first."""
+def _codes(column: pl.Series) -> NDArray[np.intp]:
+    """Numbers of the values of a key column from 0 on, in their order; null comes first."""
     if column.null_count():
         codes = np.zeros(len(column), dtype=np.intp)
-        codes[column.is_not_null().to_numpy()] = _codes(column.drop_nulls(), keys.drop_nulls()) + 1
+        codes[column.is_not_null().to_numpy()] = _codes(column.drop_nulls()) + 1
         return codes
-    if column.dtype == pl.String:  # constant
+    if column.dtype == pl.String:
+        return _codes_of_names(column)
+    return _dense((column.to_physical() if column.dtype == pl.Enum else column).to_numpy())
+
+
+def _codes_of_names(column: pl.Series) -> NDArray[np.intp]:
+    """The same of names, of which equal ones are mostly next to each other: only the first of each run is looked up."""
+    starts = np.flatnonzero((column[1:] != column[:-1]).to_numpy()) + 1
+    if not len(starts):  # as in the names of a condition, in most tables
         return np.zeros(len(column), dtype=np.intp)
-    codes = _dense(column.to_numpy())
-    if keys.dtype != pl.String:
-        return codes
-    names = keys[_first_rows(codes, int(codes.max(initial=-1)) + 1)].to_list()
+    starts = np.concatenate([[0], starts])
+    heads = column[starts]
+    codes = _dense(heads.cast(pl.Categorical).to_physical().to_numpy())  # in the order of their appearance
+    names = heads[_first_rows(codes, int(codes.max()) + 1)].to_list()
     place = np.empty(len(names), dtype=np.intp)
     place[sorted(range(len(names)), key=names.__getitem__)] = np.arange(len(names))
-    return place[codes]
+    return np.repeat(place[codes], np.diff(starts, append=len(column)))
 
 
 def _dense(values: NDArray[Any]) -> NDArray[np.intp]:

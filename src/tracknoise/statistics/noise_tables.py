@@ -3,13 +3,21 @@
 import polars as pl
 
 from tracknoise.geometry.frame_geometry import FrameGeometry
+from tracknoise.statistics.covariate_pairs import noise_pairs
 from tracknoise.statistics.covariates import noise_covariates
 from tracknoise.statistics.error_products import products
 from tracknoise.statistics.noise_sums import noise_outliers, noise_sums
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.tracked_errors import error_tracks
 from tracknoise.tables.enumerations import Product
-from tracknoise.tables.schema import NOISE_COVARIATES, NOISE_OUTLIERS, NOISE_SUMS, empty
+from tracknoise.tables.schema import NOISE_COVARIATES, NOISE_OUTLIERS, NOISE_PAIRS, NOISE_SUMS, empty
+
+_SCHEMAS = {
+    "noise_sums": NOISE_SUMS,
+    "noise_outliers": NOISE_OUTLIERS,
+    "noise_covariates": NOISE_COVARIATES,
+    "noise_pairs": NOISE_PAIRS,
+}
 
 
 def noise_tables(sequence: PreparedSequence, geometry: FrameGeometry) -> dict[str, pl.DataFrame]:
@@ -25,16 +33,16 @@ def noise_tables(sequence: PreparedSequence, geometry: FrameGeometry) -> dict[st
     Returns
     -------
     dict
-        Tables ``noise_sums``, ``noise_outliers`` and ``noise_covariates``, of the schemas `NOISE_SUMS`,
-        `NOISE_OUTLIERS` and `NOISE_COVARIATES`, sorted.
+        Tables of the schemas `NOISE_SUMS`, `NOISE_OUTLIERS`, `NOISE_COVARIATES` and `NOISE_PAIRS` by their names in
+        lower case, sorted.
     """
     if sequence.key_frame is not None:
-        schemas = {"noise_sums": NOISE_SUMS, "noise_outliers": NOISE_OUTLIERS, "noise_covariates": NOISE_COVARIATES}
-        return {name: empty(schema) for name, schema in schemas.items()}
+        return {name: empty(schema) for name, schema in _SCHEMAS.items()}
     tracks = error_tracks(sequence, geometry)
     found = dict(products(tracks))
     return {
         "noise_sums": noise_sums(sequence, tracks, found),
         "noise_outliers": noise_outliers(sequence, tracks),
         "noise_covariates": noise_covariates(sequence, tracks, found[Product.change]),
+        "noise_pairs": noise_pairs(sequence, tracks, found[Product.change]),
     }

@@ -411,6 +411,16 @@ derivatives of the true position, px: by motions of the point in two directions 
 """
 
 
+NOISE_PAIRS: Schema = {
+    **ORIGIN,
+    **dict.fromkeys(("first", "second"), pl.String),
+    **dict.fromkeys(("first_before", "first_now", "second_before", "second_now"), pl.Int16),
+    "n": pl.Int64,
+    **dict.fromkeys(("squares", "white_before", "walk", "drift"), pl.Float64),
+}
+"""The same sums by two covariates together, in classes of an octave (`tracknoise.statistics.covariate_pairs`)."""
+
+
 FLOORS: Schema = {
     **ORIGIN,
     "source": FLOOR_SOURCE,
@@ -830,7 +840,7 @@ def check(table: pl.DataFrame, schema: Schema, name: str) -> pl.DataFrame:
     SchemaError
         Naming the first column that differs.
     """
-    found = list(table.schema.items())
+    found = list(zip(table.columns, table.dtypes, strict=True))  # quicker than its schema
     schema = layout_of(schema, table.columns)
     expected = [(column, kind() if isinstance(kind, type) else kind) for column, kind in schema.items()]
     for position, pair in enumerate(expected):
@@ -848,11 +858,10 @@ def with_new_categories(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
 
     Tables of earlier versions lack categories that were added later.
     """
-    found = {name: kind for name, kind in table.schema.items() if isinstance(kind, pl.Enum)}
+    found = {name: kind for name, kind in zip(table.columns, table.dtypes, strict=True) if isinstance(kind, pl.Enum)}
     expected = {name: kind for name, kind in dict(schema).items() if name in found and isinstance(kind, pl.Enum)}
-    return table.with_columns(
-        pl.col(name).cast(kind) for name, kind in expected.items() if _continues(kind, found[name])
-    )
+    longer = [pl.col(name).cast(kind) for name, kind in expected.items() if _continues(kind, found[name])]
+    return table.with_columns(longer) if longer else table
 
 
 def _continues(longer: pl.Enum, shorter: pl.Enum) -> bool:

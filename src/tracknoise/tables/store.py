@@ -80,6 +80,7 @@ NOISE_TABLES: Mapping[str, schema.Schema] = {
     "noise_sums": schema.NOISE_SUMS,
     "noise_outliers": schema.NOISE_OUTLIERS,
     "noise_covariates": schema.NOISE_COVARIATES,
+    "noise_pairs": schema.NOISE_PAIRS,
     "noise_tracks": schema.NOISE_TRACKS,
 }
 """What noise models are fitted to and tried on. Sequences that an earlier version measured do not have it."""
@@ -360,16 +361,15 @@ class RunFolder:
             yield self.sequence_table(name, key)
 
     def stored_tables(self, name: str) -> Iterator[pl.DataFrame]:
-        """One table of each measured sequence that has it, in the order of their keys.
+        """Tables of the measured sequences that have them, in the order of their keys, as `stacked_tables`.
 
         Raises
         ------
         StoreError, SchemaError
             As `sequence_table`.
         """
-        for key, entry in sorted(self.manifest().sequences.items()):
-            if name in entry.sha256:
-                yield self.sequence_table(name, key)
+        sequences = self.manifest().sequences
+        yield from self.stacked_tables(name, [key for key in sorted(sequences) if name in sequences[key].sha256])
 
     def stacked_tables(self, name: str, keys: Sequence[str]) -> Iterator[pl.DataFrame]:
         """One table of each of some sequences, in order, a few sequences at a time as one table.

@@ -78,7 +78,9 @@ class Rejection:
     seed
         Random seed of the samples, combined with the index of the frame.
 
-    Source of the local optimisation: O. Chum, J. Matas, J. Kittler, Locally Optimized RANSAC, DAGM 2003.
+    References
+    ----------
+    Local optimisation: O. Chum, J. Matas, J. Kittler, Locally Optimized RANSAC, DAGM 2003.
     """
 
     model: Model = Model.homography

@@ -24,6 +24,7 @@ from tracknoise.exceptions import DataError, SettingsError, TracknoiseError, Unk
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.fisheye import EquidistantCamera
 from tracknoise.sequences.registry import make_reader, open_sequence
+from tracknoise.sequences.sequence import path_of
 from tracknoise.sequences.simulated import Simulated
 from tracknoise.sequences.stereo import with_stereo_depth
 
@@ -101,6 +102,28 @@ def bodies_between(recorded_ns):
     return made
 
 
+def test_between_images_poses_are_those_that_were_recorded(scene):
+    recorded_ns = START_NS - 20_000_000 + 3_333_337 * np.arange(70)
+    shaken = motion(recorded_ns)
+    shaken[:, 0, 3] += 0.01 * np.sin(2 * np.pi * (recorded_ns - START_NS) / 50e6)  # zero in every image
+    write_poses(table(scene), recorded_ns.tolist(), shaken @ INVERSE)
+    read = open_sequence("euroc", scene)
+    path = path_of(read)
+    np.testing.assert_array_equal(path.at(read.timestamps_s), read.world_from_camera)
+    between_s = (recorded_ns - START_NS) / 1e9
+    inside = (between_s > 0.0) & (between_s < read.timestamps_s[-1])
+    np.testing.assert_allclose(path.at(between_s[inside]), shaken[inside], atol=1e-6)
+
+
+def test_there_is_no_pose_in_a_gap_of_the_recorded_ones_nor_beyond_them(scene):
+    recorded_ns = START_NS + 5_000_000 * np.arange(-2, 33)
+    lost = (recorded_ns > FRAMES_NS[1]) & (recorded_ns < FRAMES_NS[2])
+    write_poses(table(scene), recorded_ns[~lost].tolist(), motion(recorded_ns[~lost]) @ INVERSE)
+    path = path_of(open_sequence("euroc", scene, max_pose_gap_s=0.02))
+    at_s = np.array([-0.02, -0.01, 0.05, 0.06, 0.09, 0.1, 0.15, 0.2])
+    assert np.isnan(path.at(at_s)).any(axis=(1, 2)).tolist() == [True, False, False, True, True, False, False, True]
+
+
 def test_frames_outside_of_the_recorded_poses_have_none(scene):
     write_poses(table(scene), FRAMES_NS[1:3].tolist(), motion(FRAMES_NS[1:3]) @ INVERSE)
     read = open_sequence("euroc", scene)
@@ -165,7 +188,7 @@ def test_tum_vi_has_fisheye_lenses_a_kalibr_chain_and_images_of_16_bits(tmp_path
         open_sequence("euroc", tmp_path).image(0)
     chain = folder / "dso" / "camchain.yaml"
     chain.rename(tmp_path / "elsewhere.yaml")
-    with pytest.raises(DataError, match=r"sensor\.yaml: no such file, .* or the option camera_file"):
+    with pytest.raises(DataError, match=r"sensor\.yaml: no such file, .* or --option camera_file=FILE"):
         open_sequence("euroc", tmp_path)
     assert open_sequence("euroc", tmp_path, camera_file=tmp_path / "elsewhere.yaml").camera.fx == 60.0
 

@@ -278,8 +278,11 @@ def test_a_topic_is_not_guessed_where_several_fit(write, simulated):
     with pytest.raises(DataError) as caught:
         opened(root, pose_topic="/odom")
     listed = "/cam/image_raw (sensor_msgs/msg/Image, 4), /other/image (sensor_msgs/msg/Image, 4)"
-    assert str(caught.value) == f"{root / 'run.bag'}: {listed}, expected one topic; choose it with image_topic"
-    with pytest.raises(DataError, match=r"/odom \(nav_msgs/msg/Odometry, 4\), /tf .*choose it with pose_topic"):
+    chosen = f"--option image_topic={listed.split(' ')[0]}, or image_topic in [dataset.options]"
+    assert str(caught.value) == f"{root / 'run.bag'}: {listed}, expected one topic; choose it with {chosen}"
+    with pytest.raises(
+        DataError, match=r"/odom \(nav_msgs/msg/Odometry, 4\), /tf .*choose it with --option pose_topic=/"
+    ):
         opened(root, image_topic="/other/image")
     found = opened(root, image_topic="/other/image", pose_topic="/odom")  # with the camera_info beside it
     require_same(found, simulated)
@@ -291,7 +294,7 @@ def test_a_topic_is_not_guessed_where_several_fit(write, simulated):
 
 def test_a_bag_without_intrinsics_points_to_the_camera_file(write, simulated):
     content = Content(simulated)
-    with pytest.raises(DataError, match=r"one topic of sensor_msgs/msg/CameraInfo, or the option camera_file"):
+    with pytest.raises(DataError, match=r"one topic of sensor_msgs/msg/CameraInfo, or --option camera_file=FILE"):
         opened(write(content.images, content.odometry))
 
 
@@ -380,7 +383,8 @@ def test_a_frame_that_is_not_connected_is_named(write, simulated):
     root = write(content.images, content.intrinsics, content.odometry)
     with pytest.raises(DataError) as caught:
         opened(root)
-    expected = "connected frames among no frames, or body_from_camera"
+    given = "--option body_from_camera=[16 NUMBERS], or body_from_camera in [dataset.options]"
+    expected = f"connected frames among no frames, or {given}"
     assert str(caught.value).endswith(f"no chain of transforms from camera_optical_frame to imu, expected {expected}")
 
 
@@ -399,7 +403,9 @@ def test_tf_without_the_frame_of_the_images_lists_its_frames(write, simulated):
     assert any("cam0 are taken as those of a camera" in note for note in found.notes)
     given = opened(root, body_from_camera=LASER.ravel().tolist(), pose_frame="cam0")
     np.testing.assert_allclose(given.world_from_camera, [held @ LASER for _, held in moved], atol=1e-12)
-    with pytest.raises(DataError, match="body_from_camera, poses from /tf and no pose_frame, expected pose_frame"):
+    with pytest.raises(
+        DataError, match="body_from_camera, poses from /tf and no pose_frame, expected --option pose_frame=NAME"
+    ):
         opened(root, body_from_camera=LASER.ravel().tolist())
 
 

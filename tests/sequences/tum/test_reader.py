@@ -14,7 +14,7 @@ from tracknoise.exceptions import DataError, SettingsError, TracknoiseError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.registry import make_reader, open_sequence
-from tracknoise.sequences.sequence import TRIANGULATED
+from tracknoise.sequences.sequence import TRIANGULATED, path_of
 from tracknoise.sequences.simulated import Simulated
 from tracknoise.sequences.tum.reader import Tum
 
@@ -38,6 +38,18 @@ def scene(tmp_path: Path) -> Path:
     write_tum(folder, images(4), poses(4), depths=[np.full((48, 64), 1.5)] * 4)
     (folder / "calibration.txt").write_text("60 61 31 24\n")
     return folder
+
+
+def test_between_images_poses_are_those_that_were_recorded(scene):
+    times_s = 1305031241.0 + np.arange(0.0, 0.1, 0.005)
+    moved = np.broadcast_to(np.eye(4), (len(times_s), 4, 4)).copy()
+    moved[:, 0, 3] = np.square(times_s - times_s[0])
+    write_poses(scene / "groundtruth.txt", times_s, moved)
+    sequence = open_sequence("tum", scene.parent)
+    path = path_of(sequence)
+    posed = np.isfinite(sequence.world_from_camera[:, 0, 0])
+    np.testing.assert_array_equal(path.at(sequence.timestamps_s[posed]), sequence.world_from_camera[posed])
+    np.testing.assert_allclose(path.at(np.array([0.015]))[0, 0, 3], 0.015**2, atol=1e-8)
 
 
 def test_a_simulated_recording_is_read_as_it_was_made(tmp_path):
@@ -168,7 +180,7 @@ def test_a_camera_file_is_used_before_what_is_published(tmp_path):
 
 def test_unknown_names_need_a_camera(tmp_path):
     write_tum(tmp_path / "vehicle", images(2), poses(2))
-    with pytest.raises(DataError, match=r"no camera, .* expected one of camera\.yaml, .* or the option camera_file"):
+    with pytest.raises(DataError, match=r"no camera, .* expected one of camera\.yaml, .* or --option camera_file=FILE"):
         open_sequence("tum", tmp_path)
 
 

@@ -4,9 +4,9 @@ import polars as pl
 
 from tracknoise.audit.read import AuditedTables
 from tracknoise.audit.table import audit_tables
-from tracknoise.experiments.analysis.groups_of_scenes import groups_of_scenes
 from tracknoise.experiments.analysis.reference_condition import first_lighting
 from tracknoise.experiments.settings import Experiment
+from tracknoise.findings.sampling.groups_of_scenes import groups_of_scenes
 from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.store import RunFolder
 

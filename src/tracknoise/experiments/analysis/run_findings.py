@@ -7,9 +7,9 @@ import polars as pl
 
 from tracknoise.audit.pose_errors.pose_law import pose_law
 from tracknoise.audit.pose_errors.rigid_share import rigid_share
+from tracknoise.audit.usual import usual_mistakes
 from tracknoise.experiments.analysis.finding_inputs import FindingInputs
 from tracknoise.experiments.analysis.freed_memory import keep_freed_memory
-from tracknoise.experiments.analysis.groups_of_scenes import groups_of_scenes
 from tracknoise.experiments.analysis.reference_condition import reference_condition
 from tracknoise.experiments.analysis.run_audit import run_audit
 from tracknoise.experiments.settings import Experiment
@@ -26,6 +26,7 @@ from tracknoise.findings.places.speed_errors import speed_errors
 from tracknoise.findings.places.surrounding_errors import surrounding_errors
 from tracknoise.findings.point_tracking import point_tracking_metrics
 from tracknoise.findings.sampling.groups import SceneGroups
+from tracknoise.findings.sampling.groups_of_scenes import groups_of_scenes
 from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.seed_spread import Repeat, seed_spread, widened
 from tracknoise.findings.shape.gaussianity import gaussianity
@@ -83,7 +84,7 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
     keep_freed_memory()
     reference = reference_condition(run.manifest(), experiment, statistics["outliers"])
     tables = _tables(run, experiment, statistics, reference) | run_audit(run, experiment)
-    reported = _reported(run, experiment, statistics["trims"], reference)
+    reported = _reported(run, experiment, {**statistics, **tables}, reference)
     if reported.fitted:
         tables |= _without_verdicts_on_errors(tables)
     tables["findings"] = headline_table({**statistics, **tables}, reported)
@@ -234,19 +235,20 @@ def _views_of_few_scenes(run: RunFolder) -> pl.DataFrame:
 
 
 def _reported(
-    run: RunFolder, experiment: Experiment, trims: pl.DataFrame, reference: ReferenceCondition
+    run: RunFolder, experiment: Experiment, tables: Mapping[str, pl.DataFrame], reference: ReferenceCondition
 ) -> ReportedConditions:
     truths = {entry.truth for entry in run.manifest().sequences.values()}
     return ReportedConditions(
         reference,
         [tracker.label for tracker in experiment.trackers],
         population=experiment.truth.population,
-        percentile=dropped_above(trims),
+        percentile=dropped_above(tables["trims"]),
         recorded=truths != {TruthKind.raycast},
         fitted=TRIANGULATED in truths,
         groups=groups_of_scenes(run.manifest().sequences, experiment.dataset.groups),
         trimming=experiment.findings.trimming,
         doubts=doubts_by_scene(run.manifest()),
+        mistakes=usual_mistakes(tables["audit"]),
     )
 
 

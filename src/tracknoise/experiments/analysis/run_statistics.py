@@ -1,5 +1,7 @@
 """From the tables of single sequences to the statistics of the whole run."""
 
+from functools import partial
+
 import polars as pl
 
 from tracknoise.experiments.analysis.reference_condition import reference_condition
@@ -40,16 +42,18 @@ def compute_statistics(run: RunFolder, experiment: Experiment) -> dict[str, pl.D
     StoreError, SchemaError
         If a table is damaged, or the folder cannot be written.
     """
+    # merged moments depend, in their last digits, on how many tables are read together; the others do not
+    several = partial(run.stacked_tables, keys=sorted(run.manifest().sequences))
     pooled = curves(run.sequence_tables("moments"), min_features=experiment.statistics.min_features)
     tables = {
         "curves": pooled,
-        "cores": cores(run.sequence_tables("scales"), pooled),
-        "floor": truth_floor(run.sequence_tables("floors")),
-        "lifetimes": lifetimes_of_ends(run.sequence_tables("ends")),
-        "outliers": outlier_ratios(run.sequence_tables("frames")),
-        "trims": pl.concat(run.sequence_tables("trims")),
-        "errors": merge_errors(run.sequence_tables("errors")),
-        "counts": merge_counts(run.sequence_tables("counts")),
+        "cores": cores(several("scales"), pooled),
+        "floor": truth_floor(several("floors")),
+        "lifetimes": lifetimes_of_ends(several("ends")),
+        "outliers": outlier_ratios(several("frames")),
+        "trims": pl.concat(several("trims")),
+        "errors": merge_errors(several("errors")),
+        "counts": merge_counts(several("counts")),
     }
     reference = reference_condition(run.manifest(), experiment, tables["outliers"])
     tables["summary"] = summary(

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from tracknoise.experiments.analysis.groups_of_scenes import groups_of_scenes
 from tracknoise.experiments.comparing.comparable import OpenedRun, failed_in, left_out, require_comparable
 from tracknoise.experiments.comparing.matching import Measured, Pair, matched_conditions, matched_trackers, unmatched
 from tracknoise.experiments.comparing.run_tables import RunTables, read_run
@@ -14,6 +13,7 @@ from tracknoise.findings.comparison.number_values import number_values
 from tracknoise.findings.comparison.paired_values import PairedValues, of_differences
 from tracknoise.findings.comparison.result import Compared
 from tracknoise.findings.factors.scene_counts import lifetime_differences, outlier_differences
+from tracknoise.findings.sampling.groups_of_scenes import groups_of_scenes
 from tracknoise.sequences.sequence import TRIANGULATED
 from tracknoise.statistics.definitions import POOLED
 

@@ -71,11 +71,11 @@ class SaturatingFit:
         constant, total = weight @ observed, weight.sum()
         explained, squares = _squares(constant, self.columns @ observed, total, *self.alike)
         best, curve = explained.argmax(axis=0), np.arange(observed.shape[1])
-        tau = _refined(np.log(self.grid), explained)
+        tau = _refined(np.log(self.grid), explained, best)
         own = -np.expm1(-self.since[:, None] / tau)
         finer, found = _squares(constant, weight @ (own * observed), total, weight @ own, weight @ own**2)
         kept = finer >= explained[best, curve]
-        chosen = np.where(kept, found, squares[:, best, curve])
+        chosen = [np.where(kept, one, other[best, curve]) for one, other in zip(found, squares, strict=True)]
         return np.stack([*chosen, np.where(kept, tau, self.grid[best])]).reshape(3, *second.shape[1:])
 
 
@@ -94,7 +94,7 @@ def saturating_curve(coefficients: Array, since: Array) -> Array:
     return np.asarray(white - size * np.expm1(-ages / tau))
 
 
-def _squares(b0: Array, b1: Array, a00: float, a01: Array, a11: Array) -> tuple[Array, Array]:
+def _squares(b0: Array, b1: Array, a00: float, a01: Array, a11: Array) -> tuple[Array, tuple[Array, Array]]:
     """By how much a fit reduces the sum of squares, and white^2 and size^2, from weighted products of its columns.
 
     `b0` and `b1` are those of the constant and of 1 - exp(-k / tau) with what was observed, the others those of the
@@ -107,12 +107,11 @@ def _squares(b0: Array, b1: Array, a00: float, a01: Array, a11: Array) -> tuple[
     constant = only_white * b0 >= only_size * b1
     white = np.where(inside, white, np.where(constant, only_white, 0.0))
     size = np.where(inside, size, np.where(constant, 0.0, only_size))
-    return white * b0 + size * b1, np.stack([white, size])
+    return white * b0 + size * b1, (white, size)
 
 
-def _refined(log_tau: Array, explained: Array) -> Array:
+def _refined(log_tau: Array, explained: Array, best: NDArray[np.intp]) -> Array:
     """Where the parabola through the best point of the grid and its neighbours has its highest point."""
-    best = explained.argmax(axis=0)
     middle = np.clip(best, 1, len(log_tau) - 2)
     low, here, high = (np.take_along_axis(explained, (middle + shift)[None], axis=0)[0] for shift in (-1, 0, 1))
     bend = low - 2 * here + high

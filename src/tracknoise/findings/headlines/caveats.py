@@ -21,17 +21,22 @@ MOST_NAMED = 6
 
 def doubtful_data(_tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """Warn where the data themselves look wrong: then the numbers are not those of the trackers."""
-    if not conditions.doubts:
+    if not conditions.doubts and not conditions.mistakes:
         return None
-    scenes = list(conditions.doubts)
-    whose = f"Data of {listing(scenes)} look" if len(scenes) <= MOST_NAMED else f"Data of {len(scenes)} scenes look"
-    sentences = list(dict.fromkeys(sentence for found in conditions.doubts.values() for sentence in found))
+    of_scenes = [sentence for found in conditions.doubts.values() for sentence in found]
+    sentences = list(dict.fromkeys([*of_scenes, *conditions.mistakes]))
     more = len(sentences) - MOST_DOUBTS
     others = [f"There are {count(more, 'further reason')}: see the measurement section."] if more > 0 else []
-    text = " ".join(
-        [f"{whose} wrong, so that errors are not those of the trackers.", *sentences[:MOST_DOUBTS], *others]
-    )
+    opening = f"{_whose(list(conditions.doubts))} wrong, so that errors are not those of the trackers."
+    text = " ".join([opening, *sentences[:MOST_DOUBTS], *others])
     return Headline("data", text, "limits", "counts")
+
+
+def _whose(scenes: list[str]) -> str:
+    """``Data of office look``; of all scenes where none is doubtful by itself."""
+    if not scenes:
+        return "Data look"
+    return f"Data of {listing(scenes)} look" if len(scenes) <= MOST_NAMED else f"Data of {len(scenes)} scenes look"
 
 
 def few_scenes(tables: RunTables, _conditions: ReportedConditions) -> Headline | None:

@@ -46,6 +46,8 @@ class ReportedConditions:
         Errors that verdicts are about.
     doubts
         Why data look wrong, by scene: sentences, the most telling first. Scenes without doubts are left out.
+    mistakes
+        Usual mistakes in the truth that the tracks of all scenes together show: sentences.
     """
 
     reference: ReferenceCondition
@@ -57,6 +59,7 @@ class ReportedConditions:
     groups: SceneGroups = NO_GROUPS
     trimming: Trimming = TRIMMING
     doubts: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    mistakes: Sequence[str] = ()
 
     @property
     def axis(self) -> Axis:

@@ -8,6 +8,8 @@ each other as the data do. With few scenes and many tests the best of them tends
 Source: Ø. Langsrud, Statistics and Computing 15 (2005).
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
@@ -18,9 +20,12 @@ _DECIMALS = 12
 """To which cosines are rounded, so that the order in which a processor adds up does not show."""
 
 
+@lru_cache(maxsize=16)
 def rotations(n_scenes: int, *, n_draws: int, seed: int) -> NDArray[np.float64]:
-    """Random directions in as many dimensions as there are scenes: (n_draws, n_scenes), rows of length 1."""
-    return _unit_rows(np.random.default_rng(seed).standard_normal((n_draws, n_scenes)))
+    """Random directions in as many dimensions as there are scenes: (n_draws, n_scenes), rows of length 1, read-only."""
+    directions = _unit_rows(np.random.default_rng(seed).standard_normal((n_draws, n_scenes)))
+    directions.setflags(write=False)
+    return directions
 
 
 def within(directions: NDArray[np.float64], scenes: NDArray[np.bool_]) -> NDArray[np.float64]:

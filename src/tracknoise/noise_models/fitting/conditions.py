@@ -1,150 +1,145 @@
 """Conditions at run time: whether white noise and walk depend on what a front end knows while it runs.
 
-For each covariate, a factor that is piecewise linear in its logarithm is fitted to changes of errors by the likelihood
+For each covariate, a factor is fitted to changes of errors (`tracknoise.noise_models.fitting.factor_cells`). What it
+gains over a constant factor is measured on scenes that were left out, those of a group together. Of the covariates
+whose gain exceeds `LEAST_GAIN` nat per change, with an interval that does not reach 0, the best one is kept.
 
-    -sum(n log v + S / v),  v = (covariates.expected) / n    (conditions)
-
-with counts n and sums S of half squared lengths by class of the covariate at both ends. What it gains over a constant
-factor is measured on scenes that were left out. Of the covariates whose gain exceeds `LEAST_GAIN` nat per change, with
-an interval that does not reach 0, the best one is kept. There is only one, as the sums of single covariates do not show
-what two have in common.
+A second covariate is kept by the same rule, if it gains as much beyond the first one. Both factors are then fitted
+together, to sums by the classes of both covariates.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
+from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.findings.sampling.jackknife import student_interval
-from tracknoise.noise_models.fitting.components import FittedComponents
+from tracknoise.noise_models.fitting.factor_cells import Cells, Knots
+from tracknoise.noise_models.fitting.independent import group_numbers
 from tracknoise.noise_models.model import Factor, Interval
-from tracknoise.statistics.covariates import log_centre
+from tracknoise.statistics.covariates import PER_OCTAVE
+
+if TYPE_CHECKING:
+    from tracknoise.noise_models.fitting.components import FittedComponents
 
 Array = NDArray[np.float64]
 
 LEAST_GAIN = 0.01
 """Nat per change."""
-_SHARES = (0.05, 0.35, 0.65, 0.95)
-"""Shares of the changes below the knots."""
-_NARROWEST = 0.25
-"""Least distance of two knots, natural logarithm."""
-_FOLDS, _LEAST_SCENES = 10, 3
-_RIDGE = 1.0
-"""Weight of a squared log factor, nat: classes without data stay near 1."""
+_FOLDS, _LEAST_GROUPS = 10, 3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Cells:
-    """Sums by class of one covariate at both ends of changes, (n,) each, and the half traces of W, Q and D."""
-
-    scene: NDArray[np.intp]
-    before: Array
-    now: Array
-    count: Array
-    squares: Array
-    white_before: Array
-    walk: Array
-    drift: Array
-    sizes: tuple[float, float, float]
-
-    def chosen(self, rows: NDArray[np.bool_]) -> "_Cells":
-        columns = ("scene", "before", "now", "count", "squares", "white_before", "walk", "drift")
-        return replace(self, **{name: getattr(self, name)[rows] for name in columns})
-
-    def cost(self, knots: Array, logs: Array) -> tuple[float, Array]:
-        """Minus (conditions), and its derivative by the log factors at the knots."""
-        now, before = (_weights(knots, place) for place in (self.now, self.before))
-        f_now, f_before = (np.exp(weights @ logs) for weights in (now, before))
-        white, walk, drift = self.sizes
-        new, old = (white * self.count + walk * self.walk) * f_now, white * self.white_before * f_before
-        mean = np.maximum((new + old + drift * self.drift) / self.count, 1e-300)
-        cost = float((self.count * np.log(mean) + self.squares / mean).sum())
-        slope = (self.count - self.squares / mean) / mean / self.count
-        return cost, np.asarray((slope * new) @ now + (slope * old) @ before)
-
-
-def conditions_of(covariates: pl.DataFrame, fitted: FittedComponents, *, level: float) -> tuple[Factor, ...]:
-    """The factor that is worth keeping, if any.
+def conditions_of(
+    covariates: pl.DataFrame,
+    pairs: pl.DataFrame,
+    fitted: "FittedComponents",
+    *,
+    groups: SceneGroups = NO_GROUPS,
+    level: float,
+) -> tuple[Factor, ...]:
+    """The factors that are worth keeping: none, one or two.
 
     Parameters
     ----------
     covariates
         Schema `NOISE_COVARIATES`, of one tracker and speed.
+    pairs
+        Schema `NOISE_PAIRS`, of the same; without rows where they are not known.
     fitted
         The components.
+    groups
+        Of scenes that are not independent of each other.
     level
-        Of the interval of the gain.
+        Of the intervals of gains.
     """
-    found = candidates(covariates, fitted, level=level)
-    kept = [one for one in found if one.gain.value > LEAST_GAIN and one.gain.low is not None and one.gain.low > 0.0]
-    return (max(kept, key=lambda one: one.gain.value),) if kept else ()
+    first = _best(candidates(covariates, fitted, groups=groups, level=level))
+    if first is None:
+        return ()
+    added = {both[1].of: both for both in second_candidates(pairs, first, fitted, groups=groups, level=level)}
+    second = _best([both[1] for both in added.values()])
+    return (first,) if second is None else added[second.of]
 
 
-def candidates(covariates: pl.DataFrame, fitted: FittedComponents, *, level: float) -> list[Factor]:
+def candidates(
+    covariates: pl.DataFrame, fitted: "FittedComponents", *, groups: SceneGroups = NO_GROUPS, level: float
+) -> list[Factor]:
     """The factor by each covariate that varies, with what it gains; see `conditions_of` for the parameters."""
-    sizes = [fitted.components[name].sigma.value ** 2 for name in ("white", "walk", "drift")]
-    if covariates["scene"].n_unique() < _LEAST_SCENES or not sizes[0] + sizes[1] > 0.0:
-        return []
     found = []
-    for (name,), part in sorted(covariates.partition_by("covariate", as_dict=True).items()):
-        cells = _cells(part, (sizes[0], sizes[1], sizes[2]))
-        knots = _knots(cells)
-        if len(knots) > 1:
-            logs = _fit(cells, knots)
-            gain = _gain(cells, knots, level)
-            found.append(Factor(of=name, log_knots=tuple(knots.tolist()), log_factor=tuple(logs.tolist()), gain=gain))
+    for (name,), part in _parts(covariates, ["covariate"], fitted, groups):
+        cells = Cells.of(part, [("before", "now")], PER_OCTAVE, _sizes(fitted))
+        knots = cells.knots([str(name)])
+        if len(knots[0].places) > 1:
+            gain = _gain(cells, knots, [knots[0].constant], level)
+            found.append(_factor(knots[0], cells.fitted(knots), gain))
     return found
 
 
-def _cells(part: pl.DataFrame, sizes: tuple[float, float, float]) -> _Cells:
-    scene = part["scene"].rank("dense").to_numpy().astype(np.intp) - 1
-    before, now = (log_centre(part[name].to_numpy().astype(np.int64)) for name in ("before", "now"))
-    names = ("n", "squares", "white_before", "walk", "drift")
-    count, squares, white, walk, drift = (part[name].to_numpy().astype(np.float64) for name in names)
-    return _Cells(scene, before, now, count, squares, white, walk, drift, sizes)
+def second_candidates(
+    pairs: pl.DataFrame, first: Factor, fitted: "FittedComponents", *, groups: SceneGroups = NO_GROUPS, level: float
+) -> list[tuple[Factor, Factor]]:
+    """Both factors, fitted together, for each other covariate, with what it gains beyond the first one.
+
+    Parameters
+    ----------
+    pairs, fitted, groups, level
+        As in `conditions_of`.
+    first
+        The factor that is kept.
+    """
+    found = []
+    with_first = pairs.filter((pl.col("first") == first.of) | (pl.col("second") == first.of))
+    for names, part in _parts(with_first, ["first", "second"], fitted, groups):
+        cells = Cells.of(part, [("first_before", "first_now"), ("second_before", "second_now")], 1, _sizes(fitted))
+        knots = cells.knots([str(name) for name in names])
+        own, other = (0, 1) if names[0] == first.of else (1, 0)
+        if len(knots[own].places) > 1 and len(knots[other].places) > 1:
+            alone = [one if place == own else one.constant for place, one in enumerate(knots)]
+            gain = _gain(cells, knots, alone, level)
+            logs = np.split(cells.fitted(knots), [len(knots[0].places)])
+            found.append((_factor(knots[own], logs[own], first.gain), _factor(knots[other], logs[other], gain)))
+    return found
 
 
-def _knots(cells: _Cells) -> Array:
-    """Knots at shares of the changes, not too near to each other."""
-    order = np.argsort(cells.now, kind="stable")
-    share = np.cumsum(cells.count[order]) / cells.count.sum()
-    wanted = cells.now[order][np.minimum(np.searchsorted(share, _SHARES), len(order) - 1)]
-    kept: list[float] = []
-    for knot in wanted:
-        if not kept or knot - kept[-1] >= _NARROWEST:
-            kept.append(float(knot))
-    return np.array(kept)
+def _parts(
+    table: pl.DataFrame, names: list[str], fitted: "FittedComponents", groups: SceneGroups
+) -> list[tuple[tuple[object, ...], pl.DataFrame]]:
+    """Rows by covariate, with the number of the group of their scene; none where too little is known."""
+    white, walk, _ = _sizes(fitted)
+    numbered = table.with_columns(group=pl.Series(group_numbers(table, groups)))
+    if numbered["group"].n_unique() < _LEAST_GROUPS or not white + walk > 0.0:
+        return []
+    return sorted(numbered.partition_by(names, as_dict=True).items())
 
 
-def _weights(knots: Array, place: Array) -> Array:
-    """(n, knots): by how much each knot counts at a place, as in linear interpolation, constant beyond the ends."""
-    return np.stack([np.interp(place, knots, row) for row in np.eye(len(knots))], axis=1)
+def _sizes(fitted: "FittedComponents") -> tuple[float, float, float]:
+    white, walk, drift = (fitted.components[name].sigma.value ** 2 for name in ("white", "walk", "drift"))
+    return white, walk, drift
 
 
-def _fit(cells: _Cells, knots: Array) -> Array:
-    """Log factors at the knots."""
-
-    def objective(logs: Array) -> tuple[float, Array]:
-        cost, slope = cells.cost(knots, logs)
-        return cost + _RIDGE * float(logs @ logs), slope + 2.0 * _RIDGE * logs
-
-    found = minimize(objective, np.zeros(len(knots)), jac=True, method="L-BFGS-B", bounds=[(-10.0, 10.0)] * len(knots))
-    return np.asarray(found.x)
+def _factor(knots: Knots, logs: Array, gain: Interval) -> Factor:
+    return Factor(of=knots.of, log_knots=tuple(knots.places.tolist()), log_factor=tuple(logs.tolist()), gain=gain)
 
 
-def _gain(cells: _Cells, knots: Array, level: float) -> Interval:
-    """What the factor gains over a constant one on scenes that were left out, nat per change."""
-    count = int(cells.scene.max()) + 1
+def _best(found: Sequence[Factor]) -> Factor | None:
+    kept = [one for one in found if one.gain.value > LEAST_GAIN and one.gain.low is not None and one.gain.low > 0.0]
+    return max(kept, key=lambda one: one.gain.value, default=None)
+
+
+def _gain(cells: Cells, knots: Sequence[Knots], simpler: Sequence[Knots], level: float) -> Interval:
+    """What factors gain over simpler ones on scenes that were left out, nat per change."""
+    count = cells.n_groups
     gain, n = np.zeros(count), np.zeros(count)
     for fold in range(min(_FOLDS, count)):
-        left = cells.scene % min(_FOLDS, count) == fold
-        logs, constant = _fit(cells.chosen(~left), knots), _fit(cells.chosen(~left), knots[:1])
-        for scene in np.unique(cells.scene[left]):
-            own = cells.chosen(cells.scene == scene)
-            gain[scene] = own.cost(knots[:1], constant)[0] - own.cost(knots, logs)[0]
-            n[scene] = own.count.sum()
+        left = cells.group % min(_FOLDS, count) == fold
+        rest = cells.chosen(~left)
+        with_all, with_fewer = rest.fitted(knots), rest.fitted(simpler)
+        for group in np.unique(cells.group[left]):
+            own = cells.chosen(cells.group == group)
+            gain[group] = own.cost(simpler, with_fewer) - own.cost(knots, with_all)
+            n[group] = own.count.sum()
     value = gain.sum() / n.sum()
     without = (gain.sum() - gain) / (n.sum() - n)
     low, high = student_interval(value, without, level=level, sizes=n)

@@ -12,16 +12,25 @@ as wide, relative to it, as that for a free landmark.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.noise_models.fitting.components import FittedComponents
 from tracknoise.noise_models.fitting.equations import NAMES
-from tracknoise.noise_models.linear_benchmark import EXACT, consistencies, scalar_covariances, true_covariances
+from tracknoise.noise_models.linear_benchmark import (
+    EXACT,
+    Covariances,
+    consistencies,
+    scalar_covariances,
+    true_covariances,
+)
 from tracknoise.noise_models.linear_window import LinearTracks
 from tracknoise.noise_models.model import Equivalent, Interval, Landmark, Purpose
 from tracknoise.noise_models.track_noise import TrackNoise
+
+if TYPE_CHECKING:
+    from tracknoise.noise_models.fitting.components import FittedComponents
 
 Array = NDArray[np.float64]
 Window = Sequence[LinearTracks]
@@ -33,7 +42,7 @@ _GRID = np.exp(np.linspace(-1.0, 1.6, 4))
 
 
 def equivalents(
-    fitted: FittedComponents,
+    fitted: "FittedComponents",
     windows: Sequence[Window],
     *,
     length: int,
@@ -56,8 +65,8 @@ def equivalents(
         Quantiles of .95 and .99 of the sum of squared residuals of a track, px^2, over those of chi square with as many
         degrees of freedom.
     """
-    free = _linear(fitted, windows, speed, Landmark.FREE)
-    exact = _linear(fitted, windows, speed, Landmark.EXACT)
+    alone = [[true_covariances(window, noise) for noise in _units_of_noise(speed)] for window in windows]
+    free, exact = (_linear(fitted, windows, alone, first) for first in (None, EXACT))
     state = _state(fitted, windows, speed, free, exact)
     return [*_named({Landmark.FREE: free, Landmark.EXACT: exact, Landmark.STATE: state}, length, gates)]
 
@@ -79,11 +88,10 @@ def _named(
 
 
 def _linear(
-    fitted: FittedComponents, windows: Sequence[Window], speed: int, landmark: Landmark
+    fitted: "FittedComponents", windows: Sequence[Window], alone: Sequence[Sequence[Covariances]], first: float | None
 ) -> dict[Purpose, Interval]:
-    """By (equivalents), for a free landmark or an exact first observation."""
-    first = None if landmark is Landmark.FREE else EXACT
-    rows = [_ratios(window, _units_of_noise(speed), 1.0, first) for window in windows]
+    """By (equivalents), with the true covariances of each component alone, and sigma of first observations."""
+    rows = [_ratios(window, actual, 1.0, first) for window, actual in zip(windows, alone, strict=True)]
     kappa = np.array([[[one[purpose] for one in row] for purpose in Purpose] for row in rows]).mean(axis=0)
     return dict(zip(Purpose, fitted.combined(kappa), strict=True))
 
@@ -95,14 +103,13 @@ def _units_of_noise(speed: int) -> list[TrackNoise]:
 
 
 def _ratios(
-    window: Window, noises: Sequence[TrackNoise], sigma: float, first: float | None
+    window: Window, actual: Sequence[Covariances], sigma: float, first: float | None
 ) -> list[dict[Purpose, float]]:
-    actual = [true_covariances(window, noise) for noise in noises]
     return consistencies(window, actual, scalar_covariances(window, sigma, first=first))
 
 
 def _state(
-    fitted: FittedComponents,
+    fitted: "FittedComponents",
     windows: Sequence[Window],
     speed: int,
     free: Mapping[Purpose, Interval],
@@ -112,9 +119,10 @@ def _state(
     first = fitted.components["first"].sigma.value
     if first == 0.0:
         return dict(exact)
-    noise = _noise(fitted, speed)
+    actual = [[true_covariances(window, _noise(fitted, speed))] for window in windows]
     tried = free[Purpose.ALL_POSES].value * _GRID
-    each = [[_ratios(window, [noise], float(sigma), first)[0] for window in windows] for sigma in tried]
+    pairs = list(zip(windows, actual, strict=True))
+    each = [[_ratios(window, known, float(sigma), first)[0] for window, known in pairs] for sigma in tried]
     found = {}
     for purpose in Purpose:
         excess = np.log([np.mean([one[purpose] for one in row]) for row in each])
@@ -123,7 +131,7 @@ def _state(
     return found
 
 
-def _noise(fitted: FittedComponents, speed: int) -> TrackNoise:
+def _noise(fitted: "FittedComponents", speed: int) -> TrackNoise:
     covariances = {name: part.covariance for name, part in fitted.components.items()}
     covariances["walk"] = covariances["walk"] * speed
     covariances["drift"] = covariances["drift"] * speed**2

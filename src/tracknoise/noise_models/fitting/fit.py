@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import SettingsError
 from tracknoise.findings.sampling.units import units_of
 from tracknoise.noise_models.fitting.bias import fit_bias
+from tracknoise.noise_models.fitting.common import fit_common
 from tracknoise.noise_models.fitting.components import FittedComponents, fit_components
 from tracknoise.noise_models.fitting.conditions import conditions_of
 from tracknoise.noise_models.fitting.equations import COLUMNS
@@ -64,11 +65,14 @@ def fitted_fields(
         "training": _training(read),
         "camera": _camera(read),
         **fitted.components,
-        "tails": fit_tails(read["samples"], noise, last_age=last_age),
+        "tails": fit_tails(read["samples"], noise, last_age=last_age, groups=read.groups),
         "outlier_share": outliers["n_outliers"].to_numpy().sum() / outliers["n"].to_numpy().sum(),
         "outliers_beyond_px": limit_px,
-        "conditions": conditions_of(read["noise_covariates"], fitted, level=level),
+        "conditions": conditions_of(
+            read["noise_covariates"], read["noise_pairs"], fitted, groups=read.groups, level=level
+        ),
         "bias": fit_bias(sums, read["floors"], groups=read.groups, level=level),
+        "common_share": fit_common(read["rigid"], sums, groups=read.groups, level=level),
         "truth_floor_px": _floor(read["floors"], last_age),
         "equivalents": _equivalents(read, fitted, noise, limit_px),
     }

@@ -6,10 +6,12 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.findings.shape.elliptical import moments, terms
 from tracknoise.findings.shape.student import Student, fit_student
 from tracknoise.noise_models.covariances import error_covariances
 from tracknoise.noise_models.fitting.equations import matrix
+from tracknoise.noise_models.fitting.independent import group_numbers
 from tracknoise.noise_models.model import Tails
 from tracknoise.noise_models.track_noise import TrackNoise
 
@@ -22,7 +24,7 @@ _GAUSSIAN = 200.0
 """Degrees of freedom that cannot be distinguished from a Gaussian."""
 
 
-def fit_tails(samples: pl.DataFrame, noise: TrackNoise, *, last_age: int) -> Tails:
+def fit_tails(samples: pl.DataFrame, noise: TrackNoise, *, last_age: int, groups: SceneGroups = NO_GROUPS) -> Tails:
     """Fit Student's t to single errors.
 
     Parameters
@@ -33,6 +35,8 @@ def fit_tails(samples: pl.DataFrame, noise: TrackNoise, *, last_age: int) -> Tai
         The components.
     last_age
         Oldest age to use, frames of the recording.
+    groups
+        Of scenes that are not independent of each other.
     """
     used = samples.filter(pl.col("at") <= last_age)
     used = used.gather_every(max(1, -(-used.height // _MOST)))
@@ -42,7 +46,7 @@ def fit_tails(samples: pl.DataFrame, noise: TrackNoise, *, last_age: int) -> Tai
     student = fit_student(terms([points]))
     ratio = float(np.linalg.det(matrix(student.scatter[0])) ** 0.25)
     nu = float(student.nu[0])
-    if nu >= 0.99 * _GAUSSIAN or _gain(points, _folds(used["scene"])) <= 0.0:
+    if nu >= 0.99 * _GAUSSIAN or _gain(points, _folds(group_numbers(used, groups))) <= 0.0:
         nu, ratio = math.inf, 1.0
     return Tails(nu=nu, core_sigma=ratio * _core(used, noise), core_ratio=ratio)
 
@@ -67,10 +71,10 @@ def _covariances(samples: pl.DataFrame, noise: TrackNoise) -> Array:
     return error_covariances(noise, age, one, one)
 
 
-def _folds(scenes: pl.Series) -> NDArray[np.intp]:
-    """A number for each error, the same for all of a scene; of halves of the sample where there is one scene."""
-    places = scenes.rank("dense").to_numpy().astype(np.intp) % _FOLDS
-    return places if len(np.unique(places)) > 1 else (np.arange(len(scenes)) * 2 // len(scenes)).astype(np.intp)
+def _folds(group: NDArray[np.intp]) -> NDArray[np.intp]:
+    """A number for each error, the same for all of a group; of halves of the sample where there is one group."""
+    places = group % _FOLDS
+    return places if len(np.unique(places)) > 1 else (np.arange(len(group)) * 2 // len(group)).astype(np.intp)
 
 
 def _gain(points: Array, folds: NDArray[np.intp]) -> float:

@@ -1,17 +1,19 @@
 """The tables of a run that a noise model is fitted to, of one tracker at one speed."""
 
 import tomllib
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import polars as pl
 
 from tracknoise.exceptions import SettingsError, StoreError, UnknownNameError
 from tracknoise.findings.sampling.groups import SceneGroups
+from tracknoise.findings.sampling.groups_of_scenes import groups_of_run
+from tracknoise.tables.schema import NOISE_PAIRS, empty
 from tracknoise.tables.store import RunFolder
 
-_NEEDED = "noise_sums"
-_POOLED = (_NEEDED, "noise_outliers", "noise_covariates", "samples", "ends", "window_noise", "floors")
+_NEEDED, _PAIRS = "noise_sums", "noise_pairs"
+_POOLED = (_NEEDED, "noise_outliers", "noise_covariates", "samples", "ends", "window_noise", "floors", "rigid")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,15 +108,18 @@ def training_tables(
         for key, entry in sorted(entries.items())
         if _NEEDED in entry.sha256 and (scenes is None or entry.sequence.scene in scenes)
     }
-    of = {name: _pooled(folder, name, chosen, tracker, speed) for name in _POOLED}
-    groups = {(one.sequence.dataset, one.sequence.scene): one.group for one in chosen.values() if one.group is not None}
+    of = {name: _pooled(folder, name, tuple(chosen), tracker, speed) for name in _POOLED}
+    if all(_PAIRS in entry.sha256 for entry in chosen.values()):
+        of[_PAIRS] = _pooled(folder, _PAIRS, tuple(chosen), tracker, speed)
+    else:  # scenes of an earlier version
+        of[_PAIRS] = empty(NOISE_PAIRS)
     return TrainingTables(
         tracker=tracker,
         speed=speed,
         settings=_settings(folder, tracker),
         scenes=tuple(sorted(of[_NEEDED]["scene"].unique())),
         keys=tuple(chosen),
-        groups=SceneGroups(groups),
+        groups=groups_of_run(folder),
         tables=of,
         folder=folder,
     )
@@ -128,10 +133,9 @@ def _require_scenes(known: set[str], wanted: Collection[str] | None) -> None:
         raise SettingsError("noise model: found no scenes to fit to, expected at least one")
 
 
-def _pooled(folder: RunFolder, name: str, keys: Collection[str], tracker: str, speed: int) -> pl.DataFrame:
+def _pooled(folder: RunFolder, name: str, keys: Sequence[str], tracker: str, speed: int) -> pl.DataFrame:
     mine = (pl.col("tracker") == tracker) & (pl.col("speed") == speed)
-    parts = [folder.sequence_table(name, key).filter(mine) for key in keys]
-    return pl.concat(parts)
+    return pl.concat([table.filter(mine) for table in folder.stacked_tables(name, keys)])
 
 
 def _settings(folder: RunFolder, tracker: str) -> dict[str, object]:

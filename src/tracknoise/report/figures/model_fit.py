@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import altair as alt
 import polars as pl
 
+from tracknoise.findings.sampling.groups_of_scenes import groups_of_run
 from tracknoise.findings.wording import SPACE, number
 from tracknoise.noise_models.fitted_curve import fitted_curve
 from tracknoise.noise_models.noise_model import NoiseModel
@@ -13,7 +14,7 @@ from tracknoise.report.bands import describe_intervals
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Panel, arranged, layered
-from tracknoise.report.noise_fits import noise_fits, scene_groups
+from tracknoise.report.noise_fits import noise_fits
 from tracknoise.report.report_data import ReportData
 
 _ID, _TITLE = "model-fit", "The noise model over the errors that it was fitted to"
@@ -46,7 +47,7 @@ _ADVICE = "Where the line leaves the band, one set of components does not descri
 def _curve(data: ReportData, tracker: str, model: NoiseModel) -> pl.DataFrame:
     own = (pl.col("tracker") == tracker) & (pl.col("speed") == data.slowest) & (pl.col("product") == "error")
     sums = pl.concat([table.filter(own) for table in data.run.stored_tables("noise_sums")])
-    return fitted_curve(sums, model.components, groups=scene_groups(data))
+    return fitted_curve(sums, model.components, groups=groups_of_run(data.run))
 
 
 def _sentence(tracker: str, model: NoiseModel, curve: pl.DataFrame) -> str:

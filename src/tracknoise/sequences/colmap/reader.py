@@ -17,6 +17,7 @@ from tracknoise.sequences.colmap.depth_maps import read_depth_map
 from tracknoise.sequences.colmap.model import Reconstruction, camera_of, poses_of, reconstruction
 from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_notes
 from tracknoise.sequences.image_names import folders_of, image_names, natural_order
+from tracknoise.sequences.option_text import with_option
 from tracknoise.sequences.poses import pose_notes
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.scenes import find_scenes, scene_folder
@@ -121,7 +122,11 @@ class Colmap:
         levels = (level / _IMAGES for level in (folder, *folder.absolute().parents[:_LEVELS]))
         found = next((level for level in levels if is_folder(level)), None)
         if found is None:
-            raise DataError(folder, "no folder of images", f"{_IMAGES} beside it or above, or the option image_folder")
+            raise DataError(
+                folder,
+                "no folder of images",
+                f"{_IMAGES} beside it or above, or {with_option('image_folder', 'FOLDER')}",
+            )
         return found
 
     def _names(self, images: Path, model: Reconstruction) -> list[str]:
@@ -130,7 +135,11 @@ class Colmap:
         if self.folder is not None and self.folder not in folders:
             raise UnknownNameError("folder of images", self.folder, folders)
         if self.folder is None and len(folders) > 1:
-            raise DataError(images, f"images of several folders: {', '.join(folders)}", "one; choose it with folder")
+            raise DataError(
+                images,
+                f"images of several folders: {', '.join(folders)}",
+                f"one; choose it with {with_option('folder', folders[0])}",
+            )
         chosen = folders[0] if self.folder is None else self.folder
         registered = [name for name in model.images if folders_of([name]) == [chosen]]
         return natural_order({*registered, *image_names(images, chosen)})

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tracknoise.exceptions import DataError, UnknownNameError
+from tracknoise.sequences.option_text import with_option
 from tracknoise.sequences.scenes import find_scenes
 
 _DEVICE, _DATA, _SENSOR = "mav0", "data.csv", "sensor.yaml"
@@ -65,7 +66,7 @@ class Files:
         chains = (self.folder / name for name in _CAMERA_CHAINS)
         file = next((path for path in (own, *chains) if path.exists()), None)
         if file is None:
-            expected = f"it, {' or '.join(_CAMERA_CHAINS)}, or the option camera_file"
+            expected = f"it, {' or '.join(_CAMERA_CHAINS)}, or {with_option('camera_file', 'FILE')}"
             raise DataError(own, "no such file", expected)
         return file
 

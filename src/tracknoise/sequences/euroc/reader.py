@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.checks import require_at_least
+from tracknoise.geometry.interpolation import PosePath
 from tracknoise.sequences.euroc.layout import Files, find_recordings, place_of
 from tracknoise.sequences.euroc.second import find_second
 from tracknoise.sequences.euroc.sensors import read_camera, read_sensor_from_body
@@ -17,7 +18,7 @@ from tracknoise.sequences.images import require_levels
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.scenes import scene_folder
 from tracknoise.sequences.timed.order import in_order, order_notes
-from tracknoise.sequences.timed.trajectory import poses_at, trajectory
+from tracknoise.sequences.timed.trajectory import path_through, poses_at, trajectory
 from tracknoise.tables.identity import SequenceId
 
 
@@ -101,7 +102,7 @@ class Euroc:
         start_ns = images.times_ns[order[0]]
         times_s = _seconds_after(images.times_ns[order], start_ns)
         shift_s = (calibration.time_shift_s or 0.0) if self.time_shift_s is None else self.time_shift_s
-        bodies, notes = self._body_poses(files, start_ns, times_s + shift_s)
+        poses, path, notes = self._camera_poses(files, calibration.body_from_camera, start_ns, times_s, shift_s)
         second, second_notes = find_second(
             files,
             self.camera,
@@ -114,7 +115,7 @@ class Euroc:
             id=sequence,
             source=str(files.folder),
             camera=calibration.camera,
-            world_from_camera=bodies @ calibration.body_from_camera,
+            world_from_camera=poses,
             images=ImageFiles(paths, calibration.camera, self.image_levels),
             notes=(
                 f"the camera is that of {file}",
@@ -128,18 +129,28 @@ class Euroc:
             group=place_of(sequence.scene),
             second=second,
             shutter=calibration.shutter,
+            path=path,
         )
 
-    def _body_poses(
-        self, files: Files, start_ns: np.int64, at_s: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], tuple[str, ...]]:
-        """Poses of the body at times after that of the first image: world_from_sensor sensor_from_body."""
+    def _camera_poses(
+        self,
+        files: Files,
+        body_from_camera: NDArray[np.float64],
+        start_ns: np.int64,
+        times_s: NDArray[np.float64],
+        shift_s: float,
+    ) -> tuple[NDArray[np.float64], PosePath, tuple[str, ...]]:
+        """Poses of the camera at the times of its images, and between them; times are after that of the first image."""
         source = files.pose_source(self.pose_source)
         table = read_table(files.poses(source), "a time, a position and a quaternion")
         recorded = trajectory(table.path, _seconds_after(table.times_ns, start_ns), pose_rows(table), table.places)
-        poses, notes = poses_at(recorded, at_s, max_gap_s=self.max_pose_gap_s)
         sensor_from_body, sensor_notes = read_sensor_from_body(files.sensor(source))
-        return poses @ sensor_from_body, (f"poses come from {source}", *sensor_notes, *notes)
+        sensor_from_camera = sensor_from_body @ body_from_camera
+        sensors, notes = poses_at(recorded, times_s + shift_s, max_gap_s=self.max_pose_gap_s)
+        poses = sensors @ sensor_from_camera
+        along = PosePath(recorded.times_s - shift_s, recorded.poses @ sensor_from_camera)
+        path = path_through(times_s, poses, along, max_gap_s=self.max_pose_gap_s)
+        return poses, path, (f"poses come from {source}", *sensor_notes, *notes)
 
 
 def _seconds_after(times_ns: NDArray[np.int64], start_ns: np.int64) -> NDArray[np.float64]:

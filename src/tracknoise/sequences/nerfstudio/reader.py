@@ -24,11 +24,10 @@ from tracknoise.sequences.image_names import natural_order
 from tracknoise.sequences.images import (
     first_readable,
     image_size,
-    is_readable,
-    read_depth_npy,
     read_enlarged_depth_png16,
 )
 from tracknoise.sequences.nerfstudio.intrinsics import camera_of, intrinsics_in
+from tracknoise.sequences.numpy_depth import numpy_size, read_enlarged_depth_npy
 from tracknoise.sequences.poses import checked_poses
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.scenes import find_scenes, parent_of, scene_folder
@@ -233,20 +232,28 @@ def _matrix(entries: Entries) -> NDArray[np.float64]:
 
 def _enlarged_notes(depths: tuple[Path | None, ...], camera: CameraModel) -> tuple[str, ...]:
     """A sentence where the first depth map that can be read is smaller than the images."""
-    files = [path for path in depths if path is not None and path.suffix.lower() == ".png"]
-    path = first_readable(files) if files else None
-    if path is None or not is_readable(path) or image_size(path)[0] >= camera.width:
+    width, height = next(filter(None, map(_size, depths)), (camera.width, camera.height))
+    if width >= camera.width:
         return ()
-    width, height = image_size(path)
     return (f"depth maps of {width}x{height} pixels are enlarged to the {camera.width}x{camera.height} of the images",)
+
+
+def _size(path: Path | None) -> tuple[int, int] | None:
+    """(width, height) of a depth file; None where it cannot be read."""
+    try:
+        return None if path is None else numpy_size(path) if _is_numpy(path) else image_size(path)
+    except DataError:
+        return None
+
+
+def _is_numpy(path: Path) -> bool:
+    return path.suffix.lower() == ".npy"
 
 
 def _read_depth(path: Path, camera: CameraModel, *, metres_per_unit: float) -> DepthMap:
     """A depth map from a 16-bit PNG or a NumPy file, both in the same unit, as nerfstudio has it.
 
-    PNG files of phones are smaller than the images, and enlarged.
+    Maps of phones are smaller than the images, and enlarged.
     """
-    if path.suffix.lower() == ".npy":
-        depth = read_depth_npy(path, camera)
-        return DepthMap(depth.depth_m * metres_per_unit, depth.valid)
-    return read_enlarged_depth_png16(path, camera, metres_per_unit=metres_per_unit)
+    read = read_enlarged_depth_npy if _is_numpy(path) else read_enlarged_depth_png16
+    return read(path, camera, metres_per_unit=metres_per_unit)

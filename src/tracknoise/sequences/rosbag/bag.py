@@ -8,7 +8,7 @@ import os
 import threading
 import weakref
 from collections.abc import Iterator
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -19,6 +19,7 @@ from rosbags.rosbag2 import Reader as Ros2Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from tracknoise.foreign.parsing import damage_reported
+from tracknoise.sequences.rosbag.compressed import plain_files, plain_message
 from tracknoise.sequences.rosbag.layout import ROS1_SUFFIX, bag_size
 from tracknoise.sequences.rosbag.mcap import ROS1, ROS2, McapConnection, McapReader, is_of_other_program
 
@@ -78,10 +79,9 @@ class Bag:
     def __init__(self, path: Path) -> None:
         self.path = path
         bag_size(path)
-        with _damage(path):
-            self._reader: Any = _reader(path)
-            self._reader.open()
-        weakref.finalize(self, self._reader.close)
+        with _damage(path), ExitStack() as opened:
+            self._reader: Any = _opened_reader(opened.enter_context(plain_files(path)), opened)
+            weakref.finalize(self, opened.pop_all().close)
         with _damage(path):
             topics = self._reader.topics.items()
             listed = [Topic(name, _kind(info.msgtype), info.msgcount) for name, info in topics]
@@ -119,7 +119,8 @@ class Bag:
                 nth = previous.nth + 1 if received_ns == previous.received_ns else 0
                 previous = Position(received_ns, nth)
                 encoding = one.encoding if isinstance(one, McapConnection) else self._encoding
-                yield previous, _decoder(encoding)(data, kind)
+                content = plain_message(data) if encoding == ROS2 else data
+                yield previous, _decoder(encoding)(content, kind)
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,6 +152,16 @@ class BagFile:
 def _opened(file: BagFile, process: int) -> Bag:
     """The open bag. A process that was forked opens its own, because a file has one reading position."""
     return Bag(file.path)
+
+
+def _opened_reader(path: Path, opened: ExitStack) -> Ros1Reader | Ros2Reader | McapReader:
+    """The reader of a bag, which `opened` closes. It leaves messages as they are: `plain_message` limits their size."""
+    reader = _reader(path)
+    reader.open()
+    opened.callback(reader.close)
+    if isinstance(reader, Ros2Reader) and reader.compression_mode == "message":
+        reader.storage.metadata = reader.storage.metadata._replace(compression_mode=None)
+    return reader
 
 
 def _reader(path: Path) -> Ros1Reader | Ros2Reader | McapReader:

@@ -8,10 +8,13 @@ from tracknoise.foreign.files import MIB, is_folder, is_regular_file, require_re
 from tracknoise.sequences.sequence import require_directory
 
 ROS1_SUFFIX = ".bag"
-_ROS2_SUFFIXES = (".db3", ".mcap")
+COMPRESSED_SUFFIX = ".zstd"
+"""Of files of ROS 2 that are compressed as a whole, after their own."""
+_PLAIN_SUFFIXES = (".db3", ".mcap")
+_ROS2_SUFFIXES = (*_PLAIN_SUFFIXES, *(suffix + COMPRESSED_SUFFIX for suffix in _PLAIN_SUFFIXES))
 _SUFFIXES = (ROS1_SUFFIX, *_ROS2_SUFFIXES)
-_METADATA = "metadata.yaml"
-_BAG = "a ROS 1 bag (.bag) or a ROS 2 bag (.db3, .mcap, or a folder with metadata.yaml)"
+METADATA = "metadata.yaml"
+_BAG = "a ROS 1 bag (.bag) or a ROS 2 bag (.db3, .mcap, these with .zstd, or a folder with metadata.yaml)"
 _MOST_BYTES, _MOST_METADATA_BYTES = 1 << 50, 64 * MIB
 
 
@@ -33,7 +36,7 @@ def find_bags(root: Path) -> dict[str, Path]:
     DataError
         If the root does not exist, or there is no bag.
     """
-    if (is_regular_file(root) and root.suffix in _SUFFIXES) or _is_ros2_folder(root):
+    if (is_regular_file(root) and root.name.endswith(_SUFFIXES)) or _is_ros2_folder(root):
         return {root.resolve().name: root}
     bags: dict[str, Path] = {}
     visited: set[str] = set()
@@ -59,20 +62,20 @@ def bag_size(path: Path) -> int:
     """
     if not is_folder(path):
         return require_regular(path, _BAG, most=_MOST_BYTES)
-    files = (file for file in path.iterdir() if file.suffix in (*_ROS2_SUFFIXES, ".zstd"))
-    metadata = require_regular(path / _METADATA, "the metadata of a ROS 2 bag", most=_MOST_METADATA_BYTES)
+    files = (file for file in path.iterdir() if file.name.endswith(_ROS2_SUFFIXES))
+    metadata = require_regular(path / METADATA, "the metadata of a ROS 2 bag", most=_MOST_METADATA_BYTES)
     return metadata + sum(require_regular(file, _BAG, most=_MOST_BYTES) for file in files)
 
 
 def _bags_in(folder: Path, files: list[str]) -> list[Path]:
-    if _METADATA in files and _is_ros2_folder(folder):
+    if METADATA in files and _is_ros2_folder(folder):
         return [folder]
     return [folder / name for name in files if name.endswith(_SUFFIXES) and not name.startswith(".")]
 
 
 def _is_ros2_folder(folder: Path) -> bool:
     """Whether a folder holds metadata of a ROS 2 bag, and not a file of that name from something else."""
-    path = folder / _METADATA
+    path = folder / METADATA
     if not is_regular_file(path):
         return False
     with path.open("rb") as file:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.sequences.option_text import with_option
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.rosbag.frames import Clock, times_ns
 from tracknoise.sequences.rosbag.links import Link
@@ -91,10 +92,18 @@ def _steps(path: Path, scan: Scan, frames: Frames) -> tuple[list[Step], tuple[st
     body = frames.body or ("" if scan.pose is None else scan.pose.child)
     given = frames.body_from_camera is not None
     if not camera and not given and (body or scan.pose is None):
-        raise DataError(f"{path} {scan.images.topic}", "no frame in the headers", "a frame, or the option camera_frame")
+        raise DataError(
+            f"{path} {scan.images.topic}",
+            "no frame in the headers",
+            f"a frame, or {with_option('camera_frame', 'NAME')}",
+        )
     if scan.pose is None:
         if given and not body:
-            raise DataError(path, f"body_from_camera, poses from {scan.pose_topic} and no pose_frame", "pose_frame")
+            raise DataError(
+                path,
+                f"body_from_camera, poses from {scan.pose_topic} and no pose_frame",
+                with_option("pose_frame", "NAME"),
+            )
         steps = _of_tf(path, scan, frames.world, body if given else camera)
     else:
         measured = body or (_BODY if given else camera)
@@ -110,7 +119,11 @@ def _of_tf(path: Path, scan: Scan, world: str | None, source: str) -> list[Step]
         raise DataError(f"{path} {scan.pose_topic}", f"no transform of {source}", f"one of {tree.names()}")
     if all(step.link.is_static for step in steps):
         found = f"no transform between {source} and {world or steps[-1].link.parent} that changes"
-        raise DataError(f"{path} {scan.pose_topic}", found, "a camera that moves; choose world_frame or pose_topic")
+        raise DataError(
+            f"{path} {scan.pose_topic}",
+            found,
+            f"a camera that moves; choose pose_topic, or {with_option('world_frame', 'NAME')}",
+        )
     return steps
 
 
@@ -162,4 +175,6 @@ def _require_some(
     link, times = next(((link, times) for link, times in moving if not len(times)), moving[0])
     when = f"from {times.min():.3f} s to {times.max():.3f} s" if len(times) else "without a pose"
     found = f"poses for {known} of {len(at_s)} images; the images are from 0 s to {at_s[-1]:.3f} s, {link.child} {when}"
-    raise DataError(f"{path} {link.topic}", found, "poses at the times of images, or a larger max_pose_gap_s")
+    raise DataError(
+        f"{path} {link.topic}", found, f"poses at the times of images, or {with_option('max_pose_gap_s', 'SECONDS')}"
+    )

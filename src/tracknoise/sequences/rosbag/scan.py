@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.child import LostError, call_in_child
+from tracknoise.sequences.option_text import with_option
 from tracknoise.sequences.rosbag.bag import TRANSFORMS, Bag, Position, Topic
 from tracknoise.sequences.rosbag.calibration import CameraInfo, camera_info
 from tracknoise.sequences.rosbag.layout import bag_size
@@ -124,7 +125,7 @@ def _require_aligned(place: str, images: CameraInfo, depths: CameraInfo, frame: 
         raise DataError(
             place,
             "depth of another camera: it has other intrinsics and another frame than the images",
-            f'depth that is aligned with the images, in the frame {frame}, or depth_topic = ""',
+            f"depth that is aligned with the images, in the frame {frame}, or {with_option('depth_topic', '')}",
         )
 
 

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from tracknoise.exceptions import DataError
+from tracknoise.sequences.option_text import with_option
 from tracknoise.sequences.rosbag.bag import TRANSFORMS, Bag, Topic
 
 IMAGE, COMPRESSED_IMAGE = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
@@ -134,9 +135,8 @@ def _camera_info(bag: Bag, name: str | None, image: Topic, infos: list[Topic]) -
     """Beside the images, as ROS has it, or the only one."""
     siblings = _beside(image, infos)
     if name is None and not infos:
-        raise DataError(
-            bag.path, listing(bag.topics.values()), f"one topic of {CAMERA_INFO}, or the option camera_file"
-        )
+        needed = f"one topic of {CAMERA_INFO}, or {with_option('camera_file', 'FILE')}"
+        raise DataError(bag.path, listing(bag.topics.values()), needed)
     return _only(bag, "camera_info_topic", name, siblings or infos, [CAMERA_INFO])
 
 
@@ -153,7 +153,9 @@ def _only(bag: Bag, option: str, name: str | None, fitting: list[Topic], kinds: 
         return _named(bag, option, name, kinds)
     if len(fitting) != 1:
         found = listing(fitting or bag.topics.values())
-        needed = f"one topic of {' or '.join(kinds)}" if not fitting else f"one topic; choose it with {option}"
+        needed = f"one topic of {' or '.join(kinds)}"
+        if fitting:
+            needed = f"one topic; choose it with {with_option(option, fitting[0].name)}"
         raise DataError(bag.path, found, needed)
     return fitting[0]
 

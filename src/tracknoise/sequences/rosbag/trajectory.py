@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.interpolation import interpolate_poses
 from tracknoise.geometry.pose import invert
+from tracknoise.sequences.option_text import with_option
 from tracknoise.sequences.rosbag.links import Link
 
 _SHOWN = 12
@@ -84,7 +85,11 @@ class Tree:
         if common is None:
             self._require_one_parent(above_source[-1], above_target[-1])
             found = f"no chain of transforms from {source or '(no name)'} to {target or '(no name)'}"
-            raise DataError(self.place, found, f"connected frames among {self.names()}, or body_from_camera")
+            raise DataError(
+                self.place,
+                found,
+                f"connected frames among {self.names()}, or {with_option('body_from_camera', '[16 NUMBERS]')}",
+            )
         up = above_source[: above_source.index(common)]
         down = above_target[: above_target.index(common)][::-1]
         return [Step(self.by_child[frame], True) for frame in up] + [

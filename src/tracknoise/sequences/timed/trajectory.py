@@ -7,9 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
-from tracknoise.geometry.interpolation import interpolate_poses
+from tracknoise.geometry.interpolation import PosePath, interpolate_poses
 from tracknoise.sequences.poses import quaternion_poses
 from tracknoise.sequences.timed.order import in_order, order_notes
+
+_BEYOND_S = 1.0
+"""How far beyond the ends of a trajectory a path says that there is no pose. Any time would do."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,6 +101,30 @@ def poses_at(
         raise DataError(recorded.path, _no_overlap(recorded.times_s, at_s, max_gap_s), "poses at the times of images")
     gap = f"{missing} of {len(at_s)} frames have no pose: none was recorded around them within {max_gap_s:g} s"
     return poses, (*recorded.notes, *((gap,) if missing else ()))
+
+
+def path_through(
+    times_s: NDArray[np.float64], poses: NDArray[np.float64], recorded: PosePath, *, max_gap_s: float
+) -> PosePath:
+    """Camera poses at any time: those of the frames, and between them those that were recorded.
+
+    Parameters
+    ----------
+    times_s
+        (n,) float64, seconds, increasing: the times of the frames.
+    poses
+        (n, 4, 4) float64: what `poses_at` found at these times.
+    recorded
+        The recorded poses as those of the camera, in the clock of the frames.
+    max_gap_s
+        See `poses_at`. In longer gaps, before the first pose and after the last, the path has no poses.
+    """
+    gaps = np.flatnonzero(np.diff(recorded.times) > max_gap_s)
+    between_s = (recorded.times[gaps] + recorded.times[gaps + 1]) / 2
+    nowhere_s = np.concatenate((recorded.times[:1] - _BEYOND_S, between_s, recorded.times[-1:] + _BEYOND_S))
+    nowhere = np.full((len(nowhere_s), 4, 4), np.nan)
+    all_s, first = np.unique(np.concatenate((times_s, recorded.times, nowhere_s)), return_index=True)
+    return PosePath(all_s, np.concatenate((poses, recorded.poses, nowhere))[first])
 
 
 def _no_overlap(times_s: NDArray[np.float64], at_s: NDArray[np.float64], max_gap_s: float) -> str:

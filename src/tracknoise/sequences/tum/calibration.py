@@ -15,6 +15,7 @@ from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.camera_files import read_camera_file
 from tracknoise.sequences.images import first_readable, image_size
+from tracknoise.sequences.option_text import with_option
 from tracknoise.sequences.poses import read_rows
 from tracknoise.sequences.tum.known import Recording, find_recording
 
@@ -112,7 +113,8 @@ def find_calibration(
     if (folder / PLAIN_CALIBRATION).exists():
         return _from_plain_numbers(folder / PLAIN_CALIBRATION, images, known)
     if known is None:
-        expected = f"one of {', '.join((*CAMERA_FILES, PLAIN_CALIBRATION))}, or the option camera_file"
+        names = ", ".join((*CAMERA_FILES, PLAIN_CALIBRATION))
+        expected = f"one of {names}, or {with_option('camera_file', 'FILE')}"
         raise DataError(folder, "no camera, and a name that is not that of a known recording", expected)
     return _published(folder, known)
 

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from tracknoise.checks import require_at_least, require_positive
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.association import nearest
+from tracknoise.geometry.interpolation import PosePath
 from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_notes
 from tracknoise.sequences.images import read_depth_png16
 from tracknoise.sequences.poses import read_rows
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.scenes import find_scenes, scene_folder
 from tracknoise.sequences.timed.order import require_seconds
-from tracknoise.sequences.timed.trajectory import Trajectory, poses_at, trajectory
+from tracknoise.sequences.timed.trajectory import Trajectory, path_through, poses_at, trajectory
 from tracknoise.sequences.tum.calibration import PosesOf, find_calibration, known_recording
 from tracknoise.sequences.tum.lists import COLOUR, PAIRS, FileList, read_lists
 from tracknoise.tables.identity import SequenceId
@@ -103,19 +104,25 @@ class Tum:
         recorded = _read_trajectory(folder)
         poses, pose_notes = poses_at(recorded, images.times_s + self.time_shift_s, max_gap_s=self.max_pose_gap_s)
         paths, association_notes = _depths_of(images, depths, max_gap_s=self.max_gap_s)
+        world_from_camera = calibration.world_from_camera(poses)
         timestamps_s, time_notes = _timestamps(images)
+        start_s = images.times_s[0] + self.time_shift_s
+        path = PosePath(recorded.times_s - start_s, calibration.world_from_camera(recorded.poses))
         read_depth = partial(read_depth_png16, metres_per_unit=self.depth_unit_m or calibration.depth_unit_m)
         return RecordedSequence(
             id=sequence,
             source=str(folder),
             camera=calibration.camera,
-            world_from_camera=calibration.world_from_camera(poses),
+            world_from_camera=world_from_camera,
             images=ImageFiles(images.files, calibration.camera),
             depths=depth_files(paths, calibration.camera, read_depth),
             notes=(*calibration.notes, *pose_notes, *images.notes, *time_notes, *association_notes),
             timestamps_s=timestamps_s,
             group=None if known is None else known.place,
             shutter=calibration.shutter,
+            path=None
+            if timestamps_s is None
+            else path_through(timestamps_s, world_from_camera, path, max_gap_s=self.max_pose_gap_s),
         )
 
     def _scenes(self) -> dict[str, Path]:

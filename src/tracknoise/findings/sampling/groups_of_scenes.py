@@ -1,10 +1,29 @@
 """Groups of scenes of a run: those of the experiment, or those that readers know."""
 
+import tomllib
 from collections.abc import Mapping, Sequence
 from fnmatch import fnmatchcase
 
 from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.tables.manifest import SequenceEntry
+from tracknoise.tables.store import RunFolder
+
+
+def groups_of_run(folder: RunFolder) -> SceneGroups:
+    """Groups of the scenes of a run, as its experiment declares them.
+
+    Parameters
+    ----------
+    folder
+        Of the run.
+
+    Raises
+    ------
+    StoreError
+        If its manifest or its settings are missing or damaged.
+    """
+    settings = tomllib.loads(folder.experiment_toml())
+    return groups_of_scenes(folder.manifest().sequences, settings.get("dataset", {}).get("groups"))
 
 
 def groups_of_scenes(

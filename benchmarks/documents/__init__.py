@@ -1,0 +1,1 @@
+"""What the documentation shows, made again: outputs, figures and screenshots."""

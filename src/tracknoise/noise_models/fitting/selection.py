@@ -1,0 +1,127 @@
+"""Which components the noise of a tracker has.
+
+A component is dropped if the interval of its variance reaches 0, or if scenes that were left out are not described
+better with it. This is done one at a time, the least certain first, and the others are fitted again. As there are four
+components, these intervals have a quarter of the usual error probability. The order may mislead where components are
+alike. If others, which are no more and all certain, describe scenes that were left out better, these are kept.
+
+Some decisions are close. A component that was kept is doubtful if its interval at `ALMOST_CERTAIN` reaches 0. One that
+was dropped is doubtful if its interval at the level of the model does not. The opposite decision on each gives an
+alternative. What is said of the other components must hold for the alternatives, too.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.noise_models.fitting.equations import NAMES
+
+if TYPE_CHECKING:
+    from tracknoise.noise_models.fitting.weighted_sums import Bounded, WeightedSums
+
+Array = NDArray[np.float64]
+
+ALMOST_CERTAIN = 0.999
+"""Level of the interval of a component that is kept without doubt."""
+_BETTER = "other components describe scenes that were left out better"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Dropped:
+    """Why a component was dropped, and how large its standard deviation may be, px; None if that is not known."""
+
+    why: str
+    most_px: float | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Selection:
+    """Numbers of the components that were kept, what else they might be, and those that were dropped."""
+
+    active: tuple[int, ...]
+    alternatives: tuple[tuple[int, ...], ...]
+    dropped: dict[int, Dropped]
+
+
+def select(sums: "WeightedSums", *, level: float) -> Selection:
+    """Choose the components.
+
+    Parameters
+    ----------
+    sums
+        What they are fitted to.
+    level
+        Of the intervals of the model.
+    """
+    strict = 1.0 - (1.0 - level) / len(NAMES)
+    eliminated, dropped = _eliminated(sums, strict)
+    active = _better(sums, eliminated, strict)
+    swapped = {one: Dropped(_BETTER, _most(sums, (*active, one), strict)) for one in eliminated if one not in active}
+    out = {one: why for one, why in {**dropped, **swapped}.items() if one not in active}
+    return Selection(active, _alternatives(sums, active, level), out)
+
+
+def _eliminated(sums: "WeightedSums", level: float) -> tuple[tuple[int, ...], dict[int, Dropped]]:
+    """What is left if components are dropped one at a time, and those that were dropped."""
+    active, dropped = list(range(len(NAMES))), dict[int, Dropped]()
+    while True:
+        found, gains = sums.half_traces(active, scale="linear", level=level), sums.gains(active)
+        worst = _least_certain(found, gains)
+        if worst is None or len(active) == 1:
+            return tuple(active), dropped
+        dropped[active[worst]] = _reason(found, gains, worst)
+        del active[worst]
+
+
+def _better(sums: "WeightedSums", active: tuple[int, ...], level: float) -> tuple[int, ...]:
+    """The components, no more than the active ones, that describe best what was left out."""
+    others = [each for size in range(1, len(active) + 1) for each in combinations(range(len(NAMES)), size)]
+    own = sums.held_out(active)
+    better = {each: found for each in others if (found := sums.held_out(each)) > own}
+    certain = [each for each in better if _are_certain(sums.half_traces(each, scale="linear", level=level))]
+    return max(certain, key=lambda each: better[each], default=active)
+
+
+def _are_certain(found: "Bounded") -> bool:
+    return bool((found.low > 0.0).all())
+
+
+def _least_certain(found: "Bounded", gains: Array) -> int | None:
+    """Place of the component to drop; None if all are to be kept."""
+    reaches = np.where(np.isnan(found.low), found.value <= 0.0, found.low <= 0.0)
+    doubtful = reaches | (gains <= 0.0)
+    if not doubtful.any():
+        return None
+    width = np.where(np.isnan(found.low), 1.0, found.value - found.low)
+    certainty = found.value / np.where(width > 0.0, width, 1.0)
+    return int(np.argmin(np.where(doubtful, certainty, np.inf)))
+
+
+def _reason(found: "Bounded", gains: Array, place: int) -> Dropped:
+    most = _root(found.high[place])
+    if found.low[place] <= 0.0 or found.value[place] <= 0.0:
+        return Dropped("the interval of its variance reaches 0", most)
+    return Dropped(
+        f"scenes that were left out are not described better with it ({gains[place]:+.2g} nat per error)", most
+    )
+
+
+def _most(sums: "WeightedSums", active: Sequence[int], level: float) -> float | None:
+    """How large the standard deviation of the last component may be, px."""
+    return _root(sums.half_traces(active, scale="linear", level=level).high[-1])
+
+
+def _root(high: float) -> float | None:
+    return None if np.isnan(high) else float(np.sqrt(max(high, 0.0)))
+
+
+def _alternatives(sums: "WeightedSums", active: Sequence[int], level: float) -> tuple[tuple[int, ...], ...]:
+    found = sums.half_traces(active, scale="linear", level=ALMOST_CERTAIN)
+    doubtful = [one for one, low in zip(active, found.low, strict=True) if low <= 0.0 and len(active) > 1]
+    fewer = [tuple(one for one in active if one != left) for left in doubtful]
+    more = [(*active, other) for other in range(len(NAMES)) if other not in active]
+    return (*fewer, *(each for each in more if sums.half_traces(each, scale="linear", level=level).low[-1] > 0.0))

@@ -1,0 +1,51 @@
+"""Faults that are usual mistakes are said in the words of the mistake."""
+
+import numpy as np
+import pytest
+from benchmarks.validity.audit_worlds import World, make_samples, theta_of
+
+from tracknoise.audit.parameters import Parameter
+from tracknoise.audit.summary import audit_sentences, corrections_toml
+from tracknoise.audit.table import tables_of
+from tracknoise.audit.usual import shifted_text, usual_mistakes, whole_frames
+
+WORLD = World(per_scene=100, n_frames=60)
+
+
+def audit(**faults):
+    theta = theta_of({Parameter(name): value for name, value in faults.items()})
+    return tables_of(make_samples(np.random.default_rng(1), WORLD, theta), "made-up").audit
+
+
+@pytest.mark.parametrize(
+    ("offset", "half", "frames"),
+    [(0.98, 0.1, 1), (-2.1, 0.2, -2), (0.18, 0.03, 0), (0.5, 0.01, 0), (-2.0, 0.6, 0), (0.02, 0.01, 0)],
+)
+def test_an_offset_is_one_of_whole_frames_only_if_this_is_sure(offset, half, frames) -> None:
+    assert whole_frames(offset, half) == frames
+
+
+def test_poses_of_the_next_frame_are_named_as_such() -> None:
+    found = audit(clock_offset=-1.0)
+    (text,) = usual_mistakes(found)
+    assert text.startswith("Poses are off by 1 frame: pose i -1 belongs to frame i (clock offset −33.3 ± 0.")
+    assert audit_sentences(found)[0] == text
+    assert shifted_text(2) == "Poses are off by 2 frames: pose i +2 belongs to frame i"
+
+
+def test_distances_along_the_ray_are_named_with_their_correction() -> None:
+    found = audit(ray_depth=1.0)
+    (text,) = usual_mistakes(found)
+    assert text.startswith("Depth is the distance along the ray, not along the optical axis (share ")
+    assert corrections_toml(found) == "[truth.corrections]\ndepth_along_ray = true"
+
+
+def test_half_a_kind_of_depth_is_no_fault_of_this_kind() -> None:
+    found = audit(ray_depth=0.3)
+    assert "ray_depth" not in found.drop_nulls("rank")["parameter"].to_list()
+    assert usual_mistakes(found) == []
+
+
+@pytest.mark.parametrize("faults", [{}, {"clock_offset": 0.5}, {"focal_length": 0.1}])
+def test_no_other_fault_is_a_usual_mistake(faults) -> None:
+    assert usual_mistakes(audit(**faults)) == []

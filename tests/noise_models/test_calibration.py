@@ -1,0 +1,75 @@
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import tracknoise as tn
+from tracknoise.noise_models.calibration import check_model
+from tracknoise.report.export import specification
+from tracknoise.report.figures.reliability import reliability
+from tracknoise.tables.store import RunFolder
+
+
+@pytest.fixture(scope="module")
+def model(planted_run: Path) -> tn.NoiseModel:
+    """Of white noise, which is as large at all ages."""
+    return tn.NoiseModel.fit(planted_run, tracker="oracle")
+
+
+@pytest.fixture(scope="module")
+def growing(model: tn.NoiseModel) -> tn.NoiseModel:
+    """With a walk that is not there."""
+    walk = replace(model.walk, covariance=model.white.covariance, sigma=model.white.sigma)
+    return replace(model, walk=walk)
+
+
+def test_equal_predictions_are_one_class(planted_run: Path, model: tn.NoiseModel) -> None:
+    found = check_model(model, RunFolder(planted_run))
+    (one,) = found.reliability
+    assert one.n == found.n
+    assert one.predicted_px == pytest.approx(one.measured_px, rel=0.02)
+    assert one.low_px < one.predicted_px < one.high_px
+    assert found.ence == pytest.approx(abs(one.predicted_px - one.measured_px) / one.predicted_px)
+
+
+def test_classes_show_where_a_model_is_wrong(planted_run: Path, growing: tn.NoiseModel) -> None:
+    found = check_model(growing, RunFolder(planted_run))
+    assert 5 <= len(found.reliability) <= 10
+    assert sum(one.n for one in found.reliability) == found.n
+    predicted = [one.predicted_px for one in found.reliability]
+    assert predicted == sorted(predicted)
+    for one in found.reliability:
+        assert one.low_px < one.measured_px < one.high_px
+        assert one.measured_px == pytest.approx(found.reliability[0].measured_px, rel=0.1)
+        assert one.high_px < one.predicted_px
+
+
+def test_the_figure_shows_the_classes_and_where_they_agree(planted_run: Path, growing: tn.NoiseModel) -> None:
+    found = check_model(growing, RunFolder(planted_run))
+    figure = reliability(found, title="with a walk")
+    spec = specification(figure)
+    diagonal, bars, points = spec["concat"][0]["layer"]
+    assert diagonal["mark"]["type"] == "line"
+    for layer in (bars, points):
+        table = spec["datasets"][layer["data"]["name"]]
+        assert table.count("\n") == len(found.reliability) + 1
+        assert f"{found.reliability[0].measured_px:.4g}" in table
+    assert "95 % intervals over 8 scenes" in figure.shows
+
+
+@pytest.mark.parametrize(("kind", "begins"), [("svg", b"<svg"), ("png", b"\x89PNG"), ("pdf", b"%PDF")])
+def test_the_command_writes_the_figure(
+    planted_run: Path, model: tn.NoiseModel, tmp_path: Path, tracknoise, kind: str, begins: bytes
+) -> None:
+    model.write(tmp_path / "model.json")
+    drawn = tmp_path / "plots" / f"reliability.{kind}"
+    code, out, _ = tracknoise("noise", "check", tmp_path / "model.json", "--on", planted_run, "--figure", drawn)
+    assert code == 0
+    assert f"written: {drawn}" in out
+    assert drawn.read_bytes().startswith(begins)
+
+
+def test_a_figure_of_another_kind_is_refused(planted_run: Path, tmp_path: Path, tracknoise) -> None:
+    command = ("noise", "check", tmp_path / "model.json", "--on", planted_run, "--figure", tmp_path / "plot.gif")
+    code, _, error = tracknoise(*command)
+    assert (code, "ends in '.gif', expected .svg, .png or .pdf" in error) == (1, True)

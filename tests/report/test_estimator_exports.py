@@ -66,4 +66,5 @@ def test_the_page_holds_all_exports(fits: NoiseFits, content: dict[str, dict[str
     assert unpacked == {"oracle": json.loads(json.dumps(content))}
     assert made.trackers == ("oracle",)
     assert [name for choice in made.choices for name in choice.estimators] == [*estimators(), *refused()]
+    assert made.first in estimators()
     assert len(made.packed) < 40_000

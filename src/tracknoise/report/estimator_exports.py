@@ -40,6 +40,8 @@ class Exports:
         Why others have none, by name.
     choices
         Estimators in groups; those without an export last.
+    first
+        The estimator that is shown at first.
     packed
         Base64 of the zlib-compressed JSON of `exported`.
     """
@@ -48,6 +50,7 @@ class Exports:
     missing: Mapping[str, str]
     choices: tuple[Choice, ...]
     packed: str
+    first: str = "openvins"
 
 
 def exports(models: Mapping[str, NoiseModel], *, missing: Mapping[str, str], paths: Mapping[str, str]) -> Exports:

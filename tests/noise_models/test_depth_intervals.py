@@ -156,6 +156,18 @@ def test_nothing_is_said_of_one_scene_and_groups_are_left_out_together() -> None
     assert grouped["sigma_px"].to_list() != [found("detection")["residual sigma", "coverage_95"]["sigma_px"]] * 6
 
 
+def test_scenes_without_windows_are_left_out() -> None:
+    tracks, sums, windows = planted("detection")
+    some = pl.col("scene").is_in(["scene 0", "scene 1", "scene 2"])
+    (row,) = (
+        depth_intervals(tracks, sums, windows.filter(some))
+        .filter(window=5, trimming="trimmed", covariance="1 px", quantity="coverage_95")
+        .to_dicts()
+    )
+    assert (row["n_scenes"], row["n"]) == (3, 3 * TRACKS)
+    assert depth_intervals(tracks, sums, windows.clear()).is_empty()
+
+
 def test_without_sums_whole_tracks_are_left_out() -> None:
     tracks, sums, windows = planted("detection")
     assert "whole tracks" not in depth_intervals(tracks, sums.clear(), windows)["covariance"]

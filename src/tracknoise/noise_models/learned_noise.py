@@ -26,7 +26,7 @@ FOLDS = 4
 def learned_noise(
     scenes: Collection[str], sums: pl.DataFrame, windows: pl.DataFrame, *, groups: SceneGroups
 ) -> Iterator[tuple[Sequence[str], LearnedNoise]]:
-    """Scenes, and what all others say; nothing if no scenes are independent of each other.
+    """Scenes, and what all others say; nothing if fewer than two scenes or groups have windows.
 
     Parameters
     ----------
@@ -37,16 +37,15 @@ def learned_noise(
     groups
         Groups of scenes that are not independent of each other.
     """
-    parts = _parts(windows, sorted(scenes), groups)
+    known = sorted({*scenes} & {*windows["scene"]})
+    parts = _parts(windows["dataset"][0], known, groups) if known else []
     if len(parts) > 1:
         yield from ((part, _learned(sums, windows, part, groups)) for part in parts)
 
 
-def _parts(windows: pl.DataFrame, scenes: list[str], groups: SceneGroups) -> list[list[str]]:
+def _parts(dataset: str, scenes: list[str], groups: SceneGroups) -> list[list[str]]:
     """Scenes that are left out together."""
-    if windows.is_empty():
-        return []
-    part = groups.of(windows["dataset"][0], scenes) % FOLDS
+    part = groups.of(dataset, scenes) % FOLDS
     return [[scene for scene, own in zip(scenes, part, strict=True) if own == one] for one in np.unique(part)]
 
 

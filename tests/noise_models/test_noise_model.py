@@ -156,8 +156,8 @@ def test_the_share_in_common_is_written_with_its_interval(tmp_path: Path) -> Non
 def test_a_second_condition_says_what_it_gains_beyond_the_first() -> None:
     motion = replace(TEXTURE, of="motion_px", gain=Interval(value=0.02))
     first, second = (line for line in model_sentences(made(0.1, conditions=(TEXTURE, motion))) if "nat per" in line)
-    assert first.endswith("this gains 0.1 nat per change.")
-    assert second.endswith("this gains 0.02 nat per change beyond the first factor.")
+    assert first.endswith("this gains 0.100 nat per change.")
+    assert second.endswith("this gains 0.0200 nat per change beyond the first factor.")
 
 
 def test_what_is_not_json_is_refused(tmp_path: Path) -> None:

@@ -38,10 +38,11 @@ from tracknoise.sequences.sequence import TRIANGULATED, TruthKind
 from tracknoise.statistics.change_curves import change_curves
 from tracknoise.statistics.curves import aspect_curves
 from tracknoise.statistics.factors import ReferenceCondition
+from tracknoise.statistics.grouping import in_chunks
 from tracknoise.statistics.lifetimes import horizons
 from tracknoise.statistics.trims import dropped_above
 from tracknoise.tables.manifest import Manifest
-from tracknoise.tables.schema import SEQUENCE, VIEW
+from tracknoise.tables.schema import INCREMENTS, SEQUENCE, VIEW
 from tracknoise.tables.store import RunFolder
 
 _OF_SEQUENCES: Mapping[str, tuple[str, Callable[..., pl.DataFrame]]] = {
@@ -114,7 +115,8 @@ def _tables(
     few = _views_of_few_scenes(run)
     pairs: list[pl.DataFrame] = []  # of changes
     lived: list[pl.DataFrame] = []
-    moved = _keeping(run.sequence_tables("increments"), pairs, lambda table: lagged(table, few))  # read only once
+    increments = in_chunks(run.sequence_tables("increments"), INCREMENTS, "increments")
+    moved = _keeping(increments, pairs, lambda table: lagged(table, few))  # read only once
     pooled = {  # first, while no other tables are in memory
         "aspect_curves": aspect_curves(run.sequence_tables("aspects"), min_features=least),
         "changes": change_curves(moved),

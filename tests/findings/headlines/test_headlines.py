@@ -18,6 +18,7 @@ from tracknoise.tables.findings_schema import (
     FINDINGS,
     GAUSSIANITY,
     INTERVALS,
+    NOISE_LOOKUP,
     RIGID_SHARE,
     SEED_SPREAD,
     SURROUNDING_ERRORS,
@@ -55,6 +56,7 @@ SCHEMAS: Mapping[str, Schema] = {
     "rigid_share": RIGID_SHARE,
     "tracker_differences": TRACKER_DIFFERENCES,
     "window_sigmas": WINDOW_SIGMAS,
+    "noise_lookup": NOISE_LOOKUP,
 }
 
 

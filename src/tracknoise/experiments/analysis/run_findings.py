@@ -32,6 +32,7 @@ from tracknoise.findings.shape.gaussianity import gaussianity
 from tracknoise.findings.tracker_differences import tracker_differences
 from tracknoise.findings.two_truths import pose_disagreement_table, two_truths_table
 from tracknoise.findings.zero_mean import zero_mean
+from tracknoise.noise_models.lookup.gains import noise_lookup
 from tracknoise.noise_models.window_noise import window_sigmas
 from tracknoise.sequences.sequence import TRIANGULATED, TruthKind
 from tracknoise.statistics.change_curves import change_curves
@@ -155,7 +156,8 @@ def _of_sequences(run: RunFolder, **sampling: Unpack[_Sampling]) -> dict[str, pl
     """Findings that need one table of every sequence that has it, and nothing else."""
     pooled = {name: pool(run.stored_tables(table), **sampling) for name, (table, pool) in _OF_SEQUENCES.items()}
     windows = window_sigmas(run.stored_tables("window_noise"), run.stored_tables("window_blocks"), **sampling)
-    return {**pooled, "window_sigmas": windows}
+    lookups = noise_lookup(run.stored_tables("noise_sums"), groups=sampling["groups"], level=sampling["level"])
+    return {**pooled, "window_sigmas": windows, "noise_lookup": lookups}
 
 
 def _intervals(

@@ -12,8 +12,9 @@ from tracknoise.experiments.analysis.freed_memory import keep_freed_memory
 from tracknoise.experiments.analysis.groups_of_scenes import groups_of_scenes
 from tracknoise.experiments.analysis.reference_condition import reference_condition
 from tracknoise.experiments.analysis.run_audit import run_audit
-from tracknoise.experiments.settings import Experiment
+from tracknoise.experiments.settings import FROM_FILES, Experiment
 from tracknoise.findings.factors.dependence import dependence
+from tracknoise.findings.factors.tracker_options import option_factors
 from tracknoise.findings.fitted_noise import fitted_noise_table
 from tracknoise.findings.growth.time_structure import LONG_LIVED, lagged, time_structure
 from tracknoise.findings.headlines.document import findings_json
@@ -205,6 +206,7 @@ def _dependence(
         read.frames,
         statistics["curves"],
         statistics["effects"],
+        options=option_factors(_options(experiment)),
         groups=read.groups,
         key_frames=key_frames,
         population=experiment.truth.population,
@@ -212,6 +214,11 @@ def _dependence(
         margin=experiment.findings.margin,
         level=experiment.findings.level,
     )
+
+
+def _options(experiment: Experiment) -> dict[str, tuple[str, Mapping[str, object]]]:
+    """Kind and options of each tracker. Imported tracks are left out: their files come from any front end."""
+    return {one.label: (one.kind, one.options) for one in experiment.trackers if one.kind not in FROM_FILES}
 
 
 def _keeping(

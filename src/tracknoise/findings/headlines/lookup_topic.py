@@ -26,7 +26,7 @@ def noise_by_condition(tables: RunTables, _conditions: ReportedConditions) -> He
     if not sentences:
         return None
     first = next(row for row in _finest_first(tables["noise_lookup"], Product.error) if row["against"] == Lookup.one)
-    return Headline("noise by condition", " ".join(sentences), "findings", "noise_lookup", _gain(first))
+    return Headline("noise by condition", " ".join(sentences), "estimator", "noise_lookup", _gain(first))
 
 
 def lookup_sentences(lookups: pl.DataFrame, product: Product) -> list[str]:

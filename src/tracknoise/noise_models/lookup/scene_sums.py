@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -98,18 +99,23 @@ def scene_sums(sums: pl.DataFrame, groups: SceneGroups) -> Iterator[tuple[str, P
 
 
 def _dense(table: pl.DataFrame, dataset: str, groups: SceneGroups) -> SceneSums:
-    scenes: list[str] = table["scene"].unique().sort().to_list()
-    conditions = sorted(table.select("tracker", "speed").unique().iter_rows())
-    ages = table["age"].unique().sort().to_list()
-    rows = [
-        (scenes.index(scene), conditions.index((tracker, speed)), ages.index(age))
-        for scene, tracker, speed, age in table.select("scene", "tracker", "speed", "age").iter_rows()
-    ]
-    dense = np.zeros((len(scenes), len(conditions), len(ages), len(_SUMS)))
-    np.add.at(dense, tuple(np.array(rows).T), table.select(pl.col(_SUMS).cast(pl.Float64)).to_numpy())
-    named = [groups.names.get((dataset, scene), scene) for scene in scenes]
+    scenes, scene = _numbered(table["scene"])
+    trackers, tracker = _numbered(table["tracker"])
+    speeds, speed = _numbered(table["speed"])
+    ages, age = _numbered(table["age"])
+    known, condition = np.unique(tracker * len(speeds) + speed, return_inverse=True)
+    dense = np.zeros((len(scenes), len(known), len(ages), len(_SUMS)))
+    np.add.at(dense, (scene, condition, age), table.select(pl.col(_SUMS).cast(pl.Float64)).to_numpy())
+    conditions = tuple((str(trackers[code // len(speeds)]), int(speeds[code % len(speeds)])) for code in known)
+    named = [groups.names.get((dataset, name), name) for name in scenes]
     motion = np.unique(named, return_inverse=True)[1]
-    return SceneSums(tuple(scenes), motion, *_units(groups.of(dataset, scenes)), tuple(conditions), dense)
+    return SceneSums(tuple(scenes), motion, *_units(groups.of(dataset, scenes)), conditions, dense)
+
+
+def _numbered(column: pl.Series) -> tuple[list[Any], NDArray[np.intp]]:
+    """Values that occur, sorted, and the number of the value of each row."""
+    values = column.unique().sort()
+    return values.to_list(), np.searchsorted(values.to_numpy(), column.to_numpy())
 
 
 def _units(group: NDArray[np.intp]) -> tuple[NDArray[np.intp], Resampled]:

@@ -29,6 +29,8 @@ _MOST_DOTS = 64
 _Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
 SYNTHETIC = frozenset({"oracle", "scripted"})
 """Kinds of trackers whose positions do not come from images, but from the stated truth, whatever is wrong in it."""
+FROM_FILES = frozenset({"imported"})
+"""Kinds of trackers whose positions another program found."""
 Keep = Literal["observations", "statistics"]
 
 

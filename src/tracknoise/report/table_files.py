@@ -70,6 +70,7 @@ EXPORTS: tuple[Export, ...] = (
     Export("pose-disagreement", "disagreement of the poses of two truths", lambda data: data.pose_disagreement),
     Export("seed-spread", "differences between random seeds", lambda data: data.seed_spread),
     Export("triangulated-noise", "noise from triangulated truth", lambda data: data.triangulated_noise),
+    Export("noise-lookup", "gain of tables of noise by tracker, speed and motion", lambda data: data.noise_lookup),
     Export("window-sigmas", "noise for estimators, by length of window", lambda data: data.window_sigmas),
     Export(
         "point-tracking-metrics",

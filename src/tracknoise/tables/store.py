@@ -108,6 +108,7 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "seed_spread": findings_schema.SEED_SPREAD,
     "triangulated_noise": findings_schema.TRIANGULATED_NOISE,
     "window_sigmas": findings_schema.WINDOW_SIGMAS,
+    "noise_lookup": findings_schema.NOISE_LOOKUP,
     "point_tracking_metrics": findings_schema.POINT_TRACKING_METRICS,
     "two_truths": findings_schema.TWO_TRUTHS,
     "pose_disagreement": findings_schema.POSE_DISAGREEMENT,

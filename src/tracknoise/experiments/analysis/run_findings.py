@@ -12,8 +12,9 @@ from tracknoise.experiments.analysis.finding_inputs import FindingInputs
 from tracknoise.experiments.analysis.freed_memory import keep_freed_memory
 from tracknoise.experiments.analysis.reference_condition import reference_condition
 from tracknoise.experiments.analysis.run_audit import run_audit
-from tracknoise.experiments.settings import Experiment
+from tracknoise.experiments.settings import FROM_FILES, Experiment
 from tracknoise.findings.factors.dependence import dependence
+from tracknoise.findings.factors.tracker_options import option_factors
 from tracknoise.findings.fitted_noise import fitted_noise_table
 from tracknoise.findings.growth.time_structure import LONG_LIVED, lagged, time_structure
 from tracknoise.findings.headlines.document import findings_json
@@ -33,6 +34,7 @@ from tracknoise.findings.shape.gaussianity import gaussianity
 from tracknoise.findings.tracker_differences import tracker_differences
 from tracknoise.findings.two_truths import pose_disagreement_table, two_truths_table
 from tracknoise.findings.zero_mean import zero_mean
+from tracknoise.noise_models.lookup.gains import noise_lookup
 from tracknoise.noise_models.window_noise import window_sigmas
 from tracknoise.sequences.sequence import TRIANGULATED, TruthKind
 from tracknoise.statistics.change_curves import change_curves
@@ -158,7 +160,8 @@ def _of_sequences(run: RunFolder, **sampling: Unpack[_Sampling]) -> dict[str, pl
     """Findings that need one table of every sequence that has it, and nothing else."""
     pooled = {name: pool(run.stored_tables(table), **sampling) for name, (table, pool) in _OF_SEQUENCES.items()}
     windows = window_sigmas(run.stored_tables("window_noise"), run.stored_tables("window_blocks"), **sampling)
-    return {**pooled, "window_sigmas": windows}
+    lookups = noise_lookup(run.stored_tables("noise_sums"), groups=sampling["groups"], level=sampling["level"])
+    return {**pooled, "window_sigmas": windows, "noise_lookup": lookups}
 
 
 def _intervals(
@@ -206,6 +209,7 @@ def _dependence(
         read.frames,
         statistics["curves"],
         statistics["effects"],
+        options=option_factors(_options(experiment)),
         groups=read.groups,
         key_frames=key_frames,
         population=experiment.truth.population,
@@ -213,6 +217,11 @@ def _dependence(
         margin=experiment.findings.margin,
         level=experiment.findings.level,
     )
+
+
+def _options(experiment: Experiment) -> dict[str, tuple[str, Mapping[str, object]]]:
+    """Kind and options of each tracker. Imported tracks are left out: their files come from any front end."""
+    return {one.label: (one.kind, one.options) for one in experiment.trackers if one.kind not in FROM_FILES}
 
 
 def _keeping(

@@ -15,6 +15,7 @@ from tracknoise.findings.headlines import (
 from tracknoise.findings.headlines.error_size import size
 from tracknoise.findings.headlines.factor_topic import factors
 from tracknoise.findings.headlines.headline import Headline, RunTables
+from tracknoise.findings.headlines.lookup_topic import noise_by_condition
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.trimming_topic import trimming_matters
 from tracknoise.findings.headlines.window_topic import estimator_noise
@@ -34,6 +35,7 @@ _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] 
     place_topic.depth_edges,
     error_topics.shape,
     error_topics.growth,
+    noise_by_condition,
     truth_topics.between_trackers,
     factors,
     error_topics.survivorship,
@@ -63,7 +65,8 @@ def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.Data
     ----------
     tables
         By their names: curves, floor, summary, effects, intervals, seed_spread, zero_mean, gaussianity, time_structure,
-        dependence, surrounding_errors, rigid_share, tracker_differences, triangulated_noise and window_sigmas.
+        dependence, surrounding_errors, rigid_share, tracker_differences, triangulated_noise, noise_lookup and
+        window_sigmas.
         One without rows has no headline.
     conditions
         Which conditions the sentences are about.

@@ -52,6 +52,18 @@ def test_other_code_finds_the_same_in_the_observations(run, table):
     assert residual == pytest.approx(NOISE_PX, rel=0.1)
 
 
+def test_depth_intervals_of_other_scenes_hold_what_they_claim(run):
+    found = run.table("depth_intervals", trimming="untrimmed").filter(window=10, quantity="coverage_95")
+    shares = {row["covariance"]: row for row in found.to_dicts()}
+    assert set(shares) == {"1 px", "residual sigma", "consistent sigma", "whole tracks"}
+    for name in ("residual sigma", "consistent sigma", "whole tracks"):
+        # features leave their points along surfaces, which costs a few depths
+        assert shares[name]["value"] == pytest.approx(0.93, abs=0.05)
+        assert shares[name]["n_scenes"] == 6
+    (headline,) = run.findings().filter(topic="depth")["text"].to_list()
+    assert "windows of 10 frames hold" in headline
+
+
 Pairs = Mapping[str, tuple[float, float]]
 
 

@@ -5,11 +5,12 @@ from types import ModuleType
 
 import pytest
 from tests.report import synthetic as module
+from tests.report.fitted import fitted_run, planted_run
 from tests.report.runs import make_run
 
 from tracknoise.tables.store import RunFolder
 
-__all__ = ["make_run"]
+__all__ = ["fitted_run", "make_run", "planted_run"]
 
 
 @pytest.fixture(scope="session")

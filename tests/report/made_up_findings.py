@@ -12,6 +12,7 @@ from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
 from tracknoise.tables.audit_schema import AUDIT, AUDIT_CURVES
 from tracknoise.tables.findings_schema import (
     DEPENDENCE,
+    DEPTH_INTERVALS,
     GAUSSIANITY,
     INCIDENCE,
     INTERVALS,
@@ -45,6 +46,7 @@ def made_up(tables: Mapping[str, pl.DataFrame], *, scope: ReportedConditions) ->
         "time_structure": time_structure(tables["curves"]),
         "window_sigmas": window_sigmas(tables["curves"]),
         "noise_lookup": noise_lookup(tables["curves"]),
+        "depth_intervals": depth_intervals(tables["curves"]),
         "dependence": dependence(tables["effects"]),
         "rigid_share": rigid_share(tables["curves"]),
         "pose_law": pose_law(tables["curves"]),
@@ -205,6 +207,20 @@ def window_sigmas(curves: pl.DataFrame) -> pl.DataFrame:
         resampled=_resampled(WINDOW_SIGMAS),
     )  # fmt: skip
     return _typed(made, WINDOW_SIGMAS)
+
+
+def depth_intervals(curves: pl.DataFrame) -> pl.DataFrame:
+    """Intervals that hold too few depths with the sigma of residuals, and the right share with other noise."""
+    held = {"1 px": 1.2, "residual sigma": 0.7, "consistent sigma": 0.98, "whole tracks": 1.0}
+    assumed = pl.DataFrame({"covariance": list(held), "sigma_px": [1.0, 0.1, 0.25, None], "share": list(held.values())})
+    levels = {"coverage_50": 0.5, "coverage_90": 0.8, "coverage_95": 0.82, "coverage_99": 0.83}
+    table = _conditions(curves).join(pl.DataFrame({"window": [5, 10, 15]}), how="cross").join(assumed, how="cross")
+    rows = [table.with_columns(quantity=pl.lit(name), value=value * pl.col("share")) for name, value in levels.items()]
+    made = pl.concat(rows).with_columns(
+        n=pl.lit(200), low=0.9 * pl.col("value"), high=0.5 * (1.0 + pl.col("value")), level=pl.lit(0.95),
+        resampled=_resampled(DEPTH_INTERVALS),
+    )  # fmt: skip
+    return _typed(made, DEPTH_INTERVALS)
 
 
 def dependence(effects: pl.DataFrame, *, verdict: str = "undecided", n_scenes: int = 2) -> pl.DataFrame:

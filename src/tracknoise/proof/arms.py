@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.noise_models.linear_benchmark import EXACT
+from tracknoise.noise_models.point_fit import of_full_rank
 from tracknoise.noise_models.track_noise import TrackNoise
 from tracknoise.proof.bundle import Assumption
 from tracknoise.proof.loss import PLAIN, Loss, LossKind
@@ -117,15 +118,7 @@ def _whole(problem: Problem, group: TrackGroup, noise: TrackNoise, exponent: flo
     found = carried + factor * white
     detected = found.copy()
     detected[:, :2, :2] = noise.first
-    return _regular(np.where(group.born[:, None, None], detected, found))
-
-
-def _regular(covariances: NDArray[np.float64]) -> NDArray[np.float64]:
-    """With a small variance added where an observation would be exact."""
-    size = covariances.shape[1]
-    level = np.trace(covariances, axis1=1, axis2=2) / size
-    added: NDArray[np.float64] = covariances + EXACT**2 * level[:, None, None] * np.eye(size)
-    return added
+    return of_full_rank(np.where(group.born[:, None, None], detected, found))
 
 
 def independent(covariances: Sequence[NDArray[np.float64]]) -> list[NDArray[np.float64]]:

@@ -17,6 +17,7 @@ from scipy import stats
 from tracknoise.findings.sampling.bounds import Method, pooled
 from tracknoise.findings.sampling.units import units_of
 from tracknoise.noise_models.linear_window import PointTracks, linear_tracks
+from tracknoise.noise_models.point_fit import fit_points
 from tracknoise.noise_models.track_noise import TrackNoise
 from tracknoise.proof.arms import one_sigma, whole_tracks
 from tracknoise.proof.problem import Problem, errors_of
@@ -128,16 +129,11 @@ def _triangulated(problem: Problem, covariances: Sequence[NDArray[np.float64]]) 
     for group, errors, covariance in parts:
         tracks = PointTracks(group.frames, group.points)
         linear = linear_tracks(problem.camera, problem.world_from_camera, tracks)
-        flat = errors.reshape(len(errors), -1, 1)
-        weighted = np.asarray(np.linalg.solve(covariance, linear.by_point), dtype=np.float64)
-        information = np.swapaxes(linear.by_point, 1, 2) @ weighted
-        claimed = np.asarray(np.linalg.inv(information), dtype=np.float64)
-        step = claimed @ (np.swapaxes(weighted, 1, 2) @ flat)
+        fitted = fit_points(linear.by_point, errors.reshape(len(errors), -1), covariance)
         distance = np.linalg.norm(linear.rays, axis=1)
-        along = linear.rays / distance[:, None]
-        moved = np.einsum("ti,ti->t", along, step[:, :, 0])
+        moved, over_claimed = fitted.along(linear.rays / distance[:, None])
         error.append(moved / distance)
-        z.append(moved / np.sqrt(np.einsum("ti,tij,tj->t", along, claimed, along)))
-        squares += float(np.square(flat - linear.by_point @ step).sum())
-        freedom += flat.size - 3 * len(flat)
+        z.append(over_claimed)
+        squares += float(np.square(fitted.residuals).sum())
+        freedom += errors.size - 3 * len(errors)
     return _Triangulated(np.concatenate(error), np.concatenate(z), squares, freedom)

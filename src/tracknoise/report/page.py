@@ -8,12 +8,14 @@ from typing import Any
 from tracknoise.atomic import replaced_folder
 from tracknoise.exceptions import StoreError, UnknownNameError
 from tracknoise.report import (
+    estimator_exports,
     explorer,
     export,
     factor_effects,
     findings_section,
     looks,
     measured,
+    noise_fits,
     table_files,
     trimmed,
     truth_section,
@@ -119,7 +121,7 @@ def _page(
     specs: Mapping[str, Any],
     formats: tuple[str, ...],
 ) -> str:
-    seen = looks.looks(data)
+    seen, fits = looks.looks(data), noise_fits.noise_fits(data)
     return template("index.html.j2").render(
         data=data,
         summary=answered,
@@ -138,6 +140,7 @@ def _page(
         trimmed=trimmed,
         truth_section=truth_section,
         exports=table_files.EXPORTS,
+        noise_exports=estimator_exports.exports(fits.models, missing=fits.missing, paths=fits.paths),
         specs={name: _embedded(spec) for name, spec in specs.items()},
         charts=explorer.charts(data),
         explored=_embedded(explorer.explored(data)),

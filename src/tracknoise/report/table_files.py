@@ -72,6 +72,7 @@ EXPORTS: tuple[Export, ...] = (
     Export("triangulated-noise", "noise from triangulated truth", lambda data: data.triangulated_noise),
     Export("noise-lookup", "gain of tables of noise by tracker, speed and motion", lambda data: data.noise_lookup),
     Export("window-sigmas", "noise for estimators, by length of window", lambda data: data.window_sigmas),
+    Export("depth-intervals", "intervals of depths, by assumed noise", lambda data: data.depth_intervals),
     Export(
         "point-tracking-metrics",
         "metrics of TAP-Vid and expected feature age",

@@ -14,6 +14,8 @@ _RAW = {
     "script": "page.js",
     "looks": "looks.js",
     "explorer": "explorer.js",
+    "estimator": "estimator.js",
+    "estimator_css": "estimator.css",
 }
 """Files that stand in a page as they are, by their names in templates."""
 

@@ -15,7 +15,7 @@ from tracknoise.statistics.definitions import WINDOWS
 from tracknoise.statistics.grouping import group_rows
 from tracknoise.statistics.log_histogram import BINS, bin_of
 from tracknoise.statistics.prepared import PreparedSequence
-from tracknoise.statistics.true_points import true_points
+from tracknoise.statistics.window_tracks import window_derivatives, window_runs
 from tracknoise.statistics.windows import FittedWindows, fit_windows
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.schema import TRIMMING, WINDOW_BLOCKS, WINDOW_NOISE, Schema, check, empty
@@ -74,11 +74,11 @@ def _trimmings(windows: pl.DataFrame) -> Iterator[tuple[Trimming, pl.DataFrame]]
 
 def _windows(sequence: PreparedSequence, geometry: FrameGeometry, population: str) -> Iterator[pl.DataFrame]:
     """One row per window: condition, block, window, kept, slow, squares, freedom, z; for some tracks at a time."""
-    rows, start, length = _runs(sequence, population)
+    rows, start, length = window_runs(sequence, population)
     for low, high in _chunks(length):
         first, last = start[low], start[high - 1] + length[high - 1]
         chosen = rows[first:last]
-        jacobian, ray_m = _derivatives(sequence, geometry, chosen, start[low:high] - first, length[low:high])
+        jacobian, ray_m = window_derivatives(sequence, geometry, chosen, start[low:high] - first, length[low:high])
         for window in WINDOWS:
             tracks = np.flatnonzero((length[low:high] >= window) & np.isfinite(ray_m).all(axis=1))
             if len(tracks):
@@ -119,25 +119,6 @@ def _numbers(found: FittedWindows) -> Mapping[str, object]:
     }
 
 
-def _runs(sequence: PreparedSequence, population: str) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
-    """Observations of windows, track by track in order of frames, where each track begins, and how many it has.
-
-    Only tracks whose first observation belongs to the population, and as many observations as a window can have.
-    """
-    rows = sequence.ordered
-    new = np.flatnonzero(np.diff(sequence.track_row[rows], prepend=-1))
-    length = np.diff(np.append(new, len(rows)))
-    place = np.arange(len(rows)) - np.repeat(new, length)
-    member = sequence.seen.members(population)[rows]
-    outside = np.where(member, len(rows), place)
-    until = np.minimum.reduceat(outside, new) if len(new) else np.empty(0, np.intp)
-    taken = np.minimum(np.minimum(length, until), max(WINDOWS))
-    taken = np.where(taken >= min(WINDOWS), taken, 0)
-    kept = place < np.repeat(taken, length)
-    taken = taken[taken > 0]
-    return rows[kept], np.cumsum(taken) - taken, taken
-
-
 def _chunks(length: NDArray[np.intp]) -> Iterator[tuple[int, int]]:
     """First and last (excluded) of consecutive tracks that together have about `_AT_ONCE` observations."""
     if not len(length):
@@ -145,21 +126,6 @@ def _chunks(length: NDArray[np.intp]) -> Iterator[tuple[int, int]]:
     number = np.cumsum(length) // _AT_ONCE
     cuts = [0, *(np.flatnonzero(np.diff(number)) + 1).tolist(), len(length)]
     yield from ((low, high) for low, high in pairwise(cuts) if high > low)
-
-
-def _derivatives(
-    sequence: PreparedSequence,
-    geometry: FrameGeometry,
-    rows: NDArray[np.intp],
-    start: NDArray[np.intp],
-    length: NDArray[np.intp],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Derivatives of true positions by the point of their track, (rows, 2, 3), and rays of the tracks, (tracks, 3)."""
-    frame, born = sequence.seen.frame[rows], rows[start]
-    birth = sequence.seen.frame[born]
-    points = true_points(sequence, geometry, born)
-    ray_m = points - geometry.world_from_camera[birth, :3, 3]
-    return geometry.jacobian(frame, np.repeat(points, length, axis=0)), ray_m
 
 
 def _table(sequence: PreparedSequence, windows: pl.DataFrame, trimming: Trimming, schema: Schema) -> pl.DataFrame:

@@ -58,7 +58,7 @@ def fit_windows(
     ray_m
         (windows, 3) float64, metres: from the camera of the first observation to the true point, not of length 0.
     """
-    across, along = _directions(ray_m)
+    across, along = directions(ray_m)
     lateral = np.linalg.qr((jacobian @ across[:, None]).reshape(len(ray_m), -1, 2))[0]
     depth = (jacobian @ along[:, None, :, None]).reshape(len(ray_m), -1)
     errors = errors_px.reshape(len(ray_m), -1)
@@ -73,8 +73,8 @@ def fit_windows(
     return FittedWindows(_by_axis(left**2), _by_axis(1.0 - taken), np.where(shown, z_px, np.nan))
 
 
-def _directions(ray_m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Two directions across each ray, (windows, 3, 2) metres, as long as the ray, and the ray itself, (windows, 3)."""
+def directions(ray_m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Two directions across each ray (n, 3), as columns (n, 3, 2), metres, as long as the ray; and the ray itself."""
     length = np.linalg.norm(ray_m, axis=1)
     least = np.argmin(np.abs(ray_m), axis=1)
     axis = np.eye(3)[least]

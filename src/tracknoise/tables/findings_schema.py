@@ -188,6 +188,23 @@ much the second moment of a scene typically differs from the table `lookup`, as 
 one. n counts errors.
 """
 
+DEPTH_INTERVALS: Schema = {
+    **_POOLED,
+    "trimming": TRIMMING,
+    "window": pl.UInt32,
+    "covariance": pl.String,
+    "quantity": pl.String,
+    "sigma_px": pl.Float64,
+    "n": pl.Int64,
+    "value": pl.Float64,
+    **_ESTIMATED,
+}
+"""What estimators would claim of the depths of points of other scenes: see `tracknoise.noise_models.depth_intervals`.
+
+covariance says which noise is assumed, and sigma_px how large it is if it is one number. n counts windows. No quantity
+has a unit.
+"""
+
 POINT_TRACKING_METRICS: Schema = {
     **_POOLED,
     "raster": pl.String,

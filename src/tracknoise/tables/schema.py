@@ -393,6 +393,23 @@ before and now are classes of the covariate. squares is the sum of half the squa
 white_before, n, walk and drift multiply W at the first end, W at the second, Q and D in its expectation.
 """
 
+NOISE_TRACKS: Schema = {
+    **ORIGIN,
+    "track": pl.UInt32,
+    "block": pl.UInt8,
+    "stands_for": pl.Float32,
+    "kept": pl.Boolean,
+    "age": pl.UInt32,
+    **dict.fromkeys(("du_px", "dv_px", "magnification"), pl.Float32),
+    **dict.fromkeys(("across_u", "across_v", "other_u", "other_v", "depth_u", "depth_v"), pl.Float32),
+}
+"""First observations of some tracks at the slowest speed (`tracknoise.statistics.noise_tracks`).
+
+stands_for is the number of tracks that each of them represents. magnification is Z_0 / Z_k. The other columns are
+derivatives of the true position, px: by motions of the point in two directions across its first ray, and along this ray
+(depth), each by the length of the ray.
+"""
+
 
 NOISE_PAIRS: Schema = {
     **ORIGIN,

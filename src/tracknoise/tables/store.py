@@ -81,8 +81,9 @@ NOISE_TABLES: Mapping[str, schema.Schema] = {
     "noise_outliers": schema.NOISE_OUTLIERS,
     "noise_covariates": schema.NOISE_COVARIATES,
     "noise_pairs": schema.NOISE_PAIRS,
+    "noise_tracks": schema.NOISE_TRACKS,
 }
-"""What noise models are fitted to. Sequences that an earlier version measured do not have it."""
+"""What noise models are fitted to and tried on. Sequences that an earlier version measured do not have it."""
 _ASKED_FOR: Mapping[str, schema.Schema] = {"point_tracking": schema.POINT_TRACKING, "patches": schema.PATCHES}
 """Tables of a sequence that it has only where the experiment asks for them, or keeps observations."""
 _ALL_SEQUENCE_TABLES: Mapping[str, schema.Schema] = {**SEQUENCE_TABLES, **NOISE_TABLES, **SEED_TABLES, **_ASKED_FOR}
@@ -109,6 +110,7 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "triangulated_noise": findings_schema.TRIANGULATED_NOISE,
     "window_sigmas": findings_schema.WINDOW_SIGMAS,
     "noise_lookup": findings_schema.NOISE_LOOKUP,
+    "depth_intervals": findings_schema.DEPTH_INTERVALS,
     "point_tracking_metrics": findings_schema.POINT_TRACKING_METRICS,
     "two_truths": findings_schema.TWO_TRUTHS,
     "pose_disagreement": findings_schema.POSE_DISAGREEMENT,

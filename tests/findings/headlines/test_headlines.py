@@ -15,6 +15,7 @@ from tracknoise.statistics.factors import ReferenceCondition
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.findings_schema import (
     DEPENDENCE,
+    DEPTH_INTERVALS,
     FINDINGS,
     GAUSSIANITY,
     INTERVALS,
@@ -57,6 +58,7 @@ SCHEMAS: Mapping[str, Schema] = {
     "tracker_differences": TRACKER_DIFFERENCES,
     "window_sigmas": WINDOW_SIGMAS,
     "noise_lookup": NOISE_LOOKUP,
+    "depth_intervals": DEPTH_INTERVALS,
 }
 
 

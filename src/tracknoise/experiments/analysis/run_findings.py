@@ -34,6 +34,7 @@ from tracknoise.findings.shape.gaussianity import gaussianity
 from tracknoise.findings.tracker_differences import tracker_differences
 from tracknoise.findings.two_truths import pose_disagreement_table, two_truths_table
 from tracknoise.findings.zero_mean import zero_mean
+from tracknoise.noise_models.depth_intervals import depth_intervals
 from tracknoise.noise_models.lookup.gains import noise_lookup
 from tracknoise.noise_models.window_noise import window_sigmas
 from tracknoise.sequences.sequence import TRIANGULATED, TruthKind
@@ -60,6 +61,7 @@ _OF_SEQUENCES: Mapping[str, tuple[str, Callable[..., pl.DataFrame]]] = {
     "speed_errors": ("image_speeds", speed_errors),
 }
 """Findings that pool one table of each sequence, and nothing else: the table, and what makes them."""
+_OF_DEPTHS = ("noise_tracks", "noise_sums", "window_noise")
 _OF_PLACES = ("surrounding_errors", "image_cells", "speed_errors")
 _ABOUT_ANCHORS = ("zero_mean", "gaussianity", "radii", "time_structure", *_OF_PLACES)
 """Findings about errors since a point was fixed. They are withheld where points are fitted to whole tracks."""
@@ -161,7 +163,8 @@ def _of_sequences(run: RunFolder, **sampling: Unpack[_Sampling]) -> dict[str, pl
     pooled = {name: pool(run.stored_tables(table), **sampling) for name, (table, pool) in _OF_SEQUENCES.items()}
     windows = window_sigmas(run.stored_tables("window_noise"), run.stored_tables("window_blocks"), **sampling)
     lookups = noise_lookup(run.stored_tables("noise_sums"), groups=sampling["groups"], level=sampling["level"])
-    return {**pooled, "window_sigmas": windows, "noise_lookup": lookups}
+    depths = depth_intervals(*(run.stored_tables(name) for name in _OF_DEPTHS), **sampling)
+    return {**pooled, "window_sigmas": windows, "noise_lookup": lookups, "depth_intervals": depths}
 
 
 def _intervals(

@@ -7,10 +7,12 @@ from tracknoise.audit.pose_errors.rigid import rigid_tables
 from tracknoise.experiments.audit_inputs import audit_samples, cameras_table
 from tracknoise.experiments.frame_geometry import frame_geometry
 from tracknoise.experiments.settings import SYNTHETIC, Experiment
+from tracknoise.geometry.frame_geometry import FrameGeometry
 from tracknoise.geometry.pose import position_rows
 from tracknoise.sequences.sequence import TRIANGULATED, Sequence
 from tracknoise.statistics.image_map import image_map
 from tracknoise.statistics.noise_tables import noise_tables
+from tracknoise.statistics.noise_tracks import noise_tracks
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.window_noise import window_noise
 from tracknoise.tables.schema import POSES, SEQUENCE
@@ -45,8 +47,14 @@ def geometry_tables(
         "image_map": image_map(prepared, width=camera.width, height=camera.height),
         **rigid_tables(prepared, geometry, witnesses=of_images),
         **window_noise(prepared, geometry, population=population, with_depth=with_depth),
-        **(noise_tables(prepared, geometry) if with_depth else {}),
+        **(_of_depth(prepared, geometry, population) if with_depth else {}),
     }
+
+
+def _of_depth(prepared: PreparedSequence, geometry: FrameGeometry, population: str) -> dict[str, pl.DataFrame]:
+    """Tables that need the depths of points."""
+    tracks = noise_tracks(prepared, geometry, population=population)
+    return {**noise_tables(prepared, geometry), "noise_tracks": tracks}
 
 
 def _poses(sequence: Sequence, n_frames: int) -> pl.DataFrame:

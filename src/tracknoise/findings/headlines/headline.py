@@ -7,7 +7,7 @@ from typing import TypeAlias
 import polars as pl
 
 from tracknoise.findings.estimate import Estimate
-from tracknoise.findings.wording import count
+from tracknoise.findings.wording import count, interval_text
 
 RunTables: TypeAlias = Mapping[str, pl.DataFrame]
 """RunTables of a run, by their names."""
@@ -79,3 +79,16 @@ def by_tracker(
 def leading(estimates: Sequence[Estimate]) -> Estimate | None:
     """The first number that has an interval, or else the first."""
     return next((one for one in estimates if one.low is not None), estimates[0] if estimates else None)
+
+
+def in_brackets(rows: pl.DataFrame) -> str:
+    """How the intervals in brackets were made, as the last sentence; empty where there are none.
+
+    Parameters
+    ----------
+    rows
+        Of a table of findings, with columns low, high, level, resampled and n_scenes.
+    """
+    made = rows.drop_nulls(["low", "high"])
+    kinds = made.group_by("level", "resampled").agg(pl.col("n_scenes").unique()).sort("level", "resampled").head(1)
+    return "".join(f" In brackets: {interval_text(*row)}." for row in kinds.iter_rows())

@@ -12,6 +12,7 @@ from tracknoise.findings.headlines import (
     tracking_topics,
     truth_topics,
 )
+from tracknoise.findings.headlines.depth_topic import depths
 from tracknoise.findings.headlines.error_size import size
 from tracknoise.findings.headlines.factor_topic import factors
 from tracknoise.findings.headlines.headline import Headline, RunTables
@@ -25,6 +26,7 @@ from tracknoise.tables.schema import check
 _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] = (
     caveats.doubtful_data,
     estimator_noise,
+    depths,
     caveats.few_scenes,
     caveats.grouped_scenes,
     caveats.recorded_truth,
@@ -65,9 +67,8 @@ def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.Data
     ----------
     tables
         By their names: curves, floor, summary, effects, intervals, seed_spread, zero_mean, gaussianity, time_structure,
-        dependence, surrounding_errors, rigid_share, tracker_differences, triangulated_noise, noise_lookup and
-        window_sigmas.
-        One without rows has no headline.
+        dependence, surrounding_errors, rigid_share, tracker_differences, triangulated_noise, noise_lookup,
+        window_sigmas and depth_intervals. One without rows has no headline.
     conditions
         Which conditions the sentences are about.
 

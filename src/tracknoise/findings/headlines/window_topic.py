@@ -7,9 +7,9 @@ import polars as pl
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_as, format_estimate
-from tracknoise.findings.headlines.headline import Headline, Part, RunTables, by_tracker
+from tracknoise.findings.headlines.headline import Headline, Part, RunTables, by_tracker, in_brackets
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
-from tracknoise.findings.wording import SPACE, interval_text, px, ratio
+from tracknoise.findings.wording import SPACE, px, ratio
 from tracknoise.tables.enumerations import Axis, FloorSource
 
 _LONGEST = 15
@@ -25,13 +25,14 @@ Quantities = Mapping[str, Estimate]
 def estimator_noise(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """The noise to set for windows of tracks, and how wrong depths are if residuals are believed."""
     windows = tables["window_sigmas"].filter(trimming=conditions.trimming)
+    cores = windows.filter(quantity="residual_core")
     errors = "" if conditions.percentile is None else f", from {conditions.trimming} errors"
     meant = "" if conditions.fitted else " The noise to set makes the depths of fitted points as uncertain as they are."
     return by_tracker(
         conditions.trackers,
         lambda tracker: _noise_of(windows, tables["floor"], conditions, tracker),
         opening=f"Noise to set in an estimator {conditions.where(tables['summary'])}{errors}.",
-        closing=f"Windows begin at birth; numbers are medians over them, with true poses.{meant}{_brackets(windows)}",
+        closing=f"Windows begin at birth; numbers are medians over them, with true poses.{meant}{in_brackets(cores)}",
         topic="estimator",
         figure="findings" if conditions.fitted else "estimator",
         table="window_sigmas",
@@ -104,9 +105,3 @@ def _floor_px(floor: pl.DataFrame, conditions: ReportedConditions, tracker: str,
     rows = conditions.of(floor, tracker).filter(pl.col("at") <= since, source=FloorSource.all, axis=Axis.age)
     known = rows.drop_nulls(["floor_uu", "floor_vv"]).sort("at").tail(1).to_dicts()
     return sqrt((known[0]["floor_uu"] + known[0]["floor_vv"]) / 2) if known else None
-
-
-def _brackets(windows: pl.DataFrame) -> str:
-    made = windows.filter(quantity="residual_core").drop_nulls(["low", "high"])
-    kinds = made.group_by("level", "resampled").agg(pl.col("n_scenes").unique()).sort("level", "resampled").head(1)
-    return "".join(f" In brackets: {interval_text(*row)}." for row in kinds.iter_rows())

@@ -9,6 +9,7 @@ from tracknoise.findings.wording import number
 from tracknoise.report.answer.ranking import counted
 from tracknoise.report.answer.subject import number as plain
 from tracknoise.report.answer.summary import Card, Finding, Judgement, Statement
+from tracknoise.report.depth_shares import depth_sentence
 from tracknoise.report.report_data import ReportData
 
 MOST_WORDS, MOST_NUMBERS = 25, 3
@@ -59,6 +60,8 @@ def _of_topic(data: ReportData, row: Mapping[str, Any], accuracy: Judgement) -> 
     if row["topic"] == "factors":
         first = [(accuracy.text, accuracy.section)] if len(data.trackers) > 1 else []
         return [*first, *([(text, row["figure"])] if (text := counted(data)) else [])]
+    if row["topic"] == "depth" and (sentences := [*filter(None, (depth_sentence(data, one) for one in data.trackers))]):
+        return [(text, row["figure"]) for text in sentences]
     make = _SENTENCES.get(row["topic"])
     return [(short(row["text"], row["topic"]) if make is None else make(row), row["figure"])]
 

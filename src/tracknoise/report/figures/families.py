@@ -73,9 +73,10 @@ FAMILIES: tuple[Family, ...] = (
         "For your estimator",
         "An estimator that fits points to windows of tracks needs one sigma. The sigma of its own residuals is not the "
         "one that makes its depths as certain as it claims, because errors of one track are alike from frame to frame.",
-        ("window_sigmas:figures",),
+        ("window_sigmas:figures", "depth_intervals:figures", "model_fit:figures"),
         of_errors=True,
-        what_if="If errors were independent in every frame, both lines would be flat and equal.",
+        what_if="If errors were independent in every frame, both sigmas would be equal in windows of any length, depth "
+        "intervals would lie on the diagonal with either, and errors would not grow with age.",
     ),
     Family(
         "error-by-tracker",

@@ -1,0 +1,113 @@
+"""What to write for each estimator: all exports of the noise models of a run, for the selector of the page."""
+
+import base64
+import json
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from tracknoise.exceptions import SettingsError
+from tracknoise.noise_models.exports.estimators import FAMILIES, estimators, refused
+from tracknoise.noise_models.exports.render import export
+from tracknoise.noise_models.noise_model import NoiseModel
+
+_OPTIONS = {
+    "focal length": "--focal FOCAL_PX --allow-focal lens",
+    "rate": "--rate HZ --allow-rate unchecked",
+    "observations": "--tracks RUN",
+}
+"""Options of the command line for what a model does not know."""
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A group of estimators to choose from: its title, and their names with their titles."""
+
+    title: str
+    estimators: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Exports:
+    """What the section shows.
+
+    Attributes
+    ----------
+    trackers
+        Names of those with a model.
+    missing
+        Why others have none, by name.
+    choices
+        Estimators in groups; those without an export last.
+    first
+        The estimator that is shown at first.
+    packed
+        Base64 of the zlib-compressed JSON of `exported`.
+    """
+
+    trackers: tuple[str, ...]
+    missing: Mapping[str, str]
+    choices: tuple[Choice, ...]
+    packed: str
+    first: str = "openvins"
+
+
+def exports(models: Mapping[str, NoiseModel], *, missing: Mapping[str, str], paths: Mapping[str, str]) -> Exports:
+    """Exports of all models of a run, for every estimator.
+
+    Parameters
+    ----------
+    models, missing, paths
+        As in `tracknoise.report.noise_fits.NoiseFits`.
+    """
+    content = {tracker: exported(model, paths[tracker]) for tracker, model in models.items()}
+    return Exports(trackers=tuple(models), missing=missing, choices=tuple(_choices()), packed=_packed(content))
+
+
+def _choices() -> Iterator[Choice]:
+    for family, title in FAMILIES.items():
+        yield Choice(title, {name: about.title for name, about in estimators().items() if about.family == family})
+    yield Choice("No export", {name: about.title for name, about in refused().items()})
+
+
+def exported(model: NoiseModel, path: str) -> dict[str, dict[str, Any]]:
+    """What is written for each estimator.
+
+    Parameters
+    ----------
+    model
+        The model of a tracker.
+    path
+        Where it is, for the command line.
+
+    Returns
+    -------
+    dict
+        By estimator: `files`, pairs of names and contents, the patch last; `text`, what they are; or, where nothing can
+        be written, `why` and, if options of the command line can state what is missing, `command`.
+    """
+    known = {name: _export(model, name, path) for name in estimators()}
+    return known | {name: {"why": about.why} for name, about in refused().items()}
+
+
+def _export(model: NoiseModel, name: str, path: str) -> dict[str, Any]:
+    try:
+        found = export(model, name, source=path.rpartition("/")[2])
+    except SettingsError as error:
+        unknown = _unknown(model, estimators()[name].needs)
+        command = " ".join([f"tracknoise noise export {path} --to {name}", *(_OPTIONS[need] for need in unknown)])
+        return {"why": str(error), **({"command": command} if unknown else {})}
+    patch = [] if found.patch is None else [(f"{name}.patch", found.patch)]
+    return {"files": [*found.files.items(), *patch], "text": found.text}
+
+
+def _unknown(model: NoiseModel, needs: Sequence[str]) -> list[str]:
+    """What an estimator needs and the run does not know. Observations are never part of a page."""
+    known = {"focal length": model.camera.focal_px, "rate": model.camera.rate_hz}
+    return [need for need in needs if known.get(need) is None]
+
+
+def _packed(content: Mapping[str, Any]) -> str:
+    written = json.dumps(content, separators=(",", ":"), ensure_ascii=False)
+    return base64.b64encode(zlib.compress(written.encode(), 9)).decode()

@@ -1,0 +1,70 @@
+"""What the page offers for each estimator is what the command line writes."""
+
+import base64
+import json
+import zlib
+from typing import Any
+
+import pytest
+
+from tracknoise.cli.app import main
+from tracknoise.noise_models.exports.estimators import estimators, refused
+from tracknoise.report.estimator_exports import exported, exports
+from tracknoise.report.noise_fits import NoiseFits, noise_fits
+from tracknoise.report.report_data import ReportData
+from tracknoise.tables.store import RunFolder
+
+
+@pytest.fixture(scope="module")
+def fits(fitted_run: RunFolder) -> NoiseFits:
+    return noise_fits(ReportData.of(fitted_run))
+
+
+@pytest.fixture(scope="module")
+def content(fits: NoiseFits) -> dict[str, dict[str, Any]]:
+    return exported(fits.models["oracle"], fits.paths["oracle"])
+
+
+def test_every_estimator_has_an_export_or_a_reason(content: dict[str, dict[str, Any]]) -> None:
+    assert list(content) == [*estimators(), *refused()]
+    without = {name: one["why"] for name, one in content.items() if "files" not in one}
+    assert set(without) == {"rovio", "csv", *refused()}
+    assert "no rate" in without["rovio"]
+    assert without["dso"] == refused()["dso"].why
+
+
+def test_files_are_those_of_the_command_line(
+    content: dict[str, dict[str, Any]], fitted_run: RunFolder, tmp_path: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(fitted_run.path)
+    with pytest.raises(SystemExit) as exit_:
+        main(["noise", "export", "statistics/noise/oracle@1.noise.json", "--to", "openvins", "-o", str(tmp_path)])
+    assert exit_.value.code == 0
+    written = {path.name: path.read_text() for path in tmp_path.iterdir()}
+    assert written == {**dict(content["openvins"]["files"]), "openvins.txt": content["openvins"]["text"]}
+
+
+def test_the_shown_command_writes_what_the_page_cannot(
+    content: dict[str, dict[str, Any]],
+    fitted_run: RunFolder,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(fitted_run.path)
+    name, *arguments = content["rovio"]["command"].replace("HZ", "20").split()
+    assert name == "tracknoise"
+    with pytest.raises(SystemExit) as exit_:
+        main(arguments)
+    assert exit_.value.code == 0
+    assert "UpdateNoise" in capsys.readouterr().out
+    assert "command" not in content["dso"]
+
+
+def test_the_page_holds_all_exports(fits: NoiseFits, content: dict[str, dict[str, Any]]) -> None:
+    made = exports(fits.models, missing=fits.missing, paths=fits.paths)
+    unpacked = json.loads(zlib.decompress(base64.b64decode(made.packed)))
+    assert unpacked == {"oracle": json.loads(json.dumps(content))}
+    assert made.trackers == ("oracle",)
+    assert [name for choice in made.choices for name in choice.estimators] == [*estimators(), *refused()]
+    assert made.first in estimators()
+    assert len(made.packed) < 40_000

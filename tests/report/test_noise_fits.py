@@ -1,0 +1,79 @@
+"""Models of a run: fitted once, and fitted again when what they were fitted to has changed."""
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from tracknoise.noise_models.fitted_curve import fitted_curve
+from tracknoise.noise_models.noise_model import NoiseModel
+from tracknoise.noise_models.track_noise import TrackNoise
+from tracknoise.report.figures import model_fit
+from tracknoise.report.figures.figure import Figure
+from tracknoise.report.noise_fits import NoiseFits, noise_fits
+from tracknoise.report.report_data import ReportData
+from tracknoise.tables.store import RunFolder
+
+PATH = "statistics/noise/oracle@1.noise.json"
+MIDDLE = ((0.09 + 0.04) / 2) ** 0.5
+
+
+def of(run: RunFolder) -> NoiseFits:
+    return noise_fits(ReportData.of(run))
+
+
+def test_models_are_those_that_the_command_line_fits(fitted_run: RunFolder) -> None:
+    found = of(fitted_run)
+    assert (list(found.models), dict(found.missing), dict(found.paths)) == (["oracle"], {}, {"oracle": PATH})
+    assert found.models["oracle"].training.speed == 1
+    assert found.models["oracle"].white.sigma.value == pytest.approx(MIDDLE, rel=0.05)
+    assert NoiseModel.read(fitted_run.path / PATH).text == found.models["oracle"].text
+
+
+def test_a_second_report_does_not_fit_again(fitted_run: RunFolder) -> None:
+    written = (fitted_run.path / PATH).stat().st_mtime_ns
+    of(fitted_run)
+    assert (fitted_run.path / PATH).stat().st_mtime_ns == written
+
+
+def test_damaged_models_and_those_of_other_tables_are_fitted_again(fitted_run: RunFolder) -> None:
+    path, inputs = fitted_run.path / PATH, fitted_run.path / "statistics" / "noise" / "inputs.sha256"
+    whole, wanted = path.read_bytes(), inputs.read_text()
+    path.write_bytes(whole[:100])
+    of(fitted_run)
+    assert path.read_bytes() == whole
+    path.write_text("{}")
+    inputs.write_text("of other tables")
+    of(fitted_run)
+    assert (path.read_bytes(), inputs.read_text()) == (whole, wanted)
+
+
+def test_runs_without_sums_have_no_models_and_write_nothing(run: RunFolder) -> None:
+    assert of(run) == NoiseFits({}, {}, {})
+    assert not (run.path / "statistics" / "noise").exists()
+
+
+def test_the_curve_of_a_model_lies_over_the_errors_that_it_was_fitted_to(fitted_run: RunFolder) -> None:
+    tables = [table.filter(tracker="oracle", speed=1) for table in fitted_run.stored_tables("noise_sums")]
+    curve = fitted_curve(pl.concat(tables), of(fitted_run).models["oracle"].components)
+    assert curve["age"].to_list() == list(range(1, 14))
+    ratio = curve["modelled"].to_numpy() / curve["measured"].to_numpy()
+    assert np.abs(ratio - 1.0).max() < 0.1
+    assert (curve["low"] < curve["measured"]).all()
+    assert (curve["measured"] < curve["high"]).all()
+    twice = fitted_curve(pl.concat(tables), TrackNoise.isotropic(white=2.0 * MIDDLE))
+    np.testing.assert_allclose(twice["modelled"].to_numpy(), 2.0 * MIDDLE)
+    assert twice["measured"].equals(curve["measured"])
+
+
+def test_the_figure_states_components_and_how_far_they_are_off(fitted_run: RunFolder) -> None:
+    (figure,) = model_fit.figures(ReportData.of(fitted_run))
+    assert isinstance(figure, Figure)
+    assert "oracle: each frame 0.2" in figure.look_for
+    assert "from the measured errors." in figure.look_for
+
+
+def test_the_figure_is_absent_without_a_model(run: RunFolder, tmp_path: Path) -> None:
+    (absent,) = model_fit.figures(ReportData.of(run))
+    assert not isinstance(absent, Figure)

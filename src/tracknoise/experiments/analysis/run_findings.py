@@ -85,9 +85,10 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
         If a table is damaged, or the folder cannot be written.
     """
     keep_freed_memory()
-    reference = reference_condition(run.manifest(), experiment, statistics["outliers"])
-    tables = _tables(run, experiment, statistics, reference) | run_audit(run, experiment)
-    reported = _reported(run, experiment, {**statistics, **tables}, reference)
+    manifest = run.manifest()
+    reference = reference_condition(manifest, experiment, statistics["outliers"])
+    tables = _tables(run, manifest, experiment, statistics, reference) | run_audit(run, experiment)
+    reported = _reported(manifest, experiment, {**statistics, **tables}, reference)
     if reported.fitted:
         tables |= _without_verdicts_on_errors(tables)
     tables["findings"] = headline_table({**statistics, **tables}, reported)
@@ -113,10 +114,14 @@ class _CurveOptions(_Sampling):
 
 
 def _tables(
-    run: RunFolder, experiment: Experiment, statistics: Mapping[str, pl.DataFrame], reference: ReferenceCondition
+    run: RunFolder,
+    manifest: Manifest,
+    experiment: Experiment,
+    statistics: Mapping[str, pl.DataFrame],
+    reference: ReferenceCondition,
 ) -> dict[str, pl.DataFrame]:
     population, least = experiment.truth.population, experiment.statistics.min_features
-    few = _views_of_few_scenes(run)
+    few = _views_of_few_scenes(manifest)
     pairs: list[pl.DataFrame] = []  # of changes
     lived: list[pl.DataFrame] = []
     increments = in_chunks(run.sequence_tables("increments"), INCREMENTS, "increments")
@@ -125,7 +130,7 @@ def _tables(
         "aspect_curves": aspect_curves(run.sequence_tables("aspects"), min_features=least),
         "changes": change_curves(moved),
     }
-    groups = groups_of_scenes(run.manifest().sequences, experiment.dataset.groups)
+    groups = groups_of_scenes(manifest.sequences, experiment.dataset.groups)
     read = FindingInputs.read(run, population, reference, groups)
     asked, zeros = experiment.findings, reference.key_frames
     options: _CurveOptions = {
@@ -139,7 +144,7 @@ def _tables(
     horizon = horizons(statistics["lifetimes"])
     intervals = _intervals(read, experiment, aspects, horizon)
     spread = seed_spread(intervals, _repeats(run, experiment), horizons=horizon, population=population)
-    shapes = gaussianity(read.moments, run.stacked_tables("samples", sorted(run.manifest().sequences)), **options)
+    shapes = gaussianity(read.moments, run.stacked_tables("samples", sorted(manifest.sequences)), **options)
     return {
         **pooled,
         "intervals": widened(intervals, spread),
@@ -236,19 +241,19 @@ def _keeping(
         yield table
 
 
-def _views_of_few_scenes(run: RunFolder) -> pl.DataFrame:
+def _views_of_few_scenes(manifest: Manifest) -> pl.DataFrame:
     """Datasets and views that have so few scenes that blocks are resampled."""
     names = {"dataset": SEQUENCE["dataset"], **VIEW}
-    of = [entry.sequence for entry in run.manifest().sequences.values()]
+    of = [entry.sequence for entry in manifest.sequences.values()]
     rows = [tuple(getattr(sequence, name) for name in names) for sequence in of]
     views = pl.DataFrame(rows, schema=names, orient="row")
     return views.group_by(list(names)).len().filter(pl.col("len") < MIN_SCENES).select(list(names))
 
 
 def _reported(
-    run: RunFolder, experiment: Experiment, tables: Mapping[str, pl.DataFrame], reference: ReferenceCondition
+    manifest: Manifest, experiment: Experiment, tables: Mapping[str, pl.DataFrame], reference: ReferenceCondition
 ) -> ReportedConditions:
-    truths = {entry.truth for entry in run.manifest().sequences.values()}
+    truths = {entry.truth for entry in manifest.sequences.values()}
     return ReportedConditions(
         reference,
         [tracker.label for tracker in experiment.trackers],
@@ -256,9 +261,9 @@ def _reported(
         percentile=dropped_above(tables["trims"]),
         recorded=truths != {TruthKind.raycast},
         fitted=TRIANGULATED in truths,
-        groups=groups_of_scenes(run.manifest().sequences, experiment.dataset.groups),
+        groups=groups_of_scenes(manifest.sequences, experiment.dataset.groups),
         trimming=experiment.findings.trimming,
-        doubts=doubts_by_scene(run.manifest()),
+        doubts=doubts_by_scene(manifest),
         mistakes=usual_mistakes(tables["audit"]),
     )
 

@@ -3,6 +3,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
+# Tests start some hundred processes: each would compile the package again if compiled files were not kept.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test coverage wheel bench lint clean install
 
 demo: $(STAMP)

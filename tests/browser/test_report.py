@@ -18,6 +18,8 @@ ODD = "<script>window.harmed = 1</script>\"'`\N{GRINNING FACE}&${x}"
 LONG = "n" * 300
 DRAWN = "[...document.querySelectorAll('[data-explorer]')].every(one => one.dataset.shown && one.querySelector('svg'))"
 EVERY = "[...document.querySelectorAll('[data-figure]')].every(one => one.dataset.drawn === 'yes')"
+FIRST = ".questions, .measure, .sigma, svg.picture, svg.curves"
+BOTTOMS = f"Math.max(...[...document.querySelectorAll('{FIRST}')].map(one => one.getBoundingClientRect().bottom))"
 TOO_WIDE = """[...document.querySelectorAll('table, figure, .chart, .scroll, pre, .card, dl')]
   .filter(one => one.scrollWidth > one.clientWidth + 1 || one.getBoundingClientRect().right > innerWidth + 1)
   .map(one => one.textContent.slice(0, 60))"""
@@ -83,13 +85,34 @@ def test_nothing_is_loaded_and_nothing_fails(name: str, open_page: Open, request
 
 def test_the_answer_fits_the_first_screen(report: Path, open_page: Open) -> None:
     page = open_page(report, width=1366)
-    parts = ".questions, .measure, .sigma, svg.picture, svg.curves"
-    bottoms = page.evaluate(f"[...document.querySelectorAll('{parts}')].map(one => one.getBoundingClientRect().bottom)")
-    assert len(bottoms) >= 1 + 2 * 6 + 3
-    assert max(bottoms) <= 768
+    assert page.evaluate(f"document.querySelectorAll('{FIRST}').length") >= 1 + 2 * 6 + 3
+    assert page.evaluate(BOTTOMS) <= 768
     answered = page.evaluate("[...document.querySelectorAll('.first .chip')].map(one => one.textContent)")
     assert {text.split(": ")[1] for text in answered} <= {"yes", "no", "undecided"}
     assert {text.split(": ")[0] for text in answered} >= {"biased", "heavy tails", "grows", "trusted", "other scenes"}
+
+
+def test_the_answer_fits_where_most_true_positions_are_unknown(
+    make_run: Callable[..., RunFolder], open_page: Open
+) -> None:
+    run = make_run(scenes=("a", "b", "c"), trackers=("one", "two"), speeds=(1,), depthless=("b", "c"))
+    page = open_page(write_report(run, figure_formats=()), width=1366)
+    assert "have no true position" in page.evaluate("document.querySelector('.questions').textContent")
+    assert page.evaluate(BOTTOMS) <= 768
+    clipped = "[...document.querySelectorAll('.questions dd')].filter(one => one.scrollHeight > one.clientHeight + 1)"
+    assert page.evaluate(f"{clipped}.length") == 0
+
+
+def test_values_and_their_intervals_are_on_one_line_and_rows_are_level(report: Path, open_page: Open) -> None:
+    page = open_page(report, width=1366)
+    wrapped = """[...document.querySelectorAll('.measure .ends')].filter(one =>
+      one.getBoundingClientRect().top > one.parentElement.querySelector('b').getBoundingClientRect().bottom)"""
+    assert page.evaluate("document.querySelectorAll('.measure .ends').length") > 4
+    assert page.evaluate(f"{wrapped}.length") == 0
+    tops = page.evaluate(
+        "[...document.querySelectorAll('.measure')].map(one => [one.dataset.measure, one.getBoundingClientRect().top])"
+    )
+    assert len(set(map(tuple, tops))) == len({name for name, _ in tops}) < len(tops)
 
 
 def test_links_of_the_first_screen_lead_into_the_page(report: Path, open_page: Open) -> None:

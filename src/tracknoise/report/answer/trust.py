@@ -97,7 +97,7 @@ def _floor(data: ReportData) -> tuple[Verdict, str]:
     )
     known = points.drop_nulls(["floor_u", "floor_v"]).sort("since")
     if known.is_empty():
-        return Verdict.undecided, f"{opening} How accurate it is, is not stated."
+        return Verdict.undecided, f"{opening} Its accuracy is not stated."
     share, error_px, floor_px = max(_share(known.filter(tracker=name)) for name in known["tracker"].unique())
     if floor_px == 0.0:
         return Verdict.yes if audited else Verdict.undecided, f"{opening} It is stated to be exact."

@@ -246,6 +246,102 @@ def test_a_click_on_a_point_opens_the_tracks_behind_it(run: RunFolder, report: P
     assert page.errors == []
 
 
+def pictured(run: RunFolder, tracker: str) -> pl.DataFrame:
+    """Tracks of a tracker that have pictures, each once: scene, track, lifetime and max_error_px."""
+    patches = pl.concat(run.sequence_tables("patches")).filter(tracker=tracker, speed=1)
+    keys = ["dataset", "scene", "track"]
+    shown_ones = patches.explode("track").select(keys).unique()
+    tracks = pl.concat(run.sequence_tables("tracks")).filter(tracker=tracker, speed=1)
+    return tracks.join(shown_ones.with_columns(pl.col("track").cast(tracks["track"].dtype)), on=keys)
+
+
+def click_bar(page: Page, figure: str, condition: str) -> None:
+    """Click the top of the bar of a histogram whose row meets a condition."""
+    page.evaluate(
+        f"""(async () => {{
+          const place = document.querySelector('[data-figure={figure}]');
+          place.scrollIntoView({{block: 'center', behavior: 'instant'}});
+          const all = [...place.querySelectorAll('.mark-line path')];
+          const line = all.find((one) => one.__data__.mark.items.some((item) => ({condition})(item.datum)));
+          const bar = line.__data__.mark.items.find((item) => ({condition})(item.datum));
+          const at = new DOMPoint(bar.x + 1, bar.y).matrixTransform(line.getScreenCTM());
+          window.target = [at.x, at.y];
+        }})()"""
+    )
+    x, y = page.evaluate("window.target")
+    for kind in ("mouseMoved", "mousePressed", "mouseReleased"):
+        page.command("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+    page.wait("!!document.getElementById('looks').dataset.shown")
+
+
+def cards(page: Page) -> list[tuple[str, str, str]]:
+    """Scene, track and kind of every track that is shown."""
+    shown_ones = page.evaluate("[...document.querySelectorAll('.track')].map(one => ({...one.dataset}))")
+    return [(one["scene"], one["track"], one["kind"]) for one in shown_ones]
+
+
+def test_a_click_on_a_bar_of_lifetimes_opens_its_tracks(run: RunFolder, report: Path, open_page: Open) -> None:
+    page = open_page(report)
+    page.wait(EVERY)
+    tracks = pictured(run, "lucas-kanade")
+    lifetime = tracks.group_by("lifetime").len().sort("len", "lifetime")["lifetime"][-1]
+    click_bar(page, "lifetimes", f"(row) => row.lifetime === {lifetime} && row.tracker === 'lucas-kanade' && row.n > 0")
+    wanted = tracks.filter(lifetime=lifetime).select("scene", pl.col("track").cast(pl.String)).rows()
+    found = cards(page)
+    assert len(found) == min(24, len(wanted)) > 2
+    assert {(scene, track) for scene, track, _ in found} <= set(wanted)
+    assert [kind for *_, kind in found] == sorted((kind for *_, kind in found), key=["worst", "median", "best"].index)
+    assert page.errors == []
+
+
+def test_a_click_on_a_bar_of_errors_opens_its_tracks_the_worst_first(
+    run: RunFolder, report: Path, open_page: Open
+) -> None:
+    page = open_page(report)
+    page.wait(EVERY)
+    tracks = pictured(run, "lucas-kanade").drop_nulls("max_error_px")
+    middle = tracks["max_error_px"].sort()[tracks.height // 2]
+    click_bar(
+        page,
+        "trimming",
+        f"(row) => row.tracker === 'lucas-kanade' && row.speed == 1 && row.of <= {middle} && {middle} < row.to",
+    )
+    bar = json.loads(page.evaluate("document.getElementById('looks').dataset.shown"))
+    assert bar["tracker"] == "lucas-kanade"
+    inside = tracks.filter(pl.col("max_error_px").is_between(bar["of"], bar["to"], closed="left"))
+    wanted = inside.sort("max_error_px", descending=True).select("scene", pl.col("track").cast(pl.String)).rows()
+    found = cards(page)
+    assert [one[:2] for one in found if one[2] == "worst"] == wanted[: min(8, -(-len(wanted) // 3))]
+    assert len(found) == min(24, len(wanted)) > 0
+
+
+def test_a_click_on_the_curve_of_a_scene_opens_its_tracks(report: Path, open_page: Open) -> None:
+    page = open_page(report)
+    page.wait(EVERY)
+    shown(page)
+    choose(page, "scene", "forward")
+    choose(page, "tracker", "lucas-kanade")
+    shown(page)
+    page.evaluate(
+        """(() => {
+          const place = document.querySelector('[data-explorer=second]');
+          place.scrollIntoView({block: 'center', behavior: 'instant'});
+          const all = [...place.querySelectorAll('.mark-line path')];
+          const line = all.find((one) => one.__data__.mark.items[0].datum.scene === 'forward');
+          const at = line.__data__.mark.items.find((item) => item.datum.at === 5);
+          const point = new DOMPoint(at.x, at.y).matrixTransform(line.getScreenCTM());
+          window.target = [point.x, point.y];
+        })()"""
+    )
+    x, y = page.evaluate("window.target")
+    for kind in ("mouseMoved", "mousePressed", "mouseReleased"):
+        page.command("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+    page.wait("!!document.getElementById('looks').dataset.shown")
+    shown_now = json.loads(page.evaluate("document.getElementById('looks').dataset.shown"))
+    assert shown_now == {"tracker": "lucas-kanade", "scene": "forward", "at": 5}
+    assert {scene for scene, *_ in cards(page)} == {"forward"}
+
+
 def test_tracks_of_one_scene_are_chosen_without_a_mouse(run: RunFolder, report: Path, open_page: Open) -> None:
     page = open_page(report)
     page.wait(DRAWN)

@@ -112,10 +112,13 @@ def _pair(table: pl.DataFrame, colours: Mapping[str, str], title: str) -> Spec:
 
 
 def _histogram(table: pl.DataFrame) -> alt.Chart:
-    found = table.select("series", "lifetime", n=pl.col("n_ended") + pl.col("n_censored"), cut="n_censored")
+    found = table.select(
+        "series", "tracker", "speed", "lifetime", n=pl.col("n_ended") + pl.col("n_censored"), cut="n_censored"
+    )
     every = pl.int_range(1, pl.col("lifetime").max().cast(pl.Int64) + 1, dtype=pl.UInt32)
-    dense = found.group_by("series", maintain_order=True).agg(lifetime=every).explode("lifetime")
-    counts = dense.join(found, on=["series", "lifetime"], how="left", maintain_order="left")
+    dense = found.group_by("series", maintain_order=True).agg(pl.first("tracker", "speed"), lifetime=every)
+    dense = dense.explode("lifetime")
+    counts = dense.join(found.drop("tracker", "speed"), on=["series", "lifetime"], how="left", maintain_order="left")
     counts = counts.with_columns(pl.col("n", "cut").fill_null(0)).with_columns(marks.drawn_count(pl.col("n")))
     tips = [
         alt.Tooltip("series:N", title="of"),

@@ -125,7 +125,7 @@ def _histogram(bins: pl.DataFrame, hue: alt.Color) -> alt.Chart:
     low = pl.when(pl.col("bin_low_px") > 0).then("bin_low_px").otherwise(pl.col("bin_high_px") / tenth)
     used = bins.filter(pl.col("n") > 0)
     table = bins.filter(pl.col("bin_low_px") <= used["bin_high_px"].max()).select(
-        "speed", "n", marks.drawn_count(pl.col("n")), low=low, to="bin_high_px", of="bin_low_px"
+        "tracker", "speed", "n", marks.drawn_count(pl.col("n")), low=low, to="bin_high_px", of="bin_low_px"
     )
     x = alt.X("low:Q", scale=alt.Scale(type="log", nice=False), title="largest error of the track (px)", axis=_DECADES)
     tips = [

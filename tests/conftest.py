@@ -6,6 +6,7 @@ import shutil
 import signal
 import stat
 from collections.abc import Callable, Iterator
+from functools import lru_cache
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,6 +14,7 @@ import pytest
 from hypothesis import settings
 
 from tracknoise import signals
+from tracknoise.sequences import simulated
 
 settings.register_profile("tracknoise", deadline=None)  # how long an example takes depends on what else runs
 settings.load_profile("tracknoise")
@@ -25,6 +27,14 @@ def kept_signals() -> Iterator[None]:
     yield
     for number, handler in before.items():
         signal.signal(number, handler)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def kept_worlds() -> Iterator[None]:
+    """Tests of many modules look at the same few simulated worlds, which take longer to make than to look at."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(simulated, "_kept", lru_cache(maxsize=8)(simulated._built))
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -92,7 +92,8 @@ def test_an_experiment_measures_the_tracker_on_the_data_of_the_reader(environmen
         f'name = "example"\n[dataset]\nreader = "archive"\nroot = "{data}"\noptions = {{ metres_per_unit = 0.001 }}\n'
         '[[trackers]]\nkind = "corners"\noptions = { most = 100 }\n[statistics]\nmin_features = 5\n'
     )
-    tracknoise(environment, "run", tmp_path / "experiment.toml", "--out", tmp_path / "run", "--quiet", "--workers", 1)
+    options = ("--quiet", "--no-report", "--workers", 1)
+    tracknoise(environment, "run", tmp_path / "experiment.toml", "--out", tmp_path / "run", *options)
     run = tn.open_run(tmp_path / "run")
     errors = run.observations()
     assert errors["tracker"].unique().to_list() == ["corners"]

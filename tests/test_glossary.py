@@ -169,7 +169,8 @@ class Prose(HTMLParser):
 
 def test_a_report(tmp_path):
     small = {"scenes": ("one", "two"), "n_frames": 14, "born": 20, "min_features": 20}
-    page = write_report(synthetic.write_run(tmp_path / "run", synthetic.World(**{**synthetic.SMALL, **small})))
+    run = synthetic.write_run(tmp_path / "run", synthetic.World(**{**synthetic.SMALL, **small}))
+    page = write_report(run, figure_formats=("svg",))
     prose = Prose()
     prose.feed(page.read_text())
     assert "error" in " ".join(prose.parts)

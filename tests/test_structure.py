@@ -20,7 +20,10 @@ def module_name(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-TREES = {module_name(path): ast.parse(path.read_text(encoding="utf-8")) for path in ROOT.rglob("*.py")}
+@cache
+def trees() -> dict[str, ast.Module]:
+    """Every module by name."""
+    return {module_name(path): ast.parse(path.read_text(encoding="utf-8")) for path in ROOT.rglob("*.py")}
 
 
 def lines(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
@@ -34,7 +37,7 @@ def lines(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
 def functions() -> list[tuple[int, str]]:
     """Lines and names of all functions, shortest first."""
     kinds = (ast.FunctionDef, ast.AsyncFunctionDef)
-    nodes = ((name, node) for name, tree in TREES.items() for node in ast.walk(tree) if isinstance(node, kinds))
+    nodes = ((name, node) for name, tree in trees().items() for node in ast.walk(tree) if isinstance(node, kinds))
     return sorted((lines(node), f"{name}.{node.name}") for name, node in nodes)
 
 
@@ -51,13 +54,16 @@ def imported(tree: ast.Module) -> Iterator[str]:
         if node in left_out:
             continue
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names if alias.name in TREES)
-        elif isinstance(node, ast.ImportFrom) and node.module in TREES:
+            yield from (alias.name for alias in node.names if alias.name in trees())
+        elif isinstance(node, ast.ImportFrom) and node.module in trees():
             names = (f"{node.module}.{alias.name}" for alias in node.names)
-            yield from (name if name in TREES else node.module for name in names)
+            yield from (name if name in trees() else node.module for name in names)
 
 
-IMPORTS = {name: set(imported(tree)) - {name} for name, tree in TREES.items()}
+@cache
+def imports() -> dict[str, set[str]]:
+    """Modules of the package that each module imports."""
+    return {name: set(imported(tree)) - {name} for name, tree in trees().items()}
 
 
 def find_cycle() -> list[str]:
@@ -69,17 +75,17 @@ def find_cycle() -> list[str]:
             return [*above[above.index(name) :], name]
         if name in done:
             return []
-        found = next((found for inner in sorted(IMPORTS[name]) if (found := visit(inner, [*above, name]))), [])
+        found = next((found for inner in sorted(imports()[name]) if (found := visit(inner, [*above, name]))), [])
         done.add(name)
         return found
 
-    return next((found for name in sorted(TREES) if (found := visit(name, []))), [])
+    return next((found for name in sorted(trees()) if (found := visit(name, []))), [])
 
 
 @cache
 def longest_chain(name: str) -> tuple[str, ...]:
     """The longest chain of imports that begins with a module; there must be no circle."""
-    return (name, *max((longest_chain(inner) for inner in sorted(IMPORTS[name])), key=len, default=()))
+    return (name, *max((longest_chain(inner) for inner in sorted(imports()[name])), key=len, default=()))
 
 
 def test_functions_are_short() -> None:
@@ -107,13 +113,13 @@ def test_imports_in_functions_count_and_those_for_types_do_not() -> None:
 
 
 def test_a_circle_would_be_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    first, second = sorted(TREES)[:2]
-    monkeypatch.setitem(IMPORTS, first, {second})
-    monkeypatch.setitem(IMPORTS, second, {first})
+    first, second = sorted(trees())[:2]
+    monkeypatch.setitem(imports(), first, {second})
+    monkeypatch.setitem(imports(), second, {first})
     assert find_cycle() == [first, second, first]
 
 
 def test_no_chain_of_imports_is_long() -> None:
-    chain = max((longest_chain(name) for name in sorted(TREES)), key=len)
-    assert all(inner in IMPORTS[outer] for outer, inner in pairwise(chain))
+    chain = max((longest_chain(name) for name in sorted(trees())), key=len)
+    assert all(inner in imports()[outer] for outer, inner in pairwise(chain))
     assert len(chain) <= MOST_MODULES, " > ".join(chain)

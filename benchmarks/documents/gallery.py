@@ -51,7 +51,7 @@ SHOTS = (
     Shot("demo-tracks", DEMO, "#looks", before="look('lucas-kanade', 'forward-00', 10)"),
     Shot("7scenes-first-screen", SEVEN),
     Shot("7scenes-audit", SEVEN, "#truth-audit"),
-    Shot("compare", "compare.html"),
+    Shot("compare", "compare.html", "details"),
 )
 
 

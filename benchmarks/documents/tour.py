@@ -60,7 +60,7 @@ def remade(page: str, output: Callable[[str], str]) -> str:
 
 
 def run(command: str, folder: Path) -> str:
-    """What a command prints in a folder. The program ends if the command fails."""
+    """What a command prints in a folder, whose path is left out. The program ends if the command fails."""
     done = subprocess.run(
         ["bash", "-c", command],
         cwd=folder,
@@ -72,7 +72,7 @@ def run(command: str, folder: Path) -> str:
     )
     if done.returncode:
         raise SystemExit(f"{command}\nended with exit status {done.returncode}:\n{done.stdout}")
-    return "".join(f"{line.rstrip()}\n" for line in done.stdout.splitlines())
+    return "".join(f"{line.rstrip()}\n" for line in done.stdout.replace(f"{folder.resolve()}/", "").splitlines())
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -295,7 +295,7 @@ def main() -> None:
     parser.add_argument("--scenes", default="12")
     parser.add_argument("--jobs", type=int, default=2)
     arguments = parser.parse_args()
-    options = ["--seed", arguments.seed, "--scenes", arguments.scenes]
+    options = ["--seed", arguments.seed, "--scenes", arguments.scenes, "--workers", "1"]  # faults share the cores
     code, output, seconds = run_selfcheck(SOURCE.parent, options)
     print(f"without a fault: {output.splitlines()[0]} Exit status {code}, {seconds:.0f} s", flush=True)
     chosen = [each for each in FAULTS if arguments.only in each.name]

@@ -18,6 +18,8 @@ ODD = "<script>window.harmed = 1</script>\"'`\N{GRINNING FACE}&${x}"
 LONG = "n" * 300
 DRAWN = "[...document.querySelectorAll('[data-explorer]')].every(one => one.dataset.shown && one.querySelector('svg'))"
 EVERY = "[...document.querySelectorAll('[data-figure]')].every(one => one.dataset.drawn === 'yes')"
+FIRST = ".questions, .measure, .sigma, svg.picture, svg.curves"
+BOTTOMS = f"Math.max(...[...document.querySelectorAll('{FIRST}')].map(one => one.getBoundingClientRect().bottom))"
 TOO_WIDE = """[...document.querySelectorAll('table, figure, .chart, .scroll, pre, .card, dl')]
   .filter(one => one.scrollWidth > one.clientWidth + 1 || one.getBoundingClientRect().right > innerWidth + 1)
   .map(one => one.textContent.slice(0, 60))"""
@@ -83,13 +85,34 @@ def test_nothing_is_loaded_and_nothing_fails(name: str, open_page: Open, request
 
 def test_the_answer_fits_the_first_screen(report: Path, open_page: Open) -> None:
     page = open_page(report, width=1366)
-    parts = ".questions, .measure, .sigma, svg.picture, svg.curves"
-    bottoms = page.evaluate(f"[...document.querySelectorAll('{parts}')].map(one => one.getBoundingClientRect().bottom)")
-    assert len(bottoms) >= 1 + 2 * 6 + 3
-    assert max(bottoms) <= 768
+    assert page.evaluate(f"document.querySelectorAll('{FIRST}').length") >= 1 + 2 * 6 + 3
+    assert page.evaluate(BOTTOMS) <= 768
     answered = page.evaluate("[...document.querySelectorAll('.first .chip')].map(one => one.textContent)")
     assert {text.split(": ")[1] for text in answered} <= {"yes", "no", "undecided"}
     assert {text.split(": ")[0] for text in answered} >= {"biased", "heavy tails", "grows", "trusted", "other scenes"}
+
+
+def test_the_answer_fits_where_most_true_positions_are_unknown(
+    make_run: Callable[..., RunFolder], open_page: Open
+) -> None:
+    run = make_run(scenes=("a", "b", "c"), trackers=("one", "two"), speeds=(1,), depthless=("b", "c"))
+    page = open_page(write_report(run, figure_formats=()), width=1366)
+    assert "have no true position" in page.evaluate("document.querySelector('.questions').textContent")
+    assert page.evaluate(BOTTOMS) <= 768
+    clipped = "[...document.querySelectorAll('.questions dd')].filter(one => one.scrollHeight > one.clientHeight + 1)"
+    assert page.evaluate(f"{clipped}.length") == 0
+
+
+def test_values_and_their_intervals_are_on_one_line_and_rows_are_level(report: Path, open_page: Open) -> None:
+    page = open_page(report, width=1366)
+    wrapped = """[...document.querySelectorAll('.measure .ends')].filter(one =>
+      one.getBoundingClientRect().top > one.parentElement.querySelector('b').getBoundingClientRect().bottom)"""
+    assert page.evaluate("document.querySelectorAll('.measure .ends').length") > 4
+    assert page.evaluate(f"{wrapped}.length") == 0
+    tops = page.evaluate(
+        "[...document.querySelectorAll('.measure')].map(one => [one.dataset.measure, one.getBoundingClientRect().top])"
+    )
+    assert len(set(map(tuple, tops))) == len({name for name, _ in tops}) < len(tops)
 
 
 def test_links_of_the_first_screen_lead_into_the_page(report: Path, open_page: Open) -> None:
@@ -221,6 +244,102 @@ def test_a_click_on_a_point_opens_the_tracks_behind_it(run: RunFolder, report: P
     assert [(one["scene"], one["track"]) for one in tracks[:8]] == expected[:8]
     assert [(one["scene"], one["track"]) for one in tracks[16:]] == expected[::-1][:8]
     assert page.errors == []
+
+
+def pictured(run: RunFolder, tracker: str) -> pl.DataFrame:
+    """Tracks of a tracker that have pictures, each once: scene, track, lifetime and max_error_px."""
+    patches = pl.concat(run.sequence_tables("patches")).filter(tracker=tracker, speed=1)
+    keys = ["dataset", "scene", "track"]
+    shown_ones = patches.explode("track").select(keys).unique()
+    tracks = pl.concat(run.sequence_tables("tracks")).filter(tracker=tracker, speed=1)
+    return tracks.join(shown_ones.with_columns(pl.col("track").cast(tracks["track"].dtype)), on=keys)
+
+
+def click_bar(page: Page, figure: str, condition: str) -> None:
+    """Click the top of the bar of a histogram whose row meets a condition."""
+    page.evaluate(
+        f"""(async () => {{
+          const place = document.querySelector('[data-figure={figure}]');
+          place.scrollIntoView({{block: 'center', behavior: 'instant'}});
+          const all = [...place.querySelectorAll('.mark-line path')];
+          const line = all.find((one) => one.__data__.mark.items.some((item) => ({condition})(item.datum)));
+          const bar = line.__data__.mark.items.find((item) => ({condition})(item.datum));
+          const at = new DOMPoint(bar.x + 1, bar.y).matrixTransform(line.getScreenCTM());
+          window.target = [at.x, at.y];
+        }})()"""
+    )
+    x, y = page.evaluate("window.target")
+    for kind in ("mouseMoved", "mousePressed", "mouseReleased"):
+        page.command("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+    page.wait("!!document.getElementById('looks').dataset.shown")
+
+
+def cards(page: Page) -> list[tuple[str, str, str]]:
+    """Scene, track and kind of every track that is shown."""
+    shown_ones = page.evaluate("[...document.querySelectorAll('.track')].map(one => ({...one.dataset}))")
+    return [(one["scene"], one["track"], one["kind"]) for one in shown_ones]
+
+
+def test_a_click_on_a_bar_of_lifetimes_opens_its_tracks(run: RunFolder, report: Path, open_page: Open) -> None:
+    page = open_page(report)
+    page.wait(EVERY)
+    tracks = pictured(run, "lucas-kanade")
+    lifetime = tracks.group_by("lifetime").len().sort("len", "lifetime")["lifetime"][-1]
+    click_bar(page, "lifetimes", f"(row) => row.lifetime === {lifetime} && row.tracker === 'lucas-kanade' && row.n > 0")
+    wanted = tracks.filter(lifetime=lifetime).select("scene", pl.col("track").cast(pl.String)).rows()
+    found = cards(page)
+    assert len(found) == min(24, len(wanted)) > 2
+    assert {(scene, track) for scene, track, _ in found} <= set(wanted)
+    assert [kind for *_, kind in found] == sorted((kind for *_, kind in found), key=["worst", "median", "best"].index)
+    assert page.errors == []
+
+
+def test_a_click_on_a_bar_of_errors_opens_its_tracks_the_worst_first(
+    run: RunFolder, report: Path, open_page: Open
+) -> None:
+    page = open_page(report)
+    page.wait(EVERY)
+    tracks = pictured(run, "lucas-kanade").drop_nulls("max_error_px")
+    middle = tracks["max_error_px"].sort()[tracks.height // 2]
+    click_bar(
+        page,
+        "trimming",
+        f"(row) => row.tracker === 'lucas-kanade' && row.speed == 1 && row.of <= {middle} && {middle} < row.to",
+    )
+    bar = json.loads(page.evaluate("document.getElementById('looks').dataset.shown"))
+    assert bar["tracker"] == "lucas-kanade"
+    inside = tracks.filter(pl.col("max_error_px").is_between(bar["of"], bar["to"], closed="left"))
+    wanted = inside.sort("max_error_px", descending=True).select("scene", pl.col("track").cast(pl.String)).rows()
+    found = cards(page)
+    assert [one[:2] for one in found if one[2] == "worst"] == wanted[: min(8, -(-len(wanted) // 3))]
+    assert len(found) == min(24, len(wanted)) > 0
+
+
+def test_a_click_on_the_curve_of_a_scene_opens_its_tracks(report: Path, open_page: Open) -> None:
+    page = open_page(report)
+    page.wait(EVERY)
+    shown(page)
+    choose(page, "scene", "forward")
+    choose(page, "tracker", "lucas-kanade")
+    shown(page)
+    page.evaluate(
+        """(() => {
+          const place = document.querySelector('[data-explorer=second]');
+          place.scrollIntoView({block: 'center', behavior: 'instant'});
+          const all = [...place.querySelectorAll('.mark-line path')];
+          const line = all.find((one) => one.__data__.mark.items[0].datum.scene === 'forward');
+          const at = line.__data__.mark.items.find((item) => item.datum.at === 5);
+          const point = new DOMPoint(at.x, at.y).matrixTransform(line.getScreenCTM());
+          window.target = [point.x, point.y];
+        })()"""
+    )
+    x, y = page.evaluate("window.target")
+    for kind in ("mouseMoved", "mousePressed", "mouseReleased"):
+        page.command("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+    page.wait("!!document.getElementById('looks').dataset.shown")
+    shown_now = json.loads(page.evaluate("document.getElementById('looks').dataset.shown"))
+    assert shown_now == {"tracker": "lucas-kanade", "scene": "forward", "at": 5}
+    assert {scene for scene, *_ in cards(page)} == {"forward"}
 
 
 def test_tracks_of_one_scene_are_chosen_without_a_mouse(run: RunFolder, report: Path, open_page: Open) -> None:

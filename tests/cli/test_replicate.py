@@ -1,29 +1,19 @@
 """``tracknoise replicate``, as a user types it, on experiments cut down to be quick."""
 
 import re
+from functools import partial
 
 import pytest
 
-from tracknoise.cli.app import main
 from tracknoise.experiments import replicate
 from tracknoise.experiments.load import load_experiment
 from tracknoise.experiments.settings import ViewSettings
-
-
-@pytest.fixture
-def tracknoise(capsys):
-    def go(*arguments):
-        with pytest.raises(SystemExit) as exit_:
-            main(list(arguments))
-        captured = capsys.readouterr()
-        return exit_.value.code, captured.out, captured.err
-
-    return go
+from tracknoise.report import page
 
 
 @pytest.fixture
 def small(monkeypatch):
-    """Presets with one tracker, one speed and small images, so that they take seconds."""
+    """Presets with one tracker, one speed and small images, and reports without PNG, so that they take seconds."""
 
     def load(name, **options):
         experiment = load_experiment(name, **options)
@@ -34,6 +24,7 @@ def small(monkeypatch):
         )
 
     monkeypatch.setattr(replicate, "load_experiment", load)
+    monkeypatch.setattr(page, "write_report", partial(page.write_report, figure_formats=("svg",)))
 
 
 ONCE = ("--scenes", "1", "--frames", "4", "-w", "1")

@@ -28,17 +28,21 @@ def test_help_has_an_example(tracknoise):
     assert "Example: tracknoise selfcheck" in " ".join(out.replace("│", " ").split())
 
 
-def test_a_correct_program_passes_and_the_runs_can_be_kept_and_replaced(tracknoise, tmp_path):
+def test_a_correct_program_passes_and_an_earlier_self_test_is_replaced(tracknoise, tmp_path):
     out = tmp_path / "kept"
-    for _ in range(2):
-        code, text, err = tracknoise(*SMALL, "--seed", "3", "--out", str(out))
-        assert (code, err) == (0, "")
-        lines = text.splitlines()
-        assert lines[0].startswith("Self-test passed: all ")
-        assert lines[1].startswith("Not tested, because it takes more scenes: intervals, zero mean, growth, shape")
-        assert lines[3].split() == ["area", "compared", "wrong"]
-        assert all(line.endswith("ok") for line in lines[5:])
+    (out / "files-run").mkdir(parents=True)
+    earlier = [out / "files-run" / "earlier.txt", out / "selfcheck.csv"]
+    for path in earlier:
+        path.write_text("earlier")
+    code, text, err = tracknoise(*SMALL, "--seed", "3", "--out", str(out))
+    assert (code, err) == (0, "")
+    lines = text.splitlines()
+    assert lines[0].startswith("Self-test passed: all ")
+    assert lines[1].startswith("Not tested, because it takes more scenes: intervals, zero mean, growth, shape")
+    assert lines[3].split() == ["area", "compared", "wrong"]
+    assert all(line.endswith("ok") for line in lines[5:])
     assert len(lines) == 5 + 8
+    assert not earlier[0].exists()
     checks = pl.read_csv(out / "selfcheck.csv")
     assert f"all {checks['n'].sum():,} values" in lines[0]
     assert RunFolder(out / "files-run").statistics("curves").height > 0

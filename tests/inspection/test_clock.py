@@ -17,6 +17,12 @@ def handheld(sample):
     return Evidence.measured(sequence)
 
 
+@pytest.fixture(scope="module")
+def given(handheld):
+    """The offset of the recording itself, frames."""
+    return clock(handheld, None).values["offset_frames"]
+
+
 def rates(offset, *, noise=1e-4, n=90):
     """A hand-held camera's rotation rate, sampled exactly at shifted times."""
     steps, rng = np.arange(n, dtype=float), np.random.default_rng(3)
@@ -47,8 +53,7 @@ def noisy(seed):
 
 
 @pytest.mark.parametrize("frames", [0.4, 1.0, -1.6])
-def test_an_offset_planted_in_a_recording_is_measured_to_a_tenth_of_a_frame(handheld, frames):
-    given = clock(handheld, None).values["offset_frames"]
+def test_an_offset_planted_in_a_recording_is_measured_to_a_tenth_of_a_frame(handheld, given, frames):
     late = Evidence.of(handheld.flow, shifted(frames)(handheld.poses), handheld.camera)
     item = clock(late, np.arange(len(late.poses)) / 30.0)
     assert item.severity is Severity.caveat

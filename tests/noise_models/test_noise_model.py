@@ -5,13 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.noise_models.models import made
+from tests.noise_models.models import TEXTURE, made
 
 import tracknoise
 from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.noise_models.document import document_schema
-from tracknoise.noise_models.model import Bias, BiasKind, Landmark, Purpose, Tails
+from tracknoise.noise_models.model import Bias, BiasKind, Interval, Landmark, Purpose, Tails
 from tracknoise.noise_models.noise_model import NoiseModel
+from tracknoise.report.noise_model_cells import model_sentences
 
 
 def simulated(ages: np.ndarray, magnification: np.ndarray, n: int = 50_000) -> np.ndarray:
@@ -136,6 +137,27 @@ def test_damaged_documents_are_refused(tmp_path: Path, change: dict[str, object]
     with pytest.raises(DataError, match=r"noise\.json") as caught:
         NoiseModel.read(path)
     assert message in str(caught.value)
+
+
+def test_documents_of_earlier_versions_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "noise.json"
+    document = json.loads(made(0.1).text)
+    assert document["common_share"] is None  # as all earlier ones
+    path.write_text(json.dumps({name: value for name, value in document.items() if name != "common_share"}))
+    assert NoiseModel.read(path).text == made(0.1).text
+
+
+def test_the_share_in_common_is_written_with_its_interval(tmp_path: Path) -> None:
+    share = Interval(value=0.1, low=0.05, high=0.2)
+    made(0.1, common_share=share).write(tmp_path / "noise.json")
+    assert NoiseModel.read(tmp_path / "noise.json").common_share == share
+
+
+def test_a_second_condition_says_what_it_gains_beyond_the_first() -> None:
+    motion = replace(TEXTURE, of="motion_px", gain=Interval(value=0.02))
+    first, second = (line for line in model_sentences(made(0.1, conditions=(TEXTURE, motion))) if "nat per" in line)
+    assert first.endswith("this gains 0.100 nat per change.")
+    assert second.endswith("this gains 0.0200 nat per change beyond the first factor.")
 
 
 def test_what_is_not_json_is_refused(tmp_path: Path) -> None:

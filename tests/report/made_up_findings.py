@@ -16,6 +16,7 @@ from tracknoise.tables.findings_schema import (
     GAUSSIANITY,
     INCIDENCE,
     INTERVALS,
+    NOISE_LOOKUP,
     POSE_LAW,
     RADII,
     RIGID_SHARE,
@@ -44,6 +45,7 @@ def made_up(tables: Mapping[str, pl.DataFrame], *, scope: ReportedConditions) ->
         "radii": radii(tables["curves"]),
         "time_structure": time_structure(tables["curves"]),
         "window_sigmas": window_sigmas(tables["curves"]),
+        "noise_lookup": noise_lookup(tables["curves"]),
         "depth_intervals": depth_intervals(tables["curves"]),
         "dependence": dependence(tables["effects"]),
         "rigid_share": rigid_share(tables["curves"]),
@@ -173,6 +175,19 @@ def time_structure(curves: pl.DataFrame) -> pl.DataFrame:
         why=pl.lit("random walk: 0.09 px per sqrt(frame)"),
     )
     return _typed(table, TIME_STRUCTURE)
+
+
+def noise_lookup(curves: pl.DataFrame) -> pl.DataFrame:
+    """A table by tracker that is better than one covariance for all."""
+    row = {
+        "product": "error", "lookup": "tracker", "against": "one for all",
+        "n": 90_000, "gain_nats": 0.4, "low": 0.3, "high": 0.5, "kind": "student", "level": 0.95,
+        "resampled": "scenes", "n_units": 8, "n_scenes": 8, "established": True,
+        "factor": 1.2, "factor_low": 1.1, "factor_high": 1.4,
+        "factor_against": 2.1, "factor_against_low": 1.7, "factor_against_high": 2.6, "why": None,
+    }  # fmt: skip
+    rows = [{"dataset": dataset, **row} for dataset in curves["dataset"].unique()]
+    return pl.DataFrame(rows, schema=dict(NOISE_LOOKUP))
 
 
 def window_sigmas(curves: pl.DataFrame) -> pl.DataFrame:

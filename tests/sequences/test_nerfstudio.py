@@ -142,6 +142,13 @@ def test_numpy_depth_of_another_shape_is_refused(tmp_path, simulated, intrinsics
         open_sequence("nerfstudio", tmp_path).depth(0)
 
 
+def test_a_coefficient_that_is_null_says_nothing(tmp_path, simulated, intrinsics):
+    save(tmp_path, simulated, NAMES[:2])
+    plain = {"k1": None, "k2": None, "frames": [{"k1": None}, {}], **intrinsics}
+    write_transforms(tmp_path, NAMES[:2], simulated.world_from_camera[:2], **plain)
+    assert open_sequence("nerfstudio", tmp_path).camera == simulated.camera
+
+
 def test_the_original_layout_of_nerf(tmp_path, simulated):
     """An angle of view, names without an ending, and no size: the principal point is the centre of the image."""
     save(tmp_path, simulated, ["train/r_0.png", "train/r_1.png"])

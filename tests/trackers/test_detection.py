@@ -55,3 +55,9 @@ def test_descriptors_belong_to_the_keypoints_in_order(sideways):
 def test_impossible_settings_are_refused_by_name(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         Detection(**wrong)
+
+
+@pytest.mark.parametrize("wrong", [{"quality": 0.0}, {"contrast": 1.0}, {"detector": "harris"}])
+def test_impossible_detectors_are_refused_by_name(wrong):
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        Detection(**wrong)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from tracknoise.audit.fitted import Fit
 from tracknoise.audit.jackknife import jackknife
@@ -71,5 +71,5 @@ def _share(fitted: Fit, places: NDArray[np.intp], onto: NDArray[np.float64], tra
     moves = jackknife(fitted.equations, np.array([tracker]))
     value = 1.0 + float(onto @ moves.step[places])
     spread = float(np.sqrt(onto @ moves.covariance[np.ix_(places, places)] @ onto))
-    half = float(stats.t.ppf(0.5 + 0.5 * level, max(moves.n - 1, 1))) * spread
+    half = float(special.stdtrit(max(moves.n - 1, 1), 0.5 + 0.5 * level)) * spread
     return Shares(tracker, value, value - half, value + half)

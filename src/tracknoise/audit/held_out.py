@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from tracknoise.audit.fitted import Fit
 from tracknoise.audit.jackknife import Jackknife
@@ -71,5 +71,5 @@ def gain(corrected: NDArray[np.float64], base: NDArray[np.float64], *, level: fl
     without = 1.0 - (corrected.sum() - corrected) / others
     n = len(base)
     error = float(np.sqrt((n - 1) / n * np.sum((without - without.mean()) ** 2)))
-    half = float(stats.t.ppf(0.5 + 0.5 * level, n - 1)) * error
+    half = float(special.stdtrit(n - 1, 0.5 + 0.5 * level)) * error
     return Gain(value, value - half, min(value + half, 1.0))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from tracknoise.audit.normal import NormalEquations
 
@@ -46,7 +46,7 @@ class Jackknife:
 
     def half_widths(self, level: float) -> NDArray[np.float64]:
         """(p,): half of each interval, by Student's distribution with one degree of freedom less than clusters."""
-        return np.asarray(stats.t.ppf(0.5 + 0.5 * level, self.n - 1) * self.standard_errors)
+        return np.asarray(special.stdtrit(self.n - 1, 0.5 + 0.5 * level) * self.standard_errors)
 
     def p_value(self, values: NDArray[np.float64], places: NDArray[np.intp]) -> float:
         """Of the test that some numbers are 0, by Hotelling's T^2; 1 where there are too few clusters.
@@ -63,7 +63,7 @@ class Jackknife:
             return 1.0
         covariance = self.covariance[np.ix_(places, places)]
         squared = float(values @ np.linalg.pinv(covariance, hermitian=True) @ values)
-        return float(stats.f.sf(squared * (n - k) / (k * (n - 1)), k, n - k))
+        return float(special.fdtrc(k, n - k, max(squared, 0.0) * (n - k) / (k * (n - 1))))
 
 
 def jackknife(equations: NormalEquations, trackers: NDArray[np.intp] | None = None) -> Jackknife:

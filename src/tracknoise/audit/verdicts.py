@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from tracknoise.audit.assessment import ALPHA, LEVEL, MARGIN, Assessment
 from tracknoise.audit.jackknife import condition_number
@@ -80,8 +80,8 @@ def visible_above(one: Assessment) -> NDArray[np.float64]:
     It is the larger of two: that of the test, and that by which the loss falls by `MARGIN`.
     """
     freedom = one.moves.n - 1
-    reach = stats.t.ppf(1.0 - ALPHA / (2.0 * len(Parameter)), freedom) + stats.t.ppf(_POWER, freedom)
-    tested = reach * one.half_widths / stats.t.ppf(0.5 + 0.5 * LEVEL, freedom)
+    reach = special.stdtrit(freedom, 1.0 - ALPHA / (2.0 * len(Parameter))) + special.stdtrit(freedom, _POWER)
+    tested = reach * one.half_widths / special.stdtrit(freedom, 0.5 + 0.5 * LEVEL)
     own = np.diag(np.linalg.inv(one.fitted.equations.information))[one.places]
     return np.asarray(np.maximum(tested, np.sqrt(MARGIN * float(one.loss.sum()) * own)))
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli import noise_check, noise_export
+from tracknoise.cli import noise_check, noise_export, noise_table
 from tracknoise.cli.options import DebugOption
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ def register(app: typer.Typer) -> None:
     noise = typer.Typer(no_args_is_help=True)
     noise.command("fit", no_args_is_help=True)(fit)
     noise.command("show", no_args_is_help=True)(show_model)
+    noise_table.register(noise)
     noise_check.register(noise)
     noise_export.register(noise)
     app.add_typer(noise, name="noise", help="Fit noise models to a run, check them, and export them to estimators.")

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tracknoise.cli.options import DebugOption, QuietOption
+from tracknoise.cli.options import DebugOption, QuietOption, WorkersOption
+from tracknoise.cli.running import processes
 
 if TYPE_CHECKING:
     import polars as pl
@@ -37,7 +38,7 @@ def selfcheck(
             "--out", "-o", help="Keep the runs and all checks in this folder; an earlier self-test is replaced."
         ),
     ] = None,
-    workers: Annotated[int, typer.Option("--workers", "-w", min=1, help="Worker processes.")] = 1,
+    workers: WorkersOption = None,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -48,14 +49,14 @@ def selfcheck(
 
     Example: `tracknoise selfcheck`
     """
-    from tracknoise.experiments.validation.selfcheck import judge, self_test
+    from tracknoise.experiments.validation.selfcheck import LEAST_SCENES, judge, self_test
 
     with _folder(out) as folder:
         checks = self_test(
             folder,
             scenes=scenes,
             seed=seed,
-            workers=workers,
+            workers=processes(workers) if scenes >= LEAST_SCENES else 1,  # with fewer scenes there is one part
             debug=debug,
             progress=lambda part: context.obj.say(f"self-test: {part}"),
         )

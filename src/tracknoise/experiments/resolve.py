@@ -44,6 +44,19 @@ def resolve(experiment: Experiment) -> Experiment:
     return resolved
 
 
+def with_tracker_defaults(experiment: Experiment) -> Experiment:
+    """Return the experiment of a run with the options that its trackers did not have yet when it was measured.
+
+    The default of an option that is added later is what trackers did before. Options that cannot be read are left as
+    they are.
+    """
+    try:
+        trackers = [_resolved(choice, f"trackers[{i}]") for i, choice in enumerate(experiment.trackers)]
+    except SettingsError:
+        return experiment
+    return experiment.model_copy(update={"trackers": trackers})
+
+
 def _resolved(choice: TrackerChoice, section: str) -> TrackerChoice:
     with _errors_of(section):
         options = as_toml_values(asdict(make_tracker(choice.kind, choice.options)))  # type: ignore[call-overload]

@@ -27,8 +27,10 @@ _QUOTED = re.compile(r'"[^"]*"|\'[^\']*\'')
 _NO_KEY = re.compile(r"[^\w.\s-]+")
 _MOST_DOTS = 64
 _Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
-SYNTHETIC = frozenset({"oracle"})
-"""Kinds of trackers whose positions do not come from images."""
+SYNTHETIC = frozenset({"oracle", "scripted"})
+"""Kinds of trackers whose positions do not come from images, but from the stated truth, whatever is wrong in it."""
+FROM_FILES = frozenset({"imported"})
+"""Kinds of trackers whose positions another program found."""
 Keep = Literal["observations", "statistics"]
 
 

@@ -51,27 +51,33 @@ def difference_sentence(row: Mapping[str, Any], role: str) -> str:
         Role of its statistic.
     """
     factor, pair = row["factor"], [row["level_a"], row["level_b"]]
+    name = factor_name(factor)
     whose = f"the {subject(row, role)}{_where(row)}"
     if row["larger"] is None:
         return f"{whose} is the same {' and '.join(level_text(factor, level) for level in pair)}"
     if row["unit"] == "px":
-        between = " and ".join(f"{factor}{SPACE}{level}" for level in pair)
+        between = " and ".join(f"{name}{SPACE}{level}" for level in pair)
         return f"{whose} differs by {size_text(row)} between {between}"
     smaller = pair[1 - pair.index(row["larger"])]
     as_large = f"as {_ADJECTIVES.get(role, 'large')} {level_text(factor, row['larger'])}"
-    better = row["better"] if factor == "tracker" else f"{factor}{SPACE}{row['better']}"
+    better = row["better"] if factor == "tracker" else f"{name}{SPACE}{row['better']}"
     known = f"; {better} is better" if row["low"] is not None and row["low"] > 1 else ""
     return f"{whose} is {size_text(row)} {as_large} as {level_text(factor, smaller)}{known}"
 
 
 def bounded_text(row: Mapping[str, Any], role: str) -> str:
     """Write how large the difference of any two levels is at most: ``core of lk by speed, at most 1.04 times``."""
-    return f"{subject(row, role)} by {row['factor']}, at most {bound_text(row['most'], row['unit'])}"
+    return f"{subject(row, role)} by {factor_name(row['factor'])}, at most {bound_text(row['most'], row['unit'])}"
 
 
 def level_text(factor: str, level: str) -> str:
-    """Write a level of a factor: ``at speed 4``."""
-    return _LEVELS[factor].format(level)
+    """Write a level of a factor: ``at speed 4``, or of an option of a tracker: ``with detector fast``."""
+    return _LEVELS.get(factor, f"with {factor_name(factor)} {{}}").format(level)
+
+
+def factor_name(factor: str) -> str:
+    """Write a factor: of an option of nested settings, such as ``detection.detector``, the last part."""
+    return factor.rpartition(".")[2]
 
 
 def subject(row: Mapping[str, Any], role: str) -> str:

@@ -65,42 +65,45 @@ def measure_flow(sequence: Sequence, parts: ListOf[range]) -> Flow:
 
 def _followed(sequence: Sequence, part: range) -> Iterator[Pair]:
     """Pairs of one stretch of frames."""
-    chains: list[_Chain] = []
     previous = sequence.image(part[0])
-    chains.append(_begin(sequence, part[0], previous, wide=True))
+    chains = [_begin(part[0], previous, sequence.depth(part[0]), wide=True)]
     for index in part[1:]:
         image, depth = sequence.image(index), sequence.depth(index)
-        for chain in chains:
-            _follow(chain, previous, image)
+        _follow(chains, previous, image)
         chains = [chain for chain in chains if len(chain.uv) >= FEWEST_POINTS]
         for chain in chains:
             yield from _emitted(chain, index, depth, is_last=index == part[-1])
         chains = [chain for chain in chains if chain.thresholds_px and index - chain.first < _CHAIN_STEPS]
-        chains.append(_begin(sequence, index, image, wide=(index - part[0]) % _CHAIN_EVERY == 0))
+        chains.append(_begin(index, image, depth, wide=(index - part[0]) % _CHAIN_EVERY == 0))
         previous = image
 
 
-def _begin(sequence: Sequence, index: int, image: NDArray[np.uint8], *, wide: bool) -> _Chain:
+def _begin(index: int, image: NDArray[np.uint8], depth: DepthMap | None, *, wide: bool) -> _Chain:
     """Corners of one frame, with their depths."""
     margin = np.zeros_like(image)
     margin[_MARGIN_PX:-_MARGIN_PX, _MARGIN_PX:-_MARGIN_PX] = 255
     found = cv2.goodFeaturesToTrack(image, _POINTS, _LEAST_QUALITY, _SPACING_PX, mask=margin)
     uv: NDArray[np.float64] = np.array([] if np.ndim(found) == 0 else found, dtype=np.float64).reshape(-1, 2)
-    return _Chain(index, uv, uv, _depths(sequence.depth(index), uv), (SHORT_PX, LONG_PX) if wide else ())
+    return _Chain(index, uv, uv, _depths(depth, uv), (SHORT_PX, LONG_PX) if wide else ())
 
 
-def _follow(chain: _Chain, previous: NDArray[np.uint8], image: NDArray[np.uint8]) -> None:
-    """Move the points of a chain into the next image; drop those that are not found again on the way back."""
-    if not len(chain.uv):
+def _follow(chains: ListOf[_Chain], previous: NDArray[np.uint8], image: NDArray[np.uint8]) -> None:
+    """Move the points of chains into the next image; drop those that are not found again on the way back.
+
+    All points are tracked together, so that the image pyramids are built once for all chains.
+    """
+    start = np.concatenate([np.zeros((0, 2)), *(chain.uv for chain in chains)]).astype(np.float32)
+    if not len(start):
         return
-    start = chain.uv.astype(np.float32)
     there, found = _tracked(previous, image, start)
     back, found_back = _tracked(image, previous, there)
     good = found & found_back & (np.linalg.norm(back - start, axis=1) < _ROUND_TRIP_PX)
     height, width = image.shape
     good &= np.all((there >= 0) & (there <= (width - 1, height - 1)), axis=1)
-    chain.uv_first, chain.uv = chain.uv_first[good], there[good].astype(np.float64)
-    chain.depth_m = chain.depth_m[good]
+    ends = np.cumsum([len(chain.uv) for chain in chains])[:-1]
+    for chain, kept, uv in zip(chains, np.split(good, ends), np.split(there, ends), strict=True):
+        chain.uv_first, chain.uv = chain.uv_first[kept], uv[kept].astype(np.float64)
+        chain.depth_m = chain.depth_m[kept]
 
 
 def _tracked(

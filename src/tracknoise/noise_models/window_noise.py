@@ -23,7 +23,7 @@ from functools import partial
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from tracknoise.findings.intervals.condition_table import Sampling, condition_table, estimated
 from tracknoise.findings.sampling.bounds import Method, pooled
@@ -41,7 +41,7 @@ _POINT = ["trimming", "window"]
 _SUMS = ("n", "n_depth", "squares_u", "freedom_u", "squares_v", "freedom_v", "squares_z")
 _HISTOGRAMS = ("residual_counts", "z_counts")
 _GATES, _LEVELS = (0.95, 0.99), (0.5, 0.9, 0.95, 0.99)
-_HALF = float(stats.norm.ppf(0.75))
+_HALF = float(special.ndtri(0.75))
 QUANTITIES: dict[str, str] = {
     "residual_sigma": "log",
     "residual_sigma_u": "log",
@@ -187,15 +187,21 @@ def _quantities(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     residual = _root(squares_u + squares_v, freedom_u + freedom_v)
     consistent = quantile(z, 0.5) / _HALF
     freedom = _ratio(freedom_u + freedom_v, n)
-    core = quantile(residuals, 0.5) / np.sqrt(stats.chi2.ppf(0.5, freedom) / freedom)
+    core = quantile(residuals, 0.5) / np.sqrt(_chi2_quantile(0.5, freedom) / freedom)
     gates = [
-        _ratio(quantile(residuals, level) ** 2, residual**2) / (stats.chi2.ppf(level, freedom) / freedom)
+        _ratio(quantile(residuals, level) ** 2, residual**2) / (_chi2_quantile(level, freedom) / freedom)
         for level in _GATES
     ]
-    inside = [share_below(z, float(stats.norm.ppf(0.5 + level / 2.0)) * residual) for level in _LEVELS]
+    inside = [share_below(z, float(special.ndtri(0.5 + level / 2.0)) * residual) for level in _LEVELS]
     axes = [_root(squares_u, freedom_u), _root(squares_v, freedom_v)]
     about_z = [consistent, _ratio(consistent, residual), _ratio(consistent, core), _root(squares_z, n_depth)]
     return np.stack([residual, *axes, core, *about_z, *gates, *inside, _ratio(n_depth, n)])
+
+
+def _chi2_quantile(level: float, freedom: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of chi-squared distributions; NaN where there are no degrees of freedom."""
+    known = np.where(freedom > 0.0, freedom, np.nan)
+    return np.asarray(2.0 * special.gammaincinv(known / 2.0, level))
 
 
 def _ratio(part: NDArray[np.float64], whole: NDArray[np.float64]) -> NDArray[np.float64]:

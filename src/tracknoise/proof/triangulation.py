@@ -14,7 +14,7 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy import stats
 
-from tracknoise.findings.sampling.bounds import Method, pooled
+from tracknoise.findings.sampling.bounds import Method, column_means, pooled
 from tracknoise.findings.sampling.units import units_of
 from tracknoise.noise_models.linear_window import PointTracks, linear_tracks
 from tracknoise.noise_models.point_fit import fit_points
@@ -86,7 +86,7 @@ def triangulate(problems: Sequence[Problem], sigmas: Sigmas, noise: TrackNoise) 
     sums = table.group_by("scene", "covariance").agg(pl.len().alias("n"), pl.exclude("scene", "covariance").sum())
     columns = [name for name in sums.columns if name not in ("scene", "covariance")]
     units = units_of(sums, points=["covariance"], columns=columns)
-    found = pooled(units, np.empty((0, len(units.sums))), _means, Method(), scales=list(_QUANTITIES.values()))
+    found = pooled(units, np.empty((0, len(units.sums))), column_means, Method(), scales=list(_QUANTITIES.values()))
     labels = pl.DataFrame({"quantity": list(_QUANTITIES)}).join(units.points.select("covariance"), how="cross")
     tracks = np.tile(units.sums[..., 0].sum(axis=0), len(_QUANTITIES)).astype(np.int64)
     numbers = {"value": found.value, "low": found.low, "high": found.high, "scenes": found.n_scenes}
@@ -117,10 +117,6 @@ def _rows(problem: Problem, tried: Mapping[str, Covariances]) -> pl.DataFrame:
         for name, part in found.items()
     ]
     return pl.concat(parts)
-
-
-def _means(sums: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(sums[1:] / np.where(sums[0] > 0, sums[0], np.nan))
 
 
 def _triangulated(problem: Problem, covariances: Sequence[NDArray[np.float64]]) -> _Triangulated:

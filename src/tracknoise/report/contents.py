@@ -52,7 +52,8 @@ def contents_json(experiment: str, sections: Sequence[Section], formats: Sequenc
     str
         An object with `format`, `title`, `experiment`, `tracknoise` (its version), `page` and `sections`. A section has
         `id`, `title`, `figures`, `tables` and `absences`. A figure or a table has `id`, `title` and `files`, which are
-        paths within the report. An absence has `id`, `title` and `why`.
+        paths within the report. A figure that shows something established has a `message`. An absence has `id`, `title`
+        and `why`.
     """
     document = {
         "format": FORMAT,
@@ -66,12 +67,16 @@ def contents_json(experiment: str, sections: Sequence[Section], formats: Sequenc
 
 
 def _section(section: Section, formats: Sequence[str]) -> dict[str, Any]:
-    figures = [item for item in section.items if isinstance(item, Figure)]
+    figures = [
+        _files(item.id, item.title, "figures", formats) | ({"message": printable(item.message)} if item.message else {})
+        for item in section.items
+        if isinstance(item, Figure)
+    ]
     absences = [item for item in section.items if isinstance(item, Absence)]
     return {
         "id": section.id,
         "title": section.title,
-        "figures": [_files(item.id, item.title, "figures", formats) for item in figures],
+        "figures": figures,
         "tables": [_files(name, title, "tables", ("csv", "tex")) for name, title in section.tables],
         "absences": [{"id": item.id, "title": printable(item.title), "why": printable(item.why)} for item in absences],
     }

@@ -30,7 +30,7 @@ def looks(data: ReportData) -> dict[str, Any]:
         `patch_px`; `kinds`, names in the order of the tracks; `groups`, one for each scene, tracker and age: `scene`,
         `tracker`, `at`, `sheet` and `strip` (WebP, base64), `strip_frames` and `tracks`. A track has its `kind`, `row`
         in the sheet, number, frames, position within its pixel, error, reason of end, truth status, and the `path` of
-        its error.
+        its error; also its `lifetime` and its `largest` error, px.
     """
     groups: list[dict[str, Any]] = []
     size = 0
@@ -52,7 +52,7 @@ def _groups(data: ReportData, key: str) -> Iterator[dict[str, Any]]:
         own = observed.filter(pl.col("track").is_in(row["track"]), tracker=row["tracker"]).sort("frame")
         reasons = ends.filter(pl.col("track").is_in(row["track"]), tracker=row["tracker"])
         paths = {track: part for (track,), part in own.group_by("track")}
-        ended = dict(reasons.select("track", pl.col("end").cast(pl.String)).iter_rows())
+        ended = {lived["track"]: lived for lived in reasons.to_dicts()}
         worst = paths[row["track"][0]]
         frames = worst["frame"].is_between(row["anchor_frame"][0], row["frame"][0]).sum()
         yield {
@@ -65,7 +65,7 @@ def _groups(data: ReportData, key: str) -> Iterator[dict[str, Any]]:
         }
 
 
-def _track(row: Mapping[str, Any], place: int, path: pl.DataFrame, end: str) -> dict[str, Any]:
+def _track(row: Mapping[str, Any], place: int, path: pl.DataFrame, lived: Mapping[str, Any]) -> dict[str, Any]:
     """One of the chosen tracks."""
     frame, anchor = row["frame"][place], row["anchor_frame"][place]
     now = path.filter(frame=frame).row(0, named=True)
@@ -78,7 +78,9 @@ def _track(row: Mapping[str, Any], place: int, path: pl.DataFrame, end: str) -> 
         "anchor_frame": anchor,
         "within": [now[name] - round(now[name]) for name in ("u_px", "v_px")],
         "error": [row["du_px"][place], row["dv_px"][place]],
-        "end": end.replace("_", " "),
+        "end": lived["end"].replace("_", " "),
+        "lifetime": lived["lifetime"],
+        "largest": None if lived["max_error_px"] is None else float(f"{lived['max_error_px']:.6g}"),
         "truth": now["truth"].replace("_", " "),
         "path": {name: known[name].round_sig_figs(_DIGITS).to_list() for name in ("du_px", "dv_px")},
     }

@@ -34,7 +34,7 @@ _ENDS = {
     "sequence_end": "end of data",
 }
 _MANY = 0.5
-"""The page starts with a warning where a larger share of observations has no true position."""
+"""The page warns where a larger share of observations has no true position."""
 
 
 def scenes(data: ReportData) -> Cells:

@@ -79,7 +79,7 @@ def _advice(model: NoiseModel) -> list[str]:
     """What to set, and what residuals will look like."""
     known = [one for one in model.equivalents if one.landmark is Landmark.FREE and one.window == 10]
     by_purpose = {one.purpose: one.sigma for one in known}
-    if not by_purpose:
+    if not {Purpose.NEWEST_POSE, Purpose.INNOVATIONS} <= by_purpose.keys():
         return []
     newest, residuals = by_purpose[Purpose.NEWEST_POSE], by_purpose[Purpose.INNOVATIONS]
     text = f"For windows of 10 frames, {_range(newest)} px makes the covariance of the newest pose right."
@@ -119,8 +119,8 @@ def _conditions(model: NoiseModel) -> list[str]:
     return [
         f"White noise and walk depend on {one.of}: their variances change by a factor of "
         f"{number(math.exp(max(one.log_factor) - min(one.log_factor)))}. On scenes that were left out this gains "
-        f"{number(one.gain.value)} nat per change."
-        for one in model.conditions
+        f"{number(one.gain.value)} nat per change{' beyond the first factor' if place else ''}."
+        for place, one in enumerate(model.conditions)
     ]
 
 

@@ -144,5 +144,6 @@ def _agreement(ours: str | None, said: str | None) -> str | None:
 
 
 def _order(trackers: Sequence[str], row: Mapping[str, Any]) -> tuple[int, int, int]:
-    tracker = trackers.index(row["tracker"]) if row["tracker"] else 0
-    return list(FACTORS).index(row["factor"]), tracker, list(wording.STATISTICS).index(row["role"])
+    tracker = trackers.index(row["tracker"]) if row["tracker"] in trackers else 0
+    factor = list(FACTORS).index(row["factor"]) if row["factor"] in FACTORS else len(FACTORS)
+    return factor, tracker, list(wording.STATISTICS).index(row["role"])

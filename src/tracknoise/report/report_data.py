@@ -44,7 +44,7 @@ class ReportData:
         Its pooled tables.
     two_truths, pose_disagreement, rigid_share, pose_law, tracker_differences, intervals, incidence, seed_spread,
     triangulated_noise, point_tracking_metrics, zero_mean, gaussianity, radii, time_structure, dependence,
-    window_sigmas, depth_intervals, surrounding_errors, image_cells, speed_errors, findings
+    noise_lookup, window_sigmas, depth_intervals, surrounding_errors, image_cells, speed_errors, findings
         Its findings. These tables have no rows where findings were not computed.
     audit, audit_curves
         What is wrong with the stated truth, see `tracknoise.tables.audit_schema`.
@@ -72,6 +72,7 @@ class ReportData:
     seed_spread: pl.DataFrame
     triangulated_noise: pl.DataFrame
     point_tracking_metrics: pl.DataFrame
+    noise_lookup: pl.DataFrame
     window_sigmas: pl.DataFrame
     depth_intervals: pl.DataFrame
     zero_mean: pl.DataFrame

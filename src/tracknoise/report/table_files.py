@@ -13,18 +13,20 @@ from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.floor import with_floor
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
-_LATEX = {
-    "\\": r"\textbackslash{}",
-    **{sign: f"\\{sign}" for sign in "&%$#_{}"},
-    **{sign: f"{{{sign}}}" for sign in "[]*"},  # after the end of a row they would be arguments of it
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    "<": r"\textless{}",
-    ">": r"\textgreater{}",
-    MINUS: "$-$",
-    DASH: "--",
-    TIMES: r"$\times$",
-}
+_LATEX = str.maketrans(
+    {
+        "\\": r"\textbackslash{}",
+        **{sign: f"\\{sign}" for sign in "&%$#_{}"},
+        **{sign: f"{{{sign}}}" for sign in "[]*"},  # after the end of a row they would be arguments of it
+        "~": r"\textasciitilde{}",
+        "^": r"\textasciicircum{}",
+        "<": r"\textless{}",
+        ">": r"\textgreater{}",
+        MINUS: "$-$",
+        DASH: "--",
+        TIMES: r"$\times$",
+    }
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +72,7 @@ EXPORTS: tuple[Export, ...] = (
     Export("pose-disagreement", "disagreement of the poses of two truths", lambda data: data.pose_disagreement),
     Export("seed-spread", "differences between random seeds", lambda data: data.seed_spread),
     Export("triangulated-noise", "noise from triangulated truth", lambda data: data.triangulated_noise),
+    Export("noise-lookup", "gain of tables of noise by tracker, speed and motion", lambda data: data.noise_lookup),
     Export("window-sigmas", "noise for estimators, by length of window", lambda data: data.window_sigmas),
     Export("depth-intervals", "intervals of depths, by assumed noise", lambda data: data.depth_intervals),
     Export(
@@ -125,7 +128,7 @@ def to_latex(table: pl.DataFrame) -> str:
 
 def escape_latex(text: str) -> str:
     """Escape text for LaTeX, and its control characters."""
-    return "".join(_LATEX.get(sign, sign) for sign in printable(text))
+    return printable(text).translate(_LATEX)
 
 
 def _latex_row(values: Sequence[object]) -> str:

@@ -13,6 +13,7 @@ _RAW = {
     "first_css": "first.css",
     "script": "page.js",
     "looks": "looks.js",
+    "bars": "bars.js",
     "explorer": "explorer.js",
     "estimator": "estimator.js",
     "estimator_css": "estimator.css",

@@ -31,7 +31,7 @@ _UNKNOWN = re.compile(r"[-+]?1\.#(?:IND|[QS]?NAN|INF)\d*", re.ASCII)
 Place = str | Path
 
 
-def read_rows(path: Path, columns: str) -> tuple[NDArray[np.float64], list[str]]:
+def read_rows(path: Path, columns: str, *, separator: str = " ") -> tuple[NDArray[np.float64], list[str]]:
     """Read a text file of numbers, the same number in each row. Blank lines and ``#`` comments are skipped.
 
     Parameters
@@ -40,6 +40,8 @@ def read_rows(path: Path, columns: str) -> tuple[NDArray[np.float64], list[str]]
         The file.
     columns
         Names of the columns, separated by spaces: each row has this many fields.
+    separator
+        What separates fields besides white space.
 
     Returns
     -------
@@ -57,7 +59,7 @@ def read_rows(path: Path, columns: str) -> tuple[NDArray[np.float64], list[str]]
     for number, line in enumerate(read_text(path, f"rows of {columns}").splitlines(), start=1):
         if line.strip() and not line.lstrip().startswith("#"):
             places.append(f"{path}:{number}")
-            rows.append(numbers(line.split(), columns, places[-1]))
+            rows.append(numbers(line.replace(separator, " ").split(), columns, places[-1]))
     return np.array(rows, dtype=np.float64).reshape(len(rows), len(columns.split())), places
 
 

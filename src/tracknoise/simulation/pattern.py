@@ -1,6 +1,7 @@
 """Textures from a random generator: natural 1/f content with crisp shapes on it, and plain ones with windows."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -110,11 +111,19 @@ def paint(recipe: Recipe, side: int, rng: np.random.Generator) -> NDArray[np.flo
 def _natural(side: int, exponent: float, rng: np.random.Generator) -> NDArray[np.float32]:
     """Periodic noise with a 1/f^exponent amplitude spectrum, mean 0, standard deviation 1."""
     spectrum = np.fft.rfft2(rng.standard_normal((side, side), dtype=np.float32))
-    frequency = np.hypot(np.fft.fftfreq(side)[:, None], np.fft.rfftfreq(side)[None])
-    frequency[0, 0] = np.inf
-    noise = np.fft.irfft2(spectrum * (frequency**-exponent).astype(np.float32), s=(side, side))
+    noise = np.fft.irfft2(spectrum * _amplitudes(side, exponent), s=(side, side))
     scaled: NDArray[np.float32] = noise / noise.std()
     return scaled
+
+
+@lru_cache(maxsize=4)
+def _amplitudes(side: int, exponent: float) -> NDArray[np.float32]:
+    """(side, side // 2 + 1) float32: 1/f^exponent, 0 at f = 0. Textures of one recipe share it."""
+    frequency = np.hypot(np.fft.fftfreq(side)[:, None], np.fft.rfftfreq(side)[None])
+    frequency[0, 0] = np.inf
+    amplitudes: NDArray[np.float32] = (frequency**-exponent).astype(np.float32)
+    amplitudes.setflags(write=False)
+    return amplitudes
 
 
 def _polygon(size: int, rng: np.random.Generator) -> NDArray[np.float32]:

@@ -93,8 +93,10 @@ def sums_by_class(
     """
     known = np.flatnonzero(~np.isnan(np.stack(list(classes.values()))).any(axis=0))
     condition = sequence.seen.condition[tracks.rows[changes.rows[known]]]
-    numbers = [values[known].astype(np.intp) + _FURTHEST for values in classes.values()]
-    (conditions, *combined), index = number_combinations([condition, *numbers])
+    numbers = [values[known].astype(np.intp) for values in classes.values()]
+    least = [number.min(initial=_FURTHEST) for number in numbers]  # few combinations are found fast
+    counted = [number - lowest for number, lowest in zip(numbers, least, strict=True)]
+    (conditions, *combined), index = number_combinations([condition, *counted])
     terms = {
         "squares": 0.5 * (changes.values[known, 0] + changes.values[known, 2]),
         "white_before": changes.factors[known, 1] - 1.0,
@@ -102,7 +104,7 @@ def sums_by_class(
         "drift": changes.factors[known, 3],
     }
     sums = {term: np.bincount(index, each, len(conditions)) for term, each in terms.items()}
-    labels = {name: values - _FURTHEST for name, values in zip(classes, combined, strict=True)}
+    labels = {name: values + lowest for name, values, lowest in zip(classes, combined, least, strict=True)}
     counts = {"n": np.bincount(index, minlength=len(conditions))}
     return sequence.seen.conditions[conditions].hstack(pl.DataFrame({**labels, **counts, **sums}))
 

@@ -74,6 +74,15 @@ class Product(StrEnum):
     lagged = "lagged"
 
 
+class Lookup(StrEnum):
+    """What a table of noise is looked up by, the coarsest first. The motion is the group of a scene."""
+
+    one = "one for all"
+    tracker = "tracker"
+    speed = "tracker, speed"
+    motion = "tracker, speed, motion"
+
+
 class FloorSource(StrEnum):
     """What makes a true position wrong.
 

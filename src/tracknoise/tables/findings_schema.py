@@ -9,7 +9,7 @@ asks for, with two exceptions. Shape, and what is fitted to growth, have `bca` i
 
 import polars as pl
 
-from tracknoise.tables.enumerations import Behaviour, EffectIntervalKind, IntervalKind, Resampled, Shape
+from tracknoise.tables.enumerations import Behaviour, EffectIntervalKind, IntervalKind, Lookup, Resampled, Shape
 from tracknoise.tables.schema import (
     ASPECT,
     CAUSES,
@@ -17,6 +17,7 @@ from tracknoise.tables.schema import (
     FITTED_MEASURE,
     FITTED_TO,
     POPULATION,
+    PRODUCT,
     SURROUNDING,
     TRIMMING,
     TRUTH_QUANTITY,
@@ -31,6 +32,7 @@ INTERVAL_KIND = pl.Enum(IntervalKind)
 EFFECT_INTERVAL_KIND = pl.Enum(EffectIntervalKind)
 BEHAVIOUR = pl.Enum(Behaviour)
 SHAPE = pl.Enum(Shape)
+LOOKUP = pl.Enum(Lookup)
 CAUSE = pl.Enum(CAUSES)
 
 _ESTIMATED: Schema = {
@@ -162,6 +164,28 @@ WINDOW_SIGMAS: Schema = {
 """The noise to give to an estimator, by length of its windows: see `tracknoise.noise_models.window_noise`.
 
 Sigmas, residual_core and z_root_mean_square are in px, all others have no unit. n counts windows.
+"""
+
+NOISE_LOOKUP: Schema = {
+    "dataset": pl.String,
+    "product": PRODUCT,
+    "lookup": LOOKUP,
+    "against": LOOKUP,
+    "n": pl.Int64,
+    "gain_nats": pl.Float64,
+    **_ESTIMATED,
+    "established": pl.Boolean,
+    **{f"factor{table}{bound}": pl.Float64 for table in ("", "_against") for bound in ("", "_low", "_high")},
+    "why": pl.String,
+}
+"""How much better a table of covariances predicts scenes that were left out (`tracknoise.noise_models.lookup.gains`).
+
+product is `error`, the error about the first position, or `change`, what it changes from one observation to the next.
+Both are second moments about zero, without the outliers that `NOISE_OUTLIERS` counts. gain_nats is the gain of the
+table `lookup` over the table `against`, nat per error, with low and high as its bounds. established states whether the
+gain is above 0 at the level of the row; it is null without an interval, and why says what is missing. factor is by how
+much the second moment of a scene typically differs from the table `lookup`, as a ratio, factor_against from the other
+one. n counts errors.
 """
 
 DEPTH_INTERVALS: Schema = {

@@ -109,6 +109,7 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "seed_spread": findings_schema.SEED_SPREAD,
     "triangulated_noise": findings_schema.TRIANGULATED_NOISE,
     "window_sigmas": findings_schema.WINDOW_SIGMAS,
+    "noise_lookup": findings_schema.NOISE_LOOKUP,
     "depth_intervals": findings_schema.DEPTH_INTERVALS,
     "point_tracking_metrics": findings_schema.POINT_TRACKING_METRICS,
     "two_truths": findings_schema.TWO_TRUTHS,
@@ -144,7 +145,7 @@ class RunFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = Path(path)
-        self._hashes: tuple[tuple[int, int, int], dict[str, dict[str, str]]] | None = None
+        self._hashes: tuple[tuple[int, int, int] | None, dict[str, dict[str, str]]] | None = None
 
     @property
     def lock_path(self) -> Path:
@@ -357,7 +358,7 @@ class RunFolder:
 
     def sequence_tables(self, name: str) -> Iterator[pl.DataFrame]:
         """One table of each measured sequence, in the order of their keys."""
-        for key in sorted(self.manifest().sequences):
+        for key in sorted(self._hashes_by_sequence()):
             yield self.sequence_table(name, key)
 
     def stored_tables(self, name: str) -> Iterator[pl.DataFrame]:
@@ -368,8 +369,8 @@ class RunFolder:
         StoreError, SchemaError
             As `sequence_table`.
         """
-        sequences = self.manifest().sequences
-        yield from self.stacked_tables(name, [key for key in sorted(sequences) if name in sequences[key].sha256])
+        recorded = self._hashes_by_sequence()
+        yield from self.stacked_tables(name, [key for key in sorted(recorded) if name in recorded[key]])
 
     def stacked_tables(self, name: str, keys: Sequence[str]) -> Iterator[pl.DataFrame]:
         """One table of each of some sequences, in order, a few sequences at a time as one table.
@@ -467,15 +468,23 @@ class RunFolder:
         return hashes.get(name)
 
     def _hashes_of(self, key: str) -> dict[str, str]:
-        """Hashes of the files of a sequence, from the manifest. It can be large, so each version is read once."""
+        """Hashes of the files of a sequence; none if there is no manifest, or it does not name the sequence."""
+        return {} if self._version() is None else self._hashes_by_sequence().get(key, {})
+
+    def _hashes_by_sequence(self) -> dict[str, dict[str, str]]:
+        """Hashes of the files of each sequence, from the manifest. It can be large, so each version is read once."""
+        version = self._version()
+        if version is None or self._hashes is None or self._hashes[0] != version:
+            self._hashes = version, {key: entry.sha256 for key, entry in self.manifest().sequences.items()}
+        return self._hashes[1]
+
+    def _version(self) -> tuple[int, int, int] | None:
+        """What tells two versions of the manifest apart; None without one."""
         try:
             status = (self.path / _MANIFEST).stat()
         except OSError:
-            return {}
-        version = (status.st_ino, status.st_mtime_ns, status.st_size)
-        if self._hashes is None or self._hashes[0] != version:
-            self._hashes = version, {key: entry.sha256 for key, entry in self.manifest().sequences.items()}
-        return self._hashes[1].get(key, {})
+            return None
+        return status.st_ino, status.st_mtime_ns, status.st_size
 
     def _manifest_content(self) -> bytes:
         try:

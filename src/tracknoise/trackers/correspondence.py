@@ -6,9 +6,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.checks import require_at_least, require_at_most, require_positive
+from tracknoise.checks import require, require_at_least, require_at_most, require_positive
 from tracknoise.tables.schema import TrackEnd
-from tracknoise.trackers.description import DESCRIPTOR_SIZE, Described, describe
+from tracknoise.trackers.description import Described, Descriptor, describe
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
 from tracknoise.trackers.features import ALIVE, Features, displacement_px, report
 from tracknoise.trackers.frame import Frame
@@ -29,6 +29,8 @@ class Correspondence:
     detection, rejection
         How keypoints are detected (margin and squares do not apply, see `CorrespondenceTracker`); which matches
         are outliers.
+    descriptor
+        What keypoints are matched by: see `tracknoise.trackers.description.Descriptor`.
     max_displacement_px
         A feature that moved this far or farther since it was last found is dropped.
     max_features
@@ -38,15 +40,18 @@ class Correspondence:
     """
 
     kind: ClassVar[str] = "correspondence"
-    description: ClassVar[str] = "AGAST corners matched by SIFT descriptors, with outlier rejection"
+    description: ClassVar[str] = "corners matched by their descriptors, with outlier rejection"
 
     detection: Detection = field(default_factory=Detection)
     rejection: Rejection = field(default_factory=Rejection)
+    descriptor: Descriptor = Descriptor.sift
     max_displacement_px: float = 64.0
     max_features: int = 1200
     max_missed_frames: int = 0
 
     def __post_init__(self) -> None:
+        require(self.descriptor in tuple(Descriptor), "descriptor", self.descriptor, f"one of {', '.join(Descriptor)}")
+        object.__setattr__(self, "descriptor", Descriptor(self.descriptor))  # so that a name will do for the member
         require_positive("max_displacement_px", self.max_displacement_px)
         require_at_least("max_features", self.max_features, 1)
         require_at_most("max_features", self.max_features, MOST_FEATURES)
@@ -72,8 +77,8 @@ class CorrespondenceTracker:
     its first frame.
 
     The quality of an observation is the distance between the descriptors of feature and keypoint
-    (``descriptor_distance``), and that distance over the distance of the second best keypoint in the frame
-    (``descriptor_ratio``): see `tracknoise.trackers.matching.Matches`.
+    (``descriptor_distance``; of bits, the root of how many differ), and that distance over the distance of the second
+    best keypoint in the frame (``descriptor_ratio``): see `tracknoise.trackers.matching.Matches`.
 
     Parameters
     ----------
@@ -87,13 +92,13 @@ class CorrespondenceTracker:
         self._settings = settings
         self._inliers = inliers
         self._features = Features.begin(0, np.empty((0, 2)))
-        self._descriptors = np.empty((0, DESCRIPTOR_SIZE), dtype=np.float32)
+        self._descriptors = np.empty((0, settings.descriptor.size), dtype=np.float32)
         self._missed = np.empty(0, dtype=np.int64)
         self._next_id = 0
 
     def step(self, frame: Frame) -> Step:
         """Track into the next frame."""
-        points, before = describe(frame, self._settings.detection), self._features
+        points, before = describe(frame, self._settings.detection, self._settings.descriptor), self._features
         matches = mutual_nearest(self._descriptors, points.descriptors)
         rows, columns = matches.query_rows, matches.train_rows
         end, seen = self._judge(rows, points.uv[columns], frame.index)

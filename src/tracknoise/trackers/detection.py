@@ -1,4 +1,4 @@
-"""AGAST keypoints of a whole image, strongest first, shared by all trackers that see the frame."""
+"""Keypoints of a whole image, strongest first, shared by all trackers that see the frame."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.checks import require, require_at_least, require_odd
+from tracknoise.trackers.detectors import DETECTORS, SMALLEST_SIDE_PX, Detector, Thresholds
 from tracknoise.trackers.frame import Frame
 
 MOST_FEATURES = 1_000_000
 """Largest number of features that a tracker may be asked for."""
-_SMALLEST_SIDE_PX = 7  # OAST_9_16 compares a pixel with a circle of radius 3
+_SCORED = (Detector.agast, Detector.fast)
+"""Detectors whose response is a score in gray values."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,26 +23,50 @@ class Detection:
 
     Parameters
     ----------
+    detector
+        How keypoints are found: see `tracknoise.trackers.detectors.Detector`.
     threshold
-        Least difference of gray values between a corner and the circle of pixels around it, 1 to 255.
+        For agast, fast and orb: least difference of gray values between a corner and the circle of pixels around it, 1
+        to 255.
     min_response
-        Keypoints with a lower response are discarded.
+        For agast and fast: keypoints with a lower score are discarded.
+    quality
+        For gftt: least response of a keypoint, as a share of the strongest one in the image.
+    contrast
+        For sift: least contrast of a keypoint, with gray values from 0 to 1.
     square_px
         Side of the square around a feature in which no other feature may begin or stay, px; odd.
     margin_px
         Width of the image border without features, px.
     """
 
+    detector: Detector = Detector.agast
     threshold: int = 10
     min_response: float = 5.0
+    quality: float = 0.01
+    contrast: float = 0.04
     square_px: int = 15
     margin_px: int = 8
 
     def __post_init__(self) -> None:
+        require(self.detector in tuple(Detector), "detector", self.detector, f"one of {', '.join(Detector)}")
+        object.__setattr__(self, "detector", Detector(self.detector))  # so that a name will do for the member
         require(1 <= self.threshold <= 255, "threshold", self.threshold, "a whole number from 1 to 255")
         require_at_least("min_response", self.min_response, 0)
+        require(0 < self.quality < 1, "quality", self.quality, "a number between 0 and 1")
+        require(0 <= self.contrast < 1, "contrast", self.contrast, "a number from 0 to below 1")
         require_odd("square_px", self.square_px)
         require_at_least("margin_px", self.margin_px, 0)
+
+    @property
+    def least_response(self) -> float:
+        """Keypoints with a lower response are discarded."""
+        return self.min_response if self.detector in _SCORED else -np.inf
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """What the keypoints of an image depend on. Neither margin nor squares are part of it."""
+        return self.detector, self.threshold, self.min_response, self.quality, self.contrast
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +82,8 @@ class Keypoints:
     uv : (n, 2) float64
         Positions, px.
     response : (n,) float32
-        AGAST's score: the largest threshold at which the corner would still be one.
+        Of the detector, in its own unit. Of agast and fast, the largest threshold at which the corner would still be
+        one.
     """
 
     raw: Sequence[cv2.KeyPoint]
@@ -66,27 +93,23 @@ class Keypoints:
 
 
 def keypoints(frame: Frame, detection: Detection) -> Keypoints:
-    """AGAST keypoints (OAST_9_16, non-maximum suppression) of the whole image, computed once per frame.
+    """Keypoints of the whole image by the detector of the settings, computed once per frame.
 
     Neither margin nor squares are applied here.
     """
 
     def detect(image: NDArray[np.uint8]) -> Keypoints:
-        if min(image.shape) < _SMALLEST_SIDE_PX:
-            return _strongest_first([], detection.min_response)
-        detector = cv2.xfeatures2d.AgastFeatureDetector.create(
-            threshold=detection.threshold,
-            nonmaxSuppression=True,
-            type=cv2.xfeatures2d.AgastFeatureDetector_OAST_9_16,
-        )
-        return _strongest_first(detector.detect(image), detection.min_response)
+        if min(image.shape) < SMALLEST_SIDE_PX:
+            return _strongest_first([], detection.least_response)
+        thresholds = Thresholds(detection.threshold, detection.quality, detection.contrast)
+        return _strongest_first(DETECTORS[detection.detector](image, thresholds), detection.least_response)
 
-    return frame.memo(("keypoints", detection.threshold, detection.min_response), detect)
+    return frame.memo(("keypoints", detection.key), detect)
 
 
-def _strongest_first(raw: Sequence[cv2.KeyPoint], min_response: float) -> Keypoints:
+def _strongest_first(raw: Sequence[cv2.KeyPoint], least_response: float) -> Keypoints:
     response = np.array([point.response for point in raw], dtype=np.float32)
     uv = np.asarray(cv2.KeyPoint.convert(raw), dtype=np.float64).reshape(-1, 2)
     order = np.argsort(-response, kind="stable")
-    order = order[response[order] >= min_response]
+    order = order[response[order] >= least_response]
     return Keypoints(raw, order, uv[order], response[order])

@@ -43,7 +43,7 @@ class LucasKanade:
     """
 
     kind: ClassVar[str] = "lucas-kanade"
-    description: ClassVar[str] = "AGAST corners tracked by pyramidal Lucas-Kanade, with outlier rejection"
+    description: ClassVar[str] = "corners tracked by pyramidal Lucas-Kanade, with outlier rejection"
 
     detection: Detection = field(default_factory=Detection)
     rejection: Rejection = field(default_factory=Rejection)

@@ -11,13 +11,14 @@ from pathlib import Path
 
 import psutil
 import pytest
+from tests.experiments.running.local_jobs import allocate, announce, crash, refuse, status_of
 
 from tracknoise import signals
 from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.experiments.running import local
 from tracknoise.experiments.running.execute import execute
 from tracknoise.experiments.running.local import measure_locally
-from tracknoise.experiments.running.worker import Worker, WorkerDiedError, notify
+from tracknoise.experiments.running.worker import Worker, WorkerDiedError
 from tracknoise.tables.store import RunFolder
 
 pytestmark = pytest.mark.usefixtures("pipes_are_files")
@@ -34,38 +35,6 @@ for address in sys.argv[1:]:
         stranger.settimeout(2)
         print("connected" if stranger.connect_ex((host, int(port))) == 0 else "refused")
 """
-
-
-def crash(path: str) -> None:
-    """A job that reads a file and then crashes, as a parser in C does."""
-    Path(path).read_bytes()
-    os.kill(os.getpid(), signal.SIGSEGV)
-
-
-def allocate(size: int) -> int:
-    """A job that uses memory until it is ended."""
-    content = bytearray(os.urandom(1 << 20)) * size
-    time.sleep(60)
-    return len(content)
-
-
-def refuse(name: str) -> None:
-    """A job that raises."""
-    if name == "lambda":
-        raise type("Local", (Exception,), {})("cannot be sent")
-    raise DataError(name, "nothing", "something") if name == "data" else SettingsError(name)
-
-
-def announce(count: int) -> int:
-    """A job that tells how far it is."""
-    for number in range(count):
-        notify("key", number, count)
-    return count
-
-
-def status_of(number: int) -> object:
-    """A job that tells how its process handles a signal."""
-    return signal.getsignal(number), number in signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
 
 def test_a_crash_names_the_signal_and_the_file(tmp_path):

@@ -5,14 +5,14 @@ import polars as pl
 import pytest
 
 from tracknoise.exceptions import SchemaError
-from tracknoise.findings.growth.time_structure import time_structure
+from tracknoise.findings.growth.time_structure import lagged, time_structure
 from tracknoise.statistics.block_moments import block_moments
 from tracknoise.statistics.increments import increments
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.prepared import prepare_observations, prepare_sequence
 from tracknoise.statistics.trimming import Trimmed
 from tracknoise.tables.findings_schema import TIME_STRUCTURE
-from tracknoise.tables.schema import INCREMENTS, MOMENTS, empty
+from tracknoise.tables.schema import INCREMENTS, MOMENTS, VIEW, empty
 
 TRACKS, FRAMES = 60, 15
 Errors = Callable[[np.random.Generator], np.ndarray]
@@ -165,6 +165,19 @@ def test_the_table_has_its_schema_and_does_not_depend_on_the_order_of_scenes(see
     assert once.schema == dict(TIME_STRUCTURE)
     backwards = [[table.filter(scene=f"{place:02}") for place in reversed(range(6))] for table in (moments, changes)]
     assert once.equals(time_structure(*backwards, n_draws=50))
+
+
+def test_blocks_of_several_sequences_are_added_up_as_those_of_each_unless_their_view_has_few_scenes(see_errors) -> None:
+    seen = of_scenes(see_errors, walk, scenes=3)
+    changes = increments(prepare_sequence(seen.observations, seen.tracks))
+    scenes = [changes.filter(scene=f"{place:02}") for place in (2, 0, 1)]
+    together, views = pl.concat(scenes), changes.select("dataset", *VIEW).unique()
+    summed = lagged(together, views.clear())
+    assert summed.equals(pl.concat([lagged(scene, views.clear()) for scene in scenes]))
+    assert summed["block"].unique().to_list() == [0]
+    pairs = together.filter(pl.col("lag") > 0)
+    assert summed["squares_uu"].sum() == pytest.approx(pairs["squares_uu"].sum())
+    assert lagged(together, views).equals(pairs)
 
 
 def test_without_errors_there_are_no_rows_and_wrong_tables_are_refused() -> None:

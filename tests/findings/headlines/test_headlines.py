@@ -19,6 +19,7 @@ from tracknoise.tables.findings_schema import (
     FINDINGS,
     GAUSSIANITY,
     INTERVALS,
+    NOISE_LOOKUP,
     RIGID_SHARE,
     SEED_SPREAD,
     SURROUNDING_ERRORS,
@@ -56,6 +57,7 @@ SCHEMAS: Mapping[str, Schema] = {
     "rigid_share": RIGID_SHARE,
     "tracker_differences": TRACKER_DIFFERENCES,
     "window_sigmas": WINDOW_SIGMAS,
+    "noise_lookup": NOISE_LOOKUP,
     "depth_intervals": DEPTH_INTERVALS,
 }
 
@@ -384,6 +386,19 @@ def factor_rows(*verdicts: str) -> dict[str, pl.DataFrame]:
     ]
     chosen = [{**row, "verdict": verdict} for row, verdict in zip(rows, verdicts, strict=False)]
     return {"dependence": table(DEPENDENCE, *chosen)}
+
+
+def test_trackers_that_differ_in_one_option_are_compared_by_it_alone() -> None:
+    pair = {"level_a": "gftt", "level_b": "fast", "larger": "fast", "better": "gftt", "speed": 1}
+    option = factor_row("core", "yes", **pair, factor="detection.detector", tracker="lucas-kanade", effect=1.4, low=1.2)
+    names = {"level_a": "lk", "level_b": "lk-fast", "larger": "lk-fast", "better": "lk"}
+    trackers = factor_row("core", "yes", **names, speed=1, factor="tracker", tracker=None, effect=1.4, low=1.2)
+    text = read(dependence=table(DEPENDENCE, option, trackers))["factors"]["text"]
+    assert text.startswith("Verdicts on whether the detector changes a statistic: 1 yes.")
+    assert "with detector fast as with detector gftt; detector gftt is better." in text
+    three = {**trackers, "n_levels": 3}
+    text = read(dependence=table(DEPENDENCE, option, three))["factors"]["text"]
+    assert text.startswith("Verdicts on whether the tracker or the detector changes a statistic: 2 yes.")
 
 
 def test_factors_are_counted_and_the_clearest_are_named() -> None:

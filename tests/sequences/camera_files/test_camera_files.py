@@ -354,3 +354,10 @@ def test_any_camera_file_may_state_a_readout(tmp_path, text):
     path.write_text(text.replace("0.0261", "26.1"))
     with pytest.raises(DataError, match=r"readout_s = 26.1, expected seconds between -1 and 1"):
         read_camera_file(path)
+
+
+def test_tabs_behind_values_are_white_space(tmp_path):
+    tabs = EUROC.replace(" #fu", "\t#fu").replace("rate_hz: ", "rate_hz:\t").replace(", ", ",\t")
+    (tmp_path / "plain.yaml").write_text(EUROC)
+    (tmp_path / "tabs.yaml").write_text(tabs)
+    assert read_yaml(tmp_path / "tabs.yaml") == read_yaml(tmp_path / "plain.yaml")

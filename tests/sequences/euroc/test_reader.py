@@ -193,6 +193,34 @@ def test_tum_vi_has_fisheye_lenses_a_kalibr_chain_and_images_of_16_bits(tmp_path
     assert open_sequence("euroc", tmp_path, camera_file=tmp_path / "elsewhere.yaml").camera.fx == 60.0
 
 
+@pytest.mark.parametrize(
+    "names", [["camchain-room.yaml"], ["room-camchain.yaml"], ["camchain-room.yaml", "camchain-imucam-room.yaml"]]
+)
+def test_a_kalibr_chain_has_the_name_that_kalibr_gave_it(tmp_path, names):
+    folder = write_tum_vi(tmp_path)
+    chain = folder / "dso" / "camchain.yaml"
+    text = chain.read_text()
+    chain.unlink()
+    for name in names[:-1]:
+        (folder / "dso" / name).write_text("cam0: {}\n")
+    (folder / "dso" / names[-1]).write_text(text)
+    assert open_sequence("euroc", tmp_path).camera.fx == 60.0
+
+
+def test_several_kalibr_chains_need_a_choice(tmp_path):
+    folder = write_tum_vi(tmp_path)
+    (folder / "dso" / "camchain.yaml").rename(folder / "dso" / "camchain-a.yaml")
+    (folder / "dso" / "camchain-b.yaml").write_text("cam0: {}\n")
+    with pytest.raises(DataError, match=r"several files: camchain-a.yaml, camchain-b.yaml, expected one, or --option"):
+        open_sequence("euroc", tmp_path)
+
+
+def test_names_in_the_list_may_have_the_folder_data(scene):
+    listed = scene / "mav0" / "cam0" / "data.csv"
+    listed.write_bytes(re.sub(rb",(\d+)", rb",data/\1", listed.read_bytes()))
+    np.testing.assert_array_equal(open_sequence("euroc", scene).image(0), images(4)[0])
+
+
 def test_the_clock_of_the_poses_is_that_of_the_images_plus_the_shift(tmp_path):
     folder = write_tum_vi(tmp_path)
     recorded_ns = START_NS + 1_000_000 * np.arange(-50, 250)

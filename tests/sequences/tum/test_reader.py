@@ -263,6 +263,17 @@ def test_rows_that_repeat_a_time_are_ignored_and_unsorted_ones_sorted(scene):
     assert f"{rgb}: 1 of 5 rows repeat the time of an earlier row and are ignored" in read.notes
 
 
+@pytest.mark.parametrize("change", [(b" ", b","), (b" ", b", "), (b" ", b"\t"), (b"rgb/", b"rgb\\"), (b"\n", b"\r\n")])
+def test_lists_are_read_as_the_tools_of_the_benchmark_read_them(scene, change):
+    """Commas and tabs separate fields; lists that were written on Windows have other ends of lines and folders."""
+    expected = open_sequence("tum", scene)
+    for name in ("rgb.txt", "groundtruth.txt"):
+        (scene / name).write_bytes((scene / name).read_bytes().replace(*change))
+    found = open_sequence("tum", scene)
+    np.testing.assert_array_equal(found.world_from_camera, expected.world_from_camera)
+    np.testing.assert_array_equal(found.image(1), expected.image(1))
+
+
 def test_an_image_that_is_listed_and_missing_is_named_when_it_is_read(scene):
     name = scene / "rgb" / f"{stamp(1305031241.0)}.png"
     name.unlink()

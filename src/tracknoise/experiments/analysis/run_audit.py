@@ -5,13 +5,10 @@ import polars as pl
 from tracknoise.audit.read import AuditedTables
 from tracknoise.audit.table import audit_tables
 from tracknoise.experiments.analysis.reference_condition import first_lighting
-from tracknoise.experiments.settings import Experiment
+from tracknoise.experiments.settings import SYNTHETIC, Experiment
 from tracknoise.findings.sampling.groups_of_scenes import groups_of_scenes
 from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.store import RunFolder
-
-_MADE_FROM_TRUTH = ("oracle",)
-"""Kinds of trackers that place features by the stated truth, and so agree with it whatever is wrong in it."""
 
 
 def run_audit(run: RunFolder, experiment: Experiment) -> dict[str, pl.DataFrame]:
@@ -40,7 +37,7 @@ def run_audit(run: RunFolder, experiment: Experiment) -> dict[str, pl.DataFrame]
         tables,
         groups_of_scenes(manifest.sequences, experiment.dataset.groups),
         dataset=next(iter(manifest.sequences.values())).sequence.dataset,
-        without=[tracker.label for tracker in experiment.trackers if tracker.kind in _MADE_FROM_TRUTH],
+        without=[tracker.label for tracker in experiment.trackers if tracker.kind in SYNTHETIC],
     )
     return {"audit": found.audit, "audit_curves": found.audit_curves}
 

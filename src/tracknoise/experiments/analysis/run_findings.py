@@ -12,8 +12,9 @@ from tracknoise.experiments.analysis.finding_inputs import FindingInputs
 from tracknoise.experiments.analysis.freed_memory import keep_freed_memory
 from tracknoise.experiments.analysis.reference_condition import reference_condition
 from tracknoise.experiments.analysis.run_audit import run_audit
-from tracknoise.experiments.settings import Experiment
+from tracknoise.experiments.settings import FROM_FILES, Experiment
 from tracknoise.findings.factors.dependence import dependence
+from tracknoise.findings.factors.tracker_options import option_factors
 from tracknoise.findings.fitted_noise import fitted_noise_table
 from tracknoise.findings.growth.time_structure import LONG_LIVED, lagged, time_structure
 from tracknoise.findings.headlines.document import findings_json
@@ -34,15 +35,17 @@ from tracknoise.findings.tracker_differences import tracker_differences
 from tracknoise.findings.two_truths import pose_disagreement_table, two_truths_table
 from tracknoise.findings.zero_mean import zero_mean
 from tracknoise.noise_models.depth_intervals import depth_intervals
+from tracknoise.noise_models.lookup.gains import noise_lookup
 from tracknoise.noise_models.window_noise import window_sigmas
 from tracknoise.sequences.sequence import TRIANGULATED, TruthKind
 from tracknoise.statistics.change_curves import change_curves
 from tracknoise.statistics.curves import aspect_curves
 from tracknoise.statistics.factors import ReferenceCondition
+from tracknoise.statistics.grouping import in_chunks
 from tracknoise.statistics.lifetimes import horizons
 from tracknoise.statistics.trims import dropped_above
 from tracknoise.tables.manifest import Manifest
-from tracknoise.tables.schema import SEQUENCE, VIEW
+from tracknoise.tables.schema import INCREMENTS, SEQUENCE, VIEW
 from tracknoise.tables.store import RunFolder
 
 _OF_SEQUENCES: Mapping[str, tuple[str, Callable[..., pl.DataFrame]]] = {
@@ -82,9 +85,10 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
         If a table is damaged, or the folder cannot be written.
     """
     keep_freed_memory()
-    reference = reference_condition(run.manifest(), experiment, statistics["outliers"])
-    tables = _tables(run, experiment, statistics, reference) | run_audit(run, experiment)
-    reported = _reported(run, experiment, {**statistics, **tables}, reference)
+    manifest = run.manifest()
+    reference = reference_condition(manifest, experiment, statistics["outliers"])
+    tables = _tables(run, manifest, experiment, statistics, reference) | run_audit(run, experiment)
+    reported = _reported(manifest, experiment, {**statistics, **tables}, reference)
     if reported.fitted:
         tables |= _without_verdicts_on_errors(tables)
     tables["findings"] = headline_table({**statistics, **tables}, reported)
@@ -110,18 +114,23 @@ class _CurveOptions(_Sampling):
 
 
 def _tables(
-    run: RunFolder, experiment: Experiment, statistics: Mapping[str, pl.DataFrame], reference: ReferenceCondition
+    run: RunFolder,
+    manifest: Manifest,
+    experiment: Experiment,
+    statistics: Mapping[str, pl.DataFrame],
+    reference: ReferenceCondition,
 ) -> dict[str, pl.DataFrame]:
     population, least = experiment.truth.population, experiment.statistics.min_features
-    few = _views_of_few_scenes(run)
+    few = _views_of_few_scenes(manifest)
     pairs: list[pl.DataFrame] = []  # of changes
     lived: list[pl.DataFrame] = []
-    moved = _keeping(run.sequence_tables("increments"), pairs, lambda table: lagged(table, few))  # read only once
+    increments = in_chunks(run.sequence_tables("increments"), INCREMENTS, "increments")
+    moved = _keeping(increments, pairs, lambda table: lagged(table, few))  # read only once
     pooled = {  # first, while no other tables are in memory
         "aspect_curves": aspect_curves(run.sequence_tables("aspects"), min_features=least),
         "changes": change_curves(moved),
     }
-    groups = groups_of_scenes(run.manifest().sequences, experiment.dataset.groups)
+    groups = groups_of_scenes(manifest.sequences, experiment.dataset.groups)
     read = FindingInputs.read(run, population, reference, groups)
     asked, zeros = experiment.findings, reference.key_frames
     options: _CurveOptions = {
@@ -135,7 +144,7 @@ def _tables(
     horizon = horizons(statistics["lifetimes"])
     intervals = _intervals(read, experiment, aspects, horizon)
     spread = seed_spread(intervals, _repeats(run, experiment), horizons=horizon, population=population)
-    shapes = gaussianity(read.moments, run.stacked_tables("samples", sorted(run.manifest().sequences)), **options)
+    shapes = gaussianity(read.moments, run.stacked_tables("samples", sorted(manifest.sequences)), **options)
     return {
         **pooled,
         "intervals": widened(intervals, spread),
@@ -158,8 +167,9 @@ def _of_sequences(run: RunFolder, **sampling: Unpack[_Sampling]) -> dict[str, pl
     """Findings that need one table of every sequence that has it, and nothing else."""
     pooled = {name: pool(run.stored_tables(table), **sampling) for name, (table, pool) in _OF_SEQUENCES.items()}
     windows = window_sigmas(run.stored_tables("window_noise"), run.stored_tables("window_blocks"), **sampling)
+    lookups = noise_lookup(run.stored_tables("noise_sums"), groups=sampling["groups"], level=sampling["level"])
     depths = depth_intervals(*(run.stored_tables(name) for name in _OF_DEPTHS), **sampling)
-    return {**pooled, "window_sigmas": windows, "depth_intervals": depths}
+    return {**pooled, "window_sigmas": windows, "noise_lookup": lookups, "depth_intervals": depths}
 
 
 def _intervals(
@@ -207,6 +217,7 @@ def _dependence(
         read.frames,
         statistics["curves"],
         statistics["effects"],
+        options=option_factors(_options(experiment)),
         groups=read.groups,
         key_frames=key_frames,
         population=experiment.truth.population,
@@ -214,6 +225,11 @@ def _dependence(
         margin=experiment.findings.margin,
         level=experiment.findings.level,
     )
+
+
+def _options(experiment: Experiment) -> dict[str, tuple[str, Mapping[str, object]]]:
+    """Kind and options of each tracker. Imported tracks are left out: their files come from any front end."""
+    return {one.label: (one.kind, one.options) for one in experiment.trackers if one.kind not in FROM_FILES}
 
 
 def _keeping(
@@ -225,19 +241,19 @@ def _keeping(
         yield table
 
 
-def _views_of_few_scenes(run: RunFolder) -> pl.DataFrame:
+def _views_of_few_scenes(manifest: Manifest) -> pl.DataFrame:
     """Datasets and views that have so few scenes that blocks are resampled."""
     names = {"dataset": SEQUENCE["dataset"], **VIEW}
-    of = [entry.sequence for entry in run.manifest().sequences.values()]
+    of = [entry.sequence for entry in manifest.sequences.values()]
     rows = [tuple(getattr(sequence, name) for name in names) for sequence in of]
     views = pl.DataFrame(rows, schema=names, orient="row")
     return views.group_by(list(names)).len().filter(pl.col("len") < MIN_SCENES).select(list(names))
 
 
 def _reported(
-    run: RunFolder, experiment: Experiment, tables: Mapping[str, pl.DataFrame], reference: ReferenceCondition
+    manifest: Manifest, experiment: Experiment, tables: Mapping[str, pl.DataFrame], reference: ReferenceCondition
 ) -> ReportedConditions:
-    truths = {entry.truth for entry in run.manifest().sequences.values()}
+    truths = {entry.truth for entry in manifest.sequences.values()}
     return ReportedConditions(
         reference,
         [tracker.label for tracker in experiment.trackers],
@@ -245,9 +261,9 @@ def _reported(
         percentile=dropped_above(tables["trims"]),
         recorded=truths != {TruthKind.raycast},
         fitted=TRIANGULATED in truths,
-        groups=groups_of_scenes(run.manifest().sequences, experiment.dataset.groups),
+        groups=groups_of_scenes(manifest.sequences, experiment.dataset.groups),
         trimming=experiment.findings.trimming,
-        doubts=doubts_by_scene(run.manifest()),
+        doubts=doubts_by_scene(manifest),
         mistakes=usual_mistakes(tables["audit"]),
     )
 

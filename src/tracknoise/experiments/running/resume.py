@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from tracknoise.exceptions import StoreError
+from tracknoise.experiments.resolve import with_tracker_defaults
 from tracknoise.experiments.running.plan import Task
 from tracknoise.experiments.running.provenance import new_manifest, require_versions
 from tracknoise.experiments.settings import Experiment, dotted, parse_experiment
@@ -107,7 +108,7 @@ def _settings_of(
         remark(f"{error}. They are written again: the manifest has the hash of this experiment")
         return None
     manifest.experiment_sha256 = [digest(text.encode())]  # a process killed while it replaced them leaves two
-    return parse_experiment(text, place=str(run.path / "experiment.toml"))
+    return with_tracker_defaults(parse_experiment(text, place=str(run.path / "experiment.toml")))
 
 
 def _has_grown(there: Experiment, wanted: Experiment) -> bool:

@@ -24,6 +24,7 @@ from tracknoise.findings.factors.questions import Cell, cells
 from tracknoise.findings.factors.rows import Row, judged, row_of
 from tracknoise.findings.factors.scene_counts import lifetime_differences, outlier_differences
 from tracknoise.findings.factors.scene_values import SIGNED, AllValues, scene_values
+from tracknoise.findings.factors.tracker_options import OptionFactor, option_cells
 from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.statistics.conditions import Tables, TablesByCondition, by_condition, scenes_by_dataset
 from tracknoise.tables.defaults import LEVEL, MARGIN, POPULATION, TRIMMING
@@ -50,6 +51,7 @@ def dependence(
     key_frames: Mapping[str, int] | None = None,
     population: str = POPULATION,
     trimming: str = TRIMMING,
+    options: Sequence[OptionFactor] = (),
     groups: SceneGroups = NO_GROUPS,
     margin: float = MARGIN,
     level: float = LEVEL,
@@ -69,6 +71,8 @@ def dependence(
         Where curves run along frames: the one in which errors are zero, by direction.
     population, trimming
         Which errors.
+    options
+        Options in which alone trackers differ. They are compared like trackers, as factors of their own.
     groups
         Scenes that are not independent of each other.
     margin
@@ -110,11 +114,12 @@ def dependence(
         key_frames=key_frames or {},
         scenes=scenes,
     )
-    options = _Options(groups, margin, level, n_draws, seed)
+    asked = _Options(groups, margin, level, n_draws, seed)
+    every = list(cells(effects, sorted({key for table in tables.values() for key in table})))
     rows: list[Row] = []
-    for cell in cells(effects, sorted({key for table in tables.values() for key in table})):
+    for cell in [*every, *option_cells(every, options)]:
         names = scenes.get(cell.dataset, [])
-        rows.extend(_rows(cell, tables, values, names, groups.of(cell.dataset, names), options))
+        rows.extend(_rows(cell, tables, values, names, groups.of(cell.dataset, names), asked))
     return judged(rows, level)
 
 

@@ -39,7 +39,17 @@ from tracknoise.statistics.grouping import group_rows, in_chunks, reduce_each
 from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL, MIN_FEATURES
 from tracknoise.tables.enumerations import Aspect, Behaviour
 from tracknoise.tables.findings_schema import TIME_STRUCTURE
-from tracknoise.tables.schema import ASPECT_BLOCKS, ASPECTS, BLOCKS, INCREMENTS, MOMENTS, ORIGIN, check, empty
+from tracknoise.tables.schema import (
+    ASPECT_BLOCKS,
+    ASPECTS,
+    BLOCKS,
+    INCREMENTS,
+    MOMENTS,
+    ORIGIN,
+    SEQUENCE,
+    check,
+    empty,
+)
 
 _KEY = [*POOLED, "trimming"]
 _PAIRS = [*ORIGIN, "block", "trimming", "lag"]
@@ -172,14 +182,21 @@ def lagged(increments: pl.DataFrame, few: pl.DataFrame) -> pl.DataFrame:
     Parameters
     ----------
     increments
-        Of one sequence.
+        Of any number of sequences, one after another.
     few
         Datasets and views of so few scenes that blocks are resampled. In others all blocks are added up, as block 0.
     """
     pairs = increments.filter(pl.col("lag") > 0)
-    if pairs.is_empty() or (few.height and not pairs.head(1).join(few, on=few.columns, how="semi").is_empty()):
-        return pairs
-    groups = group_rows(pairs, _OF_SCENE)
+    if few.is_empty():
+        return _of_all_blocks(pairs)
+    by_block, whole = (pairs.join(few, on=few.columns, how=how, maintain_order="left") for how in ("semi", "anti"))
+    return pl.concat([by_block, _of_all_blocks(whole)])
+
+
+def _of_all_blocks(pairs: pl.DataFrame) -> pl.DataFrame:
+    """Sums over the blocks of each scene, as block 0; sequences stay in their order."""
+    numbered = pairs.with_columns(sequence=pl.struct(list(SEQUENCE)).rle_id())
+    groups = group_rows(numbered, ["sequence", *_OF_SCENE])
     known = {name: pl.col(name) for name in (*_OF_SCENE, *CHANGE_SUMS)} | {"block": pl.lit(0)}
     columns = [known.get(name, pl.lit(None)).cast(kind).alias(name) for name, kind in INCREMENTS.items()]
     return groups.keys.hstack(groups.sums(pairs, CHANGE_SUMS)).select(columns)

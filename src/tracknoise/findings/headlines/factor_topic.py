@@ -7,7 +7,7 @@ from typing import Any
 import polars as pl
 
 from tracknoise.findings.estimate import Estimate
-from tracknoise.findings.factor_text import bounded_text, difference_sentence
+from tracknoise.findings.factor_text import bounded_text, difference_sentence, factor_name
 from tracknoise.findings.headlines.headline import Headline, RunTables, leading
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.roles import ROLES
@@ -31,18 +31,28 @@ def asked(dependence: pl.DataFrame, conditions: ReportedConditions) -> pl.DataFr
     Returns
     -------
     polars.DataFrame
-        Rows of `dependence` with a column `role`, in the order of the factors, trackers and statistics.
+        Rows of `dependence` with a column `role`, in the order of the factors, trackers and statistics. Options of
+        trackers follow the other factors. Trackers that differ in one option alone are compared by that option only.
     """
     nominal = pl.col("speed").is_null() | (pl.col("speed") == conditions.reference.speed)
     known = pl.col("statistic").is_in(list(ROLES))
     rows = dependence.filter(nominal, known, pl.col("n_levels") > 1)
-    orders = {"factor": list(FACTORS), "tracker": [*conditions.trackers], "role": list(STATISTICS)}
+    rows = _without_repeated(rows)
+    options = [name for name in rows["factor"].unique(maintain_order=True) if name not in FACTORS]
+    orders = {"factor": [*FACTORS, *options], "tracker": [*conditions.trackers], "role": list(STATISTICS)}
     rows = rows.with_columns(role=pl.col("statistic").replace_strict(ROLES, return_dtype=pl.String))
     places = [
         pl.col(name).replace_strict(order, range(len(order)), default=-1, return_dtype=pl.Int64)
         for name, order in orders.items()
     ]
     return rows.sort(*places, maintain_order=True)
+
+
+def _without_repeated(rows: pl.DataFrame) -> pl.DataFrame:
+    """Rows without those about trackers that are all compared by one option."""
+    of_trackers = pl.col("factor") == "tracker"
+    of_options = rows.filter(~pl.col("factor").is_in([*FACTORS]))["n_levels"].unique().to_list()
+    return rows.filter(~(of_trackers & pl.col("n_levels").is_in(of_options)))
 
 
 def factors(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
@@ -67,7 +77,7 @@ def factors(tables: RunTables, conditions: ReportedConditions) -> Headline | Non
 
 def _names(rows: pl.DataFrame) -> Sequence[str]:
     names: list[str] = rows["factor"].unique(maintain_order=True).to_list()
-    return [f"the {name}" for name in names]
+    return [f"the {factor_name(name)}" for name in names]
 
 
 def _margins(rows: pl.DataFrame) -> list[str]:

@@ -16,6 +16,7 @@ from tracknoise.findings.headlines.depth_topic import depths
 from tracknoise.findings.headlines.error_size import size
 from tracknoise.findings.headlines.factor_topic import factors
 from tracknoise.findings.headlines.headline import Headline, RunTables
+from tracknoise.findings.headlines.lookup_topic import noise_by_condition
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.trimming_topic import trimming_matters
 from tracknoise.findings.headlines.window_topic import estimator_noise
@@ -36,6 +37,7 @@ _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] 
     place_topic.depth_edges,
     error_topics.shape,
     error_topics.growth,
+    noise_by_condition,
     truth_topics.between_trackers,
     factors,
     error_topics.survivorship,
@@ -65,8 +67,8 @@ def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.Data
     ----------
     tables
         By their names: curves, floor, summary, effects, intervals, seed_spread, zero_mean, gaussianity, time_structure,
-        dependence, surrounding_errors, rigid_share, tracker_differences, triangulated_noise, window_sigmas and
-        depth_intervals. One without rows has no headline.
+        dependence, surrounding_errors, rigid_share, tracker_differences, triangulated_noise, noise_lookup,
+        window_sigmas and depth_intervals. One without rows has no headline.
     conditions
         Which conditions the sentences are about.
 

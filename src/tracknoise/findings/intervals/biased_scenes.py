@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from tracknoise.findings.estimate import EstimateArray
-from tracknoise.findings.sampling.bounds import Method, pooled
+from tracknoise.findings.sampling.bounds import Method, column_means, pooled
 from tracknoise.findings.sampling.lognormal import shares_of
 from tracknoise.findings.sampling.units import SUMS, Units
 from tracknoise.tables.enumerations import IntervalKind, Resampled, Weighting
@@ -130,11 +130,9 @@ def _variance(units: Units, parts: Parts, level: float) -> EstimateArray:
     """Mean variance within scenes, (2, points)."""
     sums = np.concatenate([parts.sizes, parts.variances], axis=-1)
     joined = replace(units, sums=sums, scene=np.arange(len(sums)), group=None, resampled=Resampled.scenes)
-
-    def mean(totals: Array) -> Array:
-        return totals[1:] / np.where(totals[0] > 0, totals[0], np.nan)
-
-    return pooled(joined, np.empty((0, len(sums))), mean, Method(IntervalKind.student, level), scales=["log"] * 2)
+    return pooled(
+        joined, np.empty((0, len(sums))), column_means, Method(IntervalKind.student, level), scales=["log"] * 2
+    )
 
 
 def _combined(one: Array, other: Array, correlation: Array) -> Array:

@@ -2,12 +2,10 @@
 
 from functools import partial
 
-import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from tracknoise.findings.intervals.condition_table import Sampling, condition_table, estimated
-from tracknoise.findings.sampling.bounds import Method, pooled
+from tracknoise.findings.sampling.bounds import Method, column_means, pooled
 from tracknoise.findings.sampling.draws import N_DRAWS, Draws
 from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.findings.sampling.units import units_of
@@ -65,13 +63,8 @@ def _rows(sums: pl.DataFrame, draws: Draws, method: Method, groups: SceneGroups)
     """One row per age, class of speed, and coordinate of a condition."""
     named = sums.rename({"low": "class_low", "high": "class_high"})
     units = units_of(named, named, points=_POINT, columns=_COLUMNS, groups=groups)
-    found = pooled(units, draws.weights(units), _means, method)
+    found = pooled(units, draws.weights(units), column_means, method)
     n = pl.Series("n", units.sums[..., 0].sum(axis=0), dtype=pl.Float64)
     points = units.points.with_columns(pl.col("axis").cast(pl.String), n)
     labels = pl.DataFrame({"coordinate": _COORDINATES}).join(points, how="cross")
     return estimated(labels, found, units, SPEED_ERRORS, value="mean_px")
-
-
-def _means(sums: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Mean error along and across, (2, points, ...)."""
-    return np.asarray(sums[1:] / np.where(sums[0] > 0, sums[0], np.nan))

@@ -229,6 +229,11 @@ def geometric(units: Units, weights: NDArray[np.float64], logarithms: Statistics
     return replace(found, value=np.where(is_zero, 0.0, value), low=bounded[0], high=bounded[1])
 
 
+def column_means(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Means from sums whose first row is the count: (rows, ...) gives (rows - 1, ...), NaN where the count is 0."""
+    return np.asarray(sums[1:] / np.where(sums[0] > 0, sums[0], np.nan))
+
+
 def _finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(np.isfinite(values), values, np.nan)
 

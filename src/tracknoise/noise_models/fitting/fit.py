@@ -1,6 +1,6 @@
 """The fit of a noise model to the scenes of a run."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -55,27 +55,57 @@ def fitted_fields(
     """
     read = training_tables(folder, tracker=tracker, speed=speed, scenes=scenes)
     sums = read["noise_sums"]
-    units = units_of(sums.drop("block"), sums, points=["product", "age"], columns=COLUMNS, groups=read.groups)
-    fitted = fit_components(units, level=level)
-    noise = TrackNoise(**{name: part.covariance for name, part in fitted.components.items()})
+    fitted = components_of(read, level=level)
     last_age = int(sums["age"].max())  # type: ignore[arg-type]
     outliers = read["noise_outliers"]
-    limit_px = float((outliers["limit_px"] * outliers["n"]).to_numpy().sum() / outliers["n"].to_numpy().sum())
     return {
         "training": _training(read),
         "camera": _camera(read),
         **fitted.components,
-        "tails": fit_tails(read["samples"], noise, last_age=last_age, groups=read.groups),
+        "tails": fit_tails(read["samples"], _noise(fitted), last_age=last_age, groups=read.groups),
         "outlier_share": outliers["n_outliers"].to_numpy().sum() / outliers["n"].to_numpy().sum(),
-        "outliers_beyond_px": limit_px,
+        "outliers_beyond_px": _limit_px(outliers),
         "conditions": conditions_of(
             read["noise_covariates"], read["noise_pairs"], fitted, groups=read.groups, level=level
         ),
         "bias": fit_bias(sums, read["floors"], groups=read.groups, level=level),
         "common_share": fit_common(read["rigid"], sums, groups=read.groups, level=level),
         "truth_floor_px": _floor(read["floors"], last_age),
-        "equivalents": _equivalents(read, fitted, noise, limit_px),
+        "equivalents": equivalents_of(read, fitted, LENGTHS),
     }
+
+
+def components_of(read: TrainingTables, *, level: float) -> FittedComponents:
+    """Components of the noise, fitted to the sums of the tables.
+
+    Raises
+    ------
+    SettingsError
+        If there are too few errors.
+    """
+    sums = read["noise_sums"]
+    units = units_of(sums.drop("block"), sums, points=["product", "age"], columns=COLUMNS, groups=read.groups)
+    return fit_components(units, level=level)
+
+
+def equivalents_of(read: TrainingTables, fitted: FittedComponents, lengths: Sequence[int]) -> tuple[Equivalent, ...]:
+    """Standard deviations for all observations, for windows of some lengths of the sequences of the tables."""
+    lifetimes, recordings, noise = _lifetimes(read["ends"]), _recordings(read), _noise(fitted)
+    limit_px, found = _limit_px(read["noise_outliers"]), list[Equivalent]()
+    for length in lengths:
+        some = windows(recordings, speed=read.speed, length=length, lifetimes=lifetimes)
+        limits = gates(read["window_noise"], length, limit_px=limit_px, modelled=(some[0], noise))
+        found.extend(equivalents(fitted, some, length=length, speed=read.speed, gates=limits))
+    return tuple(found)
+
+
+def _noise(fitted: FittedComponents) -> TrackNoise:
+    return TrackNoise(**{name: part.covariance for name, part in fitted.components.items()})
+
+
+def _limit_px(outliers: pl.DataFrame) -> float:
+    """Beyond what errors are outliers, mean over sequences."""
+    return float((outliers["limit_px"] * outliers["n"]).to_numpy().sum() / outliers["n"].to_numpy().sum())
 
 
 def _training(read: TrainingTables) -> Training:
@@ -114,18 +144,6 @@ def _floor(floors: pl.DataFrame, last_age: int) -> float | None:
     used = floors.filter(pl.col("source") == "all", pl.col("axis") == "age", pl.col("at").is_between(1, last_age))
     n = used["n"].to_numpy().sum()
     return float(np.sqrt((used["sum_uu"].to_numpy().sum() + used["sum_vv"].to_numpy().sum()) / (2 * n))) if n else None
-
-
-def _equivalents(
-    read: TrainingTables, fitted: FittedComponents, noise: TrackNoise, limit_px: float
-) -> tuple[Equivalent, ...]:
-    lifetimes, recordings = _lifetimes(read["ends"]), _recordings(read)
-    found: list[Equivalent] = []
-    for length in LENGTHS:
-        some = windows(recordings, speed=read.speed, length=length, lifetimes=lifetimes)
-        limits = gates(read["window_noise"], length, limit_px=limit_px, modelled=(some[0], noise))
-        found.extend(equivalents(fitted, some, length=length, speed=read.speed, gates=limits))
-    return tuple(found)
 
 
 def _recordings(read: TrainingTables) -> list[Recording]:

@@ -2,7 +2,7 @@
 
 import tomllib
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import polars as pl
 
@@ -53,6 +53,16 @@ class TrainingTables:
     def of_sequence(self, name: str, key: str) -> pl.DataFrame:
         """A table of one sequence."""
         return self.folder.sequence_table(name, key)
+
+    def of_scenes(self, scenes: Collection[str]) -> "TrainingTables":
+        """The same of some of the scenes."""
+        kept = {key: one.sequence.scene in scenes for key, one in self.folder.manifest().sequences.items()}
+        return replace(
+            self,
+            scenes=tuple(sorted(scenes)),
+            keys=tuple(key for key in self.keys if kept[key]),
+            tables={name: table.filter(pl.col("scene").is_in(list(scenes))) for name, table in self.tables.items()},
+        )
 
 
 def conditions(folder: RunFolder) -> list[tuple[str, int]]:

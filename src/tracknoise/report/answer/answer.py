@@ -46,11 +46,12 @@ def measured(data: ReportData) -> str:
     frames = {entry.n_frames for entry in entries}
     sizes = sorted({f"{entry.width} {TIMES} {entry.height}" for entry in entries})
     lengths = f"{min(frames)}" if len(frames) == 1 else f"{min(frames)} to {max(frames)}"
-    image = sizes[0] if len(sizes) == 1 else "several sizes"
+    image = f"{sizes[0]} px" if len(sizes) == 1 else "several sizes"
     data_names = listing(sorted({entry.sequence.dataset for entry in entries}))
     truth = listing(_TRUTHS.get(kind, kind) for kind in sorted({entry.truth for entry in entries}))
+    image += "".join(f", {count(len(values), name)}" for name, values in data.varied.items())
     shown = f"{data.errors_shown} at speed {data.slowest}{data.where}"
-    return f"Data: {data_names}, {count(scenes, 'scene')} of {lengths} frames, {image} px. Truth: {truth}. {shown}."
+    return f"Data: {data_names}, {count(scenes, 'scene')} of {lengths} frames, {image}. Truth: {truth}. {shown}."
 
 
 def _card(subject: Subject, size: str) -> Card:

@@ -9,18 +9,18 @@ import polars as pl
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.headlines.error_size import first
 from tracknoise.findings.headlines.reported_conditions import curve_bounds, scale_estimate
-from tracknoise.findings.headlines.withheld import bias_covers, growth_cover, withheld_bias
-from tracknoise.findings.wording import SHAPES, listing, percent, sentence_case
+from tracknoise.findings.headlines.withheld import bias_covers, withheld_bias
+from tracknoise.findings.wording import SHAPES, count, listing, percent, sentence_case
 from tracknoise.report.answer.subject import Subject, answer, larger, number, with_interval
 from tracknoise.report.answer.summary import Answer, Measure
-from tracknoise.tables.enumerations import Behaviour, FittedMeasure, Shape, Verdict, Weighting
+from tracknoise.report.growth import growth_verdict
+from tracknoise.tables.enumerations import Axis, Behaviour, FittedMeasure, Shape, Verdict, Weighting
 
 _CURVES, _SHAPE, _GROWTH = "error-by-tracker", "gaussianity", "time-structure"
 _GAUSSIAN_KURTOSIS = 8.0
 """Of two coordinates."""
 _SIZES = {"core": "core error", "rms": "RMS error"}
 _HEAVY = (Shape.heavy_tailed, Shape.contaminated)
-_GROWING = (Behaviour.random_walk, Behaviour.drift, Behaviour.saturating)
 _WORDS: Mapping[str, str] = {Behaviour.white: "constant", Behaviour.none: "no model fits"}
 
 
@@ -156,9 +156,9 @@ def growth(subject: Subject) -> Measure | None:
     first, shown = number(_rms(subject, ages[0], axis)), number(last)
     change = f"the RMS in {axis} goes from {first.text} to {shown.text}"
     first = replace(first, text=first.text.removesuffix("px").strip())
-    verdicts = {row["coordinate"]: _growth_verdict(subject, row) for row in rows}
+    verdicts = {row["coordinate"]: growth_verdict(subject.data, subject.conditions, row, subject.at) for row in rows}
     verdict = next((one for one in (Verdict.yes, Verdict.undecided) if one in verdicts.values()), Verdict.no)
-    note = f"RMS in {axis}, {subject.conditions.place(ages[0])} and {ages[-1]}; {_behaviours(rows)}"
+    note = f"RMS in {axis}, {_places(subject, ages)}; {_behaviours(rows)}"
     errors = f"errors of {subject.tracker}"
     sentence = _asked(verdict, f"{errors} grow with age", f"No growth of {errors} was found", change)
     sentence = sentence_case(sentence) if verdict == Verdict.yes else sentence
@@ -175,23 +175,20 @@ def _growth_ages(subject: Subject) -> list[int]:
     return [known[0], known[-1]] if known else []
 
 
+def _places(subject: Subject, ages: Sequence[int]) -> str:
+    """The first and the last of some ages or frames, in words."""
+    first, last = (subject.conditions.since(at) for at in (ages[0], ages[-1]))
+    if subject.conditions.axis == Axis.age:
+        return f"at age {first} and {last}"
+    return f"{first} and {count(last, 'frame')} after the key frame"
+
+
 def _rms(subject: Subject, at: int, axis: str) -> Estimate | None:
     points = subject.of("points").filter(
         role="second", trimming=subject.conditions.trimming, population=subject.data.population, at=at
     )
     row = first(points)
     return None if row is None else Estimate.of_row(row, axis, f"{axis}_low", f"{axis}_high", "px")
-
-
-def _growth_verdict(subject: Subject, row: Mapping[str, Any]) -> Verdict:
-    """Whether the error of one coordinate grows; undecided where the errors of the truth can grow as much."""
-    if row["verdict"] in (Behaviour.undecided, Behaviour.none):
-        return Verdict.undecided
-    if row["verdict"] not in _GROWING or subject.at is None:
-        return Verdict.no
-    tables = {"curves": subject.data.curves, "floor": subject.data.floor}
-    cover = growth_cover(tables, subject.conditions, subject.tracker, row["coordinate"], subject.at)
-    return Verdict.undecided if cover is not None and cover.is_covered else Verdict.yes
 
 
 def _behaviours(rows: list[dict[str, Any]]) -> str:

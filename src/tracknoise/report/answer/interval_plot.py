@@ -9,7 +9,7 @@ from markupsafe import Markup, escape
 from tracknoise.printable import printable
 from tracknoise.report.answer.summary import Card, Measure, Number
 
-WIDTH, HEIGHT = 92, 16
+WIDTH, HEIGHT = 76, 16
 _EDGE = 4.0
 _MANY_TIMES = 20.0
 """Positive values that differ by more than this factor are drawn on a logarithmic axis."""

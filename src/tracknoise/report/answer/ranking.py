@@ -112,9 +112,12 @@ def _unproven(data: ReportData, errors: dict[str, Measure | None]) -> Judgement:
     undecided = answer(_QUESTION, Verdict.undecided, wished=Verdict.yes)
     if len(sizes) < 2:
         return Judgement(undecided, "Too few trackers have a measured error to compare them.", _SECTION)
+    scenes = count(len({entry.sequence.scene for entry in data.sequences.values()}), "scene")
+    if data.nominal(data.summary).filter(pl.col("tracker").is_in(list(sizes)))["at"].n_unique() > 1:
+        text = f"Undecided from {scenes}: the errors are not known at the same {data.axis.name}."
+        return Judgement(undecided, text, _SECTION)
     low, high = min(sizes, key=lambda name: sizes[name] or 0.0), max(sizes, key=lambda name: sizes[name] or 0.0)
     times = ratio((sizes[high] or 0.0) / (sizes[low] or 1.0))
-    scenes = count(len({entry.sequence.scene for entry in data.sequences.values()}), "scene")
     text = f"Undecided from {scenes}; there, the error of {high} is {times} times as large as that of {low}."
     return Judgement(undecided, text, _SECTION)
 

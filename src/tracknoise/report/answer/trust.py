@@ -5,11 +5,12 @@ import math
 import polars as pl
 
 from tracknoise.audit.summary import NO_FAULT
-from tracknoise.findings.wording import count, interval_text, pixels, sentence_case
+from tracknoise.findings.wording import count, interval_text, percent, pixels, sentence_case
 from tracknoise.report.answer.subject import answer
 from tracknoise.report.answer.summary import Judgement
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import REFERENCE_AGE
+from tracknoise.statistics.populations import POPULATIONS
 from tracknoise.tables.enumerations import Resampled, Verdict
 
 _HOLD: dict[str, tuple[str, Verdict]] = {
@@ -22,6 +23,8 @@ _FEW = 8
 """With fewer scenes than this, intervals contain the true value less often than their level says."""
 _MOST_SHARE = 0.5
 """Share of the second moment from which on it is the truth's rather than the tracker's."""
+_MOSTLY = 0.5
+"""Share of observations without a true position from which on it is stated."""
 _GENERAL, _RIGHT = "other scenes", "trusted"
 
 
@@ -43,7 +46,18 @@ def certainty(data: ReportData) -> Judgement:
 def truth(data: ReportData) -> Judgement:
     """Whether the true positions can be trusted: doubts about the data, faults that were found, and the floor."""
     verdict, text = _doubts(data) or _fitted(data) or _faults(data) or _floor(data)
-    return Judgement(answer(_RIGHT, verdict, wished=Verdict.yes), text, "truth")
+    return Judgement(answer(_RIGHT, verdict, wished=Verdict.yes), f"{text}{_unknown(data)}", "truth")
+
+
+def _unknown(data: ReportData) -> str:
+    """How many observations have no true position, where these are most; begins with a space."""
+    statuses = data.nominal(data.counts).filter(kind="truth")
+    total = int(statuses["n"].sum())
+    without = total - int(statuses.filter(pl.col("name").is_in(POPULATIONS["projected"]))["n"].sum())
+    if without <= _MOSTLY * total:
+        return ""
+    rest = "no error could be measured" if without == total else "errors are those of the rest"
+    return f" {percent(without / total)} of the observations have no true position; {rest}."
 
 
 def _doubts(data: ReportData) -> tuple[Verdict, str] | None:
@@ -83,7 +97,7 @@ def _floor(data: ReportData) -> tuple[Verdict, str]:
     )
     known = points.drop_nulls(["floor_u", "floor_v"]).sort("since")
     if known.is_empty():
-        return Verdict.undecided, f"{opening} How accurate it is, is not stated."
+        return Verdict.undecided, f"{opening} Its accuracy is not stated."
     share, error_px, floor_px = max(_share(known.filter(tracker=name)) for name in known["tracker"].unique())
     if floor_px == 0.0:
         return Verdict.yes if audited else Verdict.undecided, f"{opening} It is stated to be exact."

@@ -53,7 +53,17 @@ def _of_tracker(data: ReportData, tracker: str, curves: pl.DataFrame) -> Figure:
         "with those above it in the legend.",
         look_for=_sentence(named),
         spec=arranged(panels, columns=2, independent=["fill"]),
+        message=_message(tracker, named),
     )
+
+
+def _message(tracker: str, curves: pl.DataFrame) -> str:
+    """How the corrections change the core of the tracker in u at the largest age."""
+    last = curves.filter(at=curves["at"].max())
+    before, after = (last.filter(correction=name)["core_u_px"].item() for name in (MEASURED, EVERYTHING))
+    if before is None or after is None:
+        return ""
+    return f"Corrections change the core of {tracker} in u from {pixels(before)} to {pixels(after)} px"
 
 
 def _panel(curves: pl.DataFrame, value: str, title: str, colours: dict[str, str]) -> Panel:

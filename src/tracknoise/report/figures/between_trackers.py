@@ -35,7 +35,18 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
         for panel in panels(points.filter(statistic=statistic), "pair", colours, heading, titled=statistic == "mean")
     ]
     spec = arranged(rows, columns=2, independent=["fill"])
-    return [Figure(_NAME, _TITLE, _shows(data, points), _look_for(points), spec)]
+    return [Figure(_NAME, _TITLE, _shows(data, points), _look_for(points), spec, _message(points))]
+
+
+def _message(points: pl.DataFrame) -> str:
+    """The mean difference of the first pair that differs at the last age up to the reference age."""
+    means = points.filter(pl.col("at") <= REFERENCE_AGE, statistic="mean")
+    for row in means.filter(pl.col("at") == pl.col("at").max().over("pair")).to_dicts():
+        for axis in "uv":
+            low, high = row[f"{axis}_low"], row[f"{axis}_high"]
+            if low is not None and high is not None and low * high > 0:
+                return f"{row['pair']}: mean difference in {axis} of {px(row[axis])}"
+    return ""
 
 
 def _root(value: pl.Expr) -> pl.Expr:

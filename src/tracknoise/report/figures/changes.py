@@ -6,7 +6,7 @@ import altair as alt
 import polars as pl
 
 from tracknoise.findings.intervals.change_bounds import AUTOCORRELATION
-from tracknoise.findings.wording import MINUS, number, px
+from tracknoise.findings.wording import MINUS, listing, number, px
 from tracknoise.report import bands, style
 from tracknoise.report.bands import BOUNDS
 from tracknoise.report.figures import marks
@@ -47,7 +47,15 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
         f"at which it ends. Bottom: correlation of a change with those up to {number(LAGS)} steps before it, over all "
         f"ages. {bands.describe_intervals(points, of='the curves')}"
     )
-    return [Figure(_NAME, _TITLE, shows, _look_for(data, points), arranged(panels, columns=2, independent=["fill"]))]
+    spec = arranged(panels, columns=2, independent=["fill"])
+    return [Figure(_NAME, _TITLE, shows, _look_for(data, points), spec, _message(data, points))]
+
+
+def _message(data: ReportData, points: pl.DataFrame) -> str:
+    """Trackers whose successive changes have opposite signs in u and v, more often than by chance."""
+    known = points.filter(pl.col("u_high") < 0, pl.col("v_high") < 0, statistic=AUTOCORRELATION, at=1)
+    names = [name for name in data.trackers if name in known["tracker"]]
+    return f"Successive changes of {listing(names)} tend to have opposite signs" if names else ""
 
 
 def _points(data: ReportData) -> pl.DataFrame:

@@ -34,6 +34,7 @@ def comparison(
     advice: str,
     role: str = "second",
     trimming: Trimming | None = None,
+    message: str = "",
 ) -> Figure | Absence:
     """A figure of the errors that the experiment is about, trimmed or not, unless `trimming` says which.
 
@@ -51,6 +52,8 @@ def comparison(
         Of the statistic whose numbers are stated: mean or second.
     trimming
         By default that of the errors that verdicts are about.
+    message
+        What the comparison shows, where it is established.
     """
     kept = points.filter(trimming=trimming or data.trimming, population=data.population)
     found = readings(kept, series)
@@ -65,6 +68,7 @@ def comparison(
         f"{shows}{dashed} {describe_bands(kept, series)} {_boxes_explained(data)}",
         f"{_numbers(data, found, series, role)}{no_curve if missing else ''} {advice}",
         _chart(data, kept, series),
+        message,
     )
 
 

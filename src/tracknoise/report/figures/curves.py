@@ -2,13 +2,18 @@
 
 from collections.abc import Sequence
 
-from tracknoise.findings.wording import number
+import polars as pl
+
+from tracknoise.findings.wording import number, px
 from tracknoise.report.axis import FRAME
 from tracknoise.report.figures.curve_grid import describe_bands, grid
 from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.figures.message import apart, trackers
 from tracknoise.report.figures.readings import readings, when
 from tracknoise.report.figures.series import Series
+from tracknoise.report.growth import growth_message
 from tracknoise.report.report_data import ReportData
+from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.enumerations import Trimming
 
 _LAYOUT = (
@@ -32,7 +37,7 @@ def _shown(data: ReportData) -> Figure | Absence:
         "the solid one, a bias is part of the error. Where the core is far below the root second moment, a few large "
         "errors make up most of it."
     )
-    return _figure(data, data.trimming, _id(data), title, shows, advice)
+    return _figure(data, data.trimming, _id(data), title, shows, advice, _message(data))
 
 
 def _other(data: ReportData, trimming: Trimming) -> Figure | Absence:
@@ -45,7 +50,7 @@ def _other(data: ReportData, trimming: Trimming) -> Figure | Absence:
         "The difference from the figure above comes from the tracks that trimming drops. An estimator meets these "
         "tracks too. Trimmed errors depend on how many tracks are lost, and on the length of the sequences."
     )
-    return _figure(data, trimming, name, title, shows, advice)
+    return _figure(data, trimming, name, title, shows, advice, _trimming_message(data))
 
 
 def _id(data: ReportData) -> str:
@@ -62,7 +67,28 @@ def _along(data: ReportData) -> str:
     return "by frame, before and after the key frame. Only tracks alive in the key frame have true positions"
 
 
-def _figure(data: ReportData, trimming: str, name: str, title: str, shows: str, advice: str) -> Figure | Absence:
+def _message(data: ReportData) -> str:
+    """How errors grow; otherwise by how much one tracker is more accurate than another."""
+    return growth_message(data) or trackers(data, "core", "The core error of {} is {} times that of {}")
+
+
+def _trimming_message(data: ReportData) -> str:
+    """How trimming changes the RMS of the first tracker, where the intervals lie apart."""
+    points = data.nominal(data.points).filter(role="second", population=data.population, tracker=data.trackers[0])
+    both = points.filter(pl.col("since").is_between(1, REFERENCE_AGE), pl.col("trimming").is_in(list(Trimming)))
+    shared = both.filter(pl.len().over("since") == len(Trimming)).sort("since")
+    if shared.is_empty():
+        return ""
+    rows = {row["trimming"]: row for row in shared.filter(since=shared["since"].max()).to_dicts()}
+    before, after = rows[Trimming.untrimmed], rows[Trimming.trimmed]
+    if not apart(before, after, "u"):
+        return ""
+    return f"Trimming lowers the RMS of {data.trackers[0]} in u from {px(before['u'])} to {px(after['u'])}"
+
+
+def _figure(
+    data: ReportData, trimming: str, name: str, title: str, shows: str, advice: str, message: str
+) -> Figure | Absence:
     points = data.nominal(data.points).filter(trimming=trimming, population=data.population)
     series = Series("tracker", data.colour)
     found = readings(points, series)
@@ -74,7 +100,7 @@ def _figure(data: ReportData, trimming: str, name: str, title: str, shows: str, 
     ]
     look_for = f"{when(found, data.axis)} {' '.join(parts)} {advice}"
     shows = f"{shows} {describe_bands(points, series)}"
-    return Figure(name, title, shows, look_for, grid(points, series, data.axis))
+    return Figure(name, title, shows, look_for, grid(points, series, data.axis), message)
 
 
 def no_curve(data: ReportData) -> str:

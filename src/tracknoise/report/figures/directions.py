@@ -8,6 +8,7 @@ from tracknoise.findings.wording import SPACE, listing, number, px
 from tracknoise.report import style
 from tracknoise.report.figures.curve_grid import describe_bands, grid
 from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.figures.message import apart
 from tracknoise.report.figures.readings import Reading, readings, when
 from tracknoise.report.figures.series import Series
 from tracknoise.report.report_data import ReportData
@@ -38,7 +39,19 @@ def _along_and_across(data: ReportData, tracker: str) -> Figure | Absence:
         why = f"No {data.axis.name} has enough features with a known error and a known motion or gradient"
         return Absence(name, title, f"{why}, so there is no curve.")
     shows = f"{_shows(data, tracker)} {describe_bands(points, series)}"
-    return Figure(name, title, shows, _look_for(data, points, found), grid(points, series, data.axis))
+    chart = grid(points, series, data.axis)
+    return Figure(name, title, shows, _look_for(data, points, found), chart, _message(tracker, points, found))
+
+
+def _message(tracker: str, points: pl.DataFrame, found: Sequence[Reading]) -> str:
+    """Where the RMS along the motion or gradient differs from that across it, and the intervals lie apart."""
+    for one in found:
+        row = points.filter(axes=one.name, since=one.since, role="second").row(0, named=True)
+        if one.name != _IMAGE and apart(row, row, "v", "u"):
+            return f"Errors of {tracker} are larger across the {one.name} than along it"
+        if one.name != _IMAGE and apart(row, row, "u", "v"):
+            return f"Errors of {tracker} are larger along the {one.name} than across it"
+    return ""
 
 
 def _points(data: ReportData, tracker: str) -> pl.DataFrame:

@@ -12,6 +12,7 @@ from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.frame_image import IMAGE, along_u, along_v, background, size, stored_image, with_images
 from tracknoise.report.figures.layout import Panel, Spec, arranged, layered
+from tracknoise.report.figures.message import values
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.manifest import SequenceEntry
 
@@ -75,7 +76,13 @@ def _figure(data: ReportData, entry: SequenceEntry, place: int) -> Figure | Abse
     scene = _scene(data, entry, png)
     if scene.features.is_empty():
         return Absence(name, title, _nothing(data, entry))
-    return Figure(name, title, _shows(data, scene), _look_for(data, scene), _chart(data, scene))
+    return Figure(name, title, _shows(data, scene), _look_for(data, scene), _chart(data, scene), _message(data, scene))
+
+
+def _message(data: ReportData, scene: Scene) -> str:
+    """Median error of the drawn features of each tracker."""
+    errors = {name: scene.features.filter(tracker=name)["error_px"].median() for name in data.trackers}
+    return values({name: px(error) for name, error in errors.items() if error is not None}, "Median error")  # type: ignore[arg-type]
 
 
 def first_scene(data: ReportData) -> Scene | None:

@@ -11,6 +11,7 @@ from tracknoise.report.axis import FRAME
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Panel, arranged, layered
+from tracknoise.report.figures.message import values
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.lifetimes import surviving
 from tracknoise.tables.enumerations import Trimming
@@ -66,7 +67,16 @@ def _figure(data: ReportData, table: pl.DataFrame, nominal: pl.DataFrame) -> Fig
         shows=f"{_shows(data)} Curves are cut below the horizontal line, at {number(data.min_features)} features.",
         look_for=_look_for(data, nominal),
         spec=arranged(panels, columns=2, independent=["color"]),
+        message=_message(data, nominal),
     )
+
+
+def _message(data: ReportData, nominal: pl.DataFrame) -> str:
+    """The last age or frame at which enough features of each tracker have a known error."""
+    enough = nominal.filter(pl.col("n") >= data.min_features, of=_MEASURED)
+    last = dict(enough.group_by("tracker").agg(pl.col("at").max()).iter_rows())
+    found = {name: f"up to {data.axis.name} {last[name]}" for name in data.trackers if name in last}
+    return values(found, "Enough features for curves")
 
 
 def _shows(data: ReportData) -> str:

@@ -17,13 +17,15 @@ class Figure:
     id
         Name of its files without extension, and anchor in the page.
     title
-        Its heading.
+        Its topic.
     shows
         What is drawn.
     look_for
         What to look for, with the numbers of the run.
     spec
         The chart, as a Vega-Lite specification.
+    message
+        What the figure shows about this run, in a few words; empty where nothing is established.
     """
 
     id: str
@@ -31,6 +33,7 @@ class Figure:
     shows: str
     look_for: str
     spec: dict[str, Any]
+    message: str = ""
 
 
 @dataclass(frozen=True, slots=True)

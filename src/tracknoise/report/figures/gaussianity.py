@@ -16,6 +16,7 @@ from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Panel, arranged, layered
 from tracknoise.report.report_data import ReportData
+from tracknoise.tables.enumerations import Shape
 
 _TITLE = "Error quantiles compared with a Gaussian"
 _SIZE = {"width": 385, "height": 260}
@@ -49,8 +50,21 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
         "logarithmic. On the grey line the two are equal.",
         look_for=_look_for(data),
         spec=arranged(panels, columns=len(shown), independent=["color"]),
+        message=_message(data),
     )
     return [figure]
+
+
+def _message(data: ReportData) -> str:
+    """Trackers whose errors have heavy tails in every band; whether all are close to Gaussian."""
+    rows = _ordered(data).filter(trimming=data.trimming)
+    heavy = pl.col("verdict").is_in([Shape.heavy_tailed, Shape.contaminated])
+    judged = rows.group_by("tracker", maintain_order=True)
+    found = judged.agg(heavy=heavy.all(), gaussian=(pl.col("verdict") == Shape.gaussian).all())
+    if found.height and found["gaussian"].all():
+        return "Errors are close to Gaussian"
+    names = found.filter("heavy")["tracker"].to_list()
+    return f"Errors of {listing(names)} have heavier tails than a Gaussian" if names else ""
 
 
 def tables(data: ReportData) -> Sequence[Cells]:

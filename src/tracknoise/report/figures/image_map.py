@@ -54,7 +54,16 @@ def _figure(data: ReportData, tracker: str) -> Figure | Absence:
     )
     panels = [_panel(data, cells.filter(at=at), tracker, at) for at in ages]
     look_for = f"{_outlined(data, bounded, ages)} {_GUIDE}"
-    return Figure(name, title, shows, look_for, arranged(panels, columns=2, independent=["opacity", "size"]))
+    spec = arranged(panels, columns=2, independent=["opacity", "size"])
+    return Figure(name, title, shows, look_for, spec, _message(tracker, bounded.filter(at=ages[0])))
+
+
+def _message(tracker: str, cells: pl.DataFrame) -> str:
+    """In how many cells the mean differs from zero, where these are more than by chance."""
+    differing = int(cells["differs"].sum())
+    if not differing or differing <= 2 * (1 - cells["level"][0]) * cells.height:
+        return ""
+    return f"{tracker} has a mean error in {differing} of {cells.height} places of the image"
 
 
 def _outlined(data: ReportData, bounded: pl.DataFrame, ages: Sequence[int]) -> str:

@@ -7,12 +7,13 @@ import polars as pl
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
-from tracknoise.findings.wording import SPACE, count, number
+from tracknoise.findings.wording import SPACE, count, number, px
 from tracknoise.report import style
 from tracknoise.report.bands import describe_intervals
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Panel, arranged, layered
+from tracknoise.report.figures.message import values
 from tracknoise.report.report_data import ReportData
 
 _NAME, _TITLE = "error-by-image-speed", "Error along the image motion, by its speed"
@@ -42,7 +43,17 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
         f"Classes with fewer than {count(data.min_features, 'feature')} are left out. "
         f"{describe_intervals(bounded, of='the curves')}"
     )
-    return [Figure(_NAME, _TITLE, shows, _look_for(data, points), arranged(panels, columns=2, independent=["fill"]))]
+    spec = arranged(panels, columns=2, independent=["fill"])
+    return [Figure(_NAME, _TITLE, shows, _look_for(data, points), spec, _message(data, points))]
+
+
+def _message(data: ReportData, points: pl.DataFrame) -> str:
+    """Trackers that lag behind the fastest motion at the first age, where the interval does not contain zero."""
+    first = points.filter(pl.col("at") == pl.col("at").min(), coordinate="along")
+    fastest = first.filter(pl.col("class_low") == pl.col("class_low").max().over("tracker"))
+    lagging = dict(fastest.filter(pl.col("high") < 0).select("tracker", "mean_px").iter_rows())
+    found = {name: px(-lagging[name]) for name in data.trackers if name in lagging}
+    return values(found, "Lag behind the fastest motion")
 
 
 def _look_for(data: ReportData, points: pl.DataFrame) -> str:

@@ -11,6 +11,7 @@ from tracknoise.report.bands import describe_intervals
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Panel, arranged, layered
+from tracknoise.report.figures.message import values
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.schema import CAUSES
 
@@ -42,8 +43,17 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
         look_for=" ".join(_sentence(tracker, table.filter(tracker=tracker)) for tracker in trackers)
         + " Only lost tracks and outliers are failures of a tracker. The other causes follow from its rules.",
         spec=arranged(panels, columns=2, independent=["fill"]),
+        message=_message(table, trackers),
     )
     return [figure]
+
+
+def _message(table: pl.DataFrame, trackers: Sequence[str]) -> str:
+    """The most frequent cause of each tracker."""
+    last = table.filter(pl.col("lifetime") == pl.col("lifetime").max().over("tracker"), pl.col("incidence") > 0)
+    first = last.sort("incidence", "series", descending=[True, False]).unique("tracker", keep="first")
+    causes = dict(first.select("tracker", "series").iter_rows())
+    return values({name: causes[name] for name in trackers if name in causes}, "Most frequent cause of ends")
 
 
 def _sentence(tracker: str, table: pl.DataFrame) -> str:

@@ -11,6 +11,7 @@ from tracknoise.report.bands import describe_intervals, of_scalar
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Panel, Spec, arranged, layered
+from tracknoise.report.figures.message import span, trackers, values
 from tracknoise.report.report_data import ReportData
 
 _SIZE: dict[str, Any] = {"width": 385, "height": 240}
@@ -45,7 +46,15 @@ def _by_tracker(data: ReportData, nominal: pl.DataFrame) -> Figure:
         f"their sequence as censored, not as ended. {_describe_bands(table)}",
         look_for=_numbers(data, table, {name: f"At speed {data.slowest}, {name}" for name in data.trackers}),
         spec=_pair(table, data.colour, "tracker"),
+        message=trackers(data, "lifetime", "Tracks of {} live {} times as long as those of {}")
+        or values(_medians(data), "Median lifetime"),
     )
+
+
+def _medians(data: ReportData) -> dict[str, str]:
+    """Median lifetime of each tracker at the lowest speed, where less than half of the tracks are censored."""
+    rows = data.in_order(data.nominal(data.summary).drop_nulls("median_lifetime"))
+    return {row["tracker"]: count(row["median_lifetime"], "frame") for row in rows.to_dicts()}
 
 
 def _by_speed(data: ReportData, table: pl.DataFrame, tracker: str) -> Figure | Absence:
@@ -61,7 +70,14 @@ def _by_speed(data: ReportData, table: pl.DataFrame, tracker: str) -> Figure | A
         f"At speed 2, one of these frames is two frames of the sequence. {_describe_bands(table)}",
         look_for=_numbers(data, table, {speed: f"At speed {speed}, {tracker}" for speed in map(str, data.speeds)}),
         spec=_pair(table, data.speed_colours(tracker), "speed"),
+        message=_speeds_message(data, tracker),
     )
+
+
+def _speeds_message(data: ReportData, tracker: str) -> str:
+    medians = data.reference(data.summary).filter(tracker=tracker)["median_lifetime"].drop_nulls().to_list()
+    ends = span(medians, "frames") if len(medians) > 1 else ""
+    return f"The median lifetime of {tracker} is {ends}, depending on speed" if ends else ""
 
 
 def _numbers(data: ReportData, table: pl.DataFrame, subjects: Mapping[str, str]) -> str:
@@ -96,10 +112,13 @@ def _pair(table: pl.DataFrame, colours: Mapping[str, str], title: str) -> Spec:
 
 
 def _histogram(table: pl.DataFrame) -> alt.Chart:
-    found = table.select("series", "lifetime", n=pl.col("n_ended") + pl.col("n_censored"), cut="n_censored")
+    found = table.select(
+        "series", "tracker", "speed", "lifetime", n=pl.col("n_ended") + pl.col("n_censored"), cut="n_censored"
+    )
     every = pl.int_range(1, pl.col("lifetime").max().cast(pl.Int64) + 1, dtype=pl.UInt32)
-    dense = found.group_by("series", maintain_order=True).agg(lifetime=every).explode("lifetime")
-    counts = dense.join(found, on=["series", "lifetime"], how="left", maintain_order="left")
+    dense = found.group_by("series", maintain_order=True).agg(pl.first("tracker", "speed"), lifetime=every)
+    dense = dense.explode("lifetime")
+    counts = dense.join(found.drop("tracker", "speed"), on=["series", "lifetime"], how="left", maintain_order="left")
     counts = counts.with_columns(pl.col("n", "cut").fill_null(0)).with_columns(marks.drawn_count(pl.col("n")))
     tips = [
         alt.Tooltip("series:N", title="of"),

@@ -8,6 +8,7 @@ import polars as pl
 from tracknoise.report.figures import light_sweeps
 from tracknoise.report.figures.comparison import comparison
 from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.figures.message import effect
 from tracknoise.report.figures.series import Series
 from tracknoise.report.report_data import ReportData
 
@@ -34,4 +35,5 @@ def _lightings_of(data: ReportData, tracker: str, speed: int, sweep: str) -> Fig
         f"{f'each lighting of the group {sweep}' if several else 'every lighting'}{data.elsewhere('lighting')}. "
         f"{data.view['lighting']} is black.",
         advice="Where curves coincide, the lighting makes no difference.",
+        message="" if several else effect(data, "lighting", tracker, speed=speed),
     )

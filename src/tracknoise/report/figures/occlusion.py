@@ -10,6 +10,7 @@ from tracknoise.report.axis import Axis
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Panel, arranged, layered
+from tracknoise.report.figures.message import values
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import REFERENCE_AGE
 
@@ -62,7 +63,15 @@ def _figure(data: ReportData, table: pl.DataFrame) -> Figure:
         "all features with a known true position, including occluded ones.",
         look_for=_look_for(data, table),
         spec=arranged([_panel(data, table, key) for key in _PANELS], columns=4),
+        message=_message(data, table),
     )
+
+
+def _message(data: ReportData, table: pl.DataFrame) -> str:
+    """Share of the features of each tracker that are occluded."""
+    rows = {row["tracker"]: row for row in table.filter(role="second", speed=data.slowest).to_dicts()}
+    shares = {name: 1 - row["n_visible"] / row["n_projected"] for name, row in rows.items() if row["n_projected"]}
+    return values({name: percent(shares[name]) for name in data.trackers if name in shares}, "Occluded features")
 
 
 def _look_for(data: ReportData, table: pl.DataFrame) -> str:

@@ -12,6 +12,7 @@ from tracknoise.report.figures import light_sweeps
 from tracknoise.report.figures.box_plot import box_plot
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Panel, arranged
+from tracknoise.report.figures.message import span, values
 from tracknoise.report.report_data import ReportData
 
 _TITLE = "Outlier ratio"
@@ -51,7 +52,14 @@ def _by_speed(data: ReportData, table: pl.DataFrame) -> Figure:
         f"within 1.5 interquartile ranges. {_intervals(table)}",
         look_for=_look_for(data, table),
         spec=arranged(panels, columns=3, independent=["fill", "stroke"]),
+        message=values(_shares(data, table), "Rejected features"),
     )
+
+
+def _shares(data: ReportData, table: pl.DataFrame) -> dict[str, str]:
+    """Outlier ratio of each tracker at the lowest speed."""
+    rows = data.in_order(table.filter(speed=data.slowest)).to_dicts()
+    return {row["tracker"]: percent(row["pooled_ratio"]) for row in rows}
 
 
 def _by_lighting(data: ReportData) -> list[Figure]:
@@ -68,8 +76,15 @@ def _by_lighting(data: ReportData) -> list[Figure]:
         look_for=f"Shares of all features carried into a frame at speed {data.slowest}: "
         f"{'; '.join(part for part in parts if part)}.",
         spec=light_sweeps.boxes(data, table, _ratio(data), interval=_INTERVAL),
+        message=_lighting_message(data, table.filter(tracker=data.trackers[0], speed=data.slowest)),
     )
     return [figure]
+
+
+def _lighting_message(data: ReportData, table: pl.DataFrame) -> str:
+    """Range of the outlier ratios of the first tracker."""
+    ends = span([100 * ratio for ratio in table["pooled_ratio"]], "%") if table.height else ""
+    return f"{data.trackers[0]} rejects {ends} of the features, depending on lighting" if ends else ""
 
 
 def _look_for(data: ReportData, table: pl.DataFrame) -> str:

@@ -9,6 +9,7 @@ from tracknoise.report import bands
 from tracknoise.report.figures.age_panels import panels, side_by_side
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import arranged
+from tracknoise.report.figures.message import values
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.enumerations import FittedTo
@@ -38,7 +39,17 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
         f"images (bottom). {bands.describe_intervals(points, of='the shares')}"
         f"{' Each block has the tracks of successive frames.' if 'blocks' in points['resampled'] else ''}"
     )
-    return [Figure(_NAME, _TITLE, shows, _look_for(data, table), arranged(rows, columns=2, independent=["fill"]))]
+    spec = arranged(rows, columns=2, independent=["fill"])
+    return [Figure(_NAME, _TITLE, shows, _look_for(data, table), spec, _message(data, table))]
+
+
+def _message(data: ReportData, table: pl.DataFrame) -> str:
+    """Share that pose errors explain, at the last age up to the reference age."""
+    young = table.filter(pl.col("age") <= REFERENCE_AGE, coordinate="both", fitted_to=FittedTo.own)
+    last = young.filter(pl.col("age") == pl.col("age").max().over("tracker"))
+    shares = dict(last.select("tracker", "share").iter_rows())
+    found = {name: percent(shares[name]) for name in data.trackers if name in shares}
+    return values(found, "Share that pose errors explain")
 
 
 def _look_for(data: ReportData, table: pl.DataFrame) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from tracknoise.findings.wording import listing, px
 from tracknoise.report.figures.comparison import comparison
 from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.figures.message import effect
 from tracknoise.report.figures.series import MANY, Series
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.enumerations import Trimming
@@ -30,6 +31,7 @@ def _speeds_of(data: ReportData, tracker: str) -> Figure | Absence:
         "every s-th frame, so features move farther between its frames.",
         advice=f"Where curves coincide, the error depends on {data.axis.distance} and not on the number of tracking "
         f"steps.{_cuts_differ(data, tracker)}",
+        message=effect(data, "speed", tracker),
     )
 
 

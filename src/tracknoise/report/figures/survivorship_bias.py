@@ -9,6 +9,7 @@ from tracknoise.report import style
 from tracknoise.report.axis import FRAME
 from tracknoise.report.figures.curve_grid import describe_bands, grid
 from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.figures.message import apart
 from tracknoise.report.figures.readings import Reading, readings, when
 from tracknoise.report.figures.series import Series
 from tracknoise.report.report_data import ReportData
@@ -35,7 +36,17 @@ def _figure_of(data: ReportData, tracker: str) -> Figure | Absence:
         return Absence(name, title, f"{why}, so there is nothing to compare.")
     chart = grid(points, series, data.axis)
     shows = f"{_shows(data, tracker)} {describe_bands(points, series)}"
-    return Figure(name, title, shows, _look_for(data, points, found), chart)
+    return Figure(name, title, shows, _look_for(data, points, found), chart, _message(tracker, points, found))
+
+
+def _message(tracker: str, points: pl.DataFrame, found: Sequence[Reading]) -> str:
+    """How much smaller the RMS of the longest-lived tracks is, where the intervals lie apart."""
+    rows = [points.filter(tracks=one.name, since=one.since, role="second").row(0, named=True) for one in found]
+    every, longest = rows
+    if not apart(every, longest, "u"):
+        return ""
+    share = longest["u"] / every["u"]
+    return f"Tracks of {tracker} that live {found[1].name} have {number(share)} times the RMS of all"
 
 
 def _points(data: ReportData, tracker: str) -> pl.DataFrame:

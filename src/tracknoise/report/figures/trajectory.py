@@ -76,6 +76,7 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
         f"holds for both.{others}",
         look_for=" ".join(_sentence(path) for path in paths),
         spec=arranged([panel for path in paths for panel in _row(path)], columns=3),
+        message=_message(paths[0]),
     )
     return [figure]
 
@@ -113,6 +114,10 @@ def _depth_m(data: ReportData, key: str) -> float | None:
         return None
     depths = data.run.sequence_table("tracks", key)["depth_m"].drop_nulls()
     return float(np.median(depths.to_numpy())) if depths.len() else None
+
+
+def _message(path: Path) -> str:
+    return f"{path.scene} moves {number(path.moved_m)}{SPACE}m and rotates {number(path.turned_deg)}°"
 
 
 def _sentence(path: Path) -> str:

@@ -13,6 +13,7 @@ from tracknoise.report.figures import marks
 from tracknoise.report.figures.dropped_tracks import TrimmedFrame, trimmed_frame
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Panel, Spec, arranged, layered
+from tracknoise.report.figures.message import values
 from tracknoise.report.report_data import ReportData
 
 _TITLE = "Errors before trimming"
@@ -36,8 +37,15 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
         shows=f"{_shows(data, table)}{'' if frame is None else _FRAME_EXPLAINED}",
         look_for=_look_for(data, trackers),
         spec=_chart(data, trackers, table, frame),
+        message=_message(data, trackers),
     )
     return [figure]
+
+
+def _message(data: ReportData, trackers: Sequence[str]) -> str:
+    """Median threshold of each tracker at the lowest speed; empty where nothing was trimmed."""
+    cuts = {name: data.cuts(name).filter(speed=data.slowest)["cut"].to_list() for name in trackers}
+    return values({name: px(cut[0]) for name, cut in cuts.items() if cut}, "Trimming drops tracks with errors above")
 
 
 def _chart(data: ReportData, trackers: Sequence[str], table: pl.DataFrame, frame: TrimmedFrame | None) -> Spec:
@@ -117,7 +125,7 @@ def _histogram(bins: pl.DataFrame, hue: alt.Color) -> alt.Chart:
     low = pl.when(pl.col("bin_low_px") > 0).then("bin_low_px").otherwise(pl.col("bin_high_px") / tenth)
     used = bins.filter(pl.col("n") > 0)
     table = bins.filter(pl.col("bin_low_px") <= used["bin_high_px"].max()).select(
-        "speed", "n", marks.drawn_count(pl.col("n")), low=low, to="bin_high_px", of="bin_low_px"
+        "tracker", "speed", "n", marks.drawn_count(pl.col("n")), low=low, to="bin_high_px", of="bin_low_px"
     )
     x = alt.X("low:Q", scale=alt.Scale(type="log", nice=False), title="largest error of the track (px)", axis=_DECADES)
     tips = [

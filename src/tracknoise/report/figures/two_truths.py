@@ -55,7 +55,17 @@ def _of_tracker(data: ReportData, tracker: str, table: pl.DataFrame) -> Figure:
         f"depend on the errors of the tracker. {describe_intervals(points, of='the curves')}",
         look_for=_sentence(tracker, points),
         spec=arranged(panels, columns=2, independent=["fill"]),
+        message=_message(tracker, points.filter(coordinate="u")),
     )
+
+
+def _message(tracker: str, points: pl.DataFrame) -> str:
+    """The disagreement in u at the largest age beside the error."""
+    value = dict(points.filter(at=points["at"].max()).select("series", "value").iter_rows())
+    pair = [value.get(_NAMES[name]) for name in (TruthQuantity.disagreement, TruthQuantity.first)]
+    if None in pair:
+        return ""
+    return f"The truths differ by {pixels(pair[0])} px in u; the error of {tracker} is {pixels(pair[1])} px"
 
 
 def _of_poses(data: ReportData, table: pl.DataFrame) -> Figure:

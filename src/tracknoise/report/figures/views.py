@@ -9,6 +9,7 @@ from tracknoise.report import style
 from tracknoise.report.bands import upright_bounds
 from tracknoise.report.figures.comparison import comparison
 from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.figures.message import effect
 from tracknoise.report.figures.series import Series
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.enumerations import Trimming
@@ -57,6 +58,7 @@ def _rotations_of(data: ReportData, tracker: str) -> Figure | Absence:
         "all curves.",
         advice="Where curves coincide, the orientation of the image makes no difference. Where they differ, part of "
         "the error depends on the image axes.",
+        message=effect(data, "rotation", tracker, speed=data.slowest),
     )
 
 
@@ -75,6 +77,7 @@ def _directions_of(data: ReportData, tracker: str, trimming: Trimming) -> Figure
         "its sign does not.",
         role="mean",
         trimming=trimming,
+        message="" if other else effect(data, "direction", tracker, speed=data.slowest, roles=("mean",)),
     )
 
 

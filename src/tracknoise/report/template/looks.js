@@ -144,10 +144,38 @@ function lookControls() {
   form.addEventListener("change", () => look(form.tracker.value, form.scene.value, form.at.value));
 }
 
-/** Let points of a figure of the explorer open their tracks. */
+/** The point of a line that is drawn at a horizontal place. */
+function pointAt(items, x) {
+  if (items[0].interpolate === "step-after") {
+    return items.findLast((one) => one.x <= x) ?? items[0];
+  }
+  return items.reduce((best, one) => (Math.abs(one.x - x) < Math.abs(best.x - x) ? one : best));
+}
+
+/** Where the pointer is within a group of a figure. */
+function placeIn(group, view, event) {
+  const box = view.container().querySelector("svg").getBoundingClientRect();
+  const [left, top] = view.origin();
+  let [x, y] = [event.clientX - box.left - left, event.clientY - box.top - top];
+  for (let one = group; one; one = one.mark?.group) {
+    x -= one.x ?? 0;
+    y -= one.y ?? 0;
+  }
+  return [x, y];
+}
+
+/** The row that was clicked: that of a mark, or of a line at the place of the pointer. */
+function clicked(view, event, item) {
+  if (item?.mark?.marktype !== "line") {
+    return item?.datum;
+  }
+  return pointAt(item.mark.items, placeIn(item.mark.group, view, event)[0]).datum;
+}
+
+/** Let points and lines of a figure of the explorer open their tracks. */
 function openOnClick(view) {
-  view.addEventListener("click", (_event, item) => {
-    const row = item?.datum;
+  view.addEventListener("click", (event, item) => {
+    const row = clicked(view, event, item);
     if (row && "scene" in row && "tracker" in row) {
       look(row.tracker, row.scene === "pooled" ? "all" : row.scene, row.at);
       document.getElementById("looks").scrollIntoView({ block: "nearest" });

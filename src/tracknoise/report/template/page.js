@@ -12,7 +12,8 @@ async function draw(chart) {
   }
   chart.dataset.drawn = "begun";
   try {
-    await vegaEmbed(chart, specification(chart.dataset.figure), { actions: false, renderer: "svg" });
+    const result = await vegaEmbed(chart, specification(chart.dataset.figure), { actions: false, renderer: "svg" });
+    openBars(result.view);
     chart.dataset.drawn = "yes";
   } catch (error) {
     chart.textContent = `This figure could not be drawn: ${error.message}`;

@@ -1,5 +1,6 @@
 """YAML files from unknown sources: of bounded size, depth and number of values, without objects."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,8 @@ from tracknoise.foreign.parsing import damage_reported
 _MOST_BYTES = 1 << 18
 _MOST_LEVELS, _MOST_VALUES = 16, 20_000
 _OPENCV_HEADER = "%YAML:"
+_TAB = re.compile(r"(?<=\S)[ ]*\t[ \t]*")
+"""White space with a tab behind something: YAML allows it, and the parser does not. Indentation must have no tabs."""
 _EXPECTED = "a YAML file of keys and values"
 
 
@@ -51,7 +54,7 @@ def parse_yaml(path: Path, text: str) -> dict[str, Any]:
     """Parse the text of a YAML file: see `read_yaml`."""
     with damage_reported(path, "no YAML", _EXPECTED, with_reason=True):
         try:
-            document = _first_document(_without_opencv_header(text))
+            document = _first_document(_TAB.sub(" ", _without_opencv_header(text)))
         except yaml.MarkedYAMLError as error:
             line = 1 if error.problem_mark is None else error.problem_mark.line + 1
             raise DataError(f"{path}:{line}", f"no YAML ({error.problem})", _EXPECTED) from error

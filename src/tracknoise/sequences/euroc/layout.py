@@ -13,7 +13,9 @@ POSE_SOURCES = ("state_groundtruth_estimate0", "mocap0", "vicon0", "gt")
 """Folders of poses, best first: what others were fused and aligned into is better than a sensor alone."""
 
 _POSITIONS_ONLY = "leica0"
-_CAMERA_CHAINS = ("camchain.yaml", "dso/camchain.yaml", "mav0/camchain.yaml")
+_CHAIN_FOLDERS = (".", "dso", "mav0")
+_CAMERA_CHAIN, _ANY_CHAIN, _CHAIN_WITH_IMU = "camchain.yaml", "*camchain*.yaml", "camchain-imucam"
+"""Kalibr writes ``camchain-NAME.yaml`` or ``NAME-camchain.yaml``, and ``camchain-imucam`` where the body is known."""
 _PLACES = (r"(MH)_\d", r"(V[12])_\d", r"dataset-([a-z]+)\d")
 
 
@@ -52,7 +54,7 @@ class Files:
 
     def image(self, camera: str, name: str) -> Path:
         """An image from its name in the list."""
-        return self.device / camera / "data" / name
+        return self.device / camera / "data" / name.removeprefix("data/")
 
     def calibration(self, camera: str) -> Path:
         """The file with a camera's intrinsics: its own, or a Kalibr chain of all cameras.
@@ -63,12 +65,21 @@ class Files:
             If there is none.
         """
         own = self.device / camera / _SENSOR
-        chains = (self.folder / name for name in _CAMERA_CHAINS)
-        file = next((path for path in (own, *chains) if path.exists()), None)
-        if file is None:
-            expected = f"it, {' or '.join(_CAMERA_CHAINS)}, or {with_option('camera_file', 'FILE')}"
-            raise DataError(own, "no such file", expected)
-        return file
+        return own if own.exists() else self._camera_chain(own)
+
+    def _camera_chain(self, missing: Path) -> Path:
+        """Kalibr's file: in the first folder that has one; those with the place of the cameras on the body first."""
+        named = with_option("camera_file", "FILE")
+        for folder in (self.folder / name for name in _CHAIN_FOLDERS):
+            if (folder / _CAMERA_CHAIN).exists():
+                return folder / _CAMERA_CHAIN
+            found = sorted(folder.glob(_ANY_CHAIN))
+            best = [path for path in found if _CHAIN_WITH_IMU in path.name] or found
+            if len(best) > 1:
+                raise DataError(folder, f"several files: {', '.join(path.name for path in best)}", f"one, or {named}")
+            if best:
+                return best[0]
+        raise DataError(missing, "no such file", f"it, {_CAMERA_CHAIN} in the recording, dso or mav0, or {named}")
 
     def pose_source(self, name: str | None) -> str:
         """The folder of the poses: the one of this name, or the best that there is.

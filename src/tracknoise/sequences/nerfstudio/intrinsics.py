@@ -29,8 +29,8 @@ _OTHER_KEYS = ("camera_model", "camera_angle_x", "camera_angle_y", _FISHEYE_FLAG
 
 
 def intrinsics_in(values: Mapping[str, Any]) -> dict[str, Any]:
-    """What an object says about its camera, by key."""
-    return {key: values[key] for key in (*_KEYS, *_OTHER_KEYS) if key in values}
+    """What an object says about its camera, by key; null says nothing."""
+    return {key: values[key] for key in (*_KEYS, *_OTHER_KEYS) if values.get(key) is not None}
 
 
 def camera_of(entries: Entries, size: tuple[int, int]) -> CameraModel:

@@ -13,6 +13,8 @@ from tracknoise.sequences.timed.order import in_order, order_notes, require_seco
 COLOUR, DEPTH = "rgb.txt", "depth.txt"
 PAIRS = ("associations.txt", "associated.txt", "association.txt")
 """Names that lists of pairs have. They are read only where there is no `COLOUR`."""
+SEPARATOR = ","
+"""What the tools of the benchmark take between fields, besides white space."""
 
 Rows = list[tuple[str, list[str]]]
 
@@ -77,7 +79,7 @@ def _rows(path: Path, columns: str) -> Rows:
     """Fields of each row with its place. Blank lines and ``#`` comments are skipped."""
     rows, expected = [], len(columns.split())
     for number, line in enumerate(read_text(path, f"rows of {columns}").splitlines(), start=1):
-        fields = line.split()
+        fields = line.replace(SEPARATOR, " ").split()
         if not fields or fields[0].startswith("#"):
             continue
         if len(fields) != expected:
@@ -93,7 +95,7 @@ def _file_list(path: Path, rows: list[tuple[str, str, str]]) -> FileList:
     times_s = np.array([_seconds(place, stamp) for place, stamp, _ in rows])
     require_seconds(times_s, [place for place, _, _ in rows])
     order = in_order(times_s)
-    files = tuple(path.parent / rows[index][2] for index in order)
+    files = tuple(path.parent / rows[index][2].replace("\\", "/") for index in order)
     return FileList(times_s[order], files, order_notes(path, times_s))
 
 

@@ -20,7 +20,7 @@ from tracknoise.sequences.scenes import find_scenes, scene_folder
 from tracknoise.sequences.timed.order import require_seconds
 from tracknoise.sequences.timed.trajectory import Trajectory, path_through, poses_at, trajectory
 from tracknoise.sequences.tum.calibration import PosesOf, find_calibration, known_recording
-from tracknoise.sequences.tum.lists import COLOUR, PAIRS, FileList, read_lists
+from tracknoise.sequences.tum.lists import COLOUR, PAIRS, SEPARATOR, FileList, read_lists
 from tracknoise.tables.identity import SequenceId
 
 _GROUND_TRUTH = "groundtruth.txt"
@@ -134,7 +134,7 @@ def _read_trajectory(folder: Path) -> Trajectory:
     path = folder / _GROUND_TRUTH
     if not path.exists():
         path = next(iter(sorted(folder.glob("*.gt.freiburg"))), path)
-    rows, places = read_rows(path, _COLUMNS)
+    rows, places = read_rows(path, _COLUMNS, separator=SEPARATOR)
     require_seconds(rows[:, 0], places)
     return trajectory(path, rows[:, 0], rows[:, 1:], places)
 

@@ -1,0 +1,101 @@
+"""Headline about tables of noise: which of them predicts scenes that were left out, and what motion adds."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import polars as pl
+
+from tracknoise.findings.estimate import Estimate
+from tracknoise.findings.estimate_text import format_as
+from tracknoise.findings.headlines.headline import Headline, RunTables
+from tracknoise.findings.headlines.reported_conditions import ReportedConditions
+from tracknoise.findings.wording import DASH, MINUS, SPACE, ratio
+from tracknoise.tables.enumerations import Lookup, Product
+
+_BY = {Lookup.tracker: "tracker", Lookup.speed: "tracker and speed", Lookup.motion: "tracker, speed and motion"}
+_ADDED = {Lookup.tracker: "The tracker", Lookup.speed: "The speed", Lookup.motion: "The motion of the scene"}
+_WHAT = {
+    Product.error: "errors about the first position",
+    Product.change: "changes of errors between observations",
+}
+
+
+def noise_by_condition(tables: RunTables, _conditions: ReportedConditions) -> Headline | None:
+    """Whether noise should be looked up by tracker, speed and motion, or be the same for all."""
+    sentences = lookup_sentences(tables["noise_lookup"], Product.error)
+    if not sentences:
+        return None
+    first = next(row for row in _finest_first(tables["noise_lookup"], Product.error) if row["against"] == Lookup.one)
+    return Headline("noise by condition", " ".join(sentences), "estimator", "noise_lookup", _gain(first))
+
+
+def lookup_sentences(lookups: pl.DataFrame, product: Product) -> list[str]:
+    """What tables of second moments gain on scenes that were left out, the answer first; empty without any gain.
+
+    Parameters
+    ----------
+    lookups
+        Schema `NOISE_LOOKUP`, of one dataset.
+    product
+        What the second moments are of.
+    """
+    rows = _finest_first(lookups, product)
+    over_one = [row for row in rows if row["against"] == Lookup.one]
+    if all(row["gain_nats"] is None for row in over_one):
+        return []
+    best = next((row for row in over_one if _is_worth_it(row, rows)), None)
+    return [_answer(best, product, over_one), *(_added(row) for row in _steps(rows, best))]
+
+
+def _finest_first(lookups: pl.DataFrame, product: Product) -> list[dict[str, Any]]:
+    return lookups.filter(pl.col("product") == product).to_dicts()[::-1]
+
+
+def _is_worth_it(row: Mapping[str, Any], rows: list[dict[str, Any]]) -> bool:
+    """Whether a table is better than one covariance for all, and than the next coarser one."""
+    return all(one["established"] is True for one in rows if one["lookup"] == row["lookup"])
+
+
+def _answer(best: Mapping[str, Any] | None, product: Product, over_one: list[dict[str, Any]]) -> str:
+    if best is None:
+        known = next(row for row in over_one if row["gain_nats"] is not None)
+        return (
+            f"No gain is established of second moments of {_WHAT[product]} by {_BY[known['lookup']]} over one for all: "
+            f"{_nats(known)} on scenes that were left out."
+        )
+    return (
+        f"Second moments of {_WHAT[product]} by {_BY[best['lookup']]} predict scenes that were left out better than "
+        f"one for all. The gain is {_nats(best)} per error. The second moment of a scene typically differs from the "
+        f"table by a factor of {ratio(best['factor'])}, and from one for all by {ratio(best['factor_against'])}."
+    )
+
+
+def _steps(rows: list[dict[str, Any]], best: Mapping[str, Any] | None) -> list[dict[str, Any]]:
+    """What each finer table adds to the one before, the coarsest first."""
+    finer = [row for row in rows[::-1] if row["against"] != Lookup.one]
+    if best is None:
+        return finer
+    names = list(Lookup)
+    return [row for row in finer if names.index(row["lookup"]) > names.index(best["lookup"])]
+
+
+def _added(row: Mapping[str, Any]) -> str:
+    name = _ADDED[row["lookup"]]
+    if row["gain_nats"] is None:
+        return f"What {name[0].lower()}{name[1:]} adds is unknown: {row['why']}."
+    if row["established"] is None:
+        return f"{name} adds {_nats(row)}, without an interval: {row['why']}."
+    return f"{name} adds {_nats(row)}: {'a gain' if row['established'] else 'no gain'} is established."
+
+
+def _nats(row: Mapping[str, Any]) -> str:
+    return format_as(_gain(row), nat_text, unit=f"{SPACE}nat")
+
+
+def nat_text(value: float | None) -> str:
+    """Write a gain in nat to a thousandth, without its unit."""
+    return DASH if value is None else f"{value:.3f}".replace("-", MINUS)
+
+
+def _gain(row: Mapping[str, Any]) -> Estimate:
+    return Estimate.of_row(row, "gain_nats", "low", "high", "nat")

@@ -1,0 +1,1 @@
+"""Tables of noise by tracker, speed and motion, and how well they predict scenes that were left out."""

@@ -1,0 +1,198 @@
+"""How much better a table of covariances predicts scenes that were left out than one covariance for all.
+
+Each scene is predicted by the other scenes, looked up by tracker, by tracker and speed, or by tracker, speed and
+motion. The motion of a scene is its group. A second moment about zero S of n errors at one age, of which the table says
+C, has the log likelihood of a Gaussian
+
+    l = -n (log |C| + tr(C^-1 S)) / 2    (lookup.likelihood)
+
+without its constant. The gain of one table over another is the difference of the sums of l over scenes, conditions and
+ages, per error, in nat. Tables are compared at equal ages, where every one of them rests on `LEAST` errors of other
+scenes.
+
+By which factor the second moment of a scene in one condition typically differs from the table is
+
+    exp(mean of |log(tr S / tr C)|)    (lookup.factor)
+
+where S and C are summed over ages. Every scene and condition counts the same.
+
+Intervals are Student's. They are over groups of scenes if there are at least `MIN_SCENES` of these, or if any group has
+two scenes: these predict each other, so that their gains are the same but for chance. Such an interval contains the
+differences between motions. Otherwise intervals are over scenes, within their groups if there are any, and then hold
+for these groups only. Gains of n scenes of one group are correlated by 1 / (n - 1)^2, as squared distances from the
+means of the others are, so that these intervals are wider by the root of n / (n - 1) of the smallest group. A group
+with one scene has no other scene of its motion.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
+from tracknoise.findings.sampling.jackknife import student_interval
+from tracknoise.findings.sampling.units import by_number
+from tracknoise.noise_models.lookup.scene_sums import SceneSums, reference_view, scene_sums
+from tracknoise.tables.defaults import LEVEL
+from tracknoise.tables.enumerations import IntervalKind, Lookup, Resampled
+from tracknoise.tables.findings_schema import NOISE_LOOKUP
+from tracknoise.tables.schema import check, empty
+
+Array = NDArray[np.float64]
+
+LEAST = 50
+"""Fewest errors at one age that a covariance rests on."""
+LEAST_UNITS = 4
+"""Fewest groups, or scenes, for an interval."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Predicted:
+    """What a table predicts of each scene that is left out.
+
+    Attributes
+    ----------
+    likelihood : (scenes, conditions, ages) float64
+        (lookup.likelihood), nat; NaN where the table rests on too few errors.
+    trace : (scenes, conditions, ages) float64
+        Sum of tr C over the errors of the scene, px^2.
+    """
+
+    likelihood: Array
+    trace: Array
+
+
+def noise_lookup(
+    sums: Iterable[pl.DataFrame], *, groups: SceneGroups = NO_GROUPS, level: float = LEVEL
+) -> pl.DataFrame:
+    """Gains of tables, each over one covariance for all and over the next coarser table.
+
+    Parameters
+    ----------
+    sums
+        Tables of all scenes, schema `NOISE_SUMS`.
+    groups
+        Groups of scenes, such as those of one motion.
+    level
+        Of the intervals.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `NOISE_LOOKUP`. A table that has no more rows than a coarser one is left out. Without rows if there is
+        nothing to look up by.
+    """
+    tables = [table for table in sums if not table.is_empty()]
+    if not tables:
+        return empty(NOISE_LOOKUP)
+    rows = [
+        {"dataset": dataset, "product": product, "level": level, **row}
+        for dataset, product, found in scene_sums(reference_view(tables), groups)
+        for row in _comparisons(found, level)
+    ]
+    return check(pl.DataFrame(rows, schema=dict(NOISE_LOOKUP), orient="row"), NOISE_LOOKUP, "noise lookup")
+
+
+def _comparisons(sums: SceneSums, level: float) -> Iterator[dict[str, Any]]:
+    """Rows of one product, the coarsest table first."""
+    lookups = _that_differ(sums)
+    predicted = {lookup: _predicted(sums, lookup) for lookup in lookups}
+    for before, lookup in pairwise(lookups):
+        for against in dict.fromkeys((Lookup.one, before)):
+            row = _compared(sums, predicted[lookup], predicted[against], level)
+            yield {"lookup": lookup, "against": against, **row, "why": _why(sums, lookup, row)}
+
+
+def _that_differ(sums: SceneSums) -> list[Lookup]:
+    """Tables each of which has more rows than the one before."""
+    counts = {lookup: len(np.unique(sums.labels(lookup))) for lookup in Lookup}
+    return [one for place, one in enumerate(Lookup) if not place or counts[one] > counts[list(Lookup)[place - 1]]]
+
+
+def _predicted(sums: SceneSums, lookup: Lookup) -> _Predicted:
+    trained, own = sums.left_out(lookup), sums.sums
+    n = np.where(trained[..., 0] >= LEAST, trained[..., 0], np.nan)
+    uu, uv, vv = (trained[..., place] / n for place in (1, 2, 3))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        determinant = uu * vv - uv**2
+        squares = (vv * own[..., 1] - 2.0 * uv * own[..., 2] + uu * own[..., 3]) / determinant
+        likelihood = -0.5 * (own[..., 0] * np.log(determinant) + squares)
+    return _Predicted(np.where(np.isfinite(likelihood), likelihood, np.nan), own[..., 0] * (uu + vv))
+
+
+def _compared(sums: SceneSums, table: _Predicted, other: _Predicted, level: float) -> dict[str, Any]:
+    """What one table gains over another one, with intervals."""
+    n = sums.sums[..., 0]
+    there = ~np.isnan(table.likelihood) & ~np.isnan(other.likelihood) & (n > 0)
+    gain = np.where(there, table.likelihood - other.likelihood, 0.0).sum(axis=(1, 2))
+    gained = _mean(sums, gain, np.where(there, n, 0.0).sum(axis=(1, 2)), level)
+    factors = [_factor(sums, one, there, level) for one in (table, other)]
+    known = there.any(axis=(1, 2))
+    return {
+        "n": int(n[there].sum()),
+        "n_scenes": int(known.sum()),
+        "n_units": len(np.unique(sums.unit[known])),
+        "resampled": sums.resampled,
+        "kind": IntervalKind.student,
+        **dict(zip(("gain_nats", "low", "high"), gained, strict=True)),
+        **dict(zip(("factor", "factor_low", "factor_high"), factors[0], strict=True)),
+        **dict(zip(("factor_against", "factor_against_low", "factor_against_high"), factors[1], strict=True)),
+        "established": None if gained[1] is None else gained[1] > 0.0,
+    }
+
+
+def _factor(
+    sums: SceneSums, table: _Predicted, there: NDArray[np.bool_], level: float
+) -> tuple[float | None, float | None, float | None]:
+    """(lookup.factor), with bounds."""
+    measured = np.where(there, sums.sums[..., 1] + sums.sums[..., 3], 0.0).sum(axis=2)
+    expected = np.where(there, table.trace, 0.0).sum(axis=2)
+    known = (measured > 0.0) & (expected > 0.0)
+    logs = np.abs(np.log(np.where(known, measured, 1.0) / np.where(known, expected, 1.0))).sum(axis=1)
+    found = _mean(sums, logs, known.sum(axis=1).astype(np.float64), level)
+    value, low, high = (None if bound is None else float(np.exp(max(bound, 0.0))) for bound in found)
+    return value, low, high
+
+
+def _mean(sums: SceneSums, total: Array, count: Array, level: float) -> tuple[float | None, float | None, float | None]:
+    """Sum of totals over sum of counts, (scenes,) each, with bounds; None where there is none."""
+    held, gained = by_number(sums.unit, count), by_number(sums.unit, total)
+    some = held > 0.0
+    held, gained = held[some], gained[some]
+    if not len(held):
+        return None, None, None
+    value = gained.sum() / held.sum()
+    if len(held) < LEAST_UNITS:
+        return float(value), None, None
+    group = sums.motion[some] if sums.resampled == Resampled.within else None
+    without = (gained.sum() - gained) / (held.sum() - held)
+    bounds = student_interval(value, without, level=level, sizes=held, groups=group)
+    low, high = (float(value + _wider(group) * (bound - value)) for bound in bounds)
+    return float(value), low, high
+
+
+def _wider(group: NDArray[np.intp] | None) -> float:
+    """By which factor intervals within groups are wider, as scenes of a group predict each other."""
+    if group is None:
+        return 1.0
+    sizes = np.unique(group, return_counts=True)[1]
+    least = sizes[sizes > 1].min()
+    return float(np.sqrt(least / (least - 1)))
+
+
+def _why(sums: SceneSums, lookup: Lookup, row: dict[str, Any]) -> str | None:
+    """Why nothing, or no interval, is known; None if both are."""
+    if row["gain_nats"] is None:
+        alone = lookup is Lookup.motion and sums.alone(lookup).all()
+        return _ALONE if alone else f"no covariance rests on {LEAST} errors of other scenes"
+    if row["low"] is None:
+        units = "groups of scenes" if sums.resampled == Resampled.groups else "scenes"
+        return f"only {row['n_units']} {units} can be left out; at least {LEAST_UNITS} are needed"
+    return None
+
+
+_ALONE = "each motion has only one scene, so that none can be left out"

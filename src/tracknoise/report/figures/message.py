@@ -1,0 +1,127 @@
+"""Titles of figures that state what was found: parts that several figures share.
+
+A message has at most `MOST_WORDS` words and `MOST_NUMBERS` numbers, apart from names. It is empty where nothing is
+established; the figure then has its topic as title.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import polars as pl
+
+from tracknoise.findings.factor_text import bound_text
+from tracknoise.findings.roles import ROLES
+from tracknoise.findings.wording import STATISTICS, listing, number, px, ratio
+from tracknoise.report.report_data import ReportData
+from tracknoise.tables.enumerations import Verdict
+
+MOST_WORDS, MOST_NUMBERS = 15, 2
+
+
+_SIZES = ("core", "absolute")
+"""Roles of statistics that say how large errors are, the preferred one first."""
+
+
+def effect(
+    data: ReportData, factor: str, tracker: str, *, speed: int | None = None, roles: Sequence[str] = _SIZES
+) -> str:
+    """Whether a factor changes a statistic of a tracker, by the verdict of the paired comparison.
+
+    Parameters
+    ----------
+    data
+        The run.
+    factor
+        Such as ``speed``.
+    tracker
+        Its name.
+    speed
+        At which the levels are compared; None where the factor is the speed.
+    roles
+        Of statistics, as in `tracknoise.findings.wording.STATISTICS`. The first one with a decided verdict is stated.
+    """
+    texts = (_effect(row, factor, role) for role in roles for row in _rows(data, factor, tracker, speed, role))
+    return next((text for text in texts if text), "")
+
+
+def trackers(data: ReportData, role: str, text: str) -> str:
+    """How many times as large a statistic of one tracker is as that of another, where this is established.
+
+    Parameters
+    ----------
+    data
+        The run.
+    role
+        Of the statistic.
+    text
+        With places for the tracker with the larger value, the ratio, and the other tracker.
+    """
+    for row in _rows(data, "tracker", None, data.slowest, role):
+        pair = [row["level_a"], row["level_b"]]
+        if row["verdict"] == Verdict.yes and row["larger"] in pair:
+            other = pair[1 - pair.index(row["larger"])]
+            return text.format(row["larger"], ratio(row["effect"]), other)
+    return ""
+
+
+def _rows(data: ReportData, factor: str, tracker: str | None, speed: int | None, role: str) -> list[dict[str, Any]]:
+    """Comparisons of several levels of a factor by one statistic; none where they differ by more than that."""
+    names = [name for name, of in ROLES.items() if of == role]
+    rows = data.dependence.filter(pl.col("statistic").is_in(names), pl.col("n_levels") > 1, factor=factor)
+    rows = rows.filter(pl.col("speed").eq_missing(speed), pl.col("tracker").eq_missing(tracker)).drop_nulls("effect")
+    return rows.to_dicts() if rows.height == 1 else []
+
+
+def _effect(row: Mapping[str, Any], factor: str, role: str) -> str:
+    subject = f"The {'core error' if role == 'core' else STATISTICS[role]} of {row['tracker']}"
+    if row["verdict"] == Verdict.yes:
+        size = px(row["effect"]) if role == "mean" else f"{ratio(row['effect'])} times"
+        return f"{subject} depends on {factor}, by up to {size}"
+    if row["verdict"] == Verdict.no:
+        return f"{subject} depends on {factor} by less than {bound_text(row['margin'], row['unit'])}"
+    return ""
+
+
+def apart(larger: Mapping[str, Any], smaller: Mapping[str, Any], name: str, other: str | None = None) -> bool:
+    """Whether the interval of one value is above that of another.
+
+    Parameters
+    ----------
+    larger, smaller
+        Rows with bounds, as in `ReportData.points`.
+    name
+        Of the value in `larger`: u or v.
+    other
+        Of the value in `smaller`; by default the same.
+    """
+    low, high = larger[f"{name}_low"], smaller[f"{other or name}_high"]
+    return low is not None and high is not None and low > high
+
+
+def values(found: Mapping[str, str], opening: str) -> str:
+    """One value of each of a few trackers: ``opening: 9 frames for one, 5 frames for two``.
+
+    Parameters
+    ----------
+    found
+        Values with their units, by tracker.
+    opening
+        What they are.
+    """
+    if not 1 <= len(found) <= MOST_NUMBERS:
+        return ""
+    return f"{opening}: {listing((f'{value} for {name}' for name, value in found.items()), joint='and')}"
+
+
+def span(numbers: Sequence[float], unit: str) -> str:
+    """Write the ends of several numbers: ``4.1 to 5.2 frames``; empty where these are the same.
+
+    Parameters
+    ----------
+    numbers
+        At least one.
+    unit
+        Of these.
+    """
+    low, high = number(min(numbers)), number(max(numbers))
+    return "" if low == high else f"{low} to {high} {unit}"

@@ -1,0 +1,115 @@
+"""Titles that state what a figure shows: short, true to the tables, and none where nothing is established."""
+
+import dataclasses
+import re
+from collections.abc import Callable
+
+import polars as pl
+import pytest
+from tests.report import made_up_findings
+from tests.report.synthetic import DEGENERATE
+
+from tracknoise.findings.wording import percent, px, ratio
+from tracknoise.report.figures import curves, lifetimes, outlier_ratio, speeds, time_structure
+from tracknoise.report.figures.families import FAMILIES
+from tracknoise.report.figures.figure import Figure
+from tracknoise.report.figures.message import MOST_NUMBERS, MOST_WORDS
+from tracknoise.report.growth import growth_message
+from tracknoise.report.report_data import ReportData
+from tracknoise.statistics.definitions import REFERENCE_AGE
+from tracknoise.tables.store import RunFolder
+
+NAMES = ("a light stage", "a perfect tracker", "no depth", "no feature found", "turned, and played backward")
+WORLDS: dict[str, dict[str, object]] = {"ordinary": {}, **{name: DEGENERATE[name] for name in NAMES}}
+
+
+@pytest.fixture(scope="module")
+def data(run: RunFolder) -> ReportData:
+    return ReportData.of(run)
+
+
+def drawn(data: ReportData) -> list[Figure]:
+    return [item for family in FAMILIES for item in family.figures(data) if isinstance(item, Figure)]
+
+
+def judged(data: ReportData, verdict: str) -> ReportData:
+    """The run, of which every paired comparison has a verdict."""
+    return dataclasses.replace(data, dependence=made_up_findings.dependence(data.effects, verdict=verdict, n_scenes=8))
+
+
+def message(items: object, id: str) -> str:
+    return next(item.message for item in items if item.id == id)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_messages_are_short(world: str, make_run: Callable[..., RunFolder]) -> None:
+    data = judged(ReportData.of(make_run(**WORLDS[world])), "yes")
+    names = [*data.trackers, *data.speeds, *(entry.sequence.scene for entry in data.manifest.sequences.values())]
+    for figure in drawn(data):
+        text = figure.message
+        for name in names:
+            text = text.replace(f"{name} ", "").removesuffix(str(name)) if isinstance(name, str) else text
+        assert len(text.split()) <= MOST_WORDS, figure.message
+        assert len(re.findall(r"\d[\d.,]*", text)) <= MOST_NUMBERS, figure.message
+        assert not text.endswith("."), figure.message
+
+
+def test_most_figures_of_an_ordinary_run_have_a_message(data: ReportData) -> None:
+    figures = drawn(judged(data, "yes"))
+    without = [figure.id for figure in figures if not figure.message]
+    assert len(without) < len(figures) / 2, without
+
+
+def test_growth_is_stated_only_where_it_is_established(data: ReportData) -> None:
+    def with_verdict(verdict: str) -> ReportData:
+        fits = data.time_structure.with_columns(verdict=pl.lit(verdict, dtype=data.time_structure["verdict"].dtype))
+        return dataclasses.replace(data, time_structure=fits)
+
+    points = data.nominal(data.points).filter(
+        pl.col("since").is_between(1, REFERENCE_AGE), role="second", trimming=data.trimming, population=data.population
+    )
+    grown = {
+        (name, axis): rows[axis][-1] / rows[axis][0]
+        for (name,), rows in points.sort("since").group_by("tracker")
+        for axis in "uv"
+    }
+    (tracker, axis), times = max(grown.items(), key=lambda one: one[1])
+    expected = f"The RMS error of {tracker} in {axis} grows {ratio(times)} times up to age {points['since'].max()}"
+    assert growth_message(with_verdict("random walk")) == expected
+    assert message(curves.figures(with_verdict("random walk")), "error-by-age") == expected
+    for verdict in ("white", "undecided", "none"):
+        assert growth_message(with_verdict(verdict)) == ""
+    assert message(time_structure.figures(with_verdict("white")), "time-structure").endswith("is constant")
+    assert message(time_structure.figures(with_verdict("undecided")), "time-structure") == ""
+
+
+def test_factors_are_stated_only_with_a_decided_verdict(data: ReportData) -> None:
+    texts = {
+        verdict: [item.message for item in speeds.figures(judged(data, verdict)) if isinstance(item, Figure)]
+        for verdict in ("yes", "no", "undecided")
+    }
+    assert all("depends on speed, by up to" in text for text in texts["yes"])
+    assert all("depends on speed by less than" in text for text in texts["no"])
+    assert set(texts["undecided"]) == {""}
+
+
+def test_trackers_are_compared_by_the_paired_comparison(data: ReportData) -> None:
+    found = judged(data, "yes")
+    row = found.dependence.filter(factor="tracker", statistic="lifetime", speed=data.slowest).row(0, named=True)
+    text = message(lifetimes.figures(found), "lifetimes")
+    assert text.startswith(f"Tracks of {row['larger']} live {ratio(row['effect'])} times as long as those of ")
+    assert message(lifetimes.figures(judged(data, "undecided")), "lifetimes").startswith("Median lifetime: ")
+
+
+def test_values_are_those_of_the_tables(data: ReportData) -> None:
+    shares = data.nominal(data.outliers).select("tracker", "pooled_ratio")
+    parts = [f"{percent(dict(shares.iter_rows())[name])} for {name}" for name in data.trackers]
+    assert message(outlier_ratio.figures(data), "outlier-ratio") == f"Rejected features: {' and '.join(parts)}"
+    points = data.nominal(data.points).filter(
+        role="second", population=data.population, tracker=data.trackers[0], since=REFERENCE_AGE
+    )
+    rows = {row["trimming"]: row for row in points.to_dicts()}
+    ends = f"from {px(rows['untrimmed']['u'])} to {px(rows['trimmed']['u'])}"
+    lies_apart = rows["untrimmed"]["u_low"] > rows["trimmed"]["u_high"]
+    other = next(name for name in rows if name != data.trimming)
+    assert message(curves.figures(data), f"error-by-age-{other}").endswith(ends) == lies_apart

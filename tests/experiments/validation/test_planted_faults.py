@@ -1,7 +1,6 @@
 """The benchmark of the self-test can plant every one of its faults in the package as it is."""
 
 import pytest
-
 from benchmarks.validity.planted_faults import FAULTS, SOURCE, Fault
 
 

@@ -13,12 +13,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-
-import numpy as np
 
 from benchmarks.harness import Row, in_new_process, peak_mib
-from benchmarks.made_up import EXPERIMENT, made_up
+from benchmarks.made_up import EXPERIMENT, made_up, seen_by_a_still_camera
 from tracknoise.experiments.analysis.run_findings import compute_findings
 from tracknoise.experiments.analysis.run_statistics import compute_statistics
 from tracknoise.experiments.measure import complete
@@ -32,7 +29,6 @@ from tracknoise.tables.store import RunFolder
 FEW, MANY = 20, 1000
 OBSERVATIONS = 100_000
 FRAMES = 600
-POSES = np.broadcast_to(np.eye(4), (FRAMES, 4, 4))
 
 
 def rows() -> list[Row]:
@@ -74,7 +70,7 @@ def _measure(sequences: int) -> dict[str, float]:
             scene = made_up(str(number).zfill(5), seed=number, frames=FRAMES, observations=OBSERVATIONS)
             observations += scene.observations.height
             name = SequenceId("made up", f"{number:05d}")
-            sequence = SimpleNamespace(id=name, world_from_camera=POSES)
+            sequence = seen_by_a_still_camera(name, FRAMES)
             with _timed(clock, "reducing"):
                 tables = tables_to_keep(experiment, sequence, complete(sequence, scene))
             entry = _entry(name)

@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.harness import Row, in_new_process, peak_mib
-from benchmarks.made_up import EXPERIMENT, made_up, made_up_sequence
+from benchmarks.made_up import EXPERIMENT, made_up, seen_by_a_still_camera
 from tracknoise.experiments.analysis.run_findings import compute_findings
 from tracknoise.experiments.analysis.run_statistics import compute_statistics
 from tracknoise.experiments.measure import complete
@@ -70,7 +70,7 @@ def _measure(sequences: int) -> dict[str, float]:
             scene = made_up(str(number).zfill(5), seed=number, frames=FRAMES, observations=OBSERVATIONS)
             observations += scene.observations.height
             name = SequenceId("made up", f"{number:05d}")
-            sequence = made_up_sequence(name, FRAMES)
+            sequence = seen_by_a_still_camera(name, FRAMES)
             with _timed(clock, "reducing"):
                 tables = tables_to_keep(experiment, sequence, complete(sequence, scene))
             entry = _entry(name)

@@ -14,7 +14,7 @@ from pathlib import Path
 import polars as pl
 
 from benchmarks.harness import Row, in_new_process, peak_mib
-from benchmarks.made_up import EXPERIMENT, SPEEDS, TRACKERS, made_up, made_up_sequence
+from benchmarks.made_up import EXPERIMENT, SPEEDS, TRACKERS, made_up, seen_by_a_still_camera
 from tracknoise.experiments.analysis.run_findings import compute_findings
 from tracknoise.experiments.analysis.run_statistics import compute_statistics
 from tracknoise.experiments.measure import complete
@@ -73,7 +73,7 @@ def _measure(scenes: int, lightings: int) -> dict[str, float]:
 
 def _tables(experiment, seed: int) -> dict[str, pl.DataFrame]:
     scene = made_up("scene", seed=seed, frames=FRAMES, observations=OBSERVATIONS)
-    sequence = made_up_sequence(SequenceId("made up", "scene"), FRAMES)
+    sequence = seen_by_a_still_camera(SequenceId("made up", "scene"), FRAMES)
     return tables_to_keep(experiment, sequence, complete(sequence, scene))
 
 

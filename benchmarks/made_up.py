@@ -14,6 +14,7 @@ from tracknoise.tables.identity import SequenceId
 
 TRACKERS, SPEEDS = ("lucas-kanade", "correspondence"), (1, 2, 4, 8, 12)
 MEAN_LIFETIME = 20
+CAMERA = Camera(800, 600, 500.0, 500.0, 399.5, 299.5)
 EXPERIMENT = """
 name = "made up"
 keep = "statistics"
@@ -28,14 +29,13 @@ reader = "simulated"
 """That might have measured them; more settings of the dataset may follow."""
 
 
-def made_up_sequence(name: SequenceId, frames: int) -> SimpleNamespace:
-    """The name, poses and camera of a sequence whose camera stands still: all that its tables need of it."""
+def seen_by_a_still_camera(name: SequenceId, frames: int) -> SimpleNamespace:
+    """What a measurement reads of a sequence besides its images: name, camera and poses."""
     poses = np.broadcast_to(np.eye(4), (frames, 4, 4))
-    camera = Camera(width=800, height=600, fx=600.0, fy=600.0, cx=399.5, cy=299.5)
-    return SimpleNamespace(id=name, world_from_camera=poses, camera=camera)
+    return SimpleNamespace(id=name, world_from_camera=poses, camera=CAMERA)
 
 
-def made_up(scene: str, *, seed: int, frames: int, observations: int) -> SequenceTables:
+def made_up(scene: str, *, seed: int, frames: int, observations: int, lighting: str = "default") -> SequenceTables:
     """What might have been measured in a scene: errors that grow with age, lifetimes that are geometric.
 
     Parameters
@@ -48,11 +48,13 @@ def made_up(scene: str, *, seed: int, frames: int, observations: int) -> Sequenc
         How many the scene has; at speed s every s-th is seen.
     observations
         About how many there are, of all conditions together.
+    lighting
+        Under which it was seen.
     """
     rng = np.random.default_rng(seed)
     conditions = [(tracker, speed) for tracker in TRACKERS for speed in SPEEDS]
     n_tracks = observations // (len(conditions) * min(MEAN_LIFETIME, frames))
-    parts = [_condition(rng, scene, frames, n_tracks, tracker, speed) for tracker, speed in conditions]
+    parts = [_condition(rng, (scene, lighting), frames, n_tracks, tracker, speed) for tracker, speed in conditions]
     tables = [pl.concat(each) for each in zip(*parts, strict=True)]
     return SequenceTables(
         *tables, schema.empty(schema.FLOORS), TruthKind.birth, None, frames, 0, np.zeros((1, 1), np.uint8)
@@ -60,14 +62,14 @@ def made_up(scene: str, *, seed: int, frames: int, observations: int) -> Sequenc
 
 
 def _condition(
-    rng: np.random.Generator, scene: str, frames: int, n_tracks: int, tracker: str, speed: int
+    rng: np.random.Generator, view: tuple[str, str], frames: int, n_tracks: int, tracker: str, speed: int
 ) -> list[pl.DataFrame]:
-    """Observations, tracks and frames."""
+    """Observations, tracks and frames of a scene under a lighting."""
     n_seen = len(range(0, frames, speed))
     lifetime = np.minimum(rng.geometric(1 / MEAN_LIFETIME, n_tracks), n_seen)
-    first = rng.integers(0, n_seen - lifetime + 1)
-    order = np.argsort(first)
-    lifetime, first = lifetime[order], first[order] * speed
+    first = rng.integers(0, n_seen - lifetime + 1) * speed
+    order = np.argsort(first, kind="stable")
+    first, lifetime = first[order], lifetime[order]
     track = np.repeat(np.arange(len(lifetime)), lifetime)
     age = (np.arange(len(track)) - np.repeat(np.cumsum(lifetime) - lifetime, lifetime)) * speed
     error = rng.standard_normal((len(track), 2)) * np.sqrt(0.01 + 0.05 * age)[:, None]
@@ -78,7 +80,7 @@ def _condition(
     offered = rng.integers(200, 1200, n_seen)
     seen = {"frame": np.arange(n_seen) * speed, "outliers": offered // rng.integers(5, 50, n_seen)}
     seen |= dict.fromkeys(("offered", "matched", "alive", "new"), offered)
-    origin = {"dataset": "made up", "scene": scene, "lighting": "default", "rotation": 0}
+    origin = {"dataset": "made up", "scene": view[0], "lighting": view[1], "rotation": 0}
     same = {**origin, "direction": "forward", "camera": "", "tracker": tracker, "speed": speed, "kept": True}
     return [
         _table(observed, same | {"truth": "valid"}, schema.OBSERVATIONS),

@@ -13,7 +13,7 @@ from tracknoise.report import page
 
 @pytest.fixture
 def small(monkeypatch):
-    """Presets with one tracker, one speed and small images, and reports without PNG, so that they take seconds."""
+    """Presets with one tracker, one speed and small images, and no files of figures, so that they take seconds."""
 
     def load(name, **options):
         experiment = load_experiment(name, **options)
@@ -24,7 +24,7 @@ def small(monkeypatch):
         )
 
     monkeypatch.setattr(replicate, "load_experiment", load)
-    monkeypatch.setattr(page, "write_report", partial(page.write_report, figure_formats=("svg",)))
+    monkeypatch.setattr(page, "write_report", partial(page.write_report, figure_formats=()))
 
 
 ONCE = ("--scenes", "1", "--frames", "4", "-w", "1")

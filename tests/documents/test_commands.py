@@ -137,7 +137,8 @@ def test_the_module_understands(example, monkeypatch):
 
     monkeypatch.setattr(argparse.ArgumentParser, "parse_args", only_parse)
     monkeypatch.setattr(sys, "argv", [module, *arguments])
-    monkeypatch.delitem(sys.modules, module, raising=False)  # it is run as a program
+    for imported in (module, f"{module}.__main__"):  # it is run as a program
+        monkeypatch.delitem(sys.modules, imported, raising=False)
     with pytest.raises(ParsedError):
         runpy.run_module(module, run_name="__main__", alter_sys=True)
 

@@ -38,3 +38,17 @@ def test_a_command_prints_both_streams_or_ends_the_program(tmp_path):
     assert tour.run("echo yes $PWD/file; echo no >&2", tmp_path) == "yes file\nno\n"
     with pytest.raises(SystemExit, match="exit status 3"):
         tour.run("exit 3", tmp_path)
+
+
+def test_the_page_and_its_figures_are_written(tmp_path, monkeypatch):
+    page, run = tmp_path / "docs" / "tour.md", tmp_path / "work"
+    (page.parent / "figures").mkdir(parents=True)
+    page.write_text(PAGE.replace("first command", "echo one").replace("$ second", f"$ mkdir -p {tour.FIGURES}"))
+    run.mkdir()
+    monkeypatch.setattr(tour, "PAGE", page)
+    with pytest.raises(FileNotFoundError, match=r"error-by-age\.svg"):
+        tour.main([str(run)])
+    (run / tour.FIGURES / "error-by-age.svg").write_text("<svg/>")
+    tour.main([str(run)])
+    assert "$ echo one\none\n$ mkdir" in page.read_text()
+    assert (page.parent / "figures" / "error-by-age.svg").read_text() == "<svg/>"

@@ -48,21 +48,36 @@ def test_a_planted_mistake_is_named(name):
     assert any(words in sentence for sentence in found), found
 
 
-def what_a_run_says(sequence):
+def what_a_run_says(measurement):
     """The sentences with which findings and report begin where data look wrong."""
-    return tracknoise.analyse(measured(sequence)).findings().filter(topic="data")["text"].to_list()
+    return tracknoise.analyse(measurement).findings().filter(topic="data")["text"].to_list()
 
 
 @pytest.mark.parametrize("name", SEEN_IN_THE_ERRORS_OF_ALL)
 def test_a_mistake_below_the_noise_is_named_by_the_errors_of_all_tracks(name):
     plant, _, words = MISTAKES[name]
-    (text,) = what_a_run_says(plant(simulated()))
+    (text,) = what_a_run_says(measured(plant(simulated())))
     assert text.startswith("Data look wrong, so that errors are not those of the trackers. ")
     assert words in text
 
 
 def test_the_errors_of_all_tracks_say_nothing_about_a_recording_that_is_right():
-    assert what_a_run_says(simulated()) == []
+    assert what_a_run_says(measured(simulated())) == []
+
+
+@pytest.mark.parametrize("name", ["tartanair_v1", "sevenscenes", "kitti"])
+def test_the_errors_of_all_tracks_say_nothing_about_real_recordings_that_are_right(name, sample):
+    sequence = open_sequence(name.split("_")[0], sample(name))
+    assert what_a_run_says(measure(sequence, LucasKanade(), max_frames=FEW_FRAMES)) == []
+
+
+@pytest.mark.parametrize("name", ["one frame late", "one frame early"])
+def test_poses_of_the_wrong_frame_are_named_in_a_slow_recording(name, sample):
+    plant, _, words = MISTAKES[name]
+    found = doubts(
+        measure(plant(open_sequence("sevenscenes", sample("sevenscenes"))), LucasKanade(), max_frames=20), KINDS
+    )
+    assert any(words in sentence for sentence in found), found
 
 
 @pytest.mark.parametrize("name", MISTAKES)

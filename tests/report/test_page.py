@@ -127,7 +127,7 @@ def test_the_same_run_gives_the_same_bytes(make_run: Callable[..., RunFolder]) -
 
 def test_a_new_report_replaces_the_old_one_whole(make_run: Callable[..., RunFolder]) -> None:
     run = make_run(scenes=("replaced",), trackers=("one",), speeds=(1,), n_frames=6, born=4)
-    write_report(run, figure_formats=("png",))
+    write_report(run, figure_formats=("pdf",))
     (run.path / "report" / "figures" / "stale.svg").write_text("of an earlier run")
     index = write_report(run, figure_formats=("svg",))
     assert {path.suffix for path in (index.parent / "figures").iterdir()} == {".svg"}

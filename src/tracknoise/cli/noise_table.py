@@ -21,7 +21,7 @@ def table(
     run: Annotated[Path, typer.Argument(help="Folder of a finished run.")],
     tracker: Annotated[list[str] | None, typer.Option("--tracker", help="Only this tracker; may be repeated.")] = None,
     speed: Annotated[list[int] | None, typer.Option("--speed", help="Only this speed; may be repeated.")] = None,
-    window: Annotated[int, typer.Option("--window", min=2, help="Length of windows, frames.")] = 10,
+    window: Annotated[int, typer.Option("--window", min=3, help="Length of windows, frames.")] = 10,
     as_json: Annotated[bool, typer.Option("--json", help="Print the table as one JSON document.")] = False,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder for noise-table.csv and noise-table.json.")

@@ -396,9 +396,12 @@ def test_trackers_that_differ_in_one_option_are_compared_by_it_alone() -> None:
     text = read(dependence=table(DEPENDENCE, option, trackers))["factors"]["text"]
     assert text.startswith("Verdicts on whether the detector changes a statistic: 1 yes.")
     assert "with detector fast as with detector gftt; detector gftt is better." in text
-    three = {**trackers, "n_levels": 3}
+    three = {**trackers, "n_levels": 3, "effect": 1.5}
     text = read(dependence=table(DEPENDENCE, option, three))["factors"]["text"]
     assert text.startswith("Verdicts on whether the tracker or the detector changes a statistic: 2 yes.")
+    same = {**trackers, "n_levels": 3}
+    text = read(dependence=table(DEPENDENCE, option, same))["factors"]["text"]
+    assert text.startswith("Verdicts on whether the detector changes a statistic: 1 yes.")
 
 
 def test_factors_are_counted_and_the_clearest_are_named() -> None:

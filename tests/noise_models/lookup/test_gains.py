@@ -82,7 +82,7 @@ def test_motion_gains_where_motions_differ(count, each, units, resampled):
     assert found["gain_nats"] > 0.3
     assert found["factor"] < 1.2 < found["factor_against"]
     assert (found["n_units"], found["resampled"]) == (units, resampled)
-    assert "by tracker, speed and motion predict" in lookup_sentences(table, Product.error)[0]
+    assert "by tracker and motion predict" in lookup_sentences(table, Product.error)[0]
 
 
 @pytest.mark.parametrize("each", [2, 4])

@@ -84,6 +84,8 @@ def test_some_trackers_and_speeds_may_be_chosen(planted_run):
     assert found.window == 5
     with pytest.raises(SettingsError, match="expected some of oracle@1, oracle@2"):
         noise_table(RunFolder(planted_run), speeds=[3])
+    with pytest.raises(SettingsError, match="windows of 2 frames, expected at least 3"):
+        noise_table(RunFolder(planted_run), window=2)
 
 
 def test_csv_names_the_estimand_of_each_row(table):

@@ -121,15 +121,9 @@ def _tables(
     reference: ReferenceCondition,
 ) -> dict[str, pl.DataFrame]:
     population, least = experiment.truth.population, experiment.statistics.min_features
-    few = _views_of_few_scenes(manifest)
     pairs: list[pl.DataFrame] = []  # of changes
     lived: list[pl.DataFrame] = []
-    increments = in_chunks(run.sequence_tables("increments"), INCREMENTS, "increments")
-    moved = _keeping(increments, pairs, lambda table: lagged(table, few))  # read only once
-    pooled = {  # first, while no other tables are in memory
-        "aspect_curves": aspect_curves(run.sequence_tables("aspects"), min_features=least),
-        "changes": change_curves(moved),
-    }
+    pooled = _pooled_curves(run, manifest, least, pairs)  # first, while no other tables are in memory
     groups = groups_of_scenes(manifest.sequences, experiment.dataset.groups)
     read = FindingInputs.read(run, population, reference, groups)
     asked, zeros = experiment.findings, reference.key_frames
@@ -160,6 +154,19 @@ def _tables(
             read.moments, pairs, blocks=read.blocks, aspects=lived, aspect_blocks=read.aspect_blocks, **options
         ),
         "dependence": _dependence(read, experiment, statistics, zeros),
+    }
+
+
+def _pooled_curves(
+    run: RunFolder, manifest: Manifest, least: int, pairs: list[pl.DataFrame]
+) -> dict[str, pl.DataFrame]:
+    """Curves of aspects and of changes. What time structure needs of changes is kept in `pairs`: they are read once."""
+    few = _views_of_few_scenes(manifest)
+    increments = in_chunks(run.sequence_tables("increments"), INCREMENTS, "increments")
+    moved = _keeping(increments, pairs, lambda table: lagged(table, few))
+    return {
+        "aspect_curves": aspect_curves(run.sequence_tables("aspects"), min_features=least),
+        "changes": change_curves(moved),
     }
 
 

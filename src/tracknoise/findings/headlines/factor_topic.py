@@ -49,10 +49,12 @@ def asked(dependence: pl.DataFrame, conditions: ReportedConditions) -> pl.DataFr
 
 
 def _without_repeated(rows: pl.DataFrame) -> pl.DataFrame:
-    """Rows without those about trackers that are all compared by one option."""
-    of_trackers = pl.col("factor") == "tracker"
-    of_options = rows.filter(~pl.col("factor").is_in([*FACTORS]))["n_levels"].unique().to_list()
-    return rows.filter(~(of_trackers & pl.col("n_levels").is_in(of_options)))
+    """Rows without those about trackers that are all compared by one option, or whose largest effect is an option's."""
+    of_options = rows.filter(~pl.col("factor").is_in([*FACTORS]))
+    of_trackers = rows.filter(pl.col("factor") == "tracker")
+    known = of_trackers.join(of_options, on="n_levels", how="anti", maintain_order="left")
+    new = known.join(of_options, on=["dataset", "statistic", "effect"], how="anti", maintain_order="left")
+    return pl.concat([new, rows.filter(pl.col("factor") != "tracker")])
 
 
 def factors(tables: RunTables, conditions: ReportedConditions) -> Headline | None:

@@ -9,10 +9,10 @@ from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_as
 from tracknoise.findings.headlines.headline import Headline, RunTables
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
-from tracknoise.findings.wording import DASH, MINUS, SPACE, ratio
+from tracknoise.findings.wording import DASH, MINUS, SPACE, listing, ratio
 from tracknoise.tables.enumerations import Lookup, Product
 
-_BY = {Lookup.tracker: "tracker", Lookup.speed: "tracker and speed", Lookup.motion: "tracker, speed and motion"}
+_BY = {Lookup.tracker: "tracker", Lookup.speed: "speed", Lookup.motion: "motion"}
 _ADDED = {Lookup.tracker: "The tracker", Lookup.speed: "The speed", Lookup.motion: "The motion of the scene"}
 _WHAT = {
     Product.error: "errors about the first position",
@@ -60,14 +60,21 @@ def _answer(best: Mapping[str, Any] | None, product: Product, over_one: list[dic
     if best is None:
         known = next(row for row in over_one if row["gain_nats"] is not None)
         return (
-            f"No gain is established of second moments of {_WHAT[product]} by {_BY[known['lookup']]} over one for all: "
+            f"No gain is established of second moments of {_WHAT[product]} by {_by(known, over_one)} over one for all: "
             f"{_nats(known)} on scenes that were left out."
         )
     return (
-        f"Second moments of {_WHAT[product]} by {_BY[best['lookup']]} predict scenes that were left out better than "
+        f"Second moments of {_WHAT[product]} by {_by(best, over_one)} predict scenes that were left out better than "
         f"one for all. The gain is {_nats(best)} per error. The second moment of a scene typically differs from the "
         f"table by a factor of {ratio(best['factor'])}, and from one for all by {ratio(best['factor_against'])}."
     )
+
+
+def _by(row: Mapping[str, Any], over_one: list[dict[str, Any]]) -> str:
+    """Names of what a table is looked up by, of what the run varies."""
+    names = list(Lookup)
+    varied = {one["lookup"] for one in over_one}
+    return listing(_BY[name] for name in names[1 : names.index(row["lookup"]) + 1] if name in varied)
 
 
 def _steps(rows: list[dict[str, Any]], best: Mapping[str, Any] | None) -> list[dict[str, Any]]:

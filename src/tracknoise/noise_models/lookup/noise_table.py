@@ -31,6 +31,8 @@ from tracknoise.tables.store import RunFolder
 
 WINDOW = 10
 """Length of windows, frames of the tracker."""
+_SHORTEST = 3
+"""Two observations of a point have a single degree of freedom more than the point."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,15 +134,17 @@ def noise_table(
     Raises
     ------
     SettingsError
-        If there is no such tracker or speed.
+        If there is no such tracker or speed, or windows have fewer than three frames.
     StoreError, SchemaError
         If the run holds no sums for noise models, or a table is damaged.
     """
+    if window < _SHORTEST:
+        raise SettingsError(f"noise table: found windows of {window} frames, expected at least {_SHORTEST}")
     known = conditions(folder)
     wanted = [(one, at) for one, at in known if one in (trackers or {one}) and at in (speeds or {at})]
     if not wanted:
         every = ", ".join(f"{one}@{at}" for one, at in known)
-        raise SettingsError(f"{folder.path}: found no such tracker at such a speed, expected some of {every}")
+        raise SettingsError(f"{folder.path}: found none of the wanted trackers and speeds, expected some of {every}")
     read = [training_tables(folder, tracker=one, speed=at) for one, at in wanted]
     parts = [(tables, motion) for tables in read for motion in (None, *_motions(tables))]
     corrected = 1.0 - (1.0 - level) / len(parts)

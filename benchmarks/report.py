@@ -1,0 +1,122 @@
+"""How large a report is, how long it takes to write, and how soon a reader can use it.
+
+The run is made up and has the conditions of the light stage: two trackers, five speeds and 19 lightings. Scenes go
+through the very functions that a run puts measured ones through. The time is that of the processor, of one thread, so
+that it can be measured on a machine that does other things too. A page can be used when a choice in its explorer has
+changed a figure; this is measured in a headless Chromium, if there is one.
+"""
+
+import json
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+from tests.browser import chromium
+
+from benchmarks.harness import Row, in_new_process
+from benchmarks.made_up import CAMERA, EXPERIMENT, made_up, seen_by_a_still_camera
+from tracknoise.experiments.analysis.run_findings import compute_findings
+from tracknoise.experiments.analysis.run_statistics import compute_statistics
+from tracknoise.experiments.measure import complete
+from tracknoise.experiments.running.provenance import new_manifest
+from tracknoise.experiments.running.task import tables_to_keep
+from tracknoise.experiments.settings import Experiment, parse_experiment
+from tracknoise.report.page import write_report
+from tracknoise.tables.identity import SequenceId
+from tracknoise.tables.manifest import SequenceEntry
+from tracknoise.tables.store import RunFolder
+
+FEW, MANY = 3, 60
+LIGHTINGS = ("diffuse", *(f"LR{place}" for place in range(10)), *(f"BF{place}" for place in range(8)))
+FRAMES, OBSERVATIONS = 49, 20_000
+_CHOICE = """(async () => {
+  const select = document.querySelector("#controls [name=tracker]");
+  select.value = select.options[0].value;
+  select.dispatchEvent(new Event("change", { bubbles: true }));
+  const place = document.querySelector("[data-explorer]");
+  while (!place.dataset.shown || JSON.parse(place.dataset.shown).tracker !== select.value) {
+    await new Promise((resolve) => setTimeout(resolve, 5));
+  }
+  return performance.now() / 1000;
+})()"""
+
+
+def rows() -> list[Row]:
+    """Of a few scenes."""
+    return _rows(FEW)
+
+
+def full_rows() -> list[Row]:
+    """Of as many scenes as the light stage has."""
+    return _rows(MANY)
+
+
+def _rows(scenes: int) -> list[Row]:
+    found = in_new_process("benchmarks.report", scenes)
+    size = f"{scenes} scenes, {found['conditions']} conditions"
+    made = [
+        Row("report: page", found["page"] / 1e6, "MB", size),
+        Row("report: page and files", found["all"] / 1e6, "MB", f"{found['files']} files"),
+        Row("report: writing", found["writing"], "s of processor", size),
+    ]
+    if "interactive" in found:
+        made += [
+            Row("report: from opening the page to a changed figure", found["interactive"], "s", size),
+            Row("report: the page's own share of it", found["working"], "s of processor", "its main thread"),
+        ]
+    return made
+
+
+def _measure(scenes: int) -> dict[str, float]:
+    experiment = parse_experiment(EXPERIMENT, place="benchmark")
+    with tempfile.TemporaryDirectory() as folder:
+        run = RunFolder(Path(folder) / "run")
+        conditions = _make(run, experiment, scenes)
+        start = time.process_time()
+        page = write_report(run)
+        writing = time.process_time() - start
+        files = [path for path in page.parent.rglob("*") if path.is_file()]
+        found = {"conditions": conditions, "page": page.stat().st_size, "files": len(files), "writing": writing}
+        found["all"] = sum(path.stat().st_size for path in files)
+        return found | ({} if chromium.installed() is None else _interactive_s(page, Path(folder)))
+
+
+def _make(run: RunFolder, experiment: Experiment, scenes: int) -> int:
+    """Write a run, and say how many conditions it has."""
+    manifest = new_manifest(experiment)
+    run.create(experiment.to_toml(), manifest)
+    for number in range(scenes):
+        for place, lighting in enumerate(LIGHTINGS):
+            entry = _write(run, experiment, f"SET{number:03d}", lighting, seed=number * len(LIGHTINGS) + place)
+            manifest.sequences[entry.key] = entry
+    run.write_manifest(manifest)
+    statistics = compute_statistics(run, experiment)
+    compute_findings(run, experiment, statistics)
+    return int(run.statistics("summary").height)
+
+
+def _write(run: RunFolder, experiment: Experiment, scene: str, lighting: str, *, seed: int) -> SequenceEntry:
+    """Write one sequence."""
+    tables = made_up(scene, seed=seed, frames=FRAMES, observations=OBSERVATIONS, lighting=lighting)
+    name = SequenceId("made up", scene, lighting)
+    sequence = seen_by_a_still_camera(name, FRAMES)
+    entry = SequenceEntry(name, FRAMES, CAMERA.width, CAMERA.height, "birth", 0, 0.0)
+    kept = tables_to_keep(experiment, sequence, complete(sequence, tables))
+    return replace(entry, sha256=run.write_sequence(entry.key, kept, b""))
+
+
+def _interactive_s(page: Path, folder: Path) -> dict[str, float]:
+    """Seconds from opening a page to the first figure that a choice has changed; processor time of its main thread."""
+    with chromium.browser(folder / "profile") as pipe, chromium.tab(pipe) as tab:
+        tab.size(1366, 768)
+        tab.command("Performance.enable", timeDomain="threadTicks")
+        tab.goto(f"file://{page}")
+        interactive = float(tab.evaluate(_CHOICE))
+        metrics = {one["name"]: one["value"] for one in tab.command("Performance.getMetrics")["metrics"]}
+    return {"interactive": interactive, "working": metrics["TaskDuration"]}
+
+
+if __name__ == "__main__":
+    json.dump(_measure(int(sys.argv[1])), sys.stdout)

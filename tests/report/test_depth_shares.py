@@ -57,6 +57,15 @@ def test_the_figure_says_what_each_noise_holds(data: ReportData) -> None:
         "the covariance of whole tracks." in plain(figure.look_for)
     )
     assert "Windows of 15 observations." in figure.shows
+    assert plain(figure.message).startswith("With the sigma of residuals, 95 % depth intervals of ")
+    assert plain(figure.message).endswith(" hold 57 %")
+
+
+def test_nothing_is_established_where_the_interval_holds_the_level(data: ReportData) -> None:
+    wide = dataclasses.replace(data, depth_intervals=data.depth_intervals.with_columns(high=pl.lit(0.96)))
+    (figure,) = depth_intervals.figures(wide)
+    assert isinstance(figure, Figure)
+    assert figure.message == ""
 
 
 def test_the_figure_is_absent_where_nothing_was_tried(data: ReportData) -> None:

@@ -36,7 +36,17 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
         f"scenes. Windows of {_windows(table, present)}. {describe_intervals(bounded, of='the lines')}"
     )
     panels = [_panel(table, tracker) for tracker in present]
-    return [Figure(_ID, _TITLE, shows, _advice(table, present), arranged(panels, columns=2, independent=["fill"]))]
+    spec = arranged(panels, columns=2, independent=["fill"])
+    return [Figure(_ID, _TITLE, shows, _advice(table, present), spec, _message(table))]
+
+
+def _message(table: pl.DataFrame) -> str:
+    """The tracker whose residuals mislead most; empty where none is shown to mislead."""
+    few = table.filter(pl.col("u_high") < 95.0, covariance="residual sigma", at=95).sort("u")
+    if few.is_empty():
+        return ""
+    tracker, share = few.select("tracker", "u").row(0)
+    return f"With the sigma of residuals, 95{SPACE}% depth intervals of {tracker} hold {share:.0f}{SPACE}%"
 
 
 def _windows(table: pl.DataFrame, trackers: Sequence[str]) -> str:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.findings.sampling.jackknife import student_interval
 from tracknoise.noise_models.fitting.factor_cells import Cells, Knots
-from tracknoise.noise_models.fitting.independent import group_numbers
+from tracknoise.noise_models.fitting.independent import LEAST_GROUPS, group_numbers
 from tracknoise.noise_models.model import Factor, Interval
 from tracknoise.statistics.covariates import PER_OCTAVE
 
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 LEAST_GAIN = 0.01
 """Nat per change."""
-_FOLDS, _LEAST_GROUPS = 10, 3
+_FOLDS = 10
 
 
 def conditions_of(
@@ -109,7 +109,7 @@ def _parts(
     """Rows by covariate, with the number of the group of their scene; none where too little is known."""
     white, walk, _ = _sizes(fitted)
     numbered = table.with_columns(group=pl.Series(group_numbers(table, groups)))
-    if numbered["group"].n_unique() < _LEAST_GROUPS or not white + walk > 0.0:
+    if numbered["group"].n_unique() < LEAST_GROUPS or not white + walk > 0.0:
         return []
     return sorted(numbered.partition_by(names, as_dict=True).items())
 

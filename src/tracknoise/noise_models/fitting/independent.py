@@ -1,4 +1,7 @@
-"""What is independent of each other, and left out as a whole: groups of scenes, or blocks where scenes are few."""
+"""What is independent of each other, and left out as a whole: groups of scenes, or blocks where scenes are few.
+
+With fewer than `LEAST_GROUPS` groups, single scenes are left out. What is found then holds for these groups only.
+"""
 
 import numpy as np
 import polars as pl
@@ -8,16 +11,19 @@ from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.findings.sampling.units import Units, by_number
 from tracknoise.tables.enumerations import Resampled
 
+LEAST_GROUPS = 3
+
 
 def independent_sums(units: Units) -> NDArray[np.float64]:
     """Sums of what is left out in turn, (groups, points, columns); of blocks where blocks are resampled."""
     if units.resampled == Resampled.blocks:
         return units.sums
-    return by_number(units.scene_group[units.scene], units.sums)
+    number = units.scene_group[units.scene]
+    return by_number(number, units.sums) if _are_enough(number) else units.sums
 
 
 def group_numbers(table: pl.DataFrame, groups: SceneGroups) -> NDArray[np.intp]:
-    """Number of the group of the scene of each row, from 0, (rows,).
+    """Number of what the scene of each row is left out with, from 0, (rows,): its group, or the scene itself.
 
     Parameters
     ----------
@@ -27,5 +33,14 @@ def group_numbers(table: pl.DataFrame, groups: SceneGroups) -> NDArray[np.intp]:
         Of scenes that are not independent of each other.
     """
     names = table["scene"].unique().sort().to_list()
-    number = groups.of(table["dataset"][0], names) if groups.names and names else np.arange(len(names))
-    return np.asarray(number[np.searchsorted(names, table["scene"].to_list())], dtype=np.intp)
+    number = groups.of(_dataset(table), names)
+    chosen = number if _are_enough(number) else np.arange(len(names))
+    return np.asarray(chosen[np.searchsorted(names, table["scene"].to_list())], dtype=np.intp)
+
+
+def _dataset(table: pl.DataFrame) -> str:
+    return str(table["dataset"][0]) if "dataset" in table.columns and table.height else ""
+
+
+def _are_enough(number: NDArray[np.intp]) -> bool:
+    return len(np.unique(number)) >= LEAST_GROUPS

@@ -9,7 +9,7 @@ from tracknoise.experiments.running.failures import Batch, Failure, FailureKind,
 from tracknoise.experiments.running.memory import memory_bytes, used_bytes
 from tracknoise.experiments.running.worker import Note, Worker, WorkerDiedError
 
-_ENVIRONMENT = {
+ENVIRONMENT = {
     # Thread limits set for this process do not apply to workers: there are several of them.
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS"), "1"),
     # Images and descriptors are allocated and freed in every frame. If their memory were returned to the system each
@@ -17,6 +17,7 @@ _ENVIRONMENT = {
     "MALLOC_TRIM_THRESHOLD_": str(512 * 2**20),
     "MALLOC_MMAP_THRESHOLD_": str(32 * 2**20),
 }
+"""Variables of the environment of every worker."""
 _SHARE = 0.95
 """Part of its share of the memory that a worker may use."""
 _PAUSE_S = 0.2
@@ -102,7 +103,7 @@ class _Pool:
         """Give batches to workers; the error if one could not be started."""
         while self._waiting and len(self._busy) < self._count:
             try:
-                worker = self._idle.pop() if self._idle else Worker(_ENVIRONMENT)
+                worker = self._idle.pop() if self._idle else Worker(ENVIRONMENT)
             except OSError as error:
                 return error
             self._busy[worker] = self._waiting.popleft()

@@ -87,7 +87,7 @@ class Worker:
         self._process = _SPAWN.Process(target=_serve, args=(theirs, self._opened), daemon=True)
         resource_tracker.ensure_running()  # otherwise started below, and it unblocks signals
         _started.add(self._process)
-        with theirs, signals.delayed(), _added_to_environment(environment):
+        with theirs, signals.delayed(), added_to_environment(environment):
             self._process.start()
 
     @property
@@ -163,7 +163,7 @@ def _kill_started() -> None:
 
 
 @contextmanager
-def _added_to_environment(variables: Mapping[str, str]) -> Iterator[None]:
+def added_to_environment(variables: Mapping[str, str]) -> Iterator[None]:
     """Some variables are read when a process begins, so that it cannot set them itself."""
     before = {name: os.environ.get(name) for name in variables}
     os.environ.update(variables)

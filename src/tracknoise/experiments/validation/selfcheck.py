@@ -22,6 +22,8 @@ import polars as pl
 from tracknoise.exceptions import StoreError
 from tracknoise.experiments.analysis.run_findings import compute_findings
 from tracknoise.experiments.analysis.run_statistics import compute_statistics
+from tracknoise.experiments.running.local import ENVIRONMENT
+from tracknoise.experiments.running.worker import added_to_environment
 from tracknoise.experiments.settings import Experiment
 from tracknoise.experiments.validation.answers import factor_checks, pool_checks
 from tracknoise.experiments.validation.checks import CHECKS, SUSPECTS, Area, failed
@@ -106,7 +108,7 @@ def self_test(
     jobs = [parts, repeat(folder), repeat(scenes), repeat(seed), repeat(debug)]
     if workers == 1:
         return _collected(map(_run, *jobs), parts, progress)
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    with added_to_environment(ENVIRONMENT), ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         return _collected(pool.map(_run, *jobs), parts, progress)
 
 

@@ -23,7 +23,7 @@ speeds = [1, 2]
 reader = "simulated"
 [dataset.options]
 motions = ["sideways", "forward"]
-worlds = 3
+worlds = 1
 frames = {frames}
 width = {width}
 height = {height}
@@ -35,8 +35,8 @@ kind = "correspondence"
 
 
 def rows() -> list[Row]:
-    """Of scenes of 20 frames of 320x240."""
-    return _rows(20, 320, 240)
+    """Of scenes of 12 frames of 240x180."""
+    return _rows(12, 240, 180)
 
 
 def full_rows() -> list[Row]:

@@ -27,7 +27,7 @@ from tracknoise.findings.factors.differences import Differences, differences
 from tracknoise.findings.factors.scene_counts import lifetime_differences, outlier_differences
 from tracknoise.findings.factors.scene_values import LEAST_FEATURES
 from tracknoise.findings.sampling.rotation import rotations
-from tracknoise.statistics.scales import PER_MEDIAN
+from tracknoise.statistics.errors.scales import PER_MEDIAN
 from tracknoise.tables.enumerations import Resampled
 from tracknoise.tables.schema import ENDS, FRAME_COUNTS
 

@@ -24,7 +24,7 @@ from tracknoise.sequences.views import view
 from tracknoise.simulation.fittings import block, ground, paint_textures
 from tracknoise.simulation.quad import assemble
 from tracknoise.simulation.scenery import Scenery
-from tracknoise.statistics.surroundings import surroundings
+from tracknoise.statistics.places.surroundings import surroundings
 from tracknoise.tables.identity import Direction
 
 GROUND_X_M, GROUND_Y_M = (-84.0, 84.0), (-20.0, 78.0)

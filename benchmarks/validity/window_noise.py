@@ -28,8 +28,8 @@ from tracknoise.experiments.frame_geometry import frame_geometry
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.noise_models.window_noise import window_sigmas
 from tracknoise.sequences.simulated import Simulated
-from tracknoise.statistics.window_noise import window_noise
-from tracknoise.statistics.windows import LEAST_PARALLAX_PX
+from tracknoise.statistics.noise.window_noise import window_noise
+from tracknoise.statistics.noise.windows import LEAST_PARALLAX_PX
 from tracknoise.trackers.oracle import Oracle, OracleTracker
 from tracknoise.trackers.tracker import DisplacingTruth, SequenceContext
 

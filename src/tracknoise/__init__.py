@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from tracknoise.noise_models.noise_model import NoiseModel
     from tracknoise.sequences.arrays import Sequence
     from tracknoise.sequences.registry import open_sequence, open_sequences
-    from tracknoise.statistics.curves import curves
-    from tracknoise.statistics.lifetimes import lifetimes
-    from tracknoise.statistics.outliers import outlier_ratios
+    from tracknoise.statistics.errors.curves import curves
     from tracknoise.statistics.summarise import summarise_sequence
     from tracknoise.statistics.summary import summary
+    from tracknoise.statistics.tracks.lifetimes import lifetimes
+    from tracknoise.statistics.tracks.outliers import outlier_ratios
     from tracknoise.trackers.correspondence import Correspondence
     from tracknoise.trackers.detection import Detection
     from tracknoise.trackers.imported import Imported

@@ -12,7 +12,7 @@ from tracknoise.experiments.patches import LONGEST_STRIP, track_patches
 from tracknoise.sequences.registry import make_reader
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.statistics.definitions import PLACE_AGES
-from tracknoise.statistics.extreme_tracks import EACH, extreme_tracks
+from tracknoise.statistics.tracks.extreme_tracks import EACH, extreme_tracks
 from tracknoise.tables.defaults import PATCH_PX
 from tracknoise.tables.schema import PATCHES, check
 

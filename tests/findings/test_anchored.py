@@ -3,7 +3,7 @@ import polars as pl
 import pytest
 
 from tracknoise.findings.anchored import anchored
-from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.errors.moments import scene_moments
 from tracknoise.statistics.prepared import prepare_observations
 
 

@@ -7,7 +7,7 @@ import pytest
 from tracknoise.exceptions import SchemaError
 from tracknoise.findings.intervals.table import interval_table
 from tracknoise.findings.seed_spread import Repeat, seed_spread, widened
-from tracknoise.statistics.lifetimes import horizons, lifetimes_of_ends
+from tracknoise.statistics.tracks.lifetimes import horizons, lifetimes_of_ends
 from tracknoise.tables.findings_schema import INTERVALS, SEED_SPREAD
 from tracknoise.tables.schema import ENDS, FRAME_COUNTS, MOMENTS, Schema, empty
 

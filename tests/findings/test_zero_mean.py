@@ -5,7 +5,7 @@ from scipy import stats
 
 from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.findings.zero_mean import zero_mean
-from tracknoise.statistics.curves import curves
+from tracknoise.statistics.errors.curves import curves
 from tracknoise.tables.schema import MOMENTS
 
 CONDITION = {

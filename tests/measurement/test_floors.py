@@ -11,7 +11,7 @@ import tracknoise
 from tracknoise import AccuracyRule, TruthAccuracy
 from tracknoise.geometry.accuracy import EXACT_DEPTH, EXACT_POSE, PoseAccuracy
 from tracknoise.sequences.recorded import RecordedSequence
-from tracknoise.statistics.floor import truth_floor
+from tracknoise.statistics.truth.floor import truth_floor
 from tracknoise.tables import schema
 from tracknoise.tables.identity import SequenceId
 

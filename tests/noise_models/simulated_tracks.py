@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from tracknoise.findings.sampling.units import Units, units_of
 from tracknoise.noise_models.fitting.equations import COLUMNS
 from tracknoise.statistics.blocks import BLOCKS
-from tracknoise.statistics.error_products import products
-from tracknoise.statistics.error_tracks import ErrorTracks
+from tracknoise.statistics.noise.error_products import products
+from tracknoise.statistics.noise.error_tracks import ErrorTracks
 
 MOTIONS = ("sideways", "forward")
 

@@ -11,9 +11,9 @@ from tracknoise.noise_models.factors import log_factor
 from tracknoise.noise_models.fitting.components import fit_components
 from tracknoise.noise_models.fitting.conditions import candidates, conditions_of, second_candidates
 from tracknoise.noise_models.fitting.equations import COLUMNS
-from tracknoise.statistics.covariates import class_of
-from tracknoise.statistics.error_products import products
-from tracknoise.statistics.error_tracks import ErrorTracks
+from tracknoise.statistics.noise.covariates import class_of
+from tracknoise.statistics.noise.error_products import products
+from tracknoise.statistics.noise.error_tracks import ErrorTracks
 from tracknoise.tables.enumerations import Product
 from tracknoise.tables.schema import NOISE_PAIRS, empty
 

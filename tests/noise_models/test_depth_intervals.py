@@ -8,8 +8,8 @@ import pytest
 
 from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.noise_models.depth_intervals import depth_intervals
-from tracknoise.statistics.log_histogram import BINS, bin_of
-from tracknoise.statistics.windows import fit_windows
+from tracknoise.statistics.errors.log_histogram import BINS, bin_of
+from tracknoise.statistics.noise.windows import fit_windows
 from tracknoise.tables.schema import NOISE_SUMS, NOISE_TRACKS, WINDOW_NOISE, Schema
 
 FOCAL_PX, STEP_M, MOST, TRACKS, SCENES = 460.0, 0.06, 15, 120, 8

@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 from tracknoise.noise_models.window_noise import scene_quantities, window_sigmas
-from tracknoise.statistics.log_histogram import BINS, bin_of
+from tracknoise.statistics.errors.log_histogram import BINS, bin_of
 from tracknoise.tables.schema import ORIGIN, WINDOW_NOISE
 
 SCENES = ("one", "two", "three")

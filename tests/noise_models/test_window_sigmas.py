@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 from tracknoise.noise_models.window_noise import QUANTITIES, window_sigmas
-from tracknoise.statistics.log_histogram import BINS, bin_of
+from tracknoise.statistics.errors.log_histogram import BINS, bin_of
 from tracknoise.tables.schema import WINDOW_NOISE
 
 SIGMA_PX, DEPTH_PX, WINDOW, COUNT = 0.3, 0.9, 10, 20_000

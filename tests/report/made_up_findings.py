@@ -8,7 +8,7 @@ import polars as pl
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.table import headline_table
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
+from tracknoise.statistics.tracks.lifetimes import mean_lifetime, median_survival
 from tracknoise.tables.audit_schema import AUDIT, AUDIT_CURVES
 from tracknoise.tables.findings_schema import (
     DEPENDENCE,

@@ -11,7 +11,7 @@ from tracknoise.findings.wording import number, pixels
 from tracknoise.report.departure_texts import markdown, texts
 from tracknoise.report.departures import Departure, Part, departures
 from tracknoise.report.report_data import ReportData
-from tracknoise.statistics.lifetimes import mean_lifetime
+from tracknoise.statistics.tracks.lifetimes import mean_lifetime
 from tracknoise.tables.store import RunFolder
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "differences-from-the-paper.md"

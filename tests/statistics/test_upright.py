@@ -3,8 +3,8 @@ import polars as pl
 import pytest
 from polars.testing import assert_frame_equal
 
-from tracknoise.statistics.curves import curves
-from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.errors.curves import curves
+from tracknoise.statistics.errors.moments import scene_moments
 from tracknoise.statistics.prepared import prepare_observations
 from tracknoise.statistics.upright import upright
 

@@ -11,8 +11,8 @@ from tracknoise.geometry.fisheye import EquidistantCamera
 from tracknoise.geometry.lenses import coefficients_of, model_of
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.sequence import TRIANGULATED, Sequence, camera_at, shutter_of, times_of
-from tracknoise.statistics.audit_samples import audited_observations
 from tracknoise.statistics.prepared import PreparedSequence
+from tracknoise.statistics.truth.audit_samples import audited_observations
 from tracknoise.tables.audit_schema import AUDIT_SAMPLES, CAMERAS
 from tracknoise.tables.identity import Direction
 from tracknoise.tables.schema import SEQUENCE, check, empty

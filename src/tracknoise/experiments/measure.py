@@ -15,10 +15,10 @@ from tracknoise.measurement.tracking import Progress, TrackerSetup
 from tracknoise.sequences.corrected import corrected
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.sequences.views import chosen_frames
-from tracknoise.statistics.moments import scene_moments
-from tracknoise.statistics.pose_differences import pose_differences
+from tracknoise.statistics.errors.moments import scene_moments
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.trimming import trim
+from tracknoise.statistics.truth.pose_differences import pose_differences
 from tracknoise.tables.defaults import POPULATION, TRIM_AMONG, TRIM_PERCENTILE
 from tracknoise.tables.schema import POSE_DIFFERENCES, empty
 from tracknoise.truth.accuracies import DEFAULT_RULE, AccuracyRule

@@ -7,7 +7,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import SettingsError
-from tracknoise.statistics.tap import PointTracks, expected_feature_age, tap_vid
+from tracknoise.statistics.tracks.tap import PointTracks, expected_feature_age, tap_vid
 from tracknoise.tables.schema import ORIGIN, POINT_TRACKING, TruthStatus
 from tracknoise.truth.registry import make_truth
 
@@ -44,8 +44,8 @@ def tap_metrics(measurement: "Measurement") -> pl.DataFrame:
     -------
     polars.DataFrame
         Schema `POINT_TRACKING`, two rows per tracker and speed. `delta_avg`, `average_jaccard` and `occlusion_accuracy`
-        are those of `tracknoise.statistics.tap.tap_vid`, followed by `expected_feature_age` and the values of each
-        threshold. Benchmarks report means over sequences.
+        are those of `tracknoise.statistics.tracks.tap.tap_vid`, followed by `expected_feature_age` and the values of
+        each threshold. Benchmarks report means over sequences.
 
     Raises
     ------

@@ -54,7 +54,7 @@ def seed_spread(
     repeats
         The tables of each other seed.
     horizons
-        What `tracknoise.statistics.lifetimes.horizons` returned for the first seed.
+        What `tracknoise.statistics.tracks.lifetimes.horizons` returned for the first seed.
     population
         Which observations the errors are of: `visible` or `projected`.
 

@@ -13,7 +13,7 @@ from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.findings.sampling.units import units_of
 from tracknoise.statistics.conditions import Tables, by_condition
 from tracknoise.statistics.definitions import POOLED, UNITS
-from tracknoise.statistics.moment_cells import ABOUT_ZERO
+from tracknoise.statistics.errors.moment_cells import ABOUT_ZERO
 from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL
 from tracknoise.tables.findings_schema import TRACKER_DIFFERENCES
 from tracknoise.tables.schema import BETWEEN_TRACKERS, check

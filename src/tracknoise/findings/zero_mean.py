@@ -56,7 +56,7 @@ def zero_mean(
     moments
         Schema `MOMENTS`, of all scenes.
     curves
-        What `tracknoise.statistics.curves.curves` made of them. Where they are cut there is no test.
+        What `tracknoise.statistics.errors.curves.curves` made of them. Where they are cut there is no test.
     key_frames
         Where curves run along frames: the one in which errors are zero by construction, by direction. Neither it nor
         age 0 is tested.

@@ -1,7 +1,7 @@
 """The cheap proof of every run: whether intervals of depths of points hold the true ones, under four noise assumptions.
 
-Windows of a sample of tracks (`tracknoise.statistics.noise_tracks`) are triangulated with the true poses, to first
-order. The assumed covariance of their observations is that of
+Windows of a sample of tracks (`tracknoise.statistics.noise.noise_tracks`) are triangulated with the true poses, to
+first order. The assumed covariance of their observations is that of
 
 - ``1 px``: one sigma, as many estimators are shipped
 - ``residual sigma``: one sigma, the residual core of `tracknoise.noise_models.window_noise`
@@ -39,7 +39,7 @@ from tracknoise.noise_models.depth_windows import ONE_PX, WHOLE, tried_windows
 from tracknoise.noise_models.learned_noise import learned_noise
 from tracknoise.statistics.conditions import Tables, by_condition
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.statistics.log_histogram import BINS, bin_of, quantile, share_below
+from tracknoise.statistics.errors.log_histogram import BINS, bin_of, quantile, share_below
 from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL
 from tracknoise.tables.findings_schema import DEPTH_INTERVALS
 from tracknoise.tables.schema import NOISE_SUMS, NOISE_TRACKS, WINDOW_NOISE, check, empty

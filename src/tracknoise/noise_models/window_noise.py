@@ -32,7 +32,7 @@ from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups, scheme
 from tracknoise.findings.sampling.units import Units, units_of
 from tracknoise.statistics.conditions import Condition, Tables, TablesByCondition, by_condition
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.statistics.log_histogram import BINS, quantile, share_below
+from tracknoise.statistics.errors.log_histogram import BINS, quantile, share_below
 from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL
 from tracknoise.tables.findings_schema import WINDOW_SIGMAS
 from tracknoise.tables.schema import WINDOW_BLOCKS, WINDOW_NOISE, check

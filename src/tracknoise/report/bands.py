@@ -6,7 +6,7 @@ import polars as pl
 
 from tracknoise.findings.wording import interval_text, listing
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.statistics.floor import FLOOR_COLUMNS
+from tracknoise.statistics.truth.floor import FLOOR_COLUMNS
 from tracknoise.statistics.upright import upright
 from tracknoise.tables.findings_schema import RESAMPLED
 from tracknoise.tables.schema import Schema

@@ -11,7 +11,7 @@ from tracknoise.report.cells import Cells
 from tracknoise.report.departure_texts import texts
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import REFERENCE_AGE
-from tracknoise.statistics.differences import comparable, largest_differences
+from tracknoise.statistics.factors.differences import comparable, largest_differences
 from tracknoise.tables.enumerations import Trimming
 
 

@@ -11,7 +11,7 @@ import polars as pl
 
 from tracknoise.findings import wording
 from tracknoise.findings.roles import ROLES
-from tracknoise.statistics.factors import FACTORS
+from tracknoise.statistics.factors.factors import FACTORS
 from tracknoise.tables.findings_schema import DEPENDENCE
 from tracknoise.tables.schema import CONDITION, EFFECTS, VERDICT, Schema
 
@@ -64,7 +64,7 @@ def finding(experiment: str | None, factor: str, role: str, kind: str | None) ->
     experiment
         Of the paper. None where a run repeats none.
     factor
-        Name in `tracknoise.statistics.effects.FACTORS`.
+        Name in `tracknoise.statistics.factors.effects.FACTORS`.
     role
         Name in `STATISTICS`.
     kind

@@ -14,9 +14,9 @@ from tracknoise.report import paper, style
 from tracknoise.report.axis import AGE, FRAME, Axis
 from tracknoise.report.bands import BOUNDS, with_bounds
 from tracknoise.report.names import identifiers
-from tracknoise.statistics.floor import FLOOR_COLUMNS, with_floor
 from tracknoise.statistics.lightings import lightings_in_order
 from tracknoise.statistics.trims import dropped_above
+from tracknoise.statistics.truth.floor import FLOOR_COLUMNS, with_floor
 from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import Aspect, Trimming, Weighting
 from tracknoise.tables.manifest import Manifest, SequenceEntry
@@ -174,9 +174,9 @@ class ReportData:
 
         Columns u_low, u_high, v_low and v_high hold the bounds. Columns level, resampled and n_resampled hold their
         kind (`tracknoise.report.bands`). All are null where a point has no interval. Columns floor_u and floor_v hold
-        the truth floor (`tracknoise.statistics.floor.with_floor`), second moments as roots, px. Column `role` names the
-        statistic on either axis: mean, absolute, second or central. Column `since` holds the distance from where
-        errors are zero by construction, in frames of the sequence.
+        the truth floor (`tracknoise.statistics.truth.floor.with_floor`), second moments as roots, px. Column `role`
+        names the statistic on either axis: mean, absolute, second or central. Column `since` holds the distance from
+        where errors are zero by construction, in frames of the sequence.
         """
         return pl.concat([self._points_of(self.curves), self._core_points])
 

@@ -2,7 +2,7 @@
 
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.report.report_data import ReportData
-from tracknoise.statistics.factors import ReferenceCondition
+from tracknoise.statistics.factors.factors import ReferenceCondition
 
 
 def reported_conditions(data: ReportData, speed: int) -> ReportedConditions:

@@ -10,7 +10,7 @@ from tracknoise.findings.wording import DASH, MINUS, TIMES
 from tracknoise.printable import printable
 from tracknoise.report import factor_effects
 from tracknoise.report.report_data import ReportData
-from tracknoise.statistics.floor import with_floor
+from tracknoise.statistics.truth.floor import with_floor
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 _LATEX = str.maketrans(

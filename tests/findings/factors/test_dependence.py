@@ -10,11 +10,11 @@ from scipy import stats
 from tracknoise.exceptions import SchemaError
 from tracknoise.findings.factors.dependence import dependence
 from tracknoise.findings.sampling.groups import SceneGroups
-from tracknoise.statistics.curves import curves
-from tracknoise.statistics.effects import effects
-from tracknoise.statistics.factors import ReferenceCondition
-from tracknoise.statistics.lifetimes import lifetimes_of_ends
-from tracknoise.statistics.outliers import outlier_ratios
+from tracknoise.statistics.errors.curves import curves
+from tracknoise.statistics.factors.effects import effects
+from tracknoise.statistics.factors.factors import ReferenceCondition
+from tracknoise.statistics.tracks.lifetimes import lifetimes_of_ends
+from tracknoise.statistics.tracks.outliers import outlier_ratios
 from tracknoise.tables.findings_schema import DEPENDENCE
 from tracknoise.tables.schema import CURVES, EFFECTS, ENDS, FRAME_COUNTS, LIFETIMES, MOMENTS, SCALES, TRACKS, empty
 

@@ -6,9 +6,9 @@ import pytest
 
 from tracknoise.exceptions import SchemaError
 from tracknoise.findings.growth.time_structure import lagged, time_structure
-from tracknoise.statistics.block_moments import block_moments
-from tracknoise.statistics.increments import increments
-from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.errors.block_moments import block_moments
+from tracknoise.statistics.errors.increments import increments
+from tracknoise.statistics.errors.moments import scene_moments
 from tracknoise.statistics.prepared import prepare_observations, prepare_sequence
 from tracknoise.statistics.trimming import Trimmed
 from tracknoise.tables.findings_schema import TIME_STRUCTURE

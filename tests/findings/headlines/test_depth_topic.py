@@ -5,7 +5,7 @@ import polars as pl
 from tracknoise.findings.headlines.depth_topic import depths
 from tracknoise.findings.headlines.headline import Headline
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
-from tracknoise.statistics.factors import ReferenceCondition
+from tracknoise.statistics.factors.factors import ReferenceCondition
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.findings_schema import DEPTH_INTERVALS
 from tracknoise.tables.schema import SUMMARY, empty

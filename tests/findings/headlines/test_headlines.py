@@ -11,7 +11,7 @@ from tracknoise.findings.headlines.document import findings_json
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.table import headline_table
 from tracknoise.findings.sampling.groups import SceneGroups
-from tracknoise.statistics.factors import ReferenceCondition
+from tracknoise.statistics.factors.factors import ReferenceCondition
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.findings_schema import (
     DEPENDENCE,

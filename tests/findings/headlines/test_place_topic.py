@@ -5,7 +5,7 @@ import pytest
 
 from tracknoise.findings.headlines.place_topic import depth_edges
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
-from tracknoise.statistics.factors import ReferenceCondition
+from tracknoise.statistics.factors.factors import ReferenceCondition
 from tracknoise.tables.findings_schema import SURROUNDING_ERRORS
 from tracknoise.tables.schema import SUMMARY, empty
 

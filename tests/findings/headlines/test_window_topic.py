@@ -8,7 +8,7 @@ import pytest
 from tracknoise.findings.headlines.headline import Headline
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.window_topic import estimator_noise
-from tracknoise.statistics.factors import ReferenceCondition
+from tracknoise.statistics.factors.factors import ReferenceCondition
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.findings_schema import WINDOW_SIGMAS
 from tracknoise.tables.schema import FLOOR, SUMMARY, empty

@@ -8,12 +8,12 @@ from tracknoise.findings.intervals.change_bounds import correlated
 from tracknoise.findings.intervals.table import interval_table
 from tracknoise.findings.sampling.bounds import Method
 from tracknoise.findings.sampling.units import Units
-from tracknoise.statistics.aspects import aspect_blocks
-from tracknoise.statistics.change_curves import change_curves
-from tracknoise.statistics.increments import increments
-from tracknoise.statistics.lifetimes import count_ends
-from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.errors.aspects import aspect_blocks
+from tracknoise.statistics.errors.change_curves import change_curves
+from tracknoise.statistics.errors.increments import increments
+from tracknoise.statistics.errors.moments import scene_moments
 from tracknoise.statistics.prepared import prepare_observations, prepare_sequence
+from tracknoise.statistics.tracks.lifetimes import count_ends
 from tracknoise.tables.schema import FRAME_COUNTS, empty
 
 TRACKS, STEPS, RUNS = 40, 12, 400

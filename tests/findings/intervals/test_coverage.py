@@ -8,7 +8,7 @@ from tracknoise.findings.intervals.scalar_bounds import first_reached, survival
 from tracknoise.findings.intervals.table import curve_statistics
 from tracknoise.findings.sampling.bounds import Method, averaged, pooled
 from tracknoise.findings.sampling.units import Units
-from tracknoise.statistics.lifetimes import area_under
+from tracknoise.statistics.tracks.lifetimes import area_under
 
 RUNS, TRACKS, AGE, LONGEST, HORIZON = 400, 60, 8, 40, 20
 BIAS_PX, STEP_PX, HAZARD, OUTLIERS = 0.2, 0.1, 0.06, 0.04

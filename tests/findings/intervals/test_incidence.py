@@ -4,7 +4,7 @@ import pytest
 
 from tracknoise.exceptions import SchemaError, SettingsError
 from tracknoise.findings.intervals.incidence import incidence_table
-from tracknoise.statistics.lifetimes import count_ends, lifetimes_of_ends
+from tracknoise.statistics.tracks.lifetimes import count_ends, lifetimes_of_ends
 from tracknoise.tables.findings_schema import INCIDENCE
 from tracknoise.tables.schema import CAUSES, ENDS, TRACKS, TrackEnd, empty
 

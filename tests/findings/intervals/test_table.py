@@ -7,18 +7,18 @@ import pytest
 
 from tracknoise.exceptions import SettingsError
 from tracknoise.findings.intervals.table import interval_table
-from tracknoise.statistics.block_moments import block_moments
-from tracknoise.statistics.curves import curves
-from tracknoise.statistics.lifetimes import (
+from tracknoise.statistics.errors.block_moments import block_moments
+from tracknoise.statistics.errors.curves import curves
+from tracknoise.statistics.errors.moments import scene_moments
+from tracknoise.statistics.prepared import prepare_observations, prepare_sequence
+from tracknoise.statistics.tracks.lifetimes import (
     RESTRICTED,
     count_ends,
     lifetimes_of_ends,
     mean_lifetime,
     median_survival,
 )
-from tracknoise.statistics.moments import scene_moments
-from tracknoise.statistics.outliers import outlier_ratios
-from tracknoise.statistics.prepared import prepare_observations, prepare_sequence
+from tracknoise.statistics.tracks.outliers import outlier_ratios
 from tracknoise.tables.enumerations import Aspect
 from tracknoise.tables.schema import ASPECT, FRAME_COUNTS, OBSERVATIONS, TRACKS, Schema
 

@@ -6,9 +6,9 @@ import pytest
 
 from tracknoise.exceptions import SchemaError
 from tracknoise.findings.shape.gaussianity import Shapes, gaussianity
-from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.errors.moments import scene_moments
+from tracknoise.statistics.errors.samples import samples
 from tracknoise.statistics.prepared import prepare_observations, prepare_sequence
-from tracknoise.statistics.samples import samples
 from tracknoise.statistics.trimming import Trimmed
 from tracknoise.tables.findings_schema import GAUSSIANITY, RADII
 from tracknoise.tables.schema import MOMENTS, SAMPLES, empty

@@ -5,9 +5,9 @@ import pytest
 from tracknoise.findings.anchored import anchored
 from tracknoise.findings.shape.mardia import POWER_SUMS, mardia
 from tracknoise.findings.shape.standard import standard_sums, standardised, standards
-from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.errors.moments import scene_moments
+from tracknoise.statistics.errors.samples import samples, with_bands
 from tracknoise.statistics.prepared import prepare_observations, prepare_sequence
-from tracknoise.statistics.samples import samples, with_bands
 
 
 @pytest.fixture(scope="module")

@@ -5,9 +5,9 @@ import pytest
 from tracknoise.findings.shape.gaussianity import gaussianity
 from tracknoise.findings.shape.ties import ties
 from tracknoise.findings.shape.within import MIN_OTHERS, within_scenes
-from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.errors.moments import scene_moments
+from tracknoise.statistics.errors.samples import samples
 from tracknoise.statistics.prepared import prepare_observations, prepare_sequence
-from tracknoise.statistics.samples import samples
 
 SUMS = ["n", "z_u", "z_v", "z_uu", "z_uv", "z_vv"]
 

@@ -8,9 +8,9 @@ import polars as pl
 from tracknoise.findings.sampling.groups import SceneGroups, scheme
 from tracknoise.statistics.conditions import TablesByCondition, by_condition
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.statistics.factors import ReferenceCondition
+from tracknoise.statistics.factors.factors import ReferenceCondition
 from tracknoise.statistics.grouping import total_if_known
-from tracknoise.statistics.lifetimes import COUNTS
+from tracknoise.statistics.tracks.lifetimes import COUNTS
 from tracknoise.tables.enumerations import Population
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import ORIGIN, VIEW

@@ -5,7 +5,7 @@ from collections.abc import Collection
 import polars as pl
 
 from tracknoise.experiments.settings import Experiment
-from tracknoise.statistics.factors import ReferenceCondition
+from tracknoise.statistics.factors.factors import ReferenceCondition
 from tracknoise.statistics.lightings import lightings_in_order
 from tracknoise.tables.manifest import Manifest
 

@@ -38,11 +38,11 @@ from tracknoise.noise_models.depth_intervals import depth_intervals
 from tracknoise.noise_models.lookup.gains import noise_lookup
 from tracknoise.noise_models.window_noise import window_sigmas
 from tracknoise.sequences.sequence import TRIANGULATED, TruthKind
-from tracknoise.statistics.change_curves import change_curves
-from tracknoise.statistics.curves import aspect_curves
-from tracknoise.statistics.factors import ReferenceCondition
+from tracknoise.statistics.errors.change_curves import change_curves
+from tracknoise.statistics.errors.curves import aspect_curves
+from tracknoise.statistics.factors.factors import ReferenceCondition
 from tracknoise.statistics.grouping import in_chunks
-from tracknoise.statistics.lifetimes import horizons
+from tracknoise.statistics.tracks.lifetimes import horizons
 from tracknoise.statistics.trims import dropped_above
 from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.schema import INCREMENTS, SEQUENCE, VIEW

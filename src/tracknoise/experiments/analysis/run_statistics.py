@@ -6,15 +6,15 @@ import polars as pl
 
 from tracknoise.experiments.analysis.reference_condition import reference_condition
 from tracknoise.experiments.settings import Experiment
-from tracknoise.statistics.cores import cores
-from tracknoise.statistics.counts import merge_counts
-from tracknoise.statistics.curves import curves
-from tracknoise.statistics.effects import effects
-from tracknoise.statistics.floor import truth_floor
-from tracknoise.statistics.histogram import merge_errors
-from tracknoise.statistics.lifetimes import lifetimes_of_ends
-from tracknoise.statistics.outliers import outlier_ratios
+from tracknoise.statistics.errors.cores import cores
+from tracknoise.statistics.errors.curves import curves
+from tracknoise.statistics.errors.histogram import merge_errors
+from tracknoise.statistics.factors.effects import effects
 from tracknoise.statistics.summary import summary
+from tracknoise.statistics.tracks.counts import merge_counts
+from tracknoise.statistics.tracks.lifetimes import lifetimes_of_ends
+from tracknoise.statistics.tracks.outliers import outlier_ratios
+from tracknoise.statistics.truth.floor import truth_floor
 from tracknoise.tables.store import RunFolder
 
 

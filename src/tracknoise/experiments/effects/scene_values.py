@@ -17,8 +17,8 @@ from tracknoise.measurement.tracking import Progress
 from tracknoise.sequences.registry import make_reader
 from tracknoise.sequences.sequence import Sequence, TruthKind
 from tracknoise.sequences.simulated import Simulated
-from tracknoise.statistics.lifetimes import lifetimes, median_survival
-from tracknoise.statistics.scales import scales
+from tracknoise.statistics.errors.scales import scales
+from tracknoise.statistics.tracks.lifetimes import lifetimes, median_survival
 from tracknoise.tables.defaults import POPULATION, TRIM_AMONG, TRIM_PERCENTILE
 from tracknoise.tables.effects_schema import CLEAN, EFFECT_VALUES, EffectStatistic, Size
 from tracknoise.tables.enumerations import Axis, Trimming

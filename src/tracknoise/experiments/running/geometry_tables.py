@@ -10,11 +10,11 @@ from tracknoise.experiments.settings import SYNTHETIC, Experiment
 from tracknoise.geometry.frame_geometry import FrameGeometry
 from tracknoise.geometry.pose import position_rows
 from tracknoise.sequences.sequence import TRIANGULATED, Sequence
-from tracknoise.statistics.image_map import image_map
-from tracknoise.statistics.noise_tables import noise_tables
-from tracknoise.statistics.noise_tracks import noise_tracks
+from tracknoise.statistics.noise.noise_tables import noise_tables
+from tracknoise.statistics.noise.noise_tracks import noise_tracks
+from tracknoise.statistics.noise.window_noise import window_noise
+from tracknoise.statistics.places.image_map import image_map
 from tracknoise.statistics.prepared import PreparedSequence
-from tracknoise.statistics.window_noise import window_noise
 from tracknoise.tables.schema import POSES, SEQUENCE
 
 

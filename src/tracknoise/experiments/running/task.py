@@ -25,8 +25,8 @@ from tracknoise.sequences.images import encode_png
 from tracknoise.sequences.poses import pose_notes
 from tracknoise.sequences.row_poses import shutter_notes
 from tracknoise.sequences.sequence import TRIANGULATED, Sequence, group_of
-from tracknoise.statistics.lifetimes import count_ends
 from tracknoise.statistics.summarise import STATISTICS, statistics_of
+from tracknoise.statistics.tracks.lifetimes import count_ends
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.store import RunFolder
 from tracknoise.truth.scan_rule import ScanRule

@@ -10,8 +10,8 @@ from tracknoise.experiments.validation import reference
 from tracknoise.experiments.validation.checks import Area, exact
 from tracknoise.experiments.validation.reference import Trim
 from tracknoise.experiments.validation.scripted import UNKNOWN, Script
-from tracknoise.statistics.change_curves import change_curves
-from tracknoise.statistics.curves import aspect_curves
+from tracknoise.statistics.errors.change_curves import change_curves
+from tracknoise.statistics.errors.curves import aspect_curves
 from tracknoise.tables.store import RunFolder
 
 _LONG_LIVED_AGE = 5

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tracknoise.findings.factors.differences import Differences, at_both, pairs_of
 from tracknoise.statistics.grouping import total_if_known
-from tracknoise.statistics.lifetimes import follow_up, restricted_mean
+from tracknoise.statistics.tracks.lifetimes import follow_up, restricted_mean
 
 LEAST_OUTLIERS = 2.0
 _LEAST_HORIZON = 2.0

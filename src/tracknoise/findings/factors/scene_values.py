@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from tracknoise.findings.sampling.units import additive
 from tracknoise.statistics.conditions import Condition, TablesByCondition
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.statistics.differences import comparable
-from tracknoise.statistics.scales import LEAST_ERRORS
+from tracknoise.statistics.errors.scales import LEAST_ERRORS
+from tracknoise.statistics.factors.differences import comparable
 from tracknoise.tables.enumerations import Weighting
 from tracknoise.tables.schema import CURVES, check
 
@@ -82,7 +82,7 @@ def scene_values(
     errors
         Which errors: population and trimming.
     key_frames
-        As in `tracknoise.statistics.differences.comparable`, which says where curves may be compared.
+        As in `tracknoise.statistics.factors.differences.comparable`, which says where curves may be compared.
     scenes
         Names of the scenes of each dataset, in the order of the arrays.
 

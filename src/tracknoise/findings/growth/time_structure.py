@@ -2,8 +2,8 @@
 
 The second moment about zero is fitted over the ages by (growth) and, where that fails, by (saturating). The changes of
 errors from one frame that the tracker saw to the next are correlated by (autocorrelation) of
-`tracknoise.statistics.increments`. A verdict agrees with the curve, with the autocorrelations at lags 1 to `LAGS`, and
-with the curves of long-lived tracks (`tracknoise.findings.growth.behaviour`).
+`tracknoise.statistics.errors.increments`. A verdict agrees with the curve, with the autocorrelations at lags 1 to
+`LAGS`, and with the curves of long-lived tracks (`tracknoise.findings.growth.behaviour`).
 
 Errors are zero at birth (or in the key frame) by construction. What is measured at age k is n_k - n_0, where n_0 is the
 error of the detected position. If n_0 is independent of the later n_k and has the same variance s^2, the second moment

@@ -12,7 +12,7 @@ from tracknoise.findings.headlines.headline import Headline, RunTables, leading
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.roles import ROLES
 from tracknoise.findings.wording import STATISTICS, listing, ratio, sentence_case
-from tracknoise.statistics.factors import FACTORS
+from tracknoise.statistics.factors.factors import FACTORS
 from tracknoise.tables.enumerations import Verdict
 
 _MOST_NAMED = 3

@@ -16,7 +16,7 @@ from tracknoise.findings.wording import (
     view_text,
 )
 from tracknoise.statistics.definitions import NAMES
-from tracknoise.statistics.factors import ReferenceCondition
+from tracknoise.statistics.factors.factors import ReferenceCondition
 from tracknoise.tables.defaults import POPULATION, TRIMMING
 from tracknoise.tables.enumerations import Aspect, Axis, Trimming, Weighting
 from tracknoise.tables.schema import VIEW

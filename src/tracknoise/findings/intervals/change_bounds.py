@@ -1,7 +1,8 @@
 """Intervals of the changes of errors from one frame that the tracker saw to the next.
 
 Their moments by age are those of errors, with an aspect of their own; (autocorrelation) by lag is that of
-`tracknoise.statistics.increments`. Its intervals are made on Fisher's scale, on which a correlation has no limits.
+`tracknoise.statistics.errors.increments`. Its intervals are made on Fisher's scale, on which a correlation has no
+limits.
 """
 
 from collections.abc import Iterator

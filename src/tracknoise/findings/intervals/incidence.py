@@ -2,8 +2,8 @@
 
 The estimate is that of Aalen and Johansen (1978). A track that ends at lifetime L by one cause can no longer end by
 another. Kaplan-Meier curves of single causes ignore this, and add up to more than all tracks. The coding is that of
-`tracknoise.statistics.lifetimes`: an end at L is an event at L, and a track alive in the last frame is not at risk at
-its own lifetime.
+`tracknoise.statistics.tracks.lifetimes`: an end at L is an event at L, and a track alive in the last frame is not at
+risk at its own lifetime.
 
 Source: O. Aalen, S. Johansen, Scandinavian Journal of Statistics 5 (1978).
 """

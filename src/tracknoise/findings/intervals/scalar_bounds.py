@@ -21,7 +21,7 @@ from tracknoise.findings.sampling.draws import Draws
 from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.findings.sampling.units import Units, units_of
 from tracknoise.statistics.blocks import block_of
-from tracknoise.statistics.lifetimes import RESTRICTED, area_under
+from tracknoise.statistics.tracks.lifetimes import RESTRICTED, area_under
 from tracknoise.tables.schema import FAILURES
 
 QUANTILES: Mapping[str, float] = {
@@ -114,7 +114,7 @@ def outlier_bounds(
 
 
 def survival(sums: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Kaplan-Meier survival, as `tracknoise.statistics.lifetimes` has it; constant where no track is at risk.
+    """Kaplan-Meier survival, as `tracknoise.statistics.tracks.lifetimes` has it; constant where no track is at risk.
 
     Parameters
     ----------

@@ -41,7 +41,7 @@ from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.findings.sampling.units import SUMS, Units, units_of
 from tracknoise.statistics.conditions import Tables, TablesByCondition, by_condition, scenes_by_dataset
 from tracknoise.statistics.definitions import NAMES, POOLED, UNITS
-from tracknoise.statistics.lifetimes import horizons, lifetimes_of_ends
+from tracknoise.statistics.tracks.lifetimes import horizons, lifetimes_of_ends
 from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL, POPULATION
 from tracknoise.tables.enumerations import Aspect, IntervalKind, Weighting
 from tracknoise.tables.findings_schema import INTERVALS
@@ -64,7 +64,8 @@ _CURVES = [
     *((role, coordinate) for role in ("mean", "absolute") for coordinate in ("u", "v")),
     *((role, coordinate) for role in ("second", "central") for coordinate in ("u", "v", "uv")),
 ]
-"""What `curve_statistics` returns: the role of each statistic, as in `tracknoise.statistics.curves`, and coordinate."""
+"""What `curve_statistics` returns: the role of each statistic, as in `tracknoise.statistics.errors.curves`, and
+coordinate."""
 _MEANT = {Aspect.gradient: ("absolute", "second"), Aspect.change: ("mean", "second", "central")}
 """Roles that an aspect has, if not all: a gradient has no sign, and of changes no absolute values are kept."""
 _SCALES = ["linear" if role == "mean" or coordinate == "uv" else "log" for role, coordinate in _CURVES]
@@ -122,8 +123,8 @@ def interval_table(
     groups
         Groups of scenes that are not independent of each other: these, or scenes within them, are resampled.
     restricted_to
-        Horizons of restricted mean lifetimes, as `tracknoise.statistics.lifetimes.horizons` returns them; by default
-        those of `ends`.
+        Horizons of restricted mean lifetimes, as `tracknoise.statistics.tracks.lifetimes.horizons` returns them; by
+        default those of `ends`.
     population
         Which observations the errors are of: `visible` or `projected`.
     kind
@@ -175,7 +176,7 @@ def interval_table(
 
 
 def curve_statistics(sums: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(nu), (eta), (Phi) and central covariance, as `tracknoise.statistics.curves` has them, from sums.
+    """(nu), (eta), (Phi) and central covariance, as `tracknoise.statistics.errors.curves` has them, from sums.
 
     Parameters
     ----------

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from tracknoise.findings.sampling.groups import MIN_SCENES, NO_GROUPS, SceneGroups, scheme
 from tracknoise.statistics.blocks import BLOCKS
+from tracknoise.statistics.errors.moment_cells import ABOUT_ZERO
 from tracknoise.statistics.grouping import Groups, group_rows
-from tracknoise.statistics.moment_cells import ABOUT_ZERO
 from tracknoise.tables.enumerations import Resampled
 
 __all__ = ["MIN_SCENES", "SUMS", "Units", "additive", "by_number", "units_of"]

@@ -1,8 +1,8 @@
 """Whether errors are Gaussian: by condition, in bands of ages, before and after trimming.
 
 Skewness and kurtosis come from the moments of all errors. Tails, quantiles and likelihoods come from a sample of errors
-(`tracknoise.statistics.samples`). Errors are standardised at each age (`tracknoise.findings.shape.standard`), so that
-the ages of a band can be pooled.
+(`tracknoise.statistics.errors.samples`). Errors are standardised at each age (`tracknoise.findings.shape.standard`), so
+that the ages of a band can be pooled.
 
 Scenes are pooled, and errors that are larger in one scene than in another make the pooled distribution heavy-tailed.
 The gains are therefore also measured with each error in units of its own scene (`tracknoise.findings.shape.within`).
@@ -45,8 +45,8 @@ from tracknoise.statistics.conditions import (
     scenes_by_dataset,
 )
 from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.errors.samples import first_tracks, with_bands
 from tracknoise.statistics.grouping import Groups, group_rows
-from tracknoise.statistics.samples import first_tracks, with_bands
 from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL, MIN_FEATURES
 from tracknoise.tables.enumerations import Shape
 from tracknoise.tables.findings_schema import GAUSSIANITY, RADII

@@ -20,7 +20,7 @@ from operator import add, mul
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.statistics.joint import FOURTH
+from tracknoise.statistics.errors.joint import FOURTH
 
 Array = NDArray[np.float64]
 Order = tuple[int, int]

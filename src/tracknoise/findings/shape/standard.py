@@ -11,8 +11,8 @@ import polars as pl
 
 from tracknoise.findings.sampling.units import additive
 from tracknoise.findings.shape.mardia import POWER_SUMS, transformed, whitening
+from tracknoise.statistics.errors.joint import FOURTH
 from tracknoise.statistics.grouping import group_rows
-from tracknoise.statistics.joint import FOURTH
 from tracknoise.tables.enumerations import Trimming
 
 _PLACE = ["trimming", "at"]

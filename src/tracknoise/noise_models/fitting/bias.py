@@ -21,7 +21,7 @@ from tracknoise.findings.sampling.jackknife import student_interval
 from tracknoise.findings.sampling.units import units_of
 from tracknoise.noise_models.fitting.independent import independent_sums
 from tracknoise.noise_models.model import Bias, BiasKind, Interval
-from tracknoise.statistics.floor import truth_floor
+from tracknoise.statistics.truth.floor import truth_floor
 from tracknoise.tables.enumerations import Axis, FloorSource, Product
 
 Array = NDArray[np.float64]

@@ -20,7 +20,7 @@ from tracknoise.findings.sampling.jackknife import student_interval
 from tracknoise.noise_models.fitting.factor_cells import Cells, Knots
 from tracknoise.noise_models.fitting.independent import LEAST_GROUPS, group_numbers
 from tracknoise.noise_models.model import Factor, Interval
-from tracknoise.statistics.covariates import PER_OCTAVE
+from tracknoise.statistics.noise.covariates import PER_OCTAVE
 
 if TYPE_CHECKING:
     from tracknoise.noise_models.fitting.components import FittedComponents

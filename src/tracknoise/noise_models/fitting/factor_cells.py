@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 from scipy.optimize import minimize
 
-from tracknoise.statistics.covariates import MOTION, log_centre
+from tracknoise.statistics.noise.covariates import MOTION, log_centre
 
 Array = NDArray[np.float64]
 

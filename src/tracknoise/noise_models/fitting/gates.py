@@ -9,7 +9,7 @@ from scipy import stats
 from tracknoise.noise_models.linear_benchmark import gate_factor
 from tracknoise.noise_models.linear_window import LinearTracks
 from tracknoise.noise_models.track_noise import TrackNoise
-from tracknoise.statistics.log_histogram import BINS, quantile, share_below
+from tracknoise.statistics.errors.log_histogram import BINS, quantile, share_below
 from tracknoise.tables.enumerations import Trimming
 
 LEVELS = (0.95, 0.99)

@@ -14,8 +14,8 @@ from tracknoise.report.figures.layout import Chart, Panel
 from tracknoise.report.figures.readings import Reading, readings, when
 from tracknoise.report.figures.series import MANY, Series
 from tracknoise.report.report_data import ReportData
-from tracknoise.statistics.box import box_summary
 from tracknoise.statistics.definitions import REFERENCE_AGE
+from tracknoise.statistics.errors.box import box_summary
 from tracknoise.tables.enumerations import Trimming
 
 _NAMES = {"mean": "mean error", "second": "root second moment"}

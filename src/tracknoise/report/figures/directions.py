@@ -13,7 +13,7 @@ from tracknoise.report.figures.readings import Reading, readings, when
 from tracknoise.report.figures.series import Series
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import LEAST_MOTION_PX
-from tracknoise.statistics.floor import FLOOR_COLUMNS
+from tracknoise.statistics.truth.floor import FLOOR_COLUMNS
 from tracknoise.tables.enumerations import Aspect
 
 _LEAST = f"{number(LEAST_MOTION_PX, digits=1)}{SPACE}px"

@@ -13,7 +13,7 @@ from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Panel, arranged, layered
 from tracknoise.report.figures.message import values
 from tracknoise.report.report_data import ReportData
-from tracknoise.statistics.lifetimes import surviving
+from tracknoise.statistics.tracks.lifetimes import surviving
 from tracknoise.tables.enumerations import Trimming
 
 _ALL, _MEASURED = "all tracks", "in the curves"

@@ -8,7 +8,7 @@ import polars as pl
 from tracknoise.findings.floor_cover import SIGMAS
 from tracknoise.report import style
 from tracknoise.report.figures import marks
-from tracknoise.statistics.floor import FLOOR_COLUMNS
+from tracknoise.statistics.truth.floor import FLOOR_COLUMNS
 
 NAME = "truth floor"
 _LIMITS: Mapping[str, tuple[float, ...]] = {"mean": (SIGMAS, -SIGMAS), "second": (1.0,)}

@@ -10,7 +10,7 @@ from tracknoise.report.figures import light_sweeps
 from tracknoise.report.figures.figure import Figure
 from tracknoise.report.figures.message import span
 from tracknoise.report.report_data import ReportData
-from tracknoise.statistics.box import box_of_counts
+from tracknoise.statistics.errors.box import box_of_counts
 
 _FRAMES = alt.Axis(values=[first * 10**power for power in range(5) for first in (1, 2, 5)], format="~d")
 _KEYS = ["tracker", "speed", "lighting"]

@@ -1,0 +1,1 @@
+"""Sizes and shapes of errors, by age, frame and aspect: moments, robust scales, changes, samples."""

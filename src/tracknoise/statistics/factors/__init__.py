@@ -1,0 +1,1 @@
+"""Effects of factors by the paper's yardstick."""

@@ -1,0 +1,1 @@
+"""What errors of the truth contribute: its floor, two truths, differences between trackers."""

@@ -17,7 +17,7 @@ from benchmarks.harness import ONE_THREAD, Row
 
 _TOOLS = {
     *("__main__", "harness", "made_up", "same_tables"),
-    *("gazebo_truth", "paper_claims", "proof", "proof_filter", "window_sigmas", "window_table"),
+    *("gazebo_truth", "linear_table", "paper_claims", "proof", "proof_filter", "window_sigmas", "window_table"),
 }
 """Modules that measure no time and no memory."""
 

@@ -25,7 +25,6 @@ from tracknoise.sequences.euroc.reader import Euroc
 from tracknoise.sequences.folder import Folder
 from tracknoise.sequences.images import (
     image_size,
-    read_depth_npy,
     read_depth_png16,
     read_depth_png_float32,
     read_gray,
@@ -36,6 +35,7 @@ from tracknoise.sequences.kitti.odometry import KittiOdometry
 from tracknoise.sequences.kitti.reader import Kitti
 from tracknoise.sequences.kitti.rig import CAMERA_FROM_VELODYNE
 from tracknoise.sequences.nerfstudio.reader import Nerfstudio
+from tracknoise.sequences.numpy_depth import read_depth_npy
 from tracknoise.sequences.poses import checked_poses, quaternion_poses, read_matrix, read_rows
 from tracknoise.sequences.registry import make_reader
 from tracknoise.sequences.rosbag.reader import Rosbag

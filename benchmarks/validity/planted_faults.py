@@ -45,8 +45,9 @@ CAMERA, CAMERA_FILE, GEOMETRY = (
     "truth/sequence_geometry.py",
 )
 DEPTH, VIEWS, VISIBILITY = "geometry/depth.py", "sequences/views.py", "truth/visibility.py"
-COLUMNS, TRIMMING, CURVES = "measurement/columns.py", "statistics/trimming.py", "statistics/curves.py"
-POPULATIONS, LIFETIMES, OUTLIERS = "statistics/populations.py", "statistics/lifetimes.py", "statistics/outliers.py"
+COLUMNS, TRIMMING, CURVES = "measurement/columns.py", "statistics/trimming.py", "statistics/errors/curves.py"
+POPULATIONS = "statistics/populations.py"
+LIFETIMES, OUTLIERS = "statistics/tracks/lifetimes.py", "statistics/tracks/outliers.py"
 JACKKNIFE, GROUPS, FLIPS = "findings/sampling/jackknife.py", "findings/sampling/groups.py", "findings/flips.py"
 DEPENDENCE, ANCHORED, SCAN = "findings/factors/dependence.py", "truth/anchored.py", "truth/scan.py"
 WIDTH = "width = special.stdtrit(freedom, (1 + level) / 2) * np.sqrt(variance)"
@@ -216,16 +217,16 @@ FAULTS = (
     ),
     fault(
         "lag ignored in autocorrelations",
-        ("statistics/increments.py", "values[late], values[late - lag]", "values[late], values[late]"),
+        ("statistics/errors/increments.py", "values[late], values[late - lag]", "values[late], values[late]"),
     ),
     fault(
         "median absolute error as robust scale",
-        ("statistics/scales.py", "PER_MEDIAN = 1.482602218505602", "PER_MEDIAN = 1.0"),
+        ("statistics/errors/scales.py", "PER_MEDIAN = 1.482602218505602", "PER_MEDIAN = 1.0"),
     ),
     fault(
         "long-lived tracks one step too old",
         (
-            "statistics/aspects.py",
+            "statistics/errors/aspects.py",
             'np.searchsorted(LONG_LIVED_AGES, oldest, side="right")',
             'np.searchsorted(LONG_LIVED_AGES, oldest, side="left")',
         ),

@@ -166,10 +166,12 @@ def test_failures_are_told(make_run: Callable[..., RunFolder]) -> None:
 def test_what_the_numbers_rest_on_is_told_before_the_first_table(make_run: Callable[..., RunFolder]) -> None:
     small = {"scenes": ("read",), "trackers": ("one",), "speeds": (1,), "n_frames": 6, "born": 4}
     run = make_run(**small, dataset="tum", truth="birth", depth=False)
-    first = html.unescape(write_report(run, figure_formats=()).read_text(encoding="utf-8").split("<table")[0])
+    page = html.unescape(write_report(run, figure_formats=()).read_text(encoding="utf-8"))
+    first = page.split("<table")[0]
     assert "Their own errors are part of every number" in first
     assert '<a href="#limits">' in first
-    assert "<strong>The whole run</strong>: the true position of 100.0" in first
+    assert "100 % of the observations have no true position" in first
+    assert "<strong>The whole run</strong>: the true position of 100.0" in page.split('<section id="truth"')[1]
 
 
 @pytest.mark.parametrize(("dataset", "truth"), [("simulated", "raycast"), ("simulated", "birth"), ("tum", "raycast")])

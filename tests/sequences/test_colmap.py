@@ -242,9 +242,7 @@ def test_damaged_depth_maps(tmp_path, simulated, content, message):
 def test_images_in_another_place(tmp_path, simulated):
     save(tmp_path / "pictures", simulated, ["0.png", "1.png"])
     write_text(tmp_path / "models/a", {1: pinhole(simulated.camera)}, posed(simulated, ["0.png", "1.png"]))
-    with pytest.raises(
-        DataError, match="no folder of images, expected images beside it or above, or the option image_"
-    ):
+    with pytest.raises(DataError, match="no folder of images, expected images beside it or above, or --option image_"):
         open_sequence("colmap", tmp_path / "models")
     found = open_sequence("colmap", tmp_path / "models", image_folder=tmp_path / "pictures")
     np.testing.assert_array_equal(found.image(1), simulated.image(1))

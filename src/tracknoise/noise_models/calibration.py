@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import gammaincinv
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.findings.sampling.bounds import Method, pooled
@@ -199,7 +199,7 @@ def _estimates(
     scene: pl.Series, squared: Array, nll: Array, folder: RunFolder
 ) -> tuple[dict[float, Interval], Interval, Interval]:
     """Coverage by level, NEES and negative log likelihood, with intervals over scenes."""
-    inside = [(squared <= stats.chi2.ppf(level, 2)).astype(np.float64) for level in LEVELS]
+    inside = [(squared <= 2.0 * gammaincinv(1.0, level)).astype(np.float64) for level in LEVELS]
     values = dict(zip(_COLUMNS, [np.ones_like(squared), *inside, squared, nll], strict=True))
     units = _units(scene, values, folder, points=[])
     found = pooled(

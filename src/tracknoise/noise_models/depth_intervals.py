@@ -28,7 +28,7 @@ from functools import partial
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import ndtri
 
 from tracknoise.findings.intervals.condition_table import Sampling, condition_table, estimated
 from tracknoise.findings.sampling.bounds import Method, pooled
@@ -48,7 +48,7 @@ Array = NDArray[np.float64]
 
 LEVELS = (0.5, 0.9, 0.95, 0.99)
 """Levels of the claimed intervals."""
-_HALF = float(stats.norm.ppf(0.75))
+_HALF = float(ndtri(0.75))
 _SMALL = 1e-3
 """Errors of depths are counted in this unit, so that the bins of histograms reach small ones."""
 _POINT = ["trimming", "window", "covariance"]
@@ -169,6 +169,6 @@ def _quantities(reference: NDArray[np.intp], sums: Array) -> Array:
     """(quantities, points, ...) float64 from sums (columns, points, ...), NaN where there are none."""
     z, errors = sums[2 : 2 + BINS], sums[2 + BINS :]
     shape = z.shape[1:]
-    inside = [share_below(z, np.full(shape, stats.norm.ppf(0.5 + level / 2.0))) for level in LEVELS]
+    inside = [share_below(z, np.full(shape, ndtri(0.5 + level / 2.0))) for level in LEVELS]
     error = quantile(errors, 0.5) * _SMALL
     return np.stack([*inside, quantile(z, 0.5) / _HALF, error, error / error[reference]])

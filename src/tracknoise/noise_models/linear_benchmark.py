@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 from scipy.optimize import brentq
+from scipy.special import gammaincinv
 
 from tracknoise.noise_models.linear_window import LinearTracks
 from tracknoise.noise_models.model import Landmark, Purpose
@@ -233,5 +233,5 @@ def gate_factor(
         spread = np.linalg.eigvalsh(_innovations(whitening, span, true))
         draws = random.chisquare(1.0, (len(spread), _DRAWS, spread.shape[1]))
         squares = np.einsum("tdi,ti->td", draws, np.maximum(spread, 0.0))
-        ratios.append(squares.ravel() / stats.chi2.ppf(level, spread.shape[1] - 3))
+        ratios.append(squares.ravel() / (2.0 * gammaincinv((spread.shape[1] - 3) / 2.0, level)))
     return float(np.quantile(np.concatenate(ratios), level))

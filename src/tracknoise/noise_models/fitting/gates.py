@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import polars as pl
-from scipy import stats
+from scipy.special import gammaincinv
 
 from tracknoise.noise_models.linear_benchmark import gate_factor
 from tracknoise.noise_models.linear_window import LinearTracks
@@ -49,5 +49,7 @@ def gates(
     ].to_numpy().sum()
     good = float(share_below(counts, np.array(limit_px / np.sqrt(freedom))))
     squares = [float(quantile(counts, level * good)) ** 2 * freedom for level in LEVELS]
-    low, high = (float(square / stats.chi2.ppf(level, freedom)) for square, level in zip(squares, LEVELS, strict=True))
+    low, high = (
+        float(square / (2.0 * gammaincinv(freedom / 2.0, level))) for square, level in zip(squares, LEVELS, strict=True)
+    )
     return low, high

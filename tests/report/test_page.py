@@ -170,7 +170,7 @@ def test_what_the_numbers_rest_on_is_told_before_the_first_table(make_run: Calla
     first = page.split("<table")[0]
     assert "Their own errors are part of every number" in first
     assert '<a href="#limits">' in first
-    assert "100 % of the observations have no true position" in first
+    assert "100.0\N{NO-BREAK SPACE}% of the observations have no true position" in first
     assert "<strong>The whole run</strong>: the true position of 100.0" in page.split('<section id="truth"')[1]
 
 

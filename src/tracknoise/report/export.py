@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
@@ -13,20 +13,16 @@ from tracknoise.printable import printable
 from tracknoise.report import style
 from tracknoise.report.canonical_pdf import canonical_pdf
 from tracknoise.report.figures.figure import Figure
+from tracknoise.report.raster import png_of
 
 PNG_SCALE = 2
+FORMATS = ("svg", "png", "pdf")
+"""Kinds of figure files."""
 
-_FROM_SVG: Mapping[str, Callable[[str], bytes]] = {
-    "svg": lambda svg: svg.encode(),
-    "png": lambda svg: vlc.svg_to_png(svg, scale=PNG_SCALE),
-    "pdf": lambda svg: canonical_pdf(vlc.svg_to_pdf(svg)),
-}
 _PROPERTIES = re.compile(
     r"\b(?:__proto__|constructor|hasOwnProperty|isPrototypeOf|propertyIsEnumerable|toLocaleString|toString|valueOf"
     r"|__(?:define|lookup)[GS]etter__)\b"
 )
-FORMATS = tuple(_FROM_SVG)
-"""Kinds of figure files."""
 
 
 def specification(figure: Figure) -> dict[str, Any]:
@@ -57,7 +53,12 @@ def render(spec: Mapping[str, Any], formats: tuple[str, ...]) -> dict[str, bytes
         return {}
     still = {**spec, "params": [param for param in spec["params"] if param["bind"] != "scales"]}
     svg = _renumbered(vlc.vegalite_to_svg(json.dumps(still), vl_version=_version()))
-    return {name: _FROM_SVG[name](svg) for name in formats}
+    files = {"svg": svg.encode()}
+    if not {"pdf", "png"}.isdisjoint(formats):
+        files["pdf"] = canonical_pdf(vlc.svg_to_pdf(svg))
+    if "png" in formats:
+        files["png"] = png_of(files["pdf"], scale=PNG_SCALE)
+    return {name: files[name] for name in formats}
 
 
 def _renumbered(svg: str) -> str:

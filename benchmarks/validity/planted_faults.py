@@ -240,8 +240,8 @@ FAULTS = (
         "ages tested without correction",
         (
             FLIPS,
-            "overall_p=float(_share_as_large(largest)) if tested.any() else np.nan",
-            "overall_p=float(_share_as_large(q).min()) if tested.any() else np.nan",
+            "_share_above(largest, test.evidence)) for test in tests]",
+            "test.sign_flip_p) for test in tests]",
         ),
     ),
     fault("verdicts on too few scenes", (GROUPS, "MIN_SCENES = 6", "MIN_SCENES = 3")),

@@ -10,7 +10,7 @@ from tests.report import made_up_findings
 from tests.report.synthetic import DEGENERATE
 
 from tracknoise.findings.wording import percent, px, ratio
-from tracknoise.report.figures import curves, lifetimes, outlier_ratio, speeds, time_structure
+from tracknoise.report.figures import curves, image_map, lifetimes, outlier_ratio, pose_errors, speeds, time_structure
 from tracknoise.report.figures.families import FAMILIES
 from tracknoise.report.figures.figure import Figure
 from tracknoise.report.figures.message import MOST_NUMBERS, MOST_WORDS
@@ -37,6 +37,12 @@ def judged(data: ReportData, verdict: str) -> ReportData:
     return dataclasses.replace(data, dependence=made_up_findings.dependence(data.effects, verdict=verdict, n_scenes=8))
 
 
+def with_verdict(data: ReportData, verdict: str) -> ReportData:
+    """The run, of which every fit of growth has a verdict."""
+    fits = data.time_structure.with_columns(verdict=pl.lit(verdict, dtype=data.time_structure["verdict"].dtype))
+    return dataclasses.replace(data, time_structure=fits)
+
+
 def message(items: object, id: str) -> str:
     return next(item.message for item in items if item.id == id)  # type: ignore[attr-defined]
 
@@ -61,10 +67,6 @@ def test_most_figures_of_an_ordinary_run_have_a_message(data: ReportData) -> Non
 
 
 def test_growth_is_stated_only_where_it_is_established(data: ReportData) -> None:
-    def with_verdict(verdict: str) -> ReportData:
-        fits = data.time_structure.with_columns(verdict=pl.lit(verdict, dtype=data.time_structure["verdict"].dtype))
-        return dataclasses.replace(data, time_structure=fits)
-
     points = data.nominal(data.points).filter(
         pl.col("since").is_between(1, REFERENCE_AGE), role="second", trimming=data.trimming, population=data.population
     )
@@ -75,12 +77,12 @@ def test_growth_is_stated_only_where_it_is_established(data: ReportData) -> None
     }
     (tracker, axis), times = max(grown.items(), key=lambda one: one[1])
     expected = f"The RMS error of {tracker} in {axis} grows {ratio(times)} times up to age {points['since'].max()}"
-    assert growth_message(with_verdict("random walk")) == expected
-    assert message(curves.figures(with_verdict("random walk")), "error-by-age") == expected
+    assert growth_message(with_verdict(data, "random walk")) == expected
+    assert message(curves.figures(with_verdict(data, "random walk")), "error-by-age") == expected
     for verdict in ("white", "undecided", "none"):
-        assert growth_message(with_verdict(verdict)) == ""
-    assert message(time_structure.figures(with_verdict("white")), "time-structure").endswith("is constant")
-    assert message(time_structure.figures(with_verdict("undecided")), "time-structure") == ""
+        assert growth_message(with_verdict(data, verdict)) == ""
+    assert message(time_structure.figures(with_verdict(data, "white")), "time-structure").endswith("is constant")
+    assert message(time_structure.figures(with_verdict(data, "undecided")), "time-structure") == ""
 
 
 def test_factors_are_stated_only_with_a_decided_verdict(data: ReportData) -> None:
@@ -88,7 +90,7 @@ def test_factors_are_stated_only_with_a_decided_verdict(data: ReportData) -> Non
         verdict: [item.message for item in speeds.figures(judged(data, verdict)) if isinstance(item, Figure)]
         for verdict in ("yes", "no", "undecided")
     }
-    assert all("depends on speed, by up to" in text for text in texts["yes"])
+    assert all("depends on speed; the clearest difference is 1.50\xa0times" in text for text in texts["yes"])
     assert all("depends on speed by less than" in text for text in texts["no"])
     assert set(texts["undecided"]) == {""}
 
@@ -99,6 +101,39 @@ def test_trackers_are_compared_by_the_paired_comparison(data: ReportData) -> Non
     text = message(lifetimes.figures(found), "lifetimes")
     assert text.startswith(f"Tracks of {row['larger']} live {ratio(row['effect'])} times as long as those of ")
     assert message(lifetimes.figures(judged(data, "undecided")), "lifetimes").startswith("Median lifetime: ")
+
+
+def test_one_age_does_not_stand_for_all(data: ReportData) -> None:
+    """A comparison that only a single age and coordinate decides says nothing of the tracker as a whole."""
+    found = judged(with_verdict(data, "undecided"), "yes")
+    assert message(curves.figures(found), "error-by-age").startswith("The core error of ")
+    at_one_age = found.dependence.with_columns(coordinate=pl.lit("v"), at=pl.lit(7, dtype=pl.Int64))
+    assert message(curves.figures(dataclasses.replace(found, dependence=at_one_age)), "error-by-age") == ""
+
+
+def test_a_share_of_pose_errors_that_may_be_zero_is_not_stated(data: ReportData) -> None:
+    assert message(pose_errors.figures(data), "pose-errors").startswith("Share that pose errors explain: 50")
+    undecided = data.rigid_share.with_columns(low=pl.lit(-0.1))
+    assert message(pose_errors.figures(dataclasses.replace(data, rigid_share=undecided)), "pose-errors") == ""
+
+
+def test_growth_that_the_truth_can_explain_is_not_stated(make_run: Callable[..., RunFolder]) -> None:
+    world: dict[str, object] = {"scenes": ("only",), "speeds": (1,), "born": 40}
+    accurate, coarse = (with_verdict(ReportData.of(make_run(**world, floor_px=size)), "drift") for size in (1e-6, 10.0))
+    assert message(time_structure.figures(accurate), "time-structure").endswith(" is a drift")
+    assert message(time_structure.figures(coarse), "time-structure") == growth_message(coarse) == ""
+
+
+def test_a_verdict_of_one_coordinate_is_not_that_of_the_error(data: ReportData) -> None:
+    fits = with_verdict(data, "random walk").time_structure.filter(coordinate="u")
+    assert message(time_structure.figures(dataclasses.replace(data, time_structure=fits)), "time-structure") == ""
+
+
+@pytest.mark.parametrize(("differing", "stated"), [(0, False), (1, False), (2, True)])
+def test_one_place_of_a_few_may_differ_by_chance(differing: int, stated: bool) -> None:
+    cells = pl.DataFrame({"differs": [place < differing for place in range(5)], "level": [0.95] * 5})
+    found = image_map._message("lk", cells)
+    assert found == (f"lk has a mean error in {differing} of 5 places of the image" if stated else "")
 
 
 def test_values_are_those_of_the_tables(data: ReportData) -> None:

@@ -8,7 +8,7 @@ import polars as pl
 from tracknoise.audit.parameters import Family, Parameter
 
 _MOST_HALF, _ROUNDING = 0.25, 0.1
-"""A clock offset is one of whole frames if its interval is this narrow, and holds a whole number or nearly so, frames."""
+"""A clock offset is one of whole frames if its interval is this narrow, and holds a whole number or is this near."""
 
 
 def whole_frames(offset: float, half: float) -> int:

@@ -10,13 +10,23 @@ from tests.report import made_up_findings
 from tests.report.synthetic import DEGENERATE
 
 from tracknoise.findings.wording import percent, px, ratio
-from tracknoise.report.figures import curves, image_map, lifetimes, outlier_ratio, pose_errors, speeds, time_structure
+from tracknoise.report.figures import (
+    audit_curves,
+    curves,
+    image_map,
+    lifetimes,
+    outlier_ratio,
+    pose_errors,
+    speeds,
+    time_structure,
+)
 from tracknoise.report.figures.families import FAMILIES
 from tracknoise.report.figures.figure import Figure
 from tracknoise.report.figures.message import MOST_NUMBERS, MOST_WORDS
 from tracknoise.report.growth import growth_message
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import REFERENCE_AGE
+from tracknoise.tables.audit_schema import EVERYTHING, MEASURED
 from tracknoise.tables.store import RunFolder
 
 NAMES = ("a light stage", "a perfect tracker", "no depth", "no feature found", "turned, and played backward")
@@ -127,6 +137,14 @@ def test_growth_that_the_truth_can_explain_is_not_stated(make_run: Callable[...,
 def test_a_verdict_of_one_coordinate_is_not_that_of_the_error(data: ReportData) -> None:
     fits = with_verdict(data, "random walk").time_structure.filter(coordinate="u")
     assert message(time_structure.figures(dataclasses.replace(data, time_structure=fits)), "time-structure") == ""
+
+
+def test_corrections_that_change_nothing_are_not_said_to_change_the_core() -> None:
+    def curves_of(after: float) -> pl.DataFrame:
+        return pl.DataFrame({"at": [9, 9], "correction": [MEASURED, EVERYTHING], "core_u_px": [0.3, after]})
+
+    assert audit_curves._message("lk", curves_of(0.3001)) == ""
+    assert audit_curves._message("lk", curves_of(0.2)).startswith("Corrections change the core of lk in u from ")
 
 
 @pytest.mark.parametrize(("differing", "stated"), [(0, False), (1, False), (2, True)])

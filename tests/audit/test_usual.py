@@ -19,7 +19,17 @@ def audit(**faults):
 
 @pytest.mark.parametrize(
     ("offset", "half", "frames"),
-    [(0.98, 0.1, 1), (-2.1, 0.2, -2), (0.18, 0.03, 0), (0.5, 0.01, 0), (-2.0, 0.6, 0), (0.02, 0.01, 0)],
+    [
+        (0.98, 0.1, 1),
+        (0.95, 0.01, 1),
+        (-2.1, 0.2, -2),
+        (0.18, 0.03, 0),
+        (0.8, 0.01, 0),
+        (-1.22, 0.1, 0),
+        (0.5, 0.01, 0),
+        (-2.0, 0.6, 0),
+        (0.02, 0.01, 0),
+    ],
 )
 def test_an_offset_is_one_of_whole_frames_only_if_this_is_sure(offset, half, frames) -> None:
     assert whole_frames(offset, half) == frames
@@ -46,6 +56,6 @@ def test_half_a_kind_of_depth_is_no_fault_of_this_kind() -> None:
     assert usual_mistakes(found) == []
 
 
-@pytest.mark.parametrize("faults", [{}, {"clock_offset": 0.5}, {"focal_length": 0.1}])
+@pytest.mark.parametrize("faults", [{}, {"clock_offset": 0.5}, {"clock_offset": 0.8}, {"focal_length": 0.1}])
 def test_no_other_fault_is_a_usual_mistake(faults) -> None:
     assert usual_mistakes(audit(**faults)) == []

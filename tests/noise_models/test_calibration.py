@@ -4,6 +4,7 @@ from pathlib import Path
 import pytest
 
 import tracknoise as tn
+from tracknoise.exceptions import SettingsError
 from tracknoise.noise_models.calibration import check_model
 from tracknoise.report.export import specification
 from tracknoise.report.figures.reliability import reliability
@@ -42,6 +43,12 @@ def test_classes_show_where_a_model_is_wrong(planted_run: Path, growing: tn.Nois
         assert one.low_px < one.measured_px < one.high_px
         assert one.measured_px == pytest.approx(found.reliability[0].measured_px, rel=0.1)
         assert one.high_px < one.predicted_px
+
+
+def test_a_run_without_errors_at_the_ages_of_the_model_is_an_error(planted_run: Path, model: tn.NoiseModel) -> None:
+    later = replace(model, training=replace(model.training, ages=(500, 600)))
+    with pytest.raises(SettingsError, match="found no errors at the ages of the model"):
+        check_model(later, RunFolder(planted_run))
 
 
 def test_the_figure_shows_the_classes_and_where_they_agree(planted_run: Path, growing: tn.NoiseModel) -> None:

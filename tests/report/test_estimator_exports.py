@@ -3,15 +3,17 @@
 import base64
 import json
 import zlib
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from tracknoise.cli.app import main
 from tracknoise.noise_models.exports.estimators import estimators, refused
-from tracknoise.report.estimator_exports import exported, exports
+from tracknoise.report.estimator_exports import Exports, exported, exports
 from tracknoise.report.noise_fits import NoiseFits, noise_fits
 from tracknoise.report.report_data import ReportData
+from tracknoise.report.templates import template
 from tracknoise.tables.store import RunFolder
 
 
@@ -68,3 +70,10 @@ def test_the_page_holds_all_exports(fits: NoiseFits, content: dict[str, dict[str
     assert [name for choice in made.choices for name in choice.estimators] == [*estimators(), *refused()]
     assert made.first in estimators()
     assert len(made.packed) < 40_000
+
+
+def test_a_choice_is_the_name_of_the_tracker_as_it_is() -> None:
+    """The text of an option loses repeated spaces, and its exports would not be found."""
+    shown = Exports(trackers=("two  <words>",), missing={}, choices=(), packed="")
+    page = template("sections/estimator.html.j2").render(noise_exports=shown, data=SimpleNamespace(slowest=1))
+    assert '<option value="two  &lt;words&gt;">' in page

@@ -144,7 +144,7 @@ def test_numpy_depth_of_another_shape_is_refused(tmp_path, simulated, intrinsics
 
 def test_a_coefficient_that_is_null_says_nothing(tmp_path, simulated, intrinsics):
     save(tmp_path, simulated, NAMES[:2])
-    plain = {"k1": None, "k2": None, "frames": [{"k1": None}, {}], **intrinsics}
+    plain = {"k1": None, "k2": None, "frames": [{"k1": None, "fl_x": None}, {"cx": None}], **intrinsics}
     write_transforms(tmp_path, NAMES[:2], simulated.world_from_camera[:2], **plain)
     assert open_sequence("nerfstudio", tmp_path).camera == simulated.camera
 

@@ -7,8 +7,8 @@ import polars as pl
 
 from tracknoise.audit.parameters import Family, Parameter
 
-_MOST_HALF, _MOST_APART = 0.25, 0.25
-"""A clock offset is one of whole frames if its interval is this narrow and as near to a whole number, frames."""
+_MOST_HALF, _ROUNDING = 0.25, 0.1
+"""A clock offset is one of whole frames if its interval is this narrow, and holds a whole number or is this near."""
 
 
 def whole_frames(offset: float, half: float) -> int:
@@ -22,7 +22,7 @@ def whole_frames(offset: float, half: float) -> int:
         Half of its interval, frame intervals.
     """
     whole = round(offset)
-    return whole if half <= _MOST_HALF and abs(offset - whole) <= _MOST_APART else 0
+    return whole if half <= _MOST_HALF and abs(offset - whole) <= max(half, _ROUNDING) else 0
 
 
 def shifted_text(frames: int) -> str:

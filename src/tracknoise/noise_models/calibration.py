@@ -110,7 +110,8 @@ def check_model(model: "NoiseModel", folder: RunFolder, *, scenes: Collection[st
     covariance = model.covariance(age=used["at"].to_numpy()) if used.height else np.empty((0, 2, 2))
     good = np.hypot(*errors.select("du_px", "dv_px").to_numpy().T) <= model.outliers_beyond_px
     trained = set(model.training.scenes)
-    return _calibration(errors.filter(good), covariance[good], folder, trained, 1.0 - float(np.mean(good)))
+    outliers = 1.0 - float(good.sum()) / max(len(good), 1)
+    return _calibration(errors.filter(good), covariance[good], folder, trained, outliers)
 
 
 def check_own(

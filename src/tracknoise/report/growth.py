@@ -46,21 +46,27 @@ def growth_message(data: ReportData) -> str:
     return max(found)[1] if found else ""
 
 
+def behaviour(data: ReportData, tracker: str) -> str | None:
+    """How the error of a tracker grows, where this is established and the same in u and in v; otherwise None."""
+    rows = _fits(data).filter(tracker=tracker).to_dicts()
+    ends = [_ends(data, row) for row in rows]
+    found = {
+        (row["verdict"], growth_verdict(data, reported_conditions(data, data.slowest), row, points["at"].last()))  # type: ignore[arg-type]
+        for row, points in zip(rows, ends, strict=True)
+    }
+    if len(rows) < 2 or len(found) > 1:
+        return None
+    kind, verdict = found.pop()
+    return None if verdict == Verdict.undecided else str(kind)
+
+
 def _fits(data: ReportData) -> pl.DataFrame:
     return data.nominal(data.time_structure).filter(pl.col("tracker").is_in(data.trackers), trimming=data.trimming)
 
 
 def _grown(data: ReportData, row: Mapping[str, Any]) -> list[tuple[float, str]]:
     """How many times the RMS of one tracker and coordinate grows up to the reference age; nothing if it does not."""
-    axis = row["coordinate"]
-    points = data.nominal(data.points).filter(
-        pl.col("since").is_between(1, REFERENCE_AGE),
-        role="second",
-        trimming=data.trimming,
-        population=data.population,
-        tracker=row["tracker"],
-    )
-    ends = points.sort("since").select("at", "since", axis)
+    axis, ends = row["coordinate"], _ends(data, row)
     if ends.height < 2 or not ends[axis][0]:
         return []
     at, since, last = ends.row(-1)
@@ -70,3 +76,15 @@ def _grown(data: ReportData, row: Mapping[str, Any]) -> list[tuple[float, str]]:
         return []
     place = f"up to age {since}" if data.axis is AGE else f"within {count(since, 'frame')}"
     return [(times, f"The RMS error of {row['tracker']} in {axis} grows {ratio(times)} times {place}")]
+
+
+def _ends(data: ReportData, row: Mapping[str, Any]) -> pl.DataFrame:
+    """RMS of one tracker and coordinate up to the reference age: columns at, since and that of the coordinate."""
+    points = data.nominal(data.points).filter(
+        pl.col("since").is_between(1, REFERENCE_AGE),
+        role="second",
+        trimming=data.trimming,
+        population=data.population,
+        tracker=row["tracker"],
+    )
+    return points.sort("since").select("at", "since", row["coordinate"])

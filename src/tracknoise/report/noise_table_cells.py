@@ -18,7 +18,15 @@ def noise_table_sentences(table: NoiseTable) -> list[str]:
     gains = [text for product in (Product.error, Product.change) for text in lookup_sentences(table.gains, product)]
     warranted = sum(_is_warranted(row.bias) for row in table.rows)
     bias = f"A correction of the mean error is warranted in {warranted} of {len(table.rows)} rows."
-    return [*gains, bias] if gains else ["The run varies neither tracker, speed nor motion.", bias]
+    return [*gains, bias] if gains else [_no_gain(table), bias]
+
+
+def _no_gain(table: NoiseTable) -> str:
+    """Why no gain is known."""
+    reasons = table.gains["why"].drop_nulls().unique(maintain_order=True).to_list()
+    if not reasons:
+        return "The run varies neither tracker, speed nor motion."
+    return f"It is unknown whether the noise depends on tracker, speed or motion: {reasons[0]}."
 
 
 def noise_table_cells(table: NoiseTable) -> Cells:

@@ -79,8 +79,8 @@ def _to_describe(points: Keypoints, *, own: bool) -> list[cv2.KeyPoint]:
 
 
 def _extractor(descriptor: Descriptor) -> cv2.Feature2D:
-    if descriptor is Descriptor.sift:
-        return cv2.SIFT.create()
+    if descriptor is Descriptor.sift:  # as `tracknoise.trackers.detectors` finds its keypoints: where it looks at them
+        return cv2.SIFT.create(enable_precise_upscale=True)
     return cv2.ORB.create() if descriptor is Descriptor.orb else cv2.xfeatures2d.BRISK.create()
 
 

@@ -21,8 +21,9 @@ class Detector(StrEnum):
 
     agast: AGAST corners (OAST_9_16), on whole pixels. fast: FAST corners (9 of 16), on whole pixels. gftt: corners of
     Shi and Tomasi, by the smaller eigenvalue of the structure tensor of 3 x 3 px, on whole pixels. orb: FAST corners of
-    an image pyramid, ranked by Harris' response, with a direction. sift: extrema of the difference of Gaussians,
-    between pixels, with size and direction.
+    an image pyramid, ranked by Harris' response, with a direction; those of its coarser levels are too far up and left,
+    by up to about 1.5 px, as OpenCV scales positions without half a pixel. sift: extrema of the difference of
+    Gaussians, between pixels, with size and direction.
     """
 
     agast = "agast"

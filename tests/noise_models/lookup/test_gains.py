@@ -5,8 +5,11 @@ import pytest
 from tracknoise.findings.headlines.lookup_topic import lookup_sentences
 from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.noise_models.lookup.gains import noise_lookup
+from tracknoise.noise_models.lookup.noise_table import NoiseTable
 from tracknoise.noise_models.lookup.scene_sums import scene_sums
+from tracknoise.report.noise_table_cells import noise_table_sentences
 from tracknoise.tables.enumerations import Lookup, Product, Resampled
+from tracknoise.tables.findings_schema import NOISE_LOOKUP
 from tracknoise.tables.schema import NOISE_SUMS
 
 N = 400
@@ -161,3 +164,34 @@ def test_changes_are_compared_as_well_as_errors():
     table = noise_lookup([sums(by_motion(5, 2, 2.0))], groups=motions(5, 2))
     assert table["product"].unique().sort().to_list() == [Product.error, Product.change]
     assert "changes of errors between observations" in lookup_sentences(table, Product.change)[0]
+
+
+def test_a_gain_that_no_single_step_establishes_is_stated():
+    """Tracker and speed together may be better than one for all, while neither step is by itself."""
+    gains = {
+        (Lookup.tracker, Lookup.one): (0.05, -0.02, 0.12),
+        (Lookup.speed, Lookup.one): (0.10, 0.03, 0.17),
+        (Lookup.speed, Lookup.tracker): (0.05, -0.01, 0.11),
+    }
+    rows = [
+        {"product": Product.error, "lookup": lookup, "against": against, "gain_nats": gain, "low": low, "high": high,
+         "established": low > 0, "factor": 1.2, "factor_against": 1.5}
+        for (lookup, against), (gain, low, high) in gains.items()
+    ]  # fmt: skip
+    answer, *added = lookup_sentences(pl.DataFrame(rows, schema=dict(NOISE_LOOKUP)), Product.error)
+    assert "by tracker and speed predict scenes that were left out better than one for all" in answer
+    assert "(0.030 to 0.170)" in answer
+    assert added == []
+
+
+def test_a_run_of_one_scene_does_not_say_that_nothing_varies():
+    gains = noise_lookup([sums({("only", "lk", 1): 1.0, ("only", "matching", 1): 4.0})])
+    first, _ = noise_table_sentences(NoiseTable(rows=(), gains=gains, window=10, level=0.95))
+    assert first == (
+        "It is unknown whether the noise depends on tracker, speed or motion: "
+        "no covariance rests on 50 errors of other scenes."
+    )
+    alike = noise_lookup([sums({("only", "lk", 1): 1.0})])
+    assert noise_table_sentences(NoiseTable(rows=(), gains=alike, window=10, level=0.95))[0] == (
+        "The run varies neither tracker, speed nor motion."
+    )

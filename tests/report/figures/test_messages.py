@@ -37,6 +37,12 @@ def judged(data: ReportData, verdict: str) -> ReportData:
     return dataclasses.replace(data, dependence=made_up_findings.dependence(data.effects, verdict=verdict, n_scenes=8))
 
 
+def with_verdict(data: ReportData, verdict: str) -> ReportData:
+    """The run, of which every fit of growth has a verdict."""
+    fits = data.time_structure.with_columns(verdict=pl.lit(verdict, dtype=data.time_structure["verdict"].dtype))
+    return dataclasses.replace(data, time_structure=fits)
+
+
 def message(items: object, id: str) -> str:
     return next(item.message for item in items if item.id == id)  # type: ignore[attr-defined]
 
@@ -61,10 +67,6 @@ def test_most_figures_of_an_ordinary_run_have_a_message(data: ReportData) -> Non
 
 
 def test_growth_is_stated_only_where_it_is_established(data: ReportData) -> None:
-    def with_verdict(verdict: str) -> ReportData:
-        fits = data.time_structure.with_columns(verdict=pl.lit(verdict, dtype=data.time_structure["verdict"].dtype))
-        return dataclasses.replace(data, time_structure=fits)
-
     points = data.nominal(data.points).filter(
         pl.col("since").is_between(1, REFERENCE_AGE), role="second", trimming=data.trimming, population=data.population
     )
@@ -75,12 +77,12 @@ def test_growth_is_stated_only_where_it_is_established(data: ReportData) -> None
     }
     (tracker, axis), times = max(grown.items(), key=lambda one: one[1])
     expected = f"The RMS error of {tracker} in {axis} grows {ratio(times)} times up to age {points['since'].max()}"
-    assert growth_message(with_verdict("random walk")) == expected
-    assert message(curves.figures(with_verdict("random walk")), "error-by-age") == expected
+    assert growth_message(with_verdict(data, "random walk")) == expected
+    assert message(curves.figures(with_verdict(data, "random walk")), "error-by-age") == expected
     for verdict in ("white", "undecided", "none"):
-        assert growth_message(with_verdict(verdict)) == ""
-    assert message(time_structure.figures(with_verdict("white")), "time-structure").endswith("is constant")
-    assert message(time_structure.figures(with_verdict("undecided")), "time-structure") == ""
+        assert growth_message(with_verdict(data, verdict)) == ""
+    assert message(time_structure.figures(with_verdict(data, "white")), "time-structure").endswith("is constant")
+    assert message(time_structure.figures(with_verdict(data, "undecided")), "time-structure") == ""
 
 
 def test_factors_are_stated_only_with_a_decided_verdict(data: ReportData) -> None:
@@ -88,7 +90,7 @@ def test_factors_are_stated_only_with_a_decided_verdict(data: ReportData) -> Non
         verdict: [item.message for item in speeds.figures(judged(data, verdict)) if isinstance(item, Figure)]
         for verdict in ("yes", "no", "undecided")
     }
-    assert all("depends on speed, by up to" in text for text in texts["yes"])
+    assert all("depends on speed; the clearest difference is 1.50\xa0times" in text for text in texts["yes"])
     assert all("depends on speed by less than" in text for text in texts["no"])
     assert set(texts["undecided"]) == {""}
 

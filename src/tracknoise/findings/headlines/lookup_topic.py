@@ -43,7 +43,8 @@ def lookup_sentences(lookups: pl.DataFrame, product: Product) -> list[str]:
     over_one = [row for row in rows if row["against"] == Lookup.one]
     if all(row["gain_nats"] is None for row in over_one):
         return []
-    best = next((row for row in over_one if _is_worth_it(row, rows)), None)
+    better = [row for row in over_one if row["established"]]
+    best = next((row for row in better if _is_worth_it(row, rows)), better[-1] if better else None)
     return [_answer(best, product, over_one), *(_added(row) for row in _steps(rows, best))]
 
 

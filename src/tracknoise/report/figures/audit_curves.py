@@ -61,7 +61,7 @@ def _message(tracker: str, curves: pl.DataFrame) -> str:
     """How the corrections change the core of the tracker in u at the largest age."""
     last = curves.filter(at=curves["at"].max())
     before, after = (last.filter(correction=name)["core_u_px"].item() for name in (MEASURED, EVERYTHING))
-    if before is None or after is None:
+    if before is None or after is None or pixels(before) == pixels(after):
         return ""
     return f"Corrections change the core of {tracker} in u from {pixels(before)} to {pixels(after)} px"
 

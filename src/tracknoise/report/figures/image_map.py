@@ -61,7 +61,8 @@ def _figure(data: ReportData, tracker: str) -> Figure | Absence:
 def _message(tracker: str, cells: pl.DataFrame) -> str:
     """In how many cells the mean differs from zero, where these are more than by chance."""
     differing = int(cells["differs"].sum())
-    if not differing or differing <= 2 * (1 - cells["level"][0]) * cells.height:
+    by_chance = (1 - cells["level"][0]) * cells.height if cells.height else 0.0
+    if differing <= by_chance + max(by_chance, 3 * np.sqrt(by_chance)):
         return ""
     return f"{tracker} has a mean error in {differing} of {cells.height} places of the image"
 

@@ -11,7 +11,7 @@ import polars as pl
 
 from tracknoise.findings.factor_text import bound_text
 from tracknoise.findings.roles import ROLES
-from tracknoise.findings.wording import STATISTICS, listing, number, px, ratio
+from tracknoise.findings.wording import STATISTICS, listing, number, px, ratio, times
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.enumerations import Verdict
 
@@ -26,6 +26,8 @@ def effect(
     data: ReportData, factor: str, tracker: str, *, speed: int | None = None, roles: Sequence[str] = _SIZES
 ) -> str:
     """Whether a factor changes a statistic of a tracker, by the verdict of the paired comparison.
+
+    The size that is stated is that of the clearest difference. Other levels or ages may differ by more.
 
     Parameters
     ----------
@@ -45,7 +47,7 @@ def effect(
 
 
 def trackers(data: ReportData, role: str, text: str) -> str:
-    """How many times as large a statistic of one tracker is as that of another, where this is established.
+    """How many times as large a statistic of one tracker is as that of another, where this is established of all ages.
 
     Parameters
     ----------
@@ -58,7 +60,7 @@ def trackers(data: ReportData, role: str, text: str) -> str:
     """
     for row in _rows(data, "tracker", None, data.slowest, role):
         pair = [row["level_a"], row["level_b"]]
-        if row["verdict"] == Verdict.yes and row["larger"] in pair:
+        if row["verdict"] == Verdict.yes and row["larger"] in pair and row["at"] is None:
             other = pair[1 - pair.index(row["larger"])]
             return text.format(row["larger"], ratio(row["effect"]), other)
     return ""
@@ -75,8 +77,8 @@ def _rows(data: ReportData, factor: str, tracker: str | None, speed: int | None,
 def _effect(row: Mapping[str, Any], factor: str, role: str) -> str:
     subject = f"The {'core error' if role == 'core' else STATISTICS[role]} of {row['tracker']}"
     if row["verdict"] == Verdict.yes:
-        size = px(row["effect"]) if role == "mean" else f"{ratio(row['effect'])} times"
-        return f"{subject} depends on {factor}, by up to {size}"
+        size = px(row["effect"]) if role == "mean" else times(row["effect"])
+        return f"{subject} depends on {factor}; the clearest difference is {size}"
     if row["verdict"] == Verdict.no:
         return f"{subject} depends on {factor} by less than {bound_text(row['margin'], row['unit'])}"
     return ""

@@ -44,10 +44,10 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
 
 
 def _message(data: ReportData, table: pl.DataFrame) -> str:
-    """Share that pose errors explain, at the last age up to the reference age."""
+    """Share that pose errors explain, at the last age up to the reference age, where its interval is above zero."""
     young = table.filter(pl.col("age") <= REFERENCE_AGE, coordinate="both", fitted_to=FittedTo.own)
     last = young.filter(pl.col("age") == pl.col("age").max().over("tracker"))
-    shares = dict(last.select("tracker", "share").iter_rows())
+    shares = dict(last.filter(pl.col("low") > 0).select("tracker", "share").iter_rows())
     found = {name: percent(shares[name]) for name in data.trackers if name in shares}
     return values(found, "Share that pose errors explain")
 

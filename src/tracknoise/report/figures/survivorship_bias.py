@@ -40,13 +40,13 @@ def _figure_of(data: ReportData, tracker: str) -> Figure | Absence:
 
 
 def _message(tracker: str, points: pl.DataFrame, found: Sequence[Reading]) -> str:
-    """How much smaller the RMS of the longest-lived tracks is, where the intervals lie apart."""
+    """How much smaller the RMS of the longest-lived tracks is in u, where the intervals lie apart."""
     rows = [points.filter(tracks=one.name, since=one.since, role="second").row(0, named=True) for one in found]
     every, longest = rows
     if not apart(every, longest, "u"):
         return ""
     share = longest["u"] / every["u"]
-    return f"Tracks of {tracker} that live {found[1].name} have {number(share)} times the RMS of all"
+    return f"Tracks of {tracker} living {found[1].name} have {number(share)} times the RMS of all in u"
 
 
 def _points(data: ReportData, tracker: str) -> pl.DataFrame:

@@ -17,8 +17,8 @@ from tracknoise.report.cells import Cells
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Panel, arranged, layered
+from tracknoise.report.growth import behaviour
 from tracknoise.report.report_data import ReportData
-from tracknoise.tables.enumerations import Behaviour
 
 _TITLE = "Error growth"
 _PARTS = {
@@ -85,18 +85,15 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
         f"{bands.describe_intervals(points, of='the second moments', marks='Thin lines at')}",
         look_for=_look_for(data, nominal),
         spec=arranged(panels, columns=2),
-        message=_message(data, nominal.filter(trimming=data.trimming)),
+        message=_message(data),
     )
     return [figure]
 
 
-def _message(data: ReportData, fits: pl.DataFrame) -> str:
-    """The verdict of the first tracker whose error behaves alike in u and v; empty where it is undecided."""
-    for tracker in data.trackers:
-        verdicts = fits.filter(tracker=tracker)["verdict"].unique().to_list()
-        if len(verdicts) == 1 and verdicts[0] not in (Behaviour.undecided, Behaviour.none):
-            return sentence_case(_SENTENCES[verdicts[0]].format(tracker))
-    return ""
+def _message(data: ReportData) -> str:
+    """The verdict of the first tracker whose error behaves alike in u and v; empty where none is established."""
+    known = ((tracker, kind) for tracker in data.trackers if (kind := behaviour(data, tracker)))
+    return next((sentence_case(_SENTENCES[kind].format(tracker)) for tracker, kind in known), "")
 
 
 def tables(data: ReportData) -> Sequence[Cells]:

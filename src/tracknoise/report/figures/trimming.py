@@ -123,8 +123,8 @@ def _histogram(bins: pl.DataFrame, hue: alt.Color) -> alt.Chart:
     """Steps from bin to bin. The first and the last bin are infinite and are drawn a tenth of a decade wide."""
     tenth = 10**0.1
     low = pl.when(pl.col("bin_low_px") > 0).then("bin_low_px").otherwise(pl.col("bin_high_px") / tenth)
-    used = bins.filter(pl.col("n") > 0)
-    table = bins.filter(pl.col("bin_low_px") <= used["bin_high_px"].max()).select(
+    last = bins.filter(pl.col("n") > 0)["bin_high_px"].fill_null(float("inf")).max()
+    table = bins.filter(pl.col("bin_low_px") <= last).select(
         "tracker", "speed", "n", marks.drawn_count(pl.col("n")), low=low, to="bin_high_px", of="bin_low_px"
     )
     x = alt.X("low:Q", scale=alt.Scale(type="log", nice=False), title="largest error of the track (px)", axis=_DECADES)

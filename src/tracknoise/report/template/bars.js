@@ -31,10 +31,11 @@ function isBar(row) {
   return "tracker" in row && "n" in row && ("lifetime" in row || ("of" in row && "to" in row));
 }
 
-/** Tracks with pictures that a bar counts, each once, the largest error first. */
+/** Tracks with pictures that a bar counts, each once, the largest error first. The last bar of errors has no upper end. */
 function tracksIn(bar) {
+  const to = bar.to ?? Infinity;
   const inside = (track) =>
-    "lifetime" in bar ? track.lifetime === bar.lifetime : track.largest !== null && bar.of <= track.largest && track.largest < bar.to;
+    "lifetime" in bar ? track.lifetime === bar.lifetime : track.largest !== null && bar.of <= track.largest && track.largest < to;
   const own = looked.groups.filter((group) => group.tracker === bar.tracker);
   const all = own.flatMap((group) => group.tracks.filter(inside).map((track) => ({ group, track })));
   const each = new Map(all.map((one) => [JSON.stringify([one.group.scene, one.track.track]), one]));
@@ -55,13 +56,16 @@ function thirds(tracks) {
 /** Show the tracks of a bar of a histogram. */
 function lookAtBar(bar) {
   const place = document.getElementById("looks");
-  const what = "lifetime" in bar ? `lifetime ${bar.lifetime}` : `largest error from ${bar.of} to ${bar.to} px`;
+  const range = bar.to === null ? `${bar.of} px on` : `${bar.of} to ${bar.to} px`;
+  const what = "lifetime" in bar ? `lifetime ${bar.lifetime}` : `largest error from ${range}`;
   const isShown = String(bar.speed) === String(explored.start.speed);
-  const tracks = isShown ? thirds(tracksIn(bar)) : [];
+  const pictured = isShown ? tracksIn(bar) : [];
+  const tracks = thirds(pictured);
   const none = isShown ? "No track with pictures is in this bar." : `Pictures are of speed ${explored.start.speed}.`;
   const grid = element("div", "tracks", tracks.length ? "" : none);
   grid.append(...tracks.map(card));
-  const note = element("p", "", `${tracks.length} tracks that have pictures, of ${bar.n} in this bar.`);
+  const some = tracks.length < pictured.length ? `; ${tracks.length} of these are shown` : "";
+  const note = element("p", "", `Tracks in this bar: ${bar.n}. With pictures: ${pictured.length}${some}.`);
   place.replaceChildren(element("h4", "", `${bar.tracker}, ${what}`), note, grid);
   place.dataset.shown = JSON.stringify(bar);
   place.scrollIntoView({ block: "nearest" });

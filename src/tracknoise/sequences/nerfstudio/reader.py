@@ -204,7 +204,7 @@ def _cameras(common: Entries, frames: list[_Frame]) -> tuple[CameraModel, ...]:
     made: dict[str, CameraModel] = {}
     cameras = []
     for frame in frames:
-        said = intrinsics_in({**common.values, **frame.entries.values})
+        said = intrinsics_in(common.values) | intrinsics_in(frame.entries.values)
         key = json.dumps(said)
         if key not in made:
             made[key] = camera_of(Entries(frame.entries.place, said), size)

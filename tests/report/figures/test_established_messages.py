@@ -1,0 +1,60 @@
+"""Titles of figures say nothing that the tables do not establish."""
+
+import dataclasses
+from collections.abc import Callable
+
+import polars as pl
+import pytest
+from tests.report.figures.test_messages import judged, message, with_verdict
+
+from tracknoise.report.figures import audit_curves, curves, image_map, pose_errors, time_structure
+from tracknoise.report.growth import growth_message
+from tracknoise.report.report_data import ReportData
+from tracknoise.tables.audit_schema import EVERYTHING, MEASURED
+from tracknoise.tables.store import RunFolder
+
+
+@pytest.fixture(scope="module")
+def data(run: RunFolder) -> ReportData:
+    return ReportData.of(run)
+
+
+def test_one_age_does_not_stand_for_all(data: ReportData) -> None:
+    """A comparison that only a single age and coordinate decides says nothing of the tracker as a whole."""
+    found = judged(with_verdict(data, "undecided"), "yes")
+    assert message(curves.figures(found), "error-by-age").startswith("The core error of ")
+    at_one_age = found.dependence.with_columns(coordinate=pl.lit("v"), at=pl.lit(7, dtype=pl.Int64))
+    assert message(curves.figures(dataclasses.replace(found, dependence=at_one_age)), "error-by-age") == ""
+
+
+def test_a_share_of_pose_errors_that_may_be_zero_is_not_stated(data: ReportData) -> None:
+    assert message(pose_errors.figures(data), "pose-errors").startswith("Share that pose errors explain: 50")
+    undecided = data.rigid_share.with_columns(low=pl.lit(-0.1))
+    assert message(pose_errors.figures(dataclasses.replace(data, rigid_share=undecided)), "pose-errors") == ""
+
+
+def test_growth_that_the_truth_can_explain_is_not_stated(make_run: Callable[..., RunFolder]) -> None:
+    world: dict[str, object] = {"scenes": ("only",), "speeds": (1,), "born": 40}
+    accurate, coarse = (with_verdict(ReportData.of(make_run(**world, floor_px=size)), "drift") for size in (1e-6, 10.0))
+    assert message(time_structure.figures(accurate), "time-structure").endswith(" is a drift")
+    assert message(time_structure.figures(coarse), "time-structure") == growth_message(coarse) == ""
+
+
+def test_a_verdict_of_one_coordinate_is_not_that_of_the_error(data: ReportData) -> None:
+    fits = with_verdict(data, "random walk").time_structure.filter(coordinate="u")
+    assert message(time_structure.figures(dataclasses.replace(data, time_structure=fits)), "time-structure") == ""
+
+
+def test_corrections_that_change_nothing_are_not_said_to_change_the_core() -> None:
+    def curves_of(after: float) -> pl.DataFrame:
+        return pl.DataFrame({"at": [9, 9], "correction": [MEASURED, EVERYTHING], "core_u_px": [0.3, after]})
+
+    assert audit_curves._message("lk", curves_of(0.3001)) == ""
+    assert audit_curves._message("lk", curves_of(0.2)).startswith("Corrections change the core of lk in u from ")
+
+
+@pytest.mark.parametrize(("differing", "stated"), [(0, False), (1, False), (2, True)])
+def test_one_place_of_a_few_may_differ_by_chance(differing: int, stated: bool) -> None:
+    cells = pl.DataFrame({"differs": [place < differing for place in range(5)], "level": [0.95] * 5})
+    found = image_map._message("lk", cells)
+    assert found == (f"lk has a mean error in {differing} of 5 places of the image" if stated else "")

@@ -49,8 +49,11 @@ class Steps:
             same = numbered.filter(product=kind).select("age", pl.col("row").alias(kind))
             rows = rows.join(same, on="age", how="left", maintain_order="left")
         known = rows.select(pl.all_horizontal(pl.all().is_not_null())).to_series().to_numpy()
-        columns = (rows[kind].fill_null(0).to_numpy().astype(np.intp) for kind in rows.columns if kind != "age")
-        return cls(*columns, known)
+        error, before, change = (
+            rows[kind].fill_null(0).to_numpy().astype(np.intp)
+            for kind in (Product.error, Product.before, Product.change)
+        )
+        return cls(error, before, change, known)
 
     def log_likelihoods(self, counts: Array, measured: Array, modelled: Array) -> Array:
         """Log likelihood of the errors of each scene, per error, by (held_out), nat, without its constant.

@@ -14,7 +14,7 @@ from pathlib import Path
 import polars as pl
 
 from benchmarks.harness import Row, in_new_process, peak_mib
-from benchmarks.made_up import EXPERIMENT, SPEEDS, TRACKERS, made_up, seen_by_a_still_camera
+from benchmarks.made_up import EXPERIMENT, SPEEDS, TRACKERS, made_up, renamed, seen_by_a_still_camera
 from tracknoise.experiments.analysis.run_findings import compute_findings
 from tracknoise.experiments.analysis.run_statistics import compute_statistics
 from tracknoise.experiments.measure import complete
@@ -60,7 +60,7 @@ def _measure(scenes: int, lightings: int) -> dict[str, float]:
                 names = {"scene": f"scene-{scene:02d}", "lighting": f"light-{light:02d}"}
                 entry = SequenceEntry(SequenceId("made up", **names), n_frames=FRAMES, width=800,
                                       height=600, truth="birth", snapshot_frame=0, seconds=0.0)  # fmt: skip
-                tables = _renamed(made[(scene + light) % DIFFERENT], names)
+                tables = renamed(made[(scene + light) % DIFFERENT], names)
                 hashes = run.write_sequence(entry.key, tables, b"")
                 manifest.sequences[entry.key] = replace(entry, sha256=hashes)
         run.write_manifest(manifest)
@@ -75,13 +75,6 @@ def _tables(experiment, seed: int) -> dict[str, pl.DataFrame]:
     scene = made_up("scene", seed=seed, frames=FRAMES, observations=OBSERVATIONS)
     sequence = seen_by_a_still_camera(SequenceId("made up", "scene"), FRAMES)
     return tables_to_keep(experiment, sequence, complete(sequence, scene))
-
-
-def _renamed(tables: dict[str, pl.DataFrame], names: dict[str, str]) -> dict[str, pl.DataFrame]:
-    return {
-        name: table.with_columns(pl.lit(value).alias(key) for key, value in names.items() if key in table.columns)
-        for name, table in tables.items()
-    }
 
 
 if __name__ == "__main__":

@@ -61,6 +61,14 @@ def made_up(scene: str, *, seed: int, frames: int, observations: int, lighting: 
     )
 
 
+def renamed(tables: dict[str, pl.DataFrame], names: dict[str, str]) -> dict[str, pl.DataFrame]:
+    """Tables of a sequence under other names of its scene and lighting."""
+    return {
+        name: table.with_columns(pl.lit(value).alias(key) for key, value in names.items() if key in table.columns)
+        for name, table in tables.items()
+    }
+
+
 def _condition(
     rng: np.random.Generator, view: tuple[str, str], frames: int, n_tracks: int, tracker: str, speed: int
 ) -> list[pl.DataFrame]:

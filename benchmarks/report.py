@@ -1,9 +1,10 @@
 """How large a report is, how long it takes to write, and how soon a reader can use it.
 
 The run is made up and has the conditions of the light stage: two trackers, five speeds and 19 lightings. Scenes go
-through the very functions that a run puts measured ones through. The time is that of the processor, of one thread, so
-that it can be measured on a machine that does other things too. A page can be used when a choice in its explorer has
-changed a figure; this is measured in a headless Chromium, if there is one.
+through the very functions that a run puts measured ones through. At full size some of them stand in for others, under
+other names. The time is that of the processor, of one thread, so that it can be measured on a machine that does other
+things too. A page can be used when a choice in its explorer has changed a figure; this is measured in a headless
+Chromium, if there is one.
 """
 
 import json
@@ -13,10 +14,11 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import polars as pl
 from tests.browser import chromium
 
 from benchmarks.harness import Row, in_new_process
-from benchmarks.made_up import CAMERA, EXPERIMENT, made_up, seen_by_a_still_camera
+from benchmarks.made_up import CAMERA, EXPERIMENT, made_up, renamed, seen_by_a_still_camera
 from tracknoise.experiments.analysis.run_findings import compute_findings
 from tracknoise.experiments.analysis.run_statistics import compute_statistics
 from tracknoise.experiments.measure import complete
@@ -31,6 +33,8 @@ from tracknoise.tables.store import RunFolder
 FEW, MANY = 3, 60
 LIGHTINGS = ("diffuse", *(f"LR{place}" for place in range(10)), *(f"BF{place}" for place in range(8)))
 FRAMES, OBSERVATIONS = 49, 20_000
+DIFFERENT = 67
+"""Sequences that differ. It is a prime number, so that scenes of a condition differ, and lightings of a scene."""
 _CHOICE = """(async () => {
   const select = document.querySelector("#controls [name=tracker]");
   select.value = select.options[0].value;
@@ -87,9 +91,11 @@ def _make(run: RunFolder, experiment: Experiment, scenes: int) -> int:
     """Write a run, and say how many conditions it has."""
     manifest = new_manifest(experiment)
     run.create(experiment.to_toml(), manifest)
+    made = [_tables(experiment, seed) for seed in range(min(DIFFERENT, scenes * len(LIGHTINGS)))]
     for number in range(scenes):
         for place, lighting in enumerate(LIGHTINGS):
-            entry = _write(run, experiment, f"SET{number:03d}", lighting, seed=number * len(LIGHTINGS) + place)
+            tables = made[(number * len(LIGHTINGS) + place) % len(made)]
+            entry = _write(run, tables, f"SET{number:03d}", lighting)
             manifest.sequences[entry.key] = entry
     run.write_manifest(manifest)
     statistics = compute_statistics(run, experiment)
@@ -97,13 +103,18 @@ def _make(run: RunFolder, experiment: Experiment, scenes: int) -> int:
     return int(run.statistics("summary").height)
 
 
-def _write(run: RunFolder, experiment: Experiment, scene: str, lighting: str, *, seed: int) -> SequenceEntry:
-    """Write one sequence."""
-    tables = made_up(scene, seed=seed, frames=FRAMES, observations=OBSERVATIONS, lighting=lighting)
+def _tables(experiment: Experiment, seed: int) -> dict[str, pl.DataFrame]:
+    """Tables of one sequence."""
+    tables = made_up("scene", seed=seed, frames=FRAMES, observations=OBSERVATIONS, lighting="light")
+    sequence = seen_by_a_still_camera(SequenceId("made up", "scene", "light"), FRAMES)
+    return tables_to_keep(experiment, sequence, complete(sequence, tables))
+
+
+def _write(run: RunFolder, tables: dict[str, pl.DataFrame], scene: str, lighting: str) -> SequenceEntry:
+    """Write them as those of another sequence."""
     name = SequenceId("made up", scene, lighting)
-    sequence = seen_by_a_still_camera(name, FRAMES)
     entry = SequenceEntry(name, FRAMES, CAMERA.width, CAMERA.height, "birth", 0, 0.0)
-    kept = tables_to_keep(experiment, sequence, complete(sequence, tables))
+    kept = renamed(tables, {"scene": scene, "lighting": lighting})
     return replace(entry, sha256=run.write_sequence(entry.key, kept, b""))
 
 

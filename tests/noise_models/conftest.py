@@ -12,8 +12,8 @@ from tracknoise.experiments.running.execute import execute
 from tracknoise.tables.store import RunFolder
 
 TEXT = """
-name = "planted"
-speeds = [1, 2]
+name = "{name}"
+speeds = {speeds}
 [dataset]
 reader = "simulated"
 [dataset.options]
@@ -25,26 +25,7 @@ height = 120
 supersampling = 1
 [[trackers]]
 kind = "oracle"
-options = { n_features = 120, margin_px = 2, covariance_px2 = [[0.09, 0.0], [0.0, 0.04]], loss_rate = 0.05 }
-[statistics]
-min_features = 2
-"""
-
-
-COMMON = """
-name = "common"
-[dataset]
-reader = "simulated"
-[dataset.options]
-motions = ["sideways", "forward"]
-worlds = 4
-frames = 14
-width = 160
-height = 120
-supersampling = 1
-[[trackers]]
-kind = "oracle"
-options = { n_features = 120, margin_px = 2, covariance_px2 = [[0.09, 0.0], [0.0, 0.04]], common_px = 0.2 }
+options = {{ n_features = 120, margin_px = 2, covariance_px2 = [[0.09, 0.0], [0.0, 0.04]], {option} }}
 [statistics]
 min_features = 2
 """
@@ -65,22 +46,24 @@ class Silent:
     def remark(self, text): ...
 
 
-def _measure(path: Path, text: str = TEXT) -> None:
+def _measure(path: Path, **settings: object) -> None:
     path.mkdir(parents=True)
-    (path / "x.toml").write_text(text)
+    (path / "x.toml").write_text(TEXT.format(**settings))
     execute(load_experiment(path / "x.toml"), RunFolder(path / "run"), listener=Silent())
 
 
 @pytest.fixture(scope="session")
 def planted_run(made_once: Callable[[str, Callable[[Path], object]], Path]) -> Path:
     """Folder of a run of 8 scenes whose oracle has a standard deviation of 0.3 px in u and 0.2 px in v."""
-    return made_once("planted-noise", _measure) / "run"
+    measure = partial(_measure, name="planted", speeds=[1, 2], option="loss_rate = 0.05")
+    return made_once("planted-noise", measure) / "run"
 
 
 @pytest.fixture(scope="session")
 def common_run(made_once: Callable[[str, Callable[[Path], object]], Path]) -> Path:
     """Folder of such a run in which all features of a frame also have an error of 0.2 px in common."""
-    return made_once("common-noise", partial(_measure, text=COMMON)) / "run"
+    measure = partial(_measure, name="common", speeds=[1], option="common_px = 0.2")
+    return made_once("common-noise", measure) / "run"
 
 
 @pytest.fixture

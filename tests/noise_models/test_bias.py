@@ -2,7 +2,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.findings.sampling.groups import NO_GROUPS
+from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.noise_models.fitting.bias import fit_bias
 from tracknoise.noise_models.model import BiasKind
 from tracknoise.tables.schema import FLOORS, NOISE_SUMS
@@ -95,6 +95,29 @@ def test_what_the_truth_may_cause_is_not_corrected() -> None:
     assert (unknown.kind, unknown.why) == (BiasKind.REFUSED, "the errors of the truth are unknown")
 
 
+def in_blocks(one: pl.DataFrame, count: int = 4) -> pl.DataFrame:
+    """The same errors in several equal blocks of tracks of each scene."""
+    parts = [pl.col(name) / count for name in ("sum_u", "sum_v", "uu", "vv", "along", "motion")]
+    each = one.with_columns(pl.col("n") // count, *parts)
+    return pl.concat([each.with_columns(block=pl.lit(block, dtype=pl.UInt8)) for block in range(count)])
+
+
 def test_one_scene_alone_cannot_be_left_out() -> None:
-    bias = fit_bias(sums(DRIFT, scenes=1), floors(0.0), groups=NO_GROUPS, level=0.95)
-    assert (bias.kind, bias.reduction) == (BiasKind.REFUSED, None)
+    for made in (sums(DRIFT, scenes=1), in_blocks(sums(DRIFT, scenes=1))):
+        bias = fit_bias(made, floors(0.0), groups=NO_GROUPS, level=0.95)
+        assert (bias.kind, bias.reduction) == (BiasKind.REFUSED, None)
+        assert bias.why == "there is only one scene, so that none can be left out"
+
+
+def test_whole_scenes_are_left_out_however_few_there_are() -> None:
+    for agree, kind in ((False, BiasKind.REFUSED), (True, BiasKind.BY_AGE)):
+        few = sums(DRIFT, scenes=4, agree=agree)
+        found = [fit_bias(made, floors(0.0), groups=NO_GROUPS, level=0.95) for made in (few, in_blocks(few))]
+        assert [one.kind for one in found] == [kind, kind]
+        assert found[1].reduction.low == pytest.approx(found[0].reduction.low)
+
+
+def test_scenes_of_a_group_are_left_out_together() -> None:
+    pairs = SceneGroups({("made", f"{scene:02}"): f"{scene % 3}" for scene in range(5)})
+    found = [fit_bias(sums(DRIFT, scenes=5), floors(0.0), groups=one, level=0.95) for one in (NO_GROUPS, pairs)]
+    assert found[0].reduction.low != found[1].reduction.low

@@ -6,8 +6,9 @@ from tests.noise_models.simulated_tracks import MOTIONS, units
 
 from tracknoise.exceptions import SettingsError
 from tracknoise.findings.sampling.units import Units
-from tracknoise.noise_models.fitting.components import fit_components
+from tracknoise.noise_models.fitting.components import fit_components, fit_noise
 from tracknoise.noise_models.fitting.equations import NAMES, Equations, matrix, without_negative
+from tracknoise.noise_models.fitting.held_out import LeftOut
 from tracknoise.noise_models.fitting.independent import independent_sums
 from tracknoise.tables.enumerations import Resampled
 
@@ -121,3 +122,24 @@ def test_bounded_solutions_have_no_negative_eigenvalues() -> None:
     free = Equations(second, factors).solved(np.ones(5), range(4))
     assert np.linalg.eigvalsh(matrix(free[2]))[0] < 0
     np.testing.assert_allclose(without_negative(np.array([1.0, 2.0, 1.0])), 1.5)
+
+
+def test_covariances_alone_are_those_of_the_fit_with_intervals() -> None:
+    for seed, planted in ((3, {"white": 0.3}), (4, {"first": 0.2, "walk": 0.1}), (5, {"white": 0.3, "drift": 0.02})):
+        made = units(seed, scenes=8, **planted)
+        with_intervals, alone = fit_components(made, level=0.95).noise, fit_noise(made, level=0.95)
+        for name in ("first", "white", "walk", "drift"):
+            np.testing.assert_array_equal(getattr(alone, name), getattr(with_intervals, name))
+
+
+def test_each_choice_of_components_is_scored_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    scored, score = [], LeftOut.score
+
+    def counted(self: LeftOut, weights: np.ndarray, active: tuple[int, ...]) -> float:
+        scored.append(active)
+        return score(self, weights, active)
+
+    monkeypatch.setattr(LeftOut, "score", counted)
+    fit_components(units(3, scenes=8, white=0.3, walk=0.1), level=0.95)
+    assert len(scored) > 4
+    assert len(scored) == len(set(scored))

@@ -7,7 +7,11 @@ import polars as pl
 import pytest
 
 from tracknoise.findings.sampling.groups import SceneGroups
+from tracknoise.findings.sampling.units import Units
+from tracknoise.noise_models import learned_noise
 from tracknoise.noise_models.depth_intervals import depth_intervals
+from tracknoise.noise_models.fitting.components import fit_noise
+from tracknoise.noise_models.track_noise import TrackNoise
 from tracknoise.statistics.errors.log_histogram import BINS, bin_of
 from tracknoise.statistics.noise.windows import fit_windows
 from tracknoise.tables.schema import NOISE_SUMS, NOISE_TRACKS, WINDOW_NOISE, Schema
@@ -171,3 +175,19 @@ def test_scenes_without_windows_are_left_out() -> None:
 def test_without_sums_whole_tracks_are_left_out() -> None:
     tracks, sums, windows = planted("detection")
     assert "whole tracks" not in depth_intervals(tracks, sums.clear(), windows)["covariance"]
+
+
+def test_noise_is_fitted_once_for_each_part_of_the_scenes_of_a_condition(monkeypatch: pytest.MonkeyPatch) -> None:
+    fitted = []
+
+    def counted(units: Units, *, level: float) -> TrackNoise:
+        fitted.append(units)
+        return fit_noise(units, level=level)
+
+    monkeypatch.setattr(learned_noise, "fit_noise", counted)
+    tracks, sums, windows = planted("detection")
+    two = [pl.concat([table, table.with_columns(tracker=pl.lit("other"))]) for table in (tracks, sums, windows)]
+    for tables, conditions in (((tracks, sums, windows), 1), (two, 2)):
+        fitted.clear()
+        depth_intervals(*tables)
+        assert len(fitted) == learned_noise.FOLDS * conditions

@@ -1,5 +1,9 @@
 """Models of a run: fitted once, and fitted again when what they were fitted to has changed."""
 
+import json
+import shutil
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -38,15 +42,46 @@ def test_a_second_report_does_not_fit_again(fitted_run: RunFolder) -> None:
 
 
 def test_damaged_models_and_those_of_other_tables_are_fitted_again(fitted_run: RunFolder) -> None:
-    path, inputs = fitted_run.path / PATH, fitted_run.path / "statistics" / "noise" / "inputs.sha256"
-    whole, wanted = path.read_bytes(), inputs.read_text()
+    path, record = fitted_run.path / PATH, fitted_run.path / "statistics" / "noise" / "fits.json"
+    whole, wanted = path.read_bytes(), record.read_text()
     path.write_bytes(whole[:100])
     of(fitted_run)
     assert path.read_bytes() == whole
     path.write_text("{}")
-    inputs.write_text("of other tables")
+    record.write_text(wanted.replace(json.loads(wanted)["inputs"], "of other tables"))
     of(fitted_run)
-    assert (path.read_bytes(), inputs.read_text()) == (whole, wanted)
+    assert (path.read_bytes(), record.read_text()) == (whole, wanted)
+
+
+def test_models_of_another_program_are_fitted_again(fitted_run: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = fitted_run.path / PATH
+    known = of(fitted_run).models["oracle"].text
+    changed = path.read_text().replace('"tracker": "oracle"', '"tracker": "kept"')
+    path.write_text(changed)
+    assert of(fitted_run).models["oracle"].text == changed
+    monkeypatch.setattr("tracknoise.report.noise_fits._program", lambda: "other sources")
+    assert of(fitted_run).models["oracle"].text == known
+
+
+def test_tables_are_read_once_for_all_models_and_not_again(
+    fitted_run: RunFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = RunFolder(shutil.copytree(fitted_run.path, tmp_path / "run"))
+    shutil.rmtree(run.path / "statistics" / "noise")
+    read = Counter[str]()
+    stacked = RunFolder.stacked_tables
+
+    def counted(self: RunFolder, name: str, keys: Sequence[str]) -> Iterator[pl.DataFrame]:
+        read[name] += 1
+        return stacked(self, name, keys)
+
+    monkeypatch.setattr(RunFolder, "stacked_tables", counted)
+    of(run)
+    assert read.pop("noise_sums") == 2  # for the names of the trackers, and for the fits
+    assert set(read.values()) == {1}
+    read.clear()
+    of(run)
+    assert not read
 
 
 def test_runs_without_sums_have_no_models_and_write_nothing(run: RunFolder) -> None:

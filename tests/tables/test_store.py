@@ -57,6 +57,20 @@ def test_tables_that_are_read_together_are_those_of_each_sequence_and_damage_nam
         list(run.stacked_tables("frames", keys))
 
 
+def test_equal_tables_are_parsed_once_and_count_as_often_as_they_are_there(run, monkeypatch):
+    keys = [f"s{number}" for number in range(5)]
+    row = {name: ["same" if kind == pl.String else 1] for name, kind in schema.FRAME_COUNTS.items()}
+    tables = {name: schema.empty(columns) for name, columns in SEQUENCE_TABLES.items()}
+    for key in keys:
+        run.write_sequence(key, {**tables, "frames": pl.DataFrame(row, schema=dict(schema.FRAME_COUNTS))}, b"png")
+    parsed, scan = [], pl.scan_parquet
+    monkeypatch.setattr(pl, "scan_parquet", lambda sources: parsed.append(len(sources)) or scan(sources))
+    stacked = pl.concat(run.stacked_tables("frames", keys))
+    assert parsed == [1]
+    assert stacked.equals(pl.concat([run.sequence_table("frames", key) for key in keys]))
+    assert stacked.height == len(keys)
+
+
 def test_a_table_with_other_columns_is_refused_and_not_written(run):
     with pytest.raises(SchemaError, match="summary: column 0"):
         run.write_statistics({"summary": pl.DataFrame({"x": [1]})})

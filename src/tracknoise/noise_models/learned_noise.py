@@ -11,10 +11,8 @@ import polars as pl
 
 from tracknoise.exceptions import SettingsError
 from tracknoise.findings.sampling.groups import SceneGroups
-from tracknoise.findings.sampling.units import units_of
 from tracknoise.noise_models.depth_windows import LearnedNoise
-from tracknoise.noise_models.fitting.components import fit_components
-from tracknoise.noise_models.fitting.equations import COLUMNS
+from tracknoise.noise_models.fitting.components import fit_noise, sums_of_units
 from tracknoise.noise_models.track_noise import TrackNoise
 from tracknoise.noise_models.window_noise import scene_quantities
 from tracknoise.tables.defaults import LEVEL
@@ -60,10 +58,8 @@ def _learned(sums: pl.DataFrame, windows: pl.DataFrame, left_out: Collection[str
 def _components(sums: pl.DataFrame, groups: SceneGroups) -> TrackNoise | None:
     if sums.is_empty():
         return None
-    units = units_of(sums.drop("block"), sums, points=["product", "age"], columns=COLUMNS, groups=groups)
     try:
-        fitted = fit_components(units, level=LEVEL)
+        noise = fit_noise(sums_of_units(sums, groups), level=LEVEL)
     except SettingsError:  # too few errors
         return None
-    noise = TrackNoise(**{name: part.covariance for name, part in fitted.components.items()})
     return noise if (noise.first + noise.white + noise.walk + noise.drift).any() else None

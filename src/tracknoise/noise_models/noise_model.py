@@ -19,6 +19,7 @@ from tracknoise.noise_models.exports.export import Export, Target
 from tracknoise.noise_models.exports.render import export
 from tracknoise.noise_models.factors import factor_of
 from tracknoise.noise_models.fitting.fit import fitted_fields
+from tracknoise.noise_models.fitting.training_tables import TrainingTables, training_tables
 from tracknoise.noise_models.losses import Loss, LossKind, matched_loss
 from tracknoise.noise_models.model import (
     Bias,
@@ -106,7 +107,25 @@ class NoiseModel:
         StoreError, SchemaError
             If there is no finished run, or it does not hold what models are fitted to.
         """
-        return cls(**fitted_fields(RunFolder(Path(run)), tracker=tracker, speed=speed, scenes=scenes))
+        return cls.fitted_to(training_tables(RunFolder(Path(run)), tracker=tracker, speed=speed, scenes=scenes))
+
+    @classmethod
+    def fitted_to(cls, tables: TrainingTables) -> "NoiseModel":
+        """Fit a model to tables that were read before.
+
+        Parameters
+        ----------
+        tables
+            Of one tracker and speed (`tracknoise.noise_models.fitting.training_tables.training_tables`).
+
+        Raises
+        ------
+        SettingsError
+            If there are too few errors.
+        StoreError, SchemaError
+            If a table of a sequence is missing or damaged.
+        """
+        return cls(**fitted_fields(tables))
 
     def equivalent(self, *, landmark: Landmark, window: int, purpose: Purpose) -> Equivalent:
         """The standard deviation for a kind of estimator and a purpose, of the window that is nearest in length.

@@ -99,8 +99,11 @@ class TrackNoise:
             (carried * _walked(magnification, aged, scale), self.walk),
             (aged[:, :, None] * aged[:, None, :] * 1.0, self.drift),
         )
-        summed = sum(np.einsum("tjk,uv->tjukv", share, component) for share, component in shares)
-        return np.asarray(summed).reshape(len(carried), 2 * count, 2 * count)
+        summed = np.zeros((len(carried), count, 2, count, 2))
+        for share, component in shares:
+            if component.any():  # most models have two of the four
+                summed += np.einsum("tjk,uv->tjukv", share, component)
+        return summed.reshape(len(carried), 2 * count, 2 * count)
 
 
 def _walked(

@@ -1,6 +1,6 @@
 """The table files of the report, as CSV and as LaTeX."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import polars as pl
@@ -121,7 +121,7 @@ def to_latex(table: pl.DataFrame) -> str:
     """Write a table as a LaTeX ``tabular`` without packages: numbers to four digits, a dash where one is missing."""
     alignment = "".join("r" if kind.is_numeric() else "l" for kind in table.dtypes)
     heading = " & ".join(map(escape_latex, table.columns))
-    lines = [_latex_row(row) for row in table.iter_rows()]
+    lines = [" & ".join(cells) + " \\\\" for cells in zip(*map(_latex_cells, table), strict=True)]
     body = [f"\\begin{{tabular}}{{{alignment}}}", "\\hline", f"{heading} \\\\", "\\hline", *lines, "\\hline"]
     return "\n".join([*body, "\\end{tabular}", ""])
 
@@ -131,6 +131,10 @@ def escape_latex(text: str) -> str:
     return printable(text).translate(_LATEX)
 
 
-def _latex_row(values: Sequence[object]) -> str:
-    cells = [format(value, ".4g") if isinstance(value, float) else "--" if value is None else value for value in values]
-    return " & ".join(escape_latex(str(cell)) if cell != "--" else "--" for cell in cells) + " \\\\"
+def _latex_cells(column: pl.Series) -> list[str]:
+    """Cells of a column. A text that occurs often is escaped once."""
+    values = column.to_list()
+    if column.dtype.is_float():
+        return ["--" if value is None else format(value, ".4g") for value in values]
+    texts = {value: escape_latex(str(value)) for value in dict.fromkeys(values)} | {None: "--"}
+    return [texts[value] for value in values]

@@ -96,6 +96,8 @@ def read_parquet(path: Path, columns: schema.Schema, sha256: str | None) -> pl.D
 def read_stacked(files: Mapping[Path, str | None], columns: schema.Schema) -> pl.DataFrame:
     """Read several tables of the same columns as one, in their order. This takes half the time of one by one.
 
+    If all files are equal, one is parsed. Such files are mostly empty tables, of which a run has many.
+
     Parameters
     ----------
     files
@@ -109,10 +111,13 @@ def read_stacked(files: Mapping[Path, str | None], columns: schema.Schema) -> pl
         As `read_parquet`.
     """
     contents = {path: _content(path, sha256) for path, sha256 in files.items()}
+    every = list(contents.values())
+    are_equal = all(content == every[0] for content in every)
     try:
-        sources: list[IO[bytes]] = [io.BytesIO(content) for content in contents.values()]
-        table = pl.scan_parquet(sources).collect()
-        return schema.check(schema.with_new_categories(table, columns), columns, "tables")
+        sources: list[IO[bytes]] = [io.BytesIO(content) for content in (every[:1] if are_equal else every)]
+        table = schema.with_new_categories(pl.scan_parquet(sources).collect(), columns)
+        stacked = pl.concat([table] * len(every)) if are_equal else table
+        return schema.check(stacked, columns, "tables")
     except (OSError, SchemaError, *_DAMAGE):  # one by one, so that the error names the file
         return pl.concat([_parsed(path, content, columns) for path, content in contents.items()])
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tracknoise.findings.comparison.bias_change import bias_change
 from tracknoise.findings.comparison.change import FALLS, GROWS, Change, change_of
-from tracknoise.findings.comparison.estimands import ESTIMANDS, Estimand, Unit
+from tracknoise.findings.comparison.estimands import OfStatistic, Unit
 from tracknoise.findings.comparison.paired_values import PairedValues
 from tracknoise.findings.comparison.result import Compared
 from tracknoise.findings.factors.asking import ask
@@ -21,7 +21,7 @@ _FEW = f"at least {MIN_SCENES} are needed"
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class Asked(OfStatistic):
     """A statistic of a condition in two runs.
 
     Attributes
@@ -46,11 +46,6 @@ class Asked:
     scenes: Sequence[str]
     group: NDArray[np.intp]
     axis: str | None = None
-
-    @property
-    def estimand(self) -> Estimand:
-        """What is estimated."""
-        return ESTIMANDS[self.statistic]
 
     @property
     def worse(self) -> int:

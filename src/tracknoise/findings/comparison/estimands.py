@@ -95,3 +95,21 @@ ESTIMANDS: Mapping[str, Estimand] = {
 """By name, in the order in which they are reported."""
 OF_ERRORS = ("core", "second_moment", "bias", "tails", "growth")
 """Statistics of errors. Without meaning where true positions are fitted to the tracks."""
+
+
+class OfStatistic:
+    """Anything about one of the `ESTIMANDS`.
+
+    Attributes
+    ----------
+    statistic
+        Its name.
+    """
+
+    __slots__ = ()
+    statistic: str
+
+    @property
+    def estimand(self) -> Estimand:
+        """What is estimated."""
+        return ESTIMANDS[self.statistic]

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from tracknoise.findings.comparison.estimands import ESTIMANDS, Estimand
+from tracknoise.findings.comparison.estimands import OfStatistic
 from tracknoise.tables.enumerations import ChangeVerdict, ComparedAges
 
 
@@ -33,7 +33,7 @@ class Compared:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class Row(OfStatistic):
     """One statistic of one condition.
 
     Attributes
@@ -89,11 +89,6 @@ class Row:
     resampled: str | None
     scenes: Mapping[str, float]
 
-    @property
-    def estimand(self) -> Estimand:
-        """What is estimated."""
-        return ESTIMANDS[self.statistic]
-
 
 @dataclass(frozen=True, slots=True)
 class RunSide:
@@ -118,7 +113,7 @@ class RunSide:
 
 
 @dataclass(frozen=True, slots=True)
-class GateRow:
+class GateRow(OfStatistic):
     """Outcome of one tolerance in one condition.
 
     Attributes
@@ -143,11 +138,6 @@ class GateRow:
     effect: float | None
     low: float | None
     high: float | None
-
-    @property
-    def estimand(self) -> Estimand:
-        """What is estimated."""
-        return ESTIMANDS[self.statistic]
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,9 +30,9 @@ def ties(errors: Array) -> str | None:
     errors : (n, 2)
         In u and v, px.
     """
-    pairs = np.ascontiguousarray(errors + 0.0).view(np.complex128)  # -0.0 counts as 0.0
-    share = _commonest(pairs)
     of_axis = max((_commonest(axis) for axis in errors.T), default=0.0)
+    pairs = np.ascontiguousarray(errors + 0.0).view(np.complex128)  # -0.0 counts as 0.0
+    share = _commonest(pairs) if of_axis else 0.0  # equal pairs are equal in u
     if share <= MAX_SHARE and of_axis <= MAX_SHARE_OF_AXIS:
         return None
     zero = float(np.mean((errors == 0).any(axis=1)))

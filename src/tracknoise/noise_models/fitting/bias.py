@@ -6,8 +6,10 @@ the errors of the scene that was left out, that it removes, is
 
     sum(2 b' e - b' b) / sum(e' e)    (bias.reduction)
 
-Scenes of one group are left out together. A correction is warranted if this share is at least `LEAST_REDUCTION`, its
-interval does not reach 0, and the mean is more than twice what the errors of the truth may cause.
+Scenes of one group are left out together if there are enough groups. However few scenes there are, whole scenes are
+left out: tracks of a scene share its mean error, so that they would agree on it anyway. A correction is warranted if
+this share is at least `LEAST_REDUCTION`, its interval does not reach 0, and the mean is more than twice what the errors
+of the truth may cause.
 """
 
 from dataclasses import dataclass
@@ -18,8 +20,8 @@ from numpy.typing import NDArray
 
 from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.findings.sampling.jackknife import student_interval
-from tracknoise.findings.sampling.units import units_of
-from tracknoise.noise_models.fitting.independent import independent_sums
+from tracknoise.findings.sampling.units import by_number, units_of
+from tracknoise.noise_models.fitting.independent import group_numbers
 from tracknoise.noise_models.model import Bias, BiasKind, Interval
 from tracknoise.statistics.truth.floor import truth_floor
 from tracknoise.tables.enumerations import Axis, FloorSource, Product
@@ -56,8 +58,8 @@ def fit_bias(sums: pl.DataFrame, floors: pl.DataFrame, *, groups: SceneGroups, l
         Of the interval of the reduction.
     """
     errors = sums.filter(pl.col("product") == Product.error).with_columns(squares=pl.col("uu") + pl.col("vv"))
-    units = units_of(errors.drop("block"), errors, points=["age"], columns=_COLUMNS, groups=groups)
-    every = independent_sums(units)
+    units = units_of(errors, points=["age"], columns=_COLUMNS)
+    every = by_number(group_numbers(errors.unique("scene").sort("scene"), groups), units.sums)
     own = every[every[..., -1].sum(axis=1) > 0.0]
     if len(own) < 2:
         return Bias(kind=BiasKind.REFUSED, why="there is only one scene, so that none can be left out")

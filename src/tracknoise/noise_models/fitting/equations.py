@@ -65,6 +65,11 @@ class Equations:
         right = np.moveaxis(np.einsum("e,ei...,ek...->ik...", weights, x, y), (0, 1), (-2, -1))
         return np.moveaxis(np.linalg.pinv(left, hermitian=True) @ right, (-2, -1), (0, 1))
 
+    def half_traces(self, weights: Array, active: Sequence[int]) -> Array:
+        """Half the trace of each active component by least squares, (len(active), ...) float64, px^2."""
+        solved = self.solved(weights, active)
+        return np.asarray(0.5 * (solved[:, 0] + solved[:, 2]))
+
     def bounded(self, weights: Array, active: Sequence[int]) -> Array:
         """The same for one set of sums, without negative eigenvalues: (len(active), 3)."""
         x = np.nan_to_num(self.factors[:, list(active)])

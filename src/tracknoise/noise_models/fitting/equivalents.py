@@ -12,6 +12,7 @@ as wide, relative to it, as that for a free landmark.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -132,10 +133,9 @@ def _state(
 
 
 def _noise(fitted: "FittedComponents", speed: int) -> TrackNoise:
-    covariances = {name: part.covariance for name, part in fitted.components.items()}
-    covariances["walk"] = covariances["walk"] * speed
-    covariances["drift"] = covariances["drift"] * speed**2
-    return TrackNoise(**covariances)
+    """Per frame of the tracker."""
+    noise = fitted.noise
+    return replace(noise, walk=noise.walk * speed, drift=noise.drift * speed**2)
 
 
 def _scaled(interval: Interval, value: float) -> Interval:

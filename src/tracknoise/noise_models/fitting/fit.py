@@ -1,6 +1,6 @@
 """The fit of a noise model to the scenes of a run."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -8,52 +8,40 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import SettingsError
-from tracknoise.findings.sampling.units import units_of
 from tracknoise.noise_models.fitting.bias import fit_bias
 from tracknoise.noise_models.fitting.common import fit_common
-from tracknoise.noise_models.fitting.components import FittedComponents, fit_components
+from tracknoise.noise_models.fitting.components import FittedComponents, fit_components, sums_of_units
 from tracknoise.noise_models.fitting.conditions import conditions_of
-from tracknoise.noise_models.fitting.equations import COLUMNS
 from tracknoise.noise_models.fitting.equivalents import LENGTHS, equivalents
 from tracknoise.noise_models.fitting.gates import gates
 from tracknoise.noise_models.fitting.tails import fit_tails
-from tracknoise.noise_models.fitting.training_tables import TrainingTables, training_tables
+from tracknoise.noise_models.fitting.training_tables import TrainingTables
 from tracknoise.noise_models.fitting.training_windows import Recording, windows
 from tracknoise.noise_models.model import CameraOfModel, Equivalent, Training
-from tracknoise.noise_models.track_noise import TrackNoise
 from tracknoise.tables.defaults import LEVEL
-from tracknoise.tables.store import RunFolder
 
 _RECORDINGS = 2
 """Sequences whose motions the equivalents are for."""
 _LONGEST = max(LENGTHS)
 
 
-def fitted_fields(
-    folder: RunFolder,
-    *,
-    tracker: str,
-    speed: int,
-    scenes: Collection[str] | None = None,
-    level: float = LEVEL,
-) -> dict[str, Any]:
+def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, Any]:
     """Fields of `tracknoise.noise_models.noise_model.NoiseModel`, fitted to a run.
 
     Parameters
     ----------
-    folder
-        Of a finished run.
-    tracker, speed, scenes
-        As in `tracknoise.noise_models.fitting.training_tables.training_tables`.
+    read
+        Tables of the tracker at the speed.
     level
         Of the intervals.
 
     Raises
     ------
-    UnknownNameError, SettingsError, StoreError, SchemaError
-        As `training_tables`, and if there are too few errors.
+    SettingsError
+        If there are too few errors.
+    StoreError, SchemaError
+        If a table of a sequence is missing or damaged.
     """
-    read = training_tables(folder, tracker=tracker, speed=speed, scenes=scenes)
     sums = read["noise_sums"]
     fitted = components_of(read, level=level)
     last_age = int(sums["age"].max())  # type: ignore[arg-type]
@@ -62,7 +50,7 @@ def fitted_fields(
         "training": _training(read),
         "camera": _camera(read),
         **fitted.components,
-        "tails": fit_tails(read["samples"], _noise(fitted), last_age=last_age, groups=read.groups),
+        "tails": fit_tails(read["samples"], fitted.noise, last_age=last_age, groups=read.groups),
         "outlier_share": outliers["n_outliers"].to_numpy().sum() / outliers["n"].to_numpy().sum(),
         "outliers_beyond_px": _limit_px(outliers),
         "conditions": conditions_of(
@@ -83,24 +71,18 @@ def components_of(read: TrainingTables, *, level: float) -> FittedComponents:
     SettingsError
         If there are too few errors.
     """
-    sums = read["noise_sums"]
-    units = units_of(sums.drop("block"), sums, points=["product", "age"], columns=COLUMNS, groups=read.groups)
-    return fit_components(units, level=level)
+    return fit_components(sums_of_units(read["noise_sums"], read.groups), level=level)
 
 
 def equivalents_of(read: TrainingTables, fitted: FittedComponents, lengths: Sequence[int]) -> tuple[Equivalent, ...]:
     """Standard deviations for all observations, for windows of some lengths of the sequences of the tables."""
-    lifetimes, recordings, noise = _lifetimes(read["ends"]), _recordings(read), _noise(fitted)
+    lifetimes, recordings, noise = _lifetimes(read["ends"]), _recordings(read), fitted.noise
     limit_px, found = _limit_px(read["noise_outliers"]), list[Equivalent]()
     for length in lengths:
         some = windows(recordings, speed=read.speed, length=length, lifetimes=lifetimes)
         limits = gates(read["window_noise"], length, limit_px=limit_px, modelled=(some[0], noise))
         found.extend(equivalents(fitted, some, length=length, speed=read.speed, gates=limits))
     return tuple(found)
-
-
-def _noise(fitted: FittedComponents) -> TrackNoise:
-    return TrackNoise(**{name: part.covariance for name, part in fitted.components.items()})
 
 
 def _limit_px(outliers: pl.DataFrame) -> float:

@@ -47,8 +47,13 @@ class Selection:
     dropped: dict[int, Dropped]
 
 
+def choose(sums: "WeightedSums", *, level: float) -> tuple[int, ...]:
+    """Numbers of the components that `select` keeps, with its parameters."""
+    return _chosen(sums, _strict(level))[0]
+
+
 def select(sums: "WeightedSums", *, level: float) -> Selection:
-    """Choose the components.
+    """Choose the components, and say what is known of the others.
 
     Parameters
     ----------
@@ -57,12 +62,21 @@ def select(sums: "WeightedSums", *, level: float) -> Selection:
     level
         Of the intervals of the model.
     """
-    strict = 1.0 - (1.0 - level) / len(NAMES)
-    eliminated, dropped = _eliminated(sums, strict)
-    active = _better(sums, eliminated, strict)
+    strict = _strict(level)
+    active, eliminated, dropped = _chosen(sums, strict)
     swapped = {one: Dropped(_BETTER, _most(sums, (*active, one), strict)) for one in eliminated if one not in active}
     out = {one: why for one, why in {**dropped, **swapped}.items() if one not in active}
     return Selection(active, _alternatives(sums, active, level), out)
+
+
+def _strict(level: float) -> float:
+    return 1.0 - (1.0 - level) / len(NAMES)
+
+
+def _chosen(sums: "WeightedSums", level: float) -> tuple[tuple[int, ...], tuple[int, ...], dict[int, Dropped]]:
+    """What is kept, and what `_eliminated` found."""
+    eliminated, dropped = _eliminated(sums, level)
+    return _better(sums, eliminated, level), eliminated, dropped
 
 
 def _eliminated(sums: "WeightedSums", level: float) -> tuple[tuple[int, ...], dict[int, Dropped]]:

@@ -13,7 +13,7 @@ from tracknoise.tables.schema import NOISE_PAIRS, empty
 from tracknoise.tables.store import RunFolder
 
 _NEEDED, _PAIRS = "noise_sums", "noise_pairs"
-_POOLED = (_NEEDED, "noise_outliers", "noise_covariates", "samples", "ends", "window_noise", "floors", "rigid")
+_OTHERS = ("noise_outliers", "noise_covariates", "samples", "ends", "window_noise", "floors", "rigid")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,9 +76,13 @@ def conditions(folder: RunFolder) -> list[tuple[str, int]]:
     found = [table.select("tracker", "speed").unique() for table in folder.stored_tables(_NEEDED)]
     rows = sorted(pl.concat(found).unique().iter_rows()) if found else []
     if not rows:
-        expected = "a run of this version whose truth is known for each first position (neither scan nor triangulated)"
-        raise StoreError(f"{folder.path}: holds no sums for noise models, expected {expected}")
+        raise _without_sums(folder)
     return rows
+
+
+def _without_sums(folder: RunFolder) -> StoreError:
+    expected = "a run of this version whose truth is known for each first position (neither scan nor triangulated)"
+    return StoreError(f"{folder.path}: holds no sums for noise models, expected {expected}")
 
 
 def training_tables(
@@ -104,13 +108,26 @@ def training_tables(
     StoreError, SchemaError
         If a table is missing or damaged.
     """
-    known = conditions(folder)
-    names = {name for name, _ in known}
-    if tracker not in names:
-        raise UnknownNameError("tracker", tracker, names)
-    if (tracker, speed) not in known:
-        speeds = ", ".join(str(one) for name, one in known if name == tracker)
-        raise SettingsError(f"{folder.path}: found no speed {speed} of {tracker}, expected one of {speeds}")
+    return all_training_tables(folder, [(tracker, speed)], scenes=scenes)[0]
+
+
+def all_training_tables(
+    folder: RunFolder, wanted: Sequence[tuple[str, int]], *, scenes: Collection[str] | None = None
+) -> list[TrainingTables]:
+    """The same for several models. Each table of the run is read once.
+
+    Parameters
+    ----------
+    folder, scenes
+        As in `training_tables`.
+    wanted
+        Trackers and speeds.
+
+    Raises
+    ------
+    UnknownNameError, SettingsError, StoreError, SchemaError
+        As `training_tables`.
+    """
     entries = folder.manifest().sequences
     _require_scenes({entry.sequence.scene for entry in entries.values()}, scenes)
     chosen = {
@@ -118,21 +135,41 @@ def training_tables(
         for key, entry in sorted(entries.items())
         if _NEEDED in entry.sha256 and (scenes is None or entry.sequence.scene in scenes)
     }
-    of = {name: _pooled(folder, name, tuple(chosen), tracker, speed) for name in _POOLED}
-    if all(_PAIRS in entry.sha256 for entry in chosen.values()):
-        of[_PAIRS] = _pooled(folder, _PAIRS, tuple(chosen), tracker, speed)
-    else:  # scenes of an earlier version
-        of[_PAIRS] = empty(NOISE_PAIRS)
-    return TrainingTables(
-        tracker=tracker,
-        speed=speed,
-        settings=_settings(folder, tracker),
-        scenes=tuple(sorted(of[_NEEDED]["scene"].unique())),
-        keys=tuple(chosen),
-        groups=groups_of_run(folder),
-        tables=of,
-        folder=folder,
-    )
+    if not chosen:
+        raise _without_sums(folder)
+    has_pairs = all(_PAIRS in entry.sha256 for entry in chosen.values())  # scenes of an earlier version have none
+    names = [*_OTHERS, *([_PAIRS] if has_pairs else [])]
+    of = {_NEEDED: _pooled(folder, _NEEDED, tuple(chosen), wanted)}
+    if any(table.is_empty() for table in of[_NEEDED]):
+        _require_conditions(folder, wanted)
+    of |= {name: _pooled(folder, name, tuple(chosen), wanted) for name in names}
+    if not has_pairs:
+        of[_PAIRS] = [empty(NOISE_PAIRS)] * len(wanted)
+    groups = groups_of_run(folder)
+    return [
+        TrainingTables(
+            tracker=tracker,
+            speed=speed,
+            settings=_settings(folder, tracker),
+            scenes=tuple(sorted(of[_NEEDED][place]["scene"].unique())),
+            keys=tuple(chosen),
+            groups=groups,
+            tables={name: tables[place] for name, tables in of.items()},
+            folder=folder,
+        )
+        for place, (tracker, speed) in enumerate(wanted)
+    ]
+
+
+def _require_conditions(folder: RunFolder, wanted: Sequence[tuple[str, int]]) -> None:
+    known = conditions(folder)
+    names = {name for name, _ in known}
+    for tracker, speed in wanted:
+        if tracker not in names:
+            raise UnknownNameError("tracker", tracker, names)
+        if (tracker, speed) not in known:
+            speeds = ", ".join(str(one) for name, one in known if name == tracker)
+            raise SettingsError(f"{folder.path}: found no speed {speed} of {tracker}, expected one of {speeds}")
 
 
 def _require_scenes(known: set[str], wanted: Collection[str] | None) -> None:
@@ -143,9 +180,11 @@ def _require_scenes(known: set[str], wanted: Collection[str] | None) -> None:
         raise SettingsError("noise model: found no scenes to fit to, expected at least one")
 
 
-def _pooled(folder: RunFolder, name: str, keys: Sequence[str], tracker: str, speed: int) -> pl.DataFrame:
-    mine = (pl.col("tracker") == tracker) & (pl.col("speed") == speed)
-    return pl.concat([table.filter(mine) for table in folder.stacked_tables(name, keys)])
+def _pooled(folder: RunFolder, name: str, keys: Sequence[str], wanted: Sequence[tuple[str, int]]) -> list[pl.DataFrame]:
+    """Rows of each tracker and speed, of all sequences."""
+    rows = [(pl.col("tracker") == tracker) & (pl.col("speed") == speed) for tracker, speed in wanted]
+    parts = ([table.filter(mine) for mine in rows] for table in folder.stacked_tables(name, keys))
+    return [pl.concat(own) for own in zip(*parts, strict=True)]
 
 
 def _settings(folder: RunFolder, tracker: str) -> dict[str, object]:

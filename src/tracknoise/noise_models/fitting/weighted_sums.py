@@ -1,7 +1,7 @@
 """Sums of a condition and the weights of their equations: estimates from any of the components."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from tracknoise.findings.sampling.bounds import Method, pooled
 from tracknoise.findings.sampling.units import Units
 from tracknoise.noise_models.fitting.equations import Equations
-from tracknoise.noise_models.fitting.held_out import log_likelihoods
+from tracknoise.noise_models.fitting.held_out import LeftOut
 from tracknoise.noise_models.fitting.independent import independent_sums
 from tracknoise.tables.enumerations import IntervalKind
 
@@ -39,10 +39,19 @@ class WeightedSums:
         Sums by product and age, columns `tracknoise.noise_models.fitting.equations.COLUMNS`.
     weights
         (equations,) float64, of squared residuals.
+    left_out
+        What is left out in turn; None if nothing can be.
     """
 
     units: Units
     weights: Array
+    left_out: LeftOut | None
+    _scores: dict[tuple[int, ...], float] = field(default_factory=dict, init=False, repr=False)
+
+    @classmethod
+    def of(cls, units: Units, weights: Array) -> "WeightedSums":
+        """Of the units of a condition."""
+        return cls(units, weights, LeftOut.of(units.points, independent_sums(units)))
 
     def half_traces(self, active: Sequence[int], *, scale: str, level: float) -> Bounded:
         """Half traces of the active components, with Student's intervals from the jackknife on a scale."""
@@ -66,17 +75,16 @@ class WeightedSums:
         return np.array([every - self.held_out(rest) for rest in others])
 
     def held_out(self, active: Sequence[int]) -> float:
-        """Mean log likelihood of what was left out in turn, nat per error; NaN if nothing can be left out."""
-        own = independent_sums(self.units)
-        if len(own) < 2:
+        """Mean log likelihood of what was left out in turn, nat per error; NaN if nothing can be left out.
+
+        It is computed once for each choice of components, because a selection asks for most of them several times.
+        """
+        if self.left_out is None:
             return float("nan")
-        left_out = np.transpose(own.sum(axis=0) - own, (2, 1, 0))
-        half = np.maximum(self._solved(left_out, active), 0.0)
-        measured = Equations.of(np.transpose(own, (2, 1, 0)))
-        modelled = np.einsum("eau,au->eu", np.nan_to_num(measured.factors[:, list(active)]), half)
-        counts = own[..., 0].T
-        found = log_likelihoods(self.units.points, counts, measured.half_trace, modelled)
-        return float(np.average(found, weights=counts.sum(axis=0)))
+        chosen = tuple(active)
+        if chosen not in self._scores:
+            self._scores[chosen] = self.left_out.score(self.weights, chosen)
+        return self._scores[chosen]
 
     def _estimates(self, active: Sequence[int], of: Callable[[Array], Array], scale: str, level: float) -> Bounded:
         def statistics(sums: Array) -> Array:
@@ -94,5 +102,4 @@ class WeightedSums:
 
     def _solved(self, sums: Array, active: Sequence[int]) -> Array:
         """Half traces of the active components, from sums (columns, equations, ...)."""
-        solved = Equations.of(sums).solved(self.weights, active)
-        return np.asarray(0.5 * (solved[:, 0] + solved[:, 2]))
+        return Equations.of(sums).half_traces(self.weights, active)

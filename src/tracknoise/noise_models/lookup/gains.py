@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.findings.sampling.jackknife import student_interval
 from tracknoise.findings.sampling.units import by_number
-from tracknoise.noise_models.lookup.scene_sums import SceneSums, reference_view, scene_sums
+from tracknoise.noise_models.lookup.scene_sums import USED, SceneSums, reference_view, scene_sums
 from tracknoise.tables.defaults import LEVEL
 from tracknoise.tables.enumerations import IntervalKind, Lookup, Resampled
 from tracknoise.tables.findings_schema import NOISE_LOOKUP
@@ -86,7 +86,7 @@ def noise_lookup(
         Schema `NOISE_LOOKUP`. A table that has no more rows than a coarser one is left out. Without rows if there is
         nothing to look up by.
     """
-    tables = [table for table in sums if not table.is_empty()]
+    tables = [table.select(USED) for table in sums if not table.is_empty()]
     if not tables:
         return empty(NOISE_LOOKUP)
     rows = [
@@ -109,7 +109,7 @@ def _comparisons(sums: SceneSums, level: float) -> Iterator[dict[str, Any]]:
 
 def _that_differ(sums: SceneSums) -> list[Lookup]:
     """Tables each of which has more rows than the one before."""
-    counts = {lookup: len(np.unique(sums.labels(lookup))) for lookup in Lookup}
+    counts = {lookup: sums.count(lookup) for lookup in Lookup}
     return [one for place, one in enumerate(Lookup) if not place or counts[one] > counts[list(Lookup)[place - 1]]]
 
 

@@ -21,7 +21,7 @@ import polars as pl
 from tracknoise.exceptions import SettingsError
 from tracknoise.noise_models.fitting.bias import fit_bias
 from tracknoise.noise_models.fitting.fit import components_of, equivalents_of
-from tracknoise.noise_models.fitting.training_tables import TrainingTables, conditions, training_tables
+from tracknoise.noise_models.fitting.training_tables import TrainingTables, all_training_tables, conditions
 from tracknoise.noise_models.lookup.gains import LEAST, noise_lookup
 from tracknoise.noise_models.lookup.scene_sums import reference_view
 from tracknoise.noise_models.model import Bias, BiasKind, Interval, Landmark, Purpose
@@ -145,7 +145,7 @@ def noise_table(
     if not wanted:
         every = ", ".join(f"{one}@{at}" for one, at in known)
         raise SettingsError(f"{folder.path}: found none of the wanted trackers and speeds, expected some of {every}")
-    read = [training_tables(folder, tracker=one, speed=at) for one, at in wanted]
+    read = all_training_tables(folder, wanted)
     parts = [(tables, motion) for tables in read for motion in (None, *_motions(tables))]
     corrected = 1.0 - (1.0 - level) / len(parts)
     rows = tuple(_row(tables, motion, window, level, corrected) for tables, motion in parts)
@@ -197,8 +197,7 @@ def _sigma(read: TrainingTables, window: int, level: float) -> tuple[dict[Purpos
 def _bias(read: TrainingTables, level: float) -> Bias:
     if read["noise_sums"].is_empty():
         return Bias(kind=BiasKind.REFUSED, why="there are no errors")
-    sums = read["noise_sums"].with_columns(block=pl.lit(0, dtype=pl.UInt8))  # so that whole scenes are left out
-    return fit_bias(sums, read["floors"], groups=read.groups, level=level)
+    return fit_bias(read["noise_sums"], read["floors"], groups=read.groups, level=level)
 
 
 def _by_age(sums: pl.DataFrame) -> Iterator[SecondMoment]:

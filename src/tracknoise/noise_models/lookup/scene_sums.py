@@ -2,18 +2,21 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from math import prod
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.findings.sampling.groups import SceneGroups, scheme
+from tracknoise.statistics.grouping import group_rows
 from tracknoise.tables.enumerations import Lookup, Product, Resampled
 
 Array = NDArray[np.float64]
 
 _SUMS = ("n", "uu", "uv", "vv")
+USED = ("dataset", "scene", "rotation", "direction", "tracker", "speed", "product", "age", *_SUMS)
+"""Columns of `tracknoise.tables.schema.NOISE_SUMS` that are read."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,26 +46,28 @@ class SceneSums:
     conditions: tuple[tuple[str, int], ...]
     sums: Array
 
-    def labels(self, lookup: Lookup) -> NDArray[np.intp]:
-        """Number of the row of a table that each scene and condition is looked up in, (scenes, conditions)."""
-        condition = np.arange(len(self.conditions))
-        if lookup is Lookup.one:
-            condition = np.zeros_like(condition)
-        elif lookup is Lookup.tracker:
-            names = [name for name, _ in self.conditions]
-            condition = np.unique(names, return_inverse=True)[1]
-        motion = self.motion if lookup is Lookup.motion else np.zeros_like(self.motion)
-        return np.asarray(condition + len(self.conditions) * motion[:, None])
+    def count(self, lookup: Lookup) -> int:
+        """Number of rows of a table."""
+        motions = len(np.unique(self.motion)) if lookup is Lookup.motion else 1
+        return (int(self._row(lookup).max()) + 1) * motions
 
     def left_out(self, lookup: Lookup) -> Array:
         """What a table was made of without the scene that is looked up in it, (scenes, conditions, ages, 4)."""
-        labels, found = self.labels(lookup), np.zeros_like(self.sums)
-        for label in np.unique(labels):
-            mine = labels == label
-            of_scenes = np.where(mine[..., None, None], self.sums, 0.0).sum(axis=1)
-            others = of_scenes.sum(axis=0) - of_scenes
-            found[mine] = np.broadcast_to(others[:, None], found.shape)[mine]
-        return found
+        row = self._row(lookup)
+        own = np.stack([self.sums[:, row == one].sum(axis=1) for one in range(row.max() + 1)], axis=1)
+        motion = self.motion if lookup is Lookup.motion else np.zeros_like(self.motion)
+        every = np.empty_like(own)
+        for one in np.unique(motion):
+            every[motion == one] = own[motion == one].sum(axis=0)
+        return np.asarray((every - own)[:, row])
+
+    def _row(self, lookup: Lookup) -> NDArray[np.intp]:
+        """Number of the row that each condition is looked up in, among those of one motion, (conditions,)."""
+        if lookup is Lookup.one:
+            return np.zeros(len(self.conditions), dtype=np.intp)
+        if lookup is Lookup.tracker:
+            return np.unique([name for name, _ in self.conditions], return_inverse=True)[1]
+        return np.arange(len(self.conditions))
 
     def alone(self, lookup: Lookup) -> NDArray[np.bool_]:
         """Scenes that are the only ones of all of their rows, (scenes,)."""
@@ -75,7 +80,7 @@ def reference_view(sums: Iterable[pl.DataFrame]) -> pl.DataFrame:
     Parameters
     ----------
     sums
-        Of any sequences, schema `NOISE_SUMS`.
+        Of any sequences: columns of `NOISE_SUMS`, of which it needs rotation and direction.
     """
     table = pl.concat(sums)
     return table.filter(pl.col("rotation") == table["rotation"].min(), pl.col("direction") == table["direction"].max())
@@ -87,35 +92,27 @@ def scene_sums(sums: pl.DataFrame, groups: SceneGroups) -> Iterator[tuple[str, P
     Parameters
     ----------
     sums
-        What `reference_view` returns.
+        What `reference_view` returns, with at least the columns `USED`.
     groups
         Groups of scenes, such as those of one motion.
     """
-    for (dataset,), table in sorted(sums.partition_by("dataset", as_dict=True).items()):
+    for dataset in sums["dataset"].unique().sort():
         for product in (Product.error, Product.change):
-            some = table.filter(product=product)
+            some = sums.filter(dataset=dataset, product=product)
             if some.height:
-                yield str(dataset), product, _dense(some, str(dataset), groups)
+                yield dataset, product, _dense(some, dataset, groups)
 
 
 def _dense(table: pl.DataFrame, dataset: str, groups: SceneGroups) -> SceneSums:
-    scenes, scene = _numbered(table["scene"])
-    trackers, tracker = _numbered(table["tracker"])
-    speeds, speed = _numbered(table["speed"])
-    ages, age = _numbered(table["age"])
-    known, condition = np.unique(tracker * len(speeds) + speed, return_inverse=True)
-    dense = np.zeros((len(scenes), len(known), len(ages), len(_SUMS)))
-    np.add.at(dense, (scene, condition, age), table.select(pl.col(_SUMS).cast(pl.Float64)).to_numpy())
-    conditions = tuple((str(trackers[code // len(speeds)]), int(speeds[code % len(speeds)])) for code in known)
+    scene, condition, age = (group_rows(table, by) for by in (["scene"], ["tracker", "speed"], ["age"]))
+    shape = scene.count, condition.count, age.count
+    cell = np.ravel_multi_index((scene.index, condition.index, age.index), shape)
+    columns = [np.bincount(cell, table[name].to_numpy(), prod(shape)).reshape(shape) for name in _SUMS]
+    scenes = scene.keys["scene"].to_list()
     named = [groups.names.get((dataset, name), name) for name in scenes]
     motion = np.unique(named, return_inverse=True)[1]
-    return SceneSums(tuple(scenes), motion, *_units(groups.of(dataset, scenes)), conditions, dense)
-
-
-def _numbered(column: pl.Series) -> tuple[list[Any], NDArray[np.intp]]:
-    """Values that occur, sorted, and the number of the value of each row."""
-    values = column.unique().sort()
-    return values.to_list(), np.searchsorted(values.to_numpy(), column.to_numpy())
+    units = _units(groups.of(dataset, scenes))
+    return SceneSums(tuple(scenes), motion, *units, tuple(condition.keys.rows()), np.stack(columns, axis=-1))
 
 
 def _units(group: NDArray[np.intp]) -> tuple[NDArray[np.intp], Resampled]:

@@ -1,6 +1,6 @@
 """The noise models of a run over the errors that they were fitted to."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import altair as alt
 import polars as pl
@@ -28,7 +28,7 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
     models = noise_fits(data).models
     if not models:
         return [Absence(_ID, _TITLE, "This run has no noise model.")]
-    curves = {tracker: _curve(data, tracker, model) for tracker, model in models.items()}
+    curves = _curves(data, models)
     panels = [_panel(tracker, curve) for tracker, curve in curves.items()]
     table = pl.concat(list(curves.values()))
     bounded = table.drop_nulls(["low", "high"]).rename({"n_scenes": "n_resampled"})
@@ -44,10 +44,15 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
 _ADVICE = "Where the line leaves the band, one set of components does not describe tracks of all ages."
 
 
-def _curve(data: ReportData, tracker: str, model: NoiseModel) -> pl.DataFrame:
-    own = (pl.col("tracker") == tracker) & (pl.col("speed") == data.slowest) & (pl.col("product") == "error")
+def _curves(data: ReportData, models: Mapping[str, NoiseModel]) -> dict[str, pl.DataFrame]:
+    """Measured and modelled errors of each tracker. The sums of all trackers are read together."""
+    own = pl.col("tracker").is_in(list(models)) & (pl.col("speed") == data.slowest) & (pl.col("product") == "error")
     sums = pl.concat([table.filter(own) for table in data.run.stored_tables("noise_sums")])
-    return fitted_curve(sums, model.components, groups=groups_of_run(data.run))
+    groups = groups_of_run(data.run)
+    return {
+        tracker: fitted_curve(sums.filter(tracker=tracker), model.components, groups=groups)
+        for tracker, model in models.items()
+    }
 
 
 def _sentence(tracker: str, model: NoiseModel, curve: pl.DataFrame) -> str:

@@ -1,5 +1,6 @@
 """Intervals of depths of planted tracks: which noise makes them hold the true depths of other scenes."""
 
+from collections.abc import Iterator, Sequence
 from functools import cache
 
 import numpy as np
@@ -10,6 +11,7 @@ from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.findings.sampling.units import Units
 from tracknoise.noise_models import learned_noise
 from tracknoise.noise_models.depth_intervals import depth_intervals
+from tracknoise.noise_models.depth_windows import LearnedNoise
 from tracknoise.noise_models.fitting.components import fit_noise
 from tracknoise.noise_models.track_noise import TrackNoise
 from tracknoise.statistics.errors.log_histogram import BINS, bin_of
@@ -170,6 +172,23 @@ def test_scenes_without_windows_are_left_out() -> None:
     )
     assert (row["n_scenes"], row["n"]) == (3, 3 * TRACKS)
     assert depth_intervals(tracks, sums, windows.clear()).is_empty()
+
+
+def test_scenes_that_are_not_tried_are_left_out_with_their_group() -> None:
+    _, sums, windows = planted("walk")
+    groups = SceneGroups({("d", f"scene {place}"): f"group {place // 2}" for place in range(SCENES)})
+    kept = pl.col("scene") != "scene 1"
+    for some in ("scene 0", "scene 4"):
+        found = [
+            dict_of(learned_noise.learned_noise([some], *tables, groups=groups))
+            for tables in ((sums, windows), (sums.filter(kept), windows.filter(kept)))
+        ]
+        assert [list(one) for one in found] == [[(some,)]] * 2
+        assert found[0][some,].sigmas.equals(found[1][some,].sigmas) == (some == "scene 0")
+
+
+def dict_of(learned: Iterator[tuple[Sequence[str], LearnedNoise]]) -> dict[tuple[str, ...], LearnedNoise]:
+    return {tuple(scenes): noise for scenes, noise in learned}
 
 
 def test_without_sums_whole_tracks_are_left_out() -> None:

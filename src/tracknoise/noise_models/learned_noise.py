@@ -24,25 +24,29 @@ FOLDS = 4
 def learned_noise(
     scenes: Collection[str], sums: pl.DataFrame, windows: pl.DataFrame, *, groups: SceneGroups
 ) -> Iterator[tuple[Sequence[str], LearnedNoise]]:
-    """Scenes, and what all others say; nothing if fewer than two scenes or groups have windows.
+    """Scenes, and what all others say that are of none of their groups; nothing where none of these has windows.
 
     Parameters
     ----------
     scenes
-        Names of all scenes of the condition.
+        Names of the scenes that it is tried on.
     sums, windows
         Rows of the condition, schemas `NOISE_SUMS` and `WINDOW_NOISE`.
     groups
         Groups of scenes that are not independent of each other.
     """
-    known = sorted({*scenes} & {*windows["scene"]})
-    parts = _parts(windows["dataset"][0], known, groups) if known else []
-    if len(parts) > 1:
-        yield from ((part, _learned(sums, windows, part, groups)) for part in parts)
+    seen = {*windows["scene"]}
+    for part in _parts(sorted(seen | {*sums["scene"]}), sums, windows, groups):
+        tried = [scene for scene in part if scene in seen.intersection(scenes)]
+        if tried and seen.difference(part):
+            yield tried, _learned(sums, windows, part, groups)
 
 
-def _parts(dataset: str, scenes: list[str], groups: SceneGroups) -> list[list[str]]:
+def _parts(scenes: list[str], sums: pl.DataFrame, windows: pl.DataFrame, groups: SceneGroups) -> list[list[str]]:
     """Scenes that are left out together."""
+    if not scenes:
+        return []
+    (dataset,) = {*sums["dataset"], *windows["dataset"]}
     part = groups.of(dataset, scenes) % FOLDS
     return [[scene for scene, own in zip(scenes, part, strict=True) if own == one] for one in np.unique(part)]
 

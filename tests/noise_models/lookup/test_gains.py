@@ -120,6 +120,16 @@ def test_motions_with_one_scene_take_no_part():
     assert row(noise_lookup([sums(sizes)], groups=groups), Lookup.tracker, Lookup.one)["n_scenes"] == 11
 
 
+def test_without_two_scenes_of_a_motion_the_factor_has_no_interval():
+    """Scenes without any error have no factor. All others are the only ones of their motions."""
+    trackers = {"lk": 1.0, "matching": 4.0}
+    sizes = {(f"{place}", name, 1): own * (place < 4) for place in range(8) for name, own in trackers.items()}
+    groups = SceneGroups({("made", f"{place}"): f"motion {min(place, 4)}" for place in range(8)})
+    found = row(noise_lookup([sums(sizes)], groups=groups), Lookup.tracker, Lookup.one)
+    assert found["factor"] > 1.0
+    assert (found["factor_low"], found["factor_high"]) == (None, None)
+
+
 def test_few_units_have_a_gain_without_an_interval():
     table = noise_lookup([sums(by_motion(3, 2, 2.0))], groups=motions(3, 2))
     found = row(table, Lookup.motion, Lookup.one)

@@ -1,7 +1,7 @@
-"""The tables of a run that a noise model is fitted to, of one tracker at one speed."""
+"""The tables of a run that a noise model is fitted to, of one tracker at one speed in one view of each scene."""
 
 import tomllib
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import polars as pl
@@ -9,6 +9,8 @@ import polars as pl
 from tracknoise.exceptions import SettingsError, StoreError, UnknownNameError
 from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.findings.sampling.groups_of_scenes import groups_of_run
+from tracknoise.noise_models.reference_view import reference_view
+from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import NOISE_PAIRS, empty
 from tracknoise.tables.store import RunFolder
 
@@ -56,12 +58,22 @@ class TrainingTables:
 
     def of_scenes(self, scenes: Collection[str]) -> "TrainingTables":
         """The same of some of the scenes."""
-        kept = {key: one.sequence.scene in scenes for key, one in self.folder.manifest().sequences.items()}
+        of_scenes = self._of(pl.col("scene").is_in(list(scenes)), lambda sequence: sequence.scene in scenes)
+        return replace(of_scenes, scenes=tuple(sorted(scenes)))
+
+    def of_reference_view(self) -> "TrainingTables":
+        """The same of one view of each scene."""
+        view = reference_view(self[_NEEDED])
+        rows = pl.all_horizontal(pl.col(name) == value for name, value in view.items())
+        of_view = self._of(rows, lambda found: all(getattr(found, name) == value for name, value in view.items()))
+        return replace(of_view, scenes=tuple(sorted(of_view[_NEEDED]["scene"].unique())))
+
+    def _of(self, rows: pl.Expr, includes: Callable[[SequenceId], bool]) -> "TrainingTables":
+        entries = self.folder.manifest().sequences
         return replace(
             self,
-            scenes=tuple(sorted(scenes)),
-            keys=tuple(key for key in self.keys if kept[key]),
-            tables={name: table.filter(pl.col("scene").is_in(list(scenes))) for name, table in self.tables.items()},
+            keys=tuple(key for key in self.keys if includes(entries[key].sequence)),
+            tables={name: table.filter(rows) for name, table in self.tables.items()},
         )
 
 
@@ -146,7 +158,7 @@ def all_training_tables(
     if not has_pairs:
         of[_PAIRS] = [empty(NOISE_PAIRS)] * len(wanted)
     groups = groups_of_run(folder)
-    return [
+    read = [
         TrainingTables(
             tracker=tracker,
             speed=speed,
@@ -159,6 +171,7 @@ def all_training_tables(
         )
         for place, (tracker, speed) in enumerate(wanted)
     ]
+    return [tables.of_reference_view() for tables in read]
 
 
 def _require_conditions(folder: RunFolder, wanted: Sequence[tuple[str, int]]) -> None:

@@ -36,7 +36,8 @@ from numpy.typing import NDArray
 from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.findings.sampling.jackknife import student_interval
 from tracknoise.findings.sampling.units import by_number
-from tracknoise.noise_models.lookup.scene_sums import USED, SceneSums, reference_view, scene_sums
+from tracknoise.noise_models.lookup.scene_sums import USED, SceneSums, scene_sums
+from tracknoise.noise_models.reference_view import reference_view
 from tracknoise.tables.defaults import LEVEL
 from tracknoise.tables.enumerations import IntervalKind, Lookup, Resampled
 from tracknoise.tables.findings_schema import NOISE_LOOKUP
@@ -89,9 +90,10 @@ def noise_lookup(
     tables = [table.select(USED) for table in sums if not table.is_empty()]
     if not tables:
         return empty(NOISE_LOOKUP)
+    together = pl.concat(tables)
     rows = [
         {"dataset": dataset, "product": product, "level": level, **row}
-        for dataset, product, found in scene_sums(reference_view(tables), groups)
+        for dataset, product, found in scene_sums(together.filter(**reference_view(together)), groups)
         for row in _comparisons(found, level)
     ]
     return check(pl.DataFrame(rows, schema=dict(NOISE_LOOKUP), orient="row"), NOISE_LOOKUP, "noise lookup")
@@ -166,13 +168,18 @@ def _mean(sums: SceneSums, total: Array, count: Array, level: float) -> tuple[fl
     if not len(held):
         return None, None, None
     value = gained.sum() / held.sum()
-    if len(held) < LEAST_UNITS:
-        return float(value), None, None
     group = sums.motion[some] if sums.resampled == Resampled.within else None
+    if len(held) < LEAST_UNITS or not _vary(group):
+        return float(value), None, None
     without = (gained.sum() - gained) / (held.sum() - held)
     bounds = student_interval(value, without, level=level, sizes=held, groups=group)
     low, high = (float(value + _wider(group) * (bound - value)) for bound in bounds)
     return float(value), low, high
+
+
+def _vary(group: NDArray[np.intp] | None) -> bool:
+    """Whether there are units to resample: within groups, at least one of several scenes."""
+    return group is None or len(np.unique(group)) < len(group)
 
 
 def _wider(group: NDArray[np.intp] | None) -> float:

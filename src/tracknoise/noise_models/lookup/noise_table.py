@@ -23,7 +23,6 @@ from tracknoise.noise_models.fitting.bias import fit_bias
 from tracknoise.noise_models.fitting.fit import components_of, equivalents_of
 from tracknoise.noise_models.fitting.training_tables import TrainingTables, all_training_tables, conditions
 from tracknoise.noise_models.lookup.gains import LEAST, noise_lookup
-from tracknoise.noise_models.lookup.scene_sums import reference_view
 from tracknoise.noise_models.model import Bias, BiasKind, Interval, Landmark, Purpose
 from tracknoise.tables.defaults import LEVEL
 from tracknoise.tables.enumerations import Product
@@ -162,7 +161,7 @@ def _motions(read: TrainingTables) -> list[str]:
 def _row(read: TrainingTables, motion: str | None, window: int, level: float, corrected: float) -> NoiseRow:
     some = read if motion is None else read.of_scenes(_scenes(read, motion))
     outliers = some["noise_outliers"]
-    upright = reference_view([some["noise_sums"]])
+    sums = some["noise_sums"]
     sigma, why = _sigma(some, window, level)
     total = int(outliers["n"].sum())
     return NoiseRow(
@@ -172,8 +171,8 @@ def _row(read: TrainingTables, motion: str | None, window: int, level: float, co
         scenes=some.scenes,
         n=total,
         outlier_share=int(outliers["n_outliers"].sum()) / max(total, 1),
-        errors=tuple(_by_age(upright.filter(product=Product.error))),
-        changes=next(_moments(upright.filter(product=Product.change).with_columns(age=None)), None),
+        errors=tuple(_by_age(sums.filter(product=Product.error))),
+        changes=next(_moments(sums.filter(product=Product.change).with_columns(age=None)), None),
         sigma=sigma,
         bias=_bias(some, corrected),
         why=why,

@@ -1,6 +1,6 @@
 """Sums of products of errors by scene, condition and age, as arrays, and what they are looked up by."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import prod
 
@@ -74,25 +74,13 @@ class SceneSums:
         return np.asarray((self.left_out(lookup)[..., 0].sum(axis=-1) == 0.0).all(axis=1))
 
 
-def reference_view(sums: Iterable[pl.DataFrame]) -> pl.DataFrame:
-    """Rows of the upright view, played forward if there is one: turned errors cannot be added to others.
-
-    Parameters
-    ----------
-    sums
-        Of any sequences: columns of `NOISE_SUMS`, of which it needs rotation and direction.
-    """
-    table = pl.concat(sums)
-    return table.filter(pl.col("rotation") == table["rotation"].min(), pl.col("direction") == table["direction"].max())
-
-
 def scene_sums(sums: pl.DataFrame, groups: SceneGroups) -> Iterator[tuple[str, Product, SceneSums]]:
     """Sums of each dataset and of the products `error` and `change`, all lightings and cameras together.
 
     Parameters
     ----------
     sums
-        What `reference_view` returns, with at least the columns `USED`.
+        Of one view, with at least the columns `USED`.
     groups
         Groups of scenes, such as those of one motion.
     """

@@ -1,0 +1,47 @@
+"""What noise models are fitted to."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from tracknoise.noise_models.fitting.training_tables import all_training_tables
+from tracknoise.tables.store import RunFolder
+
+TEXT = """
+name = "views"
+speeds = [1]
+[dataset]
+reader = "simulated"
+[dataset.options]
+motions = ["sideways"]
+worlds = 2
+frames = 8
+width = 160
+height = 120
+supersampling = 1
+[[views]]
+[[views]]
+direction = "backward"
+speeds = [1, 2]
+[[views]]
+rotation = 90
+[[trackers]]
+kind = "oracle"
+options = { n_features = 30 }
+[statistics]
+min_features = 2
+"""
+
+
+def test_one_view_of_each_scene_is_read(tmp_path: Path, tracknoise: Callable[..., tuple[int, str, str]]) -> None:
+    """Speed 2 has no other than the one that is played backward."""
+    (tmp_path / "x.toml").write_text(TEXT)
+    run = tmp_path / "run"
+    assert tracknoise("run", tmp_path / "x.toml", "--out", run, "--workers", 1, "--no-report", "--quiet")[0] == 0
+    read = all_training_tables(RunFolder(run), [("oracle", 1), ("oracle", 2)])
+    for tables, direction in zip(read, ("forward", "backward"), strict=True):
+        for table in tables.tables.values():
+            assert set(table.select("rotation", "direction").unique().rows()) <= {(0, direction)}
+        entries = tables.folder.manifest().sequences
+        assert [entries[key].sequence.direction for key in tables.keys] == [direction] * 2
+        assert tables.scenes == ("sideways-00", "sideways-01")
+        assert tables["noise_sums"].height

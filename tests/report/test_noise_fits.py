@@ -5,6 +5,7 @@ import shutil
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -71,9 +72,9 @@ def test_tables_are_read_once_for_all_models_and_not_again(
     read = Counter[str]()
     stacked = RunFolder.stacked_tables
 
-    def counted(self: RunFolder, name: str, keys: Sequence[str]) -> Iterator[pl.DataFrame]:
+    def counted(self: RunFolder, name: str, keys: Sequence[str], **options: Any) -> Iterator[pl.DataFrame]:
         read[name] += 1
-        return stacked(self, name, keys)
+        return stacked(self, name, keys, **options)
 
     monkeypatch.setattr(RunFolder, "stacked_tables", counted)
     of(run)

@@ -51,6 +51,8 @@ def test_tables_that_are_read_together_are_those_of_each_sequence_and_damage_nam
     stacks = list(run.stacked_tables("frames", keys))
     assert 1 < len(stacks) < len(keys)
     assert pl.concat(stacks).equals(pl.concat([run.sequence_table("frames", key) for key in keys]))
+    some = pl.concat(run.stacked_tables("frames", keys, only=["speed", "scene"]))
+    assert some.equals(pl.concat(stacks).select("scene", "speed"))  # in the order of the table
     path = run.path / "frames" / "s17.parquet"
     path.write_bytes(path.read_bytes()[:-20])
     with pytest.raises(StoreError, match=r"s17\.parquet: damaged"):

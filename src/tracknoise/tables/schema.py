@@ -869,6 +869,8 @@ def with_new_categories(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
 
 def _continues(longer: pl.Enum, shorter: pl.Enum) -> bool:
     """Whether an enumeration begins with the categories of another and has more."""
+    if longer == shorter:  # as in almost every table
+        return False
     begins = longer.categories[: len(shorter.categories)].to_list() == shorter.categories.to_list()
     return begins and len(longer.categories) > len(shorter.categories)
 

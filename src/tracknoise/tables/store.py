@@ -10,7 +10,7 @@ run, ``.lock`` names the process that writes here.
 """
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -361,7 +361,7 @@ class RunFolder:
         for key in sorted(self._hashes_by_sequence()):
             yield self.sequence_table(name, key)
 
-    def stored_tables(self, name: str) -> Iterator[pl.DataFrame]:
+    def stored_tables(self, name: str, *, only: Collection[str] | None = None) -> Iterator[pl.DataFrame]:
         """Tables of the measured sequences that have them, in the order of their keys, as `stacked_tables`.
 
         Raises
@@ -370,10 +370,19 @@ class RunFolder:
             As `sequence_table`.
         """
         recorded = self._hashes_by_sequence()
-        yield from self.stacked_tables(name, [key for key in sorted(recorded) if name in recorded[key]])
+        yield from self.stacked_tables(name, [key for key in sorted(recorded) if name in recorded[key]], only=only)
 
-    def stacked_tables(self, name: str, keys: Sequence[str]) -> Iterator[pl.DataFrame]:
+    def stacked_tables(
+        self, name: str, keys: Sequence[str], *, only: Collection[str] | None = None
+    ) -> Iterator[pl.DataFrame]:
         """One table of each of some sequences, in order, a few sequences at a time as one table.
+
+        Parameters
+        ----------
+        name, keys
+            Of the table, and of the sequences.
+        only
+            Names of the columns that are wanted; by default all.
 
         Raises
         ------
@@ -383,7 +392,7 @@ class RunFolder:
         for start in range(0, len(keys), _STACKED):
             some = keys[start : start + _STACKED]
             files = {self._table_path(name, key): self._hash_of(name, key) for key in some}
-            yield read_stacked(files, _ALL_SEQUENCE_TABLES[name])
+            yield read_stacked(files, _ALL_SEQUENCE_TABLES[name], only=only)
 
     def write_statistics(self, tables: Mapping[str, pl.DataFrame]) -> None:
         """Write tables of `STATISTICS_TABLES` or `FINDINGS_TABLES` by name, then the manifest with their hashes.

@@ -36,6 +36,7 @@ from tracknoise.findings.two_truths import pose_disagreement_table, two_truths_t
 from tracknoise.findings.zero_mean import zero_mean
 from tracknoise.noise_models.depth_intervals import depth_intervals
 from tracknoise.noise_models.lookup.gains import noise_lookup
+from tracknoise.noise_models.lookup.scene_sums import USED
 from tracknoise.noise_models.window_noise import window_sigmas
 from tracknoise.sequences.sequence import TRIANGULATED, TruthKind
 from tracknoise.statistics.errors.change_curves import change_curves
@@ -174,7 +175,8 @@ def _of_sequences(run: RunFolder, **sampling: Unpack[_Sampling]) -> dict[str, pl
     """Findings that need one table of every sequence that has it, and nothing else."""
     pooled = {name: pool(run.stored_tables(table), **sampling) for name, (table, pool) in _OF_SEQUENCES.items()}
     windows = window_sigmas(run.stored_tables("window_noise"), run.stored_tables("window_blocks"), **sampling)
-    lookups = noise_lookup(run.stored_tables("noise_sums"), groups=sampling["groups"], level=sampling["level"])
+    sums = run.stored_tables("noise_sums", only=USED)
+    lookups = noise_lookup(sums, groups=sampling["groups"], level=sampling["level"])
     depths = depth_intervals(*(run.stored_tables(name) for name in _OF_DEPTHS), **sampling)
     return {**pooled, "window_sigmas": windows, "noise_lookup": lookups, "depth_intervals": depths}
 

@@ -102,8 +102,9 @@ def _shifted(sums: Array, shift: Array, orders: Iterable[Order]) -> dict[Order, 
 
 
 def _powers(values: Array) -> list[Array | int]:
-    """Powers of order 0 to 4."""
-    return [1, values, *(values**power for power in (2, 3, 4))]
+    """Powers of order 0 to 4, as products: the power function takes forty times as long."""
+    square = values * values
+    return [1, values, square, square * values, square * square]
 
 
 def _product(*factors: Array | int) -> Array:

@@ -85,7 +85,7 @@ def conditions(folder: RunFolder) -> list[tuple[str, int]]:
     StoreError
         If there are none.
     """
-    found = [table.select("tracker", "speed").unique() for table in folder.stored_tables(_NEEDED)]
+    found = [table.unique() for table in folder.stored_tables(_NEEDED, only=["tracker", "speed"])]
     rows = sorted(pl.concat(found).unique().iter_rows()) if found else []
     if not rows:
         raise _without_sums(folder)

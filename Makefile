@@ -28,6 +28,7 @@ lint: $(STAMP)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/oxlint --deny-warnings src/tracknoise/report/template
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks

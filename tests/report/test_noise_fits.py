@@ -1,5 +1,6 @@
 """Models of a run: fitted once, and fitted again when what they were fitted to has changed."""
 
+import dataclasses
 import json
 import shutil
 from collections import Counter
@@ -108,6 +109,20 @@ def test_the_figure_states_components_and_how_far_they_are_off(fitted_run: RunFo
     assert isinstance(figure, Figure)
     assert "oracle: each frame 0.2" in figure.look_for
     assert "from the measured errors." in figure.look_for
+    assert figure.message == "The model is inside the intervals of the measured errors"
+
+
+def test_ages_at_which_a_model_leaves_the_intervals_are_counted(
+    fitted_run: RunFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = ReportData.of(fitted_run)
+    (model,) = noise_fits(data).models.values()
+    larger = dataclasses.replace(model.white, covariance=4.0 * model.white.covariance)
+    twice = dataclasses.replace(model, white=larger)
+    monkeypatch.setattr(model_fit, "noise_fits", lambda data: NoiseFits({"oracle": twice}, {}, {}))
+    (figure,) = model_fit.figures(data)
+    assert isinstance(figure, Figure)
+    assert figure.message == "The model of oracle is outside the intervals at 13 of 13 ages"
 
 
 def test_the_figure_is_absent_without_a_model(run: RunFolder, tmp_path: Path) -> None:

@@ -29,6 +29,8 @@ _NEWEST = 5
 _FACTORS = (-4.0, 4.0)
 """Range of the standard deviation that is searched, as logarithm of its ratio to the one for a free landmark."""
 _DRAWS = 200
+_ROUNDING = 1e-3
+"""Error of a NEES that rounding may cause. It is larger where the poses of a window are not determined."""
 Covariances = Sequence[NDArray[np.float64]]
 """(tracks, 2 n, 2 n) float64 for each group of tracks, px^2."""
 
@@ -115,6 +117,19 @@ def outcomes(window: Sequence[LinearTracks], actual: Sequence[Covariances], assu
         Outcome(claimed, claimed @ one @ claimed, float(sum_ / freedom))
         for one, sum_ in zip(middle, squares, strict=True)
     ]
+
+
+def determines_poses(window: Sequence[LinearTracks]) -> bool:
+    """Whether tracks determine all poses of a window, so that an estimator with the true noise has a NEES of 1."""
+    if not window:
+        return False
+    white = scalar_covariances(window, 1.0)
+    try:
+        found = outcome(window, white, white)
+        errors = np.array([found.nees_all, found.nees_newest]) - 1.0
+    except np.linalg.LinAlgError:
+        return False
+    return bool((np.abs(errors) < _ROUNDING).all())
 
 
 def _innovations(

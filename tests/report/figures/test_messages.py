@@ -10,7 +10,16 @@ from tests.report import made_up_findings
 from tests.report.synthetic import DEGENERATE
 
 from tracknoise.findings.wording import percent, px, ratio
-from tracknoise.report.figures import curves, lifetimes, outlier_ratio, speeds, time_structure
+from tracknoise.report.figures import (
+    curves,
+    lifetimes,
+    light_stage,
+    outlier_ratio,
+    second_moments,
+    speeds,
+    time_structure,
+    window_sigmas,
+)
 from tracknoise.report.figures.families import FAMILIES
 from tracknoise.report.figures.figure import Figure
 from tracknoise.report.figures.message import MOST_NUMBERS, MOST_WORDS
@@ -115,3 +124,42 @@ def test_values_are_those_of_the_tables(data: ReportData) -> None:
     lies_apart = rows["untrimmed"]["u_low"] > rows["trimmed"]["u_high"]
     other = next(name for name in rows if name != data.trimming)
     assert message(curves.figures(data), f"error-by-age-{other}").endswith(ends) == lies_apart
+
+
+def test_the_sigma_to_set_is_stated_only_where_residuals_are_shown_to_mislead(data: ReportData) -> None:
+    def with_low(low: float | None) -> ReportData:
+        lows = pl.when(quantity="core_overconfidence").then(low).otherwise("low")
+        return dataclasses.replace(data, window_sigmas=data.window_sigmas.with_columns(low=lows))
+
+    row = data.nominal(data.window_sigmas).filter(quantity="core_overconfidence", window=15, tracker=data.trackers[0])
+    times = ratio(row["value"][0])
+    text = message(window_sigmas.figures(with_low(1.01)), "window-sigmas")
+    assert text == f"In windows of 15 frames, set {times} times what residuals of {data.trackers[0]} look like"
+    for low in (0.99, None):
+        assert message(window_sigmas.figures(with_low(low)), "window-sigmas") == ""
+
+
+def test_second_moments_in_u_and_v_are_compared_where_intervals_lie_apart(data: ReportData) -> None:
+    def with_factor(factor: float) -> ReportData:
+        """The run with other second moments in u."""
+        own = (pl.col("statistic") == "Phi") & (pl.col("coordinate") == "u")
+        bounds = [pl.when(own).then(pl.col(name) * factor).otherwise(name) for name in ("value", "low", "high")]
+        u = pl.when(statistic="Phi").then(pl.col("u") * factor).otherwise("u")
+        curves = data.curves.with_columns(u=u)
+        return dataclasses.replace(data, curves=curves, intervals=data.intervals.with_columns(bounds))
+
+    id = "second-moment-by-age"
+    assert "times as large in u as in v" in message(second_moments.figures(with_factor(100.0)), id)
+    assert "times as large in v as in u" in message(second_moments.figures(with_factor(0.01)), id)
+    at = {"role": "second", "since": REFERENCE_AGE, "trimming": data.trimming, "population": data.population}
+    first = data.nominal(data.points).filter(tracker=data.trackers[0], **at).row(0, named=True)
+    equal = with_factor((first["v"] / first["u"]) ** 2)
+    assert f"of {data.trackers[0]} is" not in message(second_moments.figures(equal), id)
+
+
+def test_the_light_stage_says_how_many_lightings_it_shows(make_run: Callable[..., RunFolder]) -> None:
+    data = ReportData.of(make_run(**WORLDS["a light stage"]))
+    (figure,) = light_stage.figures(data)
+    assert isinstance(figure, Figure)
+    shown = sum(name.startswith("image_") for name in figure.spec["datasets"])
+    assert figure.message.endswith(f" under {shown} of {len(data.lightings)} lightings")

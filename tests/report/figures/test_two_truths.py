@@ -53,6 +53,8 @@ def test_the_sentences_state_the_disagreement(made):
     assert "of one by the first truth is" in made[0].look_for
     rotation = float(made[2].look_for.split("differ by ")[1].split(" degrees")[0])
     assert rotation == pytest.approx(np.degrees(SIGMA_RAD * np.sqrt(2.0)), rel=0.2)
+    assert made[2].message.startswith("Relative poses of the truths differ by ")
+    assert float(made[2].message.split()[7]) == rotation
     for figure in made:
         assert "blocks" in figure.shows
 

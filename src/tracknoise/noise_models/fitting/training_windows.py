@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.pose import from_quaternion
+from tracknoise.noise_models.linear_benchmark import determines_poses
 from tracknoise.noise_models.linear_window import (
     CAMERA,
     LinearTracks,
@@ -22,6 +23,8 @@ _LEAST_MOTION = 0.01
 """Least distance of the first and the last camera of a window, as a share of the median depth."""
 _TRACKS, _LEAST_TRACKS = 20, 15
 """Tracks in each frame of a window, and fewest in all of it."""
+_MORE = (1, 4, 16)
+"""How many times as many tracks are drawn, until they determine the poses of a window."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,7 +68,7 @@ def windows(
     if found:
         return found
     poses = [trajectory(motion, length) for motion in Motion]
-    return [_linear(CAMERA, each, lifetimes, None) for each in poses]
+    return [window for each in poses if (window := _linear(CAMERA, each, lifetimes, None))]
 
 
 def _measured(
@@ -86,11 +89,16 @@ def _measured(
 def _linear(
     camera: Camera, poses: NDArray[np.float64], lifetimes: NDArray[np.int64], sights: NDArray[np.float64] | None
 ) -> Sequence[LinearTracks]:
+    """Tracks of one window, more of them where they do not determine its poses; none where more do not either."""
     length = len(poses)
     mean = np.clip(lifetimes, 3, length).mean()
     count = int(np.ceil(_TRACKS * (length + mean) / mean))
-    drawn = simulated_tracks(poses, n_tracks=count, lengths=lifetimes, camera=camera, sights=sights)
-    return [linear_tracks(camera, poses, tracks) for tracks in drawn]
+    for more in _MORE:
+        drawn = simulated_tracks(poses, n_tracks=more * count, lengths=lifetimes, camera=camera, sights=sights)
+        window = [linear_tracks(camera, poses, tracks) for tracks in drawn]
+        if determines_poses(window):
+            return window
+    return []
 
 
 def _middle(poses: pl.DataFrame, speed: int, length: int) -> NDArray[np.float64] | None:

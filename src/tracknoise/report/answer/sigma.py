@@ -4,7 +4,7 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.findings.wording import number, pixels
+from tracknoise.findings.wording import number, pixels, ratio
 from tracknoise.report.report_data import ReportData
 
 WINDOW = 15
@@ -32,6 +32,17 @@ def estimator_sentence(data: ReportData, tracker: str) -> str:
     bounds = "" if sigma["low"] is None else f" ({pixels(sigma['low'])} to {pixels(sigma['high'])})"
     size = f"{pixels(sigma['value'])} px{bounds}"
     return f"For {tracker}, set {size} for windows of {sigma['window']} frames. {_trust(found)}".strip()
+
+
+def sigma_message(data: ReportData) -> str:
+    """Sigma to set over that of residuals, for the tracker whose residuals mislead most; empty if none is shown to."""
+    rows = [_at_window(data, tracker).get("core_overconfidence") for tracker in data.trackers]
+    shown = [row for row in rows if row is not None and row["low"] is not None and row["low"] > 1.0]
+    if not shown:
+        return ""
+    row = max(shown, key=lambda one: one["low"])
+    times = f"{ratio(row['value'])} times what residuals of {row['tracker']} look like"
+    return f"In windows of {row['window']} frames, set {times}"
 
 
 def _trust(found: dict[str, dict[str, Any]]) -> str:

@@ -30,6 +30,7 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
         f"{listing(light_sweeps.sweeps(data))}.",
         look_for="Where shadows and bright spots move with the light, the images change although the scene does not.",
         spec=_chart(images),
+        message=f"Scene {entry.sequence.scene} under {len(images)} of {len(data.lightings)} lightings",
     )
     return [figure]
 

@@ -38,7 +38,21 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
         f"components, at the magnifications of these tracks. {describe_intervals(bounded, of='the measured errors')}"
     )
     look_for = " ".join([*(_sentence(tracker, models[tracker], curve) for tracker, curve in curves.items()), _ADVICE])
-    return [Figure(_ID, _TITLE, shows, look_for, arranged(panels, columns=2, independent=["fill"]))]
+    spec = arranged(panels, columns=2, independent=["fill"])
+    return [Figure(_ID, _TITLE, shows, look_for, spec, _message(curves))]
+
+
+def _message(curves: Mapping[str, pl.DataFrame]) -> str:
+    """At how many ages the model that fits worst lies outside the intervals; empty where a tracker has no interval."""
+    bounded = {tracker: curve.drop_nulls(["modelled", "low", "high"]) for tracker, curve in curves.items()}
+    if any(curve.is_empty() for curve in bounded.values()):
+        return ""
+    inside = pl.col("modelled").is_between("low", "high")
+    outside = {tracker: curve.filter(~inside).height for tracker, curve in bounded.items()}
+    worst = max(outside, key=lambda tracker: outside[tracker])
+    if outside[worst]:
+        return f"The model of {worst} is outside the intervals at {outside[worst]} of {bounded[worst].height} ages"
+    return f"{'The model is' if len(curves) == 1 else 'All models are'} inside the intervals of the measured errors"
 
 
 _ADVICE = "Where the line leaves the band, one set of components does not describe tracks of all ages."

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import altair as alt
 import polars as pl
 
-from tracknoise.findings.wording import SPACE, number
+from tracknoise.findings.wording import SPACE, number, ratio
 from tracknoise.report import style
 from tracknoise.report.axis import AGE
 from tracknoise.report.figures import marks
@@ -13,6 +13,7 @@ from tracknoise.report.figures.curve_grid import HEIGHT
 from tracknoise.report.figures.curves import no_curve
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Panel, arranged, layered
+from tracknoise.report.figures.message import apart
 from tracknoise.report.figures.series import Series
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import REFERENCE_AGE
@@ -34,7 +35,21 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
         for tracker in data.trackers:
             panels += _row(data, points.filter(tracker=tracker), Series("speed", data.speed_colours(tracker)), tracker)
     spec = arranged(panels, columns=3, independent=["color"])
-    return [Figure(name, title, _shows(data), _look_for(data, points), spec)]
+    return [Figure(name, title, _shows(data), _look_for(data, points), spec, _message(data))]
+
+
+def _message(data: ReportData) -> str:
+    """The tracker whose u and v differ most at the last age up to the reference age, if their intervals lie apart."""
+    near = data.nominal(data.points).filter(
+        pl.col("since").is_between(1, REFERENCE_AGE), role="second", trimming=data.trimming, population=data.population
+    )
+    last = near.filter(pl.col("since") == pl.col("since").max().over("tracker")).to_dicts()
+    found = [(row, *pair) for row in last for pair in ("uv", "vu") if row[pair[1]] and apart(row, row, *pair)]
+    if not found:
+        return ""
+    row, larger, smaller = max(found, key=lambda one: one[0][one[1]] / one[0][one[2]])
+    times = ratio((row[larger] / row[smaller]) ** 2)
+    return f"The second moment of {row['tracker']} is {times} times as large in {larger} as in {smaller}"
 
 
 def _points(data: ReportData) -> pl.DataFrame:

@@ -11,6 +11,7 @@ from tracknoise.report.bands import describe_intervals
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Panel, arranged, layered
+from tracknoise.report.figures.surroundings_message import surroundings_message
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.enumerations import EdgeSide, Occlusion, Surrounding
 
@@ -57,7 +58,8 @@ def _figure(data: ReportData, tracker: str) -> Figure | Absence:
     )
     colours = dict(zip(_COORDINATES.values(), style.shades(data.colour[tracker], len(_COORDINATES)), strict=True))
     panels = [_panel(points, one, row, colours) for row in _ROWS for one in present]
-    return Figure(name, title, shows, _look_for(table), arranged(panels, columns=len(present)))
+    spec = arranged(panels, columns=len(present))
+    return Figure(name, title, shows, _look_for(table), spec, surroundings_message(tracker, table))
 
 
 def _last_age(errors: pl.DataFrame, least: int) -> int | None:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import altair as alt
 import polars as pl
 
-from tracknoise.findings.wording import number, pixels
+from tracknoise.findings.wording import SPACE, number, pixels
 from tracknoise.report import style
 from tracknoise.report.bands import describe_intervals
 from tracknoise.report.figures import marks
@@ -85,6 +85,8 @@ def _of_poses(data: ReportData, table: pl.DataFrame) -> Figure:
         f"and {number(1e3 * value['translation'])} mm per axis. Errors that are independent from frame to frame give "
         "a level curve. A random walk grows with the square root of the number of frames.",
         spec=arranged(panels, columns=2, independent=["fill"]),
+        message=f"Relative poses of the truths differ by {number(value['rotation'])}{SPACE}° and "
+        f"{number(1e3 * value['translation'])}{SPACE}mm per axis",
     )
 
 

@@ -6,7 +6,7 @@ import altair as alt
 import polars as pl
 
 from tracknoise.report import style
-from tracknoise.report.answer.sigma import estimator_sentence
+from tracknoise.report.answer.sigma import estimator_sentence, sigma_message
 from tracknoise.report.bands import describe_intervals
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
@@ -37,7 +37,8 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
         f"second is what its residuals look like, without the tails. {describe_intervals(bounded, of='the lines')}"
     )
     look_for = " ".join([*filter(None, (estimator_sentence(data, tracker) for tracker in present)), _ADVICE])
-    return [Figure(_ID, _TITLE, shows, look_for, arranged(panels, columns=2, independent=["fill"]))]
+    spec = arranged(panels, columns=2, independent=["fill"])
+    return [Figure(_ID, _TITLE, shows, look_for, spec, sigma_message(data))]
 
 
 def _panel(table: pl.DataFrame, tracker: str) -> Panel:

@@ -1,7 +1,7 @@
 /** The exports of all models, unpacked when they are first needed. */
 let unpacked = null;
 
-async function unpack() {
+function unpack() {
   const packed = Uint8Array.from(atob(document.getElementById("noise-exports").textContent), (sign) => sign.charCodeAt(0));
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
   return new Response(stream).json();

@@ -149,18 +149,21 @@ function figure(role) {
   };
 }
 
+/** Draw a figure of the explorer again. */
+async function redraw(place) {
+  const spec = figure(place.dataset.explorer);
+  views.get(place.dataset.explorer)?.result.finalize();
+  const result = await vegaEmbed(place, spec, { actions: false, renderer: "svg" });
+  views.set(place.dataset.explorer, { result, spec });
+  openOnClick(result.view);
+  place.dataset.shown = JSON.stringify(chosen);
+  const message = `${place.getAttribute("aria-label")}: ${spec.usermeta.rows.length} points of `;
+  place.title = message + (spec.usermeta.colours.map(([name]) => name).join(", ") || "nothing");
+}
+
 /** Draw every figure of the explorer again. */
 async function show() {
-  for (const place of document.querySelectorAll("[data-explorer]")) {
-    const spec = figure(place.dataset.explorer);
-    views.get(place.dataset.explorer)?.result.finalize();
-    const result = await vegaEmbed(place, spec, { actions: false, renderer: "svg" });
-    views.set(place.dataset.explorer, { result, spec });
-    openOnClick(result.view);
-    place.dataset.shown = JSON.stringify(chosen);
-    const message = `${place.getAttribute("aria-label")}: ${spec.usermeta.rows.length} points of `;
-    place.title = message + (spec.usermeta.colours.map(([name]) => name).join(", ") || "nothing");
-  }
+  await Promise.all([...document.querySelectorAll("[data-explorer]")].map(redraw));
   legend();
 }
 

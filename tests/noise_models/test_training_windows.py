@@ -1,0 +1,30 @@
+"""Windows that a model is fitted with: their tracks determine all poses, however short tracks are."""
+
+import numpy as np
+import pytest
+
+from tracknoise.noise_models.fitting.equivalents import LENGTHS
+from tracknoise.noise_models.fitting.training_windows import windows
+from tracknoise.noise_models.linear_benchmark import determines_poses
+from tracknoise.noise_models.linear_window import CAMERA, Motion, linear_tracks, simulated_tracks, trajectory
+
+
+def drawn(n_tracks: int, lengths: np.ndarray | None = None):
+    poses = trajectory(Motion.SIDEWAYS, 30)
+    tracks = simulated_tracks(poses, n_tracks=n_tracks, lengths=lengths)
+    return [linear_tracks(CAMERA, poses, one) for one in tracks]
+
+
+def test_few_or_short_tracks_do_not_determine_poses():
+    assert determines_poses(drawn(80))
+    assert not determines_poses(drawn(2))
+    assert not determines_poses(drawn(40, np.full(10, 3)))
+    assert not determines_poses([])
+
+
+@pytest.mark.parametrize("length", LENGTHS)
+@pytest.mark.parametrize("lifetime", [2, 3, 4])
+def test_windows_of_short_tracks_have_enough_of_them(length, lifetime):
+    found = windows([], speed=1, length=length, lifetimes=np.full(20, lifetime))
+    assert len(found) == len(Motion)
+    assert all(determines_poses(window) for window in found)

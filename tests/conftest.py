@@ -1,6 +1,7 @@
 """Where the real samples lie (`TRACKNOISE_DATA`, or ``../shared/data``), and folders that many tests begin with."""
 
 import fcntl
+import gc
 import os
 import shutil
 import signal
@@ -18,6 +19,12 @@ from tracknoise.sequences import simulated
 
 settings.register_profile("tracknoise", deadline=None)  # how long an example takes depends on what else runs
 settings.load_profile("tracknoise")
+
+
+def pytest_collection_finish() -> None:
+    """What was collected stays until the end: to search it for garbage again and again takes processor time."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(autouse=True)

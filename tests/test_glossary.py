@@ -4,6 +4,7 @@ import ast
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -54,7 +55,8 @@ WORDS, NAMES = table("Words"), {rule.phrase: rule.instead for rule in table("Nam
 
 def violations(text: Text, rules: list[Rule] = WORDS) -> Iterator[str]:
     """One message for each phrase to avoid that occurs in a text."""
-    for rule in rules:
+    lower = text.content.lower()
+    for rule in (rule for rule in rules if rule.phrase.split()[0].lower() in lower):
         for found in rule.pattern.finditer(text.content):
             line = text.line + text.content.count("\n", 0, found.start())
             yield f"{text.place}:{line}: {' '.join(found[0].split())!r}; write: {rule.instead}"
@@ -67,9 +69,14 @@ def markdown(path: Path) -> Iterator[Text]:
     yield Text(str(path.relative_to(ROOT)), content)
 
 
+@cache
+def nodes(path: Path) -> tuple[ast.AST, ...]:
+    return tuple(ast.walk(ast.parse(path.read_text())))
+
+
 def python_text(path: Path) -> Iterator[Text]:
     """All string literals and docstrings of a module."""
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes(path):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             yield Text(str(path.relative_to(ROOT)), node.value, node.lineno)
 
@@ -77,7 +84,7 @@ def python_text(path: Path) -> Iterator[Text]:
 def names(path: Path) -> Iterator[tuple[str, int]]:
     """Names that a module defines, its own included, with their lines."""
     yield path.stem, 1
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes(path):
         if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
             yield node.name, node.lineno
         if isinstance(node, ast.ClassDef):

@@ -43,6 +43,8 @@ from tracknoise.tables.store import RunFolder
 
 _CONTROL = {"Cc", "Cs"}
 """Categories of characters that no setting may have."""
+FORMATS = ("svg", "pdf")
+"""Of the figures of a report."""
 _NO_FORMULA = re.compile(r"[-+]?(\d+\.?\d*(e[-+]?\d+)?|inf|nan)", re.IGNORECASE)
 
 
@@ -181,7 +183,7 @@ def analysis_of(scene: Path, names: list[str]) -> Iterator[str]:
 def shown_in_report(run: RunFolder, names: list[str], column: str) -> Iterator[str]:
     """Outcomes of the report of a run in which these names were measured."""
     try:
-        report = write_report(run, figure_formats=("svg", "pdf")).parent
+        report = write_report(run, figure_formats=FORMATS).parent
     except Exception as error:
         yield f"WRONG: no report for {names}: {type(error).__name__}: {str(error)[:300]}"
         return

@@ -24,7 +24,8 @@ options = {{ n_features = 100, margin_px = 2, covariance_px2 = [[{variance}, 0.0
 min_features = 2
 """
 GATE = 'ages = "mean"\ntrackers = ["front-end"]\n[tolerances]\ncore = 0.25\nlifetime = 0.25\n'
-PROGRAM = f'#!/bin/sh\nexec "{sys.executable}" -c "from tracknoise.cli.app import main; main()" "$@"\n'
+ONE_CORE = "import os; os.cpu_count = lambda: 1; from tracknoise.cli.app import main; main()"
+PROGRAM = f'#!/bin/sh\nexec "{sys.executable}" -c "{ONE_CORE}" "$@"\n'
 GIT = ["git", "-c", "user.name=someone", "-c", "user.email=someone@example.org"]
 
 

@@ -94,14 +94,13 @@ def wait_until(true):
 
 
 @pytest.mark.parametrize(
-    ("number", "text"),
+    ("count", "number", "text"),
     [
-        (signal.SIGINT, "interrupted"),
-        (signal.SIGTERM, "ended by SIGTERM"),
-        (signal.SIGHUP, "ended by SIGHUP"),
+        ("1", signal.SIGINT, "interrupted"),
+        ("2", signal.SIGTERM, "ended by SIGTERM"),
+        ("2", signal.SIGHUP, "ended by SIGHUP"),
     ],
 )
-@pytest.mark.parametrize("count", ["1", "2"])
 def test_a_program_is_ended_with_one_line_and_resumes(number, text, count, stalled, tmp_path, tracknoise):
     """The signal is sent five times to all processes, as soon as there is a worker, or the image is waited for."""
     pipes, content = stalled

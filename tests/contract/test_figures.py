@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from functools import partial
 
 import altair as alt
 import jsonschema
@@ -9,7 +10,7 @@ import pytest
 import vl_convert as vlc
 from tests.report.synthetic import DEGENERATE
 
-from tracknoise.report.export import specification
+from tracknoise.report.export import render, specification
 from tracknoise.report.figures.families import FAMILIES, Family
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.report_data import ReportData
@@ -58,10 +59,14 @@ def test_the_families_that_are_chosen_exist() -> None:
     assert AFFECTED.keys() <= WORLDS.keys()
 
 
-def test_figures_draw_without_a_warning(made: list[Figure | Absence], capfd: pytest.CaptureFixture[str]) -> None:
+def test_figures_draw_without_a_warning(
+    made: list[Figure | Absence], capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As files of a report are drawn, and hence without zoom."""
+    monkeypatch.setattr(vlc, "vegalite_to_svg", partial(vlc.vegalite_to_svg, show_warnings=True))
     for figure in made:
         if isinstance(figure, Figure):
-            svg = vlc.vegalite_to_svg(specification(figure), show_warnings=True)
+            svg = render(specification(figure), ("svg",))["svg"].decode()
             assert "<path" in svg
             assert "NaN" not in re.sub(r"base64,[^\"]*", "", svg)
     assert "WARN" not in capfd.readouterr().err
@@ -89,10 +94,14 @@ def small(make_run: Callable[..., RunFolder]) -> Callable[[str], RunFolder]:
 
 
 @pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.id)
-def test_figures_are_valid_and_repeatable(family: Family, small: Callable[[str], RunFolder]) -> None:
+def test_figures_are_valid_and_repeatable(
+    family: Family, small: Callable[[str], RunFolder], capfd: pytest.CaptureFixture[str]
+) -> None:
     made = [item for item in family.figures(ReportData.of(small(family.id))) if isinstance(item, Figure)]
     assert made
     alt.ConcatChart.validate(specification(made[0]))  # raises where Vega-Lite's schema is not kept
+    assert "<path" in vlc.vegalite_to_svg(specification(made[0]), show_warnings=True)  # with zoom, as pages draw it
+    assert "WARN" not in capfd.readouterr().err
     assert made == [item for item in family.figures(ReportData.of(small(family.id))) if isinstance(item, Figure)]
 
 

@@ -1,5 +1,7 @@
 """Metrics of point trackers in a run: from each sequence's own to means with intervals, and the report."""
 
+import tomllib
+
 import numpy as np
 import polars as pl
 import pytest
@@ -14,7 +16,13 @@ TOML = """
 name = "points"
 [dataset]
 reader = "simulated"
-options = {motions = ["sideways"], worlds = 6, frames = 6, width = 160, height = 120, supersampling = 1}
+[dataset.options]
+motions = ["sideways", "forward", "arvr"]
+worlds = 2
+frames = 6
+width = 160
+height = 120
+supersampling = 1
 [[trackers]]
 kind = "lucas-kanade"
 [statistics]
@@ -45,7 +53,8 @@ def run(tmp_path_factory):
 
 def test_metrics_are_means_over_sequences_with_intervals(run):
     table = pl.read_parquet(run / "statistics" / "point_tracking_metrics.parquet")
-    reader = Simulated(motions=("sideways",), worlds=6, frames=6, width=160, height=120, supersampling=1)
+    options = tomllib.loads(TOML)["dataset"]["options"]
+    reader = Simulated(**{**options, "motions": tuple(options["motions"])})
     each = [tn.tap_metrics(tn.measure(reader.open(scene), tn.LucasKanade())) for scene in reader.sequences()]
     for metric in ("delta_avg", "average_jaccard", "occlusion_accuracy", "expected_feature_age"):
         row = table.filter(metric=metric, raster="256x256").row(0, named=True)

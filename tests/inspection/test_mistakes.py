@@ -15,7 +15,7 @@ from tracknoise.sequences.registry import open_sequence
 from tracknoise.sequences.views import chosen_frames
 
 RECORDINGS = ("simulated", "tartanair", "sevenscenes")
-MOST_FRAMES = 60
+MOST_FRAMES = 40
 """Of a recording. To register the depth of a frame of 7-Scenes takes a fifth of a second."""
 
 

@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 
 from tracknoise.exceptions import StoreError, UnknownNameError
+from tracknoise.report import page as page_module
+from tracknoise.report.figures.families import FAMILIES
 from tracknoise.report.measured import truth_was_read
 from tracknoise.report.page import write_report
 from tracknoise.report.report_data import ReportData
@@ -125,7 +127,10 @@ def test_the_same_run_gives_the_same_bytes(make_run: Callable[..., RunFolder]) -
     assert written() == written()
 
 
-def test_a_new_report_replaces_the_old_one_whole(make_run: Callable[..., RunFolder]) -> None:
+def test_a_new_report_replaces_the_old_one_whole(
+    make_run: Callable[..., RunFolder], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(page_module, "FAMILIES", [family for family in FAMILIES if family.id == "feature-counts"])
     run = make_run(scenes=("replaced",), trackers=("one",), speeds=(1,), n_frames=6, born=4)
     write_report(run, figure_formats=("pdf",))
     (run.path / "report" / "figures" / "stale.svg").write_text("of an earlier run")

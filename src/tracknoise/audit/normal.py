@@ -71,14 +71,15 @@ def normal_equations(
     weight = weights(distance) / (scale * scale)
     known = np.where(np.isfinite(distance)[:, None], residual, 0.0)
     steep = 2.0 * weight / ((FREEDOM + np.nan_to_num(distance)) * scale * scale)
-    along = np.einsum("nij,ni->nj", np.nan_to_num(design), known)
+    finite = np.nan_to_num(design)
+    along = np.einsum("nij,ni->nj", finite, known)
     group = tracker * shape[1] + cluster
     order = np.argsort(group, kind="stable")
     ends = np.searchsorted(group[order], np.arange(shape[0] * shape[1] + 1))
     weighted, curvature = np.zeros((2, ends.size - 1, p, p))
     gradient = np.zeros((ends.size - 1, p))
     for number, rows in enumerate(np.split(order, ends[1:-1])):
-        some = np.nan_to_num(design[rows]).reshape(2 * len(rows), p)
+        some = finite[rows].reshape(2 * len(rows), p)
         weighted[number] = some.T @ (np.repeat(weight[rows], 2)[:, None] * some)
         curvature[number] = weighted[number] - along[rows].T @ (steep[rows, None] * along[rows])
         gradient[number] = weight[rows] @ along[rows]

@@ -25,7 +25,6 @@ frames = {N_FRAMES}
 width = 96
 height = 72
 supersampling = 1
-seed = SEED
 [[trackers]]
 kind = "oracle"
 [trackers.options]

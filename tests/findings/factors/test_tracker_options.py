@@ -111,7 +111,13 @@ name = "detectors"
 keep = "statistics"
 [dataset]
 reader = "simulated"
-options = { motions = ["sideways"], worlds = 6, frames = 8, width = 200, height = 150, supersampling = 1 }
+[dataset.options]
+motions = ["sideways", "forward", "arvr"]
+worlds = 2
+frames = 6
+width = 160
+height = 120
+supersampling = 1
 [[trackers]]
 kind = "lucas-kanade"
 [[trackers]]

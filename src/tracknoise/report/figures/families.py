@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
+from altair.utils.schemapi import debug_mode
+
 from tracknoise.report.cells import Cells
 from tracknoise.report.figures.figure import Absence, Figure, require_distinct
 from tracknoise.report.report_data import ReportData
@@ -47,9 +49,14 @@ class Family:
     what_if: str = ""
 
     def figures(self, data: ReportData) -> Sequence[Figure | Absence]:
-        """Make the figures of a run, in order. Modules are imported when they are needed."""
+        """Make the figures of a run, in order. Modules are imported when they are needed.
+
+        Altair's checks of each part against the schema of Vega-Lite are off: they take a third of the time. The tests
+        check whole figures.
+        """
         makers: list[Callable[[ReportData], Sequence[Figure | Absence]]] = [_load(name) for name in self.drawn_by]
-        made = [item for make in makers for item in make(data)]
+        with debug_mode(False):
+            made = [item for make in makers for item in make(data)]
         require_distinct(made)
         withheld = self.of_errors and data.truth_is_fitted
         return [Absence(item.id, item.title, _WITHHELD) for item in made] if withheld else made

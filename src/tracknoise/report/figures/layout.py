@@ -1,8 +1,8 @@
 """Panels arranged in one Vega-Lite specification."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, Self, TypeAlias
 
 import altair as alt
 
@@ -66,12 +66,24 @@ def _limit_title(spec: Spec) -> None:
         spec["title"] = {"limit": width, **(title if isinstance(title, dict) else {"text": title})}
 
 
+class _Layers(alt.LayerChart):
+    """Layers whose shallow copies share the charts. Altair copies every chart whenever a property is set."""
+
+    def copy(self, deep: bool | Iterable[Any] = True, ignore: list[str] | None = None) -> Self:
+        if deep:
+            return super().copy(deep, ignore)
+        whole = type(self)()
+        for name, value in self._kwds.items():
+            whole[name] = value
+        return whole
+
+
 def layered(*charts: alt.Chart) -> alt.LayerChart:
     """Draw charts above each other, the last on top. If all are of the same data, these belong to the whole.
 
     `altair.layer` gives the same, but copies every chart and its data four times.
     """
-    whole = alt.LayerChart()
+    whole = _Layers()
     if all(chart.data is charts[0].data for chart in charts):
         whole.data = charts[0].data
         charts = tuple(chart.copy(deep=False) for chart in charts)

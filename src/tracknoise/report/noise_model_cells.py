@@ -133,7 +133,7 @@ def _common(model: NoiseModel) -> list[str]:
     text = f"All features of a frame have {_percent(share.value)} of the variance in common{bounds}."
     if not share.low:
         return [text]
-    return [text, f"More than {number(1.0 / share.value)} features in a frame therefore improve a pose little."]
+    return [text, f"More than {1.0 / share.value:.0f} features in a frame therefore improve a pose little."]
 
 
 def _floor(model: NoiseModel) -> list[str]:

@@ -1,10 +1,10 @@
 """Runs that are killed at random moments and resumed, compared with one that was left alone.
 
-    python -m benchmarks.attack kills [--count N] [--seed N]
+    python -m benchmarks.attack kills [--count N] [--seed N] [--phases PHASE ...]
 
 Each run is the whole program, `tracknoise run` with two workers, in a folder of its own. Runs that are killed before
 the report begins write none, because it would take most of the time. SIGKILL goes to the program, to some of its
-workers, or to all at once, at a random moment of each phase in turn. A program that was killed is started again. In the
+workers, or to all at once, at a random moment of each phase, or of the phases that are named, in turn. A program that was killed is started again. In the
 end every file of the run must be the same to the byte; of the manifest, everything but the seconds. Workers of a killed
 program must end by themselves: printed is how long that took.
 """
@@ -14,6 +14,7 @@ import random
 import shutil
 import signal
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 
 from benchmarks.attack.subject import OF_REPORT, PHASES, SCENES, Subject, measured, subject, wait_for, workers
 
@@ -26,19 +27,22 @@ def main(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.attack kills", description=__doc__)
     parser.add_argument("--count", type=int, default=30)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--phases", nargs="+", choices=PHASES, default=list(PHASES))
     options = parser.parse_args(arguments)
-    with subject() as whole, subject("--no-report") as short:
-        attacked = {phase: whole if phase in OF_REPORT else short for phase in PHASES}
+    with ExitStack() as stack:
+        settings = {phase: () if phase in OF_REPORT else ("--no-report",) for phase in options.phases}
+        subjects = {setting: stack.enter_context(subject(*setting)) for setting in sorted(set(settings.values()))}
+        attacked = {phase: subjects[setting] for phase, setting in settings.items()}
         wrong = _all(attacked, random.Random(options.seed), options.count)
     print(f"{options.count - wrong} of {options.count} runs are the same as the one that was left alone")
     return int(bool(wrong))
 
 
 def _all(subjects: Mapping[str, Subject], rng: random.Random, count: int) -> int:
-    killed = wrong = 0
+    phases, killed, wrong = tuple(subjects), 0, 0
     while killed < count:
-        phase = PHASES[killed % len(PHASES)]
-        victim = VICTIMS[killed // len(PHASES) % len(VICTIMS)] if phase in ("workers", "measurement") else "program"
+        phase = phases[killed % len(phases)]
+        victim = VICTIMS[killed // len(phases) % len(VICTIMS)] if phase in ("workers", "measurement") else "program"
         attacked = subjects[phase]
         shutil.rmtree(attacked.folder / "run", ignore_errors=True)
         result = _one(attacked, phase, victim, rng)

@@ -4,9 +4,9 @@
 
 Each run is the whole program, `tracknoise run` with two workers, in a folder of its own. Runs that are killed before
 the report begins write none, because it would take most of the time. SIGKILL goes to the program, to some of its
-workers, or to all at once, at a random moment of each phase, or of the phases that are named, in turn. A program that was killed is started again. In the
-end every file of the run must be the same to the byte; of the manifest, everything but the seconds. Workers of a killed
-program must end by themselves: printed is how long that took.
+workers, or to all at once, at a random moment of each phase, or of the phases that are named, in turn. A program that
+was killed is started again. In the end every file of the run must be the same to the byte; of the manifest, everything
+but the seconds. Workers of a killed program must end by themselves: printed is how long that took.
 """
 
 import argparse

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 
 from tracknoise.exceptions import DataError
 from tracknoise.inspection.check_report import CheckReport, Item, SequenceReport, Severity
+from tracknoise.inspection.clipped_depth import clipped_depth
 from tracknoise.inspection.clock import clock
 from tracknoise.inspection.depths import depths
 from tracknoise.inspection.evidence import Evidence
@@ -96,6 +97,8 @@ def _from_images(sequence: Sequence, evidence: Evidence) -> Iterator[Item]:
     yield warping(evidence)
     if named.severity is not Severity.fatal:  # otherwise a focal length would be fitted to the mistake
         yield focal_length(evidence)
+        if (clipped := clipped_depth(evidence)) is not None:
+            yield clipped
     yield clock(evidence, sequence.timestamps_s)
 
 

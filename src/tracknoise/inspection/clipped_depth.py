@@ -1,0 +1,82 @@
+"""The topic clipped depth: whether the largest depth of a recording stands for everything farther away."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.inspection.check_report import Item, Severity
+from tracknoise.inspection.evidence import Evidence
+from tracknoise.inspection.hypotheses import AS_GIVEN, Hypothesis
+from tracknoise.inspection.pairs import Pair
+from tracknoise.inspection.residuals import relative_pose, reprojection_px
+
+_FARTHER = tuple(Hypothesis("clipped", "depths are clipped", depth_scale=factor) for factor in (1.25, 1.6, 2.5, 1000.0))
+_SAME = 1e-6
+"""Depths that differ less, relative to themselves, are the same number: they were interpolated between pixels."""
+_LEAST_SHARE, _FEWEST_POINTS, _FEWEST_PAIRS = 0.02, 5, 6
+_MOST_GAIN, _LEAST_BETTER = 0.75, 0.75
+"""Residuals must fall below this share, in at least this share of the pairs. Judged is by the half of the pairs with
+the larger image motion."""
+_FLOOR_PX = 0.05
+
+
+def clipped_depth(evidence: Evidence) -> Item | None:
+    """Compare points at the largest depth with points that are farther away; None where nothing is wrong.
+
+    Parameters
+    ----------
+    evidence
+        Image motion of a sequence with its poses and depths.
+
+    Returns
+    -------
+    Item or None
+        A caveat if at least 2 % of the points have the largest depth to the digit, and the image motion fits clearly
+        better with these points farther away. Without translation of the camera nothing can be said.
+    """
+    if not evidence.has_depth:
+        return None
+    depths = np.concatenate([pair.depth_first_m for pair in evidence.pairs])
+    known = depths[np.isfinite(depths)]
+    largest_m = float(known.max())
+    share = float(_is_largest(known, largest_m).mean())
+    found = np.array(list(_residuals(evidence, largest_m))).reshape(-1, 2 + len(_FARTHER))
+    if share < _LEAST_SHARE or len(found) < _FEWEST_PAIRS:
+        return None
+    motion, given, *tried = np.maximum(found[found[:, 0] >= np.median(found[:, 0])], _FLOOR_PX).T
+    farther = min(tried, key=lambda residual: float(np.log(residual).mean()))
+    if np.exp(np.log(farther / given).mean()) > _MOST_GAIN or (farther < given).mean() < _LEAST_BETTER:
+        return None
+    text = (
+        f"{share:.0%} of the points have the largest depth, {largest_m:.4g} m, to the digit. The residual of these "
+        f"points falls from {np.median(given):.2g} to {np.median(farther):.2g} px if they are farther away (image "
+        f"motion {np.median(motion):.3g} px). Their depths were probably clipped. Give such pixels no depth."
+    )
+    return Item("clipped depth", Severity.caveat, text, {"share": share, "largest_m": largest_m})
+
+
+def _residuals(evidence: Evidence, largest_m: float) -> Iterator[list[float]]:
+    """Motion of each pair, px, and median residuals of its points at the largest depth: as given, and farther away."""
+    for pair in evidence.pairs:
+        chosen = _is_largest(pair.depth_first_m, largest_m)
+        relative = relative_pose(evidence.poses, pair)
+        if chosen.sum() >= _FEWEST_POINTS and np.isfinite(relative).all():
+            part = _chosen(pair, chosen)
+            found = (reprojection_px(part, relative, evidence.camera, one) for one in (AS_GIVEN, *_FARTHER))
+            yield [pair.motion_px, *(float(np.median(np.linalg.norm(residual, axis=1))) for residual in found)]
+
+
+def _is_largest(depth_m: NDArray[np.float64], largest_m: float) -> NDArray[np.bool_]:
+    return np.asarray(depth_m >= largest_m * (1.0 - _SAME), dtype=np.bool_)
+
+
+def _chosen(pair: Pair, chosen: NDArray[np.bool_]) -> Pair:
+    return replace(
+        pair,
+        uv_first=pair.uv_first[chosen],
+        uv_second=pair.uv_second[chosen],
+        depth_first_m=pair.depth_first_m[chosen],
+        depth_second_m=pair.depth_second_m[chosen],
+    )

@@ -44,6 +44,7 @@ min_features = 5
 """
 NOTICED, UNCHANGED, REPAIRED, SKIPPED = "noticed", "unchanged", "repaired", "not read"
 WRONG = ("changed", "crashed")
+OF_REPORT = ("report", "statistics/noise")
 
 
 @dataclass(frozen=True)
@@ -206,11 +207,11 @@ def resumed(folder: Path, run: Path, expected: dict[str, object]) -> Iterator[Ou
 
 
 def contents(run: Path) -> dict[str, object]:
-    """Files of a run that it is measured by: all but the report, and of the manifest not the wall times."""
+    """Files of a run: all but what a report writes, which are also its noise models, and no wall times."""
     files: dict[str, object] = {
         str(path.relative_to(run)): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in sorted(run.rglob("*"))
-        if path.is_file() and path.relative_to(run).parts[0] != "report"
+        if path.is_file() and not any(path.is_relative_to(run / written) for written in OF_REPORT)
     }
     try:
         manifest = json.loads((run / "manifest.json").read_bytes())

@@ -14,9 +14,8 @@ import random
 import shutil
 import signal
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
 
-from benchmarks.attack.subject import OF_REPORT, PHASES, SCENES, Subject, measured, subject, wait_for, workers
+from benchmarks.attack.subject import PHASES, SCENES, Subject, measured, subjects, wait_for, workers
 
 VICTIMS = ("program", "worker", "all")
 _SHOWN = 3
@@ -29,27 +28,24 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--phases", nargs="+", choices=PHASES, default=list(PHASES))
     options = parser.parse_args(arguments)
-    with ExitStack() as stack:
-        settings = {phase: () if phase in OF_REPORT else ("--no-report",) for phase in options.phases}
-        subjects = {setting: stack.enter_context(subject(*setting)) for setting in sorted(set(settings.values()))}
-        attacked = {phase: subjects[setting] for phase, setting in settings.items()}
+    with subjects(options.phases) as attacked:
         wrong = _all(attacked, random.Random(options.seed), options.count)
     print(f"{options.count - wrong} of {options.count} runs are the same as the one that was left alone")
     return int(bool(wrong))
 
 
-def _all(subjects: Mapping[str, Subject], rng: random.Random, count: int) -> int:
-    phases, killed, wrong = tuple(subjects), 0, 0
+def _all(attacked: Mapping[str, Subject], rng: random.Random, count: int) -> int:
+    phases, killed, wrong = tuple(attacked), 0, 0
     while killed < count:
         phase = phases[killed % len(phases)]
         victim = VICTIMS[killed // len(phases) % len(VICTIMS)] if phase in ("workers", "measurement") else "program"
-        attacked = subjects[phase]
-        shutil.rmtree(attacked.folder / "run", ignore_errors=True)
-        result = _one(attacked, phase, victim, rng)
+        program = attacked[phase]
+        shutil.rmtree(program.folder / "run", ignore_errors=True)
+        result = _one(program, phase, victim, rng)
         if result is None:  # it had ended, or there was no worker
             continue
         killed += 1
-        differing = attacked.differences("run")
+        differing = program.differences("run")
         wrong += bool(differing)
         verdict = f"OTHER FILES: {', '.join(differing[:_SHOWN])}" if differing else "the same"
         print(f"{victim:>8} killed in phase {phase:>11}: {result}: {verdict}", flush=True)

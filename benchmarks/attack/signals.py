@@ -1,6 +1,6 @@
 """Runs that are ended by a signal at random moments and resumed, compared with one that was left alone.
 
-    python -m benchmarks.attack signals [--count N] [--seed N]
+    python -m benchmarks.attack signals [--count N] [--seed N] [--phases PHASE ...]
 
 Ctrl-C, SIGTERM and SIGHUP go to the program alone or to all its processes, as from a terminal, once or five times. The
 program must print exactly one line, exit with 128 plus the number of the signal, and leave no worker. After the run is
@@ -18,7 +18,7 @@ import shutil
 import signal
 import subprocess
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from benchmarks.attack.subject import (
     PHASES,
@@ -26,7 +26,7 @@ from benchmarks.attack.subject import (
     Subject,
     handles_signals,
     measured,
-    subject,
+    subjects,
     wait_for,
     wait_until_stopped,
     workers,
@@ -43,24 +43,26 @@ def main(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.attack signals", description=__doc__)
     parser.add_argument("--count", type=int, default=30)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--phases", nargs="+", choices=PHASES, default=list(PHASES))
     options = parser.parse_args(arguments)
-    with subject() as attacked:
+    with subjects(options.phases) as attacked:
         wrong = _all(attacked, random.Random(options.seed), options.count)
     print(f"{options.count - wrong} of {options.count} runs ended with one line and have the same results")
     return int(bool(wrong))
 
 
-def _all(attacked: Subject, rng: random.Random, count: int) -> int:
-    sent = wrong = 0
+def _all(attacked: Mapping[str, Subject], rng: random.Random, count: int) -> int:
+    phases, sent, wrong = tuple(attacked), 0, 0
     while sent < count:
-        phase, number = PHASES[sent % len(PHASES)], NUMBERS[sent % len(NUMBERS) - sent // len(PHASES) % len(NUMBERS)]
+        phase, number = phases[sent % len(phases)], NUMBERS[(sent + sent // len(phases)) % len(NUMBERS)]
+        subject = attacked[phase]
         times, group = rng.choice(TIMES), rng.random() < 0.5
-        shutil.rmtree(attacked.folder / "run", ignore_errors=True)
-        program = attacked.start("run")
-        if not attacked.reach(program, "run", phase, rng):
+        shutil.rmtree(subject.folder / "run", ignore_errors=True)
+        program = subject.start("run")
+        if not subject.reach(program, "run", phase, rng):
             program.communicate()
             continue
-        there, done = workers(program.pid), measured(attacked.folder / "run")
+        there, done = workers(program.pid), measured(subject.folder / "run")
         if not interrupt(program, number, times, group=group):
             program.communicate()
             continue
@@ -68,8 +70,8 @@ def _all(attacked: Subject, rng: random.Random, count: int) -> int:
         faults = _faults(program, number)
         if wait_for(there) == float("inf"):
             faults.append("a worker is left")
-        status = attacked.resume("run")
-        faults += [f"resumed with status {status}"] * bool(status) + attacked.differences("run")
+        status = subject.resume("run")
+        faults += [f"resumed with status {status}"] * bool(status) + subject.differences("run")
         wrong += bool(faults)
         how = f"{number.name} {times} x to {'all' if group else 'the program'}"
         verdict = "; ".join(faults) or "one line, the same"

@@ -9,8 +9,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -108,6 +108,15 @@ def subject(*options: str) -> Iterator[Subject]:
         expected = _contents(folder / "alone")
         print(f"left alone: {len(expected)} files; {text}", flush=True)
         yield Subject(folder, expected, phases_s, options)
+
+
+@contextmanager
+def subjects(phases: Sequence[str]) -> Iterator[dict[str, Subject]]:
+    """A subject for each phase. Those before the report begins write none, because it would take most of the time."""
+    options = {phase: () if phase in OF_REPORT else ("--no-report",) for phase in phases}
+    with ExitStack() as stack:
+        made = {option: stack.enter_context(subject(*option)) for option in sorted(set(options.values()))}
+        yield {phase: made[option] for phase, option in options.items()}
 
 
 def workers(pid: int) -> list[psutil.Process]:

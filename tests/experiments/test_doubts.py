@@ -48,6 +48,13 @@ def test_a_planted_mistake_is_named(name):
     assert any(words in sentence for sentence in found), found
 
 
+def test_clipped_depths_are_named():
+    first = simulated().depth(0)
+    largest = float(np.quantile(first.depth_m[first.valid], 0.6))
+    found = doubts(measured(Planted(simulated(), depths=lambda depth_m, _: np.minimum(depth_m, largest))), KINDS)
+    assert any("Their depths were probably clipped" in sentence for sentence in found), found
+
+
 def what_a_run_says(measurement):
     """The sentences with which findings and report begin where data look wrong."""
     return tracknoise.analyse(measurement).findings().filter(topic="data")["text"].to_list()

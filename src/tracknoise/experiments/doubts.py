@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tracknoise.experiments.settings import SYNTHETIC
 from tracknoise.inspection.check_report import Item, Severity
+from tracknoise.inspection.clipped_depth import clipped_depth
 from tracknoise.inspection.depths import FARTHEST_M, NEAREST_M
 from tracknoise.inspection.evidence import Evidence
 from tracknoise.inspection.files_and_rates import intrinsics
@@ -56,14 +57,17 @@ def _of_poses(measurement: "Measurement") -> list[Item]:
 
 
 def _of_mistakes(measurement: "Measurement", observed: pl.DataFrame) -> list[Item]:
-    """The usual mistakes, from the tracks of one tracker. A camera that changes is left out."""
+    """The usual mistakes and clipped depths, from the tracks of one tracker. A camera that changes is left out."""
     sequence = measurement.sequence
     if isinstance(sequence, ChangingCamera) and len({sequence.camera_at(i) for i in range(measurement.n_frames)}) > 1:
         return []
     born = measurement.truth in (TruthKind.birth, TruthKind.raycast)
     pairs = tuple(_pairs(observed, _depths_at_birth(measurement, observed) if born else {}))
     poses = sequence.world_from_camera[: measurement.n_frames]
-    return [mistakes(Evidence.of(Flow(pairs, ()), poses, sequence.camera))]
+    evidence = Evidence.of(Flow(pairs, ()), poses, sequence.camera)
+    named = mistakes(evidence)
+    clipped = clipped_depth(evidence) if named.severity is not Severity.fatal else None
+    return [named, *filter(None, [clipped])]
 
 
 def _depths_at_birth(measurement: "Measurement", observed: pl.DataFrame) -> dict[int, float]:

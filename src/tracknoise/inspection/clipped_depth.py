@@ -12,7 +12,9 @@ from tracknoise.inspection.hypotheses import AS_GIVEN, Hypothesis
 from tracknoise.inspection.pairs import Pair
 from tracknoise.inspection.residuals import relative_pose, reprojection_px
 
-_FARTHER = tuple(Hypothesis("clipped", "depths are clipped", depth_scale=factor) for factor in (1.25, 1.6, 2.5, 1000.0))
+_FACTORS = (1.25, 1.6, 2.5, 1000.0)
+_FARTHER = tuple(Hypothesis("farther", "points are farther away", depth_scale=factor) for factor in _FACTORS)
+_NEARER = tuple(Hypothesis("nearer", "points are nearer", depth_scale=1.0 / factor) for factor in _FACTORS)
 _SAME = 1e-6
 """Depths that differ less, relative to themselves, are the same number: they were interpolated between pixels."""
 _LEAST_SHARE, _FEWEST_POINTS, _FEWEST_PAIRS = 0.02, 5, 6
@@ -23,7 +25,7 @@ _FLOOR_PX = 0.05
 
 
 def clipped_depth(evidence: Evidence) -> Item | None:
-    """Compare points at the largest depth with points that are farther away; None where nothing is wrong.
+    """Compare points at the largest depth as if they were farther away, and nearer; None where nothing is wrong.
 
     Parameters
     ----------
@@ -34,7 +36,8 @@ def clipped_depth(evidence: Evidence) -> Item | None:
     -------
     Item or None
         A caveat if at least 2 % of the points have the largest depth to the digit, and the image motion fits clearly
-        better with these points farther away. Without translation of the camera nothing can be said.
+        better with each of these points at some greater depth than at any smaller one. Right depths have no such
+        preference. Without translation of the camera nothing can be said.
     """
     if not evidence.has_depth:
         return None
@@ -42,12 +45,11 @@ def clipped_depth(evidence: Evidence) -> Item | None:
     known = depths[np.isfinite(depths)]
     largest_m = float(known.max())
     share = float(_is_largest(known, largest_m).mean())
-    found = np.array(list(_residuals(evidence, largest_m))).reshape(-1, 2 + len(_FARTHER))
+    found = np.array(list(_residuals(evidence, largest_m))).reshape(-1, 4)
     if share < _LEAST_SHARE or len(found) < _FEWEST_PAIRS:
         return None
-    motion, given, *tried = np.maximum(found[found[:, 0] >= np.median(found[:, 0])], _FLOOR_PX).T
-    farther = min(tried, key=lambda residual: float(np.log(residual).mean()))
-    if np.exp(np.log(farther / given).mean()) > _MOST_GAIN or (farther < given).mean() < _LEAST_BETTER:
+    motion, given, nearer, farther = np.maximum(found[found[:, 0] >= np.median(found[:, 0])], _FLOOR_PX).T
+    if np.exp(np.log(farther / nearer).mean()) > _MOST_GAIN or (farther < nearer).mean() < _LEAST_BETTER:
         return None
     text = (
         f"{share:.0%} of the points have the largest depth, {largest_m:.4g} m, to the digit. The residual of these "
@@ -57,15 +59,24 @@ def clipped_depth(evidence: Evidence) -> Item | None:
     return Item("clipped depth", Severity.caveat, text, {"share": share, "largest_m": largest_m})
 
 
-def _residuals(evidence: Evidence, largest_m: float) -> Iterator[list[float]]:
-    """Motion of each pair, px, and median residuals of its points at the largest depth: as given, and farther away."""
+def _residuals(evidence: Evidence, largest_m: float) -> Iterator[tuple[float, float, float, float]]:
+    """Motion of each pair, px, and three median residuals of its points at the largest depth, px.
+
+    They are: at this depth, and with each point at this or that smaller, or this or that greater depth that fits best.
+    """
     for pair in evidence.pairs:
         chosen = _is_largest(pair.depth_first_m, largest_m)
         relative = relative_pose(evidence.poses, pair)
         if chosen.sum() >= _FEWEST_POINTS and np.isfinite(relative).all():
             part = _chosen(pair, chosen)
-            found = (reprojection_px(part, relative, evidence.camera, one) for one in (AS_GIVEN, *_FARTHER))
-            yield [pair.motion_px, *(float(np.median(np.linalg.norm(residual, axis=1))) for residual in found)]
+            given, nearer, farther = (_best_px(evidence, part, relative, others) for others in ((), _NEARER, _FARTHER))
+            yield pair.motion_px, given, nearer, farther
+
+
+def _best_px(evidence: Evidence, pair: Pair, relative: NDArray[np.float64], others: tuple[Hypothesis, ...]) -> float:
+    """Median residual, px, with each point where it fits best: as given, or as others say."""
+    tried = [reprojection_px(pair, relative, evidence.camera, one) for one in (AS_GIVEN, *others)]
+    return float(np.median(np.linalg.norm(tried, axis=2).min(axis=0)))
 
 
 def _is_largest(depth_m: NDArray[np.float64], largest_m: float) -> NDArray[np.bool_]:

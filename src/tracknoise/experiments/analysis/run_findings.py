@@ -26,9 +26,8 @@ from tracknoise.findings.places.image_cells import image_cells
 from tracknoise.findings.places.speed_errors import speed_errors
 from tracknoise.findings.places.surrounding_errors import surrounding_errors
 from tracknoise.findings.point_tracking import point_tracking_metrics
-from tracknoise.findings.sampling.groups import SceneGroups
+from tracknoise.findings.sampling.groups import SceneGroups, scheme
 from tracknoise.findings.sampling.groups_of_scenes import groups_of_scenes
-from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.seed_spread import Repeat, seed_spread, widened
 from tracknoise.findings.shape.gaussianity import gaussianity
 from tracknoise.findings.tracker_differences import tracker_differences
@@ -124,8 +123,9 @@ def _tables(
     population, least = experiment.truth.population, experiment.statistics.min_features
     pairs: list[pl.DataFrame] = []  # of changes
     lived: list[pl.DataFrame] = []
-    pooled = _pooled_curves(run, manifest, least, pairs)  # first, while no other tables are in memory
     groups = groups_of_scenes(manifest.sequences, experiment.dataset.groups)
+    few = views_resampled_by_block(manifest, groups)
+    pooled = _pooled_curves(run, least, few, pairs)  # first, while no other tables are in memory
     read = FindingInputs.read(run, population, reference, groups)
     asked, zeros = experiment.findings, reference.key_frames
     options: _CurveOptions = {
@@ -158,11 +158,8 @@ def _tables(
     }
 
 
-def _pooled_curves(
-    run: RunFolder, manifest: Manifest, least: int, pairs: list[pl.DataFrame]
-) -> dict[str, pl.DataFrame]:
+def _pooled_curves(run: RunFolder, least: int, few: pl.DataFrame, pairs: list[pl.DataFrame]) -> dict[str, pl.DataFrame]:
     """Curves of aspects and of changes. What time structure needs of changes is kept in `pairs`: they are read once."""
-    few = _views_of_few_scenes(manifest)
     increments = in_chunks(run.sequence_tables("increments"), INCREMENTS, "increments")
     moved = _keeping(increments, pairs, lambda table: lagged(table, few))
     return {
@@ -250,13 +247,28 @@ def _keeping(
         yield table
 
 
-def _views_of_few_scenes(manifest: Manifest) -> pl.DataFrame:
-    """Datasets and views that have so few scenes that blocks are resampled."""
+def views_resampled_by_block(manifest: Manifest, groups: SceneGroups) -> pl.DataFrame:
+    """Datasets and views that have so few scenes, or groups of them, that blocks are resampled.
+
+    Parameters
+    ----------
+    manifest
+        Of the run.
+    groups
+        Groups of scenes that are not independent of each other.
+
+    Returns
+    -------
+    polars.DataFrame
+        Columns dataset and those of `VIEW`: a row for each.
+    """
     names = {"dataset": SEQUENCE["dataset"], **VIEW}
-    of = [entry.sequence for entry in manifest.sequences.values()]
-    rows = [tuple(getattr(sequence, name) for name in names) for sequence in of]
-    views = pl.DataFrame(rows, schema=names, orient="row")
-    return views.group_by(list(names)).len().filter(pl.col("len") < MIN_SCENES).select(list(names))
+    scenes: dict[tuple[object, ...], set[str]] = {}
+    for entry in manifest.sequences.values():
+        view = tuple(getattr(entry.sequence, name) for name in names)
+        scenes.setdefault(view, set()).add(entry.sequence.scene)
+    few = [view for view, own in scenes.items() if scheme(groups.of(str(view[0]), sorted(own))) is None]
+    return pl.DataFrame(few, schema=names, orient="row")
 
 
 def _reported(

@@ -143,3 +143,8 @@ def test_each_choice_of_components_is_scored_once(monkeypatch: pytest.MonkeyPatc
     fit_components(units(3, scenes=8, white=0.3, walk=0.1), level=0.95)
     assert len(scored) > 4
     assert len(scored) == len(set(scored))
+
+
+def test_a_tracker_without_errors_has_no_noise() -> None:
+    fitted = fit_components(units(0), level=0.95)
+    assert {name: one.sigma.value for name, one in fitted.components.items()} == dict.fromkeys(NAMES, 0.0)

@@ -91,7 +91,7 @@ def growth_units(
     groups
         Groups of scenes that are not independent of each other.
     """
-    errors = units_of(scenes, blocks, points=["since"], columns=GROWTH_SUMS, groups=groups)
+    errors = units_of(scenes, blocks, points=["since"], columns=GROWTH_SUMS, groups=groups).across_groups()
     by_block = errors.resampled == Resampled.blocks
     of_changes = np.zeros((len(errors.sums), LAGS, len(CHANGE_SUMS)))
     if changes is not None:

@@ -135,7 +135,8 @@ def time_structure(
         sums = _Sums.of(part, *(table.get(key) for table in (changes, by_block, lived, lived_blocks)))
         rows = _rows(sums, drawn[key[0]], Method(kind, level), min_features, key[_KEY.index("speed")])
         labels = {**dict(zip(_KEY, key, strict=True)), "level": level}
-        of_groups = [{**row, "resampled": joined.resampled(row["resampled"], key[0])} for row in rows]
+        names = part["scene"].unique().sort().to_list()
+        of_groups = [{**row, "resampled": joined.resampled(row["resampled"], key[0], names)} for row in rows]
         tables.append(pl.DataFrame([{**labels, **row} for row in of_groups], schema=dict(TIME_STRUCTURE)))
     table = pl.concat(tables).with_columns(pl.selectors.float().fill_nan(None)).sort(*_KEY, "coordinate")
     return check(table, TIME_STRUCTURE, "time structure")
@@ -262,7 +263,7 @@ def _related(
     if changes is None:
         return {}
     blocks = changes if resampled else None
-    units = units_of(changes, blocks, points=["lag"], columns=CHANGE_SUMS, groups=draws.groups)
+    units = units_of(changes, blocks, points=["lag"], columns=CHANGE_SUMS, groups=draws.groups).across_groups()
     found = correlated(units, draws.weights(units), method)
     ends = ["" if lag == 1 else f"_{lag}" for lag in units.points["lag"]]
     return {end: (found.at(0, place), found.at(1, place)) for place, end in enumerate(ends)}

@@ -75,7 +75,7 @@ class JoinedScenes:
     """New names of scenes, the same for all scenes of a group, where groups are resampled by (scheme).
 
     Statistics that know nothing of groups then take each group for one scene. Scenes of fewer groups keep their names
-    and their groups.
+    and their groups (`tracknoise.findings.sampling.units.Units.across_groups`).
 
     Parameters
     ----------
@@ -108,7 +108,13 @@ class JoinedScenes:
         """Scenes of each dataset by their new names."""
         return {of: {self.names.get((of, scene), scene) for scene in every} for of, every in scenes.items()}
 
-    def resampled(self, units: Resampled | None, dataset: str) -> Resampled | None:
-        """What is resampled, given what units of a dataset were made of."""
-        joined = units == Resampled.scenes and any(of == dataset for of, _ in self.names)
-        return Resampled.groups if joined else units
+    def resampled(self, units: Resampled | None, dataset: str, scenes: Sequence[str]) -> Resampled | None:
+        """What intervals are over, given what units of some scenes of a dataset, by their new names, were made of.
+
+        It is `within` if scenes were resampled as if independent, but some are of one group: intervals then hold for
+        these groups only.
+        """
+        if units != Resampled.scenes:
+            return units
+        joined = any(of == dataset for of, _ in self.names)
+        return Resampled.groups if joined else scheme(self.others.of(dataset, scenes))

@@ -167,7 +167,7 @@ def _condition(
         pl.col("n_sampled").fill_null(0),
         kind=pl.lit(options.method.kind),
         level=options.method.level,
-        resampled=pl.lit(options.joined.resampled(units.resampled, dataset)),
+        resampled=pl.lit(options.joined.resampled(units.resampled, dataset, units.scenes)),
     )
     return named.rename(_NAMES), quantiles.join(bands.select(_EDGES), on=BAND)
 

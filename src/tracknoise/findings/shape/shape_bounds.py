@@ -52,7 +52,7 @@ def mardia_bounds(sums: pl.DataFrame, singles: pl.DataFrame, draws: Draws, metho
     polars.DataFrame
         `BAND`, n, and skewness and kurtosis, each with its bounds (``_low``, ``_high``); NaN where there is none.
     """
-    by_scene = units_of(sums, points=BAND, columns=POWER_SUMS, groups=draws.groups)
+    by_scene = units_of(sums, points=BAND, columns=POWER_SUMS, groups=draws.groups).across_groups()
     totals = by_scene.sums.sum(axis=0).T
     exact = dict(zip(_MARDIA, mardia(totals), strict=True))
     found = by_scene.points.with_columns(n=pl.Series(totals[0], dtype=pl.Int64), **exact)
@@ -95,7 +95,7 @@ def gain_bounds(
     sums = (scored * 1.0, np.nan_to_num(gained.student), np.nan_to_num(gained.mixture))
     columns = zip(_SCORED, sums, strict=True)
     rows = singles.select(*_UNIT, *BAND).with_columns(**dict(columns))
-    units = units_of(rows, rows, points=BAND, columns=_SCORED, groups=draws.groups)
+    units = units_of(rows, rows, points=BAND, columns=_SCORED, groups=draws.groups).across_groups()
     bounds = _table(units, pooled(units, draws.weights(units), _per_error, method), _GAINS)
     size = np.bincount(bands.index, singles["log_spread"].to_numpy(), bands.count) / np.bincount(bands.index)
     parameters = bands.keys.with_columns(
@@ -136,7 +136,8 @@ def within_bounds(
     of_u, of_v = ([there * 1.0, axis, axis**2, axis**2 * axis, axis**2 * axis**2] for axis in (u, v))
     powers = {name: of_u[p] * of_v[q] for name, (p, q) in zip(POWER_SUMS, ORDERS, strict=True)}
     rows = singles.select(*_UNIT, *BAND).with_columns(**sums, **powers)
-    every = units_of(rows, rows, points=BAND, columns=[*POWER_SUMS, *_BOTH], groups=draws.groups)
+    columns = [*POWER_SUMS, *_BOTH]
+    every = units_of(rows, rows, points=BAND, columns=columns, groups=draws.groups).across_groups()
     moments, units = (replace(every, sums=part) for part in np.split(every.sums, [len(POWER_SUMS)], axis=-1))
     found = _table(moments, pooled(moments, draws.weights(moments), mardia, method), _MARDIA_WITHIN)
     bounds = _table(units, pooled(units, draws.weights(units), _per_error_within, method), _GAINS_WITHIN)

@@ -1,7 +1,7 @@
 """Findings of a run from its statistics: intervals, tests, verdicts and sentences."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import TypedDict, Unpack
+from typing import TypedDict
 
 import polars as pl
 
@@ -20,6 +20,7 @@ from tracknoise.findings.growth.time_structure import LONG_LIVED, lagged, time_s
 from tracknoise.findings.headlines.document import findings_json
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.table import headline_table
+from tracknoise.findings.intervals.condition_table import Sampling
 from tracknoise.findings.intervals.incidence import incidence_table
 from tracknoise.findings.intervals.table import interval_table
 from tracknoise.findings.places.image_cells import image_cells
@@ -102,13 +103,10 @@ def _without_verdicts_on_errors(tables: Mapping[str, pl.DataFrame]) -> dict[str,
     return {**{name: tables[name].clear() for name in _ABOUT_ANCHORS}, "dependence": without_axis}
 
 
-class _Sampling(TypedDict):
+class _CurveOptions(TypedDict):
     kind: str
     level: float
     groups: SceneGroups
-
-
-class _CurveOptions(_Sampling):
     key_frames: Mapping[str, int]
     min_features: int
 
@@ -128,6 +126,7 @@ def _tables(
     pooled = _pooled_curves(run, least, few, pairs)  # first, while no other tables are in memory
     read = FindingInputs.read(run, population, reference, groups)
     asked, zeros = experiment.findings, reference.key_frames
+    sampling = Sampling(asked.intervals, asked.level, groups)
     options: _CurveOptions = {
         "key_frames": zeros,
         "min_features": least,
@@ -144,8 +143,8 @@ def _tables(
         **pooled,
         "intervals": widened(intervals, spread),
         "seed_spread": spread,
-        **_of_sequences(run, groups=groups, kind=asked.intervals, level=asked.level),
-        "incidence": incidence_table(read.ends, groups=groups, kind=asked.intervals, level=asked.level),
+        **_of_sequences(run, sampling),
+        "incidence": incidence_table(read.ends, sampling),
         "zero_mean": zero_mean(
             read.moments, statistics["curves"], groups=groups, key_frames=zeros, population=population
         ),
@@ -168,13 +167,14 @@ def _pooled_curves(run: RunFolder, least: int, few: pl.DataFrame, pairs: list[pl
     }
 
 
-def _of_sequences(run: RunFolder, **sampling: Unpack[_Sampling]) -> dict[str, pl.DataFrame]:
+def _of_sequences(run: RunFolder, sampling: Sampling) -> dict[str, pl.DataFrame]:
     """Findings that need one table of every sequence that has it, and nothing else."""
-    pooled = {name: pool(run.stored_tables(table), **sampling) for name, (table, pool) in _OF_SEQUENCES.items()}
-    windows = window_sigmas(run.stored_tables("window_noise"), run.stored_tables("window_blocks"), **sampling)
+    pooled = {name: pool(run.stored_tables(table), sampling) for name, (table, pool) in _OF_SEQUENCES.items()}
+    windows = window_sigmas(run.stored_tables("window_noise"), run.stored_tables("window_blocks"), sampling)
     sums = run.stored_tables("noise_sums", only=USED)
-    lookups = noise_lookup(sums, groups=sampling["groups"], level=sampling["level"])
-    depths = depth_intervals(*(run.stored_tables(name) for name in _OF_DEPTHS), **sampling)
+    lookups = noise_lookup(sums, groups=sampling.groups, level=sampling.level)
+    tracks, noise, observed = (run.stored_tables(name) for name in _OF_DEPTHS)
+    depths = depth_intervals(tracks, noise, observed, sampling)
     return {**pooled, "window_sigmas": windows, "noise_lookup": lookups, "depth_intervals": depths}
 
 

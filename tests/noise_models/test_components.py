@@ -9,7 +9,7 @@ from tracknoise.findings.sampling.units import Units
 from tracknoise.noise_models.fitting.components import fit_components, fit_noise
 from tracknoise.noise_models.fitting.equations import NAMES, Equations, matrix, without_negative
 from tracknoise.noise_models.fitting.held_out import LeftOut
-from tracknoise.noise_models.fitting.independent import independent_sums
+from tracknoise.noise_models.fitting.independent import independent_noun, independent_sums
 from tracknoise.tables.enumerations import Resampled
 
 PLANTED = {
@@ -108,6 +108,17 @@ def test_groups_of_scenes_are_left_out_as_a_whole() -> None:
     assert fit_components(grouped, level=0.95).components["white"].sigma.value == pytest.approx(0.3, rel=0.05)
 
 
+def test_reasons_name_what_was_left_out() -> None:
+    few = units(11, scenes=4, n_tracks=60, first=0.2, white=0.2, walk=0.03)
+    why = fit_components(few, level=0.95).components["drift"].why_dropped
+    assert why == "other components describe blocks of tracks that were left out better"
+    many = units(1, scenes=8, white=0.3)
+    grouped = replace(many, resampled=Resampled.within, group=np.arange(8) // 2)
+    in_two = replace(grouped, group=np.arange(8) // 4)  # too few to be left out
+    named = [(independent_noun(one), len(independent_sums(one))) for one in (many, grouped, in_two)]
+    assert named == [("scenes", 8), ("groups of scenes", 4), ("scenes", 8)]
+
+
 def test_too_few_errors_are_refused() -> None:
     with pytest.raises(SettingsError, match="too few errors to fit"):
         fit_components(units(1, scenes=6, white=0.3, n_tracks=2), level=0.95)
@@ -143,3 +154,8 @@ def test_each_choice_of_components_is_scored_once(monkeypatch: pytest.MonkeyPatc
     fit_components(units(3, scenes=8, white=0.3, walk=0.1), level=0.95)
     assert len(scored) > 4
     assert len(scored) == len(set(scored))
+
+
+def test_a_tracker_without_errors_has_no_noise() -> None:
+    fitted = fit_components(units(0), level=0.95)
+    assert {name: one.sigma.value for name, one in fitted.components.items()} == dict.fromkeys(NAMES, 0.0)

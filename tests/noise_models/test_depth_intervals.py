@@ -7,6 +7,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from tracknoise.findings.intervals.condition_table import Sampling
 from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.findings.sampling.units import Units
 from tracknoise.noise_models import learned_noise
@@ -157,7 +158,9 @@ def test_nothing_is_said_of_one_scene_and_groups_are_left_out_together() -> None
     alone = [table.filter(scene="scene 0") for table in tables]
     assert depth_intervals(*alone).is_empty()
     groups = SceneGroups({("d", f"scene {place}"): f"group {place % 2}" for place in range(SCENES)})
-    grouped = depth_intervals(*tables, groups=groups).filter(covariance="residual sigma", quantity="coverage_95")
+    grouped = depth_intervals(*tables, Sampling(groups=groups)).filter(
+        covariance="residual sigma", quantity="coverage_95"
+    )
     assert grouped.height == 6
     assert grouped["sigma_px"].to_list() != [found("detection")["residual sigma", "coverage_95"]["sigma_px"]] * 6
 

@@ -1,19 +1,15 @@
 """Noise of tracks with triangulated truth, (noise.triangulated) and (noise.epipolar), with intervals."""
 
-from functools import partial
-
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.intervals.condition_table import Sampling, condition_table, estimated
+from tracknoise.findings.intervals.condition_table import USUAL, Sampling, condition_table, estimated
 from tracknoise.findings.sampling.bounds import Method, pooled
-from tracknoise.findings.sampling.draws import N_DRAWS, Draws
-from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
+from tracknoise.findings.sampling.draws import Draws
 from tracknoise.findings.sampling.units import units_of
 from tracknoise.statistics.conditions import Tables, by_condition
 from tracknoise.statistics.definitions import LENGTHS, POOLED
-from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL
 from tracknoise.tables.findings_schema import TRIANGULATED_NOISE
 from tracknoise.tables.schema import FITTED_NOISE, check
 
@@ -22,25 +18,15 @@ _COORDINATES = ("u", "v", "both")
 _POINT = ["measure", "trimming", "length_low"]
 
 
-def fitted_noise_table(
-    sums: Tables,
-    *,
-    groups: SceneGroups = NO_GROUPS,
-    kind: str = KIND_OF_INTERVAL,
-    level: float = LEVEL,
-    n_draws: int = N_DRAWS,
-    seed: int = 0,
-) -> pl.DataFrame:
+def fitted_noise_table(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
     """Standard deviation of the noise of one coordinate, by length of the track and for all lengths together.
 
     Parameters
     ----------
     sums
         Tables of all scenes, schema `FITTED_NOISE`.
-    groups
-        Groups of scenes that are not independent of each other.
-    kind, level, n_draws, seed
-        As in `tracknoise.findings.intervals.table.interval_table`.
+    sampling
+        How scenes are resampled.
 
     Returns
     -------
@@ -55,17 +41,16 @@ def fitted_noise_table(
         If there is no such kind, or the level is not between 0 and 1.
     """
     conditions = by_condition(sums, FITTED_NOISE, "fitted noise")
-    rows = partial(_rows, groups=groups)
-    table = condition_table(conditions, TRIANGULATED_NOISE, rows, Sampling(kind, level, groups, n_draws, seed))
+    table = condition_table(conditions, TRIANGULATED_NOISE, _rows, sampling)
     order = [*POOLED, "measure", "trimming", "length_low", "coordinate"]
     return check(table.sort(order), TRIANGULATED_NOISE, "triangulated noise")
 
 
-def _rows(sums: pl.DataFrame, draws: Draws, method: Method, groups: SceneGroups) -> pl.DataFrame:
+def _rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     """One row per measure, trimming, class of lengths and coordinate of a condition."""
     together = sums.with_columns(length_low=pl.lit(0, dtype=pl.UInt32))  # sorts before all classes
     both = pl.concat([together, sums])
-    units = units_of(both, both, points=_POINT, columns=_SUMS, groups=groups)
+    units = units_of(both, both, points=_POINT, columns=_SUMS, groups=draws.groups)
     sizes = np.stack([units.sums[..., place].T for place in (2, 4, 6)])
     found = pooled(units, draws.weights(units), _deviations, method, scales=["log"] * len(_COORDINATES), sizes=sizes)
     labels = pl.DataFrame({"coordinate": _COORDINATES}).join(units.points, how="cross")

@@ -1,19 +1,15 @@
 """Metrics of TAP-Vid and expected feature age, averaged over sequences, with intervals."""
 
-from functools import partial
-
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.intervals.condition_table import Sampling, condition_table, estimated
+from tracknoise.findings.intervals.condition_table import USUAL, Sampling, condition_table, estimated
 from tracknoise.findings.sampling.bounds import Method, pooled
-from tracknoise.findings.sampling.draws import N_DRAWS, Draws
-from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
+from tracknoise.findings.sampling.draws import Draws
 from tracknoise.findings.sampling.units import units_of
 from tracknoise.statistics.conditions import Tables, by_condition
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL
 from tracknoise.tables.findings_schema import POINT_TRACKING_METRICS
 from tracknoise.tables.schema import ORIGIN, POINT_TRACKING, check
 
@@ -21,25 +17,15 @@ _POINT = ["raster", "metric"]
 _SUMS = ["n", "value"]
 
 
-def point_tracking_metrics(
-    metrics: Tables,
-    *,
-    groups: SceneGroups = NO_GROUPS,
-    kind: str = KIND_OF_INTERVAL,
-    level: float = LEVEL,
-    n_draws: int = N_DRAWS,
-    seed: int = 0,
-) -> pl.DataFrame:
+def point_tracking_metrics(metrics: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
     """Mean of each metric over the sequences of a condition, all of equal weight.
 
     Parameters
     ----------
     metrics
         Tables of all scenes, schema `POINT_TRACKING`.
-    groups
-        Groups of scenes that are not independent of each other.
-    kind, level, n_draws, seed
-        As in `tracknoise.findings.intervals.table.interval_table`.
+    sampling
+        How scenes are resampled.
 
     Returns
     -------
@@ -54,18 +40,17 @@ def point_tracking_metrics(
         If there is no such kind, or the level is not between 0 and 1.
     """
     conditions = by_condition(metrics, POINT_TRACKING, "point tracking")
-    sampling = Sampling(kind, level, groups, n_draws, seed)
-    table = condition_table(conditions, POINT_TRACKING_METRICS, partial(_rows, groups=groups), sampling)
+    table = condition_table(conditions, POINT_TRACKING_METRICS, _rows, sampling)
     return check(table.sort(*POOLED, *_POINT), POINT_TRACKING_METRICS, "point tracking metrics")
 
 
-def _rows(metrics: pl.DataFrame, draws: Draws, method: Method, groups: SceneGroups) -> pl.DataFrame:
+def _rows(metrics: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     """One row per raster and metric of a condition."""
     named = [name for name in metrics.columns if name not in (*ORIGIN, "raster", "n_points")]
     labels = [name for name in metrics.columns if name not in (*named, "n_points")]
     long = metrics.unpivot(named, index=labels, variable_name="metric").drop_nulls("value")
     counted = long.with_columns(n=pl.lit(1.0))
-    units = units_of(counted, points=_POINT, columns=_SUMS, groups=groups)
+    units = units_of(counted, points=_POINT, columns=_SUMS, groups=draws.groups)
     found = pooled(units, draws.weights(units), _means, method, scales=["logit"], sizes=units.sums[..., :1].T)
     return estimated(units.points, found, units, POINT_TRACKING_METRICS, value="value")
 

@@ -1,20 +1,16 @@
 """Mean and covariance of the differences between two trackers, (between), with intervals."""
 
-from functools import partial
-
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.intervals.condition_table import Sampling, condition_table, estimated
+from tracknoise.findings.intervals.condition_table import USUAL, Sampling, condition_table, estimated
 from tracknoise.findings.sampling.bounds import Method, pooled
-from tracknoise.findings.sampling.draws import N_DRAWS, Draws
-from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
+from tracknoise.findings.sampling.draws import Draws
 from tracknoise.findings.sampling.units import units_of
 from tracknoise.statistics.conditions import Tables, by_condition
 from tracknoise.statistics.definitions import POOLED, UNITS
 from tracknoise.statistics.errors.moment_cells import ABOUT_ZERO
-from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL
 from tracknoise.tables.findings_schema import TRACKER_DIFFERENCES
 from tracknoise.tables.schema import BETWEEN_TRACKERS, check
 
@@ -25,25 +21,15 @@ _ROWS = (("mean", "u"), ("mean", "v"), ("central", "u"), ("central", "uv"), ("ce
 _SCALES = ("linear", "linear", "log", "linear", "log")
 
 
-def tracker_differences(
-    moments: Tables,
-    *,
-    groups: SceneGroups = NO_GROUPS,
-    kind: str = KIND_OF_INTERVAL,
-    level: float = LEVEL,
-    n_draws: int = N_DRAWS,
-    seed: int = 0,
-) -> pl.DataFrame:
+def tracker_differences(moments: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
     """Mean and covariance of the differences of every two trackers, by age.
 
     Parameters
     ----------
     moments
         Tables of all scenes, schema `BETWEEN_TRACKERS`.
-    groups
-        Groups of scenes that are not independent of each other.
-    kind, level, n_draws, seed
-        As in `tracknoise.findings.intervals.table.interval_table`.
+    sampling
+        How scenes are resampled.
 
     Returns
     -------
@@ -58,16 +44,15 @@ def tracker_differences(
         If there is no such kind, or the level is not between 0 and 1.
     """
     conditions = by_condition(moments, BETWEEN_TRACKERS, "between trackers")
-    rows = partial(_rows, groups=groups)
-    table = condition_table(conditions, TRACKER_DIFFERENCES, rows, Sampling(kind, level, groups, n_draws, seed))
+    table = condition_table(conditions, TRACKER_DIFFERENCES, _rows, sampling)
     order = [*POOLED, "other", "statistic", "age", "coordinate"]
     return check(table.sort(order), TRACKER_DIFFERENCES, "tracker differences")
 
 
-def _rows(moments: pl.DataFrame, draws: Draws, method: Method, groups: SceneGroups) -> pl.DataFrame:
+def _rows(moments: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     """One row per other tracker, age, statistic and coordinate of a condition."""
     sums = moments.with_columns(**ABOUT_ZERO)
-    units = units_of(sums, sums, points=_POINT, columns=_SUMS, groups=groups)
+    units = units_of(sums, sums, points=_POINT, columns=_SUMS, groups=draws.groups)
     weights = draws.weights(units)
     found = pooled(units, weights, _statistics, method, scales=_SCALES)
     labels = pl.DataFrame(_ROWS, schema=["statistic", "coordinate"], orient="row").join(units.points, how="cross")

@@ -1,20 +1,17 @@
 """How far two truths of the same images disagree, with intervals."""
 
 from collections.abc import Iterable
-from functools import partial
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.intervals.condition_table import Sampling, condition_table, estimated
+from tracknoise.findings.intervals.condition_table import USUAL, Sampling, condition_table, estimated
 from tracknoise.findings.sampling.bounds import Method, pooled
-from tracknoise.findings.sampling.draws import N_DRAWS, Draws
-from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
+from tracknoise.findings.sampling.draws import Draws
 from tracknoise.findings.sampling.units import units_of
 from tracknoise.statistics.conditions import Tables, by_condition
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL
 from tracknoise.tables.findings_schema import POSE_DISAGREEMENT, TWO_TRUTHS
 from tracknoise.tables.schema import ORIGIN, POSE_DIFFERENCES, TRUTH_DIFFERENCES, check
 
@@ -30,25 +27,15 @@ _ANY_CONDITION = {"tracker": pl.lit(""), "speed": pl.lit(1, dtype=ORIGIN["speed"
 """Poses do not depend on trackers and speeds."""
 
 
-def two_truths_table(
-    sums: Tables,
-    *,
-    groups: SceneGroups = NO_GROUPS,
-    kind: str = KIND_OF_INTERVAL,
-    level: float = LEVEL,
-    n_draws: int = N_DRAWS,
-    seed: int = 0,
-) -> pl.DataFrame:
+def two_truths_table(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
     """Mean and second moment of the disagreement of true positions, and of the errors by each truth, by age.
 
     Parameters
     ----------
     sums
         Tables of all scenes, schema `TRUTH_DIFFERENCES`.
-    groups
-        Groups of scenes that are not independent of each other.
-    kind, level, n_draws, seed
-        As in `tracknoise.findings.intervals.table.interval_table`.
+    sampling
+        How scenes are resampled.
 
     Returns
     -------
@@ -63,28 +50,19 @@ def two_truths_table(
         If there is no such kind, or the level is not between 0 and 1.
     """
     conditions = by_condition(sums, TRUTH_DIFFERENCES, "truth differences")
-    sampling = Sampling(kind, level, groups, n_draws, seed)
-    table = condition_table(conditions, TWO_TRUTHS, partial(_of_positions, groups=groups), sampling)
+    table = condition_table(conditions, TWO_TRUTHS, _of_positions, sampling)
     return check(table.sort(*POOLED, *_POINT, "statistic", "coordinate"), TWO_TRUTHS, "two truths")
 
 
-def pose_disagreement_table(
-    sums: pl.DataFrame | Iterable[pl.DataFrame],
-    *,
-    groups: SceneGroups = NO_GROUPS,
-    kind: str = KIND_OF_INTERVAL,
-    level: float = LEVEL,
-    n_draws: int = N_DRAWS,
-    seed: int = 0,
-) -> pl.DataFrame:
+def pose_disagreement_table(sums: pl.DataFrame | Iterable[pl.DataFrame], sampling: Sampling = USUAL) -> pl.DataFrame:
     """Root mean square difference of the relative poses of two truths, by lag: see `two_truths_table`.
 
     Parameters
     ----------
     sums
         Tables of all scenes, schema `POSE_DIFFERENCES`.
-    groups, kind, level, n_draws, seed
-        As in `two_truths_table`.
+    sampling
+        How scenes are resampled.
 
     Returns
     -------
@@ -100,26 +78,25 @@ def pose_disagreement_table(
     named = (check(table, POSE_DIFFERENCES, "pose differences").with_columns(**_ANY_CONDITION) for table in tables)
     schema = {**ORIGIN, **{name: kind for name, kind in POSE_DIFFERENCES.items() if name not in ORIGIN}}
     conditions = by_condition((table.select(*schema) for table in named), schema, "pose differences")
-    sampling = Sampling(kind, level, groups, n_draws, seed)
     wide = {**TWO_TRUTHS, **POSE_DISAGREEMENT}
     columns = {name: wide[name] for name in (*POOLED, *(name for name in POSE_DISAGREEMENT if name not in POOLED))}
-    table = condition_table(conditions, columns, partial(_of_poses, groups=groups), sampling)
+    table = condition_table(conditions, columns, _of_poses, sampling)
     return check(table.select(*POSE_DISAGREEMENT).sort(_POSE_KEYS), POSE_DISAGREEMENT, "pose disagreement")
 
 
-def _of_positions(sums: pl.DataFrame, draws: Draws, method: Method, groups: SceneGroups) -> pl.DataFrame:
+def _of_positions(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     """One row per quantity, trimming, age, statistic and coordinate of a condition."""
-    units = units_of(sums, sums, points=_POINT, columns=_SUMS, groups=groups)
+    units = units_of(sums, sums, points=_POINT, columns=_SUMS, groups=draws.groups)
     found = pooled(units, draws.weights(units), _moments, method, scales=_SCALES)
     labels = _VALUES.join(units.points, how="cross")
     table = estimated(labels, found, units, TWO_TRUTHS, value="value")
     return _counted(table, units.sums[..., 0], _VALUES.height)
 
 
-def _of_poses(sums: pl.DataFrame, draws: Draws, method: Method, groups: SceneGroups) -> pl.DataFrame:
+def _of_poses(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     """One row per lag and quantity of a condition."""
     columns = ["n", "rotation_rad2", "translation_m2"]
-    units = units_of(sums, sums, points=["lag"], columns=columns, groups=groups)
+    units = units_of(sums, sums, points=["lag"], columns=columns, groups=draws.groups)
     found = pooled(units, draws.weights(units), _deviations, method, scales=["log"] * _POSES.height)
     labels = _POSES.join(units.points, how="cross")
     table = estimated(labels, found, units, POSE_DISAGREEMENT, value="value")

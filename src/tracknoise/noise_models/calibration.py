@@ -24,7 +24,7 @@ from tracknoise.findings.sampling.groups_of_scenes import groups_of_run
 from tracknoise.findings.sampling.units import Units, units_of
 from tracknoise.noise_models.model import Interval
 from tracknoise.tables.defaults import LEVEL
-from tracknoise.tables.enumerations import IntervalKind
+from tracknoise.tables.enumerations import IntervalKind, Resampled
 from tracknoise.tables.schema import QUALITY_PREFIX
 from tracknoise.tables.store import RunFolder
 
@@ -42,7 +42,7 @@ _COLUMNS = ("n", *(f"inside_{100 * level:.0f}" for level in LEVELS), "squares", 
 class Reliability:
     """Predicted and measured standard deviation of a class of errors, px, and how many there are.
 
-    The measured one has an interval over scenes, where there are enough of them.
+    The measured one has an interval, where enough can be resampled.
     """
 
     predicted_px: float
@@ -63,15 +63,17 @@ class Calibration:
     n_trained
         Scenes among these that the model was fitted to.
     coverage
-        By level, with intervals over scenes.
+        By level, with intervals.
     nees, nll
-        Of all errors, with intervals over scenes.
+        Of all errors, with intervals.
     ence
         Expected normalised calibration error.
     reliability
         By class of predicted variance.
     outlier_share
         Share of the errors that were left out, because they are outliers of the model.
+    resampled
+        What intervals are over; None where there are none.
     """
 
     n: int
@@ -83,6 +85,7 @@ class Calibration:
     ence: float
     reliability: tuple[Reliability, ...]
     outlier_share: float
+    resampled: Resampled | None
 
 
 def check_model(model: "NoiseModel", folder: RunFolder, *, scenes: Collection[str] | None = None) -> Calibration:
@@ -181,7 +184,7 @@ def _calibration(
     squared = np.einsum("ni,nij,nj->n", vectors, np.linalg.inv(covariance), vectors)
     nll = 0.5 * (np.log(np.linalg.det(covariance)) + squared) + np.log(2.0 * np.pi)
     scenes = errors["scene"].unique().to_list()
-    coverage, nees, mean_nll = _estimates(errors["scene"], squared, nll, folder)
+    coverage, nees, mean_nll, resampled = _estimates(errors["scene"], squared, nll, folder)
     classes = _reliability(errors["scene"], vectors, covariance, folder)
     return Calibration(
         n=errors.height,
@@ -193,13 +196,14 @@ def _calibration(
         ence=_ence(classes),
         reliability=classes,
         outlier_share=outlier_share,
+        resampled=resampled,
     )
 
 
 def _estimates(
     scene: pl.Series, squared: Array, nll: Array, folder: RunFolder
-) -> tuple[dict[float, Interval], Interval, Interval]:
-    """Coverage by level, NEES and negative log likelihood, with intervals over scenes."""
+) -> tuple[dict[float, Interval], Interval, Interval, Resampled | None]:
+    """Coverage by level, NEES and negative log likelihood, with intervals, and what these are over."""
     inside = [(squared <= 2.0 * gammaincinv(1.0, level)).astype(np.float64) for level in LEVELS]
     values = dict(zip(_COLUMNS, [np.ones_like(squared), *inside, squared, nll], strict=True))
     units = _units(scene, values, folder, points=[])
@@ -212,7 +216,7 @@ def _estimates(
     )
     bounds = (found.value[:, 0], found.low[:, 0], found.high[:, 0])
     *coverage, nees, mean = (_interval(*row) for row in zip(*bounds, strict=True))
-    return dict(zip(LEVELS, coverage, strict=True)), nees, mean
+    return dict(zip(LEVELS, coverage, strict=True)), nees, mean, units.resampled
 
 
 def _units(scene: pl.Series, values: Mapping[str, Array], folder: RunFolder, *, points: Sequence[str]) -> Units:

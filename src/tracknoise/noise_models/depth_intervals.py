@@ -30,17 +30,15 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from tracknoise.findings.intervals.condition_table import Sampling, condition_table, estimated
+from tracknoise.findings.intervals.condition_table import USUAL, Sampling, condition_table, estimated
 from tracknoise.findings.sampling.bounds import Method, pooled
-from tracknoise.findings.sampling.draws import N_DRAWS, Draws
-from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
+from tracknoise.findings.sampling.draws import Draws
 from tracknoise.findings.sampling.units import units_of
 from tracknoise.noise_models.depth_windows import ONE_PX, WHOLE, tried_windows
 from tracknoise.noise_models.learned_noise import learned_noise
 from tracknoise.statistics.conditions import Tables, by_condition
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.errors.log_histogram import BINS, bin_of, quantile, share_below
-from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL
 from tracknoise.tables.findings_schema import DEPTH_INTERVALS
 from tracknoise.tables.schema import NOISE_SUMS, NOISE_TRACKS, WINDOW_NOISE, check, empty
 
@@ -62,17 +60,7 @@ QUANTITIES: Mapping[str, str] = {
 """Quantities, and the scales of their intervals."""
 
 
-def depth_intervals(
-    tracks: Tables,
-    sums: Tables,
-    windows: Tables,
-    *,
-    groups: SceneGroups = NO_GROUPS,
-    kind: str = KIND_OF_INTERVAL,
-    level: float = LEVEL,
-    n_draws: int = N_DRAWS,
-    seed: int = 0,
-) -> pl.DataFrame:
+def depth_intervals(tracks: Tables, sums: Tables, windows: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
     """Quantities of every condition with sampled tracks in at least two scenes that are independent of each other.
 
     Parameters
@@ -83,10 +71,8 @@ def depth_intervals(
         What noise models are fitted to, schema `NOISE_SUMS`.
     windows
         What sigmas are learned from, schema `WINDOW_NOISE`.
-    groups
-        Groups of scenes that are not independent of each other.
-    kind, level, n_draws, seed
-        As in `tracknoise.findings.intervals.table.interval_table`.
+    sampling
+        How scenes are resampled.
 
     Returns
     -------
@@ -108,21 +94,20 @@ def depth_intervals(
             part["scene"].unique(),
             of_sums.get(key, empty(NOISE_SUMS)),
             of_windows.get(key, empty(WINDOW_NOISE)),
-            groups=groups,
+            groups=sampling.groups,
         )
         for key, part in sampled.items()
     }
     tried = {key: tried_windows(part, learned[key]) for key, part in sampled.items()}
-    rows = partial(_rows, groups)
-    table = condition_table(tried, DEPTH_INTERVALS, rows, Sampling(kind, level, groups, n_draws, seed))
+    table = condition_table(tried, DEPTH_INTERVALS, _rows, sampling)
     return check(table.sort(*POOLED, *_POINT, "quantity"), DEPTH_INTERVALS, "depth intervals")
 
 
-def _rows(groups: SceneGroups, windows: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
+def _rows(windows: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     """One row per trimming, window, covariance and quantity of a condition."""
     columns = ["weight", "n", *(f"{name}_{place}" for name in _HISTOGRAMS for place in range(BINS))]
     blocks = _counted(windows)
-    units = units_of(blocks, blocks, points=_POINT, columns=columns, groups=groups)
+    units = units_of(blocks, blocks, points=_POINT, columns=columns, groups=draws.groups)
     n = units.sums[..., 1]
     sizes = np.broadcast_to(n.T, (len(QUANTITIES), *n.T.shape))
     statistics = partial(_quantities, _reference(units.points))

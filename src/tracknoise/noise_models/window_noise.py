@@ -25,15 +25,14 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy import special
 
-from tracknoise.findings.intervals.condition_table import Sampling, condition_table, estimated
+from tracknoise.findings.intervals.condition_table import USUAL, Sampling, condition_table, estimated
 from tracknoise.findings.sampling.bounds import Method, pooled
-from tracknoise.findings.sampling.draws import N_DRAWS, Draws
-from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups, scheme
+from tracknoise.findings.sampling.draws import Draws
+from tracknoise.findings.sampling.groups import SceneGroups, scheme
 from tracknoise.findings.sampling.units import Units, units_of
 from tracknoise.statistics.conditions import Condition, Tables, TablesByCondition, by_condition
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.errors.log_histogram import BINS, quantile, share_below
-from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL
 from tracknoise.tables.findings_schema import WINDOW_SIGMAS
 from tracknoise.tables.schema import WINDOW_BLOCKS, WINDOW_NOISE, check
 
@@ -58,16 +57,7 @@ QUANTITIES: dict[str, str] = {
 """Quantities of a window, and the scales of their intervals."""
 
 
-def window_sigmas(
-    windows: Tables,
-    blocks: Tables = (),
-    *,
-    groups: SceneGroups = NO_GROUPS,
-    kind: str = KIND_OF_INTERVAL,
-    level: float = LEVEL,
-    n_draws: int = N_DRAWS,
-    seed: int = 0,
-) -> pl.DataFrame:
+def window_sigmas(windows: Tables, blocks: Tables = (), sampling: Sampling = USUAL) -> pl.DataFrame:
     """Quantities of every condition, trimming and length of window.
 
     Parameters
@@ -76,10 +66,8 @@ def window_sigmas(
         Tables of all scenes, schema `WINDOW_NOISE`.
     blocks
         The same by blocks of tracks, schema `WINDOW_BLOCKS`, where there are few scenes.
-    groups
-        Groups of scenes that are not independent of each other.
-    kind, level, n_draws, seed
-        As in `tracknoise.findings.intervals.table.interval_table`.
+    sampling
+        How scenes are resampled.
 
     Returns
     -------
@@ -94,11 +82,11 @@ def window_sigmas(
         If there is no such kind, or the level is not between 0 and 1.
     """
     conditions = by_condition(windows, WINDOW_NOISE, "window noise")
-    few = any(_has_few_scenes(key, part, groups) for key, part in conditions.items())
+    few = any(_has_few_scenes(key, part, sampling.groups) for key, part in conditions.items())
     of_blocks = by_condition(blocks if few else (), WINDOW_BLOCKS, "window blocks")
     keyed = {key: part.with_columns(_condition=pl.lit(place)) for place, (key, part) in enumerate(conditions.items())}
-    rows = partial(_rows, list(keyed), of_blocks, groups)
-    table = condition_table(keyed, WINDOW_SIGMAS, rows, Sampling(kind, level, groups, n_draws, seed))
+    rows = partial(_rows, list(keyed), of_blocks)
+    table = condition_table(keyed, WINDOW_SIGMAS, rows, sampling)
     return check(table.sort(*POOLED, *_POINT, "quantity"), WINDOW_SIGMAS, "window sigmas")
 
 
@@ -139,7 +127,6 @@ def _has_few_scenes(key: Condition, windows: pl.DataFrame, groups: SceneGroups) 
 def _rows(
     keys: list[Condition],
     blocks: TablesByCondition,
-    groups: SceneGroups,
     windows: pl.DataFrame,
     draws: Draws,
     method: Method,
@@ -147,7 +134,7 @@ def _rows(
     """One row per trimming, window and quantity of a condition."""
     own = blocks.get(keys[windows["_condition"][0]])
     whole = _wide(windows)
-    units = units_of(whole, None if own is None else _wide(own), points=_POINT, columns=_columns(), groups=groups)
+    units = units_of(whole, None if own is None else _wide(own), points=_POINT, columns=_columns(), groups=draws.groups)
     found = pooled(
         units, draws.weights(units), _quantities, method, scales=list(QUANTITIES.values()), sizes=_sizes(units)
     )

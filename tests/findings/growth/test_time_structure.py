@@ -6,6 +6,7 @@ import pytest
 
 from tracknoise.exceptions import SchemaError
 from tracknoise.findings.growth.time_structure import lagged, time_structure
+from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.statistics.errors.block_moments import block_moments
 from tracknoise.statistics.errors.increments import increments
 from tracknoise.statistics.errors.moments import scene_moments
@@ -118,6 +119,21 @@ def test_with_few_scenes_blocks_are_resampled_and_without_them_nothing_is_decide
     assert bare["walk_px_per_sqrt_frame"].null_count() == 0
     unknown = bare.select("walk_px_per_sqrt_frame_low", "resampled", "autocorrelation_low")
     assert unknown.null_count().row(0) == (bare.height,) * 3
+
+
+@pytest.mark.parametrize(("scenes", "count", "resampled"), [(6, 4, "blocks"), (8, 4, "within"), (12, 6, "groups")])
+def test_scenes_of_one_group_are_not_taken_for_independent(see_errors, scenes: int, count: int, resampled: str) -> None:
+    seen = of_scenes(see_errors, walk, scenes=scenes)
+    groups = SceneGroups({("d", f"{place:02}"): f"place-{place % count}" for place in range(scenes)})
+    blocks = block_moments(prepare_sequence(seen.observations, seen.tracks))
+    rows = structured(seen, blocks=blocks, groups=groups).filter(trimming="untrimmed")
+    assert rows.select("verdict", "resampled", "n_scenes").rows() == [("random walk", resampled, scenes)] * 2
+    bounds = rows.select("walk_px_per_sqrt_frame_low", "autocorrelation_low", "walk_px_per_sqrt_frame_geometric_low")
+    assert bounds.null_count().row(0) == (0, 0, 0)
+    if resampled == "blocks":
+        bare = structured(seen, groups=groups)
+        assert bare["verdict"].unique().to_list() == ["undecided"]
+        assert bare["walk_px_per_sqrt_frame_low"].null_count() == bare.height
 
 
 def test_with_a_key_frame_time_is_the_distance_from_it(see_errors) -> None:

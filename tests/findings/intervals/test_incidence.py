@@ -3,6 +3,7 @@ import polars as pl
 import pytest
 
 from tracknoise.exceptions import SchemaError, SettingsError
+from tracknoise.findings.intervals.condition_table import Sampling
 from tracknoise.findings.intervals.incidence import incidence_table
 from tracknoise.statistics.tracks.lifetimes import count_ends, lifetimes_of_ends
 from tracknoise.tables.findings_schema import INCIDENCE
@@ -107,4 +108,4 @@ def test_nothing_gives_an_empty_table_and_wrong_input_one_line() -> None:
     with pytest.raises(SchemaError, match="ends"):
         incidence_table(empty(TRACKS))
     with pytest.raises(SettingsError, match="kind of interval"):
-        incidence_table(empty(ENDS), kind="normal")
+        incidence_table(empty(ENDS), Sampling(kind="normal"))

@@ -5,6 +5,7 @@ import polars as pl
 import pytest
 
 from tracknoise.exceptions import SchemaError
+from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.findings.shape.gaussianity import Shapes, gaussianity
 from tracknoise.statistics.errors.moments import scene_moments
 from tracknoise.statistics.errors.samples import samples
@@ -73,6 +74,19 @@ def test_kinds_of_errors_are_told_apart_with_scenes_and_with_blocks(found, scale
             (1, 4, verdict, resampled),
             (5, 9, verdict, resampled),
         ]
+
+
+@pytest.mark.parametrize(("scenes", "count", "resampled"), [(6, 4, "blocks"), (8, 4, "within"), (12, 6, "groups")])
+def test_scenes_of_one_group_are_not_taken_for_independent(see_errors, scenes: int, count: int, resampled: str) -> None:
+    groups = SceneGroups({("d", f"{place:02}"): f"place-{place % count}" for place in range(scenes)})
+    rows = shaped(see_errors(errors(STUDENT_3, scenes=scenes, seed=1)), groups=groups).gaussianity
+    known = rows.filter(trimming="untrimmed")
+    assert known.select("verdict", "resampled", "n_scenes").rows() == [("heavy-tailed", resampled, scenes)] * 2
+    bounds = known.select("kurtosis_low", "kurtosis_within_low", "gain_student_low", "gain_student_within_low")
+    assert bounds.null_count().row(0) == (0, 0, 0, 0)
+    if resampled == "within":  # rather too wide than beyond what a kurtosis can be
+        alone = shaped(see_errors(errors(STUDENT_3, scenes=scenes, seed=1))).gaussianity
+        assert rows.drop("resampled").equals(alone.drop("resampled"))
 
 
 def test_trimming_drops_what_contaminates(found) -> None:

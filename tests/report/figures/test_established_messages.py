@@ -2,12 +2,25 @@
 
 import dataclasses
 from collections.abc import Callable
+from types import ModuleType
 
 import polars as pl
 import pytest
 from tests.report.figures.test_messages import judged, message, with_verdict
+from tests.report.synthetic import DEGENERATE
 
-from tracknoise.report.figures import audit_curves, curves, image_map, pose_errors, time_structure
+from tracknoise.findings.wording import listing
+from tracknoise.report.figures import (
+    audit_curves,
+    curves,
+    image_map,
+    incidence,
+    lifetimes,
+    lifetimes_by_lighting,
+    outlier_ratio,
+    pose_errors,
+    time_structure,
+)
 from tracknoise.report.growth import growth_message
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.audit_schema import EVERYTHING, MEASURED
@@ -58,3 +71,39 @@ def test_one_place_of_a_few_may_differ_by_chance(differing: int, stated: bool) -
     cells = pl.DataFrame({"differs": [place < differing for place in range(5)], "level": [0.95] * 5})
     found = image_map._message("lk", cells)
     assert found == (f"lk has a mean error in {differing} of 5 places of the image" if stated else "")
+
+
+@pytest.mark.parametrize("family", [lifetimes_by_lighting, outlier_ratio])
+def test_lightings_that_differ_by_chance_are_not_said_to_matter(family: ModuleType, make_run) -> None:
+    data = ReportData.of(make_run(**DEGENERATE["a light stage"]))
+    name = "lifetimes-by-lighting" if family is lifetimes_by_lighting else "outlier-ratio-by-lighting"
+    assert " depends on lighting; the clearest difference is " in message(family.figures(judged(data, "yes")), name)
+    assert " depends on lighting by less than " in message(family.figures(judged(data, "no")), name)
+    assert message(family.figures(judged(data, "undecided")), name) == ""
+
+
+def test_speeds_whose_lifetimes_differ_by_chance_are_not_said_to_matter(data: ReportData) -> None:
+    name = f"lifetimes-{data.slug(data.trackers[0])}"
+    said = message(lifetimes.figures(judged(data, "yes")), name)
+    assert said.startswith(f"The lifetime of {data.trackers[0]} depends on speed; ")
+    assert message(lifetimes.figures(judged(data, "undecided")), name) == ""
+
+
+@pytest.mark.parametrize(
+    ("shares", "half", "stated"),
+    [((0.5, 0.3), 0.05, True), ((0.5, 0.3), 0.15, False), ((0.4, 0.4), 0.0, False), ((0.4, 0.0), None, True)],
+)
+def test_one_of_several_causes_is_the_most_frequent_only_if_it_is_shown_to_be(
+    data: ReportData, shares: tuple[float, float], half: float | None, stated: bool
+) -> None:
+    share = (
+        pl.col("cause")
+        .cast(pl.String)
+        .replace_strict(dict(zip(("lost", "outlier"), shares, strict=True)), default=0.0, return_dtype=pl.Float64)
+    )
+    bounds = {"low": share - half, "high": share + half}
+    table = data.incidence.with_columns(incidence=share, **bounds)
+    text = message(incidence.figures(dataclasses.replace(data, incidence=table)), "ends-by-cause")
+    assert text == (
+        f"Most frequent cause of ends: {listing(f'lost for {name}' for name in data.trackers)}" if stated else ""
+    )

@@ -14,12 +14,10 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.intervals.condition_table import estimated
+from tracknoise.findings.intervals.condition_table import USUAL, Sampling, estimated
 from tracknoise.findings.sampling.bounds import Method, pooled
-from tracknoise.findings.sampling.draws import N_DRAWS, Draws
-from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
+from tracknoise.findings.sampling.draws import Draws
 from tracknoise.findings.sampling.units import units_of
-from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL
 from tracknoise.tables.findings_schema import POSE_LAW
 from tracknoise.tables.schema import POSE_GROWTH, VIEW, check, empty
 
@@ -35,26 +33,16 @@ _LABELS = pl.DataFrame(
 )
 
 
-def pose_law(
-    growth: Iterable[pl.DataFrame],
-    *,
-    groups: SceneGroups = NO_GROUPS,
-    kind: str = KIND_OF_INTERVAL,
-    level: float = LEVEL,
-    n_draws: int = N_DRAWS,
-    seed: int = 0,
-) -> pl.DataFrame:
+def pose_law(growth: Iterable[pl.DataFrame], sampling: Sampling = USUAL) -> pl.DataFrame:
     """White and walking part of the pose errors of each dataset and view, with intervals over scenes.
 
     Parameters
     ----------
     growth
         Tables of all scenes, schema `POSE_GROWTH`.
-    groups
-        Groups of scenes that are not independent of each other.
-    kind, level, n_draws, seed
-        As in `tracknoise.findings.intervals.table.interval_table`. A part that is 0 has no smooth statistic, so that
-        ``bca`` takes the place of ``student``.
+    sampling
+        How scenes are resampled. A part that is 0 has no smooth statistic, so that ``bca`` takes the place of
+        ``student``.
 
     Returns
     -------
@@ -68,25 +56,25 @@ def pose_law(
     SettingsError
         If there is no such kind, or the level is not between 0 and 1.
     """
-    method = Method(kind, level).by_bootstrap()
+    method = Method(sampling.kind, sampling.level).by_bootstrap()
     tables = [empty(POSE_GROWTH), *(check(table, POSE_GROWTH, "pose growth") for table in growth)]
     near = pl.concat(tables).filter(pl.col("lag") <= LARGEST_LAG).sort(*_KEYS, "scene", "lag")
     parts = [empty(POSE_LAW)]
     for key, part in near.partition_by(_KEYS, as_dict=True, maintain_order=True).items():
-        draws = Draws(part["scene"].unique().to_list(), n_draws=n_draws, seed=seed, dataset=str(key[0]), groups=groups)
+        draws = sampling.draws({str(key[0]): part["scene"].unique()})[str(key[0])]
         names = [pl.lit(value, dtype=POSE_LAW[name]).alias(name) for name, value in zip(_KEYS, key, strict=True)]
-        table = _rows(part, draws, method, groups).with_columns(names)
+        table = _rows(part, draws, method).with_columns(names)
         parts.append(table.select(pl.col(name).cast(dtype) for name, dtype in POSE_LAW.items()))
     return check(pl.concat(parts), POSE_LAW, "pose law")
 
 
-def _rows(growth: pl.DataFrame, draws: Draws, method: Method, groups: SceneGroups) -> pl.DataFrame:
+def _rows(growth: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     """One row per motion and part of the law."""
     sums = growth.with_columns(
         turned=pl.col("n") * pl.mean_horizontal("^rotation_.._deg2$"),
         moved=pl.col("n") * pl.mean_horizontal("^translation_.._m2$"),
     )
-    units = units_of(sums, points=["lag"], columns=["n", "turned", "moved"], groups=groups)
+    units = units_of(sums, points=["lag"], columns=["n", "turned", "moved"], groups=draws.groups)
     lag = units.points["lag"].to_numpy().astype(np.float64)
     sizes = units.sums[..., 0].sum(axis=1)[None]
     found = pooled(units, draws.weights(units), lambda sums: _fitted(sums, lag), method, sizes=sizes)

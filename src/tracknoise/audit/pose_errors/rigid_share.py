@@ -1,19 +1,15 @@
 """The rigid share of the errors of every condition, (rigid.share), with intervals."""
 
-from functools import partial
-
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.intervals.condition_table import Sampling, condition_table, estimated
+from tracknoise.findings.intervals.condition_table import USUAL, Sampling, condition_table, estimated
 from tracknoise.findings.sampling.bounds import Method, pooled
-from tracknoise.findings.sampling.draws import N_DRAWS, Draws
-from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
+from tracknoise.findings.sampling.draws import Draws
 from tracknoise.findings.sampling.units import units_of
 from tracknoise.statistics.conditions import Tables, by_condition
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL
 from tracknoise.tables.findings_schema import RIGID_SHARE
 from tracknoise.tables.schema import RIGID, check
 
@@ -22,25 +18,15 @@ _POINT = ["fitted_to", "age"]
 _COORDINATES = ("u", "v", "both")
 
 
-def rigid_share(
-    sums: Tables,
-    *,
-    groups: SceneGroups = NO_GROUPS,
-    kind: str = KIND_OF_INTERVAL,
-    level: float = LEVEL,
-    n_draws: int = N_DRAWS,
-    seed: int = 0,
-) -> pl.DataFrame:
+def rigid_share(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
     """Share of the second moment that pose errors explain, by age and coordinate.
 
     Parameters
     ----------
     sums
         Tables of all scenes, schema `RIGID`.
-    groups
-        Groups of scenes that are not independent of each other.
-    kind, level, n_draws, seed
-        As in `tracknoise.findings.intervals.table.interval_table`.
+    sampling
+        How scenes are resampled.
 
     Returns
     -------
@@ -55,14 +41,13 @@ def rigid_share(
         If there is no such kind, or the level is not between 0 and 1.
     """
     conditions = by_condition(sums, RIGID, "rigid")
-    rows = partial(_rows, groups=groups)
-    table = condition_table(conditions, RIGID_SHARE, rows, Sampling(kind, level, groups, n_draws, seed))
+    table = condition_table(conditions, RIGID_SHARE, _rows, sampling)
     return check(table.sort([*POOLED, *_POINT, "coordinate"]), RIGID_SHARE, "rigid share")
 
 
-def _rows(sums: pl.DataFrame, draws: Draws, method: Method, groups: SceneGroups) -> pl.DataFrame:
+def _rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     """One row per coordinate, source of the pose errors and age of a condition."""
-    units = units_of(sums, sums, points=_POINT, columns=_SUMS, groups=groups)
+    units = units_of(sums, sums, points=_POINT, columns=_SUMS, groups=draws.groups)
     found = pooled(units, draws.weights(units), _shares, method)
     labels = pl.DataFrame({"coordinate": _COORDINATES}).join(units.points, how="cross")
     total = units.sums.sum(axis=0).T

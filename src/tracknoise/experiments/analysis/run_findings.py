@@ -1,7 +1,7 @@
 """Findings of a run from its statistics: intervals, tests, verdicts and sentences."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import TypedDict, Unpack
+from typing import TypedDict
 
 import polars as pl
 
@@ -20,15 +20,15 @@ from tracknoise.findings.growth.time_structure import LONG_LIVED, lagged, time_s
 from tracknoise.findings.headlines.document import findings_json
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.table import headline_table
+from tracknoise.findings.intervals.condition_table import Sampling
 from tracknoise.findings.intervals.incidence import incidence_table
 from tracknoise.findings.intervals.table import interval_table
 from tracknoise.findings.places.image_cells import image_cells
 from tracknoise.findings.places.speed_errors import speed_errors
 from tracknoise.findings.places.surrounding_errors import surrounding_errors
 from tracknoise.findings.point_tracking import point_tracking_metrics
-from tracknoise.findings.sampling.groups import SceneGroups
+from tracknoise.findings.sampling.groups import SceneGroups, scheme
 from tracknoise.findings.sampling.groups_of_scenes import groups_of_scenes
-from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.seed_spread import Repeat, seed_spread, widened
 from tracknoise.findings.shape.gaussianity import gaussianity
 from tracknoise.findings.tracker_differences import tracker_differences
@@ -103,13 +103,10 @@ def _without_verdicts_on_errors(tables: Mapping[str, pl.DataFrame]) -> dict[str,
     return {**{name: tables[name].clear() for name in _ABOUT_ANCHORS}, "dependence": without_axis}
 
 
-class _Sampling(TypedDict):
+class _CurveOptions(TypedDict):
     kind: str
     level: float
     groups: SceneGroups
-
-
-class _CurveOptions(_Sampling):
     key_frames: Mapping[str, int]
     min_features: int
 
@@ -124,10 +121,12 @@ def _tables(
     population, least = experiment.truth.population, experiment.statistics.min_features
     pairs: list[pl.DataFrame] = []  # of changes
     lived: list[pl.DataFrame] = []
-    pooled = _pooled_curves(run, manifest, least, pairs)  # first, while no other tables are in memory
     groups = groups_of_scenes(manifest.sequences, experiment.dataset.groups)
+    few = views_resampled_by_block(manifest, groups)
+    pooled = _pooled_curves(run, least, few, pairs)  # first, while no other tables are in memory
     read = FindingInputs.read(run, population, reference, groups)
     asked, zeros = experiment.findings, reference.key_frames
+    sampling = Sampling(asked.intervals, asked.level, groups)
     options: _CurveOptions = {
         "key_frames": zeros,
         "min_features": least,
@@ -144,8 +143,8 @@ def _tables(
         **pooled,
         "intervals": widened(intervals, spread),
         "seed_spread": spread,
-        **_of_sequences(run, groups=groups, kind=asked.intervals, level=asked.level),
-        "incidence": incidence_table(read.ends, groups=groups, kind=asked.intervals, level=asked.level),
+        **_of_sequences(run, sampling),
+        "incidence": incidence_table(read.ends, sampling),
         "zero_mean": zero_mean(
             read.moments, statistics["curves"], groups=groups, key_frames=zeros, population=population
         ),
@@ -158,11 +157,8 @@ def _tables(
     }
 
 
-def _pooled_curves(
-    run: RunFolder, manifest: Manifest, least: int, pairs: list[pl.DataFrame]
-) -> dict[str, pl.DataFrame]:
+def _pooled_curves(run: RunFolder, least: int, few: pl.DataFrame, pairs: list[pl.DataFrame]) -> dict[str, pl.DataFrame]:
     """Curves of aspects and of changes. What time structure needs of changes is kept in `pairs`: they are read once."""
-    few = _views_of_few_scenes(manifest)
     increments = in_chunks(run.sequence_tables("increments"), INCREMENTS, "increments")
     moved = _keeping(increments, pairs, lambda table: lagged(table, few))
     return {
@@ -171,13 +167,14 @@ def _pooled_curves(
     }
 
 
-def _of_sequences(run: RunFolder, **sampling: Unpack[_Sampling]) -> dict[str, pl.DataFrame]:
+def _of_sequences(run: RunFolder, sampling: Sampling) -> dict[str, pl.DataFrame]:
     """Findings that need one table of every sequence that has it, and nothing else."""
-    pooled = {name: pool(run.stored_tables(table), **sampling) for name, (table, pool) in _OF_SEQUENCES.items()}
-    windows = window_sigmas(run.stored_tables("window_noise"), run.stored_tables("window_blocks"), **sampling)
+    pooled = {name: pool(run.stored_tables(table), sampling) for name, (table, pool) in _OF_SEQUENCES.items()}
+    windows = window_sigmas(run.stored_tables("window_noise"), run.stored_tables("window_blocks"), sampling)
     sums = run.stored_tables("noise_sums", only=USED)
-    lookups = noise_lookup(sums, groups=sampling["groups"], level=sampling["level"])
-    depths = depth_intervals(*(run.stored_tables(name) for name in _OF_DEPTHS), **sampling)
+    lookups = noise_lookup(sums, groups=sampling.groups, level=sampling.level)
+    tracks, noise, observed = (run.stored_tables(name) for name in _OF_DEPTHS)
+    depths = depth_intervals(tracks, noise, observed, sampling)
     return {**pooled, "window_sigmas": windows, "noise_lookup": lookups, "depth_intervals": depths}
 
 
@@ -250,13 +247,28 @@ def _keeping(
         yield table
 
 
-def _views_of_few_scenes(manifest: Manifest) -> pl.DataFrame:
-    """Datasets and views that have so few scenes that blocks are resampled."""
+def views_resampled_by_block(manifest: Manifest, groups: SceneGroups) -> pl.DataFrame:
+    """Datasets and views that have so few scenes, or groups of them, that blocks are resampled.
+
+    Parameters
+    ----------
+    manifest
+        Of the run.
+    groups
+        Groups of scenes that are not independent of each other.
+
+    Returns
+    -------
+    polars.DataFrame
+        Columns dataset and those of `VIEW`: a row for each.
+    """
     names = {"dataset": SEQUENCE["dataset"], **VIEW}
-    of = [entry.sequence for entry in manifest.sequences.values()]
-    rows = [tuple(getattr(sequence, name) for name in names) for sequence in of]
-    views = pl.DataFrame(rows, schema=names, orient="row")
-    return views.group_by(list(names)).len().filter(pl.col("len") < MIN_SCENES).select(list(names))
+    scenes: dict[tuple[object, ...], set[str]] = {}
+    for entry in manifest.sequences.values():
+        view = tuple(getattr(entry.sequence, name) for name in names)
+        scenes.setdefault(view, set()).add(entry.sequence.scene)
+    few = [view for view, own in scenes.items() if scheme(groups.of(str(view[0]), sorted(own))) is None]
+    return pl.DataFrame(few, schema=names, orient="row")
 
 
 def _reported(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tracknoise.findings.growth.grown import GROWTH_SUMS
 from tracknoise.findings.growth.scene_curves import UnitSums
 from tracknoise.findings.intervals.change_bounds import CHANGE_SUMS
+from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.findings.sampling.units import Units, units_of
 from tracknoise.statistics.definitions import LAGS
 from tracknoise.tables.enumerations import Resampled
@@ -74,27 +75,32 @@ def growth_units(
     changes: pl.DataFrame | None,
     lived: pl.DataFrame | None,
     lived_blocks: pl.DataFrame | None,
+    groups: SceneGroups,
 ) -> GrowthUnits:
     """Sums of errors by unit, with those of changes and of long-lived tracks of the same units.
 
     Parameters
     ----------
     scenes, blocks
-        Of errors, by scene and by block: columns scene (and block), since and `GROWTH_SUMS`; of scenes `FOURTH_SUMS`.
+        Of errors, by scene and by block: columns dataset, scene (and block), since and `GROWTH_SUMS`; of scenes
+        `FOURTH_SUMS`.
     changes
-        Columns scene, block, lag and `CHANGE_SUMS`.
+        Columns dataset, scene, block, lag and `CHANGE_SUMS`.
     lived, lived_blocks
         Of long-lived tracks, by scene and by block: columns scene (and block), at_least, since and `GROWTH_SUMS`.
+    groups
+        Groups of scenes that are not independent of each other.
     """
-    errors = units_of(scenes, blocks, points=["since"], columns=GROWTH_SUMS)
+    errors = units_of(scenes, blocks, points=["since"], columns=GROWTH_SUMS, groups=groups).across_groups()
     by_block = errors.resampled == Resampled.blocks
     of_changes = np.zeros((len(errors.sums), LAGS, len(CHANGE_SUMS)))
     if changes is not None:
-        units = units_of(changes, changes if by_block else None, points=["lag"], columns=CHANGE_SUMS)
+        own = changes if by_block else None
+        units = units_of(changes, own, points=["lag"], columns=CHANGE_SUMS, groups=groups)
         of_changes[:, units.points["lag"].to_numpy().astype(np.intp) - 1] = _aligned(units, errors)
     if lived is None or (by_block and lived_blocks is None):
         return GrowthUnits(errors, of_changes, {})
-    units = units_of(lived, lived_blocks if by_block else None, points=_LIVED, columns=GROWTH_SUMS)
+    units = units_of(lived, lived_blocks if by_block else None, points=_LIVED, columns=GROWTH_SUMS, groups=groups)
     fourth = None if by_block else units_of(scenes, points=["since"], columns=FOURTH_SUMS).sums
     return GrowthUnits(errors, of_changes, _by_age(units, errors), fourth)
 

@@ -129,13 +129,14 @@ def time_structure(
     lived_blocks = _sums(
         by_condition(aspect_blocks, ASPECT_BLOCKS, "blocks of aspects", _long_lived), key_frames, joined, LONG_LIVED
     )
-    drawn = draws_by_dataset(joined.scenes(scenes), n_draws=n_draws, seed=seed)
+    drawn = draws_by_dataset(joined.scenes(scenes), n_draws=n_draws, seed=seed, groups=joined.others)
     tables = [empty(TIME_STRUCTURE)]
     for key, part in by_scene.items():
         sums = _Sums.of(part, *(table.get(key) for table in (changes, by_block, lived, lived_blocks)))
         rows = _rows(sums, drawn[key[0]], Method(kind, level), min_features, key[_KEY.index("speed")])
         labels = {**dict(zip(_KEY, key, strict=True)), "level": level}
-        of_groups = [{**row, "resampled": joined.resampled(row["resampled"], key[0])} for row in rows]
+        names = part["scene"].unique().sort().to_list()
+        of_groups = [{**row, "resampled": joined.resampled(row["resampled"], key[0], names)} for row in rows]
         tables.append(pl.DataFrame([{**labels, **row} for row in of_groups], schema=dict(TIME_STRUCTURE)))
     table = pl.concat(tables).with_columns(pl.selectors.float().fill_nan(None)).sort(*_KEY, "coordinate")
     return check(table, TIME_STRUCTURE, "time structure")
@@ -170,10 +171,15 @@ def _sums(
     return {
         (*key, *trimming): sums
         for key, part in moments.items()
-        for trimming, sums in additive(anchored(joined.rename(part.filter(chosen), key[0]), key_frames))
+        for trimming, sums in additive(anchored(_joined(part.filter(chosen), joined, key[0]), key_frames))
         .partition_by("trimming", as_dict=True)
         .items()
     }
+
+
+def _joined(moments: pl.DataFrame, joined: JoinedScenes, dataset: str) -> pl.DataFrame:
+    """Moments with new names of scenes. Column measured keeps the names of the scenes, which are counted."""
+    return joined.rename(moments.with_columns(measured="scene"), dataset)
 
 
 def lagged(increments: pl.DataFrame, few: pl.DataFrame) -> pl.DataFrame:
@@ -208,12 +214,13 @@ def _long_lived(aspects: pl.DataFrame) -> pl.DataFrame:
 
 def _rows(tables: _Sums, draws: Draws, method: Method, min_features: int, step: int) -> Iterator[dict[str, Any]]:
     """Rows of a condition and trimming, by the columns of `TIME_STRUCTURE`."""
-    units = growth_units(tables.scenes, tables.blocks, tables.changes, tables.lived, tables.lived_blocks)
+    units = growth_units(tables.scenes, tables.blocks, tables.changes, tables.lived, tables.lived_blocks, draws.groups)
     errors, fitted = units.errors, fit_ages(units.errors, min_features=min_features)
     ages = Ages(errors.points["since"].to_numpy().astype(np.float64), fitted, step)
     related = _related(tables.changes, draws, method, resampled=errors.resampled is not None)
     made, n_ages = method.by_bootstrap(), int(np.count_nonzero(fitted))
-    labels = {"n_ages": n_ages, "n_scenes": len(errors.scenes), "resampled": errors.resampled, "kind": made.kind,
+    n_scenes = tables.scenes["measured"].n_unique()
+    labels = {"n_ages": n_ages, "n_scenes": n_scenes, "resampled": errors.resampled, "kind": made.kind,
               "autocorrelation_kind": method.kind}  # fmt: skip
     usable = n_ages >= MIN_AGES and bool((errors.sums[:, fitted, 1:].sum(axis=0) > 0).all())
     fits = growth_fits(units, ages, draws.weights(errors), made) if usable else (None, None)
@@ -255,7 +262,8 @@ def _related(
     """(autocorrelation) of u and of v by the end of the name of its column; if `resampled`, of blocks too."""
     if changes is None:
         return {}
-    units = units_of(changes, changes if resampled else None, points=["lag"], columns=CHANGE_SUMS)
+    blocks = changes if resampled else None
+    units = units_of(changes, blocks, points=["lag"], columns=CHANGE_SUMS, groups=draws.groups).across_groups()
     found = correlated(units, draws.weights(units), method)
     ends = ["" if lag == 1 else f"_{lag}" for lag in units.points["lag"]]
     return {end: (found.at(0, place), found.at(1, place)) for place, end in enumerate(ends)}

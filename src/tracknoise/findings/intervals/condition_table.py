@@ -1,16 +1,17 @@
 """Tables of estimates with their intervals, in which each condition has rows of its own."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 
 import polars as pl
 
 from tracknoise.findings.estimate import EstimateArray
 from tracknoise.findings.sampling.bounds import Method
-from tracknoise.findings.sampling.draws import Draws, draws_by_dataset
-from tracknoise.findings.sampling.groups import SceneGroups
+from tracknoise.findings.sampling.draws import N_DRAWS, Draws, draws_by_dataset
+from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.findings.sampling.units import Units
 from tracknoise.statistics.conditions import TablesByCondition, names, scenes_by_dataset
+from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL
 from tracknoise.tables.enumerations import IntervalKind
 from tracknoise.tables.schema import Schema, empty
 
@@ -31,11 +32,19 @@ class Sampling:
         As in `tracknoise.findings.sampling.draws.draws`; Student's intervals need no draws.
     """
 
-    kind: str
-    level: float
-    groups: SceneGroups
-    n_draws: int
-    seed: int
+    kind: str = KIND_OF_INTERVAL
+    level: float = LEVEL
+    groups: SceneGroups = NO_GROUPS
+    n_draws: int = N_DRAWS
+    seed: int = 0
+
+    def draws(self, scenes: Mapping[str, Iterable[str]]) -> dict[str, Draws]:
+        """Draws of the scenes of each dataset."""
+        return draws_by_dataset(scenes, n_draws=self.n_draws, seed=self.seed, groups=self.groups)
+
+
+USUAL = Sampling()
+"""Student's intervals over independent scenes."""
 
 
 def condition_table(
@@ -62,10 +71,9 @@ def condition_table(
     SettingsError
         If there is no such kind, or the level is not between 0 and 1.
     """
-    scenes = scenes_by_dataset(conditions.items())
-    n_draws = 0 if sampling.kind == IntervalKind.student else sampling.n_draws
-    drawn = draws_by_dataset(scenes, n_draws=n_draws, seed=sampling.seed, groups=sampling.groups)
     method = Method(sampling.kind, sampling.level)
+    needed = sampling if method.kind != IntervalKind.student else replace(sampling, n_draws=0)
+    drawn = needed.draws(scenes_by_dataset(conditions.items()))
     parts = [
         rows(part, drawn[key[0]], method).with_columns(names(key, schema))
         for key, part in conditions.items()

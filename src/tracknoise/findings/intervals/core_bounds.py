@@ -67,9 +67,8 @@ def _units(scales: pl.DataFrame, blocks: pl.DataFrame | None, groups: SceneGroup
     missing = everywhere.with_columns(block=pl.lit(0, dtype=pl.UInt8), **{name: pl.lit(0.0) for name in _SUMS})
     known = _sums(blocks).join(everywhere, on=[*_POINT, "scene"], how="semi")
     columns = [*_POINT, "scene", "block", *_SUMS]
-    return units_of(
-        _sums(scales), pl.concat([known.select(columns), missing.select(columns)]), points=_POINT, columns=_SUMS
-    )
+    every = pl.concat([known.select(columns), missing.select(columns)])
+    return units_of(_sums(scales), every, points=_POINT, columns=_SUMS, groups=groups)
 
 
 def _sums(scales: pl.DataFrame) -> pl.DataFrame:

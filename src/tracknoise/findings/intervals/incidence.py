@@ -8,45 +8,31 @@ risk at its own lifetime.
 Source: O. Aalen, S. Johansen, Scandinavian Journal of Statistics 5 (1978).
 """
 
-from functools import partial
-
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.intervals.condition_table import Sampling, condition_table, estimated
+from tracknoise.findings.intervals.condition_table import USUAL, Sampling, condition_table, estimated
 from tracknoise.findings.sampling.bounds import Method, pooled
-from tracknoise.findings.sampling.draws import N_DRAWS, Draws
-from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
+from tracknoise.findings.sampling.draws import Draws
 from tracknoise.findings.sampling.units import units_of
 from tracknoise.statistics.conditions import Tables, by_condition
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL
 from tracknoise.tables.findings_schema import INCIDENCE
 from tracknoise.tables.schema import BY_CAUSE, CAUSES, ENDS, check, empty
 
 _COLUMNS = ["n_censored", *BY_CAUSE]
 
 
-def incidence_table(
-    ends: Tables,
-    *,
-    groups: SceneGroups = NO_GROUPS,
-    kind: str = KIND_OF_INTERVAL,
-    level: float = LEVEL,
-    n_draws: int = N_DRAWS,
-    seed: int = 0,
-) -> pl.DataFrame:
+def incidence_table(ends: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
     """Cumulative incidence of every cause of ending, in every condition, with intervals.
 
     Parameters
     ----------
     ends
         Tables of all scenes, schema `ENDS`.
-    groups
-        Groups of scenes that are not independent of each other.
-    kind, level, n_draws, seed
-        As in `tracknoise.findings.intervals.table.interval_table`.
+    sampling
+        How scenes are resampled.
 
     Returns
     -------
@@ -62,8 +48,7 @@ def incidence_table(
         If there is no such kind, or the level is not between 0 and 1.
     """
     conditions = by_condition(ends, ENDS, "ends")
-    rows = partial(_rows, groups=groups)
-    table = condition_table(conditions, INCIDENCE, rows, Sampling(kind, level, groups, n_draws, seed))
+    table = condition_table(conditions, INCIDENCE, _rows, sampling)
     table = table.with_columns(pl.col("incidence", "low", "high").fill_nan(None))
     return check(table.sort(*POOLED, "cause", "lifetime"), INCIDENCE, "incidence")
 
@@ -90,11 +75,11 @@ def cumulative_incidence(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.cumsum(before * ended / safe, axis=1))
 
 
-def _rows(ends: pl.DataFrame, draws: Draws, method: Method, groups: SceneGroups) -> pl.DataFrame:
+def _rows(ends: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     """One row per cause and lifetime of a condition; none if causes are not reported."""
     if ends[_COLUMNS[-1]].null_count():
         return empty(INCIDENCE)
-    units = units_of(ends, ends, points=["lifetime"], columns=_COLUMNS, groups=groups)
+    units = units_of(ends, ends, points=["lifetime"], columns=_COLUMNS, groups=draws.groups)
     tracks = units.sums.sum(axis=(1, 2))
     sizes = np.broadcast_to(tracks, (len(units.points), len(tracks)))
     scales = ["logit"] * len(CAUSES)

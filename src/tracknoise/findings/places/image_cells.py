@@ -1,19 +1,18 @@
 """Mean error and spread in each cell of the image, with intervals."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.intervals.condition_table import Sampling, condition_table
+from tracknoise.findings.intervals.condition_table import USUAL, Sampling, condition_table
 from tracknoise.findings.sampling.bounds import Method, pooled
-from tracknoise.findings.sampling.draws import N_DRAWS, Draws
-from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
+from tracknoise.findings.sampling.draws import Draws
 from tracknoise.findings.sampling.units import units_of
 from tracknoise.statistics.conditions import Tables, by_condition
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL
 from tracknoise.tables.findings_schema import IMAGE_CELLS
 from tracknoise.tables.schema import IMAGE_MAP, check
 
@@ -21,25 +20,15 @@ _COLUMNS = ["n", "sum_u", "sum_v", "sum_uu", "sum_vv"]
 _POINT = ["axis", "at", "row", "column"]
 
 
-def image_cells(
-    sums: Tables,
-    *,
-    groups: SceneGroups = NO_GROUPS,
-    kind: str = KIND_OF_INTERVAL,
-    level: float = LEVEL,
-    n_draws: int = N_DRAWS,
-    seed: int = 0,
-) -> pl.DataFrame:
+def image_cells(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
     """Mean error of every cell of the image that has an error, in every condition.
 
     Parameters
     ----------
     sums
         Tables of all scenes, schema `IMAGE_MAP`.
-    groups
-        Groups of scenes that are not independent of each other.
-    kind, level, n_draws, seed
-        As in `tracknoise.findings.intervals.table.interval_table`.
+    sampling
+        How scenes are resampled.
 
     Returns
     -------
@@ -56,15 +45,15 @@ def image_cells(
     conditions = by_condition(
         sums, IMAGE_MAP, "image map", lambda table: table.with_columns(pl.col("n").cast(pl.Int64))
     )
-    rows = partial(_rows, groups=groups, level=level)
-    in_each_axis = 1.0 - (1.0 - level) / 2.0  # Bonferroni's, for u and v
-    table = condition_table(conditions, IMAGE_CELLS, rows, Sampling(kind, in_each_axis, groups, n_draws, seed))
+    rows = partial(_rows, level=sampling.level)
+    in_each_axis = replace(sampling, level=1.0 - (1.0 - sampling.level) / 2.0)  # Bonferroni's, for u and v
+    table = condition_table(conditions, IMAGE_CELLS, rows, in_each_axis)
     return check(table.sort(*POOLED, *_POINT), IMAGE_CELLS, "image cells")
 
 
-def _rows(sums: pl.DataFrame, draws: Draws, method: Method, groups: SceneGroups, level: float) -> pl.DataFrame:
+def _rows(sums: pl.DataFrame, draws: Draws, method: Method, level: float) -> pl.DataFrame:
     """One row per age and cell of a condition."""
-    units = units_of(sums, sums, points=_POINT, columns=_COLUMNS, groups=groups)
+    units = units_of(sums, sums, points=_POINT, columns=_COLUMNS, groups=draws.groups)
     found = pooled(units, draws.weights(units), _means, method)
     names = ("mean_u", "mean_v", "spread")
     columns = {f"{name}_px": value for name, value in zip(names, found.value, strict=True)}

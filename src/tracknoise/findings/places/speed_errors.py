@@ -1,17 +1,13 @@
 """Mean error along and across the image motion, by how fast the image moves, with intervals."""
 
-from functools import partial
-
 import polars as pl
 
-from tracknoise.findings.intervals.condition_table import Sampling, condition_table, estimated
+from tracknoise.findings.intervals.condition_table import USUAL, Sampling, condition_table, estimated
 from tracknoise.findings.sampling.bounds import Method, column_means, pooled
-from tracknoise.findings.sampling.draws import N_DRAWS, Draws
-from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
+from tracknoise.findings.sampling.draws import Draws
 from tracknoise.findings.sampling.units import units_of
 from tracknoise.statistics.conditions import Tables, by_condition
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL
 from tracknoise.tables.findings_schema import SPEED_ERRORS
 from tracknoise.tables.schema import IMAGE_SPEEDS, check
 
@@ -20,25 +16,15 @@ _POINT = ["axis", "at", "class_low", "class_high"]
 _COORDINATES = ("along", "across")
 
 
-def speed_errors(
-    sums: Tables,
-    *,
-    groups: SceneGroups = NO_GROUPS,
-    kind: str = KIND_OF_INTERVAL,
-    level: float = LEVEL,
-    n_draws: int = N_DRAWS,
-    seed: int = 0,
-) -> pl.DataFrame:
+def speed_errors(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
     """Mean errors along and across the image motion in every class of its speed, in every condition.
 
     Parameters
     ----------
     sums
         Tables of all scenes, schema `IMAGE_SPEEDS`.
-    groups
-        Groups of scenes that are not independent of each other.
-    kind, level, n_draws, seed
-        As in `tracknoise.findings.intervals.table.interval_table`.
+    sampling
+        How scenes are resampled.
 
     Returns
     -------
@@ -53,16 +39,15 @@ def speed_errors(
         If there is no such kind, or the level is not between 0 and 1.
     """
     conditions = by_condition(sums, IMAGE_SPEEDS, "image speeds")
-    rows = partial(_rows, groups=groups)
-    table = condition_table(conditions, SPEED_ERRORS, rows, Sampling(kind, level, groups, n_draws, seed))
+    table = condition_table(conditions, SPEED_ERRORS, _rows, sampling)
     table = table.with_columns(pl.col("mean_px", "low", "high").fill_nan(None))
     return check(table.sort(*POOLED, *_POINT, "coordinate"), SPEED_ERRORS, "speed errors")
 
 
-def _rows(sums: pl.DataFrame, draws: Draws, method: Method, groups: SceneGroups) -> pl.DataFrame:
+def _rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     """One row per age, class of speed, and coordinate of a condition."""
     named = sums.rename({"low": "class_low", "high": "class_high"})
-    units = units_of(named, named, points=_POINT, columns=_COLUMNS, groups=groups)
+    units = units_of(named, named, points=_POINT, columns=_COLUMNS, groups=draws.groups)
     found = pooled(units, draws.weights(units), column_means, method)
     n = pl.Series("n", units.sums[..., 0].sum(axis=0), dtype=pl.Float64)
     points = units.points.with_columns(pl.col("axis").cast(pl.String), n)

@@ -9,21 +9,17 @@ With n features, sum s of their errors and sum q of the squares in a class, and 
 - with nothing but the class: the share of the second moment that is removed, 1 - q N / (Q n)
 """
 
-from functools import partial
-
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.intervals.condition_table import Sampling, condition_table, estimated
+from tracknoise.findings.intervals.condition_table import USUAL, Sampling, condition_table, estimated
 from tracknoise.findings.places.classes import POINT, WITHIN_ALL, class_sums
 from tracknoise.findings.sampling.bounds import Method, pooled
-from tracknoise.findings.sampling.draws import N_DRAWS, Draws
-from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
+from tracknoise.findings.sampling.draws import Draws
 from tracknoise.findings.sampling.units import units_of
 from tracknoise.statistics.conditions import Tables, by_condition
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL
 from tracknoise.tables.findings_schema import SURROUNDING_ERRORS
 from tracknoise.tables.schema import SURROUNDINGS, check, empty
 
@@ -40,25 +36,15 @@ _STATISTICS = {
 """Unit of each statistic, and the scale on which its intervals are made."""
 
 
-def surrounding_errors(
-    sums: Tables,
-    *,
-    groups: SceneGroups = NO_GROUPS,
-    kind: str = KIND_OF_INTERVAL,
-    level: float = LEVEL,
-    n_draws: int = N_DRAWS,
-    seed: int = 0,
-) -> pl.DataFrame:
+def surrounding_errors(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
     """Statistics of every class of every property, in every condition.
 
     Parameters
     ----------
     sums
         Tables of all scenes, schema `SURROUNDINGS`.
-    groups
-        Groups of scenes that are not independent of each other.
-    kind, level, n_draws, seed
-        As in `tracknoise.findings.intervals.table.interval_table`.
+    sampling
+        How scenes are resampled.
 
     Returns
     -------
@@ -73,19 +59,18 @@ def surrounding_errors(
         If there is no such kind, or the level is not between 0 and 1.
     """
     conditions = by_condition(sums, SURROUNDINGS, "surroundings")
-    rows = partial(_rows, groups=groups)
-    table = condition_table(conditions, SURROUNDING_ERRORS, rows, Sampling(kind, level, groups, n_draws, seed))
+    table = condition_table(conditions, SURROUNDING_ERRORS, _rows, sampling)
     order = [*POOLED, *POINT, "statistic"]
     table = table.with_columns(pl.col("value", "low", "high").fill_nan(None)).drop_nulls("value")
     return check(table.sort(order), SURROUNDING_ERRORS, "surrounding errors")
 
 
-def _rows(sums: pl.DataFrame, draws: Draws, method: Method, groups: SceneGroups) -> pl.DataFrame:
+def _rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     """One row per property, class, age, coordinate and statistic of a condition."""
     classes = class_sums(sums)
     if classes.is_empty():
         return empty(SURROUNDING_ERRORS)
-    units = units_of(classes, classes, points=POINT, columns=WITHIN_ALL, groups=groups)
+    units = units_of(classes, classes, points=POINT, columns=WITHIN_ALL, groups=draws.groups)
     n, of_all = units.sums[..., 0].T, units.sums[..., 3].T
     sizes = np.stack([n, n, of_all, of_all, of_all, of_all - n, of_all - n, n])
     scales = [scale for _, scale in _STATISTICS.values()]

@@ -65,6 +65,11 @@ class Draws:
         As in `draws`.
     dataset, groups
         Name of the dataset, and groups of its scenes that are not independent of each other.
+
+    Attributes
+    ----------
+    groups
+        As given: units that are drawn have the same.
     """
 
     def __init__(
@@ -76,6 +81,7 @@ class Draws:
         dataset: str = "",
         groups: SceneGroups = NO_GROUPS,
     ) -> None:
+        self.groups = groups
         names = sorted(scenes)
         self._place = {scene: place for place, scene in enumerate(names)}
         self._group = groups.of(dataset, names)

@@ -74,17 +74,19 @@ def scheme(group: NDArray[np.intp]) -> Resampled | None:
 class JoinedScenes:
     """New names of scenes, the same for all scenes of a group, where groups are resampled by (scheme).
 
-    Statistics that know nothing of groups then take each group for one scene. Where scenes within their groups are
-    resampled, scenes keep their names: their variation then includes that between groups, so that intervals are too
-    wide rather than too narrow.
+    Statistics that know nothing of groups then take each group for one scene. Scenes of fewer groups keep their names
+    and their groups (`tracknoise.findings.sampling.units.Units.across_groups`).
 
     Parameters
     ----------
     names
         By dataset and scene; scenes that keep their names are missing.
+    others
+        Groups of the scenes that keep their names.
     """
 
     names: Mapping[tuple[str, str], str]
+    others: SceneGroups
 
     @classmethod
     def of(cls, scenes: Mapping[str, Iterable[str]], groups: SceneGroups) -> "JoinedScenes":
@@ -95,7 +97,7 @@ class JoinedScenes:
             group = groups.of(dataset, known)
             if scheme(group) == Resampled.groups:
                 names |= {(dataset, scene): f"group {own}" for scene, own in zip(known, group, strict=True)}
-        return cls(names)
+        return cls(names, SceneGroups({key: group for key, group in groups.names.items() if key not in names}))
 
     def rename(self, table: pl.DataFrame, dataset: str) -> pl.DataFrame:
         """A table of one dataset with these names in its column scene."""
@@ -106,7 +108,13 @@ class JoinedScenes:
         """Scenes of each dataset by their new names."""
         return {of: {self.names.get((of, scene), scene) for scene in every} for of, every in scenes.items()}
 
-    def resampled(self, units: Resampled | None, dataset: str) -> Resampled | None:
-        """What is resampled, given what units of a dataset were made of."""
-        joined = units == Resampled.scenes and any(of == dataset for of, _ in self.names)
-        return Resampled.groups if joined else units
+    def resampled(self, units: Resampled | None, dataset: str, scenes: Sequence[str]) -> Resampled | None:
+        """What intervals are over, given what units of some scenes of a dataset, by their new names, were made of.
+
+        It is `within` if scenes were resampled as if independent, but some are of one group: intervals then hold for
+        these groups only.
+        """
+        if units != Resampled.scenes:
+            return units
+        joined = any(of == dataset for of, _ in self.names)
+        return Resampled.groups if joined else scheme(self.others.of(dataset, scenes))

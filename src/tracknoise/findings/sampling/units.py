@@ -65,6 +65,14 @@ class Units:
             return self.scene
         return self.scene_group[self.scene] if self.resampled == Resampled.within else None
 
+    def across_groups(self) -> "Units":
+        """The same, but scenes that would be resampled within their groups are resampled as if independent.
+
+        Intervals are then too wide rather than too narrow. Within groups they are stretched, which takes statistics
+        that have limits, such as kurtosis, beyond these.
+        """
+        return replace(self, resampled=Resampled.scenes, group=None) if self.resampled == Resampled.within else self
+
     def joined(self, sums: NDArray[np.float64]) -> NDArray[np.float64]:
         """Sums (units, ...) of what is resampled as a whole: of groups where these are resampled, else of units."""
         return sums if self.resampled != Resampled.groups else by_number(self.scene_group[self.scene], sums)

@@ -124,7 +124,7 @@ def gaussianity(
     count = math.ceil(MAX_SAMPLED / min(map(len, scenes.values()), default=1))
     singles = by_condition(samples, SAMPLES, "samples", lambda table: first_tracks(table, count))
     joined = JoinedScenes.of(scenes, groups)
-    drawn = draws_by_dataset(joined.scenes(scenes), n_draws=n_draws, seed=seed)
+    drawn = draws_by_dataset(joined.scenes(scenes), n_draws=n_draws, seed=seed, groups=joined.others)
     options = _Options(Method(kind, level).by_bootstrap(), min_features, margin, seed, joined)
     rows, quantiles = [empty(GAUSSIANITY)], [empty(RADII)]
     for key, part in _banded(errors, key_frames):
@@ -167,7 +167,7 @@ def _condition(
         pl.col("n_sampled").fill_null(0),
         kind=pl.lit(options.method.kind),
         level=options.method.level,
-        resampled=pl.lit(options.joined.resampled(units.resampled, dataset)),
+        resampled=pl.lit(options.joined.resampled(units.resampled, dataset, units.scenes)),
     )
     return named.rename(_NAMES), quantiles.join(bands.select(_EDGES), on=BAND)
 
@@ -192,7 +192,7 @@ def _gains(
     bands = group_rows(singles, BAND)
     tied = _tied(singles, bands)
     untied = np.array([reason is None for reason in tied])[bands.index]
-    folds = folds_of(singles, options.seed)
+    folds = folds_of(singles, draws.groups, options.seed)
 
     def of(values: NDArray[np.float64]) -> Gains:
         rows = untied & ~np.isnan(values[:, 0])

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from tracknoise.findings.estimate import EstimateArray
 from tracknoise.findings.sampling.bounds import Method, pooled
 from tracknoise.findings.sampling.draws import Draws
-from tracknoise.findings.sampling.units import MIN_SCENES, Units, units_of
+from tracknoise.findings.sampling.groups import SceneGroups, scheme
+from tracknoise.findings.sampling.units import Units, units_of
 from tracknoise.findings.shape.gains import Gains
 from tracknoise.findings.shape.mardia import ORDERS, POWER_SUMS, mardia
 from tracknoise.statistics.blocks import BLOCKS
@@ -22,6 +23,7 @@ BAND = ["trimming", "age_low"]
 """Columns that identify the bands of a condition."""
 FOLDS, MANY_FOLDS, MANY = 8, 3, 17
 """Folds of scenes, or of the blocks of each, and of as many scenes as `MANY` or more, among which chance does less."""
+_UNIT = ("dataset", "scene", "block")
 _MARDIA = ("skewness", "kurtosis")
 _GAINS = ("gain_student", "gain_mixture", "gain_difference")
 _MARDIA_WITHIN = ("skewness_within", "kurtosis_within")
@@ -50,11 +52,11 @@ def mardia_bounds(sums: pl.DataFrame, singles: pl.DataFrame, draws: Draws, metho
     polars.DataFrame
         `BAND`, n, and skewness and kurtosis, each with its bounds (``_low``, ``_high``); NaN where there is none.
     """
-    by_scene = units_of(sums, points=BAND, columns=POWER_SUMS)
+    by_scene = units_of(sums, points=BAND, columns=POWER_SUMS, groups=draws.groups).across_groups()
     totals = by_scene.sums.sum(axis=0).T
     exact = dict(zip(_MARDIA, mardia(totals), strict=True))
     found = by_scene.points.with_columns(n=pl.Series(totals[0], dtype=pl.Int64), **exact)
-    units = by_scene if by_scene.resampled else _block_sums(singles)
+    units = by_scene if by_scene.resampled else _block_sums(singles, draws.groups)
     bounds = _table(units, pooled(units, draws.weights(units), mardia, method), _MARDIA)
     joined = found.join(bounds, on=BAND, how="left", maintain_order="left", suffix=" resampled")
     scaled = [
@@ -92,8 +94,8 @@ def gain_bounds(
     scored = ~np.isnan(gained.student)
     sums = (scored * 1.0, np.nan_to_num(gained.student), np.nan_to_num(gained.mixture))
     columns = zip(_SCORED, sums, strict=True)
-    rows = singles.select("scene", "block", *BAND).with_columns(**dict(columns))
-    units = units_of(rows, rows, points=BAND, columns=_SCORED)
+    rows = singles.select(*_UNIT, *BAND).with_columns(**dict(columns))
+    units = units_of(rows, rows, points=BAND, columns=_SCORED, groups=draws.groups).across_groups()
     bounds = _table(units, pooled(units, draws.weights(units), _per_error, method), _GAINS)
     size = np.bincount(bands.index, singles["log_spread"].to_numpy(), bands.count) / np.bincount(bands.index)
     parameters = bands.keys.with_columns(
@@ -133,8 +135,9 @@ def within_bounds(
     u, v = np.where(there[:, None], pairs, 0.0).T
     of_u, of_v = ([there * 1.0, axis, axis**2, axis**2 * axis, axis**2 * axis**2] for axis in (u, v))
     powers = {name: of_u[p] * of_v[q] for name, (p, q) in zip(POWER_SUMS, ORDERS, strict=True)}
-    rows = singles.select("scene", "block", *BAND).with_columns(**sums, **powers)
-    every = units_of(rows, rows, points=BAND, columns=[*POWER_SUMS, *_BOTH])
+    rows = singles.select(*_UNIT, *BAND).with_columns(**sums, **powers)
+    columns = [*POWER_SUMS, *_BOTH]
+    every = units_of(rows, rows, points=BAND, columns=columns, groups=draws.groups).across_groups()
     moments, units = (replace(every, sums=part) for part in np.split(every.sums, [len(POWER_SUMS)], axis=-1))
     found = _table(moments, pooled(moments, draws.weights(moments), mardia, method), _MARDIA_WITHIN)
     bounds = _table(units, pooled(units, draws.weights(units), _per_error_within, method), _GAINS_WITHIN)
@@ -147,12 +150,12 @@ def _per_error_within(sums: Array) -> Array:
     return np.stack([student, mixture, mixture - student, whole - student]) / np.where(scored > 0, scored, np.nan)
 
 
-def _block_sums(singles: pl.DataFrame) -> Units:
+def _block_sums(singles: pl.DataFrame, groups: SceneGroups) -> Units:
     """`POWER_SUMS` of single errors by block."""
     u, v = singles["z_u"].to_numpy(), singles["z_v"].to_numpy()
     powers = {name: u**p * v**q for name, (p, q) in zip(POWER_SUMS, ORDERS, strict=True)}
-    rows = singles.select("scene", "block", *BAND).with_columns(**powers)
-    return units_of(rows, rows, points=BAND, columns=POWER_SUMS)
+    rows = singles.select(*_UNIT, *BAND).with_columns(**powers)
+    return units_of(rows, rows, points=BAND, columns=POWER_SUMS, groups=groups)
 
 
 def _per_error(sums: Array) -> Array:
@@ -161,19 +164,22 @@ def _per_error(sums: Array) -> Array:
     return np.stack([student, mixture, mixture - student]) / np.where(scored > 0, scored, np.nan)
 
 
-def folds_of(singles: pl.DataFrame, seed: int) -> NDArray[np.intp]:
-    """Fold of each row: that of its scene or, where scenes are few, that of its block, drawn in each scene.
+def folds_of(singles: pl.DataFrame, groups: SceneGroups, seed: int) -> NDArray[np.intp]:
+    """Fold of each row: that of its scene or, where blocks are resampled, that of its block, drawn in each scene.
 
     Parameters
     ----------
     singles
         As in `gain_bounds`.
+    groups
+        Groups of scenes that are not independent of each other.
     seed
         Decides which scenes, if they are more than `FOLDS`, or which blocks are put into one fold.
     """
     rng = np.random.default_rng(seed)
     scenes = group_rows(singles, ["scene"])
-    if scenes.count >= MIN_SCENES:
+    group = groups.of(singles["dataset"][0], scenes.keys["scene"].to_list())
+    if scheme(group) is not None:
         folds = FOLDS if scenes.count < MANY else MANY_FOLDS
         return np.asarray(rng.permutation(scenes.count)[scenes.index] % folds)
     blocks = np.stack([rng.permutation(BLOCKS) % FOLDS for _ in range(scenes.count)])

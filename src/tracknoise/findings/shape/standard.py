@@ -94,7 +94,7 @@ def standardised(samples: pl.DataFrame, standard: pl.DataFrame) -> pl.DataFrame:
     (centre_u, centre_v), (a, b, c) = _parts(rows)
     u, v = rows["du_px"].to_numpy() - centre_u, rows["dv_px"].to_numpy() - centre_v
     columns = {"z_u": a * u, "z_v": b * u + c * v, "log_spread": -0.5 * np.log(a * c)}
-    labels = rows.select("trimming", "age_low", "at", "scene", "block", "track", "du_px", "dv_px")
+    labels = rows.select("trimming", "age_low", "at", "dataset", "scene", "block", "track", "du_px", "dv_px")
     return labels.hstack(pl.DataFrame(columns, schema=dict.fromkeys(columns, pl.Float64)))
 
 

@@ -71,13 +71,13 @@ class Equations:
         return np.asarray(0.5 * (solved[:, 0] + solved[:, 2]))
 
     def bounded(self, weights: Array, active: Sequence[int]) -> Array:
-        """The same for one set of sums, without negative eigenvalues: (len(active), 3)."""
+        """The same for one set of sums, without negative eigenvalues: (len(active), 3); 0 where all weights are 0."""
         x = np.nan_to_num(self.factors[:, list(active)])
         left, right = (x * weights[:, None]).T @ x, (x * weights[:, None]).T @ np.nan_to_num(self.second)
         found = np.array([without_negative(row) for row in self.solved(weights, active)])
         for _ in range(_ROUNDS):
             before = found.copy()
-            for place in range(len(found)):
+            for place in np.flatnonzero(np.diag(left)):
                 rest = right[place] - left[place] @ found + left[place, place] * found[place]
                 found[place] = without_negative(rest / left[place, place])
             if np.abs(found - before).max() <= _ENOUGH * np.abs(found).max():

@@ -7,7 +7,7 @@ the actual ones are linear in A, W, Q and D. What makes a purpose right is there
 
 with half the trace a_j of each component, and kappa_j from the linear benchmark with one component of 1 px^2 alone. It
 is the mean over windows of the recordings, with their motions, depths and track lengths. If the first direction is a
-state with the prior A, the claimed covariances are not in proportion to s^2; s is then found on a grid. Its interval is
+state with the prior A, the claimed covariances are not in proportion to s^2; s is then found by trying. Its interval is
 as wide, relative to it, as that for a free landmark.
 """
 
@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.noise_models.fitting.equations import NAMES
+from tracknoise.noise_models.fitting.shared_roots import shared_roots
 from tracknoise.noise_models.linear_benchmark import (
     EXACT,
     Covariances,
@@ -38,8 +39,10 @@ Window = Sequence[LinearTracks]
 
 LENGTHS = (5, 10, 11, 20, 30)
 """Lengths of windows, frames of the tracker."""
-_GRID = np.exp(np.linspace(-1.0, 1.6, 4))
-"""Standard deviations that are tried for a state, over that which makes all poses right for a free landmark."""
+_FIRST_TRIED = np.array([-0.7, 0.0])
+"""What is tried first for a state: logarithms of ratios to the sigma that makes all poses right for a free landmark."""
+_CLOSE = 0.02
+"""How close to the sigma of a state one must have been tried, as logarithm of a ratio."""
 
 
 def equivalents(
@@ -116,20 +119,24 @@ def _state(
     free: Mapping[Purpose, Interval],
     exact: Mapping[Purpose, Interval],
 ) -> dict[Purpose, Interval]:
-    """With the prior A on the first direction; where A is 0, the first observation is exact."""
-    first = fitted.components["first"].sigma.value
+    """With the prior A on the first direction; where A is 0, the first observation is exact.
+
+    Where only A is not 0, all other observations are exact, and sigma is 0.
+    """
+    first, noise = fitted.components["first"].sigma.value, _noise(fitted, speed)
     if first == 0.0:
         return dict(exact)
-    actual = [[true_covariances(window, _noise(fitted, speed))] for window in windows]
-    tried = free[Purpose.ALL_POSES].value * _GRID
-    pairs = list(zip(windows, actual, strict=True))
-    each = [[_ratios(window, known, float(sigma), first)[0] for window, known in pairs] for sigma in tried]
-    found = {}
-    for purpose in Purpose:
-        excess = np.log([np.mean([one[purpose] for one in row]) for row in each])
-        sigma = float(np.exp(np.interp(0.0, -excess, np.log(tried))))
-        found[purpose] = _scaled(free[purpose], sigma)
-    return found
+    if not any(part.any() for part in (noise.white, noise.walk, noise.drift)):
+        return dict.fromkeys(Purpose, Interval(value=0.0))
+    pairs = [(window, [true_covariances(window, noise)]) for window in windows]
+
+    def excess(log_sigma: float) -> Array:
+        each = [_ratios(window, actual, float(np.exp(log_sigma)), first)[0] for window, actual in pairs]
+        return np.log([np.mean([one[purpose] for one in each]) for purpose in Purpose])
+
+    start = float(np.log(free[Purpose.ALL_POSES].value)) + _FIRST_TRIED
+    sigmas = np.exp(shared_roots(excess, start, close=_CLOSE)).tolist()
+    return {purpose: _scaled(free[purpose], sigma) for purpose, sigma in zip(Purpose, sigmas, strict=True)}
 
 
 def _noise(fitted: "FittedComponents", speed: int) -> TrackNoise:

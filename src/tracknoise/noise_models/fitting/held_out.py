@@ -1,4 +1,4 @@
-"""How well components describe scenes that they were not fitted to.
+"""How well components describe scenes, groups of scenes, or blocks of tracks that they were not fitted to.
 
 The measure is the log likelihood of an error given the one before, of Gaussian errors with the mean variance of the two
 coordinates:

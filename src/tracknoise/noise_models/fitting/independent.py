@@ -22,6 +22,14 @@ def independent_sums(units: Units) -> NDArray[np.float64]:
     return by_number(number, units.sums) if _are_enough(number) else units.sums
 
 
+def independent_noun(units: Units) -> str:
+    """What `independent_sums` are of, in the plural."""
+    if units.resampled == Resampled.blocks:
+        return "blocks of tracks"
+    n_groups = len(np.unique(units.scene_group))
+    return "groups of scenes" if LEAST_GROUPS <= n_groups < len(units.scenes) else "scenes"
+
+
 def group_numbers(table: pl.DataFrame, groups: SceneGroups) -> NDArray[np.intp]:
     """Number of what the scene of each row is left out with, from 0, (rows,): its group, or the scene itself.
 

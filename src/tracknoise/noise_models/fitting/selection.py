@@ -1,9 +1,10 @@
 """Which components the noise of a tracker has.
 
-A component is dropped if the interval of its variance reaches 0, or if scenes that were left out are not described
-better with it. This is done one at a time, the least certain first, and the others are fitted again. As there are four
-components, these intervals have a quarter of the usual error probability. The order may mislead where components are
-alike. If others, which are no more and all certain, describe scenes that were left out better, these are kept.
+A component is dropped if the interval of its variance reaches 0, or if what was left out is not described better with
+it: scenes, groups of scenes, or blocks of tracks (`tracknoise.noise_models.fitting.independent`). This is done one at a
+time, the least certain first, and the others are fitted again. As there are four components, these intervals have a
+quarter of the usual error probability. The order may mislead where components are alike. If others, which are no more
+and all certain, describe better what was left out, these are kept.
 
 Some decisions are close. A component that was kept is doubtful if its interval at `ALMOST_CERTAIN` reaches 0. One that
 was dropped is doubtful if its interval at the level of the model does not. The opposite decision on each gives an
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.noise_models.fitting.equations import NAMES
+from tracknoise.noise_models.fitting.independent import independent_noun
 
 if TYPE_CHECKING:
     from tracknoise.noise_models.fitting.weighted_sums import Bounded, WeightedSums
@@ -27,7 +29,6 @@ Array = NDArray[np.float64]
 
 ALMOST_CERTAIN = 0.999
 """Level of the interval of a component that is kept without doubt."""
-_BETTER = "other components describe scenes that were left out better"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,7 +65,8 @@ def select(sums: "WeightedSums", *, level: float) -> Selection:
     """
     strict = _strict(level)
     active, eliminated, dropped = _chosen(sums, strict)
-    swapped = {one: Dropped(_BETTER, _most(sums, (*active, one), strict)) for one in eliminated if one not in active}
+    better = f"other components describe {independent_noun(sums.units)} that were left out better"
+    swapped = {one: Dropped(better, _most(sums, (*active, one), strict)) for one in eliminated if one not in active}
     out = {one: why for one, why in {**dropped, **swapped}.items() if one not in active}
     return Selection(active, _alternatives(sums, active, level), out)
 
@@ -87,7 +89,7 @@ def _eliminated(sums: "WeightedSums", level: float) -> tuple[tuple[int, ...], di
         worst = _least_certain(found, gains)
         if worst is None or len(active) == 1:
             return tuple(active), dropped
-        dropped[active[worst]] = _reason(found, gains, worst)
+        dropped[active[worst]] = _reason(found, gains, worst, independent_noun(sums.units))
         del active[worst]
 
 
@@ -115,12 +117,13 @@ def _least_certain(found: "Bounded", gains: Array) -> int | None:
     return int(np.argmin(np.where(doubtful, certainty, np.inf)))
 
 
-def _reason(found: "Bounded", gains: Array, place: int) -> Dropped:
+def _reason(found: "Bounded", gains: Array, place: int, left_out: str) -> Dropped:
+    """Why a component is dropped, given the name of what is left out."""
     most = _root(found.high[place])
     if found.low[place] <= 0.0 or found.value[place] <= 0.0:
         return Dropped("the interval of its variance reaches 0", most)
     return Dropped(
-        f"scenes that were left out are not described better with it ({gains[place]:+.2g} nat per error)", most
+        f"{left_out} that were left out are not described better with it ({gains[place]:+.2g} nat per error)", most
     )
 
 

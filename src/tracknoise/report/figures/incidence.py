@@ -49,11 +49,19 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
 
 
 def _message(table: pl.DataFrame, trackers: Sequence[str]) -> str:
-    """The most frequent cause of each tracker."""
+    """The most frequent cause of each tracker, where this is established."""
     last = table.filter(pl.col("lifetime") == pl.col("lifetime").max().over("tracker"), pl.col("incidence") > 0)
-    first = last.sort("incidence", "series", descending=[True, False]).unique("tracker", keep="first")
-    causes = dict(first.select("tracker", "series").iter_rows())
-    return values({name: causes[name] for name in trackers if name in causes}, "Most frequent cause of ends")
+    causes = {name: cause for name in trackers if (cause := _most_frequent(last.filter(tracker=name)))}
+    return values(causes, "Most frequent cause of ends")
+
+
+def _most_frequent(causes: pl.DataFrame) -> str:
+    """The cause whose interval is above those of all others, or the only one; empty if there is none."""
+    ranked = causes.sort("incidence", descending=True)
+    low, highs = ranked["low"].head(1), ranked["high"].slice(1)
+    if ranked.is_empty() or highs.null_count() or not (highs < low.fill_null(0.0)).all():
+        return ""
+    return str(ranked["series"][0])
 
 
 def _sentence(tracker: str, table: pl.DataFrame) -> str:

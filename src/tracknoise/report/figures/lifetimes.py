@@ -11,7 +11,7 @@ from tracknoise.report.bands import describe_intervals, of_scalar
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Panel, Spec, arranged, layered
-from tracknoise.report.figures.message import span, trackers, values
+from tracknoise.report.figures.message import effect, trackers, values
 from tracknoise.report.report_data import ReportData
 
 _SIZE: dict[str, Any] = {"width": 385, "height": 240}
@@ -70,14 +70,8 @@ def _by_speed(data: ReportData, table: pl.DataFrame, tracker: str) -> Figure | A
         f"At speed 2, one of these frames is two frames of the sequence. {_describe_bands(table)}",
         look_for=_numbers(data, table, {speed: f"At speed {speed}, {tracker}" for speed in map(str, data.speeds)}),
         spec=_pair(table, data.speed_colours(tracker), "speed"),
-        message=_speeds_message(data, tracker),
+        message=effect(data, "speed", tracker, roles=("lifetime",)),
     )
-
-
-def _speeds_message(data: ReportData, tracker: str) -> str:
-    medians = data.reference(data.summary).filter(tracker=tracker)["median_lifetime"].drop_nulls().to_list()
-    ends = span(medians, "frames") if len(medians) > 1 else ""
-    return f"The median lifetime of {tracker} is {ends}, depending on speed" if ends else ""
 
 
 def _numbers(data: ReportData, table: pl.DataFrame, subjects: Mapping[str, str]) -> str:

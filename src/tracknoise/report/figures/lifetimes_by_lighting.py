@@ -8,7 +8,7 @@ import polars as pl
 from tracknoise.findings.wording import number
 from tracknoise.report.figures import light_sweeps
 from tracknoise.report.figures.figure import Figure
-from tracknoise.report.figures.message import span
+from tracknoise.report.figures.message import effect
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.errors.box import box_of_counts
 
@@ -33,15 +33,9 @@ def figures(data: ReportData) -> list[Figure]:
         "track counts as if it had ended with its sequence.",
         look_for=_look_for(data, table),
         spec=light_sweeps.boxes(data, table, y),
-        message=_message(data, table.filter(tracker=data.trackers[0], speed=data.slowest)),
+        message=effect(data, "lighting", data.trackers[0], speed=data.slowest, roles=("lifetime",)),
     )
     return [figure]
-
-
-def _message(data: ReportData, table: pl.DataFrame) -> str:
-    """Range of the mean lifetimes of the first tracker."""
-    ends = span(table["mean"].to_list(), "frames") if table.height else ""
-    return f"The mean lifetime of {data.trackers[0]} is {ends}, depending on lighting" if ends else ""
 
 
 def boxes(data: ReportData) -> pl.DataFrame:

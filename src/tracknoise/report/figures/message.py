@@ -11,7 +11,7 @@ import polars as pl
 
 from tracknoise.findings.factor_text import bound_text
 from tracknoise.findings.roles import ROLES
-from tracknoise.findings.wording import STATISTICS, listing, number, px, ratio, times
+from tracknoise.findings.wording import STATISTICS, listing, px, ratio, times
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.enumerations import Verdict
 
@@ -113,17 +113,3 @@ def values(found: Mapping[str, str], opening: str) -> str:
     if not 1 <= len(found) <= MOST_NUMBERS:
         return ""
     return f"{opening}: {listing((f'{value} for {name}' for name, value in found.items()), joint='and')}"
-
-
-def span(numbers: Sequence[float], unit: str) -> str:
-    """Write the ends of several numbers: ``4.1 to 5.2 frames``; empty where these are the same.
-
-    Parameters
-    ----------
-    numbers
-        At least one.
-    unit
-        Of these.
-    """
-    low, high = number(min(numbers)), number(max(numbers))
-    return "" if low == high else f"{low} to {high} {unit}"

@@ -12,7 +12,7 @@ from tracknoise.report.figures import light_sweeps
 from tracknoise.report.figures.box_plot import box_plot
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Panel, arranged
-from tracknoise.report.figures.message import span, values
+from tracknoise.report.figures.message import effect, values
 from tracknoise.report.report_data import ReportData
 
 _TITLE = "Outlier ratio"
@@ -76,15 +76,9 @@ def _by_lighting(data: ReportData) -> list[Figure]:
         look_for=f"Shares of all features carried into a frame at speed {data.slowest}: "
         f"{'; '.join(part for part in parts if part)}.",
         spec=light_sweeps.boxes(data, table, _ratio(data), interval=_INTERVAL),
-        message=_lighting_message(data, table.filter(tracker=data.trackers[0], speed=data.slowest)),
+        message=effect(data, "lighting", data.trackers[0], speed=data.slowest, roles=("outlier_ratio",)),
     )
     return [figure]
-
-
-def _lighting_message(data: ReportData, table: pl.DataFrame) -> str:
-    """Range of the outlier ratios of the first tracker."""
-    ends = span([100 * ratio for ratio in table["pooled_ratio"]], "%") if table.height else ""
-    return f"{data.trackers[0]} rejects {ends} of the features, depending on lighting" if ends else ""
 
 
 def _look_for(data: ReportData, table: pl.DataFrame) -> str:

@@ -3,11 +3,13 @@
 import altair as alt
 import polars as pl
 
+from tracknoise.findings.wording import interval_text
 from tracknoise.noise_models.calibration import Calibration
 from tracknoise.report import style
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Figure
 from tracknoise.report.figures.layout import Panel, arranged, layered
+from tracknoise.tables.defaults import LEVEL
 
 _SIZE = 320
 _SHOWS = (
@@ -36,14 +38,20 @@ def reliability(found: Calibration, *, title: str) -> Figure:
     ends = pl.concat([table[name] for name in ("predicted", "measured", "low", "high")])
     chart = layered(_diagonal(ends), *_bars(table, ends), _points(table, ends))
     panel = Panel(chart.properties(width=_SIZE, height=_SIZE, title=alt.Title(title)))
-    bounds = f"Bars are 95 % intervals over {found.n_scenes} scenes. " if table["low"].drop_nulls().len() else ""
     return Figure(
         id="reliability",
         title=title,
-        shows=_SHOWS.format(n_classes=table.height, bounds=bounds),
+        shows=_SHOWS.format(n_classes=table.height, bounds=_intervals(found)),
         look_for=_LOOK_FOR.format(ence=found.ence),
         spec=arranged([panel], columns=1),
     )
+
+
+def _intervals(found: Calibration) -> str:
+    """What the bars are; empty where there are none."""
+    if found.resampled is None or all(one.low_px is None for one in found.reliability):
+        return ""
+    return f"Bars are {interval_text(LEVEL, found.resampled, [found.n_scenes])}. "
 
 
 def _axes(ends: pl.Series, y: str) -> tuple[alt.X, alt.Y]:

@@ -8,7 +8,8 @@ from benchmarks.validity.audit_worlds import CAMERA, World, make_samples, theta_
 from scipy.spatial.transform import Rotation
 
 from tracknoise.audit.motion import Paths
-from tracknoise.audit.parameters import COUNT, SLICES, Parameter
+from tracknoise.audit.optics import INTRINSIC
+from tracknoise.audit.parameters import COUNT, SLICES, Parameter, columns_of
 from tracknoise.audit.prediction import predict
 from tracknoise.audit.samples import AuditSamples
 from tracknoise.geometry.camera import Camera
@@ -38,12 +39,34 @@ def test_derivatives_are_those_of_differences(camera, readout) -> None:
     theta = np.random.default_rng(1).normal(size=COUNT) * STEP
     if not isinstance(camera, Camera):
         theta[SLICES[Parameter.k1]] = 0.0
-    found = predict(some, theta)
+    derivatives = predict(some, theta).by(Parameter)
     for place in range(COUNT):
         step = np.zeros(COUNT)
         step[place] = 1e-6
         difference = (predict(some, theta + step).uv - predict(some, theta - step).uv) / 2e-6
-        np.testing.assert_allclose(found.by_parameters[:, :, place], difference, atol=1e-5, rtol=1e-6)
+        np.testing.assert_allclose(derivatives[:, :, place], difference, atol=1e-5, rtol=1e-6)
+
+
+def test_derivatives_are_in_the_order_asked_and_the_same_beside_any_others() -> None:
+    some, theta = samples(replace(SMALL, readout=0.4)), np.random.default_rng(2).normal(size=COUNT) * STEP
+    every = predict(some, theta).by(Parameter)
+    for parameter in Parameter:
+        alone = predict(some, theta).by([parameter])
+        np.testing.assert_array_equal(alone, every[:, :, SLICES[parameter]])
+    asked = (Parameter.readout, Parameter.focal_length)
+    np.testing.assert_array_equal(predict(some, theta).by(asked), every[:, :, columns_of(asked)])
+
+
+def test_positions_without_a_shutter_need_no_derivatives(monkeypatch) -> None:
+    monkeypatch.setattr("tracknoise.audit.optics.projection_jacobian", lambda *_: pytest.fail("nobody asked"))
+    some = samples()
+    np.testing.assert_allclose(predict(some, np.zeros(COUNT)).uv, some.stated, atol=1e-12)
+
+
+def test_only_derivatives_by_the_optics_need_those_of_rays(monkeypatch) -> None:
+    monkeypatch.setattr("tracknoise.audit.optics._rays_by_optics", lambda *_: pytest.fail("nobody asked"))
+    others = [one for one in Parameter if SLICES[one].start >= INTRINSIC]
+    assert predict(samples(), np.zeros(COUNT)).by(others).shape[2] == COUNT - INTRINSIC
 
 
 def test_between_frames_poses_are_those_of_pose_path() -> None:

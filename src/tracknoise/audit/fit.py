@@ -75,7 +75,7 @@ def fit(samples: AuditSamples, parameters: Sequence[Parameter], start: Start, *,
     free, limit = columns_of(parameters), furthest(parameters)
     biases = _bias_columns(samples) if with_bias else np.empty((len(samples.age), 2, 0))
     ridge = 1.0 / np.concatenate([limit, np.full(biases.shape[2], _FURTHEST_BIAS_PX)]) ** 2
-    state = _state(samples, start, np.zeros(biases.shape[2]), free, biases)
+    state = _state(samples, start, np.zeros(biases.shape[2]), parameters, biases)
     for _ in range(_STEPS):
         step, equations = _solved(samples, state, ridge)
         if _is_small(step[: len(free)], equations):
@@ -83,7 +83,7 @@ def fit(samples: AuditSamples, parameters: Sequence[Parameter], start: Start, *,
             break
         theta = state.theta.copy()
         theta[free] = np.clip(theta[free] + step[: len(free)], -limit, limit)
-        state = _state(samples, Start.at(samples, theta), state.beta + step[len(free) :], free, biases)
+        state = _state(samples, Start.at(samples, theta), state.beta + step[len(free) :], parameters, biases)
     scale = scales(samples.group, state.residual)
     equations = normal_equations(samples.tracker, samples.cluster, state.design, state.residual, scale, ridge)
     return Fit(tuple(parameters), with_bias, state.theta, state.error, state.residual, state.design, free, equations)
@@ -93,11 +93,11 @@ def _state(
     samples: AuditSamples,
     there: Start,
     beta: NDArray[np.float64],
-    free: NDArray[np.intp],
+    parameters: Sequence[Parameter],
     biases: NDArray[np.float64],
 ) -> _State:
     error = samples.observed - there.predicted.uv
-    design = np.concatenate([there.predicted.by_parameters[:, :, free], biases], axis=2)
+    design = np.concatenate([there.predicted.by(parameters), biases], axis=2)
     return _State(there.theta, beta, error, error - biases @ beta, design)
 
 

@@ -86,6 +86,10 @@ class Paths:
         ends = (known[before] | (place == self.first)) & (known[after] | (place == self.last))
         return np.asarray(ends & (self.first < self.last))
 
+    def moving(self, frame: NDArray[np.intp], delay: NDArray[np.float64]) -> Moving:
+        """As `at`; where no time is after its frame, as `still`."""
+        return self.at(frame, delay) if np.any(delay) else self.still(frame)
+
     def still(self, frame: NDArray[np.intp]) -> Moving:
         """Poses of frames, (n,), with their velocities: the mean of those before and after the frame."""
         before = np.clip(frame - 1, self.first[frame], self.last[frame] - 1)

@@ -1,5 +1,6 @@
 """Cameras with corrected intrinsics: rays, projections, and how both change."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,25 +14,6 @@ from tracknoise.geometry.jacobians import projection_jacobian
 INTRINSIC = 4
 """Numbers of the optics: focal length, principal point in u and v, k1."""
 _FOCAL, _CENTRE, _K1 = 0, slice(1, 3), 3
-
-
-@dataclass(frozen=True, slots=True)
-class Projected:
-    """Positions of points in images.
-
-    Attributes
-    ----------
-    uv : (n, 2) float64
-        px; NaN where a point has no image.
-    by_point : (n, 2, 3) float64
-        Derivative by the point, px per metre.
-    by_optics : (n, 2, 4) float64
-        Derivative by the numbers of the optics.
-    """
-
-    uv: NDArray[np.float64]
-    by_point: NDArray[np.float64]
-    by_optics: NDArray[np.float64]
 
 
 def has_k1(cameras: tuple[Intrinsics, ...]) -> bool:
@@ -59,31 +41,69 @@ def corrected(camera: Intrinsics, theta: NDArray[np.float64]) -> Intrinsics:
     return changed
 
 
-def project(camera: Intrinsics, points: NDArray[np.float64]) -> Projected:
-    """Project points (n, 3) of the camera frame."""
-    with np.errstate(all="ignore"):
-        uv = camera.project(points)
-        return Projected(uv, projection_jacobian(camera, points), _by_optics(camera, points, uv))
+@dataclass(frozen=True, slots=True, eq=False)
+class Optics:
+    """Corrected cameras of n observations.
 
-
-def rays(camera: Intrinsics, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Rays through pixels (n, 2), scaled to depth 1, and how they change with the optics.
-
-    Returns
-    -------
-    rays : (n, 3) float64
-        NaN where a pixel has none.
-    by_optics : (n, 3, 4) float64
-        Derivatives, of a fixed pixel.
+    Attributes
+    ----------
+    cameras
+        The different ones.
+    which : (n,) intp
+        Place of each observation's camera among them.
+    units : (4,) float64
+        Derivatives are by the logarithm of the focal length; over its factor they are by the factor.
     """
-    found = camera.bearings(uv)
-    there = project(camera, found)
-    by_optics = np.zeros((len(uv), 3, INTRINSIC))
-    (a, b), (c, d) = np.moveaxis(there.by_point[:, :, :2], 0, -1)
-    with np.errstate(all="ignore"):
-        inverse = np.moveaxis(np.array([[d, -b], [-c, a]]) / (a * d - b * c), -1, 0)
-    by_optics[:, :2] = -inverse @ there.by_optics
-    return found, by_optics
+
+    cameras: tuple[Intrinsics, ...]
+    which: NDArray[np.intp]
+    units: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, stated: Sequence[Intrinsics], which: NDArray[np.intp], theta: NDArray[np.float64]) -> "Optics":
+        """Stated cameras under corrections, the numbers of all parameters."""
+        units = np.array([1.0 + theta[SLICES[Parameter.focal_length]][0], 1.0, 1.0, 1.0])
+        return cls(tuple(corrected(camera, theta) for camera in stated), which, units)
+
+    def rays(self, uv: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Rays through pixels (n, 2), scaled to depth 1, (n, 3); NaN where a pixel has none."""
+        return self._each((3,), lambda camera, pixels: camera.bearings(pixels), uv)
+
+    def rays_by_optics(self, ray: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Derivatives of the rays of fixed pixels by the numbers of the optics, (n, 3, 4)."""
+        return self._each((3, INTRINSIC), _rays_by_optics, ray) / self.units
+
+    def project(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Positions of points (n, 3) of the camera frame, (n, 2), px; NaN where a point has no image."""
+        return self._each((2,), lambda camera, some: camera.project(some), points)
+
+    def by_point(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Derivatives of positions by the points, (n, 2, 3), px per metre."""
+        return self._each((2, 3), projection_jacobian, points)
+
+    def by_optics(self, points: NDArray[np.float64], uv: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Derivatives of the positions uv (n, 2) of fixed points by the numbers of the optics, (n, 2, 4)."""
+        return self._each((2, INTRINSIC), _by_optics, points, uv) / self.units
+
+    def _each(
+        self, shape: tuple[int, ...], function: Callable[..., NDArray[np.float64]], *arrays: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """What a function of a camera and of rows of arrays gives for all observations, (n, *shape)."""
+        found = np.empty((len(self.which), *shape))
+        with np.errstate(all="ignore"):
+            for number, camera in enumerate(self.cameras):
+                rows = np.flatnonzero(self.which == number)
+                if len(rows):
+                    found[rows] = function(camera, *(array[rows] for array in arrays))
+        return found
+
+
+def _rays_by_optics(camera: Intrinsics, ray: NDArray[np.float64]) -> NDArray[np.float64]:
+    found = np.zeros((len(ray), 3, INTRINSIC))
+    (a, b), (c, d) = np.moveaxis(projection_jacobian(camera, ray)[:, :, :2], 0, -1)
+    inverse = np.moveaxis(np.array([[d, -b], [-c, a]]) / (a * d - b * c), -1, 0)
+    found[:, :2] = -inverse @ _by_optics(camera, ray, camera.project(ray))
+    return found
 
 
 def _by_optics(camera: Intrinsics, points: NDArray[np.float64], uv: NDArray[np.float64]) -> NDArray[np.float64]:

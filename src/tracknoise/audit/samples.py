@@ -86,6 +86,10 @@ class AuditSamples:
         sides: NDArray[np.float64] = sizes[self.camera[self.now], self.axis]
         return sides
 
+    def along_shutter(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Coordinates of vectors (n, 2) along which the shutter moves, (n,)."""
+        return np.take_along_axis(vectors, self.axis[:, None], axis=1)[:, 0]
+
     def phase(self, row: NDArray[np.float64]) -> NDArray[np.float64]:
         """Time of rows after that of their frame, in units of the readout, (n,): from -0.5 to 0.5."""
         phase: NDArray[np.float64] = (row + 0.5) / self.side - 0.5
@@ -94,7 +98,7 @@ class AuditSamples:
     @property
     def phase_at_birth(self) -> NDArray[np.float64]:
         """`phase` of the position in the first frame, (n,)."""
-        return self.phase(np.take_along_axis(self.uv_at_birth, self.axis[:, None], axis=1)[:, 0])
+        return self.phase(self.along_shutter(self.uv_at_birth))
 
     def chosen(self, rows: NDArray[np.intp]) -> "AuditSamples":
         """Some of the observations, whose clusters are numbered again without gaps."""

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from tracknoise.audit.assessment import LEVEL, Assessment, Basis
 from tracknoise.audit.curves import curves, second_moments
-from tracknoise.audit.fit import Start, fit
+from tracknoise.audit.fit import fit
 from tracknoise.audit.fitted import Fit
 from tracknoise.audit.held_out import Gain, gain, held_out_errors, held_out_residuals, losses
 from tracknoise.audit.jackknife import Jackknife, condition_number, jackknife
-from tracknoise.audit.parameters import COUNT, JOINT, NUMBERS, TIMED, Family, Parameter
+from tracknoise.audit.parameters import JOINT, NUMBERS, TIMED, Family, Parameter
 from tracknoise.audit.read import AuditedTables, read_samples
 from tracknoise.audit.samples import AuditSamples
 from tracknoise.audit.selection import Selection, Stage, available, select
@@ -86,7 +86,7 @@ def _corrected_errors(samples: AuditSamples, selection: Selection) -> dict[str, 
 
 def _joint_fits(samples: AuditSamples, selection: Selection) -> JointFits:
     """The stated joint fits, and that of the named faults together, with biases of trackers where these matter."""
-    start, every = Start.at(samples, np.zeros(COUNT)), available(samples)
+    start, every = selection.beside_bias.basis.start, available(samples)
     with_bias = selection.final.fitted.with_bias
     fits = {
         family: fit(samples, [one for one in parameters if one in every], start, with_bias=with_bias)

@@ -7,7 +7,9 @@ combinations. The sums are those of `tracknoise.statistics.noise.covariates`.
 from collections.abc import Iterator
 from itertools import combinations, islice
 
+import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from tracknoise.statistics.noise.covariates import PER_OCTAVE, TERMS, covariates_of, known_classes, sums_by_class
 from tracknoise.statistics.noise.error_products import Products
@@ -38,14 +40,17 @@ def noise_pairs(sequence: PreparedSequence, tracks: ErrorTracks, changes: Produc
 
 
 def _parts(sequence: PreparedSequence, tracks: ErrorTracks, changes: Products) -> Iterator[pl.DataFrame]:
-    known = islice(covariates_of(sequence, tracks), MOST)
-    for (first, of_first), (second, of_second) in combinations(known, 2):
-        classes = {
-            f"{place}_{end}": known_classes(values[changes.rows - back]) // PER_OCTAVE
-            for place, values in (("first", of_first), ("second", of_second))
-            for end, back in (("before", 1), ("now", 0))
-        }
+    octaves = {name: _octaves(values, changes) for name, values in islice(covariates_of(sequence, tracks), MOST)}
+    for first, second in combinations(octaves, 2):
+        ends = {"first": octaves[first], "second": octaves[second]}
+        classes = {f"{place}_{end}": of_end for place, both in ends.items() for end, of_end in both.items()}
         table = sums_by_class(sequence, tracks, changes, classes)
         yield table.with_columns(first=pl.lit(first), second=pl.lit(second)).select(
             pl.col(column).cast(kind) for column, kind in NOISE_PAIRS.items()
         )
+
+
+def _octaves(values: NDArray[np.float64], changes: Products) -> dict[str, NDArray[np.float64]]:
+    """Classes of a covariate at both ends of each change, by the end."""
+    backs = {"before": 1, "now": 0}
+    return {end: known_classes(values[changes.rows - back]) // PER_OCTAVE for end, back in backs.items()}

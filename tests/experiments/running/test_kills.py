@@ -113,3 +113,20 @@ def test_a_run_goes_on_with_the_libraries_it_was_begun_with(finished, told):
     (run.path / "moments" / "seq-01@default.parquet").unlink()
     with pytest.raises(SettingsError, match=r"run: polars 2.* is installed, expected 1.0 as the run was begun with"):
         execute(experiment, run, listener=told())
+
+
+def test_what_a_worker_left_that_died_while_it_wrote_is_removed_in_the_same_run(
+    finished, shared_file, tmp_path, told, files
+):
+    class Dying(type(told())):
+        """Of the first sequence a worker has begun to write a table again."""
+
+        def measured(self, key, entry):
+            left = run.path / "increments" / f".{key}.parquet.30007.085d80dde0a8b2bb.tracknoise-unfinished"
+            left.write_bytes(b"PAR1")
+            super().measured(key, entry)
+
+    (experiment, whole), run = finished(2), RunFolder(tmp_path / "run")
+    execute(experiment, run, listener=Dying())
+    assert not list(run.path.rglob(".*unfinished"))
+    assert files(run) == files(whole)

@@ -137,6 +137,8 @@ def execute(
                 for batch, result in results:
                     _settle(batch, result, manifest_writer, listener)
                     manifest_writer.write_if_due()
+        if todo:
+            run.discard_unfinished()  # files of workers that died while they wrote
         if manifest.sequences:
             _replace_results(run, experiment)
         else:

@@ -39,13 +39,13 @@ def _all(attacked: Mapping[str, Subject], rng: random.Random, count: int) -> int
     while killed < count:
         phase = phases[killed % len(phases)]
         victim = VICTIMS[killed // len(phases) % len(VICTIMS)] if phase in ("workers", "measurement") else "program"
-        program = attacked[phase]
-        shutil.rmtree(program.folder / "run", ignore_errors=True)
-        result = _one(program, phase, victim, rng)
+        subject = attacked[phase]
+        shutil.rmtree(subject.folder / "run", ignore_errors=True)
+        result = _one(subject, phase, victim, rng)
         if result is None:  # it had ended, or there was no worker
             continue
         killed += 1
-        differing = program.differences("run")
+        differing = subject.differences("run")
         wrong += bool(differing)
         verdict = f"OTHER FILES: {', '.join(differing[:_SHOWN])}" if differing else "the same"
         print(f"{victim:>8} killed in phase {phase:>11}: {result}: {verdict}", flush=True)

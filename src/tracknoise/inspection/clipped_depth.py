@@ -1,7 +1,6 @@
 """The topic clipped depth: whether the largest depth of a recording stands for everything farther away."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +8,6 @@ from numpy.typing import NDArray
 from tracknoise.inspection.check_report import Item, Severity
 from tracknoise.inspection.evidence import Evidence
 from tracknoise.inspection.hypotheses import AS_GIVEN, Hypothesis
-from tracknoise.inspection.pairs import Pair
 from tracknoise.inspection.residuals import relative_pose, reprojection_px
 
 _FACTORS = (1.25, 1.6, 2.5, 1000.0)
@@ -45,8 +43,10 @@ def clipped_depth(evidence: Evidence) -> Item | None:
     known = depths[np.isfinite(depths)]
     largest_m = float(known.max())
     share = float(_is_largest(known, largest_m).mean())
+    if share < _LEAST_SHARE:
+        return None
     found = np.array(list(_residuals(evidence, largest_m))).reshape(-1, 4)
-    if share < _LEAST_SHARE or len(found) < _FEWEST_PAIRS:
+    if len(found) < _FEWEST_PAIRS:
         return None
     motion, given, nearer, farther = np.maximum(found[found[:, 0] >= np.median(found[:, 0])], _FLOOR_PX).T
     if np.exp(np.log(farther / nearer).mean()) > _MOST_GAIN or (farther < nearer).mean() < _LEAST_BETTER:
@@ -65,29 +65,17 @@ def _residuals(evidence: Evidence, largest_m: float) -> Iterator[tuple[float, fl
     They are: at this depth, and with each point at this or that smaller, or this or that greater depth that fits best.
     """
     for pair in evidence.pairs:
-        chosen = _is_largest(pair.depth_first_m, largest_m)
+        chosen = _is_largest(pair.depth_first_m[np.isfinite(pair.depth_first_m)], largest_m)
         relative = relative_pose(evidence.poses, pair)
         if chosen.sum() >= _FEWEST_POINTS and np.isfinite(relative).all():
-            part = _chosen(pair, chosen)
-            given, nearer, farther = (_best_px(evidence, part, relative, others) for others in ((), _NEARER, _FARTHER))
-            yield pair.motion_px, given, nearer, farther
-
-
-def _best_px(evidence: Evidence, pair: Pair, relative: NDArray[np.float64], others: tuple[Hypothesis, ...]) -> float:
-    """Median residual, px, with each point where it fits best: as given, or as others say."""
-    tried = [reprojection_px(pair, relative, evidence.camera, one) for one in (AS_GIVEN, *others)]
-    return float(np.median(np.linalg.norm(tried, axis=2).min(axis=0)))
+            given, nearer, farther = (
+                [np.linalg.norm(reprojection_px(pair, relative, evidence.camera, one), axis=1)[chosen] for one in tried]
+                for tried in ((AS_GIVEN,), _NEARER, _FARTHER)
+            )
+            best = (np.min(tried, axis=0) for tried in (given, given + nearer, given + farther))
+            at, below, above = (float(np.median(residual)) for residual in best)
+            yield pair.motion_px, at, below, above
 
 
 def _is_largest(depth_m: NDArray[np.float64], largest_m: float) -> NDArray[np.bool_]:
     return np.asarray(depth_m >= largest_m * (1.0 - _SAME), dtype=np.bool_)
-
-
-def _chosen(pair: Pair, chosen: NDArray[np.bool_]) -> Pair:
-    return replace(
-        pair,
-        uv_first=pair.uv_first[chosen],
-        uv_second=pair.uv_second[chosen],
-        depth_first_m=pair.depth_first_m[chosen],
-        depth_second_m=pair.depth_second_m[chosen],
-    )

@@ -222,6 +222,15 @@ def test_few_scenes_come_first(n_scenes: int, expected: str | None) -> None:
         assert found["scenes"]["value"] == n_scenes
 
 
+def test_enough_scenes_in_too_few_groups_hold_for_these_scenes_only() -> None:
+    summed = table(SUMMARY, {**SUMMED, "n_scenes": 7})
+    by_block = table(INTERVALS, {**POINT, "resampled": "blocks", "value": 1.0})
+    text = read(summary=summed, intervals=by_block)["scenes"]["text"]
+    assert text.startswith("Every condition has only 7 scenes. They form too few groups to be resampled")
+    assert "They hold for these scenes only." in text
+    assert "less reliable" not in text
+
+
 def test_a_recorded_truth_is_reported_before_any_number() -> None:
     recorded = read(ReportedConditions(ReferenceCondition("l"), ("lk",), recorded=True))
     assert recorded["truth"]["rank"] < recorded["noise"]["rank"]
@@ -530,7 +539,7 @@ def test_the_document_is_json_even_where_numbers_are_infinite() -> None:
         (
             "within",
             "8 scenes come in 4 groups of scenes that may be alike (a, b, c and d). Scenes are resampled within their "
-            "groups, so that intervals hold for these groups only.",
+            "groups, so that intervals and tests hold for these groups only.",
         ),
         ("groups", "8 scenes come in 4 groups of scenes that may be alike. Intervals resample whole groups."),
         ("scenes", None),

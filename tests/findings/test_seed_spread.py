@@ -42,6 +42,10 @@ def tables(n_scenes: int, rng: np.random.Generator) -> Repeat:
     return Repeat(typed(errors, MOMENTS), typed(ends, ENDS), typed(frames, FRAME_COUNTS))
 
 
+HORIZONS: Schema = {"dataset": pl.String, "speed": ENDS["speed"], "restricted_to": pl.UInt32}
+KNOWN = pl.DataFrame({"dataset": ["d"], "speed": [1], "restricted_to": [4]}, schema=dict(HORIZONS))
+
+
 def found(n_scenes: int, n_seeds: int) -> tuple[pl.DataFrame, pl.DataFrame, list[Repeat]]:
     rng = np.random.default_rng(4)
     first, *others = (tables(n_scenes, rng) for _ in range(n_seeds))
@@ -65,7 +69,7 @@ def test_the_spread_is_that_of_the_results_of_each_seed() -> None:
 
 def test_intervals_of_blocks_become_wider_and_those_of_scenes_do_not() -> None:
     intervals, spread, _ = found(3, 3)
-    wider = widened(intervals, spread)
+    wider = widened(intervals, spread, horizons=KNOWN)
     assert spread["widens_interval"].all()
     names = ["mean_lifetime", "restricted_mean_lifetime", "outlier_ratio"]
     for before, after in zip(
@@ -76,7 +80,7 @@ def test_intervals_of_blocks_become_wider_and_those_of_scenes_do_not() -> None:
     assert wider.select(kept).equals(intervals.select(kept))
     many, of_scenes, _ = found(8, 3)
     assert not of_scenes["widens_interval"].any()
-    assert widened(many, of_scenes).equals(many)
+    assert widened(many, of_scenes, horizons=KNOWN).equals(many)
 
 
 def test_the_widened_bound_by_hand() -> None:
@@ -89,18 +93,37 @@ def test_the_widened_bound_by_hand() -> None:
     )  # fmt: skip
     logit = lambda share: np.log(share / (1 - share))  # noqa: E731
     width = np.hypot(logit(0.1) - logit(0.08), 4.302653 * 0.01 / 0.09)
-    assert widened(intervals, spread)["low"].item() == pytest.approx(1 / (1 + np.exp(width - logit(0.1))))
+    assert widened(intervals, spread, horizons=KNOWN)["low"].item() == pytest.approx(
+        1 / (1 + np.exp(width - logit(0.1)))
+    )
     median = intervals.with_columns(
         statistic=pl.lit("median_lifetime"), unit=pl.lit("frames"), value=9.0, low=8.0, high=11.0
     )
     frames = spread.with_columns(statistic=pl.lit("median_lifetime"), standard_deviation=0.4)
-    assert widened(median, frames).select("low", "high").row(0) == (7.0, 12.0)
+    assert widened(median, frames, horizons=KNOWN).select("low", "high").row(0) == (7.0, 12.0)
+
+
+def test_a_widened_restricted_mean_stays_below_its_horizon() -> None:
+    row = {"aspect": "all", "statistic": "restricted_mean_lifetime", "unit": "frames", "value": 25.0, "low": 22.0}
+    intervals = typed([{**row, "high": 27.0, "level": 0.95, "resampled": "blocks"}], INTERVALS)
+    spread = typed(
+        [{"statistic": "restricted_mean_lifetime", "unit": "frames", "mean": 25.0, "standard_deviation": 0.6}
+         | {"n_seeds": 2, "widens_interval": True}], SEED_SPREAD
+    )  # fmt: skip
+    horizons = pl.DataFrame({"dataset": ["d"], "speed": [1], "restricted_to": [30]}, schema=dict(HORIZONS))
+    low, high = widened(intervals, spread, horizons=horizons).select("low", "high").row(0)
+    # On the logit scale of 25 of 30 frames: t is 12.706, the slope 1 / (25 / 30 x 5 / 30).
+    logit = lambda frames: np.log(frames / (30 - frames))  # noqa: E731
+    reach = 12.7062 * 0.6 / 30 / (25 / 30 * 5 / 30)
+    assert logit(low) == pytest.approx(logit(25) - np.hypot(logit(25) - logit(22), reach), rel=1e-5)
+    assert logit(high) == pytest.approx(logit(25) + np.hypot(logit(27) - logit(25), reach), rel=1e-5)
+    assert 27.0 < high < 30.0
 
 
 def test_one_seed_says_nothing_and_changes_nothing() -> None:
     intervals, spread, _ = found(3, 1)
     assert spread.equals(empty(SEED_SPREAD))
-    assert widened(intervals, spread).equals(intervals)
+    assert widened(intervals, spread, horizons=KNOWN).equals(intervals)
 
 
 def test_seeds_that_agree_change_nothing() -> None:
@@ -110,10 +133,10 @@ def test_seeds_that_agree_change_nothing() -> None:
         intervals, [first, first], horizons=horizons(lifetimes_of_ends(first.ends)), population="visible"
     )
     assert spread["standard_deviation"].max() == pytest.approx(0.0, abs=1e-12)
-    both = widened(intervals, spread)
+    both = widened(intervals, spread, horizons=KNOWN)
     np.testing.assert_allclose(both["low"].to_numpy(), intervals["low"].to_numpy(), rtol=1e-9)
 
 
 def test_other_tables_are_refused() -> None:
     with pytest.raises(SchemaError, match="intervals"):
-        widened(empty(ENDS), empty(SEED_SPREAD))
+        widened(empty(ENDS), empty(SEED_SPREAD), horizons=KNOWN)

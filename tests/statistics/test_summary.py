@@ -75,6 +75,19 @@ def test_the_reference_frame_is_the_last_one_up_to_ten_after_the_key_frame(obser
     assert summarise(table.filter(pl.col("at") <= 24), key_frame=24)["at"] is None
 
 
+def test_each_direction_has_the_key_frame_of_its_own(observations) -> None:
+    seen = pl.concat(
+        observations(frame=frames, du_px=errors, direction=direction)
+        for direction, frames, errors in (
+            ("backward", [12, 16, 44], [5.0, 6.0, 3.0]),
+            ("forward", [12, 16], [1.0, 2.0]),
+        )
+    )
+    table = curves(scene_moments(prepare_observations(seen, axis="frame")), min_features=1)
+    found = summary(table, empty(LIFETIMES), empty(OUTLIERS), key_frame={"forward": 10, "backward": 38})
+    assert found.select("direction", "at", "untrimmed_nu_u_px").rows() == [("backward", 44, 3.0), ("forward", 16, 2.0)]
+
+
 def test_the_population_is_chosen(by_age) -> None:
     table = by_age([1, 1], truth=["valid", "occluded"], du_px=[1.0, 3.0])
     assert summarise(table)["untrimmed_nu_u_px"] == 1.0

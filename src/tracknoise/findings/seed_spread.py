@@ -23,6 +23,7 @@ from tracknoise.findings.intervals.table import interval_table
 from tracknoise.findings.sampling.jackknife import SCALES
 from tracknoise.statistics.conditions import Tables
 from tracknoise.statistics.definitions import NAMES, POOLED
+from tracknoise.statistics.tracks.lifetimes import RESTRICTED
 from tracknoise.tables.enumerations import Resampled
 from tracknoise.tables.findings_schema import INTERVALS, SEED_SPREAD
 from tracknoise.tables.schema import check, empty
@@ -40,6 +41,7 @@ class Repeat:
 KEYS = [*POOLED, "population", "trimming", "weighting", "statistic", "axis", "at", "coordinate"]
 """What identifies a number in `SEED_SPREAD`, as in `INTERVALS`."""
 _SIGNED = [names["mean"] for names in NAMES.values()]
+_IS_RESTRICTED = pl.col("statistic").is_in(list(RESTRICTED))
 
 
 def seed_spread(
@@ -87,7 +89,7 @@ def seed_spread(
     )
 
 
-def widened(intervals: pl.DataFrame, spread: pl.DataFrame) -> pl.DataFrame:
+def widened(intervals: pl.DataFrame, spread: pl.DataFrame, *, horizons: pl.DataFrame) -> pl.DataFrame:
     """Intervals of blocks that include the chance of the random seed, by (widen).
 
     Parameters
@@ -96,6 +98,8 @@ def widened(intervals: pl.DataFrame, spread: pl.DataFrame) -> pl.DataFrame:
         Schema `INTERVALS`.
     spread
         What `seed_spread` returned for them.
+    horizons
+        As in `seed_spread`: restricted means stay below these.
 
     Returns
     -------
@@ -118,14 +122,18 @@ def widened(intervals: pl.DataFrame, spread: pl.DataFrame) -> pl.DataFrame:
         how="left",
         nulls_equal=True,
         maintain_order="left",
-    ).with_columns(pl.when(aspect="all").then("standard_deviation"))
-    return intervals.with_columns(_bounds(numbers))
+    )
+    limited = numbers.join(horizons, on=["dataset", "speed"], how="left", maintain_order="left").with_columns(
+        pl.when(aspect="all").then("standard_deviation"),
+        most=pl.when(_IS_RESTRICTED).then("restricted_to").otherwise(1),
+    )
+    return intervals.with_columns(_bounds(limited))
 
 
 def _bounds(numbers: pl.DataFrame) -> Sequence[pl.Series]:
-    value, low, high, spread, level = (
-        numbers[name].to_numpy().astype(np.float64) for name in ("value", "low", "high", "standard_deviation", "level")
-    )
+    """Both bounds by (widen); restricted means are shares of what they can be at `most`."""
+    names = ("value", "low", "high", "standard_deviation", "level", "most")
+    value, low, high, spread, level, most = (numbers[name].to_numpy().astype(np.float64) for name in names)
     n_seeds = numbers["n_seeds"].fill_null(2).to_numpy()
     reach = special.stdtrit(n_seeds - 1.0, (1 + level) / 2) * spread
     scales, whole = _scales(numbers), numbers["statistic"].is_in(WHOLE_FRAMES).to_numpy()
@@ -134,17 +142,19 @@ def _bounds(numbers: pl.DataFrame) -> Sequence[pl.Series]:
         moved = bound.copy()
         for scale in np.unique(scales):
             rows = (scales == scale) & ~np.isnan(reach) & (reach > 0)
-            moved[rows] = _moved(scale, value[rows], bound[rows], reach[rows])
+            parts = (values[rows] / most[rows] for values in (value, bound, reach))
+            moved[rows] = most[rows] * _moved(scale, *parts)
         ends.append(pl.Series(name, np.where(whole, outwards(moved), moved)).fill_nan(None))
     return ends
 
 
 def _scales(numbers: pl.DataFrame) -> NDArray[np.str_]:
-    """Scale of the interval of each row, as in `tracknoise.findings.intervals`; the logarithm for restricted means."""
+    """Scale of the interval of each row, as in `tracknoise.findings.intervals`."""
     linear = pl.col("statistic").is_in([*_SIGNED, *WHOLE_FRAMES]) | (pl.col("coordinate") == "uv").fill_null(
         value=False
     )
-    scale = pl.when(linear).then(pl.lit("linear")).when(unit="share").then(pl.lit("logit")).otherwise(pl.lit("log"))
+    is_share = (pl.col("unit") == "share") | _IS_RESTRICTED
+    scale = pl.when(linear).then(pl.lit("linear")).when(is_share).then(pl.lit("logit")).otherwise(pl.lit("log"))
     return numbers.select(scale).to_series().to_numpy().astype(np.str_)
 
 

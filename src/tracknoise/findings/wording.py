@@ -187,6 +187,8 @@ def coverage_text(level: float, coverage: float) -> str:
 def spread_text(spread: float, unit: str, *, is_scale: bool) -> str:
     """Write how much scenes differ: ``scenes differ by a factor of 1.9``, or ``scenes differ by 0.120 px``.
 
+    Shares differ by a factor ``in odds``.
+
     Both are one standard deviation.
 
     Parameters
@@ -196,10 +198,11 @@ def spread_text(spread: float, unit: str, *, is_scale: bool) -> str:
     unit
         Of the number.
     is_scale
-        Whether the spread is that of logarithms: of scales, lifetimes and shares.
+        Whether the spread is that of logarithms, or of logits: of scales, lifetimes and shares.
     """
     if is_scale:
-        return f"scenes differ by a factor of {number(math.exp(spread), digits=2)}"
+        factor = f"scenes differ by a factor of {number(math.exp(spread), digits=2)}"
+        return f"{factor} in odds" if unit == "share" else factor
     return f"scenes differ by {px(spread) if unit == 'px' else f'{number(spread)}{SPACE}{unit}'}"
 
 

@@ -69,12 +69,9 @@ def _codes_of_names(column: pl.Series) -> NDArray[np.intp]:
     if not len(starts):  # as in the names of a condition, in most tables
         return np.zeros(len(column), dtype=np.intp)
     starts = np.concatenate([[0], starts])
-    heads = column[starts]
-    codes = _dense(heads.cast(pl.Categorical).to_physical().to_numpy())  # in the order of their appearance
-    names = heads[_first_rows(codes, int(codes.max()) + 1)].to_list()
-    place = np.empty(len(names), dtype=np.intp)
-    place[sorted(range(len(names)), key=names.__getitem__)] = np.arange(len(names))
-    return np.repeat(place[codes], np.diff(starts, append=len(column)))
+    heads = column[starts].to_list()
+    place = {name: number for number, name in enumerate(sorted(set(heads)))}
+    return np.repeat([place[name] for name in heads], np.diff(starts, append=len(column)))
 
 
 def _dense(values: NDArray[Any]) -> NDArray[np.intp]:

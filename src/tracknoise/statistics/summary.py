@@ -1,5 +1,7 @@
 """The most important numbers, one row per condition."""
 
+from collections.abc import Mapping
+
 import polars as pl
 
 from tracknoise.exceptions import UnknownNameError
@@ -19,7 +21,7 @@ def summary(
     cores: pl.DataFrame | None = None,
     floor: pl.DataFrame | None = None,
     age: int = REFERENCE_AGE,
-    key_frame: int = 0,
+    key_frame: int | Mapping[str, int] = 0,
     population: str = POPULATION,
 ) -> pl.DataFrame:
     """Lifetimes, outlier ratio, and errors at a reference age, of every condition.
@@ -38,8 +40,8 @@ def summary(
         neither its trimmed nor its untrimmed curves are cut. It differs between speeds whose frames do not coincide.
         At age 0 errors are zero by construction.
     key_frame
-        If the axis of the curves is the frame: the frame in which errors are zero. The reference frame is then the last
-        one up to `age` frames after it.
+        If the axis of the curves is the frame: the frame in which errors are zero, for all directions or by direction.
+        The reference frame is then the last one up to `age` frames after it.
     population
         Observations whose errors are used: `visible` or `projected`.
 
@@ -59,7 +61,7 @@ def summary(
     """
     if population not in POPULATIONS:
         raise UnknownNameError("population", population, POPULATIONS)
-    zero = pl.when(pl.col("axis") == Axis.frame).then(key_frame).otherwise(0)
+    zero = pl.when(pl.col("axis") == Axis.frame).then(_key_frame(key_frame)).otherwise(0)
     chosen = (pl.col("at") > zero) & (pl.col("at") <= zero + age)
     points = check(curves, CURVES, "curves").filter(chosen, weighting=Weighting.features, population=population)
     lived = mean_lifetime(lifetimes).join(median_survival(lifetimes), on=POOLED)
@@ -74,6 +76,12 @@ def summary(
         table = table.join(part, on=POOLED, how="left")
     table = table.with_columns(pl.col("n_tracks").fill_null(0))
     return check(table.select(*SUMMARY).sort(POOLED), SUMMARY, "summary")
+
+
+def _key_frame(key_frame: int | Mapping[str, int]) -> pl.Expr:
+    if isinstance(key_frame, int):
+        return pl.lit(key_frame)
+    return pl.col("direction").replace_strict(dict(key_frame), default=0, return_dtype=pl.Int64)
 
 
 def _at_reference(points: pl.DataFrame) -> pl.DataFrame:

@@ -1,8 +1,13 @@
 import numpy as np
+import polars as pl
 import pytest
 
+from tracknoise.findings.growth.grown import GROWTH_SUMS, pooled_saturating
 from tracknoise.findings.growth.predicted import Parts, predicted
 from tracknoise.findings.growth.saturating import SaturatingFit, saturating_curve
+from tracknoise.findings.sampling.bounds import Method
+from tracknoise.findings.sampling.draws import Draws
+from tracknoise.findings.sampling.units import units_of
 from tracknoise.statistics.definitions import LAGS
 
 SINCE = np.arange(1.0, 31.0)
@@ -21,6 +26,19 @@ def test_a_constant_and_a_line_are_its_limits() -> None:
         fitted = saturating_curve(SaturatingFit.at(SINCE, EVEN).fit(second), SINCE)
         assert fitted == pytest.approx(second, rel=0.1)
     assert (SaturatingFit.at(SINCE, EVEN).fit(1 / SINCE) >= 0).all()
+
+
+def test_a_line_has_no_longest_time_constant() -> None:
+    rng = np.random.default_rng(4)
+    scale = np.repeat(rng.lognormal(sigma=0.1, size=8), 12) * rng.lognormal(sigma=0.02, size=96)
+    columns = {"scene": np.repeat([f"s{place}" for place in range(8)], 12), "since": np.tile(np.arange(1, 13), 8)}
+    sums = {"n": np.full(96, 200.0), "uu": 200 * 0.04 * columns["since"] * scale}
+    units = units_of(pl.DataFrame({**columns, **sums, "vv": sums["uu"]}), points=["since"], columns=GROWTH_SUMS)
+    weights = Draws(units.scenes, n_draws=200).weights(units)
+    found = pooled_saturating(units, weights, np.ones(12, dtype=bool), Method().by_bootstrap())[0]["time_constant"]
+    assert found.high is None
+    assert found.low is not None
+    assert found.low > 12
 
 
 def test_curves_of_any_shape_are_fitted_at_once() -> None:

@@ -222,6 +222,15 @@ def test_few_scenes_come_first(n_scenes: int, expected: str | None) -> None:
         assert found["scenes"]["value"] == n_scenes
 
 
+def test_enough_scenes_in_too_few_groups_hold_for_these_scenes_only() -> None:
+    summed = table(SUMMARY, {**SUMMED, "n_scenes": 7})
+    by_block = table(INTERVALS, {**POINT, "resampled": "blocks", "value": 1.0})
+    text = read(summary=summed, intervals=by_block)["scenes"]["text"]
+    assert text.startswith("Every condition has only 7 scenes. They form too few groups to be resampled")
+    assert "They hold for these scenes only." in text
+    assert "less reliable" not in text
+
+
 def test_a_recorded_truth_is_reported_before_any_number() -> None:
     recorded = read(ReportedConditions(ReferenceCondition("l"), ("lk",), recorded=True))
     assert recorded["truth"]["rank"] < recorded["noise"]["rank"]
@@ -330,6 +339,7 @@ def test_growth_names_the_behaviour_and_its_size() -> None:
     other = {"trimming": "trimmed", "coordinate": "v", "verdict": "undecided", "why": "too few ages"}
     growth = read(time_structure=table(TIME_STRUCTURE, other, walk))["growth"]
     assert "lk in u: random walk, 0.0900 px per sqrt(frame) (0.0800 to 0.100)." in growth["text"]
+    assert growth["text"].startswith("Growth of trimmed errors at speed 1, features pooled over scenes. lk in u:")
     assert growth["text"].endswith("lk in v: undecided; too few ages.")
     assert growth["value"] == 0.09
 
@@ -463,7 +473,8 @@ def test_outliers_and_lifetimes_have_their_intervals() -> None:
     found = read(summary=table(SUMMARY, {**SUMMED, **lived}), intervals=table(INTERVALS, *rows))
     assert "lk rejects 4.8 % (4.1 % to 5.5 %) of the features carried into a frame." in found["outliers"]["text"]
     text = found["lifetimes"]["text"]
-    assert text.startswith("Median lifetime at speed 1 (Kaplan-Meier), and means restricted to 20 frames. lk: 7 frames")
+    opening = "Median lifetime at speed 1 (Kaplan-Meier, tracks pooled over scenes), and means restricted to 20 frames."
+    assert text.startswith(f"{opening} lk: 7 frames")
     assert "7 frames (6 to 9). The restricted mean is 8.50 frames (8 to 9). Until failure it is 12 frames." in text
     assert "which assumes that they would have failed like the others" in text
 
@@ -484,6 +495,7 @@ def test_tracks_that_live_long_are_compared_with_all() -> None:
         for aspect, age, value in (("all", None, 0.1681), ("long_lived", 5, 0.16), ("long_lived", 20, 0.09))
     ]
     text = read(intervals=table(INTERVALS, *rows))["survivorship"]["text"]
+    assert "in trimmed root mean square errors, features pooled over scenes." in text
     assert "At age 10, the error of lk in u is 0.300 px (0.268 to 0.329) for tracks that live to age 20." in text
     assert "For all tracks it is 0.410 px" in text
 
@@ -530,7 +542,7 @@ def test_the_document_is_json_even_where_numbers_are_infinite() -> None:
         (
             "within",
             "8 scenes come in 4 groups of scenes that may be alike (a, b, c and d). Scenes are resampled within their "
-            "groups, so that intervals hold for these groups only.",
+            "groups, so that intervals and tests hold for these groups only.",
         ),
         ("groups", "8 scenes come in 4 groups of scenes that may be alike. Intervals resample whole groups."),
         ("scenes", None),

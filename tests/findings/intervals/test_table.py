@@ -17,6 +17,7 @@ from tracknoise.statistics.tracks.lifetimes import (
     lifetimes_of_ends,
     mean_lifetime,
     median_survival,
+    restricted_mean,
 )
 from tracknoise.statistics.tracks.outliers import outlier_ratios
 from tracknoise.tables.enumerations import Aspect
@@ -121,6 +122,24 @@ def test_lifetimes_and_outlier_ratio_are_those_of_the_summary(n_scenes):
         rows = found.filter(statistic=curve)
         assert rows["at"].to_list() == lived["lifetime"].to_list()
         assert rows["value"].to_list() == pytest.approx(lived[curve].to_list(), nan_ok=True)
+
+
+def test_scenes_differ_in_restricted_means_by_the_spread_of_their_logarithms():
+    ends = _tables(8)["ends"].filter(tracker="a")
+    row = found_in(_tables(8)).filter(statistic="restricted_mean_lifetime", tracker="a").row(0, named=True)
+    to = float(lifetimes_of_ends(_tables(8)["ends"])["followed_to"].min())
+    logs = [
+        np.log(mean_until(own, to))
+        for own in ends.group_by("scene", "lifetime").agg(pl.col("n_ended", "n_censored").sum()).partition_by("scene")
+    ]
+    assert row["spread"] == pytest.approx(np.std(logs, ddof=1))
+
+
+def mean_until(ends: pl.DataFrame, horizon: float) -> float:
+    """Restricted mean of one scene."""
+    ordered = ends.sort("lifetime")
+    counts = (ordered[name].to_numpy() for name in ("n_ended", "n_censored"))
+    return float(restricted_mean(*counts, horizon, lifetimes=ordered["lifetime"].to_numpy()))
 
 
 def test_quartiles_are_where_survival_is_down_to_a_quarter_and_its_bounds_with_it():

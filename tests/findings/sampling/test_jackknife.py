@@ -57,7 +57,7 @@ def test_at_a_limit_and_without_spread_nothing_is_left_but_the_value():
         np.testing.assert_allclose(student_interval(values.mean(axis=0), left_out(values), scale=scale), value)
 
 
-@pytest.mark.parametrize("share", [0.0, 1.0])
+@pytest.mark.parametrize("share", [0.0, 1.0, 1e-17, np.nextafter(1.0, 0.0)])  # the last two by rounding
 def test_what_was_never_seen_or_always_has_no_bounds(share: float) -> None:
     values = np.full((6, 1), share)
     assert np.isnan(student_interval(values.mean(axis=0), left_out(values), scale="logit")).all()

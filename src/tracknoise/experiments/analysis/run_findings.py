@@ -141,7 +141,7 @@ def _tables(
     shapes = gaussianity(read.moments, run.stacked_tables("samples", sorted(manifest.sequences)), **options)
     return {
         **pooled,
-        "intervals": widened(intervals, spread),
+        "intervals": widened(intervals, spread, horizons=horizon),
         "seed_spread": spread,
         **_of_sequences(run, sampling),
         "incidence": incidence_table(read.ends, sampling),

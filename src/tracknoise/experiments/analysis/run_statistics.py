@@ -62,7 +62,7 @@ def compute_statistics(run: RunFolder, experiment: Experiment) -> dict[str, pl.D
         tables["outliers"],
         cores=tables["cores"],
         floor=tables["floor"],
-        key_frame=reference.key_frames.get(reference.direction, 0),
+        key_frame=reference.key_frames,
         population=experiment.truth.population,
     )
     tables["effects"] = effects(

@@ -28,18 +28,19 @@ def number_values(
     """
     known, other = (table["at"].drop_nulls().unique().to_numpy() for table in (first, second))
     places = np.intersect1d(known, other).astype(np.int64)
+    placed = bool(len(known) or len(other))
     with np.errstate(divide="ignore"):
-        values = [_levels(table, places, scenes) for table in (first, second)]
+        values = [_levels(table, places if placed else None, scenes) for table in (first, second)]
         before, after = (np.log(array) if logarithms else array for array in values)
     measured = np.stack([np.isin(scenes, table["scene"].to_numpy()) for table in (first, second)], axis=1)
     return paired((before, after), measured, places, logarithms=logarithms)
 
 
-def _levels(table: pl.DataFrame, places: NDArray[np.int64], scenes: Sequence[str]) -> NDArray[np.float64]:
-    """Values (scenes, places), or (scenes, 1) of single numbers; NaN where there are none."""
-    values = np.full((len(scenes), max(len(places), 1)), np.nan)
-    rows = table if not len(places) else table.filter(pl.col("at").is_in(places.tolist()))
+def _levels(table: pl.DataFrame, places: NDArray[np.int64] | None, scenes: Sequence[str]) -> NDArray[np.float64]:
+    """Values (scenes, places), or (scenes, 1) of single numbers, which have no places; NaN where there are none."""
+    values = np.full((len(scenes), 1 if places is None else max(len(places), 1)), np.nan)
+    rows = table if places is None else table.filter(pl.col("at").is_in(places.tolist()))
     scene = rows["scene"].cast(pl.Enum(scenes)).to_physical().to_numpy().astype(np.intp)
-    at = np.searchsorted(places, rows["at"].to_numpy()) if len(places) else np.zeros(rows.height, dtype=np.intp)
+    at = np.zeros(rows.height, dtype=np.intp) if places is None else np.searchsorted(places, rows["at"].to_numpy())
     values[scene, at] = rows["value"].cast(pl.Float64).fill_null(np.nan).to_numpy()
     return values

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tracknoise.findings.estimate import Estimate, EstimateArray
 from tracknoise.findings.growth.fit import TERM_UNITS, TERMS, GrowthFit
 from tracknoise.findings.growth.models import OWN
-from tracknoise.findings.growth.saturating import SaturatingFit
+from tracknoise.findings.growth.saturating import SaturatingFit, range_tried
 from tracknoise.findings.sampling.bounds import Method, Statistics, pooled_by
 from tracknoise.findings.sampling.resampling import leave_one_out
 from tracknoise.findings.sampling.units import Units
@@ -26,6 +26,7 @@ MIN_AGES = 4
 GROWTH_SUMS = ("n", "uu", "vv")
 """What a fit needs of each age: the count, and the sums of squared errors."""
 _MIN_UNITS = 4
+_ROUNDING = 1e-9
 
 
 def fit_ages(units: Units, *, min_features: int) -> NDArray[np.bool_]:
@@ -72,15 +73,16 @@ def pooled_saturating(units: Units, weights: Array, ages: NDArray[np.bool_], met
     Parameters
     ----------
     units, weights, ages, method
-        As in `pooled_sizes`.
+        As in `pooled_sizes`. A bound of the time constant at an end of what is tried is none.
     """
+    tried = range_tried(units.points["since"].to_numpy().astype(np.float64)[ages])
 
     def named(found: list[Estimate]) -> Sizes:
         white, size, constant = found
         return {
             "saturating_white": _root(white, white, unit="px"),
             "saturating": _root(size, size, unit="px"),
-            "time_constant": replace(constant, unit="frames"),
+            "time_constant": _between(replace(constant, unit="frames"), *tried),
         }
 
     def fits(since: Array, weight: Array) -> _Fit:
@@ -182,6 +184,13 @@ def _root(bounded: Estimate, free: Estimate, *, unit: str) -> Estimate:
     low = None if bounded.low is None or free.low is None else min(bounded.low, free.low)
     high = None if bounded.high is None or free.high is None else max(bounded.high, free.high)
     return replace(bounded, value=_length(bounded.value), low=_length(low), high=_length(high), unit=unit)
+
+
+def _between(estimate: Estimate, least: float, most: float) -> Estimate:
+    """The same without bounds that are not between two limits."""
+    low = estimate.low if estimate.above(least * (1 + _ROUNDING)) else None
+    high = estimate.high if estimate.below(most * (1 - _ROUNDING)) else None
+    return replace(estimate, low=low, high=high)
 
 
 def _length(square: float | None) -> float | None:

@@ -55,7 +55,7 @@ class SaturatingFit:
         weight : (ages,)
             Of each squared residual.
         """
-        grid = np.geomspace(_SHORTEST * since.min(), _LONGEST * since.max(), GRID)
+        grid = np.geomspace(*range_tried(since), GRID)
         columns = -np.expm1(-since / grid[:, None])
         return cls(since, weight, grid, columns * weight, ((columns @ weight)[:, None], (columns**2 @ weight)[:, None]))
 
@@ -77,6 +77,11 @@ class SaturatingFit:
         kept = finer >= explained[best, curve]
         chosen = [np.where(kept, one, other[best, curve]) for one, other in zip(found, squares, strict=True)]
         return np.stack([*chosen, np.where(kept, tau, self.grid[best])]).reshape(3, *second.shape[1:])
+
+
+def range_tried(since: Array) -> tuple[float, float]:
+    """Shortest and longest time constant that are tried at some ages (ages,), frames."""
+    return _SHORTEST * float(since.min()), _LONGEST * float(since.max())
 
 
 def saturating_curve(coefficients: Array, since: Array) -> Array:

@@ -50,15 +50,22 @@ def few_scenes(tables: RunTables, _conditions: ReportedConditions) -> Headline |
         "Every condition has" if few.height == measured.height else f"{few.height} of {measured.height} conditions have"
     )
     there = count(numbers[0], "scene") if len(numbers) == 1 else f"{numbers[0]} to {numbers[-1]} scenes"
-    if numbers[0] >= MIN_SCENES:
-        limits = f"Intervals from fewer than {ENOUGH_SCENES} scenes are less reliable."
-    else:
-        limits = (
-            f"With fewer than {MIN_SCENES} scenes, intervals come from blocks of tracks within the scenes. They hold "
-            "for these scenes only. Tests of the mean error and of factors at the 5 % level are then not possible."
-        )
-    text = f"{whose} only {there}. {limits}"
+    text = f"{whose} only {there}. {_limits(numbers[0], tables['intervals'])}"
     return Headline("scenes", text, "measured", "summary", Estimate(numbers[0], unit="scenes"))
+
+
+def _limits(fewest: int, intervals: pl.DataFrame) -> str:
+    """What few scenes mean for intervals and tests."""
+    if fewest < MIN_SCENES:
+        opening = f"With fewer than {MIN_SCENES} scenes,"
+    elif (intervals["resampled"] == Resampled.blocks).any():
+        opening = "They form too few groups to be resampled, so that"
+    else:
+        return f"Intervals from fewer than {ENOUGH_SCENES} scenes are less reliable."
+    return (
+        f"{opening} intervals come from blocks of tracks within the scenes. They "
+        "hold for these scenes only. Tests of the mean error and of factors at the 5 % level are then not possible."
+    )
 
 
 def grouped_scenes(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
@@ -72,7 +79,8 @@ def grouped_scenes(tables: RunTables, conditions: ReportedConditions) -> Headlin
     if (resampled["resampled"] == Resampled.within).any():
         named = f" ({listing(groups)})" if len(groups) <= MOST_NAMED else ""
         text = (
-            f"{opening}{named}. Scenes are resampled within their groups, so that intervals hold for these groups only."
+            f"{opening}{named}. Scenes are resampled within their groups, so that intervals and tests hold for these "
+            "groups only."
         )
     else:
         text = f"{opening}. Intervals resample whole groups."

@@ -29,6 +29,7 @@ _GROWTH: Mapping[str, tuple[str, str, str]] = {
 """Name of a behaviour, and the column and the unit of its size."""
 _GROWING = (Behaviour.random_walk, Behaviour.drift, Behaviour.saturating)
 """Behaviours that the errors of poses have too."""
+_POOLED = "features pooled over scenes"
 _RISING = ("walk_px_per_sqrt_frame", "drift_px_per_frame")
 
 
@@ -163,7 +164,7 @@ def growth(tables: RunTables, conditions: ReportedConditions) -> Headline | None
     return by_tracker(
         conditions.trackers,
         lambda tracker: _growth_of(tables, conditions, tracker),
-        opening=f"Growth of {_trimmed(conditions)}errors {conditions.where(tables['summary'])}.",
+        opening=f"Growth of {_trimmed(conditions)}errors {conditions.where(tables['summary'])}, {_POOLED}.",
         topic="growth",
         figure="time-structure",
         table="time_structure",
@@ -211,11 +212,11 @@ def _behaviour(row: Mapping[str, Any]) -> tuple[str, list[Estimate]]:
 
 def survivorship(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """Whether long-lived tracks have smaller errors than all tracks."""
-    trimmed = _trimmed(conditions)
+    errors = f"{_trimmed(conditions)}root mean square errors, {_POOLED}"
     return by_tracker(
         conditions.trackers,
         lambda tracker: _survivorship_of(tables, conditions, tracker),
-        opening=f"Survivorship bias {conditions.where(tables['summary'])}, in {trimmed}root mean square errors.",
+        opening=f"Survivorship bias {conditions.where(tables['summary'])}, in {errors}.",
         topic="survivorship",
         figure="survivorship-bias",
         table="intervals",

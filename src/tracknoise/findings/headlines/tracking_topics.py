@@ -66,10 +66,11 @@ def lifetimes(tables: RunTables, conditions: ReportedConditions) -> Headline | N
     horizon = next((frames for frames in restricted if frames is not None), None)
     has_causes = any(_reports_causes(conditions.of(tables["summary"], name)) for name in conditions.trackers)
     means = "" if horizon is None else f", and means restricted to {count(int(horizon), 'frame')}"
+    where = conditions.where(tables["summary"])
     return by_tracker(
         conditions.trackers,
         lambda tracker: _lifetime_of(tables, conditions, tracker),
-        opening=f"Median lifetime {conditions.where(tables['summary'])} (Kaplan-Meier){means}.",
+        opening=f"Median lifetime {where} (Kaplan-Meier, tracks pooled over scenes){means}.",
         closing=_FAILURE if has_causes and horizon is not None else "",
         topic="lifetimes",
         figure="lifetimes",

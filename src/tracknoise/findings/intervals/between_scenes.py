@@ -37,6 +37,12 @@ def between_scenes(
     return BetweenScenes(found.spread, found.low, found.high, _coverage(estimates, units, found.spread, scales))
 
 
+def spread_on(units: Units, statistics: Statistics, scale: str, *, level: float) -> NDArray[np.float64]:
+    """Standard deviation between scenes, (statistics, points), of all statistics on one scale: see `between_scenes`."""
+    own = statistics(np.transpose(by_number(units.scene, units.sums), (2, 1, 0)))
+    return next_scene(units, own, [scale] * len(own), level=level).spread
+
+
 def with_estimates(
     between: BetweenScenes, units: Units, scales: Sequence[str], estimates: EstimateArray
 ) -> BetweenScenes:

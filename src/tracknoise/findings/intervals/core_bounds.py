@@ -48,7 +48,8 @@ def core_bounds(
     """
     by_scene = _units(scales, None, groups)
     units = by_scene if by_scene.resampled or blocks is None else _units(scales, blocks, groups)
-    found = geometric(units, draws.weights(units), _logarithms, method)
+    held = np.transpose(units.sums[..., 0::2], (2, 1, 0))
+    found = geometric(units, draws.weights(units), _logarithms, method, sizes=held)
     if units.resampled == Resampled.blocks:
         value = geometric(by_scene, np.empty((0, len(by_scene.sums))), _logarithms, Method()).value
         moved = value / np.where(found.value > 0, found.value, np.nan)

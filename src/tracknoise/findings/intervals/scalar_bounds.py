@@ -15,7 +15,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.findings.estimate import EstimateArray
-from tracknoise.findings.intervals.between_scenes import between_scenes
+from tracknoise.findings.intervals.between_scenes import between_scenes, spread_on
 from tracknoise.findings.sampling.bounds import BetweenScenes, LabelledEstimates, Method, Statistics, pooled
 from tracknoise.findings.sampling.draws import Draws
 from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
@@ -84,7 +84,8 @@ def lifetime_bounds(
         restricted = partial(_restricted, survival_of, lifetimes, horizon)
         share = pooled(units, weights, restricted, method, scales=["logit"], sizes=tracks[None])
         mean = replace(share, **{name: horizon * getattr(share, name) for name in ("value", "low", "high")})
-        between = _times(between_scenes(units, restricted, ["logit"], share), horizon)
+        between = _in_frames(between_scenes(units, restricted, ["logit"], share), horizon)
+        between = replace(between, spread=spread_on(units, restricted, "log", level=share.level))
         yield LabelledEstimates(_labels(names.restricted_mean), mean, units, between)
         curve = pooled(units, weights, survival_of, method, scales=["logit"], sizes=sizes)
         yield LabelledEstimates(_labels(names.curve, lifetimes), _where_at_risk(curve, units), units)
@@ -190,8 +191,8 @@ def _smoothed(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray((outliers + 0.5) / np.where(offered > 0, offered + 1, np.nan))[None]
 
 
-def _times(between: BetweenScenes, horizon: float) -> BetweenScenes:
-    """What is known of shares of a horizon as frames; the spread stays that of the logit."""
+def _in_frames(between: BetweenScenes, horizon: float) -> BetweenScenes:
+    """Bounds of shares of a horizon as frames."""
     return replace(between, next_low=horizon * between.next_low, next_high=horizon * between.next_high)
 
 

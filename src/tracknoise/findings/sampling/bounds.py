@@ -192,6 +192,7 @@ def averaged(
     method: Method,
     *,
     scales: Sequence[str] | None = None,
+    sizes: NDArray[np.float64] | None = None,
 ) -> EstimateArray:
     """Mean over scenes of each scene's own statistics; scenes in which one is undefined take no part in it.
 
@@ -199,15 +200,25 @@ def averaged(
     ----------
     units, weights, statistics, method, scales
         As in `pooled`.
+    sizes : (statistics, points, units)
+        What blocks hold of each statistic, by default their first column.
     """
     if units.resampled == Resampled.blocks:
-        return _bounded(_mean_of_scenes(units, weights, statistics), units, units.sums[..., 0].T, method, scales)
+        held = units.sums[..., 0].T if sizes is None else sizes
+        return _bounded(_mean_of_scenes(units, weights, statistics), units, held, method, scales)
     own = _own(units, statistics)
-    sums, sizes = np.transpose(own, (2, 1, 0)), own[len(own) // 2 :]
-    return _bounded(Sample.of(sums, weights, units.joined(sums)).map(_mean), units, sizes, method, scales)
+    sums, defined = np.transpose(own, (2, 1, 0)), own[len(own) // 2 :]
+    return _bounded(Sample.of(sums, weights, units.joined(sums)).map(_mean), units, defined, method, scales)
 
 
-def geometric(units: Units, weights: NDArray[np.float64], logarithms: Statistics, method: Method) -> EstimateArray:
+def geometric(
+    units: Units,
+    weights: NDArray[np.float64],
+    logarithms: Statistics,
+    method: Method,
+    *,
+    sizes: NDArray[np.float64] | None = None,
+) -> EstimateArray:
     """Geometric mean over scenes of each scene's own statistics, which are scales.
 
     Where it is 0, because that of a scene is, it has no bounds, unless that of every scene is 0.
@@ -218,15 +229,23 @@ def geometric(units: Units, weights: NDArray[np.float64], logarithms: Statistics
         As in `pooled`.
     logarithms
         Of the statistics; minus infinity where these are 0.
+    sizes
+        As in `averaged`.
     """
     own = logarithms(np.transpose(by_number(units.scene, units.sums), (2, 1, 0)))
     zeros = np.isneginf(own)
     is_zero, are_zero = zeros.any(axis=-1), (zeros | np.isnan(own)).all(axis=-1)
-    found = averaged(units, weights, lambda sums: _finite(logarithms(sums)), method)
-    enough = _resampled(units, (units.sums[..., 0] > 0).T) > 1
+    found = averaged(units, weights, lambda sums: _finite(logarithms(sums)), method, sizes=sizes)
+    held = units.sums[..., 0].T if sizes is None else sizes
+    known = held > 0 if units.resampled == Resampled.blocks else ~np.isnan(own)
+    enough, counts = _resampled(units, known) > 1, units.contributing(known)
     value, *bounds = (np.exp(array) for array in (found.value, found.low, found.high))
-    bounded = [np.where(is_zero, np.where(are_zero & enough, 0.0, np.nan), bound) for bound in bounds]
-    return replace(found, value=np.where(is_zero, 0.0, value), low=bounded[0], high=bounded[1])
+    low, high = (np.where(is_zero, np.where(are_zero & enough, 0.0, np.nan), bound) for bound in bounds)
+    n_units, n_scenes = (
+        np.where(is_zero, n, other) for n, other in zip(counts, (found.n_units, found.n_scenes), strict=True)
+    )
+    value = np.where(is_zero, 0.0, value)
+    return replace(found, value=value, low=low, high=high, n_units=n_units, n_scenes=n_scenes)
 
 
 def column_means(sums: NDArray[np.float64]) -> NDArray[np.float64]:

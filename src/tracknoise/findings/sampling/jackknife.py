@@ -51,12 +51,15 @@ _SKEWED = ("log", "logit")
 LEAST = 1 / 4
 """A unit whose value is 0 counts as this share of the mean, or as half an event if that is less."""
 _SAME = 1e-12
-"""Influences that are smaller than this, relative to the largest value, are rounding."""
+"""Influences that are smaller than this, relative to the largest value, are rounding, and so are such shares."""
 
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """A scale on which a statistic has no limits: the limits, to the scale, from it, and its slope there."""
+    """A scale on which a statistic has no limits: the limits, to the scale, from it, and its slope there.
+
+    Shares within `_SAME` of a limit are at it: a product or a sum that is 0 or 1 on paper may be off by rounding.
+    """
 
     low: float
     high: float
@@ -68,7 +71,7 @@ class Scale:
 SCALES: Mapping[str, Scale] = {
     "linear": Scale(-np.inf, np.inf, np.asarray, np.asarray, np.ones_like),
     "log": Scale(0.0, np.inf, np.log, np.exp, np.reciprocal),
-    "logit": Scale(0.0, 1.0, special.logit, special.expit, lambda share: 1 / (share * (1 - share))),
+    "logit": Scale(_SAME, 1.0 - _SAME, special.logit, special.expit, lambda share: 1 / (share * (1 - share))),
     "fisher": Scale(-1.0, 1.0, np.arctanh, np.tanh, lambda correlation: 1 / (1 - correlation**2)),
 }
 
@@ -101,7 +104,7 @@ def student_interval(
         2 there are no bounds.
     sizes : (units, ...)
         How much each unit holds of what is counted, by default the same, and 0 where it has no part; with strata all
-        count alike.
+        that have a part count alike, and strata without such units do not count.
     strata : (units,) intp
         The stratum of each unit, if there are several that hold the same.
     groups : (units,) intp
@@ -124,7 +127,7 @@ def student_interval(
     moved = np.where(there, middle - to.to(np.where(there, jackknife, 0.5)), linear)
     held = np.ones((len(jackknife), *[1] * value.ndim)) if sizes is None else sizes
     if strata is not None:
-        variance, freedom = _of_strata(moved, np.maximum(n, 2), strata)
+        variance, freedom = _of_strata(moved, held > 0, np.maximum(n, 2), strata)
     else:
         variance, freedom = _of_sizes(moved, held) if groups is None else _of_groups(moved, held, groups)
     width = special.stdtrit(freedom, (1 + level) / 2) * np.sqrt(variance)
@@ -288,10 +291,11 @@ def _of_groups(
 
 
 def _of_strata(
-    moved: NDArray[np.float64], n: NDArray[np.intp], strata: NDArray[np.intp]
+    moved: NDArray[np.float64], there: NDArray[np.bool_], n: NDArray[np.intp], strata: NDArray[np.intp]
 ) -> tuple[NDArray[np.float64], ...]:
-    """The same of units in strata of n units each."""
-    n_strata = len(np.unique(strata))
+    """The same of units in strata of n units each, of which those with a unit `there` count."""
+    every = np.stack([there[strata == stratum].any(axis=0) for stratum in np.unique(strata)])
+    n_strata = np.maximum(every.sum(axis=0), 1)
     factor = (1 - 1 / (n_strata * n)) ** 2 * n / (n - 1)
     squares: NDArray[np.float64] = np.square(centred(moved, strata)).sum(axis=0)
     return np.asarray(factor * squares), np.asarray(n_strata * (n - 1.0))

@@ -11,6 +11,7 @@ from benchmarks.validity.audit_worlds import World, make_samples, theta_of
 
 from tracknoise.audit.parameters import JOINT, Family, Parameter
 from tracknoise.audit.read import AuditedTables, read_samples
+from tracknoise.audit.recorded_frames import recorded_step
 from tracknoise.audit.summary import NO_FAULT, audit_sentences, corrections_toml
 from tracknoise.audit.table import audit_tables, tables_of
 from tracknoise.findings.sampling.groups import NO_GROUPS
@@ -136,3 +137,11 @@ def test_times_in_frames_are_called_so() -> None:
         found
     )
     assert f"{SPACE}frames instead of 0)" in audit_sentences(found)[0]
+    step = recorded_step({"dataset": {"frames": [0, 99, 2]}})
+    once, twice = (tomllib.loads(corrections_toml(found, frames))["truth"]["corrections"] for frames in (1, step))
+    assert twice["clock_offset_frames"] == pytest.approx(2.0 * once["clock_offset_frames"], abs=1e-4)
+
+
+@pytest.mark.parametrize(("frames", "step"), [(None, 1), ([3, 9], 1), ([0, 9, 3], 3)])
+def test_settings_say_how_far_apart_measured_frames_are(frames, step) -> None:
+    assert recorded_step({"dataset": {} if frames is None else {"frames": frames}}) == step

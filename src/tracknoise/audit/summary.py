@@ -56,21 +56,28 @@ def audit_sentences(audit: pl.DataFrame, *, every: bool = False) -> list[str]:
     return [*(faults or [NO_FAULT]), *about.filter(others)["text"].to_list()]
 
 
-def corrections_toml(audit: pl.DataFrame) -> str | None:
+def corrections_toml(audit: pl.DataFrame, step: int = 1) -> str | None:
     """The block ``[truth.corrections]`` that corrects the named faults; None where there is none.
 
     The values are those of all faults together. They add to corrections that the run has already, and factors multiply
     them.
+
+    Parameters
+    ----------
+    audit
+        Table `AUDIT`; may be empty.
+    step
+        Frames of the recording from one measured frame to the next, see `tracknoise.audit.recorded_frames`.
     """
     rows = audit.filter(pl.col("family") == Family.named)
     if rows.is_empty():
         return None
     found = rows.group_by("parameter", maintain_order=True).agg("unit", "stated", "value")
-    lines = [_line(Parameter(row["parameter"]), row) for row in found.iter_rows(named=True)]
+    lines = [_line(Parameter(row["parameter"]), row, step) for row in found.iter_rows(named=True)]
     return "\n".join(["[truth.corrections]", *lines])
 
 
-def _line(parameter: Parameter, row: Mapping[str, Any]) -> str:
+def _line(parameter: Parameter, row: Mapping[str, Any], step: int) -> str:
     key, is_factor = _KEYS[parameter]
     if NUMBERS[parameter].is_kind:
         return f"{key} = true"
@@ -79,7 +86,7 @@ def _line(parameter: Parameter, row: Mapping[str, Any]) -> str:
     if row["unit"][0] == "ms":
         values = [value / _MS for value in values]
     elif row["unit"][0] == "frames":
-        key = _IN_FRAMES[parameter]
+        key, values = _IN_FRAMES[parameter], [value * step for value in values]
     numbers = ", ".join(_short(value) for value in values)
     return f"{key} = [{numbers}]" if len(values) > 1 else f"{key} = {numbers}"
 

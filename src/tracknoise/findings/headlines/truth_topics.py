@@ -37,7 +37,7 @@ def _share_of(table: pl.DataFrame, conditions: ReportedConditions, tracker: str)
         "motion of the camera that the stated poses do not have."
     )
     if others is None:
-        return f"{text} No other tracker saw images, so that a motion common to all features may be its own.", [own]
+        return f"{text} No other tracker can confirm it, so that a motion common to all features may be its own.", [own]
     seen = f"Pose errors that are fitted to the other trackers explain {format_estimate(others)}."
     return f"{text} {seen} {_cause(others)}", [own, others]
 

@@ -570,6 +570,14 @@ def test_pose_errors_are_blamed_on_the_truth_only_if_other_trackers_agree(
     assert (found["value"], found["figure"], found["table"]) == (0.62, "pose-errors", "rigid_share")
 
 
+def test_with_a_key_frame_ages_are_not_taken_for_frames() -> None:
+    """Pose errors are by the distance from the key frame, differences of trackers by the age of both tracks."""
+    keyed = replace(SCOPE, reference=ReferenceCondition("l", key_frames={"forward": 24}))
+    poses = read(keyed, **shares(own=(0.62, 0.55, 0.7)))["pose errors"]["text"]
+    assert "At 10 frames from the key frame, 62.0 %" in poses
+    assert "At age 10, lk less of is" in read(keyed, **differences(established=True))["differences"]["text"]
+
+
 def test_a_single_tracker_may_have_a_motion_of_its_own() -> None:
     text = read(**shares(own=(0.62, 0.55, 0.7)))["pose errors"]["text"]
     assert "so that a motion common to all features may be its own." in text

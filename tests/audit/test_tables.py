@@ -11,7 +11,7 @@ from benchmarks.validity.audit_worlds import World, make_samples, theta_of
 
 from tracknoise.audit.parameters import JOINT, Family, Parameter
 from tracknoise.audit.read import AuditedTables, read_samples
-from tracknoise.audit.recorded_frames import recorded_step
+from tracknoise.audit.run_settings import recorded_step
 from tracknoise.audit.summary import NO_FAULT, audit_sentences, corrections_toml
 from tracknoise.audit.table import audit_tables, tables_of
 from tracknoise.findings.sampling.groups import NO_GROUPS
@@ -62,6 +62,19 @@ def test_the_corrections_are_a_block_of_toml_that_undoes_the_faults(faulty, exac
     block = tomllib.loads(corrections_toml(faulty.audit))["truth"]["corrections"]
     assert block == {"focal_scale": pytest.approx(0.88, abs=0.01), "readout_s": pytest.approx(0.8 / 30.0, abs=2e-3)}
     assert corrections_toml(exact.audit) is None
+
+
+def test_the_block_includes_the_corrections_of_the_run(faulty) -> None:
+    """A run whose focal length was corrected by 0.9 before: the block takes the place of the one it has."""
+    present = {"focal_scale": 0.9, "readout_s": 0.0, "k1": -0.1, "mounting_rotation_deg": [0.0, 0.0, 0.0]}
+    first, again = (
+        tomllib.loads(corrections_toml(faulty.audit, settings))["truth"]["corrections"]
+        for settings in ({}, {"truth": {"corrections": present}})
+    )
+    assert again["focal_scale"] == pytest.approx(0.9 * first["focal_scale"], abs=1e-4)
+    assert again["readout_s"] == first["readout_s"]
+    assert again["k1"] == -0.1
+    assert set(again) == {"focal_scale", "readout_s", "k1"}
 
 
 def test_values_stand_beside_what_is_stated(faulty) -> None:
@@ -137,8 +150,8 @@ def test_times_in_frames_are_called_so() -> None:
         found
     )
     assert f"{SPACE}frames instead of 0)" in audit_sentences(found)[0]
-    step = recorded_step({"dataset": {"frames": [0, 99, 2]}})
-    once, twice = (tomllib.loads(corrections_toml(found, frames))["truth"]["corrections"] for frames in (1, step))
+    every, second = ({"dataset": {"frames": [0, 99, step]}} for step in (1, 2))
+    once, twice = (tomllib.loads(corrections_toml(found, one))["truth"]["corrections"] for one in (every, second))
     assert twice["clock_offset_frames"] == pytest.approx(2.0 * once["clock_offset_frames"], abs=1e-4)
 
 

@@ -7,7 +7,9 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.audit.joined import joined
 from tracknoise.audit.parameters import NUMBERS, Family, Parameter
+from tracknoise.audit.run_settings import NO_SETTINGS, present_corrections, recorded_step
 from tracknoise.tables.audit_schema import AuditVerdict
 
 NO_FAULT = "No fault of the stated truth was found."
@@ -56,39 +58,47 @@ def audit_sentences(audit: pl.DataFrame, *, every: bool = False) -> list[str]:
     return [*(faults or [NO_FAULT]), *about.filter(others)["text"].to_list()]
 
 
-def corrections_toml(audit: pl.DataFrame, step: int = 1) -> str | None:
+def corrections_toml(audit: pl.DataFrame, settings: Mapping[str, Any] = NO_SETTINGS) -> str | None:
     """The block ``[truth.corrections]`` that corrects the named faults; None where there is none.
 
-    The values are those of all faults together. They add to corrections that the run has already, and factors multiply
-    them.
+    The values are those of all faults together. Corrections that the run has already are part of them, so that the
+    block takes the place of that of the run.
 
     Parameters
     ----------
     audit
         Table `AUDIT`; may be empty.
-    step
-        Frames of the recording from one measured frame to the next, see `tracknoise.audit.recorded_frames`.
+    settings
+        Of the run, as its ``experiment.toml`` has them; by default those of one without corrections.
     """
     rows = audit.filter(pl.col("family") == Family.named)
     if rows.is_empty():
         return None
-    found = rows.group_by("parameter", maintain_order=True).agg("unit", "stated", "value")
-    lines = [_line(Parameter(row["parameter"]), row, step) for row in found.iter_rows(named=True)]
-    return "\n".join(["[truth.corrections]", *lines])
+    named = rows.group_by("parameter", maintain_order=True).agg("unit", "stated", "value")
+    step = recorded_step(settings)
+    found = dict(_correction(Parameter(row["parameter"]), row, step) for row in named.iter_rows(named=True))
+    every = joined(present_corrections(settings), found)
+    return "\n".join(["[truth.corrections]", *(f"{name} = {_text(value)}" for name, value in every.items())])
 
 
-def _line(parameter: Parameter, row: Mapping[str, Any], step: int) -> str:
+def _correction(parameter: Parameter, row: Mapping[str, Any], step: int) -> tuple[str, bool | float | list[float]]:
+    """Key and value of a correction."""
     key, is_factor = _KEYS[parameter]
     if NUMBERS[parameter].is_kind:
-        return f"{key} = true"
+        return key, True
     pairs = list(zip(row["value"], row["stated"], strict=True))
     values = [value / stated if is_factor else value - stated for value, stated in pairs]
     if row["unit"][0] == "ms":
         values = [value / _MS for value in values]
     elif row["unit"][0] == "frames":
         key, values = _IN_FRAMES[parameter], [value * step for value in values]
-    numbers = ", ".join(_short(value) for value in values)
-    return f"{key} = [{numbers}]" if len(values) > 1 else f"{key} = {numbers}"
+    return key, values if len(values) > 1 else values[0]
+
+
+def _text(value: bool | float | list[float]) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"[{', '.join(map(_short, value))}]" if isinstance(value, list) else _short(value)
 
 
 def _short(value: float) -> str:

@@ -38,7 +38,7 @@ def audit(
     Example: `tracknoise audit runs/7scenes`
     """
     from tracknoise.audit.pose_errors.accuracy import accuracy_toml
-    from tracknoise.audit.recorded_frames import recorded_step
+    from tracknoise.audit.run_settings import recorded_step
     from tracknoise.audit.summary import corrections_toml
     from tracknoise.exceptions import StoreError
     from tracknoise.tables.store import RunFolder
@@ -47,9 +47,9 @@ def audit(
     found, curves = folder.statistics("audit"), folder.statistics("audit_curves")
     if found.is_empty():
         raise StoreError(f"{run}: holds no audit, expected that of a finished run; `tracknoise run` makes it")
-    step = recorded_step(tomllib.loads(folder.experiment_toml()))
-    corrections = corrections_toml(found, step)
-    accuracy = accuracy_toml(folder.statistics("pose_law"), folder.statistics("rigid_share"), step)
+    settings = tomllib.loads(folder.experiment_toml())
+    corrections = corrections_toml(found, settings)
+    accuracy = accuracy_toml(folder.statistics("pose_law"), folder.statistics("rigid_share"), recorded_step(settings))
     if as_json:
         context.obj.result(_json(found, curves, corrections, accuracy))
     else:
@@ -81,7 +81,8 @@ def _print(
     for sentence in audit_sentences(found, every=True):
         terminal.result(textwrap.fill(sentence, _WIDTH))
     if corrections:
-        terminal.result(f"\nTo correct this, add to the experiment file and run it again:\n\n{corrections}")
+        how = "put this block into the experiment file, in place of one that it has, and run it again"
+        terminal.result(f"\nTo correct this, {how}:\n\n{corrections}")
     if accuracy:
         terminal.result(
             f"\nThe trackers agree on errors of the poses. To include them in the truth floor, add:\n\n{accuracy}"

@@ -5,7 +5,6 @@ from itertools import groupby
 
 import polars as pl
 
-from tracknoise.audit.recorded_frames import recorded_step
 from tracknoise.audit.summary import audit_sentences, corrections_toml
 from tracknoise.findings.wording import listing, pixels
 from tracknoise.report.audit_cells import parameter_cells
@@ -30,7 +29,7 @@ def verdicts(data: ReportData) -> list[str]:
 
 def corrections(data: ReportData) -> str | None:
     """The block of an experiment file that corrects what the audit found; None where it found nothing."""
-    return corrections_toml(data.audit, recorded_step(data.settings))
+    return corrections_toml(data.audit, data.settings)
 
 
 def tables(data: ReportData) -> list[Cells]:

@@ -31,7 +31,7 @@ def accuracy_toml(law: pl.DataFrame, share: pl.DataFrame, step: int = 1) -> str 
     share
         Table `RIGID_SHARE`.
     step
-        Frames of the recording from one measured frame to the next, see `tracknoise.audit.recorded_frames`.
+        Frames of the recording from one measured frame to the next, see `tracknoise.audit.run_settings`.
 
     Returns
     -------

@@ -14,10 +14,11 @@ from tracknoise.audit.read import AuditedTables, read_samples
 from tracknoise.audit.run_settings import recorded_step
 from tracknoise.audit.summary import NO_FAULT, audit_sentences, corrections_toml
 from tracknoise.audit.table import audit_tables, tables_of
+from tracknoise.audit.wording import other_text
 from tracknoise.findings.sampling.groups import NO_GROUPS
 from tracknoise.findings.wording import SPACE
 from tracknoise.report.audit_cells import curve_cells, parameter_cells
-from tracknoise.tables.audit_schema import AUDIT_SAMPLES, CAMERAS
+from tracknoise.tables.audit_schema import AUDIT_SAMPLES, CAMERAS, AuditVerdict
 from tracknoise.tables.schema import POSES, empty
 
 WORLD = World(per_scene=100, n_frames=60)
@@ -158,3 +159,24 @@ def test_times_in_frames_are_called_so() -> None:
 @pytest.mark.parametrize(("frames", "step"), [(None, 1), ([3, 9], 1), ([0, 9, 3], 3)])
 def test_settings_say_how_far_apart_measured_frames_are(frames, step) -> None:
     assert recorded_step({"dataset": {} if frames is None else {"frames": frames}}) == step
+
+
+def test_what_cannot_be_determined_is_told_beside_that_no_fault_was_found() -> None:
+    """Without turns, nothing is known of the translation between camera and poses."""
+    still = replace(WORLD, wobble=(0.0, 0.02))
+    found = tables_of(make_samples(np.random.default_rng(6), still, theta_of({})), "made-up").audit
+    first, *others = audit_sentences(found)
+    assert first == NO_FAULT
+    assert re.fullmatch(
+        r"Whether .*the translation between camera and poses.* right cannot be determined here\.", others[-1]
+    )
+    assert len(audit_sentences(found, every=True)) == 1 + len(Parameter)
+
+
+@pytest.mark.parametrize("verdict", [AuditVerdict.disagreement, AuditVerdict.explained])
+def test_what_is_not_established_is_not_denied(verdict) -> None:
+    """The truth may be wrong where a tracker has a bias besides, and where little is left for a test."""
+    samples = make_samples(np.random.default_rng(1), WORLD, theta_of({}))
+    named = [Parameter.readout]
+    text = other_text(Parameter.k1, verdict, "1", condition=1.0, half="1", named=named, samples=samples)
+    assert re.search(r"is (not|no longer) established", text)

@@ -10,6 +10,8 @@ import polars as pl
 from tracknoise.audit.joined import joined
 from tracknoise.audit.parameters import NUMBERS, Family, Parameter
 from tracknoise.audit.run_settings import NO_SETTINGS, present_corrections, recorded_step
+from tracknoise.audit.wording import PARAMETER_NAMES
+from tracknoise.findings.wording import listing
 from tracknoise.tables.audit_schema import AuditVerdict
 
 NO_FAULT = "No fault of the stated truth was found."
@@ -36,14 +38,14 @@ _MS = 1000.0
 
 
 def audit_sentences(audit: pl.DataFrame, *, every: bool = False) -> list[str]:
-    """What an audit says, the answer first: the faults in their order, then what could not be distinguished.
+    """What an audit says, the answer first: the faults in their order, then what could not be told.
 
     Parameters
     ----------
     audit
         Table `AUDIT`; may be empty.
     every
-        Also of parameters without a fault.
+        Also a sentence for each parameter without a fault. Otherwise those that cannot be determined share one.
 
     Returns
     -------
@@ -55,7 +57,19 @@ def audit_sentences(audit: pl.DataFrame, *, every: bool = False) -> list[str]:
     about = audit.filter(pl.col("family") == Family.alone).unique("parameter", keep="first", maintain_order=True)
     faults = about.filter(pl.col("rank").is_not_null()).sort("rank")["text"].to_list()
     others = pl.col("rank").is_null() & (pl.lit(every) | pl.col("verdict").is_in([str(one) for one in _REPORTED]))
-    return [*(faults or [NO_FAULT]), *about.filter(others)["text"].to_list()]
+    unknown = [] if every else _undetermined(about)
+    return [*(faults or [NO_FAULT]), *about.filter(others)["text"].to_list(), *unknown]
+
+
+def _undetermined(about: pl.DataFrame) -> list[str]:
+    """A sentence that names the parameters that cannot be determined; none where there are none."""
+    names = about.filter(verdict=str(AuditVerdict.undetermined))["parameter"].to_list()
+    if not names:
+        return []
+    verb = "is" if len(names) == 1 else "are"
+    return [
+        f"Whether {listing(f'the {PARAMETER_NAMES[one]}' for one in names)} {verb} right cannot be determined here."
+    ]
 
 
 def corrections_toml(audit: pl.DataFrame, settings: Mapping[str, Any] = NO_SETTINGS) -> str | None:

@@ -33,20 +33,13 @@ def _share_of(table: pl.DataFrame, conditions: ReportedConditions, tracker: str)
     if own is None or not own.above(_LEAST_SHARE):
         return None
     text = (
-        f"{_place(conditions, rows['age'][0])}, {format_estimate(own)} of the second moment of {tracker} is a "
+        f"{conditions.opening_distance(rows['age'][0])}, {format_estimate(own)} of the second moment of {tracker} is a "
         "motion of the camera that the stated poses do not have."
     )
     if others is None:
         return f"{text} No other tracker can confirm it, so that a motion common to all features may be its own.", [own]
     seen = f"Pose errors that are fitted to the other trackers explain {format_estimate(others)}."
     return f"{text} {seen} {_cause(others)}", [own, others]
-
-
-def _place(conditions: ReportedConditions, age: int) -> str:
-    """The start of a sentence: ages of pose errors count frames from where errors are zero, before it and after it."""
-    if conditions.axis == Axis.age:
-        return opening_place(Axis.age, age)
-    return f"At {count(age, 'frame')} from the key frame"
 
 
 def _cause(others: Estimate) -> str:

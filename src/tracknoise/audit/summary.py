@@ -38,7 +38,7 @@ _MS = 1000.0
 
 
 def audit_sentences(audit: pl.DataFrame, *, every: bool = False) -> list[str]:
-    """What an audit says, the answer first: the faults in their order, then what could not be told.
+    """What an audit says, the answer first: the faults in their order, then what cannot be determined.
 
     Parameters
     ----------

@@ -57,8 +57,8 @@ def audited_mean(curves: pl.DataFrame, tracker: str, at: int) -> AuditCover | No
     rows = _both(curves, tracker, at)
     if not rows:
         return None
-    sizes = [hypot(rows[-1][f"mean_u_px{end}"], rows[-1][f"mean_v_px{end}"]) for end in ("", "_left")]
-    return AuditCover(rows[-1]["age"], *sizes, is_covered=sizes[1] <= _MOST_LEFT * sizes[0])
+    error_px, left_px = (hypot(rows[-1][f"mean_u_px{end}"], rows[-1][f"mean_v_px{end}"]) for end in ("", "_left"))
+    return AuditCover(rows[-1]["age"], error_px, left_px, is_covered=left_px <= _MOST_LEFT * error_px)
 
 
 def audited_growth(curves: pl.DataFrame, tracker: str, coordinate: str, at: int) -> AuditCover | None:
@@ -75,8 +75,8 @@ def audited_growth(curves: pl.DataFrame, tracker: str, coordinate: str, at: int)
     if len(rows) < 2:
         return None
     grown, left = (rows[-1][f"{column}{end}"] - rows[0][f"{column}{end}"] for end in ("", "_left"))
-    roots = [sqrt(max(value, 0.0)) for value in (grown, left)]
-    return AuditCover(rows[-1]["age"], *roots, is_covered=grown > 0.0 and left <= _MOST_LEFT * grown)
+    error_px, left_px = (sqrt(max(value, 0.0)) for value in (grown, left))
+    return AuditCover(rows[-1]["age"], error_px, left_px, is_covered=grown > 0.0 and left <= _MOST_LEFT * grown)
 
 
 def _both(curves: pl.DataFrame, tracker: str, at: int) -> list[dict[str, Any]]:

@@ -136,6 +136,11 @@ def test_without_samples_the_reason_is_the_only_row() -> None:
     assert parameter_cells(found.audit).rows == []
 
 
+def test_runs_without_an_upright_view_are_not_taken_for_fitted_ones() -> None:
+    found = audit_tables([], NO_GROUPS, dataset="x")
+    assert audit_sentences(found.audit) == ["The truth was not audited: no sequence was measured upright and forward."]
+
+
 def test_unknown_lenses_are_named_as_the_reason() -> None:
     camera = dict.fromkeys(CAMERAS) | {"frame": 0, "width": 4, "height": 3}
     cameras = pl.DataFrame([camera], schema=dict(CAMERAS))

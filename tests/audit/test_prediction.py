@@ -131,6 +131,15 @@ def test_corrections_do_what_they_are_called() -> None:
         np.testing.assert_allclose(found[row], by_hand(some, row, theta), atol=1e-7)
 
 
+def test_a_point_that_is_not_seen_moves_no_other() -> None:
+    some, theta = samples(), theta_of({Parameter.readout: 0.5})
+    depth = some.depth.copy()
+    depth[7] = -1.0  # behind the camera
+    found, expected = predict(replace(some, depth=depth), theta).uv, predict(some, theta).uv
+    assert np.isnan(found[7]).all()
+    np.testing.assert_array_equal(np.delete(found, 7, axis=0), np.delete(expected, 7, axis=0))
+
+
 def test_a_stated_readout_is_the_truth_that_a_correction_adds_to() -> None:
     some = samples()
     shuttered = replace(some, readout_of=np.full(len(some.camera), 0.5))

@@ -7,7 +7,7 @@ import pytest
 from benchmarks.validity.audit import SIZES, holds_finally
 from benchmarks.validity.audit_worlds import World, make_samples, theta_of
 
-from tracknoise.audit.assessment import Basis
+from tracknoise.audit.assessment import Basis, assess
 from tracknoise.audit.fit import Start, fit
 from tracknoise.audit.jackknife import jackknife
 from tracknoise.audit.parameters import COUNT, NUMBERS, Parameter
@@ -80,6 +80,18 @@ def test_trackers_that_contradict_each_other_do_not_convict_the_truth() -> None:
     assert not found.named
     verdicts = {fault.parameter: fault.verdict for fault in judge(found)}
     assert verdicts[Parameter.clock_offset] == AuditVerdict.disagreement
+
+
+def test_a_tracker_that_was_in_one_scene_only_has_no_say() -> None:
+    """Such as imported tracks: its own error is not known from one scene, so that it contradicts nobody."""
+    world = replace(WORLD, noise_px=(0.3, 1.5), bias_px=((0.0, 0.0), (0.5, 0.5)))
+    every = samples(world, seed=1, focal_length=-0.008)
+    some = every.chosen(np.flatnonzero((every.tracker == 0) | (every.cluster == 0)))
+    basis = Basis.of(some, (), Start.at(some, np.zeros(COUNT)), with_bias=True)
+    found = assess(some, basis, Parameter.focal_length)
+    assert found.explains
+    assert found.shares == []
+    assert found.is_agreed
 
 
 def test_one_step_of_the_jackknife_is_close_to_a_new_fit() -> None:

@@ -11,12 +11,14 @@ from benchmarks.validity.audit_worlds import World, make_samples, theta_of
 
 from tracknoise.audit.parameters import JOINT, Family, Parameter
 from tracknoise.audit.read import AuditedTables, read_samples
+from tracknoise.audit.run_settings import recorded_step
 from tracknoise.audit.summary import NO_FAULT, audit_sentences, corrections_toml
 from tracknoise.audit.table import audit_tables, tables_of
+from tracknoise.audit.wording import other_text
 from tracknoise.findings.sampling.groups import NO_GROUPS
 from tracknoise.findings.wording import SPACE
 from tracknoise.report.audit_cells import curve_cells, parameter_cells
-from tracknoise.tables.audit_schema import AUDIT_SAMPLES, CAMERAS
+from tracknoise.tables.audit_schema import AUDIT_SAMPLES, CAMERAS, AuditVerdict
 from tracknoise.tables.schema import POSES, empty
 
 WORLD = World(per_scene=100, n_frames=60)
@@ -61,6 +63,19 @@ def test_the_corrections_are_a_block_of_toml_that_undoes_the_faults(faulty, exac
     block = tomllib.loads(corrections_toml(faulty.audit))["truth"]["corrections"]
     assert block == {"focal_scale": pytest.approx(0.88, abs=0.01), "readout_s": pytest.approx(0.8 / 30.0, abs=2e-3)}
     assert corrections_toml(exact.audit) is None
+
+
+def test_the_block_includes_the_corrections_of_the_run(faulty) -> None:
+    """A run whose focal length was corrected by 0.9 before: the block takes the place of the one it has."""
+    present = {"focal_scale": 0.9, "readout_s": 0.0, "k1": -0.1, "mounting_rotation_deg": [0.0, 0.0, 0.0]}
+    first, again = (
+        tomllib.loads(corrections_toml(faulty.audit, settings))["truth"]["corrections"]
+        for settings in ({}, {"truth": {"corrections": present}})
+    )
+    assert again["focal_scale"] == pytest.approx(0.9 * first["focal_scale"], abs=1e-4)
+    assert again["readout_s"] == first["readout_s"]
+    assert again["k1"] == -0.1
+    assert set(again) == {"focal_scale", "readout_s", "k1"}
 
 
 def test_values_stand_beside_what_is_stated(faulty) -> None:
@@ -121,6 +136,11 @@ def test_without_samples_the_reason_is_the_only_row() -> None:
     assert parameter_cells(found.audit).rows == []
 
 
+def test_runs_without_an_upright_view_are_not_taken_for_fitted_ones() -> None:
+    found = audit_tables([], NO_GROUPS, dataset="x")
+    assert audit_sentences(found.audit) == ["The truth was not audited: no sequence was measured upright and forward."]
+
+
 def test_unknown_lenses_are_named_as_the_reason() -> None:
     camera = dict.fromkeys(CAMERAS) | {"frame": 0, "width": 4, "height": 3}
     cameras = pl.DataFrame([camera], schema=dict(CAMERAS))
@@ -136,3 +156,32 @@ def test_times_in_frames_are_called_so() -> None:
         found
     )
     assert f"{SPACE}frames instead of 0)" in audit_sentences(found)[0]
+    every, second = ({"dataset": {"frames": [0, 99, step]}} for step in (1, 2))
+    once, twice = (tomllib.loads(corrections_toml(found, one))["truth"]["corrections"] for one in (every, second))
+    assert twice["clock_offset_frames"] == pytest.approx(2.0 * once["clock_offset_frames"], abs=1e-4)
+
+
+@pytest.mark.parametrize(("frames", "step"), [(None, 1), ([3, 9], 1), ([0, 9, 3], 3)])
+def test_settings_say_how_far_apart_measured_frames_are(frames, step) -> None:
+    assert recorded_step({"dataset": {} if frames is None else {"frames": frames}}) == step
+
+
+def test_what_cannot_be_determined_is_told_beside_that_no_fault_was_found() -> None:
+    """Without turns, nothing is known of the translation between camera and poses."""
+    still = replace(WORLD, wobble=(0.0, 0.02))
+    found = tables_of(make_samples(np.random.default_rng(6), still, theta_of({})), "made-up").audit
+    first, *others = audit_sentences(found)
+    assert first == NO_FAULT
+    assert re.fullmatch(
+        r"Whether .*the translation between camera and poses.* right cannot be determined here\.", others[-1]
+    )
+    assert len(audit_sentences(found, every=True)) == 1 + len(Parameter)
+
+
+@pytest.mark.parametrize("verdict", [AuditVerdict.disagreement, AuditVerdict.explained])
+def test_what_is_not_established_is_not_denied(verdict) -> None:
+    """The truth may be wrong where a tracker has a bias besides, and where little is left for a test."""
+    samples = make_samples(np.random.default_rng(1), WORLD, theta_of({}))
+    named = [Parameter.readout]
+    text = other_text(Parameter.k1, verdict, "1", condition=1.0, half="1", named=named, samples=samples)
+    assert re.search(r"is (not|no longer) established", text)

@@ -71,7 +71,7 @@ def test_what_is_stated_changes_no_image():
 
 
 def test_the_audit_finds_the_readout_that_was_hidden_and_nothing_where_it_is_stated(stated, hidden):
-    assert tn.analyse([stated]).audit() == ["No fault of the stated truth was found."]
+    assert tn.analyse([stated]).audit()[0] == "No fault of the stated truth was found."
     audit = tn.analyse([hidden]).table("audit").filter(family="named", parameter="readout")
     (row,) = audit.to_dicts()
     assert row["low"] < 1e3 * READOUT_S < row["high"]

@@ -5,6 +5,7 @@ import pytest
 from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.noise_models.fitting.bias import fit_bias
 from tracknoise.noise_models.model import BiasKind
+from tracknoise.tables.audit_schema import AUDIT_CURVES
 from tracknoise.tables.schema import FLOORS, NOISE_SUMS
 
 AGES, N = 10, 500
@@ -93,6 +94,21 @@ def test_what_the_truth_may_cause_is_not_corrected() -> None:
     assert (covered.kind, covered.why) == (BiasKind.REFUSED, "errors of the truth may cause the mean error")
     unknown = fit_bias(sums(DRIFT), floors(0.0).clear(), groups=NO_GROUPS, level=0.95)
     assert (unknown.kind, unknown.why) == (BiasKind.REFUSED, "the errors of the truth are unknown")
+
+
+@pytest.mark.parametrize(("left", "kind"), [(0.2, BiasKind.REFUSED), (0.7, BiasKind.BY_AGE)])
+def test_what_faults_of_the_truth_explain_is_not_corrected(left: float, kind: BiasKind) -> None:
+    """An estimator that took it would correct a wrong focal length by a bias of the tracker."""
+    rows = [
+        {**dict.fromkeys(AUDIT_CURVES), "dataset": "made", "tracker": "t", "correction": name, "age": 8, "n": 99,
+         "mean_u_px": 0.16 * share, "mean_v_px": -0.08 * share}
+        for name, share in (("measured", 1.0), ("all", left))
+    ]  # fmt: skip
+    curves = pl.DataFrame(rows, schema=dict(AUDIT_CURVES))
+    named = sums(DRIFT).with_columns(tracker=pl.lit("t"))
+    bias = fit_bias(named, floors(0.0), groups=NO_GROUPS, level=0.95, audit_curves=curves)
+    assert bias.kind is kind
+    assert ("audit" in bias.why) is (kind is BiasKind.REFUSED)
 
 
 def in_blocks(one: pl.DataFrame, count: int = 4) -> pl.DataFrame:

@@ -145,6 +145,13 @@ def test_growth_within_the_errors_of_the_truth_is_undecided(data: ReportData) ->
     assert measure(covered, "lucas-kanade", "growth").answer.verdict == "undecided"
 
 
+def test_growth_that_a_fault_of_the_truth_explains_is_undecided(data: ReportData) -> None:
+    small = pl.when(pl.col("correction") == "measured").then(1.0).otherwise(0.01)
+    explained = data.audit_curves.with_columns(pl.col("second_uu", "second_vv") * small)
+    found = summarise(dataclasses.replace(data, audit_curves=explained))
+    assert measure(found, "lucas-kanade", "growth").answer.verdict == "undecided"
+
+
 def test_tails_are_asked_of_the_errors_that_the_run_is_about(data: ReportData) -> None:
     assert measure(summarise(data), "lucas-kanade", "tails").answer.verdict == "no"  # light-tailed when trimmed
     untrimmed = {**data.settings, "findings": {"trimming": "untrimmed"}}

@@ -56,6 +56,27 @@ def test_it_says_what_errors_of_the_truth_can_cause(data: ReportData, share: flo
         assert floor_px == pytest.approx(error_px * share**0.5, abs=0.2)  # as printed
 
 
+def limit_of(data: ReportData, covered: pl.Expr) -> str:
+    """What is said of covariances where the floor is three quarters of the second moment at some ages, else a tenth."""
+    floor = with_floor(data, 0.1).floor
+    factor = pl.when(covered).then(7.5).otherwise(1.0)
+    (found,) = verdicts(replace(data, floor=floor.with_columns(pl.col("floor_uu", "floor_vv") * factor)))[1:]
+    return found.split("px of one. ")[1]
+
+
+def test_ages_at_which_the_truth_is_the_smaller_part_are_named(data: ReportData) -> None:
+    """White errors of poses are the same at every age, so that young features have the larger share of them."""
+    shown = data.points.filter(role="second", trimming=data.trimming, population=data.population)
+    last = shown["since"].max()
+    reason = "more than half of it can be the truth's."
+    young = limit_of(data, pl.col("at") <= 2)
+    assert young == f"Take a covariance from this recording only from age 3 to age {last}: elsewhere, {reason}"
+    assert limit_of(data, pl.col("at") >= 5) == (f"Do not take a covariance beyond age 4 from this recording: {reason}")
+    between = limit_of(data, pl.col("at").is_between(3, 4))
+    spans = f"from age 1 to age 2 and from age 5 to age {last}"
+    assert between == f"Take a covariance from this recording only {spans}: elsewhere, {reason}"
+
+
 def test_without_a_stated_accuracy_there_is_no_floor(data: ReportData) -> None:
     (found,) = verdicts(replace(data, floor=data.floor.clear()))[1:]
     assert "is not stated, so that there is no truth floor" in found

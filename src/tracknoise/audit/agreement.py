@@ -9,7 +9,8 @@ from scipy import special
 from tracknoise.audit.fitted import Fit
 from tracknoise.audit.jackknife import jackknife
 
-_LEAST_COUNT = 50
+_LEAST_COUNT, _LEAST_CLUSTERS = 50, 2
+"""Fewest observations of a tracker, and fewest clusters with any of them: one alone says nothing of its own error."""
 _LEAST_SHARE, _MOST_SHARE = 0.5, 2.0
 """A tracker contradicts if it surely sees less than half, or more than double, of what all see together."""
 
@@ -55,10 +56,11 @@ def shares(fitted: Fit, places: NDArray[np.intp], *, level: float) -> list[Share
     Returns
     -------
     list of Shares
-        Of the trackers that have enough observations, if there are several.
+        Of the trackers that have enough observations, in several clusters, if there are several such trackers.
     """
-    counts = fitted.equations.count.sum(axis=1)
-    enough = np.flatnonzero(counts >= _LEAST_COUNT)
+    count = fitted.equations.count
+    several = np.count_nonzero(count, axis=1) >= _LEAST_CLUSTERS
+    enough = np.flatnonzero(several & (count.sum(axis=1) >= _LEAST_COUNT))
     if len(enough) < 2:
         return []
     common = fitted.estimate[places]

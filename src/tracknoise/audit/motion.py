@@ -120,7 +120,7 @@ class Paths:
         """First of the two frames around each time. Sequences are laid out one after the other on one axis of time."""
         own = self.times - self.times[self.first]
         span = float(own.max(initial=0.0)) + 1.0
-        ahead = float(np.abs(delay).max(initial=0.0))
+        ahead = float(np.nanmax(np.abs(delay), initial=0.0))
         apart = (span + 2.0 * ahead) * (np.cumsum(self.first == np.arange(len(self.first))) - 1)
         found = np.searchsorted(own + apart, own[frame] + apart[frame] + delay, side="right") - 1
         return np.clip(found, self.first[frame], self.last[frame] - 1)

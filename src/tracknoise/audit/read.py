@@ -61,6 +61,8 @@ def read_samples(
     AuditSamples or str
         Why there is no audit, as the end of a sentence.
     """
+    if not tables:
+        return "no sequence was measured upright and forward"
     used = [one for one in tables if one.has_known_lens and not one.samples.is_empty()]
     if not used:
         unknown = any(not one.has_known_lens for one in tables)

@@ -7,7 +7,11 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.audit.joined import joined
 from tracknoise.audit.parameters import NUMBERS, Family, Parameter
+from tracknoise.audit.run_settings import NO_SETTINGS, present_corrections, recorded_step
+from tracknoise.audit.wording import PARAMETER_NAMES
+from tracknoise.findings.wording import listing
 from tracknoise.tables.audit_schema import AuditVerdict
 
 NO_FAULT = "No fault of the stated truth was found."
@@ -34,14 +38,14 @@ _MS = 1000.0
 
 
 def audit_sentences(audit: pl.DataFrame, *, every: bool = False) -> list[str]:
-    """What an audit says, the answer first: the faults in their order, then what could not be distinguished.
+    """What an audit says, the answer first: the faults in their order, then what cannot be determined.
 
     Parameters
     ----------
     audit
         Table `AUDIT`; may be empty.
     every
-        Also of parameters without a fault.
+        Also a sentence for each parameter without a fault. Otherwise those that cannot be determined share one.
 
     Returns
     -------
@@ -53,35 +57,62 @@ def audit_sentences(audit: pl.DataFrame, *, every: bool = False) -> list[str]:
     about = audit.filter(pl.col("family") == Family.alone).unique("parameter", keep="first", maintain_order=True)
     faults = about.filter(pl.col("rank").is_not_null()).sort("rank")["text"].to_list()
     others = pl.col("rank").is_null() & (pl.lit(every) | pl.col("verdict").is_in([str(one) for one in _REPORTED]))
-    return [*(faults or [NO_FAULT]), *about.filter(others)["text"].to_list()]
+    unknown = [] if every else _undetermined(about)
+    return [*(faults or [NO_FAULT]), *about.filter(others)["text"].to_list(), *unknown]
 
 
-def corrections_toml(audit: pl.DataFrame) -> str | None:
+def _undetermined(about: pl.DataFrame) -> list[str]:
+    """A sentence that names the parameters that cannot be determined; none where there are none."""
+    names = about.filter(verdict=str(AuditVerdict.undetermined))["parameter"].to_list()
+    if not names:
+        return []
+    verb = "is" if len(names) == 1 else "are"
+    return [
+        f"Whether {listing(f'the {PARAMETER_NAMES[one]}' for one in names)} {verb} right cannot be determined here."
+    ]
+
+
+def corrections_toml(audit: pl.DataFrame, settings: Mapping[str, Any] = NO_SETTINGS) -> str | None:
     """The block ``[truth.corrections]`` that corrects the named faults; None where there is none.
 
-    The values are those of all faults together. They add to corrections that the run has already, and factors multiply
-    them.
+    The values are those of all faults together. Corrections that the run has already are part of them, so that the
+    block takes the place of that of the run.
+
+    Parameters
+    ----------
+    audit
+        Table `AUDIT`; may be empty.
+    settings
+        Of the run, as its ``experiment.toml`` has them; by default those of one without corrections.
     """
     rows = audit.filter(pl.col("family") == Family.named)
     if rows.is_empty():
         return None
-    found = rows.group_by("parameter", maintain_order=True).agg("unit", "stated", "value")
-    lines = [_line(Parameter(row["parameter"]), row) for row in found.iter_rows(named=True)]
-    return "\n".join(["[truth.corrections]", *lines])
+    named = rows.group_by("parameter", maintain_order=True).agg("unit", "stated", "value")
+    step = recorded_step(settings)
+    found = dict(_correction(Parameter(row["parameter"]), row, step) for row in named.iter_rows(named=True))
+    every = joined(present_corrections(settings), found)
+    return "\n".join(["[truth.corrections]", *(f"{name} = {_text(value)}" for name, value in every.items())])
 
 
-def _line(parameter: Parameter, row: Mapping[str, Any]) -> str:
+def _correction(parameter: Parameter, row: Mapping[str, Any], step: int) -> tuple[str, bool | float | list[float]]:
+    """Key and value of a correction."""
     key, is_factor = _KEYS[parameter]
     if NUMBERS[parameter].is_kind:
-        return f"{key} = true"
+        return key, True
     pairs = list(zip(row["value"], row["stated"], strict=True))
     values = [value / stated if is_factor else value - stated for value, stated in pairs]
     if row["unit"][0] == "ms":
         values = [value / _MS for value in values]
     elif row["unit"][0] == "frames":
-        key = _IN_FRAMES[parameter]
-    numbers = ", ".join(_short(value) for value in values)
-    return f"{key} = [{numbers}]" if len(values) > 1 else f"{key} = {numbers}"
+        key, values = _IN_FRAMES[parameter], [value * step for value in values]
+    return key, values if len(values) > 1 else values[0]
+
+
+def _text(value: bool | float | list[float]) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"[{', '.join(map(_short, value))}]" if isinstance(value, list) else _short(value)
 
 
 def _short(value: float) -> str:

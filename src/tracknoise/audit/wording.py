@@ -159,11 +159,11 @@ def other_text(
         how = f"condition number {number(condition, digits=2)}"
         return f"What an error of the {name} would explain cannot be distinguished from a bias of the trackers ({how})."
     if verdict == AuditVerdict.disagreement:
-        return f"The trackers contradict each other on the {name}, so that it is not the truth that is wrong in it."
+        return f"The trackers contradict each other on the {name}: that the truth is wrong in it is not established."
     if verdict == AuditVerdict.explained:
         others = listing([f"the {PARAMETER_NAMES[one]}" for one in named])
         verb = "is" if len(named) == 1 else "are"
-        return f"The {name} looked wrong, but nothing is left of this once {others} {verb} corrected."
+        return f"The {name} looked wrong, but this is no longer established once {others} {verb} corrected."
     if verdict == AuditVerdict.undetermined:
         return f"The {name} cannot be determined here (± {half}){_why(parameter, samples)}."
     if verdict == AuditVerdict.fault:

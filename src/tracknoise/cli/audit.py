@@ -2,6 +2,7 @@
 
 import json
 import textwrap
+import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -37,6 +38,8 @@ def audit(
     Example: `tracknoise audit runs/7scenes`
     """
     from tracknoise.audit.pose_errors.accuracy import accuracy_toml
+    from tracknoise.audit.run_settings import recorded_step
+    from tracknoise.audit.summary import corrections_toml
     from tracknoise.exceptions import StoreError
     from tracknoise.tables.store import RunFolder
 
@@ -44,21 +47,23 @@ def audit(
     found, curves = folder.statistics("audit"), folder.statistics("audit_curves")
     if found.is_empty():
         raise StoreError(f"{run}: holds no audit, expected that of a finished run; `tracknoise run` makes it")
-    accuracy = accuracy_toml(folder.statistics("pose_law"), folder.statistics("rigid_share"))
+    settings = tomllib.loads(folder.experiment_toml())
+    corrections = corrections_toml(found, settings)
+    accuracy = accuracy_toml(folder.statistics("pose_law"), folder.statistics("rigid_share"), recorded_step(settings))
     if as_json:
-        context.obj.result(_json(found, curves, accuracy))
+        context.obj.result(_json(found, curves, corrections, accuracy))
     else:
-        _print(context.obj, found, curves, accuracy)
+        _print(context.obj, found, curves, corrections, accuracy)
     return 0
 
 
-def _json(found: "pl.DataFrame", curves: "pl.DataFrame", accuracy: str | None) -> str:
-    from tracknoise.audit.summary import audit_sentences, corrections_toml
+def _json(found: "pl.DataFrame", curves: "pl.DataFrame", corrections: str | None, accuracy: str | None) -> str:
+    from tracknoise.audit.summary import audit_sentences
 
     document = {
         "format": 1,
         "sentences": audit_sentences(found),
-        "corrections": corrections_toml(found),
+        "corrections": corrections,
         "accuracy": accuracy,
         "audit": found.to_dicts(),
         "audit_curves": curves.to_dicts(),
@@ -66,15 +71,18 @@ def _json(found: "pl.DataFrame", curves: "pl.DataFrame", accuracy: str | None) -
     return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
 
 
-def _print(terminal: "Terminal", found: "pl.DataFrame", curves: "pl.DataFrame", accuracy: str | None) -> None:
-    from tracknoise.audit.summary import audit_sentences, corrections_toml
+def _print(
+    terminal: "Terminal", found: "pl.DataFrame", curves: "pl.DataFrame", corrections: str | None, accuracy: str | None
+) -> None:
+    from tracknoise.audit.summary import audit_sentences
     from tracknoise.cli.text_table import show
     from tracknoise.report.audit_cells import curve_cells, parameter_cells
 
     for sentence in audit_sentences(found, every=True):
         terminal.result(textwrap.fill(sentence, _WIDTH))
-    if block := corrections_toml(found):
-        terminal.result(f"\nTo correct this, add to the experiment file and run it again:\n\n{block}")
+    if corrections:
+        how = "put this block into the experiment file, in place of one that it has, and run it again"
+        terminal.result(f"\nTo correct this, {how}:\n\n{corrections}")
     if accuracy:
         terminal.result(
             f"\nThe trackers agree on errors of the poses. To include them in the truth floor, add:\n\n{accuracy}"

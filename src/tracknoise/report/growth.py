@@ -6,7 +6,7 @@ from typing import Any
 import polars as pl
 
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
-from tracknoise.findings.headlines.withheld import growth_cover
+from tracknoise.findings.headlines.withheld import audited_rise, growth_cover
 from tracknoise.findings.wording import count, ratio
 from tracknoise.report.axis import AGE
 from tracknoise.report.report_data import ReportData
@@ -35,9 +35,11 @@ def growth_verdict(data: ReportData, conditions: ReportedConditions, row: Mappin
         return Verdict.undecided
     if row["verdict"] not in _GROWING or at is None:
         return Verdict.no
-    tables = {"curves": data.curves, "floor": data.floor}
-    cover = growth_cover(tables, conditions, row["tracker"], row["coordinate"], at)
-    return Verdict.undecided if cover is not None and cover.is_covered else Verdict.yes
+    tables = {"curves": data.curves, "floor": data.floor, "audit_curves": data.audit_curves}
+    where = tables, conditions, row["tracker"], row["coordinate"], at
+    cover = growth_cover(*where)
+    is_covered = (cover is not None and cover.is_covered) or audited_rise(*where) is not None
+    return Verdict.undecided if is_covered else Verdict.yes
 
 
 def growth_message(data: ReportData) -> str:

@@ -1,12 +1,14 @@
 """How much of the errors can be the truth's: verdicts of the audit, and what errors of the truth can cause."""
 
 import math
+from itertools import groupby
 
 import polars as pl
 
 from tracknoise.audit.summary import audit_sentences, corrections_toml
-from tracknoise.findings.wording import pixels
+from tracknoise.findings.wording import listing, pixels
 from tracknoise.report.audit_cells import parameter_cells
+from tracknoise.report.axis import Axis
 from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import REFERENCE_AGE
@@ -27,7 +29,7 @@ def verdicts(data: ReportData) -> list[str]:
 
 def corrections(data: ReportData) -> str | None:
     """The block of an experiment file that corrects what the audit found; None where it found nothing."""
-    return corrections_toml(data.audit)
+    return corrections_toml(data.audit, data.settings)
 
 
 def tables(data: ReportData) -> list[Cells]:
@@ -47,31 +49,39 @@ def _floor(data: ReportData) -> list[str]:
         return [_UNSTATED]
     if known.select(pl.max_horizontal("floor_u", "floor_v").max()).item() == 0.0:
         return [_EXACT]
-    of_trackers = [_of_tracker(known.filter(tracker=tracker).sort("since"), tracker) for tracker in data.trackers]
+    of_trackers = [
+        _of_tracker(known.filter(tracker=tracker).sort("since"), tracker, data.axis) for tracker in data.trackers
+    ]
     return [sentence for sentence in of_trackers if sentence]
 
 
-def _of_tracker(points: pl.DataFrame, tracker: str) -> str:
-    """Error and floor at the reference age, and the age up to which the floor is the smaller part."""
+def _of_tracker(points: pl.DataFrame, tracker: str, axis: Axis) -> str:
+    """Error and floor at the reference age, and where the floor is the smaller part."""
     young = points.filter(pl.col("since") <= REFERENCE_AGE)
     if young.is_empty():
         return ""
-    age = young["since"][-1]
+    place = axis.opening_place(young["since"][-1])
     error_px, floor_px = (math.hypot(*young.select(names).row(-1)) for names in (("u", "v"), ("floor_u", "floor_v")))
     opening = (
-        f"At age {age}, errors of the truth can cause {pixels(min(floor_px, error_px))} of the {pixels(error_px)} px "
+        f"{place}, errors of the truth can cause {pixels(min(floor_px, error_px))} of the {pixels(error_px)} px "
         f"of {tracker}."
     )
-    return f"{opening} {_limit(points)}"
+    return f"{opening} {_limit(points, axis)}"
 
 
-def _limit(points: pl.DataFrame) -> str:
-    covered = pl.col("floor_u") ** 2 + pl.col("floor_v") ** 2 > _MOST_SHARE * (pl.col("u") ** 2 + pl.col("v") ** 2)
-    first = points.filter(covered)["since"].min()
-    before = points if first is None else points.filter(pl.col("since") < first)
-    if before.is_empty():
-        return "Do not take a covariance from this recording: more than half of it can be the truth's at any age."
-    last = before["since"][-1]
-    if first is None:
-        return f"Less than half of the second moment can be the truth's up to age {last}."
-    return f"Do not take a covariance beyond age {last} from this recording: more than half of it can be the truth's."
+def _limit(points: pl.DataFrame, axis: Axis) -> str:
+    """Where errors of the truth can be more than half of the second moment, and where a covariance can be taken."""
+    floor, second = (pl.col(f"{name}u") ** 2 + pl.col(f"{name}v") ** 2 for name in ("floor_", ""))
+    covered = points.select(floor > _MOST_SHARE * second).to_series().to_list()
+    places = [axis.place(since).removeprefix("at ") for since in points["since"]]
+    if not any(covered):
+        return f"Less than half of the second moment can be the truth's up to {places[-1]}."
+    reason = "more than half of it can be the truth's"
+    if all(covered):
+        return f"Do not take a covariance from this recording: {reason} at any {axis.distance}."
+    first = covered.index(True)
+    if first > 0 and all(covered[first:]):
+        return f"Do not take a covariance beyond {places[first - 1]} from this recording: {reason}."
+    free = [list(run) for is_covered, run in groupby(range(len(covered)), covered.__getitem__) if not is_covered]
+    spans = listing(f"from {places[run[0]]} to {places[run[-1]]}" for run in free)
+    return f"Take a covariance from this recording only {spans}: elsewhere, {reason}."

@@ -11,7 +11,7 @@ from tracknoise.tables.schema import ORIGIN, SEQUENCE, Schema
 class AuditVerdict(StrEnum):
     """What an audit says about a parameter of the truth.
 
-    fault: the truth is wrong in it. explained: it looked wrong, but nothing is left once the named faults are
+    fault: the truth is wrong in it. explained: it looked wrong, but not established once the named faults are
     corrected. like_bias: what it explains cannot be distinguished from a bias of the trackers. disagreement: trackers
     contradict each other. none: no fault. undetermined: its interval is too wide for an answer.
     """

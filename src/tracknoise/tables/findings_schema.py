@@ -434,8 +434,9 @@ RIGID_SHARE: Schema = {
 """Share of the second moment of the errors that one small pose error per frame explains, by age.
 
 The pose errors are fitted to other tracks: to the other half of the tracks of the same tracker (`own`), or of all other
-trackers (`others`). second_px2 is the second moment about zero of n errors, left_px2 what a correction of the poses
-leaves of it. share does not contain the noise of the fit, which left_px2 does. coordinate is u, v or both.
+trackers (`others`), where n counts only errors for which these know it. second_px2 is the second moment about zero of n
+errors, left_px2 what a correction of the poses leaves of it. share does not contain the noise of the fit, which
+left_px2 does. coordinate is u, v or both.
 """
 
 POSE_LAW: Schema = {

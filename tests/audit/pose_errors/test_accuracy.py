@@ -42,6 +42,16 @@ def test_measured_pose_errors_are_settings_of_an_experiment():
     assert set(stated) <= {field.name for field in fields(TruthAccuracy)}
 
 
+def test_where_every_fourth_frame_was_measured_the_walk_is_that_of_the_recording():
+    stated = tomllib.loads(accuracy_toml(LAW.with_columns(value=pl.lit(0.08)), shares(a=0.1, b=0.2), 4))
+    assert stated["truth"]["accuracy"] == {
+        "rotation_white_deg": 0.08,
+        "rotation_deg_per_sqrt_frame": 0.04,
+        "translation_white_m": 0.08,
+        "translation_m_per_sqrt_frame": 0.04,
+    }
+
+
 @pytest.mark.parametrize(
     "unconfirmed",
     [

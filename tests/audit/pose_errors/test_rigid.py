@@ -139,6 +139,22 @@ def test_frames_with_few_features_are_not_corrected():
     assert (found["left_uu"] == found["error_uu"]).all()
 
 
+def test_trackers_with_few_features_do_not_deny_a_pose_error():
+    """Their share would be 0, as if they did not have the motion; imported tracks may be of some frames only."""
+    rng = np.random.default_rng(0)
+    many, few = observed(EXACT, rng, features=200), observed(EXACT, rng, features=4)
+    stated = faulty("white", 0.1, 0.005)
+    found = tables([many, few], stated)["rigid"]
+    assert found.filter(fitted_to="others")["tracker"].unique().to_list() == [TRACKERS[1]]
+    late = observed(EXACT, rng, features=200)
+    kept = late.first >= 25
+    names = ("track", "frame", "first", "depth_m", "uv", "uv_first")
+    some = replace(late, **{name: getattr(late, name)[kept] for name in names})
+    some = replace(some, track=np.unique(some.track, return_inverse=True)[1])
+    error, _, rigid = totals(tables([many, some], stated)["rigid"], "others", TRACKERS[0])
+    assert rigid / error > 0.8
+
+
 def test_frames_without_a_pose_are_left_out():
     stated = faulty("white", 0.1, 0.005)
     stated[7] = np.nan

@@ -12,6 +12,7 @@ from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.table import headline_table
 from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.statistics.factors.factors import ReferenceCondition
+from tracknoise.tables.audit_schema import AUDIT_CURVES
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.findings_schema import (
     DEPENDENCE,
@@ -44,6 +45,7 @@ SCOPE = ReportedConditions(ReferenceCondition("l"), ("lk",), percentile=90.0, tr
 SCHEMAS: Mapping[str, Schema] = {
     "triangulated_noise": TRIANGULATED_NOISE,
     "curves": CURVES,
+    "audit_curves": AUDIT_CURVES,
     "floor": FLOOR,
     "summary": SUMMARY,
     "effects": EFFECTS,
@@ -293,6 +295,42 @@ def test_a_mean_that_the_errors_of_the_truth_can_cause_is_no_bias() -> None:
     )
     assert "not zero" not in bias["text"]
     assert bias["value"] is None
+
+
+def corrected(left: float) -> pl.DataFrame:
+    """Curves of an audit that leaves this share of the mean, and of the growth in u."""
+    rows = [
+        {
+            "correction": name, "age": age, "n": 100, "mean_u_px": 0.12 * share, "mean_v_px": 0.04 * share,
+            "second_uu": 0.01 + 0.01 * age * share, "second_vv": 0.01 + 0.01 * age,
+        }
+        for name, share in (("measured", 1.0), ("focal_length", 0.9), ("all", left))
+        for age in (1, 8, 24)
+    ]  # fmt: skip
+    return table(AUDIT_CURVES, *rows)
+
+
+@pytest.mark.parametrize(("left", "withheld"), [(0.1, True), (0.49, True), (0.6, False)])
+def test_a_mean_that_faults_of_the_truth_explain_is_no_bias(left, withheld) -> None:
+    given = {"zero_mean": table(ZERO_MEAN, WHOLE, AT_TEN), "audit_curves": corrected(left)}
+    text = read(**given)["bias"]["text"]
+    assert ("is not zero" in text) is not withheld
+    sentence = (
+        f"At age 8, the mean error of lk is 0.126 px long, of which {0.1265 * left:.3f} px are left where the faults "
+        "of the truth are corrected that the audit found: no bias is claimed."
+    )
+    assert (sentence in text) is withheld
+
+
+def test_growth_that_faults_of_the_truth_explain_is_withheld() -> None:
+    rows = [
+        {"trimming": "trimmed", "coordinate": "u", "verdict": "random walk", "walk_px_per_sqrt_frame": 0.09},
+        {"trimming": "trimmed", "coordinate": "v", "verdict": "drift", "drift_px_per_frame": 0.02},
+    ]
+    text = read(time_structure=table(TIME_STRUCTURE, *rows), audit_curves=corrected(0.25))["growth"]["text"]
+    assert "lk in u: at age 8, the growth of the error is 0.265 px, of which 0.132 px are left" in text
+    assert "random walk" not in text
+    assert "lk in v: drift" in text
 
 
 @pytest.mark.parametrize("floor", [(None, None), (0.0, 0.0), (0.01, 0.01)])
@@ -580,6 +618,14 @@ def test_pose_errors_are_blamed_on_the_truth_only_if_other_trackers_agree(
     assert "At age 10, 62.0 % (55.0 % to 70.0 %) of the second moment of lk is a motion of the camera" in found["text"]
     assert expected in found["text"]
     assert (found["value"], found["figure"], found["table"]) == (0.62, "pose-errors", "rigid_share")
+
+
+def test_with_a_key_frame_ages_are_not_taken_for_frames() -> None:
+    """Pose errors are by the distance from the key frame, differences of trackers by the age of both tracks."""
+    keyed = replace(SCOPE, reference=ReferenceCondition("l", key_frames={"forward": 24}))
+    poses = read(keyed, **shares(own=(0.62, 0.55, 0.7)))["pose errors"]["text"]
+    assert "At 10 frames from the key frame, 62.0 %" in poses
+    assert "At age 10, lk less of is" in read(keyed, **differences(established=True))["differences"]["text"]
 
 
 def test_a_single_tracker_may_have_a_motion_of_its_own() -> None:

@@ -17,7 +17,7 @@ _KEYS: Mapping[tuple[str, str], str] = MappingProxyType(
 )
 
 
-def accuracy_toml(law: pl.DataFrame, share: pl.DataFrame) -> str | None:
+def accuracy_toml(law: pl.DataFrame, share: pl.DataFrame, step: int = 1) -> str | None:
     """The block ``[truth.accuracy]`` with the pose errors that the tracks show; None where they do not confirm any.
 
     They are confirmed if at least two trackers have shares of (rigid.share) that were fitted to other trackers, and if
@@ -30,17 +30,24 @@ def accuracy_toml(law: pl.DataFrame, share: pl.DataFrame) -> str | None:
         Table `POSE_LAW`. Its upright, forward view is used.
     share
         Table `RIGID_SHARE`.
+    step
+        Frames of the recording from one measured frame to the next, see `tracknoise.audit.run_settings`.
 
     Returns
     -------
     str or None
-        Values with three digits, in the units of `tracknoise.geometry.accuracy.TruthAccuracy`.
+        Values with three digits, in the units of `tracknoise.geometry.accuracy.TruthAccuracy`: a random walk over
+        frames of the recording, sqrt(step) times as small as that over measured frames.
     """
     upright = law.filter((pl.col("rotation") == 0) & (pl.col("direction") == "forward"))
     rows = upright.unique(["motion", "law"], keep="first", maintain_order=True)
     if rows.is_empty() or not _is_confirmed(share):
         return None
-    lines = [f"{_KEYS[motion, law]} = {value:.3g}" for motion, law, value in rows["motion", "law", "value"].iter_rows()]
+    per_frame = {"white": 1.0, "random walk": step**-0.5}
+    lines = [
+        f"{_KEYS[motion, law]} = {value * per_frame[law]:.3g}"
+        for motion, law, value in rows["motion", "law", "value"].iter_rows()
+    ]
     return "\n".join(["[truth.accuracy]", *lines])
 
 

@@ -146,20 +146,22 @@ def _solved(normals: Sequence[Normal], axes: NDArray[np.float64]) -> NDArray[np.
 def _shares(
     sequence: PreparedSequence, tracker: _Tracker, trackers: Sequence[_Tracker], axes: NDArray[np.float64]
 ) -> pl.DataFrame:
-    """Rows of `RIGID` of one tracker."""
+    """Rows of `RIGID` of one tracker. Of what others predict, frames count whose pose errors they know.
+
+    Where a tracker does not know its own, no pose error is taken off: the share is that of all of its errors.
+    """
     others = [other for other in trackers if other.is_witness and other is not tracker]
-    sources = {FittedTo.own: [tracker], FittedTo.others: others}
+    by_own = np.nan_to_num(_cross_predicted(tracker.rows, [tracker], axes))
     tables = [
-        _summed(sequence, tracker, _cross_predicted(tracker.rows, of, axes), name, len(axes))
-        for name, of in sources.items()
-        if of
+        _summed(sequence, tracker, by_own, FittedTo.own, len(axes)),
+        _summed(sequence, tracker, _cross_predicted(tracker.rows, others, axes), FittedTo.others, len(axes)),
     ]
     return pl.concat([empty(RIGID), *tables])
 
 
 def _cross_predicted(rows: RigidRows, sources: Sequence[_Tracker], axes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Errors of the rows as the other half of the tracks of some trackers predicts them, (n, 2), px."""
-    found = np.zeros_like(rows.error_px)
+    """Errors of the rows as the other half of the tracks of some trackers predicts them, (n, 2), px; NaN if unknown."""
+    found = np.full_like(rows.error_px, np.nan)
     for half in (0, 1):
         eta = _solved([source.halves[1 - half] for source in sources], axes)
         held = rows.half == half
@@ -171,10 +173,10 @@ def _cross_predicted(rows: RigidRows, sources: Sequence[_Tracker], axes: NDArray
 def _summed(
     sequence: PreparedSequence, tracker: _Tracker, prediction: NDArray[np.float64], name: FittedTo, n_frames: int
 ) -> pl.DataFrame:
-    """Sums of squares and products by block of frames and distance from where errors are zero."""
+    """Sums of squares and products by block of frames and distance from where errors are zero; of what is predicted."""
     rows = tracker.rows
     steps = np.abs(rows.frame - rows.zero)
-    chosen = np.isin(steps, STEPS)
+    chosen = np.isin(steps, STEPS) & np.isfinite(prediction).all(axis=1)
     error, fitted, block = rows.error_px[chosen], prediction[chosen], rows.frame[chosen] * BLOCKS // n_frames
     (block, step), group = number_combinations([block, steps[chosen]])
     products = {"error": error * error, "left": np.square(error - fitted), "rigid": error * fitted}

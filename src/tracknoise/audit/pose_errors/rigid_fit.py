@@ -121,9 +121,9 @@ def _add_blocks(
 def predicted(
     eta: NDArray[np.float64], jacobian: NDArray[np.float64], start: NDArray[np.int64], end: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Errors (n, 2) by (rigid), px; zero where the pose error of one of the two frames is not known."""
+    """Errors (n, 2) by (rigid), px; NaN where the pose error of one of the two frames is not known."""
     error: NDArray[np.float64] = np.einsum("nij,nj->ni", jacobian, eta[start] - eta[end])
-    return np.nan_to_num(error, nan=0.0)
+    return error
 
 
 def robust_weights(rows: RigidRows, axes: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -140,7 +140,8 @@ def robust_weights(rows: RigidRows, axes: NDArray[np.float64]) -> NDArray[np.flo
     weight = _weights(rows.again_px, lag)
     for _ in range(_ROUNDS):
         eta = normal_equations(rows, weight, axes).solve(axes)
-        weight = _weights(rows.again_px - predicted(eta, rows.jacobian, rows.again, rows.frame), lag)
+        error_px = np.nan_to_num(predicted(eta, rows.jacobian, rows.again, rows.frame))
+        weight = _weights(rows.again_px - error_px, lag)
     return weight
 
 

@@ -11,6 +11,8 @@ from tracknoise.findings.headlines.error_size import first, in_u_and_v, rms
 from tracknoise.findings.headlines.headline import Headline, Part, RunTables, by_tracker
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions, curve_bounds, curve_scenes
 from tracknoise.findings.headlines.withheld import (
+    audited_bias,
+    audited_rise,
     bias_covers,
     covered_coordinates,
     growth_cover,
@@ -55,6 +57,8 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
     there = None if at is None else first(rows.filter(at=at))
     covers = {} if summary is None or there is None else bias_covers(summary, there)
     withheld = None if there is None else withheld_bias(tracker, conditions.opening_place(there["at"]), covers)
+    if withheld is None and there is not None:
+        withheld = audited_bias(tables, conditions, tracker, there["at"])
     if withheld is not None and overall["verdict"] == Verdict.yes:
         return withheld, []
     trimming = conditions.trimmings[0]
@@ -181,21 +185,25 @@ def _growth_of(tables: RunTables, conditions: ReportedConditions, tracker: str) 
         estimates += size
         texts.setdefault(", ".join([name, *map(format_estimate, size)]), []).append(row["coordinate"])
     sentences = [f"{tracker} in {listing(coordinates)}: {text}." for text, coordinates in texts.items()]
-    sentences += [] if withheld is None else [withheld]
+    sentences += withheld
     return (" ".join(sentences), estimates) if sentences else None
 
 
 def _growth_withheld(
     tables: RunTables, conditions: ReportedConditions, tracker: str, rows: pl.DataFrame
-) -> tuple[str | None, list[str]]:
-    """The sentence about coordinates that grow as the truth floor does, and these coordinates."""
+) -> tuple[list[str], list[str]]:
+    """Sentences about coordinates that grow as the truth floor or faults of the truth do, and these coordinates."""
     summary = first(conditions.of(tables["summary"], tracker))
     if summary is None or summary["at"] is None:
-        return None, []
+        return [], []
     growing = rows.filter(pl.col("verdict").is_in(_GROWING))["coordinate"].sort().to_list()
     covers = {axis: growth_cover(tables, conditions, tracker, axis, summary["at"]) for axis in growing}
     covered = [axis for axis, cover in covers.items() if cover is not None and cover.is_covered]
-    return withheld_growth(tracker, conditions.place(summary["at"]), covers), covered
+    by_floor = withheld_growth(tracker, conditions.place(summary["at"]), covers)
+    rest = [axis for axis in growing if axis not in covered]
+    audited = {axis: audited_rise(tables, conditions, tracker, axis, summary["at"]) for axis in rest}
+    by_audit = {axis: sentence for axis, sentence in audited.items() if sentence is not None}
+    return [*([] if by_floor is None else [by_floor]), *by_audit.values()], [*covered, *by_audit]
 
 
 def _behaviour(row: Mapping[str, Any]) -> tuple[str, list[Estimate]]:

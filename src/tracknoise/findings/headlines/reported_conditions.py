@@ -8,6 +8,7 @@ import polars as pl
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.findings.wording import (
+    count,
     coverage_text,
     next_scene_text,
     opening_place,
@@ -89,6 +90,10 @@ class ReportedConditions:
     def opening_place(self, at: int) -> str:
         """Write an age or a frame as `place` does, as the start of a sentence."""
         return opening_place(self.axis, self.since(at))
+
+    def opening_distance(self, age: int) -> str:
+        """Write an age that counts frames from where errors are zero, before it and after it, as `opening_place`."""
+        return opening_place(Axis.age, age) if self.axis == Axis.age else f"At {count(age, 'frame')} from the key frame"
 
     def where(self, conditions: pl.DataFrame) -> str:
         """Write the speed, and the parts of the view of which `conditions` have several."""

@@ -6,9 +6,9 @@ from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
 from tracknoise.findings.headlines.headline import MOST_TRACKERS, Headline, Part, RunTables, by_tracker, leading
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
-from tracknoise.findings.wording import count
+from tracknoise.findings.wording import count, opening_place
 from tracknoise.statistics.definitions import REFERENCE_AGE
-from tracknoise.tables.enumerations import FittedTo
+from tracknoise.tables.enumerations import Axis, FittedTo
 
 _LEAST_SHARE = 0.1
 """Share of the second moment from which on pose errors are reported."""
@@ -33,11 +33,11 @@ def _share_of(table: pl.DataFrame, conditions: ReportedConditions, tracker: str)
     if own is None or not own.above(_LEAST_SHARE):
         return None
     text = (
-        f"{conditions.opening_place(rows['age'][0])}, {format_estimate(own)} of the second moment of {tracker} is a "
+        f"{conditions.opening_distance(rows['age'][0])}, {format_estimate(own)} of the second moment of {tracker} is a "
         "motion of the camera that the stated poses do not have."
     )
     if others is None:
-        return f"{text} No other tracker saw images, so that a motion common to all features may be its own.", [own]
+        return f"{text} No other tracker can confirm it, so that a motion common to all features may be its own.", [own]
     seen = f"Pose errors that are fitted to the other trackers explain {format_estimate(others)}."
     return f"{text} {seen} {_cause(others)}", [own, others]
 
@@ -80,7 +80,7 @@ def _difference(pair: pl.DataFrame, conditions: ReportedConditions) -> Part | No
         return None
     estimates = [Estimate.of_row(row, "value", "low", "high", "px") for row in rows]
     u, v = map(format_estimate, estimates)
-    place = conditions.opening_place(rows[0]["age"])
+    place = opening_place(Axis.age, rows[0]["age"])
     return f"{place}, {rows[0]['tracker']} less {rows[0]['other']} is {u} in u and {v} in v.", estimates
 
 

@@ -5,13 +5,15 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.findings.audit_cover import audited_growth, audited_mean
 from tracknoise.findings.floor_cover import FloorCover, cover_of_mean, cover_of_second, covered_by_floor
 from tracknoise.findings.headlines.headline import RunTables
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
-from tracknoise.findings.wording import SPACE, listing, pixels
+from tracknoise.findings.wording import SPACE, listing, pixels, px
 from tracknoise.statistics.definitions import NAMES
 from tracknoise.tables.enumerations import FloorSource, Weighting
 
+_CORRECTED = "where the faults of the truth are corrected that the audit found"
 _CAUSE = "within what the errors of the truth can cause"
 
 
@@ -43,6 +45,43 @@ def withheld_bias(tracker: str, place: str, covers: Mapping[str, FloorCover | No
     if not covered_by_floor(*covers.values()):
         return None
     return f"{place}, the mean error of {tracker} is {_CAUSE} ({_sizes(covers)}): no bias is claimed."
+
+
+def audited_bias(tables: RunTables, conditions: ReportedConditions, tracker: str, at: int) -> str | None:
+    """The sentence that replaces a finding of bias where faults that the audit found explain most of it; else None.
+
+    Parameters
+    ----------
+    tables
+        With the curves of the audit.
+    conditions
+        The condition that was audited.
+    tracker
+        Its name.
+    at
+        Reference age or frame.
+    """
+    cover = audited_mean(tables["audit_curves"], tracker, abs(conditions.since(at)))
+    if cover is None or not cover.is_covered:
+        return None
+    return (
+        f"{conditions.opening_distance(cover.age)}, the mean error of {tracker} is {px(cover.error_px)} long, of which "
+        f"{px(cover.left_px)} are left {_CORRECTED}: no bias is claimed."
+    )
+
+
+def audited_rise(
+    tables: RunTables, conditions: ReportedConditions, tracker: str, coordinate: str, at: int
+) -> str | None:
+    """The sentence that replaces a finding of growth in a coordinate: see `audited_bias`."""
+    cover = audited_growth(tables["audit_curves"], tracker, coordinate, abs(conditions.since(at)))
+    if cover is None or not cover.is_covered:
+        return None
+    where = conditions.opening_distance(cover.age).replace("At", "at", 1)
+    return (
+        f"{tracker} in {coordinate}: {where}, the growth of the error is {px(cover.error_px)}, of which "
+        f"{px(cover.left_px)} are left {_CORRECTED}: no growth is claimed."
+    )
 
 
 def covered_coordinates(covers: Mapping[str, FloorCover | None]) -> str:

@@ -8,8 +8,8 @@ the errors of the scene that was left out, that it removes, is
 
 Scenes of one group are left out together if there are enough groups. However few scenes there are, whole scenes are
 left out: tracks of a scene share its mean error, so that they would agree on it anyway. A correction is warranted if
-this share is at least `LEAST_REDUCTION`, its interval does not reach 0, and the mean is more than twice what the errors
-of the truth may cause.
+this share is at least `LEAST_REDUCTION`, its interval does not reach 0, the mean is more than twice what the errors of
+the truth may cause, and no faults of the truth that an audit found explain it.
 """
 
 from dataclasses import dataclass
@@ -18,6 +18,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.findings.audit_cover import audited_mean
 from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.findings.sampling.jackknife import student_interval
 from tracknoise.findings.sampling.units import by_number, units_of
@@ -43,7 +44,14 @@ class _Form:
     reduction: Interval
 
 
-def fit_bias(sums: pl.DataFrame, floors: pl.DataFrame, *, groups: SceneGroups, level: float) -> Bias:
+def fit_bias(
+    sums: pl.DataFrame,
+    floors: pl.DataFrame,
+    *,
+    groups: SceneGroups,
+    level: float,
+    audit_curves: pl.DataFrame | None = None,
+) -> Bias:
     """The correction that is warranted, or why none is.
 
     Parameters
@@ -56,6 +64,8 @@ def fit_bias(sums: pl.DataFrame, floors: pl.DataFrame, *, groups: SceneGroups, l
         Of scenes that are not independent of each other.
     level
         Of the interval of the reduction.
+    audit_curves
+        Table `AUDIT_CURVES` of the run; None where it has not been audited yet.
     """
     errors = sums.filter(pl.col("product") == Product.error).with_columns(squares=pl.col("uu") + pl.col("vv"))
     units = units_of(errors, points=["age"], columns=_COLUMNS)
@@ -65,7 +75,7 @@ def fit_bias(sums: pl.DataFrame, floors: pl.DataFrame, *, groups: SceneGroups, l
         return Bias(kind=BiasKind.REFUSED, why="there is only one scene, so that none can be left out")
     ages = units.points["age"].to_numpy()
     best = max((_by_age(own, ages, level), _along(own, level)), key=lambda form: form.reduction.value)
-    if reason := _objection(best, floors, int(ages.max())):
+    if reason := _objection(best, floors, int(ages.max())) or _audited(sums, audit_curves, int(ages.max())):
         return Bias(kind=BiasKind.REFUSED, why=reason, reduction=best.reduction)
     return best.bias
 
@@ -131,6 +141,13 @@ def _objection(form: _Form, floors: pl.DataFrame, last_age: int) -> str | None:
     if form.size_px <= _BEYOND_FLOOR * floor:
         return "errors of the truth may cause the mean error"
     return None
+
+
+def _audited(sums: pl.DataFrame, audit_curves: pl.DataFrame | None, last_age: int) -> str | None:
+    """Why a correction is not warranted where an audit found faults of the truth; None if it is."""
+    cover = None if audit_curves is None else audited_mean(audit_curves, sums["tracker"][0], last_age)
+    covered = cover is not None and cover.is_covered
+    return "faults of the truth that the audit found explain the mean error" if covered else None
 
 
 def _mean_floor(floors: pl.DataFrame, last_age: int) -> float | None:

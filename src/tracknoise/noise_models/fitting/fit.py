@@ -56,7 +56,7 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
         "conditions": conditions_of(
             read["noise_covariates"], read["noise_pairs"], fitted, groups=read.groups, level=level
         ),
-        "bias": fit_bias(sums, read["floors"], groups=read.groups, level=level),
+        "bias": fit_bias(sums, read["floors"], groups=read.groups, level=level, audit_curves=read.audit_curves),
         "common_share": fit_common(read["rigid"], sums, groups=read.groups, level=level),
         "truth_floor_px": _floor(read["floors"], last_age),
         "equivalents": equivalents_of(read, fitted, LENGTHS),

@@ -56,6 +56,12 @@ class TrainingTables:
         """A table of one sequence."""
         return self.folder.sequence_table(name, key)
 
+    @property
+    def audit_curves(self) -> pl.DataFrame | None:
+        """Table `AUDIT_CURVES` of the run; None while it has not been audited."""
+        audited = "audit_curves" in self.folder.manifest().statistics
+        return self.folder.statistics("audit_curves") if audited else None
+
     def of_scenes(self, scenes: Collection[str]) -> "TrainingTables":
         """The same of some of the scenes."""
         of_scenes = self._of(pl.col("scene").is_in(list(scenes)), lambda sequence: sequence.scene in scenes)

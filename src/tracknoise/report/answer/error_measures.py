@@ -9,7 +9,7 @@ import polars as pl
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.headlines.error_size import first
 from tracknoise.findings.headlines.reported_conditions import curve_bounds, scale_estimate
-from tracknoise.findings.headlines.withheld import bias_covers, withheld_bias
+from tracknoise.findings.headlines.withheld import audited_bias, bias_covers, withheld_bias
 from tracknoise.findings.wording import SHAPES, count, listing, percent, sentence_case
 from tracknoise.report.answer.subject import Subject, answer, larger, number, with_interval
 from tracknoise.report.answer.summary import Answer, Measure
@@ -99,7 +99,9 @@ def bias(subject: Subject) -> Measure | None:
         return None
     axis, shown = found[0], number(found[1])
     place = subject.conditions.place(subject.at)
-    covered = withheld_bias(subject.tracker, place, bias_covers(subject.row, there)) is not None
+    by_floor = withheld_bias(subject.tracker, place, bias_covers(subject.row, there)) is not None
+    curves = {"audit_curves": subject.data.audit_curves}
+    covered = by_floor or audited_bias(curves, subject.conditions, subject.tracker, subject.at) is not None
     verdict = Verdict.undecided if covered and overall["verdict"] == Verdict.yes else Verdict(overall["verdict"])
     note = f"mean error in {axis} {place}" + ("; errors of the truth can cause it" if covered else "")
     size = f"its mean error in {axis} is {with_interval(shown)}"

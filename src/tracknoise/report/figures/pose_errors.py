@@ -59,7 +59,7 @@ def _look_for(data: ReportData, table: pl.DataFrame) -> str:
     return (
         f"{' '.join(sentences)} A share near 0 means that features do not move together. A share near 1 means that the "
         "error is a motion of the camera which the stated poses do not have. If other trackers predict it too, the "
-        f"truth is at fault: its poses, its clock, its calibration, or a rolling shutter.{alone}"
+        f"truth is probably at fault: its poses, its clock, its calibration, or a rolling shutter.{alone}"
     )
 
 

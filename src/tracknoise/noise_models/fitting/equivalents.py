@@ -12,7 +12,6 @@ as wide, relative to it, as that for a free landmark.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -123,7 +122,7 @@ def _state(
 
     Where only A is not 0, all other observations are exact, and sigma is 0.
     """
-    first, noise = fitted.components["first"].sigma.value, _noise(fitted, speed)
+    first, noise = fitted.components["first"].sigma.value, fitted.noise.per_frames(speed)
     if first == 0.0:
         return dict(exact)
     if not any(part.any() for part in (noise.white, noise.walk, noise.drift)):
@@ -137,12 +136,6 @@ def _state(
     start = float(np.log(free[Purpose.ALL_POSES].value)) + _FIRST_TRIED
     sigmas = np.exp(shared_roots(excess, start, close=_CLOSE)).tolist()
     return {purpose: _scaled(free[purpose], sigma) for purpose, sigma in zip(Purpose, sigmas, strict=True)}
-
-
-def _noise(fitted: "FittedComponents", speed: int) -> TrackNoise:
-    """Per frame of the tracker."""
-    noise = fitted.noise
-    return replace(noise, walk=noise.walk * speed, drift=noise.drift * speed**2)
 
 
 def _scaled(interval: Interval, value: float) -> Interval:

@@ -76,7 +76,8 @@ def components_of(read: TrainingTables, *, level: float) -> FittedComponents:
 
 def equivalents_of(read: TrainingTables, fitted: FittedComponents, lengths: Sequence[int]) -> tuple[Equivalent, ...]:
     """Standard deviations for all observations, for windows of some lengths of the sequences of the tables."""
-    lifetimes, recordings, noise = _lifetimes(read["ends"]), _recordings(read), fitted.noise
+    lifetimes, recordings = _lifetimes(read["ends"]), _recordings(read)
+    noise = fitted.noise.per_frames(read.speed)
     limit_px, found = _limit_px(read["noise_outliers"]), list[Equivalent]()
     for length in lengths:
         some = windows(recordings, speed=read.speed, length=length, lifetimes=lifetimes)

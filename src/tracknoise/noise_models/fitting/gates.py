@@ -35,7 +35,7 @@ def gates(
     limit_px
         Errors beyond this are outliers.
     modelled
-        A window of this length, and its noise.
+        A window of this length, and its noise; walk and drift per frame of the window.
     """
     apart = (pl.col("window").cast(pl.Int64) - length).abs()
     near = windows.filter(pl.col("trimming") == Trimming.untrimmed, apart <= _NEAR * length)

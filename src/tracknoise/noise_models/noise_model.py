@@ -155,7 +155,10 @@ class NoiseModel:
         return self.equivalent(landmark=kind, window=window, purpose=use).sigma
 
     def covariance(self, *, age: ArrayLike, magnification: ArrayLike = 1.0, **at: ArrayLike) -> NDArray[np.float64]:
-        """Covariances of errors about the first position.
+        """Covariances of errors about the first position: 0 at age 0.
+
+        No estimator must take an observation of age 0 as exact because of that. `track_covariance` with the reference
+        ``free`` has the covariance that it should assume.
 
         Parameters
         ----------

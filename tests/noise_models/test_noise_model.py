@@ -14,6 +14,8 @@ from tracknoise.noise_models.model import Bias, BiasKind, Interval, Landmark, Pu
 from tracknoise.noise_models.noise_model import NoiseModel
 from tracknoise.report.noise_model_cells import model_sentences
 
+KNOTS = {"of": "x", "log_knots": [0, 1, 2], "log_factor": [0, 1, 2], "gain": {"value": 0.1}}
+
 
 def simulated(ages: np.ndarray, magnification: np.ndarray, n: int = 50_000) -> np.ndarray:
     """Errors about birth of many tracks, one coordinate, (n, ages): first .3, white .2, walk .1, drift .02 px."""
@@ -50,6 +52,13 @@ def test_covariances_of_errors_and_changes_agree_with_those_of_tracks() -> None:
     np.testing.assert_allclose(model.covariance(age=[1, 2, 3])[:, 0, 0], np.diag(track))
     change = track[2, 2] + track[1, 1] - 2 * track[1, 2]
     np.testing.assert_allclose(model.change_covariance()[0, 0, 0], change)
+
+
+def test_the_first_position_has_no_error_about_itself() -> None:
+    model = made(0.3, 0.2, 0.1, 0.02)
+    whole = model.track_covariance([0, 1, 2], magnification=[1.0, 1.1, 1.2])[::2, ::2]
+    np.testing.assert_allclose(model.covariance(age=[0, 1])[:, 0, 0], [whole[0, 0], 0.09 + 0.04 + 0.01 + 0.0004])
+    assert whole[0, 0] == 0.0
 
 
 def test_conditions_scale_white_noise_and_walk_only() -> None:
@@ -129,6 +138,12 @@ def test_documents_come_back(tmp_path: Path) -> None:
         ({"white": {"covariance": [[1, 2], [2, 1]], "sigma": {"value": 1}}}, "white.covariance: found"),
         ({"white": {"covariance": [[1, 2]], "sigma": {"value": 1}}}, "white.covariance: found"),
         ({"tails": {"nu": -1.0, "core_sigma": 0.1}}, "tails.nu: found -1.0"),
+        ({"camera": {"width": 4, "height": 3, "focal_px": 0, "rate_hz": None}}, "camera.focal_px: found 0, expected"),
+        ({"conditions": [{**KNOTS, "log_knots": [1, 2]}]}, "expected increasing knots and a factor at each"),
+        ({"conditions": [{**KNOTS, "log_knots": [3, 2, 1]}]}, "expected increasing knots and a factor at each"),
+        ({"conditions": [{**KNOTS, "log_knots": [], "log_factor": []}]}, "expected increasing knots and a factor"),
+        ({"bias": {"kind": "by_age", "why": ""}}, "expected increasing ages and a mean error of each"),
+        ({"bias": {"kind": "by_age", "why": "", "ages": [1, 2], "mean_px": [[0, 1]]}}, "a mean error of each"),
     ],
 )
 def test_damaged_documents_are_refused(tmp_path: Path, change: dict[str, object], message: str) -> None:

@@ -14,6 +14,7 @@ def calibration_sentences(found: Calibration) -> list[str]:
         f"Compared with {found.n} errors of {found.n_scenes} scenes.",
         *_trained(found),
         *_outliers(found),
+        *_impossible(found),
     ]
 
 
@@ -39,6 +40,12 @@ def _outliers(found: Calibration) -> list[str]:
     if not found.outlier_share:
         return []
     return [f"{100 * found.outlier_share:.2g} % of the errors are outliers of the model, and do not count."]
+
+
+def _impossible(found: Calibration) -> list[str]:
+    if not found.n_impossible:
+        return []
+    return [f"For {found.n_impossible} more errors, what is predicted is not positive definite; they do not count."]
 
 
 def calibration_cells(found: Calibration) -> Cells:

@@ -81,7 +81,7 @@ def equivalents_of(read: TrainingTables, fitted: FittedComponents, lengths: Sequ
     limit_px, found = _limit_px(read["noise_outliers"]), list[Equivalent]()
     for length in lengths:
         some = windows(recordings, speed=read.speed, length=length, lifetimes=lifetimes)
-        limits = gates(read["window_noise"], length, limit_px=limit_px, modelled=(some[0], noise))
+        limits = gates(read["window_noise"], length, limit_px=limit_px, window=some[0], noise=noise)
         found.extend(equivalents(fitted, some, length=length, speed=read.speed, gates=limits))
     return tuple(found)
 

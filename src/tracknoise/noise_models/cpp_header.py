@@ -1,5 +1,6 @@
 """A noise model as a C++ header, for front ends that evaluate it while they run."""
 
+from tracknoise.noise_models.exports.wording import in_comment
 from tracknoise.noise_models.model import Component, Factor
 from tracknoise.noise_models.noise_model import NoiseModel
 
@@ -50,7 +51,7 @@ def cpp_header(model: NoiseModel) -> str:
     """The header, C++11."""
     parts = {name: _covariance(getattr(model, name)) for name in ("first", "white", "walk", "drift")}
     head = _HEAD.format(
-        tracker=model.training.tracker,
+        tracker=in_comment(model.training.tracker),
         speed=model.training.speed,
         sha256=model.sha256,
         width=model.camera.width,

@@ -9,6 +9,7 @@ import pytest
 import tracknoise as tn
 from tracknoise.exceptions import SettingsError
 from tracknoise.noise_models.calibration import check_model, check_own
+from tracknoise.noise_models.model import Interval
 from tracknoise.report.calibration_cells import calibration_sentences
 from tracknoise.report.export import specification
 from tracknoise.report.figures.reliability import reliability
@@ -115,6 +116,24 @@ def test_covariances_of_a_front_end_are_checked_where_they_are_possible(
     )
     with pytest.raises(SettingsError, match="found no covariance of oracle that is positive definite"):
         check_own(folder, tracker="oracle", speed=1, name="cov")
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "says"),
+    [
+        (0.9, 1.1, "The size of the errors agrees with the covariance"),
+        (0.5, 3.0, "whether the covariance is right is undecided"),
+        (1.01, 1.02, "The covariance is too small"),
+        (0.8, 0.99, "The covariance is too large"),
+        (None, None, "There are too few scenes for an interval"),
+    ],
+)
+def test_a_wide_interval_decides_nothing(
+    planted_run: Path, model: tn.NoiseModel, low: float | None, high: float | None, says: str
+) -> None:
+    found = check_model(model, RunFolder(planted_run))
+    stated = replace(found, nees=Interval(value=1.0, low=low, high=high))
+    assert says in calibration_sentences(stated)[0]
 
 
 def test_the_figure_shows_the_classes_and_where_they_agree(planted_run: Path, growing: tn.NoiseModel) -> None:

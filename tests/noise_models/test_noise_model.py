@@ -88,6 +88,14 @@ def test_impossible_tracks_are_refused(ages: list[int], magnification: float) ->
         made(0.1, 0.1).track_covariance(ages, magnification=magnification)
 
 
+def test_impossible_errors_and_changes_are_refused() -> None:
+    for age, magnification in ((-1, 1.0), (np.nan, 1.0), (1, 0.0), (1, -2.0)):
+        with pytest.raises(SettingsError, match="expected ages from 0 on, and M > 0"):
+            made(0.1, 0.1, 0.1).covariance(age=[1, age], magnification=magnification)
+    with pytest.raises(SettingsError, match="found 0 frames in between"):
+        made(0.1, 0.1, 0.1).change_covariance(frames=[1, 0])
+
+
 def test_matched_losses() -> None:
     cauchy, huber = made(0.1, 0.1).loss(), made(0.1, 0.1).loss("huber")
     assert (cauchy.knee, cauchy.expected_nees) == pytest.approx((6**0.5, 8 / 6))
@@ -115,6 +123,8 @@ def test_corrections() -> None:
     np.testing.assert_allclose(found, [[0.9, 1.0], [0.7, 1.05], [0.6, 1.1]])
     along = made(bias=Bias(kind=BiasKind.ALONG_MOTION, why="they agree", per_motion=-0.1))
     np.testing.assert_allclose(along.correct(uv, [1, 2, 3], flow=2 * uv), 1.2)
+    moved = along.correct(uv, [0, 0, 3], flow=[[np.nan, np.nan], [2, 2], [2, 2]])
+    np.testing.assert_allclose(moved, [[1, 1], [1, 1], [1.2, 1.2]])  # first positions have no error about themselves
     with pytest.raises(SettingsError, match="no flow"):
         along.correct(uv, [1, 2, 3])
 

@@ -6,6 +6,9 @@ from tracknoise.noise_models.model import Interval
 from tracknoise.report.cells import Cells
 from tracknoise.report.noise_model_cells import interval_cells
 
+_ALIKE = 1.1
+"""Errors that are certainly not this many times as large, or as small, as predicted agree with a covariance."""
+
 
 def calibration_sentences(found: Calibration) -> list[str]:
     """What the comparison says, the answer first."""
@@ -27,7 +30,9 @@ def _verdict(nees: Interval) -> str:
         return f"The covariance is too small: errors are {size} times as large as predicted ({bounds})."
     if nees.high < 1.0:
         return f"The covariance is too large: errors are {size} times as large as predicted ({bounds})."
-    return f"The size of the errors agrees with the covariance: {size} times as large as predicted ({bounds})."
+    if nees.low**0.5 > 1.0 / _ALIKE and nees.high**0.5 < _ALIKE:
+        return f"The size of the errors agrees with the covariance: {size} times as large as predicted ({bounds})."
+    return f"Errors are {size} times as large as predicted ({bounds}): whether the covariance is right is undecided."
 
 
 def _trained(found: Calibration) -> list[str]:

@@ -1,6 +1,7 @@
 """What an estimator gains from a noise model, as a user asks for it."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -91,8 +92,43 @@ def test_prints_the_answer_and_writes_it_beside_the_model(run: Path, tmp_path: P
 def test_says_so_if_the_model_has_seen_all_scenes(run: Path) -> None:
     scenes = ("sideways-00", "sideways-01", "forward-00", "forward-01")
     found = prove(RunFolder(run), _model(*scenes), length=6, most_tracks=25)
-    assert any("fitted to all scenes" in sentence for sentence in found.sentences)
+    assert any("was fitted to all scenes" in sentence for sentence in found.sentences)
     assert not set(found.training) & set(found.tested)
+
+
+def test_scenes_of_another_data_set_are_not_those_of_the_model(run: Path) -> None:
+    model = _model("sideways-00", "sideways-01", "forward-00", "forward-01")
+    other = replace(model, training=replace(model.training, dataset="tum"))
+    found = prove(RunFolder(run), other, length=6, most_tracks=25)
+    assert not any("was fitted to" in sentence for sentence in found.sentences)
+    assert not set(found.training) & set(found.tested)
+
+
+def test_windows_whose_tracks_do_not_determine_all_poses_are_left_out(
+    run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where a tracker lost all features in a blurred frame."""
+    cut = Cut(tracker="lucas-kanade", speed=1, length=6)
+    assert len(recorded_problems(RunFolder(run), cut)) == 4
+    read = RunFolder.sequence_table
+
+    def with_a_gap(self: RunFolder, name: str, key: str) -> pl.DataFrame:
+        table = read(self, name, key)
+        blurred = name == "observations" and key.startswith("sideways-00")
+        return table.filter(pl.col("frame") != 3) if blurred else table
+
+    monkeypatch.setattr(RunFolder, "sequence_table", with_a_gap)
+    found = recorded_problems(RunFolder(run), cut)
+    assert {problem.scene for problem in found} == {"sideways-01", "forward-00", "forward-01"}
+
+
+def test_points_that_are_fitted_to_the_tracks_prove_nothing(run: Path, tmp_path: Path) -> None:
+    folder = RunFolder(shutil.copytree(run, tmp_path / "run"))
+    manifest = folder.manifest()
+    manifest.sequences = {key: replace(entry, truth="triangulated") for key, entry in manifest.sequences.items()}
+    folder.write_manifest(manifest)
+    with pytest.raises(SettingsError, match="found true positions that are fitted to the tracks"):
+        prove(folder, _model("sideways-00"), length=6)
 
 
 def test_windows_longer_than_the_recording_are_refused(run: Path) -> None:

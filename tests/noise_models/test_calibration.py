@@ -1,15 +1,23 @@
+import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import polars as pl
 import pytest
 
 import tracknoise as tn
 from tracknoise.exceptions import SettingsError
-from tracknoise.noise_models.calibration import check_model
+from tracknoise.noise_models.calibration import check_model, check_own
+from tracknoise.noise_models.model import Interval
+from tracknoise.report.calibration_cells import calibration_sentences
 from tracknoise.report.export import specification
 from tracknoise.report.figures.reliability import reliability
 from tracknoise.tables.enumerations import Resampled
+from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.store import RunFolder
+
+OWN = ("quality_cov_uu", "quality_cov_uv", "quality_cov_vv")
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +58,82 @@ def test_a_run_without_errors_at_the_ages_of_the_model_is_an_error(planted_run: 
     later = replace(model, training=replace(model.training, ages=(500, 600)))
     with pytest.raises(SettingsError, match="found no errors at the ages of the model"):
         check_model(later, RunFolder(planted_run))
+
+
+def changed(run: Path, path: Path, change: Callable[[SequenceEntry], SequenceEntry]) -> RunFolder:
+    """A copy of a run with other entries of its sequences."""
+    folder = RunFolder(shutil.copytree(run, path))
+    manifest = folder.manifest()
+    manifest.sequences = {key: change(entry) for key, entry in manifest.sequences.items()}
+    folder.write_manifest(manifest)
+    return folder
+
+
+def test_errors_that_are_not_about_the_first_position_are_refused(
+    planted_run: Path, model: tn.NoiseModel, tmp_path: Path
+) -> None:
+    fitted = changed(planted_run, tmp_path / "fitted", lambda entry: replace(entry, truth="triangulated"))
+    scanned = changed(planted_run, tmp_path / "scanned", lambda entry: replace(entry, truth="scan", key_frame=5))
+    for folder in (fitted, scanned):
+        with pytest.raises(SettingsError, match="found errors that are not about the first position"):
+            check_model(model, folder)
+    with pytest.raises(SettingsError, match="true positions that are fitted to the tracks"):
+        check_own(fitted, tracker="oracle", speed=1, name="cov")
+
+
+def test_scenes_of_another_data_set_may_have_the_same_names(planted_run: Path, model: tn.NoiseModel) -> None:
+    other = replace(model, training=replace(model.training, dataset="kitti, tum"))
+    assert check_model(other, RunFolder(planted_run)).n_trained == 0
+    both = replace(model, training=replace(model.training, dataset="kitti, simulated"))
+    assert check_model(both, RunFolder(planted_run)).n_trained == 8
+
+
+def test_covariances_of_a_front_end_are_checked_where_they_are_possible(
+    planted_run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = RunFolder.sequence_table
+
+    def with_own(self: RunFolder, name: str, key: str) -> pl.DataFrame:
+        table = read(self, name, key)
+        if name != "observations":
+            return table
+        values = dict(zip(OWN, (0.09, 0.0, 0.04), strict=True))
+        part = pl.col("track") % 8
+        made = table.with_columns(pl.lit(value, dtype=pl.Float32).alias(column) for column, value in values.items())
+        return made.with_columns(
+            pl.when(part == 0).then(0.0).when(part == 1).then(float("nan")).otherwise(OWN[2]).alias(OWN[2])
+        )
+
+    monkeypatch.setattr(RunFolder, "sequence_table", with_own)
+    folder = RunFolder(planted_run)
+    found = check_own(folder, tracker="oracle", speed=1, name="cov")
+    assert found.nees.value == pytest.approx(1.0, abs=0.03)
+    assert found.n_impossible == pytest.approx(found.n / 6, rel=0.2)
+    expected = f"For {found.n_impossible} more errors, what is predicted is not positive definite; they do not count."
+    assert expected in calibration_sentences(found)
+    monkeypatch.setattr(
+        RunFolder, "sequence_table", lambda *place: with_own(*place).with_columns(pl.lit(0.0).alias(OWN[0]))
+    )
+    with pytest.raises(SettingsError, match="found no covariance of oracle that is positive definite"):
+        check_own(folder, tracker="oracle", speed=1, name="cov")
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "says"),
+    [
+        (0.9, 1.1, "The size of the errors agrees with the covariance"),
+        (0.5, 3.0, "whether the covariance is right is undecided"),
+        (1.01, 1.02, "The covariance is too small"),
+        (0.8, 0.99, "The covariance is too large"),
+        (None, None, "There are too few scenes for an interval"),
+    ],
+)
+def test_a_wide_interval_decides_nothing(
+    planted_run: Path, model: tn.NoiseModel, low: float | None, high: float | None, says: str
+) -> None:
+    found = check_model(model, RunFolder(planted_run))
+    stated = replace(found, nees=Interval(value=1.0, low=low, high=high))
+    assert says in calibration_sentences(stated)[0]
 
 
 def test_the_figure_shows_the_classes_and_where_they_agree(planted_run: Path, growing: tn.NoiseModel) -> None:

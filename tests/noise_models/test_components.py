@@ -10,6 +10,7 @@ from tracknoise.noise_models.fitting.components import fit_components, fit_noise
 from tracknoise.noise_models.fitting.equations import NAMES, Equations, matrix, without_negative
 from tracknoise.noise_models.fitting.held_out import LeftOut
 from tracknoise.noise_models.fitting.independent import independent_noun, independent_sums
+from tracknoise.statistics.blocks import BLOCKS
 from tracknoise.tables.enumerations import Resampled
 
 PLANTED = {
@@ -117,6 +118,21 @@ def test_reasons_name_what_was_left_out() -> None:
     in_two = replace(grouped, group=np.arange(8) // 4)  # too few to be left out
     named = [(independent_noun(one), len(independent_sums(one))) for one in (many, grouped, in_two)]
     assert named == [("scenes", 8), ("groups of scenes", 4), ("scenes", 8)]
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_few_scenes_without_blocks_are_left_out_themselves(seed: int) -> None:
+    """At speeds above the lowest one, all tracks of a scene are in one block."""
+    few = units(seed, scenes=4, n_tracks=300, white=0.2)
+    sums = np.zeros_like(few.sums)
+    np.add.at(sums, few.scene * BLOCKS, few.sums)
+    fitted = fit_components(replace(few, sums=sums), level=0.95)
+    assert fitted.selection.active == (NAMES.index("white"),)
+    assert independent_noun(fitted.sums.units) == "scenes"
+    for name in ("first", "walk", "drift"):
+        component = fitted.components[name]
+        assert "interval of its variance" not in component.why_dropped
+        assert (component.sigma.low, component.sigma.high) == (None, None)
 
 
 def test_too_few_errors_are_refused() -> None:

@@ -2,12 +2,15 @@ import json
 import math
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.noise_models.models import made
 
 import tracknoise as tn
+from tracknoise.cli.noise import _stems
 from tracknoise.exceptions import SettingsError, StoreError, UnknownNameError
 from tracknoise.noise_models.cpp_header import cpp_header
 from tracknoise.noise_models.fitting.equivalents import LENGTHS
@@ -130,6 +133,38 @@ def test_commands(planted_run: Path, tmp_path: Path, tracknoise) -> None:
     assert "was fitted to 8 of these scenes" in out
 
 
+def test_a_speed_without_a_model_does_not_stop_the_others(
+    planted_run: Path, tmp_path: Path, tracknoise, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fit = tn.NoiseModel.fit
+
+    def with_few_errors_at_speed_1(run: Path, **options: object) -> tn.NoiseModel:
+        if options["speed"] == 1:
+            raise SettingsError("found too few errors")
+        return fit(run, **options)
+
+    monkeypatch.setattr(tn.NoiseModel, "fit", with_few_errors_at_speed_1)
+    code, out, error = tracknoise("noise", "fit", planted_run, "-o", tmp_path)
+    assert (code, error) == (0, "tracknoise: warning: oracle at speed 1 has no model: found too few errors\n")
+    assert "Noise of oracle at speed 2." in out
+    assert [path.name for path in tmp_path.iterdir()] == ["oracle@2.noise.json"]
+    code, _, error = tracknoise("noise", "fit", planted_run, "--speed", "1", "-o", tmp_path)
+    assert (code, error.splitlines()[-1]) == (1, "tracknoise: error: found too few errors")
+
+
+def test_names_of_trackers_stay_in_the_folder_and_in_the_comment() -> None:
+    assert _stems([("lucas-kanade", 1), ("LK (8 px)", 2), ("../a/b", 1), ("a-b", 1), ("/a/b", 1)]) == {
+        "lucas-kanade": "lucas-kanade",
+        "LK (8 px)": "LK (8 px)",
+        "a-b": "a-b",
+        "../a/b": "a-b-1",
+        "/a/b": "a-b-2",
+    }
+    model = made(0.1)
+    named = replace(model, training=replace(model.training, tracker="lk\nint x = 1; //\\"))
+    assert cpp_header(named).startswith("// Noise of lk_int x = 1; //_ at speed 1, by tracknoise. Model ")
+
+
 def test_commands_refuse_what_they_cannot_do(planted_run: Path, tmp_path: Path, tracknoise) -> None:
     code, _, error = tracknoise("noise", "fit", planted_run, "--tracker", "lk")
     assert (code, "unknown tracker 'lk'" in error) == (1, True)
@@ -142,8 +177,6 @@ def test_commands_refuse_what_they_cannot_do(planted_run: Path, tmp_path: Path, 
 
 
 def test_header_compiles_and_gives_the_same_numbers(tmp_path: Path, model: tn.NoiseModel) -> None:
-    from tests.noise_models.models import made
-
     compiler = shutil.which("g++") or shutil.which("clang++")
     if compiler is None:
         pytest.skip("no C++ compiler")
@@ -153,7 +186,9 @@ def test_header_compiles_and_gives_the_same_numbers(tmp_path: Path, model: tn.No
         '#include "noise.hpp"\n#include <cstdio>\nint main() {\n'
         "  const double f = tracknoise::factor_min_eigenvalue(3.0);\n"
         "  const auto c = tracknoise::covariance(4.0, 1.2, f), d = tracknoise::change_covariance(2.0, f);\n"
-        '  std::printf("[%.9g, %.9g, %.9g, %.9g]", f, c.uu, c.uv, d.vv);\n}\n'
+        '  const double unknown = tracknoise::factor_min_eigenvalue(std::nan(""));\n'
+        "  const double born = tracknoise::covariance(0.0).uu;\n"
+        '  std::printf("[%.9g, %.9g, %.9g, %.9g, %.9g, %.9g]", f, c.uu, c.uv, d.vv, unknown, born);\n}\n'
     )
     warnings = ["-Wall", "-Wextra", "-Werror", "-std=c++11"]
     subprocess.run([compiler, *warnings, "-o", tmp_path / "main", tmp_path / "main.cpp"], check=True)
@@ -161,5 +196,5 @@ def test_header_compiles_and_gives_the_same_numbers(tmp_path: Path, model: tn.No
     covariance = conditioned.covariance(age=4, magnification=1.2, min_eigenvalue=3.0)[0]
     change = conditioned.change_covariance(frames=2, min_eigenvalue=3.0)[0]
     factor = math.exp(1.0 - math.log(3.0))
-    assert printed == pytest.approx([factor, covariance[0, 0], covariance[0, 1], change[1, 1]])
+    assert printed == pytest.approx([factor, covariance[0, 0], covariance[0, 1], change[1, 1], 1.0, 0.0])
     assert len(cpp_header(model).splitlines()) <= 40

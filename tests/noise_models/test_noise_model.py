@@ -14,6 +14,8 @@ from tracknoise.noise_models.model import Bias, BiasKind, Interval, Landmark, Pu
 from tracknoise.noise_models.noise_model import NoiseModel
 from tracknoise.report.noise_model_cells import model_sentences
 
+KNOTS = {"of": "x", "log_knots": [0, 1, 2], "log_factor": [0, 1, 2], "gain": {"value": 0.1}}
+
 
 def simulated(ages: np.ndarray, magnification: np.ndarray, n: int = 50_000) -> np.ndarray:
     """Errors about birth of many tracks, one coordinate, (n, ages): first .3, white .2, walk .1, drift .02 px."""
@@ -52,6 +54,13 @@ def test_covariances_of_errors_and_changes_agree_with_those_of_tracks() -> None:
     np.testing.assert_allclose(model.change_covariance()[0, 0, 0], change)
 
 
+def test_the_first_position_has_no_error_about_itself() -> None:
+    model = made(0.3, 0.2, 0.1, 0.02)
+    whole = model.track_covariance([0, 1, 2], magnification=[1.0, 1.1, 1.2])[::2, ::2]
+    np.testing.assert_allclose(model.covariance(age=[0, 1])[:, 0, 0], [whole[0, 0], 0.09 + 0.04 + 0.01 + 0.0004])
+    assert whole[0, 0] == 0.0
+
+
 def test_conditions_scale_white_noise_and_walk_only() -> None:
     model = made(0.3, 0.2, 0.1)
     found = model.covariance(age=2, min_eigenvalue=[1.0, math.e, 1e9, np.nan])[:, 0, 0]
@@ -77,6 +86,14 @@ def test_age_zero_about_birth_cannot_be_whitened() -> None:
 def test_impossible_tracks_are_refused(ages: list[int], magnification: float) -> None:
     with pytest.raises(SettingsError, match="expected increasing ages"):
         made(0.1, 0.1).track_covariance(ages, magnification=magnification)
+
+
+def test_impossible_errors_and_changes_are_refused() -> None:
+    for age, magnification in ((-1, 1.0), (np.nan, 1.0), (1, 0.0), (1, -2.0)):
+        with pytest.raises(SettingsError, match="expected ages from 0 on, and M > 0"):
+            made(0.1, 0.1, 0.1).covariance(age=[1, age], magnification=magnification)
+    with pytest.raises(SettingsError, match="found 0 frames in between"):
+        made(0.1, 0.1, 0.1).change_covariance(frames=[1, 0])
 
 
 def test_matched_losses() -> None:
@@ -106,6 +123,8 @@ def test_corrections() -> None:
     np.testing.assert_allclose(found, [[0.9, 1.0], [0.7, 1.05], [0.6, 1.1]])
     along = made(bias=Bias(kind=BiasKind.ALONG_MOTION, why="they agree", per_motion=-0.1))
     np.testing.assert_allclose(along.correct(uv, [1, 2, 3], flow=2 * uv), 1.2)
+    moved = along.correct(uv, [0, 0, 3], flow=[[np.nan, np.nan], [2, 2], [2, 2]])
+    np.testing.assert_allclose(moved, [[1, 1], [1, 1], [1.2, 1.2]])  # first positions have no error about themselves
     with pytest.raises(SettingsError, match="no flow"):
         along.correct(uv, [1, 2, 3])
 
@@ -129,6 +148,12 @@ def test_documents_come_back(tmp_path: Path) -> None:
         ({"white": {"covariance": [[1, 2], [2, 1]], "sigma": {"value": 1}}}, "white.covariance: found"),
         ({"white": {"covariance": [[1, 2]], "sigma": {"value": 1}}}, "white.covariance: found"),
         ({"tails": {"nu": -1.0, "core_sigma": 0.1}}, "tails.nu: found -1.0"),
+        ({"camera": {"width": 4, "height": 3, "focal_px": 0, "rate_hz": None}}, "camera.focal_px: found 0, expected"),
+        ({"conditions": [{**KNOTS, "log_knots": [1, 2]}]}, "expected increasing knots and a factor at each"),
+        ({"conditions": [{**KNOTS, "log_knots": [3, 2, 1]}]}, "expected increasing knots and a factor at each"),
+        ({"conditions": [{**KNOTS, "log_knots": [], "log_factor": []}]}, "expected increasing knots and a factor"),
+        ({"bias": {"kind": "by_age", "why": ""}}, "expected increasing ages and a mean error of each"),
+        ({"bias": {"kind": "by_age", "why": "", "ages": [1, 2], "mean_px": [[0, 1]]}}, "a mean error of each"),
     ],
 )
 def test_damaged_documents_are_refused(tmp_path: Path, change: dict[str, object], message: str) -> None:

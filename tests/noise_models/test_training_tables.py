@@ -3,7 +3,12 @@
 from collections.abc import Callable
 from pathlib import Path
 
+import polars as pl
+import pytest
+
+from tracknoise.noise_models.calibration import check_model
 from tracknoise.noise_models.fitting.training_tables import all_training_tables
+from tracknoise.noise_models.noise_model import NoiseModel
 from tracknoise.tables.store import RunFolder
 
 TEXT = """
@@ -26,7 +31,7 @@ speeds = [1, 2]
 rotation = 90
 [[trackers]]
 kind = "oracle"
-options = { n_features = 30 }
+options = { n_features = 60 }
 [statistics]
 min_features = 2
 """
@@ -45,3 +50,7 @@ def test_one_view_of_each_scene_is_read(tmp_path: Path, tracknoise: Callable[...
         assert [entries[key].sequence.direction for key in tables.keys] == [direction] * 2
         assert tables.scenes == ("sideways-00", "sideways-01")
         assert tables["noise_sums"].height
+    model = NoiseModel.fitted_to(read[0])
+    compared = check_model(model, RunFolder(run))
+    ages = pl.col("at").is_between(*model.training.ages)
+    assert compared.n + compared.outlier_share * compared.n == pytest.approx(read[0]["samples"].filter(ages).height)

@@ -1,9 +1,11 @@
 """Windows that a model is fitted with: their tracks determine all poses, however short tracks are."""
 
 import numpy as np
+import polars as pl
 import pytest
 
 from tracknoise.noise_models.fitting.equivalents import LENGTHS
+from tracknoise.noise_models.fitting.fit import lengths_of_tracks
 from tracknoise.noise_models.fitting.training_windows import windows
 from tracknoise.noise_models.linear_benchmark import determines_poses
 from tracknoise.noise_models.linear_window import CAMERA, Motion, linear_tracks, simulated_tracks, trajectory
@@ -28,3 +30,11 @@ def test_windows_of_short_tracks_have_enough_of_them(length, lifetime):
     found = windows([], speed=1, length=length, lifetimes=np.full(20, lifetime))
     assert len(found) == len(Motion)
     assert all(determines_poses(window) for window in found)
+
+
+def test_tracks_that_outlive_all_known_ends_are_as_long_as_the_window():
+    ends = pl.DataFrame({"lifetime": [5, 20, 50], "n_ended": [30, 0, 0], "n_censored": [0, 40, 30]})
+    for longest, expected in ((30, 50), (60, 60)):
+        lengths, counts = np.unique(lengths_of_tracks(ends, longest=longest), return_counts=True)
+        assert lengths.tolist() == [5, expected]
+        assert counts.tolist() == [300, 700]

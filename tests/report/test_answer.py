@@ -213,6 +213,14 @@ def test_the_sigma_to_set_is_that_of_windows_of_fifteen(data: ReportData) -> Non
     assert card(summarise(none), "lucas-kanade").sigma == ""
 
 
+def test_the_sigma_to_set_is_not_that_of_a_few_windows(data: ReportData) -> None:
+    few = pl.when(pl.col("window") == 15).then(99).otherwise(pl.col("n")).cast(pl.Int64)
+    rare = pl.when(pl.col("window") >= 10, pl.col("quantity") == "depth_share").then(0.4).otherwise(pl.col("value"))
+    for change, length in (({"n": few}, 10), ({"value": rare}, 5)):  # 99 windows; 80 windows that show depth
+        made = dataclasses.replace(data, window_sigmas=data.window_sigmas.with_columns(**change))
+        assert f"windows of {length} frames" in card(summarise(made), "lucas-kanade").sigma
+
+
 def test_the_finding_about_estimators_names_each_tracker_and_leads_to_its_section(data: ReportData) -> None:
     (found,) = (one for one in summarise(data).findings if one.topic == "estimator")
     assert [one.section for one in found.statements] == ["estimator"] * len(data.trackers)

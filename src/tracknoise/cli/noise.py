@@ -1,5 +1,6 @@
 """``tracknoise noise``: noise models, for estimators."""
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -38,19 +39,30 @@ def fit(
     """Fit a noise model to each tracker and speed of a run, print what to assume, and write the models.
 
     A model is written as TRACKER@SPEED.noise.json. `tracknoise noise export` writes it in the syntax of an estimator.
+    Trackers and speeds with too few errors are named, and have no model.
 
     Example: `tracknoise noise fit runs/demo -o models`
     """
+    from tracknoise.exceptions import SettingsError
     from tracknoise.noise_models.noise_model import NoiseModel
     from tracknoise.report.noise_model_cells import model_sentences
 
-    for name, played in _wanted(run, tracker, speed):
-        model = NoiseModel.fit(run, tracker=name, speed=played, scenes=scene)
-        path = out / f"{name}@{played}.noise.json"
+    wanted, failed = _wanted(run, tracker, speed), list[SettingsError]()
+    stems = _stems(wanted)
+    for name, played in wanted:
+        try:
+            model = NoiseModel.fit(run, tracker=name, speed=played, scenes=scene)
+        except SettingsError as error:
+            failed.append(error)
+            context.obj.warn(f"{name} at speed {played} has no model: {error}")
+            continue
+        path = out / f"{stems[name]}@{played}.noise.json"
         model.write(path)
         context.obj.result("\n".join(model_sentences(model)))
         _show(context, model, window)
         context.obj.result(f"written: {path}\n")
+    if len(failed) == len(wanted):
+        raise failed[-1]
     return 0
 
 
@@ -94,6 +106,14 @@ def _wanted(run: Path, trackers: list[str] | None, speeds: list[int] | None) -> 
         every = ", ".join(str(one) for one in sorted({one for _, one in known}))
         raise SettingsError(f"{run}: found no speed {speeds}, expected one of {every}")
     return wanted
+
+
+def _stems(wanted: list[tuple[str, int]]) -> dict[str, str]:
+    """Names of trackers as parts of file names: as they are, unless they have signs that files should not have."""
+    from tracknoise.report.names import identifiers
+
+    plain = identifiers(sorted({name for name, _ in wanted}))
+    return {name: name if re.fullmatch(r"\w[\w .+()-]*", name) else plain[name] for name in plain}
 
 
 def _show(context: typer.Context, model: "NoiseModel", window: int) -> None:

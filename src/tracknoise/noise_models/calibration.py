@@ -10,7 +10,7 @@ With d^2 = e' C^-1 e of an error e of predicted covariance C:
 """
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +23,7 @@ from tracknoise.findings.sampling.bounds import Method, pooled
 from tracknoise.findings.sampling.groups_of_scenes import groups_of_run
 from tracknoise.findings.sampling.units import Units, units_of
 from tracknoise.noise_models.model import Interval
+from tracknoise.noise_models.reference_view import reference_view
 from tracknoise.tables.defaults import LEVEL
 from tracknoise.tables.enumerations import IntervalKind, Resampled
 from tracknoise.tables.schema import QUALITY_PREFIX
@@ -74,6 +75,8 @@ class Calibration:
         Share of the errors that were left out, because they are outliers of the model.
     resampled
         What intervals are over; None where there are none.
+    n_impossible
+        Errors that were left out, because what is predicted for them is not positive definite.
     """
 
     n: int
@@ -86,10 +89,13 @@ class Calibration:
     reliability: tuple[Reliability, ...]
     outlier_share: float
     resampled: Resampled | None
+    n_impossible: int = 0
 
 
 def check_model(model: "NoiseModel", folder: RunFolder, *, scenes: Collection[str] | None = None) -> Calibration:
     """Compare a model with errors of a run, of its tracker at its speed. The magnification of the image is taken as 1.
+
+    The view is the one that models are fitted to (`tracknoise.noise_models.reference_view`).
 
     Parameters
     ----------
@@ -103,16 +109,22 @@ def check_model(model: "NoiseModel", folder: RunFolder, *, scenes: Collection[st
     Raises
     ------
     UnknownNameError, SettingsError
-        If the run has no such scene, or no errors of this tracker and speed.
+        If the run has no such scene, no errors of this tracker and speed, or none about the first position.
     StoreError, SchemaError
         If there is no finished run, or a table is damaged.
     """
+    if any(entry.truth_is_fitted or entry.key_frame is not None for entry in folder.manifest().sequences.values()):
+        raise SettingsError(
+            f"{folder.path}: found errors that are not about the first position, expected a run whose truth is known "
+            "for each first position (neither scan nor triangulated)"
+        )
     samples = _chosen(folder, "samples", model.training.tracker, int(model.training.speed), scenes)
-    used = samples.filter(pl.col("at").is_between(*model.training.ages))
+    view = samples.filter(**reference_view(samples))
+    used = view.filter(pl.col("at").is_between(*model.training.ages))
     errors = used.select("scene", "du_px", "dv_px")
     covariance = model.covariance(age=used["at"].to_numpy()) if used.height else np.empty((0, 2, 2))
     good = np.hypot(*errors.select("du_px", "dv_px").to_numpy().T) <= model.outliers_beyond_px
-    trained = set(model.training.scenes)
+    trained = model.training.scenes_of(samples["dataset"][0])
     outliers = 1.0 - float(good.sum()) / max(len(good), 1)
     return _calibration(errors.filter(good), covariance[good], folder, trained, outliers)
 
@@ -139,22 +151,29 @@ def check_own(
     Raises
     ------
     UnknownNameError, SettingsError
-        If the run has no such scene, or no such columns or errors.
+        If the run has no such scene, no such columns, errors or covariances, or true positions that are fitted to the
+        tracks.
     StoreError, SchemaError
         If there is no finished run, or it does not keep its observations.
     """
+    if any(entry.truth_is_fitted for entry in folder.manifest().sequences.values()):
+        found = "true positions that are fitted to the tracks, and take part of their errors"
+        raise SettingsError(f"{folder.path}: found {found}, expected true depths")
     columns = [f"{QUALITY_PREFIX}{name}_{entry}" for entry in ("uu", "uv", "vv")]
     observations = _chosen(folder, "observations", tracker, speed, scenes)
     if missing := [column for column in columns if column not in observations.columns]:
         expected = f"tracks with the columns {', '.join(columns)}"
         raise SettingsError(f"{folder.path}: found no column {missing[0]} of {tracker}, expected {expected}")
-    used = observations.filter(pl.col("truth") == "valid", pl.col("age") > 0).drop_nulls(["du_px", *columns])
+    known = observations.with_columns(pl.col(columns).fill_nan(None)).drop_nulls(["du_px", *columns])
+    used = known.filter(pl.col("truth") == "valid", pl.col("age") > 0)
     entries = used.select(columns).to_numpy().astype(np.float64)
     covariance = entries[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
     possible = (entries[:, 0] > 0.0) & (np.linalg.det(covariance) > 0.0)
-    return _calibration(
-        used.select("scene", "du_px", "dv_px").filter(possible), covariance[possible], folder, set(), 0.0
-    )
+    if not possible.any():
+        raise SettingsError(f"{folder.path}: found no covariance of {tracker} that is positive definite, expected some")
+    errors = used.select("scene", "du_px", "dv_px").filter(possible)
+    calibration = _calibration(errors, covariance[possible], folder, frozenset(), 0.0)
+    return replace(calibration, n_impossible=int(np.count_nonzero(~possible)))
 
 
 def _chosen(folder: RunFolder, name: str, tracker: str, speed: int, scenes: Collection[str] | None) -> pl.DataFrame:
@@ -174,7 +193,7 @@ def _chosen(folder: RunFolder, name: str, tracker: str, speed: int, scenes: Coll
 
 
 def _calibration(
-    errors: pl.DataFrame, covariance: Array, folder: RunFolder, trained: set[str], outlier_share: float
+    errors: pl.DataFrame, covariance: Array, folder: RunFolder, trained: frozenset[str], outlier_share: float
 ) -> Calibration:
     if errors.is_empty():
         raise SettingsError(f"{folder.path}: found no errors at the ages of the model, expected some")

@@ -10,7 +10,7 @@ from tracknoise.noise_models.model import Bias, BiasKind
 def corrected(
     bias: Bias, uv: NDArray[np.float64], ages: NDArray[np.float64], flow: ArrayLike | None
 ) -> NDArray[np.float64]:
-    """Positions (n, 2) px without the bias, at ages (n,).
+    """Positions (n, 2) px without the bias, at ages (n,). First positions stay: biases are about them.
 
     Raises
     ------
@@ -22,7 +22,8 @@ def corrected(
     if bias.kind == BiasKind.ALONG_MOTION:
         if flow is None:
             raise SettingsError("correction: found no flow, expected it because the bias is along the motion")
-        return np.asarray(uv - bias.per_motion * np.asarray(flow, dtype=np.float64))
+        later = np.where(ages[:, None] > 0.0, np.asarray(flow, dtype=np.float64), 0.0)
+        return np.asarray(uv - bias.per_motion * later)
     return uv.copy()
 
 

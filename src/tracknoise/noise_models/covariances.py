@@ -11,12 +11,13 @@ Array = NDArray[np.float64]
 
 
 def error_covariances(noise: TrackNoise, age: Array, magnification: Array, factor: Array) -> Array:
-    """Covariances of errors about the first position, (n, 2, 2) px^2, at magnifications and factors (n,).
+    """Covariances of errors about the first position, (n, 2, 2) px^2, at magnifications and factors (n,); 0 at age 0.
 
     The depth is taken to have changed evenly since birth, and the factor to have been the same.
     """
+    later = np.where(age > 0.0, 1.0, 0.0)
     carried = age * (1.0 + magnification + magnification**2) / 3.0
-    return _summed(noise, (magnification**2, factor, factor * carried, age**2))
+    return _summed(noise, (later * magnification**2, later * factor, factor * carried, age**2))
 
 
 def change_covariances(noise: TrackNoise, frames: Array, factor: Array) -> Array:

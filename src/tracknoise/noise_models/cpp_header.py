@@ -1,5 +1,6 @@
 """A noise model as a C++ header, for front ends that evaluate it while they run."""
 
+from tracknoise.noise_models.exports.wording import in_comment
 from tracknoise.noise_models.model import Component, Factor
 from tracknoise.noise_models.noise_model import NoiseModel
 
@@ -13,6 +14,7 @@ namespace tracknoise {{
 struct Covariance {{ double uu, uv, vv; }};  // px^2
 constexpr Covariance first{first}, white{white}, walk{walk}, drift{drift};
 inline double factor(double value, const double* knots, const double* logs, int n) {{  // linear in log(value), clamped
+  if (std::isnan(value)) return 1.0;  // unknown
   const double x = std::log(std::max(value, 1e-300));
   if (x <= knots[0]) return std::exp(logs[0]);
   for (int i = 1; i < n; ++i)
@@ -33,9 +35,10 @@ inline Covariance sum(double a, double w, double q, double d) {
           a * first.uv + w * white.uv + q * walk.uv + d * drift.uv,
           a * first.vv + w * white.vv + q * walk.vv + d * drift.vv};
 }
-// About the first position, at an age in frames; m = Z_0 / Z_k; f = product of the factors.
+// About the first position, at an age in frames, 0 at age 0; m = Z_0 / Z_k; f = product of the factors.
 inline Covariance covariance(double age, double m = 1.0, double f = 1.0) {
-  return sum(m * m, f, f * age * (1.0 + m + m * m) / 3.0, age * age);
+  const double later = age > 0.0 ? 1.0 : 0.0;
+  return sum(later * m * m, later * f, f * age * (1.0 + m + m * m) / 3.0, age * age);
 }
 inline Covariance change_covariance(double frames = 1.0, double f = 1.0) {
   return sum(0.0, 2.0 * f, f * frames, frames * frames);
@@ -48,7 +51,7 @@ def cpp_header(model: NoiseModel) -> str:
     """The header, C++11."""
     parts = {name: _covariance(getattr(model, name)) for name in ("first", "white", "walk", "drift")}
     head = _HEAD.format(
-        tracker=model.training.tracker,
+        tracker=in_comment(model.training.tracker),
         speed=model.training.speed,
         sha256=model.sha256,
         width=model.camera.width,

@@ -37,5 +37,5 @@ def _finite_or_none(value: float) -> float | None:
 def _covariance(rows: list[list[float]]) -> NDArray[np.float64]:
     covariance = np.array(rows)
     if covariance[0, 1] != covariance[1, 0] or np.linalg.eigvalsh(covariance)[0] < -1e-9 * np.trace(covariance):
-        raise ValueError(f"found {rows}, expected a symmetric matrix without negative eigenvalues")
+        raise ValueError("a symmetric matrix without negative eigenvalues")
     return covariance

@@ -232,15 +232,21 @@ def _depth_consistency(window: Sequence[LinearTracks], actual: Covariances, assu
 
 
 def gate_factor(
-    window: Sequence[LinearTracks], noise: TrackNoise, *, sigma: float, level: float, seed: int = 0
+    window: Sequence[LinearTracks],
+    noise: TrackNoise,
+    *,
+    sigma: float,
+    level: float,
+    first: float | None = None,
+    seed: int = 0,
 ) -> float:
     """What to multiply a chi-square gate of a track by, so that it lets through a share of `level` of good tracks.
 
-    The gate is over the innovations of a track, whitened by `sigma` px, with 2 n - 3 degrees of freedom. Noise is
-    Gaussian. The quantile is that of 200 draws of each track.
+    The gate is over the innovations of a track, whitened by `sigma` px, or `first` px for first observations, with
+    2 n - 3 degrees of freedom. Noise is Gaussian. The quantile is that of 200 draws of each track.
     """
     random = np.random.default_rng(seed)
-    actual, assumed = true_covariances(window, noise), scalar_covariances(window, sigma)
+    actual, assumed = true_covariances(window, noise), scalar_covariances(window, sigma, first=first)
     ratios = []
     for tracks, true, believed in zip(window, actual, assumed, strict=True):
         whitening = np.linalg.inv(np.linalg.cholesky(believed))

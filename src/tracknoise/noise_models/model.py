@@ -9,12 +9,15 @@ first position, its sign turned), w_k of covariance W (independent in each frame
 covariance D (drift, constant in a track).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import pairwise
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from tracknoise.noise_models.json_types import as_covariance, as_degrees
 
@@ -122,10 +125,10 @@ class Tails:
 class CameraOfModel:
     """The camera of the recordings of a model: image size, px, and if known focal length, px, and rate, Hz."""
 
-    width: int
-    height: int
-    focal_px: float | None
-    rate_hz: float | None
+    width: Annotated[int, Field(gt=0)]
+    height: Annotated[int, Field(gt=0)]
+    focal_px: Annotated[float, Field(gt=0)] | None
+    rate_hz: Annotated[float, Field(gt=0)] | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,12 +151,16 @@ class Training:
 
     dataset: str
     tracker: str
-    speed: float
+    speed: Annotated[float, Field(gt=0)]
     tracker_settings: dict[str, object]
     scenes: tuple[str, ...]
     n_tracks: int
     n_observations: int
     ages: tuple[int, int]
+
+    def scenes_of(self, dataset: str) -> frozenset[str]:
+        """Names of those of its scenes that are of a data set. Others have scenes of the same names."""
+        return frozenset(self.scenes if dataset in self.dataset.split(", ") else ())
 
 
 class BiasKind(StrEnum):
@@ -194,6 +201,12 @@ class Bias:
     per_motion: float = 0.0
     reduction: Interval | None = None
 
+    def __post_init__(self) -> None:
+        """Refuse ages without a mean error, means without an age, and a mean by age without any."""
+        missing = self.kind == BiasKind.BY_AGE and not self.ages
+        if missing or len(self.ages) != len(self.mean_px) or not _increase(self.ages):
+            raise ValueError("increasing ages and a mean error of each")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Factor:
@@ -216,3 +229,12 @@ class Factor:
     log_knots: tuple[float, ...]
     log_factor: tuple[float, ...]
     gain: Interval
+
+    def __post_init__(self) -> None:
+        """Refuse knots without a factor, and factors without a knot."""
+        if not self.log_knots or len(self.log_knots) != len(self.log_factor) or not _increase(self.log_knots):
+            raise ValueError("increasing knots and a factor at each")
+
+
+def _increase(values: Sequence[float]) -> bool:
+    return all(before < after for before, after in pairwise(values))

@@ -155,7 +155,10 @@ class NoiseModel:
         return self.equivalent(landmark=kind, window=window, purpose=use).sigma
 
     def covariance(self, *, age: ArrayLike, magnification: ArrayLike = 1.0, **at: ArrayLike) -> NDArray[np.float64]:
-        """Covariances of errors about the first position.
+        """Covariances of errors about the first position: 0 at age 0.
+
+        No estimator must take an observation of age 0 as exact because of that. `track_covariance` with the reference
+        ``free`` has the covariance that it should assume.
 
         Parameters
         ----------
@@ -173,10 +176,16 @@ class NoiseModel:
 
         Raises
         ------
+        SettingsError
+            If an age is negative, or a magnification is not positive.
         UnknownNameError
             If the model has no such condition.
         """
         ages, carried, *_ = _spread(age, magnification, *at.values())
+        if not ((ages >= 0.0).all() and (carried > 0.0).all()):
+            raise SettingsError(
+                "errors: found a negative age, or M that is not above 0, expected ages from 0 on, and M > 0"
+            )
         return error_covariances(self.components, ages, carried, factor_of(self.conditions, at, len(ages)))
 
     def change_covariance(self, *, frames: ArrayLike = 1.0, **at: ArrayLike) -> NDArray[np.float64]:
@@ -195,10 +204,14 @@ class NoiseModel:
 
         Raises
         ------
+        SettingsError
+            If a number of frames is not positive.
         UnknownNameError
             If the model has no such condition.
         """
         (apart, *_) = _spread(frames, *at.values())
+        if not (apart > 0.0).all():
+            raise SettingsError(f"changes: found {apart.min():g} frames in between, expected more than 0")
         return change_covariances(self.components, apart, factor_of(self.conditions, at, len(apart)))
 
     def track_covariance(
@@ -284,7 +297,8 @@ class NoiseModel:
         ages
             (n,) frames of the recording since birth.
         flow
-            (n, 2) px: motion of the image since the frame before. Only a bias along the motion needs it.
+            (n, 2) px: motion of the image since the frame of the tracker before. Only a bias along the motion needs it,
+            and not at age 0.
 
         Raises
         ------

@@ -9,7 +9,7 @@ and 0 where j or k is 0. An estimator that solves for the 3-D point does not nee
 For it the first observation may have the covariance A, and the others lose M_j M_k A: both lead to the same estimate.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
@@ -57,6 +57,10 @@ class TrackNoise:
         """The same in all directions, from standard deviations: px, px, px per sqrt(frame), px per frame."""
         covariances = [sigma**2 * np.eye(2) for sigma in (first, white, walk, drift)]
         return cls(first=covariances[0], white=covariances[1], walk=covariances[2], drift=covariances[3])
+
+    def per_frames(self, frames: float) -> "TrackNoise":
+        """The same noise of a track that is seen once in so many frames: walk and drift are of all of them."""
+        return replace(self, walk=self.walk * frames, drift=self.drift * frames**2)
 
     def covariance(
         self,

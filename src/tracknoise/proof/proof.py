@@ -7,7 +7,6 @@ import polars as pl
 
 from tracknoise.exceptions import SettingsError
 from tracknoise.noise_models.noise_model import NoiseModel
-from tracknoise.noise_models.track_noise import TrackNoise
 from tracknoise.proof.arms import Beliefs
 from tracknoise.proof.learning import learn
 from tracknoise.proof.problem import Problem
@@ -64,7 +63,8 @@ def prove(
     folder
         Of a finished run that keeps its observations.
     model
-        Its tracker and speed are tried. Scenes that it was fitted to are used for training if there are others.
+        Its tracker and speed are tried. Scenes that it was fitted to are used for training if there are others. If it
+        was fitted to none of them or to all, every second scene is.
     length
         Processed frames of a window.
     per_sequence, most_tracks
@@ -75,7 +75,7 @@ def prove(
     Raises
     ------
     SettingsError
-        If there are too few windows.
+        If there are too few windows, or true positions are fitted to the tracks.
     StoreError, SchemaError
         If the run keeps no observations, or a table is missing or damaged.
     """
@@ -89,12 +89,16 @@ def prove(
         most_px=model.outliers_beyond_px,
         seed=seed,
     )
-    learned_from, tested, is_held_out = _divided(recorded_problems(folder, cut), set(training.scenes), folder)
-    noise = per_processed_frame(model.components, round(training.speed))
+    entries = folder.manifest().sequences.values()
+    if any(entry.truth_is_fitted for entry in entries):
+        raise SettingsError(f"{folder.path}: found true positions that are fitted to the tracks, expected true depths")
+    fitted = frozenset[str]().union(*(training.scenes_of(entry.sequence.dataset) for entry in entries))
+    learned_from, tested = _divided(recorded_problems(folder, cut), fitted, folder)
+    noise = model.components.per_frames(round(training.speed))
     beliefs = learn(learned_from, noise=noise)
     poses = summarise(try_arms(tested, beliefs, arms=RUN_ARMS, seed=seed))
     distances = triangulate(tested, learn_sigmas(learned_from), noise)
-    limits = () if is_held_out else (_SAME_SCENES,)
+    limits = (_SAME_SCENES,) if fitted.intersection(_scenes(tested)) else ()
     return Proof(
         poses=poses,
         distances=distances,
@@ -105,30 +109,24 @@ def prove(
     )
 
 
-_SAME_SCENES = "The model was fitted to all scenes of this run, so that the gain of whole tracks may be too large."
-
-
-def per_processed_frame(noise: TrackNoise, speed: int) -> TrackNoise:
-    """The same noise with walk and drift per processed frame; `noise` has them per frame of the recording."""
-    return TrackNoise(first=noise.first, white=noise.white, walk=noise.walk * speed, drift=noise.drift * speed**2)
+_SAME_SCENES = "The model was fitted to all scenes with windows, so that the gain of whole tracks may be too large."
 
 
 def _divided(
-    problems: Sequence[Problem], fitted: set[str], folder: RunFolder
-) -> tuple[list[Problem], list[Problem], bool]:
-    """Windows of training scenes, windows of the others, and whether the model has not seen the others."""
+    problems: Sequence[Problem], fitted: frozenset[str], folder: RunFolder
+) -> tuple[list[Problem], list[Problem]]:
+    """Windows of training scenes, and of the others. The model has seen the others only if it has seen all scenes."""
     scenes = _scenes(problems)
     if len(scenes) < _LEAST_SCENES:
         found = f"usable windows in {len(scenes)} scenes"
         raise SettingsError(
             f"{folder.path}: found {found}, expected at least {_LEAST_SCENES}; shorter windows may help"
         )
-    training = {scene for scene in scenes if scene in fitted}
-    is_held_out = 0 < len(training) < len(scenes)
-    if not is_held_out:
-        training = set(scenes[::2])
+    training = fitted.intersection(scenes)
+    if len(training) in (0, len(scenes)):
+        training = frozenset(scenes[::2])
     learned_from = [problem for problem in problems if problem.scene in training]
-    return learned_from, [problem for problem in problems if problem.scene not in training], is_held_out
+    return learned_from, [problem for problem in problems if problem.scene not in training]
 
 
 def _scenes(problems: Sequence[Problem]) -> tuple[str, ...]:

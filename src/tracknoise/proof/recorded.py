@@ -1,7 +1,8 @@
 """Windows of the tracks of a run, with the true poses and points, as an estimator would be given them.
 
 Only tracks whose distance the window shows are used, up to a stated number, drawn at random. A track ends before its
-first observation that is not visible, or that errs by more than an estimator's outlier test lets through.
+first observation that is not visible, or that errs by more than an estimator's outlier test lets through. A window
+whose tracks do not determine all of its poses is left out: one in which all tracks were lost has no answer.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import StoreError
 from tracknoise.geometry.lenses import KnownCamera, make_camera
 from tracknoise.geometry.pose import from_quaternion, transform
+from tracknoise.noise_models.linear_benchmark import determines_poses
 from tracknoise.noise_models.linear_window import PointTracks, linear_tracks
 from tracknoise.proof.problem import Problem, TrackGroup
 from tracknoise.statistics.populations import in_population
@@ -133,7 +135,7 @@ def _small(observations: pl.DataFrame, most_px: float) -> NDArray[np.bool_]:
 
 
 def _window(sequence: _Sequence, frames: NDArray[np.intp], cut: Cut) -> Problem | None:
-    """The window of these frames; None if a pose is missing, nothing moves, or there are too few tracks."""
+    """The window of these frames; None if a pose is missing or nothing moves, or tracks do not determine the poses."""
     poses = sequence.poses[frames]
     if np.isnan(poses).any() or np.array_equal(poses[0, :3, 3], poses[-1, :3, 3]):
         return None
@@ -147,6 +149,9 @@ def _window(sequence: _Sequence, frames: NDArray[np.intp], cut: Cut) -> Problem 
     shown = [part for group in groups if (part := _showing_depth(sequence.camera, poses, group)) is not None]
     chosen = _drawn(shown, cut.most_tracks, np.random.default_rng((cut.seed, int(frames[0]))))
     if sum(len(group.points) for group in chosen) < _LEAST_TRACKS:
+        return None
+    tracks = [PointTracks(group.frames, group.points) for group in chosen]
+    if not determines_poses([linear_tracks(sequence.camera, poses, each) for each in tracks]):
         return None
     return Problem(sequence.scene, sequence.camera, poses, tuple(chosen))
 

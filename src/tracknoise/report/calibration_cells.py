@@ -6,6 +6,9 @@ from tracknoise.noise_models.model import Interval
 from tracknoise.report.cells import Cells
 from tracknoise.report.noise_model_cells import interval_cells
 
+_ALIKE = 1.1
+"""Errors that are certainly not this many times as large, or as small, as predicted agree with a covariance."""
+
 
 def calibration_sentences(found: Calibration) -> list[str]:
     """What the comparison says, the answer first."""
@@ -14,6 +17,7 @@ def calibration_sentences(found: Calibration) -> list[str]:
         f"Compared with {found.n} errors of {found.n_scenes} scenes.",
         *_trained(found),
         *_outliers(found),
+        *_impossible(found),
     ]
 
 
@@ -26,7 +30,9 @@ def _verdict(nees: Interval) -> str:
         return f"The covariance is too small: errors are {size} times as large as predicted ({bounds})."
     if nees.high < 1.0:
         return f"The covariance is too large: errors are {size} times as large as predicted ({bounds})."
-    return f"The size of the errors agrees with the covariance: {size} times as large as predicted ({bounds})."
+    if nees.low**0.5 > 1.0 / _ALIKE and nees.high**0.5 < _ALIKE:
+        return f"The size of the errors agrees with the covariance: {size} times as large as predicted ({bounds})."
+    return f"Errors are {size} times as large as predicted ({bounds}): whether the covariance is right is undecided."
 
 
 def _trained(found: Calibration) -> list[str]:
@@ -39,6 +45,12 @@ def _outliers(found: Calibration) -> list[str]:
     if not found.outlier_share:
         return []
     return [f"{100 * found.outlier_share:.2g} % of the errors are outliers of the model, and do not count."]
+
+
+def _impossible(found: Calibration) -> list[str]:
+    if not found.n_impossible:
+        return []
+    return [f"For {found.n_impossible} more errors, what is predicted is not positive definite; they do not count."]
 
 
 def calibration_cells(found: Calibration) -> Cells:

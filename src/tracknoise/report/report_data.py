@@ -137,7 +137,7 @@ class ReportData:
     @property
     def truth_is_fitted(self) -> bool:
         """Whether any true positions were fitted to the tracks themselves."""
-        return any(entry.truth == "triangulated" for entry in self.manifest.sequences.values())
+        return any(entry.truth_is_fitted for entry in self.manifest.sequences.values())
 
     @property
     def trimming(self) -> Trimming:

@@ -67,6 +67,11 @@ class SequenceEntry:
         """File name, without extension, of this sequence's tables."""
         return self.sequence.key
 
+    @property
+    def truth_is_fitted(self) -> bool:
+        """Whether true positions are fitted to the tracks that they are compared with."""
+        return self.truth == "triangulated"
+
 
 @dataclass(frozen=True, slots=True)
 class FailureEntry:

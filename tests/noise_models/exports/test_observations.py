@@ -52,6 +52,19 @@ def test_conditions_that_are_known_count():
     np.testing.assert_allclose(motion["cov_uu"], 0.16 * factor)
 
 
+def test_motion_is_that_between_two_frames_of_the_tracker():
+    """What models are fitted to: a tracker that sees every second frame sees twice the motion."""
+    knots = {"log_knots": (0.0, np.log(100.0)), "log_factor": (0.0, np.log(100.0)), "gain": interval(0.1)}
+    along = Bias(kind=BiasKind.ALONG_MOTION, why="scenes agree", per_motion=-0.1)
+    slow = detections(conditions=(Factor(of="motion_px", **knots),), bias=along)
+    fast = replace(slow, training=replace(slow.training, speed=2.0))
+    seen = TRACKS.with_columns(frame=2 * pl.col("frame"))
+    for model, tracks in ((slow, TRACKS), (fast, seen)):
+        found = observation_noise(model, tracks)
+        np.testing.assert_allclose(found["cov_uu"], 0.16 * np.array([1.0, 3.0, 1.0, 2.0, 1.0]))
+        np.testing.assert_allclose(found["bias_u"], [0.0, 0.0, 0.0, -0.2, -0.1])
+
+
 def test_a_bias_is_what_the_model_corrects():
     along = Bias(kind=BiasKind.ALONG_MOTION, why="scenes agree", per_motion=-0.1)
     found = observation_noise(detections(bias=along), TRACKS)

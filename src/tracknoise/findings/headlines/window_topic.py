@@ -14,7 +14,7 @@ from tracknoise.tables.enumerations import Axis, FloorSource
 
 _LONGEST = 15
 """Longest window that is reported, in observations."""
-_LEAST_WINDOWS = 100
+LEAST_WINDOWS = 100
 """With fewer windows than this, or fewer that show the depth of their point, a number is not reported."""
 _ALIKE = 1.1
 """An uncertainty that is at most this many times another one counts as the same."""
@@ -40,7 +40,7 @@ def estimator_noise(tables: RunTables, conditions: ReportedConditions) -> Headli
 
 
 def _noise_of(windows: pl.DataFrame, floor: pl.DataFrame, conditions: ReportedConditions, tracker: str) -> Part | None:
-    rows = conditions.of(windows, tracker).filter(pl.col("window") <= _LONGEST, pl.col("n") >= _LEAST_WINDOWS)
+    rows = conditions.of(windows, tracker).filter(pl.col("window") <= _LONGEST, pl.col("n") >= LEAST_WINDOWS)
     lengths: list[int] = rows["window"].unique().sort(descending=True).to_list()
     by_length = {length: _quantities(rows.filter(window=length)) for length in lengths}
     known = {length: found for length, found in by_length.items() if "residual_core" in found}
@@ -59,7 +59,7 @@ def _quantities(rows: pl.DataFrame) -> Quantities:
     return {
         name: Estimate.of_row(row, "value", "low", "high", _UNITS.get(name, ""))
         for name, row in of.items()
-        if name not in about_depth or n_depth >= _LEAST_WINDOWS
+        if name not in about_depth or n_depth >= LEAST_WINDOWS
     }
 
 

@@ -29,7 +29,7 @@ def observation_noise(model: "NoiseModel", tracks: pl.DataFrame) -> pl.DataFrame
         Of the tracker that made the tracks, in px of their images.
     tracks
         Columns sequence, track, frame (of the recording), u_px and v_px, and the conditions of the model that are
-        known, as ``quality_<name>``. The motion of the image is computed from the tracks.
+        known, as ``quality_<name>``. The motion of the image in one frame of the tracker is computed from the tracks.
 
     Returns
     -------
@@ -44,7 +44,7 @@ def observation_noise(model: "NoiseModel", tracks: pl.DataFrame) -> pl.DataFrame
         v=(pl.col("v_px").diff() / pl.col("frame").diff()).over(_TRACK),
     )
     age = since["age"].to_numpy()
-    flow = since.select("u", "v").to_numpy().astype(np.float64)
+    flow = model.training.speed * since.select("u", "v").to_numpy().astype(np.float64)
     covariance = _covariances(model, age, _conditions(model, ordered, flow))
     uv = ordered.select("u_px", "v_px").to_numpy().astype(np.float64)
     bias = uv - model.correct(uv, age, flow=np.nan_to_num(flow))

@@ -39,21 +39,11 @@ def thinned(model: "NoiseModel", n: int) -> tuple[Equivalent, ...]:
     """
     if not (model.walk.covariance.any() or model.drift.covariance.any()):
         return model.equivalents
-    noises = [_noise(model, model.training.speed * steps) for steps in (1, n)]
+    noises = [model.components.per_frames(model.training.speed * steps) for steps in (1, n)]
     is_free = {Landmark.FREE: True, Landmark.EXACT: False, Landmark.STATE: bool(model.first.covariance.any())}
     kinds = {(one.window, is_free[one.landmark]) for one in model.equivalents}
     growth = {(window, free): _growth(noises, window, free=free) for window, free in kinds}
     return tuple(_grown(one, growth[one.window, is_free[one.landmark]]) for one in model.equivalents)
-
-
-def _noise(model: "NoiseModel", steps: float) -> TrackNoise:
-    """Noise of a track that is seen once in so many frames of the recording."""
-    return TrackNoise(
-        first=model.first.covariance,
-        white=model.white.covariance,
-        walk=model.walk.covariance * steps,
-        drift=model.drift.covariance * steps**2,
-    )
 
 
 def _growth(noises: Sequence[TrackNoise], length: int, *, free: bool) -> Mapping[Purpose, float]:

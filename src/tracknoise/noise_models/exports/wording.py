@@ -29,9 +29,7 @@ _DIFFERENT = 1.02
 
 
 def header(noise: Noise, source: str, sha256: str) -> str:
-    """Write the first line of a file: tool, model, tracker, and what is right.
-
-    Signs that could end a comment, in any of the syntaxes, are replaced.
+    """Write the first line of a file: tool, model, tracker, and what is right. It can stand in a comment.
 
     Parameters
     ----------
@@ -47,7 +45,12 @@ def header(noise: Noise, source: str, sha256: str) -> str:
         f"{training.tracker} at speed {training.speed:g} on {training.dataset}",
         makes_right(noise),
     ]
-    return re.sub(r"--+", "-", re.sub(r"[^\w .,:;()/+=%-]", "_", "; ".join(parts)))
+    return in_comment("; ".join(parts))
+
+
+def in_comment(line: str) -> str:
+    """A line without signs that could end a comment, in any of the syntaxes."""
+    return re.sub(r"--+", "-", re.sub(r"[^\w .,:;()/+=%-]", "_", line))
 
 
 def makes_right(noise: Noise) -> str:

@@ -152,12 +152,16 @@ def _component(entries: Array, bounds: Sequence[tuple[float, float]]) -> Compone
 
 def _none(dropped: Mapping[int, Dropped]) -> dict[int, Component]:
     """Components without noise."""
+    found = {number: Interval(value=0.0, low=_least(one), high=one.most_px) for number, one in dropped.items()}
     return {
-        number: Component(
-            covariance=np.zeros((2, 2)), sigma=Interval(value=0.0, low=0.0, high=one.most_px), why_dropped=one.why
-        )
+        number: Component(covariance=np.zeros((2, 2)), sigma=found[number], why_dropped=one.why)
         for number, one in dropped.items()
     }
+
+
+def _least(one: Dropped) -> float | None:
+    """Lower bound of a component that was dropped; None where there is no interval."""
+    return None if one.most_px is None else 0.0
 
 
 def _root(square: float, low: float, high: float) -> Interval:

@@ -12,13 +12,13 @@ as wide, relative to it, as that for a free landmark.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.noise_models.fitting.equations import NAMES
+from tracknoise.noise_models.fitting.gates import Gates
 from tracknoise.noise_models.fitting.shared_roots import shared_roots
 from tracknoise.noise_models.linear_benchmark import (
     EXACT,
@@ -51,7 +51,7 @@ def equivalents(
     *,
     length: int,
     speed: int,
-    gates: tuple[float, float],
+    gates: Gates,
 ) -> list[Equivalent]:
     """Standard deviations for all kinds of landmarks and purposes, for windows of one length.
 
@@ -66,21 +66,23 @@ def equivalents(
     speed
         Frames of the recording per frame of the tracker.
     gates
-        Quantiles of .95 and .99 of the sum of squared residuals of a track, px^2, over those of chi square with as many
-        degrees of freedom.
+        Of windows of this length.
     """
     alone = [[true_covariances(window, noise) for noise in _units_of_noise(speed)] for window in windows]
     free, exact = (_linear(fitted, windows, alone, first) for first in (None, EXACT))
     state = _state(fitted, windows, speed, free, exact)
-    return [*_named({Landmark.FREE: free, Landmark.EXACT: exact, Landmark.STATE: state}, length, gates)]
+    prior = fitted.components["first"].sigma.value
+    named = {Landmark.FREE: (free, None), Landmark.EXACT: (exact, 0.0), Landmark.STATE: (state, prior)}
+    return [*_named(named, length, gates)]
 
 
 def _named(
-    sigmas: Mapping[Landmark, Mapping[Purpose, Interval]], length: int, gates: tuple[float, float]
+    sigmas: Mapping[Landmark, tuple[Mapping[Purpose, Interval], float | None]], length: int, gates: Gates
 ) -> Iterator[Equivalent]:
-    for landmark, by_purpose in sigmas.items():
+    """From sigmas by purpose, and the standard deviation of first observations, px; None if it is that of all."""
+    for landmark, (by_purpose, prior) in sigmas.items():
         for purpose, sigma in by_purpose.items():
-            ratios = [gate / sigma.value**2 if sigma.value > 0.0 else 1.0 for gate in gates]
+            ratios = _gates_of(sigma.value, prior, gates)
             yield Equivalent(
                 landmark=landmark,
                 purpose=purpose,
@@ -89,6 +91,12 @@ def _named(
                 gate_95=ratios[0],
                 gate_99=ratios[1],
             )
+
+
+def _gates_of(sigma: float, prior: float | None, gates: Gates) -> tuple[float, ...]:
+    if sigma <= 0.0:
+        return 1.0, 1.0
+    return gates.factors(sigma, first=None if prior is None else max(prior / sigma, EXACT))
 
 
 def _linear(
@@ -123,7 +131,7 @@ def _state(
 
     Where only A is not 0, all other observations are exact, and sigma is 0.
     """
-    first, noise = fitted.components["first"].sigma.value, _noise(fitted, speed)
+    first, noise = fitted.components["first"].sigma.value, fitted.noise.per_frames(speed)
     if first == 0.0:
         return dict(exact)
     if not any(part.any() for part in (noise.white, noise.walk, noise.drift)):
@@ -137,12 +145,6 @@ def _state(
     start = float(np.log(free[Purpose.ALL_POSES].value)) + _FIRST_TRIED
     sigmas = np.exp(shared_roots(excess, start, close=_CLOSE)).tolist()
     return {purpose: _scaled(free[purpose], sigma) for purpose, sigma in zip(Purpose, sigmas, strict=True)}
-
-
-def _noise(fitted: "FittedComponents", speed: int) -> TrackNoise:
-    """Per frame of the tracker."""
-    noise = fitted.noise
-    return replace(noise, walk=noise.walk * speed, drift=noise.drift * speed**2)
 
 
 def _scaled(interval: Interval, value: float) -> Interval:

@@ -22,7 +22,6 @@ from tracknoise.tables.defaults import LEVEL
 
 _RECORDINGS = 2
 """Sequences whose motions the equivalents are for."""
-_LONGEST = max(LENGTHS)
 
 
 def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, Any]:
@@ -76,11 +75,12 @@ def components_of(read: TrainingTables, *, level: float) -> FittedComponents:
 
 def equivalents_of(read: TrainingTables, fitted: FittedComponents, lengths: Sequence[int]) -> tuple[Equivalent, ...]:
     """Standard deviations for all observations, for windows of some lengths of the sequences of the tables."""
-    lifetimes, recordings, noise = _lifetimes(read["ends"]), _recordings(read), fitted.noise
+    lifetimes, recordings = lengths_of_tracks(read["ends"], longest=max(lengths)), _recordings(read)
+    noise = fitted.noise.per_frames(read.speed)
     limit_px, found = _limit_px(read["noise_outliers"]), list[Equivalent]()
     for length in lengths:
         some = windows(recordings, speed=read.speed, length=length, lifetimes=lifetimes)
-        limits = gates(read["window_noise"], length, limit_px=limit_px, modelled=(some[0], noise))
+        limits = gates(read["window_noise"], length, limit_px=limit_px, window=some[0], noise=noise)
         found.extend(equivalents(fitted, some, length=length, speed=read.speed, gates=limits))
     return tuple(found)
 
@@ -140,12 +140,20 @@ def _recordings(read: TrainingTables) -> list[Recording]:
     return found
 
 
-def _lifetimes(ends: pl.DataFrame) -> NDArray[np.int64]:
-    """A thousand lengths of tracks with the distribution of Kaplan and Meier; those that are not known are long."""
+def lengths_of_tracks(ends: pl.DataFrame, *, longest: int) -> NDArray[np.int64]:
+    """A thousand lengths of tracks with the distribution of Kaplan and Meier, (1000,), frames of the tracker.
+
+    Parameters
+    ----------
+    ends
+        Columns lifetime, n_ended and n_censored.
+    longest
+        Length of those that outlive all known ends, at least.
+    """
     by_length = ends.group_by("lifetime").agg(pl.col("n_ended", "n_censored").sum()).sort("lifetime")
     lifetime, ended, censored = (by_length[name].to_numpy() for name in by_length.columns)
     at_risk = np.cumsum((ended + censored)[::-1])[::-1]
     gone = 1.0 - np.cumprod(1.0 - ended / np.maximum(at_risk, 1))
     shares = (np.arange(1000) + 0.5) / 1000
     place = np.searchsorted(gone, shares)
-    return np.append(lifetime, _LONGEST)[place].astype(np.int64)
+    return np.append(lifetime, max(longest, lifetime.max(initial=0)))[place].astype(np.int64)

@@ -110,7 +110,7 @@ class LeftOut:
 
     @classmethod
     def of(cls, points: pl.DataFrame, sums: Array) -> "LeftOut | None":
-        """From sums (units, equations, columns) of independent units; None if there are fewer than two.
+        """From sums (units, equations, columns) of independent units; None if fewer than two have any errors.
 
         Parameters
         ----------
@@ -119,10 +119,11 @@ class LeftOut:
         sums
             Columns `tracknoise.noise_models.fitting.equations.COLUMNS`.
         """
-        if len(sums) < 2:
+        some, steps = sums[sums[..., 0].any(axis=1)], Steps.of(points)
+        if len(some) < 2:
             return None
-        own, others = (Equations.of(np.transpose(each, (2, 1, 0))) for each in (sums, sums.sum(axis=0) - sums))
-        return cls(own, others, sums[..., 0].T, Steps.of(points))
+        own, others = (Equations.of(np.transpose(each, (2, 1, 0))) for each in (some, some.sum(axis=0) - some))
+        return cls(own, others, some[..., 0].T, steps)
 
     def score(self, weights: Array, active: Sequence[int]) -> float:
         """Mean log likelihood of what was left out, under the active components fitted to all others, nat per error."""

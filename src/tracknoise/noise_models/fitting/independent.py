@@ -23,9 +23,10 @@ def independent_sums(units: Units) -> NDArray[np.float64]:
 
 
 def independent_noun(units: Units) -> str:
-    """What `independent_sums` are of, in the plural."""
+    """What `independent_sums` are of, in the plural; blocks are scenes where each scene has no more than one."""
     if units.resampled == Resampled.blocks:
-        return "blocks of tracks"
+        of_scene = np.bincount(units.scene[units.sums[..., 0].any(axis=1)])
+        return "blocks of tracks" if of_scene.max(initial=0) > 1 else "scenes"
     n_groups = len(np.unique(units.scene_group))
     return "groups of scenes" if LEAST_GROUPS <= n_groups < len(units.scenes) else "scenes"
 

@@ -120,8 +120,10 @@ def _least_certain(found: "Bounded", gains: Array) -> int | None:
 def _reason(found: "Bounded", gains: Array, place: int, left_out: str) -> Dropped:
     """Why a component is dropped, given the name of what is left out."""
     most = _root(found.high[place])
-    if found.low[place] <= 0.0 or found.value[place] <= 0.0:
+    if found.low[place] <= 0.0:
         return Dropped("the interval of its variance reaches 0", most)
+    if found.value[place] <= 0.0:
+        return Dropped("its variance is estimated as 0, without an interval", most)
     return Dropped(
         f"{left_out} that were left out are not described better with it ({gains[place]:+.2g} nat per error)", most
     )

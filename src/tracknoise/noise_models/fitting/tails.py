@@ -22,10 +22,12 @@ _LEAST = 50
 _MOST = 30_000
 _GAUSSIAN = 200.0
 """Degrees of freedom that cannot be distinguished from a Gaussian."""
+_ROUNDING = 1e-12
+"""Ratio of two variances of which the smaller one may be rounding."""
 
 
 def fit_tails(samples: pl.DataFrame, noise: TrackNoise, *, last_age: int, groups: SceneGroups = NO_GROUPS) -> Tails:
-    """Fit Student's t to single errors.
+    """Fit Student's t to single errors; none where the components have noise in one direction only.
 
     Parameters
     ----------
@@ -40,7 +42,7 @@ def fit_tails(samples: pl.DataFrame, noise: TrackNoise, *, last_age: int, groups
     """
     used = samples.filter(pl.col("at") <= last_age)
     used = used.gather_every(max(1, -(-used.height // _MOST)))
-    if used.height < _LEAST or not (noise.first + noise.white + noise.walk + noise.drift).any():
+    if used.height < _LEAST or not _is_in_all_directions(noise):
         return Tails(nu=math.inf, core_sigma=_core(used, noise), core_ratio=1.0)
     points = _whitened(used, noise)
     student = fit_student(terms([points]))
@@ -49,6 +51,12 @@ def fit_tails(samples: pl.DataFrame, noise: TrackNoise, *, last_age: int, groups
     if nu >= 0.99 * _GAUSSIAN or _gain(points, _folds(group_numbers(used, groups))) <= 0.0:
         nu, ratio = math.inf, 1.0
     return Tails(nu=nu, core_sigma=ratio * _core(used, noise), core_ratio=ratio)
+
+
+def _is_in_all_directions(noise: TrackNoise) -> bool:
+    """Whether errors of an age above 0 have a covariance of full rank."""
+    least, largest = np.linalg.eigvalsh(noise.first + noise.white + noise.walk + noise.drift)
+    return bool(least > _ROUNDING * largest)
 
 
 def _whitened(samples: pl.DataFrame, noise: TrackNoise) -> Array:

@@ -4,11 +4,15 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.findings.headlines.window_topic import LEAST_WINDOWS
 from tracknoise.findings.wording import number, pixels, ratio
 from tracknoise.report.report_data import ReportData
 
 WINDOW = 15
-"""Length of the windows that sentences are about, in observations, or else the nearest shorter one."""
+"""Length of the windows that sentences are about, in observations, or else the nearest shorter one.
+
+At least `tracknoise.findings.headlines.window_topic.LEAST_WINDOWS` of them show the depth of their point.
+"""
 
 
 def sigma_sentence(data: ReportData, tracker: str) -> str:
@@ -63,7 +67,8 @@ def _at_window(data: ReportData, tracker: str) -> dict[str, dict[str, Any]]:
     if data.truth_is_fitted:
         return {}
     rows = data.nominal(data.window_sigmas).filter(tracker=tracker, trimming=data.trimming)
-    lengths = rows.filter(quantity="consistent_sigma")["window"]
+    enough = rows.filter(pl.col("n") * pl.col("value") >= LEAST_WINDOWS, quantity="depth_share")["window"]
+    lengths = rows.filter(pl.col("window").is_in(enough.to_list()), quantity="consistent_sigma")["window"]
     if lengths.is_empty():
         return {}
     shorter = lengths.filter(lengths <= WINDOW)

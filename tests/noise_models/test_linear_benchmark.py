@@ -164,6 +164,16 @@ def test_lengths_of_tracks_are_those_given() -> None:
     assert len({int(first) for part in groups for first in part.frames[:, 0]}) > 3
 
 
+def test_tracks_begin_equally_often_in_each_frame_so_that_long_ones_are_seen_more_often() -> None:
+    still = np.tile(np.eye(4), (11, 1, 1))
+    groups = simulated_tracks(still, lengths=[4, 40], n_tracks=4000)
+    first = np.concatenate([part.frames[:, 0] for part in groups])
+    assert np.bincount(first) / 4000 == pytest.approx([40 / 56, *[2 / 56] * 8], abs=0.03)
+    assert sum(len(part.frames) for part in groups if part.frames.shape[1] == 11) / 4000 == pytest.approx(
+        30 / 56, abs=0.03
+    )
+
+
 def test_errors_of_simulated_tracks_have_the_covariance_that_is_stated() -> None:
     noise = TrackNoise.isotropic(first=0.4, white=0.2, walk=0.1, drift=0.05)
     magnification = np.array([1.0, 1.2, 1.5, 1.9])

@@ -165,8 +165,9 @@ def simulated_tracks(
     n_tracks
         How many tracks are drawn. Those with fewer than 3 observations are left out.
     lengths
-        Observations of measured tracks, drawn at random. Tracks then begin in the window or before it, and only what
-        lies in the window counts. By default all tracks begin in the first frame and end when they leave the image.
+        Observations of measured tracks, drawn at random. Tracks then begin at any time, in the window or before it,
+        equally often in each frame, and only what lies in the window counts: long tracks are seen in more windows. By
+        default all tracks begin in the first frame and end when they leave the image.
     seed
         Of the random numbers.
     camera
@@ -194,18 +195,28 @@ def _track(
     sights: NDArray[np.float64] | None,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     n_frames = len(world_from_camera)
-    birth, length = 0, n_frames
-    if lengths is not None:
-        birth = max(0, int(random.integers(-n_frames, n_frames - _LEAST_LENGTH + 1)))
-        length = max(_LEAST_LENGTH, int(random.choice(lengths)))
+    first, end = (0, n_frames) if lengths is None else _lifespan(random, np.asarray(lengths), n_frames)
     if sights is None:
         uv = (random.random(2) - 0.5) * _VIEW_PX + (CAMERA.cx, CAMERA.cy)
         depth = random.uniform(*_DEPTHS_M)
     else:
         *uv, depth = sights[random.integers(len(sights))]
     seen = camera.unproject(np.asarray(uv), np.array(depth))
-    point = transform(world_from_camera[birth], seen[None])[0]
-    frames = np.arange(birth, min(n_frames, birth + length))
+    point = transform(world_from_camera[first], seen[None])[0]
+    frames = np.arange(first, end)
     images = camera.project(transform(invert(world_from_camera[frames]), np.tile(point, (len(frames), 1))))
     visible = np.logical_and.accumulate(camera.contains(images))
     return frames[visible], point
+
+
+def _lifespan(random: np.random.Generator, lengths: NDArray[np.int64], n_frames: int) -> tuple[int, int]:
+    """First frame and end in a window of a track that is seen in at least `_LEAST_LENGTH` of its frames.
+
+    As many tracks begin in each frame. The number of births with which a track of length T is seen is
+    T + frames - 2 least + 1, from least - T to frames - least.
+    """
+    long_enough = lengths[lengths >= _LEAST_LENGTH] if (lengths >= _LEAST_LENGTH).any() else np.array([_LEAST_LENGTH])
+    births = long_enough + n_frames - 2 * _LEAST_LENGTH + 1
+    length = int(random.choice(long_enough, p=births / births.sum()))
+    birth = int(random.integers(_LEAST_LENGTH - length, n_frames - _LEAST_LENGTH + 1))
+    return max(birth, 0), min(birth + length, n_frames)

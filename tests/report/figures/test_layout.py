@@ -3,7 +3,8 @@
 import altair as alt
 import pytest
 
-from tracknoise.report.figures.layout import layered
+from tracknoise.report.figures import marks
+from tracknoise.report.figures.layout import Panel, arranged, layered
 
 
 def chart(value: int) -> alt.Chart:
@@ -27,3 +28,11 @@ def test_layers_are_those_of_altair_and_charts_stay_as_they_were(layers: list[al
     title = alt.Title("of both")
     assert layered(*layers).properties(title=title).to_dict() == alt.layer(*layers).properties(title=title).to_dict()
     assert [layer.to_dict() for layer in layers] == before
+
+
+def test_names_of_every_panel_are_shown_from_the_start() -> None:
+    chart = alt.Chart(alt.InlineData(values=[{"speed": "1"}])).mark_point().encode(opacity=marks.opacity("speed"))
+    panels = [Panel(chart, (marks.shown("speed", names), marks.zoom("x"))) for names in (("1", "2"), ("1", "15"))]
+    shown, zoom = arranged(panels, columns=1)["params"]
+    assert shown["value"] == [{"speed": "1"}, {"speed": "2"}, {"speed": "15"}]
+    assert shown["views"] == zoom["views"] == ["panel_0", "panel_1"]

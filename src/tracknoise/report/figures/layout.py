@@ -48,7 +48,7 @@ def arranged(panels: Sequence[Panel], *, columns: int, independent: Sequence[str
         _unit(spec, panel.layer)["name"] = view
         specs.append({key: value for key, value in spec.items() if key not in ("$schema", "config")})
         for selection in panel.selections:
-            parameters.setdefault(selection["name"], {**selection, "views": []})["views"].append(view)
+            _join(parameters.setdefault(selection["name"], {**selection, "views": []}), selection, view)
     return {
         "$schema": alt.SCHEMA_URL,
         "columns": columns,
@@ -57,6 +57,14 @@ def arranged(panels: Sequence[Panel], *, columns: int, independent: Sequence[str
         "params": list(parameters.values()),
         "resolve": {"scale": dict.fromkeys(independent, "independent")},
     }
+
+
+def _join(parameter: Spec, selection: Mapping[str, Any], view: str) -> None:
+    """Add a view to a parameter, and what is selected there from the start: a legend may have other names there."""
+    parameter["views"].append(view)
+    if "value" in parameter:
+        start = parameter["value"]
+        parameter["value"] = [*start, *(one for one in selection["value"] if one not in start)]
 
 
 def _limit_title(spec: Spec) -> None:

@@ -12,6 +12,7 @@ from tracknoise.audit.parameters import Parameter
 from tracknoise.audit.samples import AuditSamples
 from tracknoise.audit.units import Shown
 from tracknoise.audit.usual import shifted_text, whole_frames
+from tracknoise.audit.verdicts import POWER
 from tracknoise.findings.wording import MINUS, SPACE, listing, number, percent, px
 from tracknoise.tables.audit_schema import MEASURED, AuditVerdict
 
@@ -170,7 +171,7 @@ def other_text(
         return f"The {name} seems to be wrong too; correct the faults above first."
     if parameter is Parameter.ray_depth:
         return "Depth is not the distance along the ray."
-    return f"No error of the {name} was found; one above {visible} would have been seen."
+    return f"No error of the {name} was found; {100.0 * POWER:g}{SPACE}% of those above {visible} would be seen."
 
 
 def _why(parameter: Parameter, samples: AuditSamples) -> str:

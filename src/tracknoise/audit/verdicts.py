@@ -6,14 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from tracknoise.audit.assessment import ALPHA, LEVEL, MARGIN, Assessment
+from tracknoise.audit.assessment import ALPHA, LEVEL, MARGIN, POWER, Assessment
 from tracknoise.audit.jackknife import condition_number
 from tracknoise.audit.parameters import NUMBERS, Parameter
 from tracknoise.audit.selection import Selection
 from tracknoise.tables.audit_schema import AuditVerdict
-
-POWER = 0.9
-"""Probability with which a fault of the size `visible_above` is found."""
 
 
 @dataclass(frozen=True, slots=True)

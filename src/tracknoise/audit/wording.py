@@ -8,11 +8,11 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.audit.assessment import POWER
 from tracknoise.audit.parameters import Parameter
 from tracknoise.audit.samples import AuditSamples
 from tracknoise.audit.units import Shown
 from tracknoise.audit.usual import shifted_text, whole_frames
-from tracknoise.audit.verdicts import POWER
 from tracknoise.findings.wording import MINUS, SPACE, listing, number, percent, px
 from tracknoise.tables.audit_schema import MEASURED, AuditVerdict
 

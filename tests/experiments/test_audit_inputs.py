@@ -9,7 +9,10 @@ import pytest
 from tracknoise.audit.parameters import COUNT
 from tracknoise.audit.prediction import predict
 from tracknoise.audit.read import AuditedTables, read_samples
+from tracknoise.audit.table import AuditTables
+from tracknoise.experiments.analysis import run_audit
 from tracknoise.experiments.measure import measure
+from tracknoise.experiments.running.measured_sequences import write_measurement, write_settings
 from tracknoise.experiments.running.task import tables_to_keep
 from tracknoise.experiments.settings import parse_experiment
 from tracknoise.findings.sampling.groups import NO_GROUPS
@@ -21,8 +24,9 @@ from tracknoise.sequences.corrected import corrected
 from tracknoise.sequences.registry import make_reader
 from tracknoise.sequences.sequence import Scan
 from tracknoise.sequences.views import View, chosen_frames, turned
-from tracknoise.tables.audit_schema import AUDIT_SAMPLES, CAMERAS, PATH
-from tracknoise.tables.schema import check
+from tracknoise.tables.audit_schema import AUDIT, AUDIT_CURVES, AUDIT_SAMPLES, CAMERAS, PATH
+from tracknoise.tables.schema import check, empty
+from tracknoise.tables.store import RunFolder
 from tracknoise.trackers.oracle import Oracle
 
 EXPERIMENT = parse_experiment(
@@ -163,3 +167,20 @@ def test_a_readout_in_seconds_is_not_audited_where_only_some_recordings_have_tim
     both = [audited(shuttered), audited(Changed(sequence, truths=("birth",), camera=sequence.camera))]
     found = read_samples(both, NO_GROUPS)
     assert found == "a readout in seconds is stated, and some recordings have timestamps while others have none"
+
+
+def test_the_audit_of_a_run_reads_the_poses_between_its_frames(shuttered, sequence, tmp_path, monkeypatch) -> None:
+    given = []
+
+    def audited_once(tables, *_, **__):
+        given.extend(tables)
+        return AuditTables(empty(AUDIT), empty(AUDIT_CURVES))
+
+    monkeypatch.setattr(run_audit, "audit_tables", audited_once)
+    for name, source, has_path in (("some", chosen_frames(shuttered, (0, 12, 2)), True), ("all", sequence, False)):
+        folder = RunFolder(tmp_path / name)
+        entry = write_measurement(folder, EXPERIMENT, measure(source, {"oracle": ORACLE}))
+        write_settings(folder, EXPERIMENT, [entry])
+        assert folder.has_sequence(entry)
+        run_audit.run_audit(folder, EXPERIMENT)
+        assert (given.pop().path is not None) == has_path

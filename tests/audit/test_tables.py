@@ -113,8 +113,8 @@ def test_held_out_errors_fall_to_the_noise(faulty) -> None:
 def test_an_exact_truth_is_said_to_be_without_fault(exact) -> None:
     assert audit_sentences(exact.audit) == [NO_FAULT]
     every = audit_sentences(exact.audit, every=True)
-    assert every[1].startswith("No error of the focal length was found; one above ")
-    assert every[1].endswith(f"{SPACE}px would have been seen.")
+    assert every[1].startswith(f"No error of the focal length was found; 90{SPACE}% of those above ")
+    assert every[1].endswith(f"{SPACE}px would be seen.")
     assert exact.audit_curves["correction"].unique().to_list() == ["measured"]
 
 

@@ -1,6 +1,6 @@
 """What a measured sequence keeps for the audit: true positions are reproduced from it, for every kind of truth."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import polars as pl
@@ -9,17 +9,24 @@ import pytest
 from tracknoise.audit.parameters import COUNT
 from tracknoise.audit.prediction import predict
 from tracknoise.audit.read import AuditedTables, read_samples
+from tracknoise.audit.table import AuditTables
+from tracknoise.experiments.analysis import run_audit
 from tracknoise.experiments.measure import measure
+from tracknoise.experiments.running.measured_sequences import write_measurement, write_settings
 from tracknoise.experiments.running.task import tables_to_keep
 from tracknoise.experiments.settings import parse_experiment
 from tracknoise.findings.sampling.groups import NO_GROUPS
 from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.corrections import Corrections
 from tracknoise.geometry.fisheye import EquidistantCamera
+from tracknoise.geometry.shutter import RollingShutter
+from tracknoise.sequences.corrected import corrected
 from tracknoise.sequences.registry import make_reader
 from tracknoise.sequences.sequence import Scan
-from tracknoise.sequences.views import View, turned
-from tracknoise.tables.audit_schema import AUDIT_SAMPLES, CAMERAS
-from tracknoise.tables.schema import check
+from tracknoise.sequences.views import View, chosen_frames, turned
+from tracknoise.tables.audit_schema import AUDIT, AUDIT_CURVES, AUDIT_SAMPLES, CAMERAS, PATH
+from tracknoise.tables.schema import check, empty
+from tracknoise.tables.store import RunFolder
 from tracknoise.trackers.oracle import Oracle
 
 EXPERIMENT = parse_experiment(
@@ -37,7 +44,11 @@ def sequence():
 def audited(sequence, **options) -> AuditedTables:
     measured = measure(sequence, {"oracle": ORACLE, "lucas-kanade": "lucas-kanade"}, speeds=(1, 2), **options)
     tables = tables_to_keep(EXPERIMENT, sequence, measured)
-    return AuditedTables(*(tables[name] for name in ("audit_samples", "cameras", "poses")))
+    return kept(tables)
+
+
+def kept(tables) -> AuditedTables:
+    return AuditedTables(*(tables[name] for name in ("audit_samples", "cameras", "poses")), tables.get("path"))
 
 
 def require_reproduced(tables: AuditedTables) -> None:
@@ -81,10 +92,9 @@ def test_points_of_a_scan_are_anchored_in_the_key_frame(sequence) -> None:
     scanned = Changed(sequence, truths=("scan",), scan=Scan(points[hit], 3), camera=sequence.camera)
     measured = measure(scanned, "lucas-kanade")
     tables = tables_to_keep(EXPERIMENT, scanned, measured)
-    kept = AuditedTables(*(tables[name] for name in ("audit_samples", "cameras", "poses")))
-    assert kept.samples["birth_frame"].unique().to_list() == [3]
-    assert kept.samples["frame"].min() < 3 < kept.samples["frame"].max()
-    require_reproduced(kept)
+    assert kept(tables).samples["birth_frame"].unique().to_list() == [3]
+    assert kept(tables).samples["frame"].min() < 3 < kept(tables).samples["frame"].max()
+    require_reproduced(kept(tables))
 
 
 def test_turned_views_are_not_audited_again(sequence) -> None:
@@ -102,7 +112,75 @@ def test_times_and_fisheye_lenses_are_kept(sequence) -> None:
     tables = tables_to_keep(EXPERIMENT, changed, measured)
     assert tables["cameras"]["time_s"].to_list() == times.tolist()
     assert tables["audit_samples"].filter(pl.col("frame") == 4)["time_s"].unique().to_list() == [times[4]]
-    samples = read_samples([AuditedTables(tables["audit_samples"], tables["cameras"], tables["poses"])], NO_GROUPS)
+    samples = read_samples([kept(tables)], NO_GROUPS)
     assert samples.cameras == (fisheye,)
     assert samples.interval_s == pytest.approx(0.1)
     np.testing.assert_allclose(predict(samples, np.zeros(COUNT)).uv, samples.stated, atol=1e-9)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Shuttered(View):
+    """The sequence with a rolling shutter and times."""
+
+    timestamps_s: np.ndarray | None = None
+    shutter: RollingShutter | None = None
+
+
+@pytest.fixture(scope="module")
+def shuttered(sequence):
+    return Shuttered(sequence, timestamps_s=5.0 + np.arange(12.0) / 30.0, shutter=RollingShutter(0.03))
+
+
+@pytest.mark.parametrize("frames", [(0, 12, 2), (2, 9, 1)])
+def test_chosen_frames_of_a_rolling_shutter_keep_the_poses_between_them(shuttered, frames) -> None:
+    """The truth interpolates between the poses of all frames of the recording, and so does the audit."""
+    tables = audited(chosen_frames(shuttered, frames))
+    assert tables.path is not None
+    check(tables.path, PATH, "path")
+    with pytest.raises(AssertionError):
+        require_reproduced(replace(tables, path=None))
+    assert tables.path.height == 12 - tables.poses.height
+    require_reproduced(tables)
+
+
+def test_poses_of_a_clock_offset_lie_between_those_of_the_frames(shuttered) -> None:
+    moved = corrected(shuttered, Corrections(clock_offset_s=0.4 / 30.0))
+    require_reproduced(audited(moved))
+
+
+def test_recordings_whose_poses_are_those_of_their_frames_keep_no_others(shuttered, sequence) -> None:
+    whole_frame = corrected(shuttered, Corrections(clock_offset_s=1.0 / 30.0))
+    assert audited(shuttered).path is None
+    assert audited(sequence).path is None
+    assert audited(whole_frame).path.height == 1  # the frame whose time lies before all of them
+
+
+def test_an_audit_whose_poses_do_not_give_the_stated_positions_says_so(sequence) -> None:
+    tables = audited(sequence, truth="birth")
+    moved = tables.poses.with_columns(pl.col("x_m") + 0.1 * pl.col("frame"))
+    found = read_samples([replace(tables, poses=moved)], NO_GROUPS)
+    assert isinstance(found, str)
+    assert f"poses and cameras of the run give other true positions of {tables.samples.height} more" in found
+
+
+def test_a_readout_in_seconds_is_not_audited_where_only_some_recordings_have_timestamps(shuttered, sequence) -> None:
+    both = [audited(shuttered), audited(Changed(sequence, truths=("birth",), camera=sequence.camera))]
+    found = read_samples(both, NO_GROUPS)
+    assert found == "a readout in seconds is stated, and some recordings have timestamps while others have none"
+
+
+def test_the_audit_of_a_run_reads_the_poses_between_its_frames(shuttered, sequence, tmp_path, monkeypatch) -> None:
+    given = []
+
+    def audited_once(tables, *_, **__):
+        given.extend(tables)
+        return AuditTables(empty(AUDIT), empty(AUDIT_CURVES))
+
+    monkeypatch.setattr(run_audit, "audit_tables", audited_once)
+    for name, source, has_path in (("some", chosen_frames(shuttered, (0, 12, 2)), True), ("all", sequence, False)):
+        folder = RunFolder(tmp_path / name)
+        entry = write_measurement(folder, EXPERIMENT, measure(source, {"oracle": ORACLE}))
+        write_settings(folder, EXPERIMENT, [entry])
+        assert folder.has_sequence(entry)
+        run_audit.run_audit(folder, EXPERIMENT)
+        assert (given.pop().path is not None) == has_path

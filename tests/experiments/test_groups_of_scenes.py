@@ -2,8 +2,6 @@
 
 import pytest
 
-from tracknoise.experiments.analysis.run_findings import views_resampled_by_block
-from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.findings.sampling.groups_of_scenes import groups_of_scenes
 from tracknoise.sequences.kitti.layout import recording_of
 from tracknoise.sequences.scenes import parent_of
@@ -39,16 +37,6 @@ def test_a_manifest_keeps_the_group() -> None:
     manifest = Manifest("", {}, {}, 0, dict(ENTRIES))
     again = Manifest.from_json(manifest.to_json(), place="x")
     assert {scene: entry.group for scene, entry in again.sequences.items()} == SCENES
-
-
-def test_blocks_of_tracks_are_kept_for_views_of_few_scenes_or_few_groups() -> None:
-    lightings = {"dark": range(6), "light": range(8), "dusk": range(5)}
-    ids = [SequenceId("d", f"s{place}", lighting) for lighting, places in lightings.items() for place in places]
-    entries = {one.key: SequenceEntry(one, 10, 64, 48, "birth", 5, 1.5) for one in ids}
-    manifest = Manifest("", {}, {}, 0, entries)
-    four = SceneGroups({("d", f"s{place}"): str(place % 4) for place in range(8)})
-    assert sorted(views_resampled_by_block(manifest, four)["lighting"]) == ["dark", "dusk"]
-    assert views_resampled_by_block(manifest, NO_GROUPS)["lighting"].to_list() == ["dusk"]
 
 
 def test_the_group_of_a_simulated_scene_is_its_motion_in_every_view() -> None:

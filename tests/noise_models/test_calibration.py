@@ -118,6 +118,30 @@ def test_covariances_of_a_front_end_are_checked_where_they_are_possible(
         check_own(folder, tracker="oracle", speed=1, name="cov")
 
 
+def test_errors_that_are_zero_in_the_key_frame_do_not_count(
+    planted_run: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Tracks that began before the key frame have an error in their first frame."""
+    read = RunFolder.sequence_table
+    scanned = changed(planted_run, tmp_path / "scanned", lambda entry: replace(entry, truth="scan", key_frame=5))
+
+    def about_key_frame(self: RunFolder, name: str, key: str) -> pl.DataFrame:
+        made = read(self, name, key).with_columns(pl.lit(1.0, dtype=pl.Float32).alias(OWN[0]))
+        there = pl.col("frame") == 5
+        errors = [pl.when(there).then(0.0).otherwise(1.0).alias(column) for column in ("du_px", "dv_px")]
+        return made.with_columns(errors).with_columns(
+            pl.col(OWN[0]).alias(OWN[2]), (0.0 * pl.col(OWN[0])).alias(OWN[1])
+        )
+
+    monkeypatch.setattr(RunFolder, "sequence_table", about_key_frame)
+    found = check_own(scanned, tracker="oracle", speed=1, name="cov")
+    assert found.nees.value == pytest.approx(1.0)
+    counted = [about_key_frame(scanned, "observations", key) for key in scanned.manifest().sequences]
+    valid = pl.concat(counted).filter(truth="valid", tracker="oracle", speed=1)
+    assert found.n == valid.filter(pl.col("frame") != 5).height
+    assert valid.filter(pl.col("frame") == 0).height > 0
+
+
 @pytest.mark.parametrize(
     ("low", "high", "says"),
     [

@@ -181,6 +181,26 @@ def test_whether_the_truth_can_be_trusted_depends_on_its_floor(
     assert found.text.startswith("No fault of the stated truth was found.")
 
 
+@pytest.mark.parametrize(
+    ("determined", "verdict", "says"),
+    [
+        ("none", "yes", "No fault of the stated truth was found. 1 of 2 parameters cannot be determined."),
+        ("undetermined", "undecided", "The audit could determine no parameter of the truth."),
+    ],
+)
+def test_an_exact_truth_of_which_the_audit_determined_nothing_is_not_called_right(
+    data: ReportData, determined: str, verdict: str, says: str
+) -> None:
+    sound = with_floor(faultless(data), 0.0)
+    one = sound.audit.filter(family="alone").head(1)
+    verdicts = {"focal_length": "undetermined", "k1": determined}
+    rows = [one.with_columns(parameter=pl.lit(name), verdict=pl.lit(of)) for name, of in verdicts.items()]
+    audit = pl.concat(rows).cast({"verdict": sound.audit.schema["verdict"]})
+    found = summarise(dataclasses.replace(sound, audit=audit)).truth
+    assert found.answer.verdict == verdict
+    assert found.text == f"{says} It is stated to be exact."
+
+
 def test_doubtful_data_come_before_all(data: ReportData) -> None:
     key, entry = next(iter(data.manifest.sequences.items()))
     doubted = {**data.manifest.sequences, key: dataclasses.replace(entry, doubts=("The clock jumps.",))}

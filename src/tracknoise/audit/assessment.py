@@ -19,6 +19,8 @@ from tracknoise.audit.samples import AuditSamples
 ALPHA = 0.05
 """Level of the tests, after Holm's adjustment for all parameters."""
 LEVEL = 1.0 - ALPHA
+POWER = 0.9
+"""Probability with which a fault of the size that is called visible is found."""
 MARGIN = 0.02
 """Least share that a fault must explain on held-out clusters to be named."""
 _NEAR_KIND = 0.4

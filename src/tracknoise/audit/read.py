@@ -7,13 +7,13 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.audit.instants import instants_of
 from tracknoise.audit.motion import Paths
 from tracknoise.audit.parameters import COUNT
 from tracknoise.audit.prediction import predict
 from tracknoise.audit.samples import AuditSamples
 from tracknoise.findings.sampling.groups import SceneGroups, scheme
 from tracknoise.geometry.lenses import KnownCamera, make_camera
-from tracknoise.geometry.pose import from_quaternion
 from tracknoise.statistics.scattered import scattered
 from tracknoise.tables.enumerations import Resampled
 
@@ -25,21 +25,31 @@ _BLOCKS_JOINED = 2
 """Neighbouring blocks of tracks are joined, so that few errors are common to two of them."""
 _REPRODUCED_PX = 0.01
 """An observation is used if its stated true position is reproduced this well."""
-_QUATERNION = ("qx", "qy", "qz", "qw")
 
 
 @dataclass(frozen=True, slots=True)
 class AuditedTables:
-    """Tables of one sequence: `AUDIT_SAMPLES`, `CAMERAS` and `POSES`."""
+    """Tables of one sequence: `AUDIT_SAMPLES`, `CAMERAS` and `POSES`, and `PATH` where it has one."""
 
     samples: pl.DataFrame
     cameras: pl.DataFrame
     poses: pl.DataFrame
+    path: pl.DataFrame | None = None
 
     @property
     def has_known_lens(self) -> bool:
         """Whether the cameras can be made again from the table."""
         return self.cameras["model"].null_count() == 0
+
+    @property
+    def has_times(self) -> bool:
+        """Whether the time of each frame is known."""
+        return self.cameras["time_s"].null_count() == 0
+
+    @property
+    def has_readout(self) -> bool:
+        """Whether a rolling shutter is stated."""
+        return self.cameras["readout_s"].null_count() < self.cameras.height
 
 
 def read_samples(
@@ -67,40 +77,50 @@ def read_samples(
     if not used:
         unknown = any(not one.has_known_lens for one in tables)
         return "the camera model is not known" if unknown else "it is fitted to the tracks, or none was followed"
+    if len({one.has_times for one in used}) == 2 and any(one.has_readout for one in used):
+        return "a readout in seconds is stated, and some recordings have timestamps while others have none"
     names = sorted(set().union(*(one.samples["tracker"].unique() for one in used)))
     trackers = tuple(name for name in names if name not in without) or tuple(names)
-    samples = _usable(_joined(used, trackers, groups))
+    surrounded = _surrounded(_joined(used, trackers, groups))
+    samples = _reproduced(surrounded)
     if len(samples.age) < LEAST_SAMPLES or samples.n_clusters < LEAST_CLUSTERS:
-        return f"only {len(samples.age)} observations in {samples.n_clusters} scenes or blocks of tracks can be used"
+        return _too_few(samples, unlike=len(surrounded.age) - len(samples.age))
     return samples
 
 
-def _usable(samples: AuditSamples) -> AuditSamples:
-    """Observations whose frames have poses around them, and whose true position is reproduced."""
+def _too_few(samples: AuditSamples, *, unlike: int) -> str:
+    """Why there is no audit, where the stated positions of `unlike` observations are not those of poses and cameras."""
+    found = f"only {len(samples.age)} observations in {samples.n_clusters} scenes or blocks of tracks can be used"
+    return f"{found}; poses and cameras of the run give other true positions of {unlike} more" if unlike else found
+
+
+def _surrounded(samples: AuditSamples) -> AuditSamples:
+    """Observations whose frames have poses around them."""
     surrounded = samples.paths.surrounded
-    safe = samples.chosen(np.flatnonzero(surrounded[samples.birth] & surrounded[samples.now]))
-    if not len(safe.age):
-        return safe
-    apart = np.abs(predict(safe, np.zeros(COUNT)).uv - safe.stated).max(axis=1)
-    return safe.chosen(np.flatnonzero(apart <= _REPRODUCED_PX))
+    return samples.chosen(np.flatnonzero(surrounded[samples.birth] & surrounded[samples.now]))
+
+
+def _reproduced(samples: AuditSamples) -> AuditSamples:
+    """Observations whose stated true position is that of the stated poses and cameras."""
+    if not len(samples.age):
+        return samples
+    apart = np.abs(predict(samples, np.zeros(COUNT)).uv - samples.stated).max(axis=1)
+    return samples.chosen(np.flatnonzero(apart <= _REPRODUCED_PX))
 
 
 def _joined(used: Sequence[AuditedTables], trackers: tuple[str, ...], groups: SceneGroups) -> AuditSamples:
     share = max(1, MOST_SAMPLES // (len(used) * len(trackers)))
     parts = [_thinned(one.samples.filter(pl.col("tracker").is_in(trackers)), share) for one in used]
-    lengths = [one.cameras.height for one in used]
-    first = np.cumsum([0, *lengths[:-1]])
-    seconds = pl.concat([one.cameras["time_s"] for one in used])
-    timed = seconds.null_count() == 0
-    gaps = np.concatenate([np.diff(one.cameras["time_s"].to_numpy()) for one in used]) if timed else np.ones(1)
-    interval = float(np.median(gaps)) if len(gaps) else 1.0
-    frames = np.concatenate([np.arange(length, dtype=np.float64) for length in lengths])
-    sequence = np.repeat(np.arange(len(used)), lengths)
-    poses = np.concatenate([_poses(one.poses) for one in used])
-    cameras, camera = _cameras(pl.concat([one.cameras for one in used]))
-    shutters = pl.concat([one.cameras.select("readout_s", "shutter_axis") for one in used])
+    interval = _interval_s(used)
+    timed = interval is not None
+    instants = [instants_of(one.cameras, one.poses, one.path if timed else None) for one in used]
+    lengths = [len(one.poses) for one in instants]
+    places = [start + one.place for start, one in zip(np.cumsum([0, *lengths[:-1]]), instants, strict=True)]
+    cameras, camera = _cameras(pl.concat([one.cameras for one in instants]))
+    unit = interval or 1.0
+    times = [one.cameras["time_s" if timed else "frame"].to_numpy() / unit for one in instants]
+    shutters = pl.concat([one.cameras.select("readout_s", "shutter_axis") for one in instants])
     table = pl.concat(parts)
-    offset = np.repeat(first, [part.height for part in parts])
     cluster, resampled, n_scenes = _clusters(table, groups)
     return AuditSamples(
         trackers=trackers,
@@ -109,19 +129,37 @@ def _joined(used: Sequence[AuditedTables], trackers: tuple[str, ...], groups: Sc
         cluster=cluster,
         resampled=resampled,
         n_scenes=n_scenes,
-        birth=offset + table["birth_frame"].to_numpy().astype(np.intp),
-        now=offset + table["frame"].to_numpy().astype(np.intp),
+        birth=_placed(parts, places, "birth_frame"),
+        now=_placed(parts, places, "frame"),
         uv_at_birth=table.select("u_birth_px", "v_birth_px").to_numpy(),
         observed=table.select("u_px", "v_px").to_numpy(),
         stated=table.select("u_true_px", "v_true_px").to_numpy(),
         depth=table["depth_m"].to_numpy(),
-        paths=Paths.of(seconds.to_numpy() / interval if timed else frames, poses, sequence),
+        paths=Paths.of(
+            np.concatenate(times),
+            np.concatenate([one.poses for one in instants]),
+            np.repeat(np.arange(len(used)), lengths),
+        ),
         cameras=cameras,
         camera=camera,
-        readout_of=shutters["readout_s"].fill_null(0.0).to_numpy() / interval,
+        readout_of=shutters["readout_s"].fill_null(0.0).to_numpy() / unit,
         axis_of=shutters["shutter_axis"].fill_null(1).to_numpy().astype(np.intp),
-        interval_s=interval if timed else None,
+        interval_s=interval,
     )
+
+
+def _interval_s(used: Sequence[AuditedTables]) -> float | None:
+    """Median time between frames, seconds; None where times of a sequence are unknown."""
+    if not all(one.has_times for one in used):
+        return None
+    times = [one.cameras["time_s"] for one in used]
+    gaps = np.concatenate([np.diff(one.to_numpy()) for one in times])
+    return float(np.median(gaps)) if len(gaps) else 1.0
+
+
+def _placed(parts: Sequence[pl.DataFrame], places: Sequence[NDArray[np.intp]], frame: str) -> NDArray[np.intp]:
+    """Where the frames of samples are among the times of all sequences, (n,)."""
+    return np.concatenate([place[part[frame].to_numpy()] for part, place in zip(parts, places, strict=True)])
 
 
 def _thinned(table: pl.DataFrame, share: int) -> pl.DataFrame:
@@ -129,15 +167,6 @@ def _thinned(table: pl.DataFrame, share: int) -> pl.DataFrame:
     hashed = scattered(scattered(table["track"].to_numpy()) ^ table["frame"].to_numpy().astype(np.uint64))
     ranked = table.with_columns(hashed=pl.Series(hashed))
     return ranked.filter(pl.col("hashed").rank("ordinal").over("tracker") <= share).drop("hashed")
-
-
-def _poses(table: pl.DataFrame) -> NDArray[np.float64]:
-    """(n, 4, 4): NaN where a frame has none."""
-    known = table["qw"].is_not_null().to_numpy()
-    poses = np.full((table.height, 4, 4), np.nan)
-    rows = table.filter(pl.col("qw").is_not_null())
-    poses[known] = from_quaternion(rows.select("x_m", "y_m", "z_m").to_numpy(), rows.select(_QUATERNION).to_numpy())
-    return poses
 
 
 def _cameras(table: pl.DataFrame) -> tuple[tuple[KnownCamera, ...], NDArray[np.intp]]:

@@ -6,13 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from tracknoise.audit.assessment import ALPHA, LEVEL, MARGIN, Assessment
+from tracknoise.audit.assessment import ALPHA, LEVEL, MARGIN, POWER, Assessment
 from tracknoise.audit.jackknife import condition_number
 from tracknoise.audit.parameters import NUMBERS, Parameter
 from tracknoise.audit.selection import Selection
 from tracknoise.tables.audit_schema import AuditVerdict
-
-_POWER = 0.9
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +78,7 @@ def visible_above(one: Assessment) -> NDArray[np.float64]:
     It is the larger of two: that of the test, and that by which the loss falls by `MARGIN`.
     """
     freedom = one.moves.n - 1
-    reach = special.stdtrit(freedom, 1.0 - ALPHA / (2.0 * len(Parameter))) + special.stdtrit(freedom, _POWER)
+    reach = special.stdtrit(freedom, 1.0 - ALPHA / (2.0 * len(Parameter))) + special.stdtrit(freedom, POWER)
     tested = reach * one.half_widths / special.stdtrit(freedom, 0.5 + 0.5 * LEVEL)
     own = np.diag(np.linalg.inv(one.fitted.equations.information))[one.places]
     return np.asarray(np.maximum(tested, np.sqrt(MARGIN * float(one.loss.sum()) * own)))

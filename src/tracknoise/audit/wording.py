@@ -8,6 +8,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.audit.assessment import POWER
 from tracknoise.audit.parameters import Parameter
 from tracknoise.audit.samples import AuditSamples
 from tracknoise.audit.units import Shown
@@ -170,7 +171,7 @@ def other_text(
         return f"The {name} seems to be wrong too; correct the faults above first."
     if parameter is Parameter.ray_depth:
         return "Depth is not the distance along the ray."
-    return f"No error of the {name} was found; one above {visible} would have been seen."
+    return f"No error of the {name} was found; {100.0 * POWER:g}{SPACE}% of those above {visible} would be seen."
 
 
 def _why(parameter: Parameter, samples: AuditSamples) -> str:

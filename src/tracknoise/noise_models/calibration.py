@@ -9,7 +9,7 @@ With d^2 = e' C^-1 e of an error e of predicted covariance C:
   deviation
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -26,6 +26,7 @@ from tracknoise.noise_models.model import Interval
 from tracknoise.noise_models.reference_view import reference_view
 from tracknoise.tables.defaults import LEVEL
 from tracknoise.tables.enumerations import IntervalKind, Resampled
+from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.schema import QUALITY_PREFIX
 from tracknoise.tables.store import RunFolder
 
@@ -135,7 +136,7 @@ def check_own(
     """Compare covariances that a front end reports itself with its errors.
 
     They are the columns ``quality_<name>_uu``, ``quality_<name>_uv`` and ``quality_<name>_vv`` of the observations,
-    px^2.
+    px^2. Observations that fix the true position of their track do not count: their error is zero.
 
     Parameters
     ----------
@@ -160,12 +161,12 @@ def check_own(
         found = "true positions that are fitted to the tracks, and take part of their errors"
         raise SettingsError(f"{folder.path}: found {found}, expected true depths")
     columns = [f"{QUALITY_PREFIX}{name}_{entry}" for entry in ("uu", "uv", "vv")]
-    observations = _chosen(folder, "observations", tracker, speed, scenes)
+    observations = _chosen(folder, "observations", tracker, speed, scenes, where=_has_error)
     if missing := [column for column in columns if column not in observations.columns]:
         expected = f"tracks with the columns {', '.join(columns)}"
         raise SettingsError(f"{folder.path}: found no column {missing[0]} of {tracker}, expected {expected}")
     known = observations.with_columns(pl.col(columns).fill_nan(None)).drop_nulls(["du_px", *columns])
-    used = known.filter(pl.col("truth") == "valid", pl.col("age") > 0)
+    used = known.filter(pl.col("truth") == "valid")
     entries = used.select(columns).to_numpy().astype(np.float64)
     covariance = entries[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
     possible = (entries[:, 0] > 0.0) & (np.linalg.det(covariance) > 0.0)
@@ -176,7 +177,23 @@ def check_own(
     return replace(calibration, n_impossible=int(np.count_nonzero(~possible)))
 
 
-def _chosen(folder: RunFolder, name: str, tracker: str, speed: int, scenes: Collection[str] | None) -> pl.DataFrame:
+def _has_error(entry: SequenceEntry) -> pl.Expr:
+    """Observations outside of the frame that fixes the true position of their track."""
+    return pl.col("age") > 0 if entry.key_frame is None else pl.col("frame") != entry.key_frame
+
+
+def _every(_: SequenceEntry) -> pl.Expr:
+    return pl.lit(True)
+
+
+def _chosen(
+    folder: RunFolder,
+    name: str,
+    tracker: str,
+    speed: int,
+    scenes: Collection[str] | None,
+    where: Callable[[SequenceEntry], pl.Expr] = _every,
+) -> pl.DataFrame:
     """Rows of one table of all sequences, of a tracker, a speed, and some scenes."""
     folder.statistics("summary")
     entries = folder.manifest().sequences
@@ -186,7 +203,8 @@ def _chosen(folder: RunFolder, name: str, tracker: str, speed: int, scenes: Coll
             raise UnknownNameError("scene", scene, known)
     mine = (pl.col("tracker") == tracker) & (pl.col("speed") == speed)
     keys = [key for key, entry in sorted(entries.items()) if scenes is None or entry.sequence.scene in scenes]
-    found = pl.concat([folder.sequence_table(name, key).filter(mine) for key in keys], how="diagonal")
+    tables = [folder.sequence_table(name, key).filter(mine, where(entries[key])) for key in keys]
+    found = pl.concat(tables, how="diagonal")
     if found.is_empty():
         raise SettingsError(f"{folder.path}: found no errors of {tracker} at speed {speed}, expected some")
     return found

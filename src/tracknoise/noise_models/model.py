@@ -21,6 +21,9 @@ from pydantic import Field
 
 from tracknoise.noise_models.json_types import as_covariance, as_degrees
 
+TOLERANCE = 0.02
+"""Largest relative difference of focal lengths, and of rates, that count as equal."""
+
 Covariance = Annotated[NDArray[np.float64], as_covariance()]
 """(2, 2) float64, symmetric and not negative: of u and v."""
 
@@ -123,12 +126,16 @@ class Tails:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraOfModel:
-    """The camera of the recordings of a model: image size, px, and if known focal length, px, and rate, Hz."""
+    """The camera of the recordings of a model: image size, px, and if known focal length, px, and rate, Hz.
+
+    Focal length and rate are unknown where recordings differ in them. `notes` are sentences that say so.
+    """
 
     width: Annotated[int, Field(gt=0)]
     height: Annotated[int, Field(gt=0)]
     focal_px: Annotated[float, Field(gt=0)] | None
     rate_hz: Annotated[float, Field(gt=0)] | None
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -41,6 +41,7 @@ def model_sentences(model: NoiseModel) -> list[str]:
         *_floor(model),
         f"Fitted to {len(training.scenes)} scenes, {training.n_tracks} tracks, ages {training.ages[0]} to "
         f"{training.ages[1]} frames.",
+        *model.camera.notes,
     ]
 
 

@@ -45,6 +45,13 @@ time_s is null where times are unknown. What describes the lens is null for othe
 shutter where all rows of an image are exposed together.
 """
 
+PATH: Schema = {
+    **SEQUENCE,
+    "time_s": pl.Float64,
+    **dict.fromkeys(("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"), pl.Float64),
+}
+"""World from camera at the times of a recording at which the run has no frame, see `POSES`."""
+
 AUDIT_SAMPLES: Schema = {
     **ORIGIN,
     "block": pl.UInt8,

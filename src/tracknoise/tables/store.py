@@ -86,10 +86,18 @@ NOISE_TABLES: Mapping[str, schema.Schema] = {
 """What noise models are fitted to and tried on. Sequences that an earlier version measured do not have it."""
 _ASKED_FOR: Mapping[str, schema.Schema] = {"point_tracking": schema.POINT_TRACKING, "patches": schema.PATCHES}
 """Tables of a sequence that it has only where the experiment asks for them, or keeps observations."""
-_ALL_SEQUENCE_TABLES: Mapping[str, schema.Schema] = {**SEQUENCE_TABLES, **NOISE_TABLES, **SEED_TABLES, **_ASKED_FOR}
+_OF_OTHER_TIMES: Mapping[str, schema.Schema] = {"path": audit_schema.PATH}
+"""Tables of a sequence whose recording has poses beside those of its frames, such as that of every n-th frame."""
+_ALL_SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
+    **SEQUENCE_TABLES,
+    **NOISE_TABLES,
+    **SEED_TABLES,
+    **_ASKED_FOR,
+    **_OF_OTHER_TIMES,
+}
 OBSERVED = ("observations", "tracks")
 """Tables of a sequence that grow with its observations. No table of the whole run is computed from them."""
-_OPTIONAL = (*OBSERVED, *NOISE_TABLES, *SEED_TABLES, *_ASKED_FOR)
+_OPTIONAL = (*OBSERVED, *NOISE_TABLES, *SEED_TABLES, *_ASKED_FOR, *_OF_OTHER_TIMES)
 STATISTICS_TABLES: Mapping[str, schema.Schema] = {
     "curves": schema.CURVES,
     "cores": schema.CORES,

@@ -167,13 +167,25 @@ def test_a_core_of_fewer_scenes_says_so() -> None:
     assert "In v it is 0.090 px, of 6 scenes; in the others most errors are exactly 0." in text
 
 
+@pytest.mark.parametrize(("axis", "other", "core"), [("u", "v", "0.080"), ("v", "u", "0.090")])
+def test_a_core_in_one_coordinate_only_is_told(axis: str, other: str, core: str) -> None:
+    """As of a stereo tracker, whose errors across the epipolar line are mostly 0."""
+    missing = {f"untrimmed_core_{other}_px": None, f"untrimmed_beyond_{other}": None}
+    text = read(UNTRIMMED, summary=table(SUMMARY, {**SUMMED, **CORES, **missing}))["noise"]["text"]
+    assert (
+        f"At age 10, the core of lk in {axis} is {core} px. In {other} there is none: most errors are exactly 0."
+        in text
+    )
+    assert f"% of its errors in {axis} exceed three cores." in text
+
+
 def test_where_trimming_turns_a_ranking_around_the_reader_is_told() -> None:
     other = {"tracker": "sift", "trimmed_rms_u_px": 0.8, "untrimmed_rms_u_px": 1.0, "trimmed_rms_v_px": 0.4}
     both = table(SUMMARY, SUMMED, {**SUMMED, **other})
     text = read(UNTRIMMED, summary=both)["trimming"]["text"]
     assert text == (
-        "Trimming changes one of the answers below. The smallest RMS in u is that of sift (1.000 px) without trimming, "
-        "and that of lk (0.410 px) after it."
+        "In the measured scenes, the smallest RMS in u is that of sift (1.000 px) without trimming, and that of lk "
+        "(0.410 px) after it. Whether trimming does this in other scenes was not tested."
     )
     agreed = table(SUMMARY, SUMMED, {**SUMMED, "tracker": "sift", "trimmed_rms_u_px": 0.8, "untrimmed_rms_u_px": 2.0})
     assert "trimming" not in read(UNTRIMMED, summary=agreed)
@@ -189,7 +201,10 @@ def test_a_verdict_that_trimming_changes_is_named() -> None:
         {"trimming": "trimmed", "coordinate": "v", "verdict": "drift"},
     ]
     text = read(UNTRIMMED, time_structure=table(TIME_STRUCTURE, *growing))["trimming"]["text"]
-    assert text.endswith("The growth of the error of lk in u: drift untrimmed and constant trimmed.")
+    assert text == (
+        "Trimming changes one of the answers below. The growth of the error of lk in u: drift untrimmed and constant "
+        "trimmed."
+    )
     assert "in v" not in text
 
 

@@ -103,6 +103,32 @@ def test_two_rows_of_one_track_in_one_frame_are_refused(tmp_path):
         read_tracks(path, detections())
 
 
+def test_of_a_run_only_the_view_is_written_that_models_are_of(tmp_path, monkeypatch):
+    """Noise of turned images has other axes."""
+    views = {"upright": (0, "forward"), "back": (0, "backward"), "turned": (90, "forward")}
+    training = detections().training
+
+    class Run:
+        def __init__(self, path):
+            self.sequences = dict.fromkeys(views)
+
+        def manifest(self):
+            return self
+
+        def sequence_table(self, name, key):
+            rotation, direction = views[key]
+            constant = {"tracker": training.tracker, "speed": int(training.speed)}
+            view = {"rotation": rotation, "direction": direction}
+            return TRACKS.drop("sequence").with_columns(
+                pl.lit(value).alias(of) for of, value in (constant | view).items()
+            )
+
+    monkeypatch.setattr("tracknoise.noise_models.exports.track_files.RunFolder", Run)
+    found = observation_noise(detections(), read_tracks(tmp_path, detections()))
+    assert found["sequence"].unique().to_list() == ["upright"]
+    assert found.height == TRACKS.height
+
+
 def test_data_are_not_converted():
     target = Target(focal_px=229.3, focal_change=FocalChange.RESAMPLED)
     for name in ("csv", "json"):

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import polars as pl
 
-from tracknoise.findings.sampling.groups import SceneGroups, scheme
+from tracknoise.experiments.analysis.few_scenes import has_errors
+from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.statistics.conditions import TablesByCondition, by_condition
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.factors.factors import ReferenceCondition
 from tracknoise.statistics.grouping import total_if_known
 from tracknoise.statistics.tracks.lifetimes import COUNTS
-from tracknoise.tables.enumerations import Population
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import ORIGIN, VIEW
 from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
@@ -55,7 +55,12 @@ class FindingInputs:
 
     @classmethod
     def read(
-        cls, run: RunFolder, population: str, reference: ReferenceCondition, groups: SceneGroups
+        cls,
+        run: RunFolder,
+        population: str,
+        reference: ReferenceCondition,
+        groups: SceneGroups,
+        few: pl.DataFrame,
     ) -> "FindingInputs":
         """Read them from a run.
 
@@ -69,6 +74,8 @@ class FindingInputs:
             The condition that figures show.
         groups
             Groups of scenes that are not independent of each other.
+        few
+            Conditions whose scenes are too few to be resampled (`conditions_of_few_scenes`).
 
         Raises
         ------
@@ -83,14 +90,7 @@ class FindingInputs:
         def read(name: str, keys: list[str], reduce: Callable[[pl.DataFrame], pl.DataFrame]) -> TablesByCondition:
             return by_condition(run.stacked_tables(name, keys), SEQUENCE_TABLES[name], name, reduce)
 
-        seen = (pl.col("n") > 0) & pl.col("population").is_in(sorted({Population.visible, population}))
-        frames = read("frames", every, lambda table: table)
-        of_few = [
-            key
-            for key, table in frames.items()
-            if scheme(groups.of(key[0], table["scene"].unique().sort().to_list())) is None
-        ]
-        few = pl.DataFrame(of_few, schema={name: ORIGIN[name] for name in POOLED}, orient="row")
+        seen = has_errors(population)
         return cls(
             moments=read("moments", every, lambda table: table.filter(seen)),
             scales=read("scales", every, lambda table: table.filter(seen)),
@@ -102,7 +102,7 @@ class FindingInputs:
             blocks=read("blocks", [] if few.is_empty() else every, lambda table: _of(few, table)),
             scale_blocks=read("scale_blocks", [] if few.is_empty() else every, lambda table: _of(few, table)),
             ends=read("ends", every, lambda table: _ends(table, few)),
-            frames=frames,
+            frames=read("frames", every, lambda table: table),
             groups=groups,
         )
 

@@ -7,7 +7,7 @@ from tracknoise.audit.table import audit_tables
 from tracknoise.experiments.analysis.reference_condition import first_lighting
 from tracknoise.experiments.settings import SYNTHETIC, Experiment
 from tracknoise.findings.sampling.groups_of_scenes import groups_of_scenes
-from tracknoise.tables.manifest import Manifest
+from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.store import RunFolder
 
 
@@ -29,10 +29,7 @@ def run_audit(run: RunFolder, experiment: Experiment) -> dict[str, pl.DataFrame]
         If a table is damaged.
     """
     manifest = run.manifest()
-    tables = [
-        AuditedTables(*(run.sequence_table(name, key) for name in ("audit_samples", "cameras", "poses")))
-        for key in audited_keys(manifest, experiment)
-    ]
+    tables = [_audited(run, key, manifest.sequences[key]) for key in audited_keys(manifest, experiment)]
     found = audit_tables(
         tables,
         groups_of_scenes(manifest.sequences, experiment.dataset.groups),
@@ -40,6 +37,12 @@ def run_audit(run: RunFolder, experiment: Experiment) -> dict[str, pl.DataFrame]
         without=[tracker.label for tracker in experiment.trackers if tracker.kind in SYNTHETIC],
     )
     return {"audit": found.audit, "audit_curves": found.audit_curves}
+
+
+def _audited(run: RunFolder, key: str, entry: SequenceEntry) -> AuditedTables:
+    """What a sequence keeps for the audit; poses at other times only where it has them."""
+    names = ("audit_samples", "cameras", "poses", *(("path",) if "path" in entry.sha256 else ()))
+    return AuditedTables(*(run.sequence_table(name, key) for name in names))
 
 
 def audited_keys(manifest: Manifest, experiment: Experiment) -> list[str]:

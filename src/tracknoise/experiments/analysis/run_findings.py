@@ -8,6 +8,7 @@ import polars as pl
 from tracknoise.audit.pose_errors.pose_law import pose_law
 from tracknoise.audit.pose_errors.rigid_share import rigid_share
 from tracknoise.audit.usual import usual_mistakes
+from tracknoise.experiments.analysis.few_scenes import conditions_of_few_scenes
 from tracknoise.experiments.analysis.finding_inputs import FindingInputs
 from tracknoise.experiments.analysis.freed_memory import keep_freed_memory
 from tracknoise.experiments.analysis.reference_condition import reference_condition
@@ -27,7 +28,7 @@ from tracknoise.findings.places.image_cells import image_cells
 from tracknoise.findings.places.speed_errors import speed_errors
 from tracknoise.findings.places.surrounding_errors import surrounding_errors
 from tracknoise.findings.point_tracking import point_tracking_metrics
-from tracknoise.findings.sampling.groups import SceneGroups, scheme
+from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.findings.sampling.groups_of_scenes import groups_of_scenes
 from tracknoise.findings.seed_spread import Repeat, seed_spread, widened
 from tracknoise.findings.shape.gaussianity import gaussianity
@@ -46,7 +47,7 @@ from tracknoise.statistics.grouping import in_chunks
 from tracknoise.statistics.tracks.lifetimes import horizons
 from tracknoise.statistics.trims import dropped_above
 from tracknoise.tables.manifest import Manifest
-from tracknoise.tables.schema import INCREMENTS, SEQUENCE, VIEW
+from tracknoise.tables.schema import INCREMENTS
 from tracknoise.tables.store import RunFolder
 
 _OF_SEQUENCES: Mapping[str, tuple[str, Callable[..., pl.DataFrame]]] = {
@@ -122,9 +123,9 @@ def _tables(
     pairs: list[pl.DataFrame] = []  # of changes
     lived: list[pl.DataFrame] = []
     groups = groups_of_scenes(manifest.sequences, experiment.dataset.groups)
-    few = views_resampled_by_block(manifest, groups)
+    few = conditions_of_few_scenes(run, population, groups)
     pooled = _pooled_curves(run, least, few, pairs)  # first, while no other tables are in memory
-    read = FindingInputs.read(run, population, reference, groups)
+    read = FindingInputs.read(run, population, reference, groups, few)
     asked, zeros = experiment.findings, reference.key_frames
     sampling = Sampling(asked.intervals, asked.level, groups)
     options: _CurveOptions = {
@@ -245,30 +246,6 @@ def _keeping(
     for table in tables:
         kept.append(part(table))
         yield table
-
-
-def views_resampled_by_block(manifest: Manifest, groups: SceneGroups) -> pl.DataFrame:
-    """Datasets and views that have so few scenes, or groups of them, that blocks are resampled.
-
-    Parameters
-    ----------
-    manifest
-        Of the run.
-    groups
-        Groups of scenes that are not independent of each other.
-
-    Returns
-    -------
-    polars.DataFrame
-        Columns dataset and those of `VIEW`: a row for each.
-    """
-    names = {"dataset": SEQUENCE["dataset"], **VIEW}
-    scenes: dict[tuple[object, ...], set[str]] = {}
-    for entry in manifest.sequences.values():
-        view = tuple(getattr(entry.sequence, name) for name in names)
-        scenes.setdefault(view, set()).add(entry.sequence.scene)
-    few = [view for view, own in scenes.items() if scheme(groups.of(str(view[0]), sorted(own))) is None]
-    return pl.DataFrame(few, schema=names, orient="row")
 
 
 def _reported(

@@ -2,6 +2,7 @@
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from tracknoise.audit.pose_errors.rigid import rigid_tables
 from tracknoise.experiments.audit_inputs import audit_samples, cameras_table
@@ -9,13 +10,17 @@ from tracknoise.experiments.frame_geometry import frame_geometry
 from tracknoise.experiments.settings import SYNTHETIC, Experiment
 from tracknoise.geometry.frame_geometry import FrameGeometry
 from tracknoise.geometry.pose import position_rows
+from tracknoise.sequences.other_times import path_between_frames
 from tracknoise.sequences.sequence import TRIANGULATED, Sequence
 from tracknoise.statistics.noise.noise_tables import noise_tables
 from tracknoise.statistics.noise.noise_tracks import noise_tracks
 from tracknoise.statistics.noise.window_noise import window_noise
 from tracknoise.statistics.places.image_map import image_map
 from tracknoise.statistics.prepared import PreparedSequence
-from tracknoise.tables.schema import POSES, SEQUENCE
+from tracknoise.tables.audit_schema import PATH
+from tracknoise.tables.schema import POSES, SEQUENCE, Schema
+
+_POSITION = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 
 
 def geometry_tables(
@@ -42,6 +47,7 @@ def geometry_tables(
     camera = sequence.camera
     return {
         "poses": _poses(sequence, n_frames),
+        **_path(sequence, n_frames),
         "cameras": cameras_table(sequence, n_frames),
         "audit_samples": audit_samples(sequence, prepared, truth),
         "image_map": image_map(prepared, width=camera.width, height=camera.height),
@@ -59,8 +65,19 @@ def _of_depth(prepared: PreparedSequence, geometry: FrameGeometry, population: s
 
 def _poses(sequence: Sequence, n_frames: int) -> pl.DataFrame:
     """Table `POSES` of the frames that were read."""
-    columns = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
-    rows = position_rows(sequence.world_from_camera[:n_frames])
-    values = {name: pl.Series(row, nan_to_null=True) for name, row in zip(columns, rows.T, strict=True)}
-    labels = {column: [getattr(sequence.id, column)] * n_frames for column in SEQUENCE}
-    return pl.DataFrame({**labels, "frame": np.arange(n_frames), **values}, schema=dict(POSES))
+    frames = pl.Series("frame", np.arange(n_frames))
+    return _posed(sequence, frames, sequence.world_from_camera[:n_frames], POSES)
+
+
+def _path(sequence: Sequence, n_frames: int) -> dict[str, pl.DataFrame]:
+    """Table `PATH`, where the recording has poses at other times than those of the frames that were read."""
+    path = path_between_frames(sequence, n_frames)
+    return {} if path is None else {"path": _posed(sequence, pl.Series("time_s", path.times), path.poses, PATH)}
+
+
+def _posed(sequence: Sequence, at: pl.Series, poses: NDArray[np.float64], columns: Schema) -> pl.DataFrame:
+    """A table of poses (n, 4, 4) of a sequence at frames or times."""
+    rows = zip(_POSITION, position_rows(poses).T, strict=True)
+    values = {name: pl.Series(row, nan_to_null=True) for name, row in rows}
+    labels = {column: [getattr(sequence.id, column)] * len(at) for column in SEQUENCE}
+    return pl.DataFrame({**labels, at.name: at, **values}, schema=dict(columns))

@@ -190,7 +190,7 @@ def lagged(increments: pl.DataFrame, few: pl.DataFrame) -> pl.DataFrame:
     increments
         Of any number of sequences, one after another.
     few
-        Datasets and views of so few scenes that blocks are resampled. In others all blocks are added up, as block 0.
+        Conditions of so few scenes that blocks are resampled. In others all blocks are added up, as block 0.
     """
     pairs = increments.filter(pl.col("lag") > 0)
     if few.is_empty():

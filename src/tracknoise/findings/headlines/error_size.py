@@ -1,6 +1,6 @@
 """Headlines about the size of errors: the core, the root mean square, and how many errors lie far out."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import polars as pl
@@ -44,18 +44,30 @@ def _robust_of(tables: RunTables, conditions: ReportedConditions, tracker: str) 
     cores = [_core(intervals, conditions, row, axis) for axis in "uv"]
     lengths = [scale_estimate(intervals, conditions, "second", row["at"], axis) for axis in "uv"]
     pooled = [rms(intervals, conditions, row, axis, conditions.trimming) for axis in "uv"]
-    where = conditions.opening_place(row["at"])
-    sentences = [f"{where}, the core of {tracker} in u is {format_estimate(cores[0])}."] if cores[0] else []
-    scenes = curve_scenes(intervals, conditions, "core", row["at"], "u", weighting=Weighting.geometric)
-    sentences += [scenes] if scenes else []
-    few = _few_scenes(intervals, conditions, row["at"])
-    sentences += [f"In v it is {format_estimate(cores[1])}{few}."] if cores[0] and cores[1] else []
+    sentences = list(_cores(intervals, conditions, row["at"], tracker, cores))
     which = "" if all(lengths) else ", features pooled,"
     u, v = (format_estimate(one) for one in (lengths if all(lengths) else pooled) if one is not None)
     sentences += [f"The RMS{which} of {tracker} is {u} in u.", f"In v it is {v}."]
     sentences += _beyond(row, conditions.trimming)
     every = [*cores, *(lengths if all(lengths) else pooled)]
     return " ".join(sentences), [one for one in every if one is not None]
+
+
+def _cores(
+    intervals: pl.DataFrame, conditions: ReportedConditions, at: int, tracker: str, cores: Sequence[Estimate | None]
+) -> Iterator[str]:
+    """Sentences about the cores in u and in v, of which either may be missing."""
+    known = {axis: format_estimate(core) for axis, core in zip("uv", cores, strict=True) if core is not None}
+    if not known:
+        return
+    axis, *_ = known
+    yield f"{conditions.opening_place(at)}, the core of {tracker} in {axis} is {known[axis]}."
+    if scenes := curve_scenes(intervals, conditions, "core", at, axis, weighting=Weighting.geometric):
+        yield scenes
+    if len(known) == len(cores):
+        yield f"In v it is {known['v']}{_few_scenes(intervals, conditions, at)}."
+    else:
+        yield f"In {'v' if axis == 'u' else 'u'} there is none: most errors are exactly 0."
 
 
 def _few_scenes(intervals: pl.DataFrame, conditions: ReportedConditions, at: int) -> str:
@@ -78,10 +90,9 @@ def _core(
 
 def _beyond(row: Mapping[str, Any], trimming: str) -> list[str]:
     """The share of far errors, beside that of a Gaussian."""
-    shares = [row[f"{trimming}_beyond_{axis}"] for axis in "uv"]
-    if None in shares:
-        return []
-    return [f"{percent(shares[0])} of its errors in u and {percent(shares[1])} in v exceed three cores."]
+    shares = {axis: row[f"{trimming}_beyond_{axis}"] for axis in "uv"}
+    known = [f"{percent(share)} in {axis}" for axis, share in shares.items() if share is not None]
+    return [f"{listing(known).replace(' in ', ' of its errors in ', 1)} exceed three cores."] if known else []
 
 
 def _paper(tables: RunTables, conditions: ReportedConditions) -> Headline | None:

@@ -20,16 +20,17 @@ def trimming_matters(tables: RunTables, conditions: ReportedConditions) -> Headl
     """Where trimmed and untrimmed errors give different answers; none where they agree or nothing was trimmed."""
     if conditions.percentile is None:
         return None
-    differences = [*_rankings(tables, conditions), *_verdicts(tables, conditions)]
-    if not differences:
+    verdicts, rankings = _verdicts(tables, conditions), _rankings(tables, conditions)
+    if not verdicts and not rankings:
         return None
-    count = "one" if len(differences) == 1 else str(len(differences))
-    text = f"Trimming changes {count} of the answers below. {' '.join(differences)}"
-    return Headline("trimming", text, "trimming", "summary")
+    count = "one" if len(verdicts) == 1 else str(len(verdicts))
+    answers = [f"Trimming changes {count} of the answers below.", *verdicts] if verdicts else []
+    orders = [*rankings, "Whether trimming does this in other scenes was not tested."] if rankings else []
+    return Headline("trimming", " ".join([*answers, *orders]), "trimming", "summary")
 
 
 def _rankings(tables: RunTables, conditions: ReportedConditions) -> list[str]:
-    """One sentence for each axis in which another tracker has the smallest error."""
+    """One sentence for each axis in which another tracker has the smallest error, as a number: it can be by chance."""
     rows = {tracker: first(conditions.of(tables["summary"], tracker)) for tracker in conditions.trackers}
     known = {tracker: row for tracker, row in rows.items() if row is not None and row["at"] is not None}
     found = [_ranking(known, axis) for axis in "uv"] if len(known) > 1 else []
@@ -46,7 +47,8 @@ def _ranking(rows: Mapping[str, Mapping[str, Any]], axis: str) -> str:
     if len(set(best.values())) == 1:
         return ""
     untrimmed, trimmed = (_smallest(values[trimming], best[trimming]) for trimming in _BOTH)
-    return f"The smallest RMS in {axis} is that of {untrimmed} without trimming, and that of {trimmed} after it."
+    order = f"that of {untrimmed} without trimming, and that of {trimmed} after it"
+    return f"In the measured scenes, the smallest RMS in {axis} is {order}."
 
 
 def _smallest(values: Mapping[str, float], best: str) -> str:

@@ -17,13 +17,10 @@ from tracknoise.exceptions import SettingsError
 from tracknoise.noise_models.exports.export import FocalChange, RateChange, Target
 from tracknoise.noise_models.exports.scaling import scaled_component, scaled_equivalent
 from tracknoise.noise_models.exports.thinning import thinned
-from tracknoise.noise_models.model import Equivalent
+from tracknoise.noise_models.model import TOLERANCE, Equivalent
 
 if TYPE_CHECKING:
     from tracknoise.noise_models.noise_model import NoiseModel
-
-TOLERANCE = 0.02
-"""Largest relative difference of focal lengths, and of rates, that count as equal."""
 
 
 @dataclass(frozen=True, slots=True)

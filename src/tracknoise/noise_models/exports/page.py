@@ -3,9 +3,9 @@
 import sys
 from collections.abc import Iterator
 
-from tracknoise.noise_models.exports.conversion import TOLERANCE
 from tracknoise.noise_models.exports.estimators import FAMILIES, Estimator, estimators, refused
 from tracknoise.noise_models.exports.wording import LANDMARKS, PURPOSES
+from tracknoise.noise_models.model import TOLERANCE
 
 _INTRODUCTION = """\
 # Noise for your estimator

@@ -63,7 +63,7 @@ def export(
         raise SettingsError(f"{about.title}: found another focal length or rate, expected those of the model")
     header = wording.header(noise, source, model.sha256)
     values = {"noise": noise, "camera": camera, "header": header, "model": model, "observations": observations}
-    caveats = (*at.caveats, *wording.caveats(about, noise))
+    caveats = (*camera.notes, *at.caveats, *wording.caveats(about, noise))
     return Export(
         files={file: _filled(template, values) for file, template in about.files.items()},
         text=wording.text(about, header, (*caveats, *about.notes)),

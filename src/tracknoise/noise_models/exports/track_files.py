@@ -8,6 +8,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.noise_models.reference_view import reference_view
 from tracknoise.tables.schema import QUALITY_PREFIX
 from tracknoise.tables.store import RunFolder
 from tracknoise.trackers.imports.formats import detected, read_rows
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from tracknoise.noise_models.noise_model import NoiseModel
 
 _NAMES = ("sequence", "track", "frame", "u_px", "v_px")
+_VIEW = ("rotation", "direction")
 
 
 def read_tracks(path: Path, model: "NoiseModel") -> pl.DataFrame:
@@ -25,7 +27,8 @@ def read_tracks(path: Path, model: "NoiseModel") -> pl.DataFrame:
     Parameters
     ----------
     path
-        The folder of a run that keeps observations, or a file of tracks.
+        The folder of a run that keeps observations, or a file of tracks. Of a run, the view is that which models are
+        fitted to (`tracknoise.noise_models.reference_view`): noise of turned images has other axes.
     model
         Its tracker and speed are those that are taken from a run. Its rate turns times of a file into frames.
 
@@ -38,18 +41,18 @@ def read_tracks(path: Path, model: "NoiseModel") -> pl.DataFrame:
 
 
 def _of_run(path: Path, model: "NoiseModel") -> pl.DataFrame:
-    """All sequences of a run, named by their keys."""
+    """Sequences of the reference view of a run, named by their keys."""
     run, training = RunFolder(path), model.training
     found = []
     for key in sorted(run.manifest().sequences):
         table = run.sequence_table("observations", key)
         mine = table.filter((pl.col("tracker") == training.tracker) & (pl.col("speed") == training.speed))
         quality = [name for name in mine.columns if name.startswith(QUALITY_PREFIX)]
-        found.append(mine.with_columns(pl.lit(key).alias("sequence")).select(*_NAMES, *quality))
+        found.append(mine.with_columns(pl.lit(key).alias("sequence")).select(*_NAMES, *_VIEW, *quality))
     tracks = pl.concat(found, how="diagonal") if found else pl.DataFrame()
     if tracks.is_empty():
         raise DataError(path, f"no track of {training.tracker} at speed {training.speed:g}", "those of the model")
-    return tracks
+    return tracks.filter(**reference_view(tracks)).drop(_VIEW)
 
 
 def _of_file(path: Path, model: "NoiseModel") -> pl.DataFrame:

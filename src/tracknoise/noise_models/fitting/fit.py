@@ -7,17 +7,17 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.exceptions import SettingsError
 from tracknoise.noise_models.fitting.bias import fit_bias
 from tracknoise.noise_models.fitting.common import fit_common
 from tracknoise.noise_models.fitting.components import FittedComponents, fit_components, sums_of_units
 from tracknoise.noise_models.fitting.conditions import conditions_of
 from tracknoise.noise_models.fitting.equivalents import LENGTHS, equivalents
 from tracknoise.noise_models.fitting.gates import gates
+from tracknoise.noise_models.fitting.recorded_camera import recorded_camera
 from tracknoise.noise_models.fitting.tails import fit_tails
 from tracknoise.noise_models.fitting.training_tables import TrainingTables
 from tracknoise.noise_models.fitting.training_windows import Recording, windows
-from tracknoise.noise_models.model import CameraOfModel, Equivalent, Training
+from tracknoise.noise_models.model import Equivalent, Training
 from tracknoise.tables.defaults import LEVEL
 
 _RECORDINGS = 2
@@ -47,7 +47,7 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
     outliers = read["noise_outliers"]
     return {
         "training": _training(read),
-        "camera": _camera(read),
+        "camera": recorded_camera({key: read.of_sequence("cameras", key) for key in read.keys}),
         **fitted.components,
         "tails": fit_tails(read["samples"], fitted.noise, last_age=last_age, groups=read.groups),
         "outlier_share": outliers["n_outliers"].to_numpy().sum() / outliers["n"].to_numpy().sum(),
@@ -101,23 +101,6 @@ def _training(read: TrainingTables) -> Training:
         n_tracks=int(read["noise_outliers"]["n_tracks"].to_numpy().sum()),
         n_observations=int(errors["n"].to_numpy().sum()),
         ages=(int(errors["age"].min()), int(errors["age"].max())),  # type: ignore[arg-type]
-    )
-
-
-def _camera(read: TrainingTables) -> CameraOfModel:
-    """The camera of the first sequence; its rate from the median time between two frames."""
-    table = read.of_sequence("cameras", read.keys[0])
-    first = table.row(0, named=True)
-    if first["fx_px"] is None:
-        raise SettingsError(
-            f"noise model: found no focal length of {read.keys[0]}, expected a camera with a known lens"
-        )
-    step = table["time_s"].diff().median()
-    return CameraOfModel(
-        width=first["width"],
-        height=first["height"],
-        focal_px=first["fx_px"],
-        rate_hz=1.0 / step if isinstance(step, float) and step > 0.0 else None,
     )
 
 

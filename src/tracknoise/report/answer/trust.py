@@ -4,6 +4,7 @@ import math
 
 import polars as pl
 
+from tracknoise.audit.parameters import Family
 from tracknoise.audit.summary import NO_FAULT
 from tracknoise.findings.wording import count, interval_text, percent, pixels, sentence_case
 from tracknoise.report.answer.subject import answer
@@ -11,6 +12,7 @@ from tracknoise.report.answer.summary import Judgement
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.statistics.populations import POPULATIONS
+from tracknoise.tables.audit_schema import AuditVerdict
 from tracknoise.tables.enumerations import Resampled, Verdict
 
 _HOLD: dict[str, tuple[str, Verdict]] = {
@@ -87,8 +89,7 @@ def _faults(data: ReportData) -> tuple[Verdict, str] | None:
 
 def _floor(data: ReportData) -> tuple[Verdict, str]:
     """Whether known errors of the truth are small beside the errors of the trackers."""
-    audited = data.audit["family"].is_not_null().any()
-    opening = NO_FAULT if audited else "The truth was not checked for faults."
+    audited, opening = _checked(data)
     points = data.nominal(data.points).filter(
         pl.col("since").is_between(1, REFERENCE_AGE),
         role="second",
@@ -103,6 +104,17 @@ def _floor(data: ReportData) -> tuple[Verdict, str]:
         return Verdict.yes if audited else Verdict.undecided, f"{opening} It is stated to be exact."
     text = f"{opening} Its errors can cause {pixels(floor_px)} of {pixels(error_px)} px."
     return Verdict.no if share > _MOST_SHARE else Verdict.yes, text
+
+
+def _checked(data: ReportData) -> tuple[bool, str]:
+    """Whether the audit could have found a fault, and what it says where it found none."""
+    about = data.audit.filter(pl.col("family") == Family.alone).unique("parameter", keep="first")
+    if about.is_empty():
+        return False, "The truth was not checked for faults."
+    unknown = about.filter(verdict=str(AuditVerdict.undetermined)).height
+    if unknown == about.height:
+        return False, "The audit could determine no parameter of the truth."
+    return True, f"{NO_FAULT} {unknown} of {about.height} parameters cannot be determined." if unknown else NO_FAULT
 
 
 def _share(points: pl.DataFrame) -> tuple[float, float, float]:

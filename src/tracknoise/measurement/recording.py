@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.checked_step import check_step
+from tracknoise.trackers.quality import check_quality
 from tracknoise.trackers.tracker import Step
 
 T = TypeVar("T", bound=np.generic)
@@ -107,8 +108,9 @@ class Recorder:
         Raises
         ------
         TrackerError
-            If the step contradicts itself or earlier ones: see `tracknoise.trackers.checked_step.check_step`.
+            If its quality is not as promised, or the step contradicts itself or earlier ones (`check_step`).
         """
+        check_quality(step.quality, len(step.ids))
         check_step(step, self._live_ids)
         self._end(step.ended_ids, step.ended)
         self._begin(index, step, gradient_rad(step.uv[step.born]))

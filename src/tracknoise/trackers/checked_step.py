@@ -1,22 +1,24 @@
 """Checks of what a tracker reports about one frame."""
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import TrackerError
-from tracknoise.trackers.quality import check_quality
-from tracknoise.trackers.tracker import Step
+
+if TYPE_CHECKING:
+    from tracknoise.trackers.tracker import Step
 
 
-def check_step(step: Step, live_ids: NDArray[np.int64]) -> None:
+def check_step(step: "Step", live_ids: NDArray[np.int64]) -> None:
     """Check a step by itself, and against the features that were alive before it.
 
     Parameters
     ----------
     step
-        What the tracker reported.
+        What the tracker reported. Its quality is not looked at.
     live_ids
         (k,) int64: features that began in earlier steps and have not ended in one.
 
@@ -26,13 +28,12 @@ def check_step(step: Step, live_ids: NDArray[np.int64]) -> None:
         If arrays have other shapes than promised, positions are not finite, a feature is reported or ends twice, began
         before, is unknown, or is gone without having ended.
     """
-    check_quality(step.quality, len(step.ids))
     found = next(_mistakes(step, live_ids), None)
     if found is not None:
         raise TrackerError(f"a tracker reported {found}")
 
 
-def _mistakes(step: Step, live_ids: NDArray[np.int64]) -> Iterator[str]:
+def _mistakes(step: "Step", live_ids: NDArray[np.int64]) -> Iterator[str]:
     n = len(step.ids)
     for name, shape in {"uv": (n, 2), "born": (n,), "response": (n,), "ended": (len(step.ended_ids),)}.items():
         if getattr(step, name).shape != shape:
@@ -45,7 +46,7 @@ def _mistakes(step: Step, live_ids: NDArray[np.int64]) -> Iterator[str]:
     yield from _contradictions(step, live_ids)
 
 
-def _contradictions(step: Step, live_ids: NDArray[np.int64]) -> Iterator[str]:
+def _contradictions(step: "Step", live_ids: NDArray[np.int64]) -> Iterator[str]:
     """What does not fit to earlier steps."""
     left = live_ids[~np.isin(live_ids, step.ended_ids)]
     begun, followed = step.ids[step.born], step.ids[~step.born]

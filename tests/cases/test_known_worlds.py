@@ -152,6 +152,14 @@ def test_a_point_behind_the_camera_has_no_true_position(errors):
     assert values(measured, "du_px")[1] is None
 
 
+def test_a_point_beyond_what_the_lens_can_show_has_no_true_position(errors):
+    wide = Plane(poses(3, step_m=(2.1, 0, 0)))
+    wide.camera = Camera(100, 80, 60.0, 60.0, 49.5, 39.5, (-0.2, 0.0, 0.0, 0.0))  # no image beyond 52 degrees
+    measured = errors(wide, {0: [(k, 40.0, 39.5) for k in range(3)]})
+    assert values(measured, "truth") == ["valid", "out_of_image", "behind_camera"]
+    assert [value is None for value in values(measured, "du_px")] == [False, False, True]
+
+
 def test_every_statistic_of_two_tracks_by_hand(errors):
     # errors at age 1: (1, 0) and (3, 2); at age 2 one track is left, with (2, -2)
     tracks = {0: [(0, 40, 30), (1, 41, 30), (2, 42, 28)], 1: [(0, 60, 30), (1, 63, 32)]}

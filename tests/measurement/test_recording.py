@@ -27,7 +27,7 @@ def step(uv, ids, born, ended=(), **quality):
 
 def add(recorder, index, one):
     """Record a step whose features have their own place for a gradient."""
-    return recorder.add(index, one, gradient_rad=one.uv[one.born, 0].astype(np.float32))
+    return recorder.add(index, one, gradient_rad=lambda uv: uv[:, 0].astype(np.float32))
 
 
 STEPS = {
@@ -95,3 +95,22 @@ def test_quality_of_another_shape_or_type_is_refused(values):
     one.quality["sure"] = values
     with pytest.raises(TrackerError, match=r"quality 'sure' as .*, expected float32 of shape \(1,\)"):
         add(Recorder(), 0, one)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (step([(50, 1), (50, 1), (5, 2)], [7, 7, 9], [False, False, False]), "feature 7 twice in one frame"),
+        (step([(50, 1), (5, 2), (6, 3)], [7, 9, 9], [False, False, True]), "feature 9 twice in one frame"),
+        (step([(50, 1), (5, 2)], [7, 9], [True, False]), "feature 7 as new, which began before and has not ended"),
+        (step([(50, 1)], [7], [False], [(9, TrackEnd.lost), (9, TrackEnd.lost)]), "feature 9 twice as ended"),
+        (step([(50, 1)], [7], [False]), "1 features alive, expected 2: all that began and are not among ended_ids"),
+        (step([(np.nan, 1), (5, 2)], [7, 9], [False, False]), "feature 7 at a position that is not finite"),
+        (step([(50, 1)], [7, 9], [False, False]), r"uv of shape \(1, 2\), expected \(2, 2\)"),
+    ],
+)
+def test_a_step_that_contradicts_itself_or_earlier_ones_is_refused(wrong, message):
+    recorder = Recorder()
+    add(recorder, 0, step([(50, 1), (5, 2)], [7, 9], [True, True]))
+    with pytest.raises(TrackerError, match=message):
+        add(recorder, 1, wrong)

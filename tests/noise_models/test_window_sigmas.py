@@ -11,10 +11,10 @@ from tracknoise.tables.schema import WINDOW_NOISE
 SIGMA_PX, DEPTH_PX, WINDOW, COUNT = 0.3, 0.9, 10, 20_000
 
 
-def table(scene: str, *, lost: float = 0.0) -> pl.DataFrame:
-    """Windows whose residuals have `SIGMA_PX`, and z `DEPTH_PX`; a share of them has a hundred times as much."""
+def table(scene: str, *, lost: float = 0.0, scale: float = 1.0) -> pl.DataFrame:
+    """Windows whose residuals have `SIGMA_PX`, and z `DEPTH_PX`, both times a scale; a share has 100 times as much."""
     rng = np.random.default_rng(len(scene))
-    factor = np.where(rng.random(COUNT) < lost, 100.0, 1.0)
+    factor = scale * np.where(rng.random(COUNT) < lost, 100.0, 1.0)
     freedom = 2 * WINDOW - 3
     squares = (SIGMA_PX * factor) ** 2 * rng.chisquare(freedom, COUNT)
     z = np.abs(DEPTH_PX * factor * rng.standard_normal(COUNT))
@@ -61,3 +61,11 @@ def test_a_few_lost_tracks_change_the_residual_sigma_and_hardly_the_core() -> No
     assert found["overconfidence"] < 0.3
     assert found["residual_core"] == pytest.approx(SIGMA_PX, rel=0.03)
     assert found["core_overconfidence"] == pytest.approx(3.0, rel=0.05)
+
+
+def test_tracks_without_errors_have_no_overconfidence() -> None:
+    found = quantities(scale=1e-12)
+    assert found["residual_sigma"] == pytest.approx(1e-12 * SIGMA_PX, rel=0.01)
+    medians = {"consistent_sigma", "residual_core", "overconfidence", "core_overconfidence"}
+    assert medians.isdisjoint(found)
+    assert not any(name.startswith(("coverage", "gate")) for name in found)

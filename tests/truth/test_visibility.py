@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.sequence import TruthKind
 from tracknoise.tables.schema import TruthStatus
@@ -56,6 +57,14 @@ def test_the_tolerance_is_two_percent_and_at_least_5_mm(make_room, at, kind, sur
     along = np.array([surface_m + 0.99 * tolerance_m, surface_m + 1.01 * tolerance_m])
     points = np.stack([np.zeros(2), np.zeros(2), 2.0 - surface_m + along], axis=-1)
     assert truth.locate(0, points)[1].tolist() == [TruthStatus.valid, TruthStatus.occluded]
+
+
+def test_a_point_that_the_lens_has_no_image_of_has_no_position(make_room, at):
+    lens = Camera(64, 48, 40.0, 40.0, 31.5, 23.5, (-0.2, 0.0, 0.0, 0.0))  # no image beyond 52 degrees
+    truth = make_truth(make_room(at(), camera=lens), TruthKind.birth)
+    uv, status = truth.locate(0, np.array([[0.0, 0.0, 2.0], [4.8, 0.0, 4.0], [5.6, 0.0, 4.0]]))
+    assert [TruthStatus(value).name for value in status] == ["valid", "out_of_image", "behind_camera"]
+    assert np.isfinite(uv).all(axis=1).tolist() == [True, True, False]
 
 
 def test_where_nothing_is_measured_nothing_is_hidden(make_room, at):

@@ -1,20 +1,22 @@
 """What one tracker at one speed reported over a sequence, as flat arrays."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.exceptions import TrackerError
 from tracknoise.tables.schema import TrackEnd
+from tracknoise.trackers.checked_step import check_step
 from tracknoise.trackers.quality import check_quality
 from tracknoise.trackers.tracker import Step
 
 T = TypeVar("T", bound=np.generic)
 
 Quality = Mapping[str, NDArray[np.float32]]
+Orientation = Callable[[NDArray[np.float64]], NDArray[np.float32]]
+"""Orientation of the dominant gradient, (n,) rad, at positions (n, 2) in a frame; NaN where none dominates."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,7 +88,7 @@ class Recorder:
         self._observed: list[_Observed] = []
         self._frames: list[tuple[int, ...]] = []
 
-    def add(self, index: int, step: Step, *, gradient_rad: NDArray[np.float32]) -> NDArray[np.uint32]:
+    def add(self, index: int, step: Step, *, gradient_rad: Orientation) -> NDArray[np.uint32]:
         """Record one step.
 
         Parameters
@@ -96,7 +98,7 @@ class Recorder:
         step
             What the tracker reported.
         gradient_rad
-            (n,) of the features born in this step, in its order: `tracknoise.trackers.gradient.dominant_gradient`.
+            `tracknoise.trackers.gradient.dominant_gradient` of the frame: asked for the features born in this step.
 
         Returns
         -------
@@ -106,11 +108,12 @@ class Recorder:
         Raises
         ------
         TrackerError
-            If the step contradicts earlier ones, or its quality is not as promised.
+            If its quality is not as promised, or the step contradicts itself or earlier ones (`check_step`).
         """
         check_quality(step.quality, len(step.ids))
+        check_step(step, self._live_ids)
         self._end(step.ended_ids, step.ended)
-        self._begin(index, step, gradient_rad)
+        self._begin(index, step, gradient_rad(step.uv[step.born]))
         tracks = self._live_tracks[self._slots(step.ids)].astype(np.uint32)
         self._observed.append(_Observed(index, tracks, step.uv, step.quality))
         self._frames.append((index, step.offered, step.matched, step.outliers, step.new, step.alive))
@@ -154,11 +157,7 @@ class Recorder:
 
     def _slots(self, ids: NDArray[np.int64]) -> NDArray[np.intp]:
         """Rows of live features in the live arrays."""
-        slots = np.searchsorted(self._live_ids, ids)
-        known = np.isin(ids, self._live_ids, assume_unique=True)
-        if not known.all():
-            raise TrackerError(f"a tracker reported feature {ids[~known][0]}, which never began or has ended")
-        return slots
+        return np.searchsorted(self._live_ids, ids)
 
 
 def _joined_quality(observed: list[_Observed]) -> Quality:

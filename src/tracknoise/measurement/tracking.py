@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from collections.abc import Sequence as Items
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,7 +149,7 @@ class _Run:
         if frame.index % self.speed:
             return
         step = self.tracker.step(frame)
-        tracks = self.recorder.add(frame.index, step, gradient_rad=dominant_gradient(frame, step.uv[step.born]))
+        tracks = self.recorder.add(frame.index, step, gradient_rad=partial(dominant_gradient, frame))
         self.truth.observe(frame.index, tracks, step.uv, step.born)
         if self.second is not None:
             self.second.observe(frame.index, tracks, step.uv, step.born)

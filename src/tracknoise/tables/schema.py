@@ -35,7 +35,8 @@ class TruthStatus(IntEnum):
     """Whether the true position of an observation is known and visible.
 
     The true position of `valid`, `occluded` and `out_of_image` observations is known; that of the others is not.
-    no_pose: the frame has no pose, or the track began in one that has none.
+    behind_camera: the point is behind the camera, or so far from its axis that the lens has no image of it. no_pose:
+    the frame has no pose, or the track began in one that has none.
     """
 
     valid = 0

@@ -126,7 +126,7 @@ class _Observations:
             depth_m[tracks] = found.points[:, 2]
             inside = self._cameras.chosen(rows).contain(uv[rows])
             seen = np.where(inside, TruthStatus.valid, TruthStatus.out_of_image)
-            status[rows] = np.where(np.isnan(found.uv[:, 0]), status[rows], seen)
+            status[rows] = np.where(np.isnan(uv[rows, 0]), status[rows], seen)
         return TruePositions(uv, status, depth_m, leverage=leverage, epipolar=self._epipolar())
 
     def _usable(self) -> NDArray[np.bool_]:

@@ -92,17 +92,17 @@ def locate(
     uv : (n, 2) float64
         px; NaN behind the camera and where its distortion has no image. Points outside the image have positions too.
     status : (n,) int8
-        `TruthStatus`: behind_camera, out_of_image, occluded or valid, arbitrary where the point is unknown; no_pose
-        for all if the frame has none.
+        `TruthStatus`: behind_camera where there is no position, out_of_image, occluded or valid, arbitrary where the
+        point is unknown; no_pose for all if the frame has none.
     """
     if not geometry.has_pose(index):
         return np.full((len(points_world), 2), np.nan), np.full(len(points_world), TruthStatus.no_pose, np.int8)
     uv, points = geometry.seen(index, points_world)
-    ahead = points[:, 2] > 0
-    inside = np.flatnonzero(ahead & geometry.camera_at(index).contains(uv))
+    has_image = (points[:, 2] > 0) & np.isfinite(uv).all(axis=1)
+    inside = np.flatnonzero(has_image & geometry.camera_at(index).contains(uv))
     surface_m, known = surface.depths(index, uv[inside])
     behind_m = points[inside, 2] - surface_m
     occluded = known & (behind_m > np.maximum(OCCLUSION_RELATIVE * surface_m, OCCLUSION_LEAST_M))
-    status = np.where(ahead, TruthStatus.out_of_image, TruthStatus.behind_camera).astype(np.int8)
+    status = np.where(has_image, TruthStatus.out_of_image, TruthStatus.behind_camera).astype(np.int8)
     status[inside] = np.where(occluded, TruthStatus.occluded, TruthStatus.valid)
     return uv, status

@@ -248,6 +248,24 @@ def test_enough_scenes_in_too_few_groups_hold_for_these_scenes_only() -> None:
     assert "less reliable" not in text
 
 
+def test_a_number_of_few_scenes_does_not_say_that_scenes_form_few_groups() -> None:
+    summed = table(SUMMARY, {**SUMMED, "n_scenes": 7})
+    rare = {**POINT, "statistic": "autocorrelation", "resampled": "blocks", "n_scenes": 1, "value": 0.1}
+    intervals = table(INTERVALS, {**POINT, "n_scenes": 7, "value": 1.0}, rare)
+    text = read(summary=summed, intervals=intervals)["scenes"]["text"]
+    assert text == ("Every condition has only 7 scenes. Intervals from fewer than 8 scenes are less reliable.")
+
+
+def test_fitted_noise_names_the_scenes_of_the_interval_that_it_shows() -> None:
+    given = {"coordinate": "both", "n": 100, "level": 0.95, "resampled": "scenes"}
+    alone = {**given, "measure": "triangulated", "sigma_px": 0.2, "n_scenes": 1}
+    many = {**given, "measure": "epipolar", "sigma_px": 0.3, "low": 0.25, "high": 0.36, "n_scenes": 7}
+    rows = [{**row, "trimming": trimming} for row in (alone, many) for trimming in ("untrimmed", "trimmed")]
+    found = read(replace(SCOPE, fitted=True), triangulated_noise=table(TRIANGULATED_NOISE, *rows))["noise"]["text"]
+    assert "lines it is 0.300 px (0.250 to 0.360)." in found
+    assert found.endswith("In brackets: 95 % intervals over 7 scenes.")
+
+
 def test_a_recorded_truth_is_reported_before_any_number() -> None:
     recorded = read(ReportedConditions(ReferenceCondition("l"), ("lk",), recorded=True))
     assert recorded["truth"]["rank"] < recorded["noise"]["rank"]

@@ -1,5 +1,6 @@
 """The headline about the noise to set in an estimator."""
 
+from dataclasses import replace
 from typing import Any
 
 import polars as pl
@@ -123,3 +124,14 @@ def test_trimmed_errors_lead_where_verdicts_are_about_them() -> None:
 def test_too_few_windows_say_nothing() -> None:
     assert headline(windows(DRIFTING, n=20)) is None
     assert headline(empty(WINDOW_SIGMAS)) is None
+
+
+def test_intervals_are_named_by_what_the_reported_trackers_have() -> None:
+    two = replace(SCOPE, trackers=("lk", "sift"))
+    rare = windows(DRIFTING, tracker="sift", resampled="blocks", n_scenes=3)
+    faster = windows(DRIFTING, speed=4, n_scenes=2)
+    found = text(pl.concat([windows(DRIFTING), rare, faster]), two)
+    assert "In brackets: 95 % intervals over 8 scenes and 95 % intervals from blocks of tracks" in found
+    assert "3 scenes" in found
+    assert "2 scenes" not in found.replace("2 to", "")
+    assert text(pl.concat([windows(DRIFTING), rare, faster])).endswith("In brackets: 95 % intervals over 8 scenes.")

@@ -23,6 +23,7 @@ from tracknoise.statistics.tracks.outliers import outlier_ratios
 from tracknoise.tables.enumerations import Aspect
 from tracknoise.tables.schema import ASPECT, FRAME_COUNTS, OBSERVATIONS, TRACKS, Schema
 
+SCENES = tuple(f"s{number}" for number in range(8))
 VIEW = {"dataset": "d", "lighting": "nominal", "rotation": 0, "direction": "forward", "camera": ""}
 POINT = ["lighting", "tracker", "speed", "trimming", "weighting", "statistic", "axis", "at"]
 Tables = dict[str, pl.DataFrame]
@@ -280,3 +281,19 @@ def test_a_kind_or_level_that_is_none_is_refused(options):
 def test_nothing_in_nothing_out():
     tables = {name: table.clear() for name, table in _tables(3).items()}
     assert found_in(tables).is_empty()
+
+
+def test_the_next_scene_may_have_no_outliers_where_some_scenes_have_none():
+    tables = _tables(8)
+    none = {
+        scenes: pl.when(pl.col("scene").is_in(scenes)).then(0).otherwise("outliers") for scenes in (("s0",), SCENES)
+    }
+    some, all_of_them = (
+        found_in(tables | {"frames": tables["frames"].with_columns(outliers=without)}).filter(statistic="outlier_ratio")
+        for without in none.values()
+    )
+    assert some["next_low"].to_list() == [0.0, 0.0]
+    assert (some["next_high"] > some["value"]).all()
+    assert all_of_them["value"].to_list() == [0.0, 0.0]
+    for name in ("spread", "next_low", "next_high"):
+        assert all_of_them[name].null_count() == 2

@@ -192,17 +192,25 @@ def test_outlier_ratios_have_the_papers_level_at_every_speed(made: MakeData) -> 
 def test_zero_mean_and_gaussian_must_both_hold(made: MakeData) -> None:
     data, everywhere = made("kitti"), pl.lit(value=True)
 
-    def judged(mean: str, shape: str, share: float = 0.5) -> tuple[Agreement, Agreement]:
-        found = changed(data, "zero_mean", everywhere, verdict=pl.lit(mean), share_of_second=pl.lit(share))
+    def judged(mean: str, shape: str, size: float = 1.0) -> tuple[Agreement, Agreement]:
+        found = changed(scaled(data, "mean", size), "zero_mean", everywhere, verdict=pl.lit(mean))
         found = changed(found, "gaussianity", everywhere, verdict=pl.lit(shape))
         return verdict(found, "forward-correspondence").agreement, verdict(found, "abstract-errors").agreement
 
-    assert judged("no", "Gaussian") == (Agreement.agrees, Agreement.disagrees)
-    assert judged("yes", "Gaussian") == (Agreement.disagrees, Agreement.agrees)
-    assert judged("no", "heavy-tailed") == (Agreement.disagrees, Agreement.agrees)
-    assert judged("undecided", "Gaussian") == (Agreement.open, Agreement.open)
-    assert judged("undecided", "Gaussian", share=0.001) == (Agreement.agrees, Agreement.disagrees)
-    assert judged("no", "undecided") == (Agreement.open, Agreement.open)
+    assert judged("undecided", "Gaussian", size=0.001) == (Agreement.agrees, Agreement.disagrees)
+    assert judged("yes", "Gaussian", size=0.001) == (Agreement.disagrees, Agreement.agrees)
+    assert judged("undecided", "heavy-tailed", size=0.001) == (Agreement.disagrees, Agreement.agrees)
+    assert judged("undecided", "Gaussian", size=10.0) == (Agreement.open, Agreement.open)
+    assert judged("undecided", "undecided", size=0.001) == (Agreement.open, Agreement.open)
+
+
+def test_a_mean_is_not_zero_because_the_strongest_evidence_is_of_a_small_one(made: MakeData) -> None:
+    everywhere = pl.lit(value=True)
+    old = pl.col("at") > 1
+    data = scaled(scaled(made("kitti"), "mean", 0.001), "mean", 10000.0, old)
+    data = changed(data, "zero_mean", everywhere, verdict=pl.lit("undecided"), share_of_second=pl.lit(1e-6))
+    data = changed(data, "gaussianity", everywhere, verdict=pl.lit("Gaussian"))
+    assert verdict(data, "forward-correspondence").agreement is Agreement.open
 
 
 def test_two_motions_are_compared_where_both_were_measured(made: MakeData) -> None:

@@ -21,3 +21,13 @@ def test_numbers_beyond_the_bins_are_in_the_outermost_and_nothing_is_counted_of_
     empty = np.zeros((BINS, 2))
     assert np.isnan(quantile(empty, 0.5)).all()
     assert np.isnan(share_below(empty, np.ones(2))).all()
+
+
+def test_numbers_that_are_too_small_to_tell_apart_have_no_quantiles():
+    exact, mixed = np.full(100, 1e-15), np.concatenate([np.zeros(40), np.full(60, 0.5)])
+    assert np.isnan(quantile(counted(exact), 0.5))
+    assert np.isnan(share_below(counted(exact), np.array(2e-15)))
+    assert np.isnan(quantile(counted(mixed), 0.3))
+    assert quantile(counted(mixed), 0.7) == pytest.approx(0.5, rel=0.1)
+    assert share_below(counted(mixed), np.array(0.1)) == pytest.approx(0.4)
+    assert share_below(counted(np.full(100, 0.5)), np.array(1e-9)) == 0.0

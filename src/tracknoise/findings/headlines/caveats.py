@@ -58,7 +58,7 @@ def _limits(fewest: int, intervals: pl.DataFrame) -> str:
     """What few scenes mean for intervals and tests."""
     if fewest < MIN_SCENES:
         opening = f"With fewer than {MIN_SCENES} scenes,"
-    elif (intervals["resampled"] == Resampled.blocks).any():
+    elif intervals.filter(pl.col("n_scenes") >= MIN_SCENES, resampled=Resampled.blocks).height:
         opening = "They form too few groups to be resampled, so that"
     else:
         return f"Intervals from fewer than {ENOUGH_SCENES} scenes are less reliable."

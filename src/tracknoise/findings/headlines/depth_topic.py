@@ -19,11 +19,12 @@ def depths(tables: RunTables, conditions: ReportedConditions) -> Headline | None
     """How many 95 % intervals of depths hold the true depth, with the noise that residuals suggest, and with others."""
     shares = tables["depth_intervals"].filter(quantity="coverage_95", trimming=conditions.trimming)
     errors = "" if conditions.percentile is None else f", from {conditions.trimming} errors"
+    brackets = in_brackets(conditions.reported(shares))
     return by_tracker(
         conditions.trackers,
         lambda tracker: _depths_of(conditions.of(shares, tracker), tracker),
         opening=f"Depth intervals {conditions.where(tables['summary'])}{errors}.",
-        closing=f"The noise was learned from other scenes than it was tried on.{in_brackets(shares)}",
+        closing=f"The noise was learned from other scenes than it was tried on.{brackets}",
         topic="depth",
         figure="estimator",
         table="depth_intervals",

@@ -7,7 +7,7 @@ import polars as pl
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
-from tracknoise.findings.headlines.headline import Headline, Part, RunTables, by_tracker
+from tracknoise.findings.headlines.headline import Headline, Part, RunTables, by_tracker, in_brackets
 from tracknoise.findings.headlines.reported_conditions import (
     ReportedConditions,
     curve_bounds,
@@ -15,7 +15,7 @@ from tracknoise.findings.headlines.reported_conditions import (
     curve_scenes,
     scale_estimate,
 )
-from tracknoise.findings.wording import SPACE, interval_text, listing, percent
+from tracknoise.findings.wording import SPACE, percent
 from tracknoise.statistics.definitions import NAMES, POOLED
 from tracknoise.tables.enumerations import Aspect, Population, Trimming, Weighting
 
@@ -30,7 +30,7 @@ def _robust(tables: RunTables, conditions: ReportedConditions) -> Headline | Non
     """Core and root mean square of all tracks, and the share of far errors."""
     closing = (
         "The core is the sigma of the Gaussian with the same median error. Of the errors of a Gaussian, "
-        f"0.3{SPACE}% exceed three cores. Core and RMS are geometric means over scenes.{_population(conditions)} "
+        f"0.3{SPACE}% exceed three cores. Core and RMS are geometric means over scenes.{_population(conditions)}"
         f"{_brackets(tables, conditions, Weighting.geometric)}"
     )
     return _of_trackers(tables, conditions, _robust_of, "of all tracks", closing)
@@ -100,7 +100,7 @@ def _paper(tables: RunTables, conditions: ReportedConditions) -> Headline | None
     dropped = f"Trimming drops the tracks whose largest error is above the {conditions.percentile:g}th percentile."
     closing = (
         f"{dropped} An estimator that keeps these tracks must assume the untrimmed errors. Features are pooled over "
-        f"scenes.{_population(conditions)} {_brackets(tables, conditions, Weighting.features)}"
+        f"scenes.{_population(conditions)}{_brackets(tables, conditions, Weighting.features)}"
     )
     return _of_trackers(tables, conditions, _paper_of, "as root mean square of the paper's trimmed errors", closing)
 
@@ -179,9 +179,4 @@ def _brackets(tables: RunTables, conditions: ReportedConditions, weighting: str)
     chosen = {"aspect": Aspect.all, "axis": axis, "statistic": NAMES[axis]["second"], "weighting": weighting}
     reference = tables["summary"].select(*POOLED, pl.col("at").cast(pl.Int64))
     known = tables["intervals"].filter(**chosen).join(reference, on=[*POOLED, "at"], how="semi")
-    known = known.drop_nulls(["low", "high"])
-    known = pl.concat([known.clear(), *(conditions.of(known, tracker) for tracker in conditions.trackers)])
-    if known.is_empty():
-        return ""
-    kinds = known.group_by("level", "resampled").agg(pl.col("n_scenes").unique()).sort("level", "resampled")
-    return f"In brackets: {listing(interval_text(*row) for row in kinds.iter_rows())}."
+    return in_brackets(conditions.reported(known))

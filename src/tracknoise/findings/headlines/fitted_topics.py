@@ -4,9 +4,9 @@ import polars as pl
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
-from tracknoise.findings.headlines.headline import Headline, Part, RunTables, by_tracker
+from tracknoise.findings.headlines.headline import Headline, Part, RunTables, by_tracker, in_brackets
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
-from tracknoise.findings.wording import SELF_REFERENTIAL, interval_text
+from tracknoise.findings.wording import SELF_REFERENTIAL
 from tracknoise.tables.enumerations import FittedMeasure
 
 _WITHHELD = (
@@ -26,12 +26,13 @@ def self_referential(_tables: RunTables, _conditions: ReportedConditions) -> Hea
 
 def noise(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """Noise of one coordinate of a position, corrected for what the fit absorbs."""
-    known = tables["triangulated_noise"]
-    made = known.select("level", "resampled", "n_scenes").drop_nulls().head(1).rows()
-    brackets = "".join(f" In brackets: {interval_text(level, resampled, [n])}." for level, resampled, n in made)
+    known = tables["triangulated_noise"].filter(
+        pl.col("length_low").is_null(), trimming=conditions.trimming, coordinate="both"
+    )
+    brackets = in_brackets(conditions.reported(known))
     return by_tracker(
         conditions.trackers,
-        lambda tracker: _noise_of(known, conditions, tracker),
+        lambda tracker: _noise_of(conditions.of(known, tracker), tracker),
         opening=f"Noise of one coordinate {conditions.where(tables['summary'])}, as standard deviation.",
         closing=f"A track of N observations has 2 N - 3 degrees of freedom, which the noise allows for.{brackets}",
         topic="noise",
@@ -40,14 +41,11 @@ def noise(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     )
 
 
-def _noise_of(table: pl.DataFrame, conditions: ReportedConditions, tracker: str) -> Part | None:
-    chosen = conditions.of(table, tracker).filter(
-        pl.col("length_low").is_null(), trimming=conditions.trimming, coordinate="both"
-    )
+def _noise_of(table: pl.DataFrame, tracker: str) -> Part | None:
     sentences: list[str] = []
     estimates: list[Estimate] = []
     for measure, source in _MEASURES.items():
-        for row in chosen.filter(measure=measure).to_dicts():
+        for row in table.filter(measure=measure).to_dicts():
             estimates.append(Estimate.of_row(row, "sigma_px", "low", "high", "px"))
             of = " it is" if sentences else f", the noise of {tracker} is"
             sentences.append(f"{source}{of} {format_estimate(estimates[-1])}.")

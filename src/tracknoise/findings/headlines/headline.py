@@ -7,7 +7,7 @@ from typing import TypeAlias
 import polars as pl
 
 from tracknoise.findings.estimate import Estimate
-from tracknoise.findings.wording import count, interval_text
+from tracknoise.findings.wording import count, interval_text, listing
 
 RunTables: TypeAlias = Mapping[str, pl.DataFrame]
 """RunTables of a run, by their names."""
@@ -87,8 +87,10 @@ def in_brackets(rows: pl.DataFrame) -> str:
     Parameters
     ----------
     rows
-        Of a table of findings, with columns low, high, level, resampled and n_scenes.
+        Those reported, with columns low, high, level, resampled and n_scenes.
     """
     made = rows.drop_nulls(["low", "high"])
-    kinds = made.group_by("level", "resampled").agg(pl.col("n_scenes").unique()).sort("level", "resampled").head(1)
-    return "".join(f" In brackets: {interval_text(*row)}." for row in kinds.iter_rows())
+    if made.is_empty():
+        return ""
+    kinds = made.group_by("level", "resampled").agg(pl.col("n_scenes").unique()).sort("level", "resampled")
+    return f" In brackets: {listing(interval_text(*row) for row in kinds.iter_rows())}."

@@ -79,6 +79,10 @@ class ReportedConditions:
         chosen = {name: getattr(self.reference, name) for name in (*VIEW, "speed")}
         return table.filter(tracker=tracker, **chosen)
 
+    def reported(self, table: pl.DataFrame) -> pl.DataFrame:
+        """Rows of the conditions of all trackers that are reported."""
+        return pl.concat([table.clear(), *(self.of(table, tracker) for tracker in self.trackers)])
+
     def since(self, at: int) -> int:
         """Distance of an age or a frame from where errors are zero, in frames of the sequence."""
         return at - self.reference.key_frames.get(self.reference.direction, 0)

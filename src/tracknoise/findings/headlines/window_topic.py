@@ -25,14 +25,14 @@ Quantities = Mapping[str, Estimate]
 def estimator_noise(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """The noise to set for windows of tracks, and how wrong depths are if residuals are believed."""
     windows = tables["window_sigmas"].filter(trimming=conditions.trimming)
-    cores = windows.filter(quantity="residual_core")
+    brackets = in_brackets(conditions.reported(windows.filter(quantity="residual_core")))
     errors = "" if conditions.percentile is None else f", from {conditions.trimming} errors"
     meant = "" if conditions.fitted else " The noise to set makes the depths of fitted points as uncertain as they are."
     return by_tracker(
         conditions.trackers,
         lambda tracker: _noise_of(windows, tables["floor"], conditions, tracker),
         opening=f"Noise to set in an estimator {conditions.where(tables['summary'])}{errors}.",
-        closing=f"Windows begin at birth; numbers are medians over them, with true poses.{meant}{in_brackets(cores)}",
+        closing=f"Windows begin at birth; numbers are medians over them, with true poses.{meant}{brackets}",
         topic="estimator",
         figure="findings" if conditions.fitted else "estimator",
         table="window_sigmas",

@@ -32,14 +32,19 @@ def between_scenes(
     estimates
         Whose coverage is asked for.
     """
-    own = statistics(np.transpose(by_number(units.scene, units.sums), (2, 1, 0)))
+    own = own_values(units, statistics)
     found = next_scene(units, own, scales, level=estimates.level)
     return BetweenScenes(found.spread, found.low, found.high, _coverage(estimates, units, found.spread, scales))
 
 
+def own_values(units: Units, statistics: Statistics) -> NDArray[np.float64]:
+    """Statistics of the sums of each scene, (statistics, points, scenes)."""
+    return statistics(np.transpose(by_number(units.scene, units.sums), (2, 1, 0)))
+
+
 def spread_on(units: Units, statistics: Statistics, scale: str, *, level: float) -> NDArray[np.float64]:
     """Standard deviation between scenes, (statistics, points), of all statistics on one scale: see `between_scenes`."""
-    own = statistics(np.transpose(by_number(units.scene, units.sums), (2, 1, 0)))
+    own = own_values(units, statistics)
     return next_scene(units, own, [scale] * len(own), level=level).spread
 
 

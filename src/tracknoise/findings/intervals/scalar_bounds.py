@@ -15,7 +15,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.findings.estimate import EstimateArray
-from tracknoise.findings.intervals.between_scenes import between_scenes, spread_on
+from tracknoise.findings.intervals.between_scenes import between_scenes, own_values, spread_on
 from tracknoise.findings.sampling.bounds import BetweenScenes, LabelledEstimates, Method, Statistics, pooled
 from tracknoise.findings.sampling.draws import Draws
 from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
@@ -111,7 +111,8 @@ def outlier_bounds(
     blocks = frames.sort("scene", "frame").with_columns(block=block_of(order, size))
     units = units_of(blocks, blocks, points=[], columns=["offered", "outliers"], groups=groups)
     ratio = pooled(units, draws.weights(units), _ratio, method, scales=["logit"])
-    yield LabelledEstimates(_labels("outlier_ratio"), ratio, units, between_scenes(units, _smoothed, ["logit"], ratio))
+    between = _with_extremes(between_scenes(units, _smoothed, ["logit"], ratio), own_values(units, _ratio))
+    yield LabelledEstimates(_labels("outlier_ratio"), ratio, units, between)
 
 
 def survival(sums: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -189,6 +190,19 @@ def _smoothed(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     """The same with half an outlier more in a feature more, so that scenes without outliers have a logit."""
     offered, outliers = sums
     return np.asarray((outliers + 0.5) / np.where(offered > 0, offered + 1, np.nan))[None]
+
+
+def _with_extremes(between: BetweenScenes, own: NDArray[np.float64]) -> BetweenScenes:
+    """The same with the shares 0 and 1 within the bounds of the next scene, where any scene has them, (1, 1, scenes).
+
+    Where all scenes have 0, or all have 1, it is not known how much scenes differ.
+    """
+    none, every = (np.where(np.isnan(own), True, own == end) for end in (0.0, 1.0))
+    unknown = none.all(axis=-1) | every.all(axis=-1)
+    low = np.where((own == 0.0).any(axis=-1) & ~np.isnan(between.next_low), 0.0, between.next_low)
+    high = np.where((own == 1.0).any(axis=-1) & ~np.isnan(between.next_high), 1.0, between.next_high)
+    spread, low, high = (np.where(unknown, np.nan, values) for values in (between.spread, low, high))
+    return replace(between, spread=spread, next_low=low, next_high=high)
 
 
 def _in_frames(between: BetweenScenes, horizon: float) -> BetweenScenes:

@@ -90,7 +90,7 @@ def gates(
 
 
 def _measured(windows: pl.DataFrame, length: int, limit_px: float) -> tuple[float, ...] | None:
-    """Those of the measured windows of nearly this length; None if there are too few."""
+    """Those of the measured windows of nearly this length; None if there are too few, or if they have no noise."""
     apart = (pl.col("window").cast(pl.Int64) - length).abs()
     near = windows.filter(pl.col("trimming") == Trimming.untrimmed, apart <= _NEAR * length)
     if near["n"].to_numpy().sum() < _LEAST:
@@ -102,6 +102,8 @@ def _measured(windows: pl.DataFrame, length: int, limit_px: float) -> tuple[floa
     ].to_numpy().sum()
     good = float(share_below(counts, np.array(limit_px / np.sqrt(freedom))))
     squares = [float(quantile(counts, level * good)) ** 2 * freedom for level in LEVELS]
+    if not np.isfinite(squares).all():
+        return None
     return tuple(
         float(square / (2.0 * gammaincinv(freedom / 2.0, level))) for square, level in zip(squares, LEVELS, strict=True)
     )

@@ -3,10 +3,18 @@
 from collections.abc import Mapping
 from math import log
 
-from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.wording import number, percent
 from tracknoise.report.claims.claim import Agreement, Claim, Judgement
-from tracknoise.report.claims.points import at_place, curve, estimate, excludes_zero, last, overlap, tracker_named
+from tracknoise.report.claims.points import (
+    at_place,
+    curve,
+    estimate,
+    excludes_zero,
+    is_within,
+    last,
+    overlap,
+    tracker_named,
+)
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.defaults import MARGIN
 
@@ -27,7 +35,7 @@ def judge_drift(claim: Claim, runs: Mapping[str, ReportData]) -> Judgement:
     coordinate = stated.get("coordinate") or max("uv", key=lambda axis: abs(mean[axis]))
     drift = estimate(mean, coordinate)
     value = f"{coordinate}: {at_place(data, drift, mean['since'])}"
-    if _is_slight(drift, absolute[coordinate]):
+    if is_within(drift, MARGIN * absolute[coordinate]):
         return Judgement(Agreement.disagrees, value, f"less than {percent(MARGIN)} of the mean absolute error")
     if not excludes_zero(drift):
         return Judgement(Agreement.open, value, "the interval contains zero, or there is none")
@@ -68,9 +76,3 @@ def judge_cut(claim: Claim, runs: Mapping[str, ReportData]) -> Judgement:
         return Judgement(Agreement.opposite, value, "the other tracker has the longer curve")
     alike = all(abs(log(ages[kind] / wanted[kind])) <= log(_FACTOR) for kind in wanted)
     return Judgement(Agreement.agrees if alike else Agreement.disagrees, value)
-
-
-def _is_slight(drift: Estimate, absolute_px: float) -> bool:
-    """Whether a whole interval is within the margin of the mean absolute error."""
-    bounds = [bound for bound in (drift.low, drift.high) if bound is not None]
-    return len(bounds) == 2 and max(map(abs, bounds)) <= MARGIN * absolute_px

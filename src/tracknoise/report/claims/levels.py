@@ -8,7 +8,7 @@ import polars as pl
 from tracknoise.findings.wording import listing, percent
 from tracknoise.report.bands import of_scalar
 from tracknoise.report.claims.claim import Agreement, Claim, Judgement
-from tracknoise.report.claims.points import tracker_named
+from tracknoise.report.claims.points import curve, estimate, is_within, tracker_named
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import Shape, Verdict
@@ -67,9 +67,9 @@ def _bounds(row: Mapping[str, Any]) -> str:
 
 def _answers(data: ReportData, tracker: str) -> dict[str, bool | None]:
     """Whether errors of a tracker have zero mean, and are Gaussian; None where that is undecided."""
-    means = data.nominal(data.zero_mean).filter(pl.col("at").is_null(), tracker=tracker, trimming=data.trimming)
+    tests = data.nominal(data.zero_mean).filter(pl.col("at").is_null(), tracker=tracker, trimming=data.trimming)
     shapes = data.nominal(data.gaussianity).filter(tracker=tracker, trimming=data.trimming)["verdict"].to_list()
-    return {"mean": _is_zero(means), "shape": _is_gaussian([Shape(shape) for shape in shapes])}
+    return {"mean": _is_zero(tests, data, tracker), "shape": _is_gaussian([Shape(shape) for shape in shapes])}
 
 
 def _is_gaussian(shapes: Sequence[Shape]) -> bool | None:
@@ -79,15 +79,17 @@ def _is_gaussian(shapes: Sequence[Shape]) -> bool | None:
     return True if shapes and Shape.undecided not in shapes else None
 
 
-def _is_zero(means: pl.DataFrame) -> bool | None:
-    """False where the mean differs from zero; True where its length is within the margin of the root mean square."""
-    if means.is_empty():
-        return None
-    row = means.row(0, named=True)
-    if row["verdict"] == Verdict.yes:
+def _is_zero(tests: pl.DataFrame, data: ReportData, tracker: str) -> bool | None:
+    """False where the mean differs from zero; True where its intervals are within the margin of the root mean square.
+
+    The intervals are those at all ages (or frames), in u and in v.
+    """
+    if Verdict.yes in tests["verdict"]:
         return False
-    slight = row["share_of_second"] is not None and row["share_of_second"] <= MARGIN**2
-    return True if row["verdict"] == Verdict.no or slight else None
+    means, sizes = (curve(data, tracker, role) for role in ("mean", "second"))
+    points = means.join(sizes.select("since", size_u="u", size_v="v"), on="since").to_dicts()
+    slight = (is_within(estimate(row, axis), MARGIN * row[f"size_{axis}"]) for row in points for axis in "uv")
+    return True if points and all(slight) else None
 
 
 def _all_of(answers: Mapping[str, bool | None]) -> Agreement:

@@ -63,6 +63,11 @@ def excludes_zero(one: Estimate) -> bool:
     return one.low is not None and one.high is not None and one.low * one.high > 0
 
 
+def is_within(one: Estimate, most: float) -> bool:
+    """Whether an interval is known and all of it is at most so far from zero."""
+    return one.low is not None and one.high is not None and max(-one.low, one.high) <= most
+
+
 def overlap(one: Estimate, other: Estimate) -> bool | None:
     """Whether two intervals overlap. None where one is unknown."""
     if one.low is None or one.high is None or other.low is None or other.high is None:

@@ -31,7 +31,7 @@ def quantile(counts: NDArray[np.float64], share: float) -> NDArray[np.float64]:
     Returns
     -------
     (...) float64
-        NaN where a histogram is empty.
+        NaN where a histogram is empty, and where the quantile is in the first bin, whose numbers may be any below it.
     """
     up_to = np.cumsum(counts, axis=0)
     wanted = share * up_to[-1]
@@ -40,7 +40,7 @@ def quantile(counts: NDArray[np.float64], share: float) -> NDArray[np.float64]:
     with np.errstate(invalid="ignore", divide="ignore"):
         fraction = 1.0 - (above - wanted) / inside
     found = 2.0 ** (_LOWEST + (place[0] + fraction) / _PER_OCTAVE)
-    return np.where(up_to[-1] > 0, found, np.nan)
+    return np.where((up_to[-1] > 0) & (place[0] > 0), found, np.nan)
 
 
 def share_below(counts: NDArray[np.float64], limit: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -56,9 +56,10 @@ def share_below(counts: NDArray[np.float64], limit: NDArray[np.float64]) -> NDAr
     Returns
     -------
     (...) float64
-        NaN where a histogram is empty, or the limit is NaN.
+        NaN where a histogram is empty, the limit is NaN, or some numbers and the limit are in the first bin.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         at = (np.log2(limit) - _LOWEST) * _PER_OCTAVE
         covered = np.clip(at - np.arange(BINS).reshape(-1, *[1] * np.ndim(limit)), 0.0, 1.0)
-        return np.asarray((counts * covered).sum(axis=0) / counts.sum(axis=0))
+        share = (counts * covered).sum(axis=0) / counts.sum(axis=0)
+    return np.where((at < 1.0) & (counts[0] > 0), np.nan, share)

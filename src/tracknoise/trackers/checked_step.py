@@ -1,0 +1,65 @@
+"""Checks of what a tracker reports about one frame."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import TrackerError
+
+if TYPE_CHECKING:
+    from tracknoise.trackers.tracker import Step
+
+
+def check_step(step: "Step", live_ids: NDArray[np.int64]) -> None:
+    """Check a step by itself, and against the features that were alive before it.
+
+    Parameters
+    ----------
+    step
+        What the tracker reported. Its quality is not looked at.
+    live_ids
+        (k,) int64: features that began in earlier steps and have not ended in one.
+
+    Raises
+    ------
+    TrackerError
+        If arrays have other shapes than promised, positions are not finite, a feature is reported or ends twice, began
+        before, is unknown, or is gone without having ended.
+    """
+    found = next(_mistakes(step, live_ids), None)
+    if found is not None:
+        raise TrackerError(f"a tracker reported {found}")
+
+
+def _mistakes(step: "Step", live_ids: NDArray[np.int64]) -> Iterator[str]:
+    n = len(step.ids)
+    for name, shape in {"uv": (n, 2), "born": (n,), "response": (n,), "ended": (len(step.ended_ids),)}.items():
+        if getattr(step, name).shape != shape:
+            yield f"{name} of shape {getattr(step, name).shape}, expected {shape}"
+    for feature in step.ids[~np.isfinite(step.uv).all(axis=1)][:1]:
+        yield f"feature {feature} at a position that is not finite"
+    for ids, place in ((step.ids, "in one frame"), (step.ended_ids, "as ended")):
+        for feature in _repeated(ids)[:1]:
+            yield f"feature {feature} twice {place}"
+    yield from _contradictions(step, live_ids)
+
+
+def _contradictions(step: "Step", live_ids: NDArray[np.int64]) -> Iterator[str]:
+    """What does not fit to earlier steps."""
+    left = live_ids[~np.isin(live_ids, step.ended_ids)]
+    begun, followed = step.ids[step.born], step.ids[~step.born]
+    for feature in (*step.ended_ids[~np.isin(step.ended_ids, live_ids)][:1], *followed[~np.isin(followed, left)][:1]):
+        yield f"feature {feature}, which never began or has ended"
+    for feature in begun[np.isin(begun, left)][:1]:
+        yield f"feature {feature} as new, which began before and has not ended"
+    alive = len(left) + len(begun)
+    if step.alive != alive:
+        yield f"{step.alive} features alive, expected {alive}: all that began and are not among ended_ids"
+
+
+def _repeated(ids: NDArray[np.int64]) -> NDArray[np.int64]:
+    ordered = np.sort(ids)
+    repeated: NDArray[np.int64] = ordered[1:][ordered[1:] == ordered[:-1]]
+    return repeated

@@ -15,7 +15,7 @@ from tracknoise.findings.headlines.reported_conditions import (
     curve_scenes,
     scale_estimate,
 )
-from tracknoise.findings.wording import SPACE, percent
+from tracknoise.findings.wording import SPACE, listing, percent
 from tracknoise.statistics.definitions import NAMES, POOLED
 from tracknoise.tables.enumerations import Aspect, Population, Trimming, Weighting
 

@@ -10,9 +10,9 @@ from tracknoise.noise_models.linear_window import Motion
     ("motion", "short", "whole", "by_age"),
     [
         (Motion.SIDEWAYS, False, 0.97, 1.05),
-        (Motion.SIDEWAYS, True, 0.78, 0.98),
+        (Motion.SIDEWAYS, True, 0.82, 0.96),
         (Motion.FORWARD, False, 0.92, 1.20),
-        (Motion.FORWARD, True, 0.79, 1.07),
+        (Motion.FORWARD, True, 0.81, 1.01),
     ],
 )
 def test_the_gain_under_a_walk_depends_on_motion_and_lengths(motion, short, whole, by_age) -> None:

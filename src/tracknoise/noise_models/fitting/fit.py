@@ -75,7 +75,7 @@ def components_of(read: TrainingTables, *, level: float) -> FittedComponents:
 
 def equivalents_of(read: TrainingTables, fitted: FittedComponents, lengths: Sequence[int]) -> tuple[Equivalent, ...]:
     """Standard deviations for all observations, for windows of some lengths of the sequences of the tables."""
-    lifetimes, recordings = lengths_of_tracks(read["ends"], longest=max(lengths)), _recordings(read)
+    lifetimes, recordings = lengths_of_tracks(read["ends"], longest=max(*LENGTHS, *lengths)), _recordings(read)
     noise = fitted.noise.per_frames(read.speed)
     limit_px, found = _limit_px(read["noise_outliers"]), list[Equivalent]()
     for length in lengths:

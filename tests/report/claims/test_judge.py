@@ -117,6 +117,14 @@ def test_drift_has_a_sign(made: MakeData) -> None:
         assert verdict(data, name).value.startswith(f"u: {sign}3.")
 
 
+def test_drift_is_judged_no_later_than_where_the_papers_curve_ends(made: MakeData) -> None:
+    data = made("gazebo-linear", bias_px=0.3)
+    asked = claim("gazebo-linear", "drift-right-to-left")
+    early = dataclasses.replace(asked, stated={**asked.stated, "last_age": 3})
+    assert judge(early, {"gazebo-linear": data}).value.endswith("at age 3")
+    assert not verdict(data, "drift-right-to-left").value.endswith("at age 3")
+
+
 def test_drift_that_is_slight_or_unknown_is_none(made: MakeData) -> None:
     data = made("gazebo-linear", bias_px=0.3)
     assert verdict(scaled(data, "mean", 1e-3), "drift-left-to-right").agreement is Agreement.disagrees

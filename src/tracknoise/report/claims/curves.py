@@ -1,7 +1,9 @@
 """Judges claims on drift and on where curves end."""
 
 from collections.abc import Mapping
-from math import log
+from math import inf, log
+
+import polars as pl
 
 from tracknoise.findings.wording import number, percent
 from tracknoise.report.claims.claim import Agreement, Claim, Judgement
@@ -24,12 +26,13 @@ _NO_CURVE = "too few features for a curve"
 
 
 def judge_drift(claim: Claim, runs: Mapping[str, ReportData]) -> Judgement:
-    """By the mean error at the last age (or frame) of the curve, and its interval."""
+    """By the mean error, and its interval, at the last age (or frame) that the curve has and the paper's has."""
     data, stated = runs[claim.experiment], claim.stated
     if stated["direction"] not in data.directions:
         return Judgement(Agreement.open, reason=f"not played {stated['direction']}")
     tracker = tracker_named(data, stated["tracker"]) or ""
-    mean, absolute = (last(curve(data, tracker, role, direction=stated["direction"])) for role in ("mean", "absolute"))
+    curves = (curve(data, tracker, role, direction=stated["direction"]) for role in ("mean", "absolute"))
+    mean, absolute = (last(points.filter(pl.col("since") <= stated.get("last_age", inf))) for points in curves)
     if mean is None or absolute is None:
         return Judgement(Agreement.open, reason=_NO_CURVE)
     coordinate = stated.get("coordinate") or max("uv", key=lambda axis: abs(mean[axis]))

@@ -43,6 +43,14 @@ def test_a_recording_that_is_right_is_ready(tracknoise, recording):
     assert out.endswith("\nready.\n")
 
 
+def test_one_image_is_not_usable(tracknoise, tmp_path):
+    one = ["1" if before == "--frames" else word for before, word in zip(["", *SMALL], SMALL, strict=False)]
+    tracknoise("simulate", "--out", str(tmp_path / "walk"), *one)
+    code, out, _ = tracknoise("check", str(tmp_path), "--quiet")
+    assert code == 4
+    assert "1 image of 200x150 px, with a pose. At least 2 poses are needed." in out
+
+
 def test_inverted_poses_are_not_usable_and_all_outputs_say_why(tracknoise, recording, tmp_path):
     wrong = inverted(recording, tmp_path)
     page, document = tmp_path / "check.html", tmp_path / "check.json"

@@ -18,7 +18,10 @@ def counts(sequence: Sequence) -> Item:
     n = len(sequence)
     posed = int(np.isfinite(sequence.world_from_camera).all(axis=(1, 2)).sum())
     camera = sequence.camera
-    text = f"{n} images of {camera.width}x{camera.height} px; {posed} of them have a pose."
+    size = f"{camera.width}x{camera.height} px"
+    text = f"{n} images of {size}; {posed} of them have a pose."
+    if n == 1:
+        text = f"1 image of {size}, {'with' if posed else 'without'} a pose."
     values: Values = {"n_frames": n, "n_poses": posed, "width_px": camera.width, "height_px": camera.height}
     if posed < 2:
         return Item("counts", Severity.fatal, f"{text} At least 2 poses are needed.", values)

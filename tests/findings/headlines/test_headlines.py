@@ -185,7 +185,7 @@ def test_where_trimming_turns_a_ranking_around_the_reader_is_told() -> None:
     text = read(UNTRIMMED, summary=both)["trimming"]["text"]
     assert text == (
         "In the measured scenes, the smallest RMS in u is that of sift (1.000 px) without trimming, and that of lk "
-        "(0.410 px) after it. Whether trimming does this in other scenes was not tested."
+        "(0.410 px) after it. Whether trimming reverses the order in other scenes was not tested."
     )
     agreed = table(SUMMARY, SUMMED, {**SUMMED, "tracker": "sift", "trimmed_rms_u_px": 0.8, "untrimmed_rms_u_px": 2.0})
     assert "trimming" not in read(UNTRIMMED, summary=agreed)

@@ -25,7 +25,7 @@ def trimming_matters(tables: RunTables, conditions: ReportedConditions) -> Headl
         return None
     count = "one" if len(verdicts) == 1 else str(len(verdicts))
     answers = [f"Trimming changes {count} of the answers below.", *verdicts] if verdicts else []
-    orders = [*rankings, "Whether trimming does this in other scenes was not tested."] if rankings else []
+    orders = [*rankings, "Whether trimming reverses the order in other scenes was not tested."] if rankings else []
     return Headline("trimming", " ".join([*answers, *orders]), "trimming", "summary")
 
 

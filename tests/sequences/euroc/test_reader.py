@@ -245,6 +245,13 @@ def test_the_clock_of_the_poses_is_that_of_the_images_plus_the_shift(tmp_path):
             (3, 4, 5, 6, 0, 1, 2),
         ),
         ("#time,some,thing,else,that,names,no,columns", (0, 1, 2, 3, 4, 5, 6)),
+        ("#timestamp [ns], x [m], y [m], z [m], qx, qy, qz, qw", (0, 1, 2, 4, 5, 6, 3)),
+        ("time,east,north,up,q_x,q_y,q_z,q_w", (0, 1, 2, 4, 5, 6, 3)),
+        (
+            "time,field.rotation.x,field.rotation.y,field.rotation.z,field.rotation.w,"
+            "field.translation.x,field.translation.y,field.translation.z",
+            (4, 5, 6, 3, 0, 1, 2),
+        ),
     ],
 )
 def test_columns_are_found_by_their_names_else_the_scalar_is_first(scene, header, order):
@@ -256,6 +263,14 @@ def test_columns_are_found_by_their_names_else_the_scalar_is_first(scene, header
         lines.append(f"{time},{numbers(usual[list(order)])}")
     table(scene).write_text("\r\n".join(lines))
     np.testing.assert_allclose(open_sequence("euroc", scene).world_from_camera, motion(FRAMES_NS), atol=1e-9)
+
+
+def test_a_header_that_names_the_quaternion_where_positions_would_be_is_refused(scene):
+    path = table(scene)
+    rows = path.read_text().splitlines()[1:]
+    path.write_text("\n".join(["time,qw,qx,qy,qz,east,north,up,a,b,c", *rows]))
+    with pytest.raises(DataError, match="names of a part of the columns"):
+        open_sequence("euroc", scene)
 
 
 def test_another_camera_of_the_body(scene):

@@ -248,6 +248,20 @@ def test_images_in_another_place(tmp_path, simulated):
     np.testing.assert_array_equal(found.image(1), simulated.image(1))
 
 
+def test_scenes_are_a_group_if_they_have_the_same_images_and_not_if_folders_have_the_same_name(tmp_path, simulated):
+    """COLMAP's automatic reconstruction puts the images of every workspace into dense/0/images."""
+    names = ["0.png", "1.png"]
+    for workspace in ("kitchen/dense/0", "garden/dense/0"):
+        save(tmp_path / workspace / "images", simulated, names)
+        for model in ("sparse", "other/sparse"):
+            write_text(tmp_path / workspace / model, {1: pinhole(simulated.camera)}, posed(simulated, names))
+    reader = make_reader("colmap", tmp_path)
+    groups = {one.scene: reader.open(one).group for one in reader.sequences()}
+    assert len(groups) == 4
+    for workspace in ("kitchen/dense/0", "garden/dense/0"):
+        assert groups[f"{workspace}/sparse"] == groups[f"{workspace}/other/sparse"] == f"{workspace}/images"
+
+
 def test_no_reconstruction(tmp_path):
     with pytest.raises(DataError, match=r"no scene, expected folders with cameras.bin and images.bin, or cameras.txt"):
         make_reader("colmap", tmp_path).sequences()

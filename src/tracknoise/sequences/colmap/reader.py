@@ -1,5 +1,6 @@
 """The reader of reconstructions of COLMAP: see docs/formats/colmap.md."""
 
+import os
 from dataclasses import KW_ONLY, dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -106,7 +107,7 @@ class Colmap:
                 _SCALE,
             ),
             cameras=cameras if len(set(cameras)) > 1 else None,
-            group=images.parent.name,
+            group=Path(os.path.relpath(images, self.root)).as_posix(),
         )
 
     def _scenes(self) -> dict[str, Path]:

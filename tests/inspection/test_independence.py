@@ -17,7 +17,7 @@ def walk(start: float) -> np.ndarray:
     at = start + np.arange(N_FRAMES) / 30
     poses = np.broadcast_to(np.eye(4), (N_FRAMES, 4, 4)).copy()
     poses[:, :3, :3] = Rotation.from_rotvec(np.outer(at, (0.5, -1.0, 0.3))).as_matrix()
-    poses[:, :3, 3] = np.outer(at, (1.0, 2.0, -0.5)) + (4.0, -2.0, 1.0)
+    poses[:, :3, 3] = np.outer(at, (1.0, 2.0, -0.5)) + np.array([4.0, -2.0, 1.0])
     return poses
 
 

@@ -6,6 +6,7 @@ import math
 import cv2
 import numpy as np
 import pytest
+from tests.writers.exif import save_turned
 from tests.writers.nerfstudio import write_transforms
 
 from tracknoise.exceptions import DataError, SettingsError
@@ -89,6 +90,19 @@ def test_the_unit_of_depth(tmp_path, simulated, intrinsics):
     np.testing.assert_allclose(open_sequence("nerfstudio", tmp_path, depth_unit_m=1.0).depth(0).depth_m, 5000.0)
     with pytest.raises(SettingsError, match=r"depth_unit_m is 0.0, expected a number above 0"):
         make_reader("nerfstudio", tmp_path, {"depth_unit_m": 0.0})
+
+
+def test_images_are_used_as_they_are_stored(tmp_path, simulated, intrinsics):
+    """nerfstudio ignores the orientation in EXIF data; also where the size of the images is that of the first."""
+    names = ["0.jpg", "1.jpg"]
+    for index, orientation in enumerate((6, 3)):
+        save_turned(tmp_path / names[index], simulated.image(index), orientation)
+    unsized = {key: value for key, value in intrinsics.items() if key not in "wh"}
+    write_transforms(tmp_path, names, simulated.world_from_camera[:2], **unsized)
+    found = open_sequence("nerfstudio", tmp_path)
+    assert found.camera == simulated.camera
+    for index in range(2):
+        assert np.abs(found.image(index).astype(float) - simulated.image(index)).mean() < 3.0
 
 
 def test_depths_have_the_scale_that_was_applied_to_positions(tmp_path, simulated, intrinsics):

@@ -97,7 +97,7 @@ class Colmap:
             source=str(images),
             camera=cameras[0],
             world_from_camera=poses,
-            images=ImageFiles(tuple(images / name for name in names), cameras[0]),
+            images=ImageFiles(tuple(images / name for name in names), cameras[0], as_stored=True),
             depths=depth_files(depths, cameras[0], read_depth_map),
             notes=(
                 *CameraFile(cameras[0]).notes,

@@ -130,7 +130,7 @@ class Nerfstudio:
             source=str(path),
             camera=cameras[0],
             world_from_camera=poses,
-            images=ImageFiles(tuple(frame.image for frame in frames), cameras[0]),
+            images=ImageFiles(tuple(frame.image for frame in frames), cameras[0], as_stored=True),
             depths=depth_files(depths, cameras[0], read_depth),
             notes=(
                 *CameraFile(cameras[0]).notes,
@@ -211,7 +211,7 @@ def _path(entries: Entries, key: str) -> str:
 
 def _cameras(common: Entries, frames: list[_Frame]) -> tuple[CameraModel, ...]:
     """Camera of each frame, all of one size. What is said of a frame precedes what is said of all."""
-    size = image_size(first_readable(frame.image for frame in frames))
+    size = image_size(first_readable(frame.image for frame in frames), as_stored=True)
     made: dict[str, CameraModel] = {}
     cameras = []
     for frame in frames:

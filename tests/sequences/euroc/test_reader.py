@@ -317,6 +317,21 @@ def test_frames_without_an_image_of_the_second_camera_have_no_depth(scene):
     assert made.depth(3) is not None
 
 
+def test_depth_from_stereo_leaves_the_poses_between_images_as_they_were_recorded(scene):
+    """A rolling shutter and a clock offset need them."""
+    body_from_other = BODY_FROM_CAMERA.copy()
+    body_from_other[:3, 3] += BODY_FROM_CAMERA[:3, 0] * 0.11
+    write_images(scene / "mav0", "cam1", FRAMES_NS.tolist(), images(4))
+    write_sensor(scene / "mav0/cam1/sensor.yaml", (64, 48), INTRINSICS, body_from_camera=body_from_other)
+    recorded_ns = START_NS + 5_000_000 * np.arange(-2, 33)
+    shaken = motion(recorded_ns)
+    shaken[:, 0, 3] += 0.01 * np.sin(2 * np.pi * (recorded_ns - START_NS) / 50e6)
+    write_poses(table(scene), recorded_ns.tolist(), shaken @ INVERSE)
+    read = open_sequence("euroc", scene)
+    at_s = np.array([0.015, 0.06, 0.125])
+    np.testing.assert_array_equal(path_of(with_stereo_depth(read)).at(at_s), path_of(read).at(at_s))
+
+
 def test_a_second_camera_that_cannot_be_used_is_no_error(scene):
     write_images(scene / "mav0", "cam1", (FRAMES_NS[:3] + 1).tolist(), images(3))
     read = open_sequence("euroc", scene)

@@ -27,6 +27,7 @@ from tracknoise.sequences.registry import make_reader, open_sequence
 from tracknoise.sequences.sequence import path_of
 from tracknoise.sequences.simulated import Simulated
 from tracknoise.sequences.stereo import with_stereo_depth
+from tracknoise.truth.accuracies import known_accuracy
 
 INTRINSICS = (60.0, 61.0, 31.0, 24.0)
 RADTAN = (-0.28, 0.07, 0.0002, 1.8e-05)
@@ -441,3 +442,13 @@ def test_an_image_that_is_listed_and_missing_is_named_when_it_is_read(scene):
     assert read.image(1).shape == (48, 64)
     with pytest.raises(DataError, match=re.escape(f"{name}: no such file")):
         read.image(0)
+
+
+@pytest.mark.parametrize("folder", ["MH_01_easy", "machine_hall/MH_01_easy"])
+def test_the_stated_accuracy_is_that_of_the_machine_hall_wherever_the_recording_lies(tmp_path, folder):
+    """The laser tracker measured positions there; elsewhere nothing is stated."""
+    write_euroc(tmp_path / folder, images(4), motion(FRAMES_NS), intrinsics=INTRINSICS)
+    write_euroc(tmp_path / "vicon_room1/V1_01_easy", images(4), motion(FRAMES_NS), intrinsics=INTRINSICS)
+    reader = make_reader("euroc", tmp_path)
+    found = [known_accuracy(reader.open(one), "triangulated").figures for one in reader.sequences()]
+    assert [one.translation_white_m for one in found] == [0.001, None]

@@ -333,6 +333,17 @@ def test_depth_from_stereo_leaves_the_poses_between_images_as_they_were_recorded
     np.testing.assert_array_equal(path_of(with_stereo_depth(read)).at(at_s), path_of(read).at(at_s))
 
 
+def test_a_file_of_one_camera_is_not_that_of_the_second(scene, tmp_path):
+    body_from_other = BODY_FROM_CAMERA.copy()
+    body_from_other[:3, 3] += BODY_FROM_CAMERA[:3, 0] * 0.11
+    write_images(scene / "mav0", "cam1", FRAMES_NS.tolist(), images(4))
+    write_sensor(scene / "mav0/cam1/sensor.yaml", (64, 48), (70.0, 71.0, 31.0, 24.0), body_from_camera=body_from_other)
+    write_sensor(tmp_path / "mine.yaml", (64, 48), (50.0, 51.0, 31.0, 24.0))
+    read = open_sequence("euroc", scene, camera_file=tmp_path / "mine.yaml")
+    assert (read.camera.fx, read.second.camera.fx) == (50.0, 70.0)
+    np.testing.assert_allclose(read.second.first_from_second[:3, 3], (0.11, 0.0, 0.0), atol=1e-9)
+
+
 def test_a_second_camera_that_cannot_be_used_is_no_error(scene):
     write_images(scene / "mav0", "cam1", (FRAMES_NS[:3] + 1).tolist(), images(3))
     read = open_sequence("euroc", scene)

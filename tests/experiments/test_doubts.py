@@ -48,6 +48,16 @@ def test_a_planted_mistake_is_named(name):
     assert any(words in sentence for sentence in found), found
 
 
+def test_a_planted_mistake_is_named_where_the_camera_changes():
+    """By a thousandth of the focal length from image to image, as where each image was calibrated by itself."""
+    made = simulated()
+    focal = made.camera.fx * (1.0 + 1e-3 * np.sin(np.arange(len(made))))
+    changing = replace(made, cameras=tuple(replace(made.camera, fx=fx, fy=fx) for fx in focal.tolist()))
+    plant, _, words = MISTAKES["inverted"]
+    assert any(words in sentence for sentence in doubts(measured(plant(changing)), KINDS))
+    assert doubts(measured(changing), KINDS) == ()
+
+
 def test_clipped_depths_are_named():
     first = simulated().depth(0)
     largest = float(np.quantile(first.depth_m[first.valid], 0.6))

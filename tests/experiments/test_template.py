@@ -38,6 +38,18 @@ def test_every_reader_has_one_that_opens_the_recording(name, tmp_path):
     assert len(made.open(made.sequences()[0])) == len(written.open(written.sequences()[0]))
 
 
+def test_relative_paths_of_options_are_those_of_the_current_folder(tmp_path, monkeypatch):
+    """In an experiment file they would start from the folder of this file."""
+    written = LAYOUTS["tum"](tmp_path / "data", 3).reader
+    (tmp_path / "mine.yaml").write_text("width: 80\nheight: 60\nfx: 70\nfy: 70\ncx: 40\ncy: 30\n")
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "elsewhere" / "first.toml"
+    file.parent.mkdir()
+    file.write_text(experiment_template(written, written.root, {"camera_file": "mine.yaml"}))
+    dataset = resolve(load_experiment(file)).dataset
+    assert make_reader(dataset.reader, dataset.root, dataset.options).camera_file == tmp_path / "mine.yaml"
+
+
 def test_without_depth_it_says_how_truth_is_computed_and_can_be_run(sample, tmp_path):
     reader = make_reader("kitti-odometry", sample("kitti_odometry"))
     text = experiment_template(reader, sample("kitti_odometry"), {})

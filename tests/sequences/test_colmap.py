@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 from tests.writers.colmap import write_binary, write_depth_map, write_text
+from tests.writers.exif import save_turned
 
 from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.sequences.poses import has_pose
@@ -246,6 +247,30 @@ def test_images_in_another_place(tmp_path, simulated):
         open_sequence("colmap", tmp_path / "models")
     found = open_sequence("colmap", tmp_path / "models", image_folder=tmp_path / "pictures")
     np.testing.assert_array_equal(found.image(1), simulated.image(1))
+
+
+def test_scenes_are_a_group_if_they_have_the_same_images_and_not_if_folders_have_the_same_name(tmp_path, simulated):
+    """COLMAP's automatic reconstruction puts the images of every workspace into dense/0/images."""
+    names = ["0.png", "1.png"]
+    for workspace in ("kitchen/dense/0", "garden/dense/0"):
+        save(tmp_path / workspace / "images", simulated, names)
+        for model in ("sparse", "other/sparse"):
+            write_text(tmp_path / workspace / model, {1: pinhole(simulated.camera)}, posed(simulated, names))
+    reader = make_reader("colmap", tmp_path)
+    groups = {one.scene: reader.open(one).group for one in reader.sequences()}
+    assert len(groups) == 4
+    for workspace in ("kitchen/dense/0", "garden/dense/0"):
+        assert groups[f"{workspace}/sparse"] == groups[f"{workspace}/other/sparse"] == f"{workspace}/images"
+
+
+def test_images_are_used_as_they_are_stored(tmp_path, simulated):
+    """COLMAP ignores the orientation in EXIF data. 3 means that the camera was held upside down, 6 upright."""
+    for index, orientation in enumerate((3, 6)):
+        save_turned(tmp_path / f"images/{index}.jpg", simulated.image(index), orientation)
+    write_text(tmp_path / "sparse", {1: pinhole(simulated.camera)}, posed(simulated, ["0.jpg", "1.jpg"]))
+    found = open_sequence("colmap", tmp_path)
+    for index in range(2):
+        assert np.abs(found.image(index).astype(float) - simulated.image(index)).mean() < 3.0
 
 
 def test_no_reconstruction(tmp_path):

@@ -6,6 +6,7 @@ import math
 import cv2
 import numpy as np
 import pytest
+from tests.writers.exif import save_turned
 from tests.writers.nerfstudio import write_transforms
 
 from tracknoise.exceptions import DataError, SettingsError
@@ -89,6 +90,37 @@ def test_the_unit_of_depth(tmp_path, simulated, intrinsics):
     np.testing.assert_allclose(open_sequence("nerfstudio", tmp_path, depth_unit_m=1.0).depth(0).depth_m, 5000.0)
     with pytest.raises(SettingsError, match=r"depth_unit_m is 0.0, expected a number above 0"):
         make_reader("nerfstudio", tmp_path, {"depth_unit_m": 0.0})
+
+
+def test_images_are_used_as_they_are_stored(tmp_path, simulated, intrinsics):
+    """nerfstudio ignores the orientation in EXIF data; also where the size of the images is that of the first."""
+    names = ["0.jpg", "1.jpg"]
+    for index, orientation in enumerate((6, 3)):
+        save_turned(tmp_path / names[index], simulated.image(index), orientation)
+    unsized = {key: value for key, value in intrinsics.items() if key not in "wh"}
+    write_transforms(tmp_path, names, simulated.world_from_camera[:2], **unsized)
+    found = open_sequence("nerfstudio", tmp_path)
+    assert found.camera == simulated.camera
+    for index in range(2):
+        assert np.abs(found.image(index).astype(float) - simulated.image(index)).mean() < 3.0
+
+
+def test_depths_have_the_scale_that_was_applied_to_positions(tmp_path, simulated, intrinsics):
+    """nerfstudio multiplies depths by applied_scale, because the positions in the file were already multiplied."""
+    save(tmp_path, simulated, NAMES[:2])
+    cv2.imwrite(str(tmp_path / "d.png"), np.full((48, 64), 5000, np.uint16))
+    written = {"frames": [{"depth_file_path": "d.png"}, {}], **intrinsics}
+    poses = simulated.world_from_camera[:2].copy()
+    poses[:, :3, 3] *= 0.25
+    write_transforms(tmp_path, NAMES[:2], poses, applied_scale=0.25, **written)
+    found = open_sequence("nerfstudio", tmp_path)
+    np.testing.assert_allclose(found.depth(0).depth_m, 1.25)
+    np.testing.assert_allclose(open_sequence("nerfstudio", tmp_path, depth_unit_m=1.0).depth(0).depth_m, 1250.0)
+    said = "the unit of depth files is 0.00025 m: they are multiplied by applied_scale, 0.25, as positions were"
+    assert said in found.notes
+    write_transforms(tmp_path, NAMES[:2], poses, applied_scale=0, **written)
+    with pytest.raises(DataError, match=r"applied_scale = 0, expected a finite number above 0"):
+        open_sequence("nerfstudio", tmp_path)
 
 
 def test_smaller_depth_maps_are_enlarged(tmp_path, simulated, intrinsics):

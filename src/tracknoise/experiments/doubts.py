@@ -16,8 +16,9 @@ from tracknoise.inspection.evidence import Evidence
 from tracknoise.inspection.files_and_rates import intrinsics
 from tracknoise.inspection.jumps import pose_jumps
 from tracknoise.inspection.mistakes import mistakes
+from tracknoise.inspection.one_camera import seen_by_one_camera
 from tracknoise.inspection.pairs import FEWEST_POINTS, Flow, Pair
-from tracknoise.sequences.sequence import ChangingCamera, TruthKind
+from tracknoise.sequences.sequence import TruthKind
 
 if TYPE_CHECKING:
     from tracknoise.experiments.measure import Measurement
@@ -57,14 +58,12 @@ def _of_poses(measurement: "Measurement") -> list[Item]:
 
 
 def _of_mistakes(measurement: "Measurement", observed: pl.DataFrame) -> list[Item]:
-    """The usual mistakes and clipped depths, from the tracks of one tracker. A camera that changes is left out."""
+    """The usual mistakes and clipped depths, from the tracks of one tracker."""
     sequence = measurement.sequence
-    if isinstance(sequence, ChangingCamera) and len({sequence.camera_at(i) for i in range(measurement.n_frames)}) > 1:
-        return []
     born = measurement.truth in (TruthKind.birth, TruthKind.raycast)
     pairs = tuple(_pairs(observed, _depths_at_birth(measurement, observed) if born else {}))
     poses = sequence.world_from_camera[: measurement.n_frames]
-    evidence = Evidence.of(Flow(pairs, ()), poses, sequence.camera)
+    evidence = Evidence.of(seen_by_one_camera(Flow(pairs, ()), sequence), poses, sequence.camera)
     named = mistakes(evidence)
     clipped = clipped_depth(evidence) if named.severity is not Severity.fatal else None
     return [named, *filter(None, [clipped])]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import tomlkit
 
-from tracknoise.sequences.registry import reader_defaults
+from tracknoise.sequences.registry import READERS, reader_defaults
 from tracknoise.sequences.sequence import TRIANGULATED, Reader, Sequence
 
 _MOST_NAMED = 6
@@ -26,7 +26,8 @@ def experiment_template(reader: Reader, path: Path | None, options: Mapping[str,
     path
         Folder of the data; None where the reader needs none.
     options
-        Options of the reader that differ from the defaults.
+        Options of the reader that differ from the defaults; relative paths start from the current folder, and are
+        written as absolute ones.
 
     Raises
     ------
@@ -37,7 +38,10 @@ def experiment_template(reader: Reader, path: Path | None, options: Mapping[str,
     first = reader.open(listed[0])
     scenes = list(dict.fromkeys(item.scene for item in listed))
     name = (path or Path(reader.name)).resolve().name.strip(".") or reader.name
-    dataset = [_dataset(reader, path, scenes), _options(reader.name, options)]
+    dataset = [
+        _dataset(reader, path, scenes),
+        _options(reader.name, READERS.with_paths_from(Path(), reader.name, options)),
+    ]
     parts = [_heading(name, path, first), *dataset, _truth(first), _trackers()]
     return "\n".join(chain.from_iterable(parts)) + "\n"
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.inspection.flow import measure_flow, windows
 from tracknoise.inspection.hypotheses import Hypothesis
+from tracknoise.inspection.one_camera import seen_by_one_camera
 from tracknoise.inspection.pairs import Flow, Pair
 from tracknoise.inspection.residuals import median_residual_px
 from tracknoise.sequences.sequence import Sequence
@@ -59,14 +60,15 @@ class Evidence:
 
     @classmethod
     def measured(cls, sequence: Sequence) -> "Evidence":
-        """Measure the image motion of a sequence.
+        """Measure the image motion of a sequence; as its first camera would have seen it, if the camera changes.
 
         Raises
         ------
         DataError
             If an image or depth cannot be read.
         """
-        return cls.of(measure_flow(sequence, windows(len(sequence))), sequence.world_from_camera, sequence.camera)
+        flow = measure_flow(sequence, windows(len(sequence)))
+        return cls.of(seen_by_one_camera(flow, sequence), sequence.world_from_camera, sequence.camera)
 
 
 def thinned(pairs: ListOf[Pair]) -> list[Pair]:

@@ -48,8 +48,12 @@ def _continues(first: Sequence, second: Sequence) -> bool:
 
 
 def _apart_in_time(first: Sequence, second: Sequence) -> bool:
-    """Whether both have timestamps, and the second does not follow the first within a few frames."""
+    """Whether both have timestamps of one clock, and the second does not follow the first within a few frames.
+
+    Times may have any origin. Where both scenes begin at the same time, it is that of the first frame of each, and says
+    nothing.
+    """
     before, after = first.timestamps_s, second.timestamps_s
-    if before is None or after is None:
+    if before is None or after is None or before[0] == after[0]:
         return False
     return not 0.0 < after[0] - before[-1] <= _MOST_STEPS * float(np.median(np.diff(before)))

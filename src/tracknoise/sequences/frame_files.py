@@ -27,18 +27,21 @@ class ImageFiles:
         Whose size the images must have.
     levels
         Values of 16-bit images that become 0 and 255; None where all images must have 8 bits.
+    as_stored
+        Whether what EXIF data say of the orientation is ignored, as the program that made the poses did.
     """
 
     paths: tuple[Path, ...]
     camera: CameraModel
     levels: Levels | None = None
+    as_stored: bool = False
 
     def __len__(self) -> int:
         return len(self.paths)
 
     def __call__(self, index: int) -> NDArray[np.uint8]:
         """(height, width) uint8: see `tracknoise.sequences.images.read_gray`."""
-        return read_gray(self.paths[index], self.camera, levels=self.levels)
+        return read_gray(self.paths[index], self.camera, levels=self.levels, as_stored=self.as_stored)
 
 
 @dataclass(frozen=True, slots=True)

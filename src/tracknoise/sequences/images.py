@@ -28,15 +28,15 @@ NO_DEPTH = (0, _MOST_LEVEL)
 """16-bit integers that are no depth: nothing was measured, or more than can be written."""
 
 
-def image_size(path: Path) -> tuple[int, int]:
-    """(width, height) of an image file, px.
+def image_size(path: Path, *, as_stored: bool = False) -> tuple[int, int]:
+    """(width, height) of an image file, px; `as_stored` as `read_gray` takes it.
 
     Raises
     ------
     DataError
         If the file is missing, truncated or no image.
     """
-    height, width = _decode(path, cv2.IMREAD_GRAYSCALE).shape
+    height, width = _decode(path, _gray_flags(as_stored=as_stored)).shape
     return width, height
 
 
@@ -52,7 +52,9 @@ def first_readable(paths: Iterable[Path]) -> Path:
     return next((path for path in (first, *others) if is_readable(path)), first)
 
 
-def read_gray(path: Path, camera: CameraModel, *, levels: Levels | None = None) -> NDArray[np.uint8]:
+def read_gray(
+    path: Path, camera: CameraModel, *, levels: Levels | None = None, as_stored: bool = False
+) -> NDArray[np.uint8]:
     """Read a PNG, JPEG or BMP file in 8-bit grayscale, exactly as ``cv2.imread(path, cv2.IMREAD_GRAYSCALE)`` gives it.
 
     That would divide an image of 16 bits by 256, although most such images use a part of the range: see `scaled`.
@@ -65,6 +67,8 @@ def read_gray(path: Path, camera: CameraModel, *, levels: Levels | None = None) 
         Whose size the image must have.
     levels
         Values of an image of 16 bits that become 0 and 255; without them, it is refused.
+    as_stored
+        Whether the rows are those of the file, although its EXIF data may say that the image was taken turned.
 
     Returns
     -------
@@ -75,7 +79,7 @@ def read_gray(path: Path, camera: CameraModel, *, levels: Levels | None = None) 
     DataError
         If the file is missing, truncated, no image, of another size than the camera's, or of 16 bits without levels.
     """
-    image = _decode(path, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
+    image = _decode(path, _gray_flags(as_stored=as_stored) | cv2.IMREAD_ANYDEPTH)
     require_size(path, image.shape, camera)
     if image.dtype == np.uint8:
         return image
@@ -220,6 +224,10 @@ def decode_image(place: str | Path, data: bytes, flags: int) -> NDArray[Any]:
     if image is None:
         raise DataError(place, "an image that cannot be decoded", f"a {KINDS}")
     return image
+
+
+def _gray_flags(*, as_stored: bool) -> int:
+    return cv2.IMREAD_GRAYSCALE | (cv2.IMREAD_IGNORE_ORIENTATION if as_stored else 0)
 
 
 def _decode(path: Path, flags: int) -> NDArray[Any]:

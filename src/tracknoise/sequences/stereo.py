@@ -15,8 +15,9 @@ from tracknoise.exceptions import DataError, first_line
 from tracknoise.geometry.accuracy import DepthAccuracy
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
+from tracknoise.geometry.interpolation import PosePath
 from tracknoise.geometry.rectification import Rectification, origins, rectify
-from tracknoise.sequences.sequence import SecondCamera, Sequence, TruthKind, second_of
+from tracknoise.sequences.sequence import SecondCamera, Sequence, TruthKind, path_of, second_of
 from tracknoise.sequences.views import View
 
 DISPARITY_SIGMA_PX = 0.25
@@ -64,6 +65,11 @@ class StereoDepth(View):
 
     second: SecondCamera
     pair: Rectification
+
+    @property
+    def path(self) -> PosePath | None:
+        """Poses over time: those of the sequence shown."""
+        return path_of(self.sequence)
 
     @property
     def truths(self) -> tuple[str, ...]:

@@ -27,6 +27,7 @@ from tracknoise.sequences.registry import make_reader, open_sequence
 from tracknoise.sequences.sequence import path_of
 from tracknoise.sequences.simulated import Simulated
 from tracknoise.sequences.stereo import with_stereo_depth
+from tracknoise.truth.accuracies import known_accuracy
 
 INTRINSICS = (60.0, 61.0, 31.0, 24.0)
 RADTAN = (-0.28, 0.07, 0.0002, 1.8e-05)
@@ -245,6 +246,13 @@ def test_the_clock_of_the_poses_is_that_of_the_images_plus_the_shift(tmp_path):
             (3, 4, 5, 6, 0, 1, 2),
         ),
         ("#time,some,thing,else,that,names,no,columns", (0, 1, 2, 3, 4, 5, 6)),
+        ("#timestamp [ns], x [m], y [m], z [m], qx, qy, qz, qw", (0, 1, 2, 4, 5, 6, 3)),
+        ("time,east,north,up,q_x,q_y,q_z,q_w", (0, 1, 2, 4, 5, 6, 3)),
+        (
+            "time,field.rotation.x,field.rotation.y,field.rotation.z,field.rotation.w,"
+            "field.translation.x,field.translation.y,field.translation.z",
+            (4, 5, 6, 3, 0, 1, 2),
+        ),
     ],
 )
 def test_columns_are_found_by_their_names_else_the_scalar_is_first(scene, header, order):
@@ -256,6 +264,14 @@ def test_columns_are_found_by_their_names_else_the_scalar_is_first(scene, header
         lines.append(f"{time},{numbers(usual[list(order)])}")
     table(scene).write_text("\r\n".join(lines))
     np.testing.assert_allclose(open_sequence("euroc", scene).world_from_camera, motion(FRAMES_NS), atol=1e-9)
+
+
+def test_a_header_that_names_the_quaternion_where_positions_would_be_is_refused(scene):
+    path = table(scene)
+    rows = path.read_text().splitlines()[1:]
+    path.write_text("\n".join(["time,qw,qx,qy,qz,east,north,up,a,b,c", *rows]))
+    with pytest.raises(DataError, match="names of a part of the columns"):
+        open_sequence("euroc", scene)
 
 
 def test_another_camera_of_the_body(scene):
@@ -300,6 +316,32 @@ def test_frames_without_an_image_of_the_second_camera_have_no_depth(scene):
     made = with_stereo_depth(read)
     assert made.depth(2) is None
     assert made.depth(3) is not None
+
+
+def test_depth_from_stereo_leaves_the_poses_between_images_as_they_were_recorded(scene):
+    """A rolling shutter and a clock offset need them."""
+    body_from_other = BODY_FROM_CAMERA.copy()
+    body_from_other[:3, 3] += BODY_FROM_CAMERA[:3, 0] * 0.11
+    write_images(scene / "mav0", "cam1", FRAMES_NS.tolist(), images(4))
+    write_sensor(scene / "mav0/cam1/sensor.yaml", (64, 48), INTRINSICS, body_from_camera=body_from_other)
+    recorded_ns = START_NS + 5_000_000 * np.arange(-2, 33)
+    shaken = motion(recorded_ns)
+    shaken[:, 0, 3] += 0.01 * np.sin(2 * np.pi * (recorded_ns - START_NS) / 50e6)
+    write_poses(table(scene), recorded_ns.tolist(), shaken @ INVERSE)
+    read = open_sequence("euroc", scene)
+    at_s = np.array([0.015, 0.06, 0.125])
+    np.testing.assert_array_equal(path_of(with_stereo_depth(read)).at(at_s), path_of(read).at(at_s))
+
+
+def test_a_file_of_one_camera_is_not_that_of_the_second(scene, tmp_path):
+    body_from_other = BODY_FROM_CAMERA.copy()
+    body_from_other[:3, 3] += BODY_FROM_CAMERA[:3, 0] * 0.11
+    write_images(scene / "mav0", "cam1", FRAMES_NS.tolist(), images(4))
+    write_sensor(scene / "mav0/cam1/sensor.yaml", (64, 48), (70.0, 71.0, 31.0, 24.0), body_from_camera=body_from_other)
+    write_sensor(tmp_path / "mine.yaml", (64, 48), (50.0, 51.0, 31.0, 24.0))
+    read = open_sequence("euroc", scene, camera_file=tmp_path / "mine.yaml")
+    assert (read.camera.fx, read.second.camera.fx) == (50.0, 70.0)
+    np.testing.assert_allclose(read.second.first_from_second[:3, 3], (0.11, 0.0, 0.0), atol=1e-9)
 
 
 def test_a_second_camera_that_cannot_be_used_is_no_error(scene):
@@ -411,3 +453,13 @@ def test_an_image_that_is_listed_and_missing_is_named_when_it_is_read(scene):
     assert read.image(1).shape == (48, 64)
     with pytest.raises(DataError, match=re.escape(f"{name}: no such file")):
         read.image(0)
+
+
+@pytest.mark.parametrize("folder", ["MH_01_easy", "machine_hall/MH_01_easy"])
+def test_the_stated_accuracy_is_that_of_the_machine_hall_wherever_the_recording_lies(tmp_path, folder):
+    """The laser tracker measured positions there; elsewhere nothing is stated."""
+    write_euroc(tmp_path / folder, images(4), motion(FRAMES_NS), intrinsics=INTRINSICS)
+    write_euroc(tmp_path / "vicon_room1/V1_01_easy", images(4), motion(FRAMES_NS), intrinsics=INTRINSICS)
+    reader = make_reader("euroc", tmp_path)
+    found = [known_accuracy(reader.open(one), "triangulated").figures for one in reader.sequences()]
+    assert [one.translation_white_m for one in found] == [0.001, None]

@@ -51,6 +51,14 @@ def test_images_are_rectified_only_where_a_word_of_their_topic_says_so(tmp_path,
     assert camera_of(tmp_path, topic=topic, p=p)[0].fx == focal
 
 
+def test_the_second_camera_of_a_rectified_pair_is_said(tmp_path):
+    """P has -fx times the baseline; some drivers give both cameras the frame of the first."""
+    p = np.array([70.0, 0.0, 39.5, -8.4, 0.0, 70.0, 29.5, 0.0, 0.0, 0.0, 1.0, 0.0])
+    _, notes = camera_of(tmp_path, topic="/right/image_rect", p=p)
+    said = "second camera of a pair, 0.12 m beside the first; the frame of the images is taken as its own"
+    assert any(said in note for note in notes)
+
+
 def test_joined_pixels_and_a_part_of_the_image(tmp_path):
     """The same ray has the position u in the full image, and (u + 0.5 - left) / 2 - 0.5 in the part at half size."""
     camera, _ = camera_of(tmp_path, shape=(20, 30), binning=(2, 2), roi=(10, 4, 60, 40), d=RADTAN)

@@ -15,7 +15,7 @@ from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.pose import invert
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.registry import make_reader, open_sequence
-from tracknoise.sequences.sequence import Sequence
+from tracknoise.sequences.sequence import Sequence, path_of
 
 START_NS, STEP_NS = 1_700_000_000_123_456_789, 33_333_333
 EVERY = pytest.mark.parametrize("kind", Format)
@@ -131,6 +131,32 @@ def test_tf_chain_is_resolved_and_each_link_interpolated(tmp_path, simulated, ki
     np.testing.assert_allclose(opened(tmp_path).world_from_camera, expected, atol=1e-9)
     of_odom = opened(tmp_path, world_frame="laser", camera_frame="odom").world_from_camera
     np.testing.assert_allclose(of_odom, [invert(turn(moved) @ LASER) for moved in moves], atol=1e-9)
+
+
+def test_between_images_poses_are_those_that_were_recorded(tmp_path, simulated):
+    """Two links move, at times of their own; one of them is shaken between the images, and not seen for a while."""
+    content = Content(simulated)
+    period_s = STEP_NS / SECOND_NS
+    lost_s = (2.3 * period_s, 2.7 * period_s)
+
+    def shaken(at_s: float) -> np.ndarray:
+        return slide(0.1 * float(np.sin(2 * np.pi * at_s / period_s)))
+
+    with BagWriter(tmp_path / "run", Format.mcap) as bag:
+        content.intrinsics(bag)
+        content.images(bag)
+        for stamp in range(START_NS - STEP_NS, START_NS + 4 * STEP_NS, 2_000_000):
+            at_s = (stamp - START_NS) / SECOND_NS
+            if not lost_s[0] < at_s < lost_s[1]:
+                bag.tf("/tf", stamp, ("map", "odom", shaken(at_s)))
+        for stamp in range(START_NS - STEP_NS, START_NS + 4 * STEP_NS, 5_000_000):
+            bag.tf("/tf", stamp, ("odom", OPTICAL, turn((stamp - START_NS) / SECOND_NS)))
+    found = opened(tmp_path, max_pose_gap_s=0.008)
+    path = path_of(found)
+    np.testing.assert_array_equal(path.at(found.timestamps_s), found.world_from_camera)
+    at_s = np.array([0.25, 0.6, 1.3, 2.9]) * period_s
+    np.testing.assert_allclose(path.at(at_s), [shaken(one) @ turn(one) for one in at_s], atol=5e-3)
+    assert np.isnan(path.at(np.array([2.5 * period_s, 6 * period_s]))).all()
 
 
 def test_frames_with_two_parents_are_refused(tmp_path, simulated):

@@ -207,6 +207,9 @@ def test_poses_of_a_body_need_to_know_where_the_camera_is(scene):
     body_from_camera = np.array([[1.0, 0, 0, 0.5], [0, 0, -1, 0], [0, 1, 0, 0.25], [0, 0, 0, 1]])
     moved = open_sequence("tum", scene, poses_of="body").world_from_camera
     np.testing.assert_allclose(moved, poses(4) @ body_from_camera, atol=1e-9)
+    (scene / "camera.yaml").write_text((scene / "camera.yaml").read_text() + "timeshift_cam_imu: 0.0125\n")
+    shifted = "the camera file states a time shift of 12.5 ms; only the option time_shift_s is applied"
+    assert shifted in open_sequence("tum", scene, poses_of="body").notes
     unmoved = open_sequence("tum", scene)
     np.testing.assert_allclose(unmoved.world_from_camera, poses(4), atol=1e-9)
     assert any("taken as those of the camera" in note for note in unmoved.notes)
@@ -241,6 +244,26 @@ def test_icl_nuim_has_negative_fy_numbers_for_times_and_no_pose_of_frame_0(tmp_p
         expected = np.stack([319.5 + 481.2 * x / z, 239.5 - 480.0 * y / z], axis=-1)
         seen = read.camera.project(transform(invert(read.world_from_camera[index]), points_up * (1.0, -1.0, 1.0)))
         np.testing.assert_allclose(seen, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("file", "text"),
+    [
+        ("camera.yaml", "width: 640\nheight: 480\nfx: 481.2\nfy: 480\ncx: 319.5\ncy: 239.5\n"),
+        ("calibration.txt", "481.2 480 319.5 239.5\n"),
+        ("calibration.txt", "481.2 -480 319.5 239.5\n"),
+    ],
+)
+def test_the_poses_of_icl_nuim_are_turned_with_any_camera_file(tmp_path, file, text):
+    """Camera files cannot hold a negative fy; the poses are those that were published all the same."""
+    folder = tmp_path / "living_room_traj2_frei_png"
+    write_icl_nuim(folder, poses(2))
+    published = open_sequence("tum", folder)
+    (folder / file).write_text(text)
+    read = open_sequence("tum", folder)
+    assert read.camera == published.camera
+    np.testing.assert_array_equal(read.world_from_camera, published.world_from_camera)
+    assert sum("turned down" in note for note in read.notes) == 1
 
 
 def test_a_negative_fy_in_a_calibration_file_turns_the_poses_too(scene):

@@ -284,6 +284,18 @@ def test_colmap_databases_of_other_images_or_with_impossible_matches_are_refused
         settings.start(context())
 
 
+def test_images_of_a_colmap_database_are_in_the_order_of_the_numbers_in_their_names(tmp_path):
+    """In the order of the alphabet, 10.png to 14.png would be before 5.png, and frames would be mixed up."""
+    colmap(tmp_path / "colmap.db", observed())
+    settings = Imported(str(tmp_path / "colmap.db"))
+    expected = [positions(settings.start(context()), k) for k in range(N_FRAMES)]
+    with closing(sqlite3.connect(tmp_path / "colmap.db")) as database, database:
+        for k in range(N_FRAMES):
+            database.execute("UPDATE images SET name = ? WHERE name = ?", (f"{k + 5}.png", f"frame{k:05}.png"))
+    for k in range(N_FRAMES):
+        np.testing.assert_array_equal(positions(settings.start(context()), k), expected[k])
+
+
 def test_a_colmap_database_that_is_being_written_is_refused(tmp_path):
     colmap(tmp_path / "colmap.db", observed())
     settings = Imported(str(tmp_path / "colmap.db"))

@@ -1,5 +1,6 @@
 """The reader of reconstructions of COLMAP: see docs/formats/colmap.md."""
 
+import os
 from dataclasses import KW_ONLY, dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -10,13 +11,14 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.foreign.files import is_folder, is_regular_file
+from tracknoise.foreign.natural_order import natural_order
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.sequences.camera_files import CameraFile
 from tracknoise.sequences.colmap import binary, text
 from tracknoise.sequences.colmap.depth_maps import read_depth_map
 from tracknoise.sequences.colmap.model import Reconstruction, camera_of, poses_of, reconstruction
 from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_notes
-from tracknoise.sequences.image_names import folders_of, image_names, natural_order
+from tracknoise.sequences.image_names import folders_of, image_names
 from tracknoise.sequences.option_text import with_option
 from tracknoise.sequences.poses import pose_notes
 from tracknoise.sequences.recorded import RecordedSequence
@@ -95,7 +97,7 @@ class Colmap:
             source=str(images),
             camera=cameras[0],
             world_from_camera=poses,
-            images=ImageFiles(tuple(images / name for name in names), cameras[0]),
+            images=ImageFiles(tuple(images / name for name in names), cameras[0], as_stored=True),
             depths=depth_files(depths, cameras[0], read_depth_map),
             notes=(
                 *CameraFile(cameras[0]).notes,
@@ -105,7 +107,7 @@ class Colmap:
                 _SCALE,
             ),
             cameras=cameras if len(set(cameras)) > 1 else None,
-            group=images.parent.name,
+            group=Path(os.path.relpath(images, self.root)).as_posix(),
         )
 
     def _scenes(self) -> dict[str, Path]:

@@ -10,7 +10,7 @@ from tracknoise.exceptions import DataError, TracknoiseError
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.pose import invert
 from tracknoise.sequences.euroc.layout import Files
-from tracknoise.sequences.euroc.sensors import read_camera
+from tracknoise.sequences.euroc.sensors import names_cameras, read_camera
 from tracknoise.sequences.euroc.tables import file_names, read_table
 from tracknoise.sequences.images import Levels, read_gray
 from tracknoise.sequences.sequence import SecondCamera
@@ -38,7 +38,7 @@ def find_second(
     times_ns
         (n,) int64: times of its images.
     camera_file
-        A file of both cameras, if it is used in place of the recording's.
+        A file that is used in place of the recording's. If it does not name cameras, it is that of the first alone.
     levels
         Of 16-bit images.
 
@@ -53,7 +53,8 @@ def find_second(
     if name is None:
         return None, ()
     try:
-        calibration = read_camera(camera_file or files.calibration(name), name)
+        of_both = camera_file if camera_file is not None and names_cameras(camera_file) else None
+        calibration = read_camera(of_both or files.calibration(name), name)
         paths = _paths_at(files, name, times_ns)
     except TracknoiseError as error:
         return None, (f"{name} gives no stereo depth: {error}",)

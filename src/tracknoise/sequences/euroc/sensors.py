@@ -24,7 +24,7 @@ def read_camera(path: Path, camera: str) -> CameraFile:
     DataError
         If the file is missing or damaged, or does not state the camera's place.
     """
-    read = read_camera_file(path, camera=camera if _names_cameras(path) else None)
+    read = read_camera_file(path, camera=camera if names_cameras(path) else None)
     if read.body_from_camera is None:
         raise DataError(path, f"no place of {camera} on the body", f"{_EXTRINSICS} or T_cam_imu")
     return read
@@ -53,7 +53,7 @@ def read_sensor_from_body(path: Path) -> tuple[NDArray[np.float64], tuple[str, .
     return sensor_from_body, ()
 
 
-def _names_cameras(path: Path) -> bool:
+def names_cameras(path: Path) -> bool:
     """Whether a file holds several cameras by name, as Kalibr's do; a ``sensor.yaml`` holds one without a name."""
     return path.suffix in (".yaml", ".yml") and any(map(_NAME.fullmatch, read_yaml(path)))
 

@@ -16,6 +16,11 @@ _LARGEST_NS = 2**63 - 1
 _POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
 _USUAL = (1, 2, 3, 5, 6, 7, 4)
 """Columns of `_POSE` where a header does not name them: the scalar of the quaternion is first."""
+_COLUMN = re.compile(
+    r"(?:(?:.*\.)?(?:p|t|pos|position|translation)(?:_?[A-Z]+)*[_.]?)?(?P<p>[xyz])\s*(?:\[.*\])?"
+    r"|(?:.*\.)?(?:q|quat|quaternion|rot|rotation|orientation)(?:_?[A-Z]+)*[_.]?(?P<q>[wxyz])\s*(?:\[.*\])?"
+)
+"""Names of columns of a pose: ``p_RS_R_x [m]``, ``tx``, ``x``; ``q_RS_w []``, ``qw``, ``rotation.w``."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,9 +99,12 @@ def pose_rows(table: Table) -> NDArray[np.float64]:
     Raises
     ------
     DataError
-        If there are positions only, or naming the first row with too few fields or one that is not a number.
+        If there are positions only, or names of a part of the columns that leave no room for the others, or naming the
+        first row with too few fields or one that is not a number.
     """
     columns = _pose_columns(table.header)
+    if len({*columns}) < len(columns):
+        raise DataError(table.path, "names of a part of the columns of the pose", f"{', '.join(_POSE)}, or no names")
     if len(table.rows[0]) <= max(_USUAL) and len(table.rows[0]) <= max(columns):
         raise DataError(table.places[0], f"{len(table.rows[0])} fields", "a time, a position and a quaternion")
     pairs = zip(table.places, table.rows, strict=True)
@@ -104,13 +112,15 @@ def pose_rows(table: Table) -> NDArray[np.float64]:
 
 
 def _pose_columns(header: list[str]) -> tuple[int, ...]:
+    """Columns of `_POSE`: positions and quaternions by their names, each where all of their names are there."""
     found: dict[str, int] = {}
     for column, name in enumerate(header):
-        match = re.fullmatch(r"([ptq])(?:_?[A-Z]+)*_?([wxyz])\s*(?:\[.*\])?", name)
-        if match:
-            kind = "q" if match[1] == "q" else "p"
-            found.setdefault(kind + match[2], column)
-    return tuple(found[name] for name in _POSE) if found.keys() >= set(_POSE) else _USUAL
+        match = _COLUMN.fullmatch(name)
+        if match and match.lastgroup:
+            found.setdefault(match.lastgroup + match[match.lastgroup], column)
+    named = {kind: all(name in found for name in _POSE if name[0] == kind) for kind in "pq"}
+    pairs = zip(_POSE, _USUAL, strict=True)
+    return tuple(found[name] if named[name[0]] else usual for name, usual in pairs)
 
 
 def _is_text(field: str) -> bool:

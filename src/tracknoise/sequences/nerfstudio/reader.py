@@ -15,12 +15,12 @@ from tracknoise.checks import require_positive
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.files import is_regular_file
 from tracknoise.foreign.json_file import read_json_object
+from tracknoise.foreign.natural_order import natural_order
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.camera_files import CameraFile
 from tracknoise.sequences.camera_files.entries import Entries
 from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_notes
-from tracknoise.sequences.image_names import natural_order
 from tracknoise.sequences.images import (
     first_readable,
     image_size,
@@ -39,7 +39,8 @@ _CV_FROM_GL = np.diag([1.0, -1.0, -1.0, 1.0])
 _UNIT_KEYS = ("depth_unit_scale_factor", "integer_depth_scale")
 _MILLIMETRE = 0.001
 _SUFFIXES = ("", ".png", ".jpg", ".jpeg")
-_APPLIED = ("applied_transform", "applied_scale")
+_SCALE = "applied_scale"
+_APPLIED = ("applied_transform", _SCALE)
 _EXPECTED = "fl_x, fl_y, cx, cy and frames in JSON"
 
 
@@ -71,7 +72,8 @@ class Nerfstudio:
     depth_files
         Whether depth files are read.
     depth_unit_m
-        Depth of the number 1 in depth files, metres; by default what the file says, or 0.001.
+        Depth of the number 1 in depth files, metres; by default what the file says, or 0.001. ``applied_scale`` of the
+        file multiplies it, as it did the positions.
 
     Raises
     ------
@@ -128,7 +130,7 @@ class Nerfstudio:
             source=str(path),
             camera=cameras[0],
             world_from_camera=poses,
-            images=ImageFiles(tuple(frame.image for frame in frames), cameras[0]),
+            images=ImageFiles(tuple(frame.image for frame in frames), cameras[0], as_stored=True),
             depths=depth_files(depths, cameras[0], read_depth),
             notes=(
                 *CameraFile(cameras[0]).notes,
@@ -150,17 +152,26 @@ class Nerfstudio:
         return find_scenes(self.root, lambda _, files: not {*names}.isdisjoint(files), expected=expected)
 
     def _unit_m(self, common: Entries) -> float:
+        """Depth of the number 1 in the unit of the poses."""
         name = common.name(*_UNIT_KEYS)
         stated = _MILLIMETRE if name is None else common.number(name, positive=True)
-        return stated if self.depth_unit_m is None else self.depth_unit_m
+        return _applied_scale(common) * (stated if self.depth_unit_m is None else self.depth_unit_m)
 
     def _notes(self, common: Entries, depths: tuple[Path | None, ...]) -> Iterator[str]:
         yield "images are in the order of their names, and taken as consecutive frames of one camera path"
         if any(depths):
-            yield f"the unit of depth files is {self._unit_m(common):g} m"
+            scale = _applied_scale(common)
+            scaled = f": they are multiplied by applied_scale, {scale:g}, as positions were" if scale != 1.0 else ""
+            yield f"the unit of depth files is {self._unit_m(common):g} m{scaled}"
         applied = [name for name in _APPLIED if name in common.values]
         stays = f"; {' and '.join(applied)} stays applied" if applied else ""
         yield f"lengths are in the unit of the poses, which need not be metres{stays}"
+
+
+def _applied_scale(common: Entries) -> float:
+    """By how much positions were multiplied when the file was written; depth files were not."""
+    stated = common.values.get(_SCALE) is not None
+    return common.number(_SCALE, positive=True) if stated else 1.0
 
 
 def _frames(common: Entries) -> list[_Frame]:
@@ -200,7 +211,7 @@ def _path(entries: Entries, key: str) -> str:
 
 def _cameras(common: Entries, frames: list[_Frame]) -> tuple[CameraModel, ...]:
     """Camera of each frame, all of one size. What is said of a frame precedes what is said of all."""
-    size = image_size(first_readable(frame.image for frame in frames))
+    size = image_size(first_readable(frame.image for frame in frames), as_stored=True)
     made: dict[str, CameraModel] = {}
     cameras = []
     for frame in frames:

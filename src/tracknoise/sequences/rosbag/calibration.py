@@ -142,4 +142,10 @@ def _notes(place: str, info: CameraInfo, *, rectified: bool) -> tuple[str, ...]:
         return ()
     turned = np.abs(np.array(info.r) - np.eye(3).ravel()).max() > _ROTATION_TOLERANCE and any(info.r)
     frame = ", and the frame of the images is taken as that of the rectified camera" if turned else ""
-    return (f"{place}: the name of the image topic says that the images are rectified, so P is used and not K{frame}",)
+    used = f"{place}: the name of the image topic says that the images are rectified, so P is used and not K{frame}"
+    baseline_m = -info.p[3] / info.p[0]
+    beside = (
+        f"{place}: by P, this is the second camera of a pair, {baseline_m:.4g} m beside the first; the frame of the "
+        "images is taken as its own, not as that of the first camera"
+    )
+    return (used, *((beside,) if baseline_m else ()))

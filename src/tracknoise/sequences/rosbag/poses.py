@@ -8,12 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.geometry.interpolation import PosePath
 from tracknoise.sequences.option_text import with_option
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.rosbag.frames import Clock, times_ns
 from tracknoise.sequences.rosbag.links import Link
 from tracknoise.sequences.rosbag.scan import Scan
 from tracknoise.sequences.rosbag.trajectory import Step, Tree, poses_along
+from tracknoise.sequences.timed.trajectory import path_through
 
 _BODY = "(body)"
 _OPTICAL = "optical"
@@ -42,8 +44,8 @@ class Frames:
 
 def camera_poses(
     path: Path, scan: Scan, frames: Frames, at_ns: NDArray[np.int64], *, clock: Clock, max_gap_s: float
-) -> tuple[NDArray[np.float64], tuple[str, ...]]:
-    """Poses of the camera at given times.
+) -> tuple[NDArray[np.float64], PosePath, tuple[str, ...]]:
+    """Poses of the camera at given times, and between them.
 
     Parameters
     ----------
@@ -64,6 +66,8 @@ def camera_poses(
     -------
     world_from_camera : (n, 4, 4) float64
         NaN where the pose is not known.
+    path : PosePath
+        At these times, in seconds after the first, and at all times of transforms.
     notes : tuple of str
         Where the poses come from, and what was assumed.
 
@@ -81,9 +85,12 @@ def camera_poses(
     at_s: NDArray[np.float64] = (at_ns - at_ns[0]) / 1e9
     poses = poses_along(steps, seconds, at_s, max_gap_s=max_gap_s)
     _require_some(path, steps, [seconds(step.link) for step in steps], at_s, int(np.count_nonzero(has_pose(poses))))
+    recorded_s = np.unique(np.concatenate([seconds(step.link) for step in steps if not step.link.is_static]))
+    recorded = poses_along(steps, seconds, recorded_s, max_gap_s=max_gap_s)
     if frames.body_from_camera is not None:
-        poses = poses @ frames.body_from_camera
-    return poses, (*notes, *_left_out(steps))
+        poses, recorded = poses @ frames.body_from_camera, recorded @ frames.body_from_camera
+    along = path_through(at_s, poses, PosePath(recorded_s, recorded), max_gap_s=max_gap_s)
+    return poses, along, (*notes, *_left_out(steps))
 
 
 def _steps(path: Path, scan: Scan, frames: Frames) -> tuple[list[Step], tuple[str, ...]]:

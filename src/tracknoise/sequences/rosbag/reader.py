@@ -135,7 +135,7 @@ class Rosbag:
         scan = scan_bag(path, self._wanted())
         times_ns, positions = in_order(str(path), scan.images, self.time)
         shift_s = self._shift_s(calibration)
-        poses, sources = camera_poses(
+        poses, along, sources = camera_poses(
             path,
             scan,
             self._frames(calibration),
@@ -163,6 +163,7 @@ class Rosbag:
             timestamps_s=(times_ns - times_ns[0]) / 1e9,
             group=parent_of(sequence.scene),
             shutter=None if calibration is None else calibration.shutter,
+            path=along,
         )
 
     def _wanted(self) -> Wanted:

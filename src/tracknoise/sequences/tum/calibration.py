@@ -120,21 +120,23 @@ def find_calibration(
 
 
 def _from_file(file: Path, known: Recording | None, poses_of: PosesOf) -> Calibration:
-    """A known recording's poses are of what is published, whatever the file states."""
+    """A known recording's poses are of what is published, and in its axes, whatever the file states."""
     read = read_camera_file(file)
     body_from_camera = None if known is None else known.body_from_camera
-    notes = [f"the camera is that of {file}"]
+    upside_down = known is not None and known.upside_down and poses_of is PosesOf.camera
+    notes = [f"the camera is that of {file}", *_upside_down_notes(known, upside_down)]
     if poses_of is PosesOf.body:
         if read.body_from_camera is None:
             raise DataError(file, "no position of the camera on the body", "T_BS or T_cam_imu, for poses of the body")
         body_from_camera = read.body_from_camera
-        notes.append("the poses are those of the body, and moved to the camera")
+        notes += ["the poses are those of the body, and moved to the camera", *_shift_notes(read.time_shift_s)]
     elif read.body_from_camera is not None:
         notes.append("the poses are taken as those of the camera, though its file states where it is on a body")
     return Calibration(
         camera=read.camera,
         notes=(*notes, *read.notes),
         body_from_camera=body_from_camera,
+        upside_down=upside_down,
         depth_unit_m=read.depth_unit_m or DEPTH_UNIT_M,
         shutter=read.shutter,
     )
@@ -151,11 +153,13 @@ def _from_plain_numbers(path: Path, images: tuple[Path, ...], known: Recording |
         distortion[2] = -distortion[2]  # p1 changes its sign with the y axis
     camera = Camera(*image_size(first_readable(images)), fx, abs(fy), cx, cy, tuple(distortion))
     lens = "with radial-tangential distortion" if distortion else "without distortion"
+    by_name = fy > 0.0 and known is not None and known.upside_down
+    notes = (*_flip_notes(fy < 0.0), *_upside_down_notes(known, by_name))
     return Calibration(
         camera=camera,
-        notes=(f"the camera is that of {path}, {lens}", *_flip_notes(fy < 0.0)),
+        notes=(f"the camera is that of {path}, {lens}", *notes),
         body_from_camera=None if known is None else known.body_from_camera,
-        upside_down=fy < 0.0,
+        upside_down=fy < 0.0 or by_name,
     )
 
 
@@ -187,3 +191,17 @@ def _published(folder: Path, known: Recording) -> Calibration:
 def _flip_notes(upside_down: bool) -> tuple[str, ...]:
     note = "fy is negative: the y axes of camera and world point up, and both were turned down together with the poses"
     return (note,) if upside_down else ()
+
+
+def _upside_down_notes(known: Recording | None, upside_down: bool) -> tuple[str, ...]:
+    """Of a recording whose poses are published with axes that no camera file can state."""
+    if known is None or not upside_down:
+        return ()
+    return (f"the y axes of the poses of {known.name} point up, and were turned down",)
+
+
+def _shift_notes(shift_s: float | None) -> tuple[str, ...]:
+    """Of a time between camera and body that a camera file states; the option alone says what the poses' clock is."""
+    if not shift_s:
+        return ()
+    return (f"the camera file states a time shift of {1e3 * shift_s:g} ms; only the option time_shift_s is applied",)

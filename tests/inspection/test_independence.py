@@ -1,0 +1,44 @@
+"""Whether scenes are pieces of one recording, from their poses and times."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from tests.writers.tum import write_tum
+
+from tracknoise.inspection.check_report import Severity
+from tracknoise.inspection.independence import independence
+from tracknoise.sequences.registry import make_reader
+
+N_FRAMES = 12
+CAMERA = '{"width": 64, "height": 48, "fx": 60, "fy": 60, "cx": 31.5, "cy": 23.5}'
+
+
+def walk(start: float) -> np.ndarray:
+    at = start + np.arange(N_FRAMES) / 30
+    poses = np.broadcast_to(np.eye(4), (N_FRAMES, 4, 4)).copy()
+    poses[:, :3, :3] = Rotation.from_rotvec(np.outer(at, (0.5, -1.0, 0.3))).as_matrix()
+    poses[:, :3, 3] = np.outer(at, (1.0, 2.0, -0.5)) + np.array([4.0, -2.0, 1.0])
+    return poses
+
+
+def found(folder, poses, starts_s):
+    """What is said of recordings whose readers count times from the first image of each."""
+    images = [np.zeros((48, 64), np.uint8)] * N_FRAMES
+    for number, (part, start_s) in enumerate(zip(poses, starts_s, strict=True)):
+        write_tum(folder / f"part{number}", images, part, start_s=start_s)
+        (folder / f"part{number}/camera.json").write_text(CAMERA)
+    reader = make_reader("tum", folder)
+    return independence([reader.open(one) for one in reader.sequences()])
+
+
+@pytest.mark.parametrize("pause_frames", [1, 2])
+def test_pieces_of_one_recording_are_named_although_their_times_begin_at_0(tmp_path, pause_frames):
+    later = (N_FRAMES - 1 + pause_frames) / 30
+    item = found(tmp_path, [walk(0.0), walk(later)], [1305031241.0, 1305031241.0 + later])
+    assert item.severity is Severity.caveat
+    assert "part1 continues part0" in item.text
+
+
+def test_recordings_in_different_places_are_not_pieces_of_one(tmp_path):
+    item = found(tmp_path, [walk(0.0), walk(5.0)], [1305031241.0, 1305041241.0])
+    assert item.severity is Severity.ok

@@ -172,7 +172,9 @@ def test_turned_views_are_left_out(turned: RunFolder) -> None:
 def test_errors_are_those_of_the_run_under_a_rolling_shutter(turned: RunFolder) -> None:
     cut = Cut(tracker="lucas-kanade", speed=1, length=6, most_px=3.0)
     errors = np.concatenate([part.reshape(-1, 2) for own in recorded_problems(turned, cut) for part in errors_of(own)])
-    stated = turned.sequence_table("observations", "fixating-00@default").select("du_px", "dv_px").drop_nulls().to_numpy()
+    stated = (
+        turned.sequence_table("observations", "fixating-00@default").select("du_px", "dv_px").drop_nulls().to_numpy()
+    )
     nearest = [np.abs(stated - error).max(axis=1).min() for error in errors]
     assert max(nearest) < 1e-9
 

@@ -159,7 +159,7 @@ def mean_drift(problems: Sequence[Problem]) -> NDArray[np.float64]:
 
 
 def mean_square_about_birth(problems: Sequence[Problem]) -> float:
-    """Mean square of each coordinate of the errors about the first position of tracks, px^2."""
+    """Mean square of each coordinate of the errors about the first observation of tracks in the window, px^2."""
     return float(np.square(_about_first(problems)[1]).mean())
 
 

@@ -131,6 +131,84 @@ def test_points_that_are_fitted_to_the_tracks_prove_nothing(run: Path, tmp_path:
         prove(folder, _model("sideways-00"), length=6)
 
 
+SHUTTER = """
+name = "turned"
+keep = "observations"
+[[views]]
+rotation = 0
+[[views]]
+rotation = 90
+[dataset]
+reader = "simulated"
+[dataset.options]
+motions = ["fixating"]
+worlds = 1
+frames = 6
+width = 200
+height = 150
+[dataset.options.imaging]
+rate_hz = 20.0
+readout_s = 0.04
+[[trackers]]
+kind = "lucas-kanade"
+"""
+
+
+@pytest.fixture(scope="module")
+def turned(tmp_path_factory) -> RunFolder:
+    """A scene upright and turned, with a rolling shutter that the truth knows."""
+    folder = RunFolder(tmp_path_factory.mktemp("turned") / "run")
+    execute(parse_experiment(SHUTTER, place="turned.toml"), folder, workers=1, listener=_Silent())
+    return folder
+
+
+def test_turned_views_are_left_out(turned: RunFolder) -> None:
+    """Their noise has other axes than that of a model."""
+    assert len(turned.manifest().sequences) == 2
+    found = recorded_problems(turned, Cut(tracker="lucas-kanade", speed=1, length=6))
+    assert [(problem.camera.width, problem.camera.height) for problem in found] == [(200, 150)]
+
+
+def test_errors_are_those_of_the_run_under_a_rolling_shutter(turned: RunFolder) -> None:
+    cut = Cut(tracker="lucas-kanade", speed=1, length=6, most_px=3.0)
+    errors = np.concatenate([part.reshape(-1, 2) for own in recorded_problems(turned, cut) for part in errors_of(own)])
+    stated = (
+        turned.sequence_table("observations", "fixating-00@default").select("du_px", "dv_px").drop_nulls().to_numpy()
+    )
+    nearest = [np.abs(stated - error).max(axis=1).min() for error in errors]
+    assert max(nearest) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"tracker": "correspondence"}, "found no observation of correspondence at speed 1"),
+        ({"speed": 2.0}, "found no observation of lucas-kanade at speed 2"),
+    ],
+)
+def test_tracks_that_the_run_does_not_have(run: Path, changes: dict, message: str) -> None:
+    model = _model("sideways-00")
+    with pytest.raises(SettingsError, match=message):
+        prove(RunFolder(run), replace(model, training=replace(model.training, **changes)), length=6)
+
+
+def test_a_model_without_noise_is_refused(run: Path) -> None:
+    with pytest.raises(SettingsError, match="found a model whose components are all 0"):
+        prove(RunFolder(run), made(training=_model("sideways-00").training), length=6)
+
+
+def test_a_tracker_without_errors_is_refused(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read = RunFolder.sequence_table
+
+    def exact(self: RunFolder, name: str, key: str) -> pl.DataFrame:
+        table = read(self, name, key)
+        return table.with_columns(pl.col("du_px", "dv_px") * 0.0) if name == "observations" else table
+
+    monkeypatch.setattr(RunFolder, "sequence_table", exact)
+    with pytest.raises(SettingsError, match="found no errors of lucas-kanade, expected a tracker that errs"):
+        prove(RunFolder(run), _model("sideways-00"), length=6)
+
+
 def test_windows_longer_than_the_recording_are_refused(run: Path) -> None:
     with pytest.raises(SettingsError, match="found usable windows in 0 scenes, expected at least 2"):
         prove(RunFolder(run), _model("sideways-00"), length=20)

@@ -60,9 +60,10 @@ def passing(window: Sequence[LinearTracks], noise: TrackNoise, one: Equivalent) 
     passed = []
     for tracks, covariances in zip(window, true_covariances(window, noise), strict=True):
         size = covariances.shape[1]
-        for by_point, covariance in zip(tracks.by_point, covariances, strict=True):
+        for by_point, covariance, born in zip(tracks.by_point, covariances, tracks.born, strict=True):
             deviations = np.full(size, one.sigma.value)
-            deviations[:2] = max(of_first, 1e-4 * one.sigma.value)
+            if born or one.landmark is not Landmark.STATE:
+                deviations[:2] = max(of_first, 1e-4 * one.sigma.value)
             errors = random.multivariate_normal(np.zeros(size), covariance, 100) / deviations
             span = np.linalg.qr(by_point / deviations[:, None])[0]
             squares = np.square(errors - errors @ span @ span.T).sum(axis=1)

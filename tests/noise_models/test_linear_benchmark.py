@@ -164,6 +164,37 @@ def test_lengths_of_tracks_are_those_given() -> None:
     assert len({int(first) for part in groups for first in part.frames[:, 0]}) > 3
 
 
+@pytest.mark.parametrize("noise", [{"first": 0.3, "white": 0.05, "walk": 0.02}, {"white": 0.3}])
+def test_tracks_that_began_before_the_window_have_no_first_position_in_it(noise: dict[str, float]) -> None:
+    """Their errors about a first position nine frames earlier: its error and the walk until the window are in all."""
+    poses = trajectory(Motion.SIDEWAYS, 11)
+    drawn = simulated_tracks(poses, lengths=[25], n_tracks=60)
+    window = [linear_tracks(CAMERA, poses, tracks) for tracks in drawn]
+    true = TrackNoise.isotropic(**noise)
+    actual = []
+    for tracks, stated in zip(window, true_covariances(window, true), strict=True):
+        longer = true.covariance(np.ones((1, tracks.magnification.shape[1] + 9)), reference=Reference.BIRTH)[
+            :, 18:, 18:
+        ]
+        actual.append(np.where(tracks.born[:, None, None], stated, longer))
+    assert 0.2 < np.mean(np.concatenate([tracks.born for tracks in window])) < 0.4
+    one = scalar_covariances(window, 1.0)
+    found, expected = (outcome(window, of, one) for of in (true_covariances(window, true), actual))
+    assert found.nees_newest == pytest.approx(expected.nees_newest, rel=1e-6)
+    assert found.innovations == pytest.approx(expected.innovations, rel=1e-6)
+
+
+def test_a_state_has_its_prior_only_where_its_track_begins() -> None:
+    """With independent noise after an exact first position, the right sigma is that noise, whenever tracks begin."""
+    poses = trajectory(Motion.SIDEWAYS, 8)
+    drawn = simulated_tracks(poses, lengths=[20], n_tracks=60)
+    window = [linear_tracks(CAMERA, poses, tracks) for tracks in drawn]
+    noise = TrackNoise.isotropic(white=0.3)
+    for purpose in Purpose:
+        found = consistent_sigma(window, noise, purpose=purpose, landmark=Landmark.STATE)
+        assert found == pytest.approx(0.3, rel=1e-4)
+
+
 def test_tracks_begin_equally_often_in_each_frame_so_that_long_ones_are_seen_more_often() -> None:
     still = np.tile(np.eye(4), (11, 1, 1))
     groups = simulated_tracks(still, lengths=[4, 40], n_tracks=4000)

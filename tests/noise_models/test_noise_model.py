@@ -82,8 +82,10 @@ def test_age_zero_about_birth_cannot_be_whitened() -> None:
         made(0.3, 0.2).whiten(np.zeros(4), [0, 1], reference="birth")
 
 
-@pytest.mark.parametrize(("ages", "magnification"), [([1, 1], 1.0), ([-1, 1], 1.0), ([1, 2], 0.0)])
-def test_impossible_tracks_are_refused(ages: list[int], magnification: float) -> None:
+@pytest.mark.parametrize(
+    ("ages", "magnification"), [([1, 1], 1.0), ([-1, 1], 1.0), ([1, 2], 0.0), ([], 1.0), ([0, np.nan, 2], 1.0)]
+)
+def test_impossible_tracks_are_refused(ages: list[float], magnification: float) -> None:
     with pytest.raises(SettingsError, match="expected increasing ages"):
         made(0.1, 0.1).track_covariance(ages, magnification=magnification)
 
@@ -187,9 +189,10 @@ def test_a_second_condition_says_what_it_gains_beyond_the_first() -> None:
 
 def test_what_is_not_json_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "noise.json"
-    path.write_text("{")
-    with pytest.raises(DataError, match="is not JSON"):
-        NoiseModel.read(path)
+    for text in ("{", "[" * 100_000):
+        path.write_text(text)
+        with pytest.raises(DataError, match="is not JSON"):
+            NoiseModel.read(path)
 
 
 def test_schema_in_the_documentation_is_that_of_models() -> None:

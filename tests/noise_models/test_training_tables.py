@@ -2,12 +2,14 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import polars as pl
 import pytest
 
+from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.noise_models.calibration import check_model
-from tracknoise.noise_models.fitting.training_tables import all_training_tables
+from tracknoise.noise_models.fitting.training_tables import all_training_tables, chosen_conditions
 from tracknoise.noise_models.noise_model import NoiseModel
 from tracknoise.tables.store import RunFolder
 
@@ -54,3 +56,16 @@ def test_one_view_of_each_scene_is_read(tmp_path: Path, tracknoise: Callable[...
     compared = check_model(model, RunFolder(run))
     ages = pl.col("at").is_between(*model.training.ages)
     assert compared.n + compared.outlier_share * compared.n == pytest.approx(read[0]["samples"].filter(ages).height)
+
+
+def test_no_wanted_tracker_or_speed_is_left_out_without_a_word() -> None:
+    table = pl.DataFrame({"tracker": ["lk", "lk", "sift"], "speed": [1, 2, 1]})
+    folder = SimpleNamespace(path="run", stored_tables=lambda name, only: [table])
+    assert chosen_conditions(folder) == [("lk", 1), ("lk", 2), ("sift", 1)]
+    assert chosen_conditions(folder, trackers=["lk", "sift"], speeds=[2]) == [("lk", 2)]
+    with pytest.raises(SettingsError, match="run: found no speed 7, expected one of 1, 2"):
+        chosen_conditions(folder, speeds=[1, 7])
+    with pytest.raises(UnknownNameError, match="unknown tracker 'orb'"):
+        chosen_conditions(folder, trackers=["lk", "orb"])
+    with pytest.raises(SettingsError, match="expected some of lk@1, lk@2, sift@1"):
+        chosen_conditions(folder, trackers=["sift"], speeds=[2])

@@ -71,6 +71,18 @@ def test_planted_drift_and_tails_come_back() -> None:
     assert student_of_errors(_windows(WHITE, 20, 0))[0] > 30.0
 
 
+def test_errors_that_are_zero_but_for_rounding_are_no_errors() -> None:
+    """In a run the first position of a track fixes the true one."""
+    windows = _windows(PlantedNoise(noise=TrackNoise.isotropic(white=0.3)), 6, 0)
+    rounded = [
+        window.with_uv(tuple(group.uv + 1e-13 * (group.ages == 0)[..., None] for group in window.groups))
+        for window in windows
+    ]
+    (_, exact), (_, scale) = student_of_errors(windows), student_of_errors(rounded)
+    assert exact == pytest.approx(0.3**2, rel=0.1)
+    assert scale == pytest.approx(exact, rel=1e-3)
+
+
 def test_errors_in_common_are_in_all_tracks_of_a_frame() -> None:
     planted = PlantedNoise(noise=TrackNoise.isotropic(first=0.3, white=0.3), common_share=0.5)
     last = [errors_of(window)[-1][:, -1].mean(axis=0) for window in _windows(planted, 60, 0)]

@@ -44,10 +44,13 @@ def fit(
     Example: `tracknoise noise fit runs/demo -o models`
     """
     from tracknoise.exceptions import SettingsError
+    from tracknoise.noise_models.fitting.training_tables import chosen_conditions
     from tracknoise.noise_models.noise_model import NoiseModel
     from tracknoise.report.noise_model_cells import model_sentences
+    from tracknoise.tables.store import RunFolder
 
-    wanted, failed = _wanted(run, tracker, speed), list[SettingsError]()
+    wanted = chosen_conditions(RunFolder(run), trackers=tracker, speeds=speed)
+    failed = list[SettingsError]()
     stems = _stems(wanted)
     for name, played in wanted:
         try:
@@ -88,24 +91,6 @@ def show_model(
     context.obj.result("\n".join(model_sentences(model)))
     _show(context, model, window)
     return 0
-
-
-def _wanted(run: Path, trackers: list[str] | None, speeds: list[int] | None) -> list[tuple[str, int]]:
-    """Trackers and speeds of the run, or those that are asked for."""
-    from tracknoise.exceptions import SettingsError, UnknownNameError
-    from tracknoise.noise_models.fitting.training_tables import conditions
-    from tracknoise.tables.store import RunFolder
-
-    known = conditions(RunFolder(run))
-    names = {name for name, _ in known}
-    for name in trackers or ():
-        if name not in names:
-            raise UnknownNameError("tracker", name, names)
-    wanted = [(name, one) for name, one in known if name in (trackers or names) and (not speeds or one in speeds)]
-    if not wanted:
-        every = ", ".join(str(one) for one in sorted({one for _, one in known}))
-        raise SettingsError(f"{run}: found no speed {speeds}, expected one of {every}")
-    return wanted
 
 
 def _stems(wanted: list[tuple[str, int]]) -> dict[str, str]:

@@ -55,7 +55,7 @@ def read_document(kind: type[_Model], path: Path) -> _Model:
 def _fields(path: Path, text: str) -> dict[str, object]:
     try:
         document = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:  # thousands of brackets
         raise DataError(path, f"is not JSON ({error})", "a noise model, as `tracknoise noise fit` writes it") from error
     if not isinstance(document, dict) or document.get(_KEY) != FORMAT:
         found = document.get(_KEY) if isinstance(document, dict) else None

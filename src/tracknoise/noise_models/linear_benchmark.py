@@ -77,16 +77,32 @@ def _nees(claimed: NDArray[np.float64], actual: NDArray[np.float64]) -> float:
 
 
 def true_covariances(window: Sequence[LinearTracks], noise: TrackNoise) -> Covariances:
-    """Covariances of the errors of all tracks, counted from the true positions."""
-    return [noise.covariance(tracks.magnification, reference=Reference.FREE) for tracks in window]
+    """Covariances of the errors of all tracks, counted from the true positions.
+
+    A track that began before the window has its first observation there with the noise W of any other one. What it
+    carries from before, its point absorbs.
+    """
+    found = []
+    for tracks in window:
+        covariance = noise.covariance(tracks.magnification, reference=Reference.FREE)
+        covariance[~tracks.born, :2, :2] = noise.white
+        found.append(covariance)
+    return found
 
 
-def scalar_covariances(window: Sequence[LinearTracks], sigma: float, *, first: float | None = None) -> Covariances:
-    """One standard deviation for all observations, px, and another for first ones if it is given."""
+def scalar_covariances(
+    window: Sequence[LinearTracks], sigma: float, *, first: float | None = None, born_only: bool = False
+) -> Covariances:
+    """One standard deviation for all observations, px, and another for first ones if it is given.
+
+    With `born_only`, this is that of tracks that begin in the window, as where the first direction of a track is a
+    state. An estimator that takes the first observation as exact does so with each track of its window.
+    """
     variances = []
     for tracks in window:
         variance = np.full(tracks.by_point.shape[:2], sigma**2)
-        variance[:, :2] = (sigma if first is None else first) ** 2
+        if first is not None:
+            variance[tracks.born | (not born_only), :2] = first**2
         variances.append(np.asarray(variance[:, :, None] * np.eye(len(variance[0]))))
     return variances
 
@@ -163,18 +179,19 @@ def consistent_sigma(
     purpose
         What is to be right.
     landmark
-        How the first observation is used. For `Landmark.STATE` it has the covariance A, and sigma is that of the
-        others; where A is 0, the first observation is exact. NaN if no standard deviation does it.
+        How the first observation is used. For `Landmark.STATE` that of a track that begins in the window has the
+        covariance A, and sigma is that of the others; where A is 0, it is exact. NaN if no standard deviation does it.
     """
     actual = true_covariances(window, noise)
     free = np.sqrt(_consistency(window, actual, scalar_covariances(window, 1.0), purpose))
     if landmark is Landmark.FREE:
         return float(free)
-    first = np.sqrt(np.trace(noise.first) / 2.0) if landmark is Landmark.STATE else 0.0
+    is_state = landmark is Landmark.STATE
+    first = np.sqrt(np.trace(noise.first) / 2.0) if is_state else 0.0
 
     def excess(log_sigma: float) -> float:
         sigma = float(np.exp(log_sigma))
-        assumed = scalar_covariances(window, sigma, first=max(first, EXACT * sigma))
+        assumed = scalar_covariances(window, sigma, first=max(first, EXACT * sigma), born_only=is_state)
         return float(np.log(_consistency(window, actual, assumed, purpose)))
 
     return float(np.exp(_root(excess, float(np.log(free)))))
@@ -238,15 +255,19 @@ def gate_factor(
     sigma: float,
     level: float,
     first: float | None = None,
+    born_only: bool = False,
     seed: int = 0,
 ) -> float:
     """What to multiply a chi-square gate of a track by, so that it lets through a share of `level` of good tracks.
 
-    The gate is over the innovations of a track, whitened by `sigma` px, or `first` px for first observations, with
-    2 n - 3 degrees of freedom. Noise is Gaussian. The quantile is that of 200 draws of each track.
+    The gate is over the innovations of a track, whitened as by `scalar_covariances`, with 2 n - 3 degrees of freedom.
+    Noise is Gaussian. The quantile is that of 200 draws of each track.
     """
     random = np.random.default_rng(seed)
-    actual, assumed = true_covariances(window, noise), scalar_covariances(window, sigma, first=first)
+    actual, assumed = (
+        true_covariances(window, noise),
+        scalar_covariances(window, sigma, first=first, born_only=born_only),
+    )
     ratios = []
     for tracks, true, believed in zip(window, actual, assumed, strict=True):
         whitening = np.linalg.inv(np.linalg.cholesky(believed))

@@ -43,10 +43,14 @@ class PointTracks:
         (tracks, n) integers: frames of the window, increasing.
     points
         (tracks, 3) float64: points in the world, metres.
+    born
+        (tracks,) bool: whether a track begins with its first observation of the window. Others began before it. By
+        default all do.
     """
 
     frames: NDArray[np.int64]
     points: NDArray[np.float64]
+    born: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,12 +67,15 @@ class LinearTracks:
         (tracks, n) float64: Z_0 / Z_k.
     rays
         (tracks, 3) float64: from the first camera that sees a point to the point, metres.
+    born
+        (tracks,) bool: as that of `PointTracks`.
     """
 
     by_pose: NDArray[np.float64]
     by_point: NDArray[np.float64]
     magnification: NDArray[np.float64]
     rays: NDArray[np.float64]
+    born: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,6 +139,7 @@ def linear_tracks(
         by_point=by_point.reshape(count, 2 * length, 3),
         magnification=depth[:, :1] / depth,
         rays=tracks.points - world_from_camera[tracks.frames[:, 0], :3, 3],
+        born=np.ones(count, dtype=np.bool_) if tracks.born is None else tracks.born,
     )
 
 
@@ -178,13 +186,14 @@ def simulated_tracks(
     """
     random = np.random.default_rng(seed)
     drawn = [_track(random, world_from_camera, lengths, camera, sights) for _ in range(n_tracks)]
-    long_enough = [(frames, point) for frames, point in drawn if len(frames) >= _LEAST_LENGTH]
-    groups = sorted({len(frames) for frames, _ in long_enough})
+    long_enough = [track for track in drawn if len(track[0]) >= _LEAST_LENGTH]
+    groups = sorted({len(frames) for frames, _, _ in long_enough})
     return tuple(_stacked([track for track in long_enough if len(track[0]) == length]) for length in groups)
 
 
-def _stacked(tracks: Sequence[tuple[NDArray[np.int64], NDArray[np.float64]]]) -> PointTracks:
-    return PointTracks(np.stack([frames for frames, _ in tracks]), np.stack([point for _, point in tracks]))
+def _stacked(tracks: Sequence[tuple[NDArray[np.int64], NDArray[np.float64], bool]]) -> PointTracks:
+    frames, points, born = zip(*tracks, strict=True)
+    return PointTracks(np.stack(frames), np.stack(points), np.array(born))
 
 
 def _track(
@@ -193,9 +202,11 @@ def _track(
     lengths: Sequence[int] | NDArray[np.int64] | None,
     camera: Camera,
     sights: NDArray[np.float64] | None,
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+) -> tuple[NDArray[np.int64], NDArray[np.float64], bool]:
+    """Frames, point, and whether it begins in the window."""
     n_frames = len(world_from_camera)
-    first, end = (0, n_frames) if lengths is None else _lifespan(random, np.asarray(lengths), n_frames)
+    birth, end = (0, n_frames) if lengths is None else _lifespan(random, np.asarray(lengths), n_frames)
+    first = max(birth, 0)
     if sights is None:
         uv = (random.random(2) - 0.5) * _VIEW_PX + (CAMERA.cx, CAMERA.cy)
         depth = random.uniform(*_DEPTHS_M)
@@ -206,17 +217,17 @@ def _track(
     frames = np.arange(first, end)
     images = camera.project(transform(invert(world_from_camera[frames]), np.tile(point, (len(frames), 1))))
     visible = np.logical_and.accumulate(camera.contains(images))
-    return frames[visible], point
+    return frames[visible], point, birth >= 0
 
 
 def _lifespan(random: np.random.Generator, lengths: NDArray[np.int64], n_frames: int) -> tuple[int, int]:
-    """First frame and end in a window of a track that is seen in at least `_LEAST_LENGTH` of its frames.
+    """First frame, and end in a window, of a track that is seen in at least `_LEAST_LENGTH` of its frames.
 
-    As many tracks begin in each frame. The number of births with which a track of length T is seen is
-    T + frames - 2 least + 1, from least - T to frames - least.
+    It is negative if the track begins before the window. As many tracks begin in each frame. The number of births with
+    which a track of length T is seen is T + frames - 2 least + 1, from least - T to frames - least.
     """
     long_enough = lengths[lengths >= _LEAST_LENGTH] if (lengths >= _LEAST_LENGTH).any() else np.array([_LEAST_LENGTH])
     births = long_enough + n_frames - 2 * _LEAST_LENGTH + 1
     length = int(random.choice(long_enough, p=births / births.sum()))
     birth = int(random.integers(_LEAST_LENGTH - length, n_frames - _LEAST_LENGTH + 1))
-    return max(birth, 0), min(birth + length, n_frames)
+    return birth, min(birth + length, n_frames)

@@ -250,7 +250,8 @@ class NoiseModel:
         """
         about = _named(Reference, "reference", reference)
         spread, carried = _spread(ages, magnification)
-        if (np.diff(spread, prepend=-1.0) <= 0.0).any() or not (carried > 0.0).all():
+        increase = len(spread) > 0 and spread[0] >= 0.0 and bool((np.diff(spread) > 0.0).all())
+        if not (increase and (carried > 0.0).all()):
             found = f"ages {spread.tolist()}, magnifications {carried.tolist()}"
             raise SettingsError(f"track: found {found}, expected increasing ages from 0 on, and M > 0")
         factor = factor_of(self.conditions, at, len(spread))

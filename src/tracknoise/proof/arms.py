@@ -190,7 +190,7 @@ SCALARS: Mapping[str, tuple[str, Callable[[Beliefs], float]]] = MappingProxyType
     {
         "0": ("1 px", lambda _: 1.0),
         "1": ("one sigma, tuned for the newest pose", lambda beliefs: beliefs.tuned_px),
-        "2": ("root mean square about birth", lambda beliefs: beliefs.about_birth_px),
+        "2": ("root mean square about the first observation", lambda beliefs: beliefs.about_birth_px),
         "3": ("one sigma, from the model, for the newest pose", lambda beliefs: beliefs.newest_pose_px),
         "3b": ("one sigma, from the model, for innovations", lambda beliefs: beliefs.innovations_px),
     }

@@ -78,6 +78,6 @@ def _equivalent(problem: Problem, noise: TrackNoise, purpose: Purpose) -> float:
 
 def _linear(problem: Problem) -> list[LinearTracks]:
     return [
-        linear_tracks(problem.camera, problem.world_from_camera, PointTracks(group.frames, group.points))
+        linear_tracks(problem.camera, problem.world_from_camera, PointTracks(group.frames, group.points, group.born))
         for group in problem.groups
     ]

@@ -9,6 +9,9 @@ from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.noise_models.linear_window import Gauge, PointTracks
 
+ROUNDING_PX = 1e-6
+"""Errors below this are 0 but for rounding, as those in the frame that fixes the true position."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackGroup:
@@ -89,6 +92,11 @@ def images(
 def errors_of(problem: Problem) -> tuple[NDArray[np.float64], ...]:
     """(tracks, n, 2) float64, px, for each group: observed minus true positions."""
     return tuple(group.uv - images(problem.camera, problem.world_from_camera, group) for group in problem.groups)
+
+
+def are_exact(problem: Problem) -> bool:
+    """Whether no observation has an error."""
+    return all(np.abs(part).max() < ROUNDING_PX for part in errors_of(problem))
 
 
 def magnification_of(problem: Problem, group: TrackGroup) -> NDArray[np.float64]:

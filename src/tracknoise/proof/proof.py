@@ -8,8 +8,9 @@ import polars as pl
 from tracknoise.exceptions import SettingsError
 from tracknoise.noise_models.noise_model import NoiseModel
 from tracknoise.proof.arms import Beliefs
+from tracknoise.proof.division import divided, scenes_of, with_joined_scenes
 from tracknoise.proof.learning import learn
-from tracknoise.proof.problem import Problem
+from tracknoise.proof.problem import Problem, are_exact
 from tracknoise.proof.recorded import Cut, recorded_problems
 from tracknoise.proof.summary import sentence, summarise
 from tracknoise.proof.trial import try_arms
@@ -18,7 +19,6 @@ from tracknoise.tables.store import RunFolder
 
 RUN_ARMS = ("0", "1", "1e", "2", "3", "3b", "4", "5", "6", "6b", "7", "7b", "8", "8b", "8c", "8d")
 """Arms that need no planted noise."""
-_LEAST_SCENES = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,7 +64,7 @@ def prove(
         Of a finished run that keeps its observations.
     model
         Its tracker and speed are tried. Scenes that it was fitted to are used for training if there are others. If it
-        was fitted to none of them or to all, every second scene is.
+        was fitted to none of them or to all, every second scene is (`tracknoise.proof.division`).
     length
         Processed frames of a window.
     per_sequence, most_tracks
@@ -75,7 +75,8 @@ def prove(
     Raises
     ------
     SettingsError
-        If there are too few windows, or true positions are fitted to the tracks.
+        If there are no such tracks, they have no errors, or the model has no noise; if there are too few windows, or
+        true positions are fitted to the tracks.
     StoreError, SchemaError
         If the run keeps no observations, or a table is missing or damaged.
     """
@@ -89,48 +90,27 @@ def prove(
         most_px=model.outliers_beyond_px,
         seed=seed,
     )
-    entries = folder.manifest().sequences.values()
-    if any(entry.truth_is_fitted for entry in entries):
+    if any(entry.truth_is_fitted for entry in folder.manifest().sequences.values()):
         raise SettingsError(f"{folder.path}: found true positions that are fitted to the tracks, expected true depths")
-    fitted = frozenset[str]().union(*(training.scenes_of(entry.sequence.dataset) for entry in entries))
-    learned_from, tested = _divided(recorded_problems(folder, cut), fitted, folder)
+    if not any(part.covariance.any() for part in (model.first, model.white, model.walk, model.drift)):
+        raise SettingsError(f"noise of {training.tracker}: found a model whose components are all 0, expected noise")
     noise = model.components.per_frames(round(training.speed))
-    beliefs = learn(learned_from, noise=noise)
-    poses = summarise(try_arms(tested, beliefs, arms=RUN_ARMS, seed=seed))
-    distances = triangulate(tested, learn_sigmas(learned_from), noise)
-    limits = (_SAME_SCENES,) if fitted.intersection(_scenes(tested)) else ()
+    problems = recorded_problems(folder, cut)
+    if problems and all(are_exact(problem) for problem in problems):
+        raise SettingsError(f"{folder.path}: found no errors of {training.tracker}, expected a tracker that errs")
+    parts = divided(folder, problems, training)
+    beliefs = learn(parts.learned_from, noise=noise)
+    joined = with_joined_scenes(folder, parts.tested)
+    poses = summarise(try_arms(joined, beliefs, arms=RUN_ARMS, seed=seed))
+    distances = triangulate(joined, learn_sigmas(parts.learned_from), noise)
     return Proof(
         poses=poses,
         distances=distances,
-        sentences=(sentence(poses, "6"), _distance_sentence(distances), *limits, _few(tested)),
-        training=_scenes(learned_from),
-        tested=_scenes(tested),
+        sentences=(sentence(poses, "6"), _distance_sentence(distances), *parts.limits, _few(parts.tested, joined)),
+        training=scenes_of(parts.learned_from),
+        tested=scenes_of(parts.tested),
         beliefs=beliefs,
     )
-
-
-_SAME_SCENES = "The model was fitted to all scenes with windows, so that the gain of whole tracks may be too large."
-
-
-def _divided(
-    problems: Sequence[Problem], fitted: frozenset[str], folder: RunFolder
-) -> tuple[list[Problem], list[Problem]]:
-    """Windows of training scenes, and of the others. The model has seen the others only if it has seen all scenes."""
-    scenes = _scenes(problems)
-    if len(scenes) < _LEAST_SCENES:
-        found = f"usable windows in {len(scenes)} scenes"
-        raise SettingsError(
-            f"{folder.path}: found {found}, expected at least {_LEAST_SCENES}; shorter windows may help"
-        )
-    training = fitted.intersection(scenes)
-    if len(training) in (0, len(scenes)):
-        training = frozenset(scenes[::2])
-    learned_from = [problem for problem in problems if problem.scene in training]
-    return learned_from, [problem for problem in problems if problem.scene not in training]
-
-
-def _scenes(problems: Sequence[Problem]) -> tuple[str, ...]:
-    return tuple(sorted({problem.scene for problem in problems}))
 
 
 def _distance_sentence(distances: pl.DataFrame) -> str:
@@ -146,5 +126,7 @@ _COVARIANCES = {
 }
 
 
-def _few(problems: Sequence[Problem]) -> str:
-    return f"Tried on {len(problems)} windows of {len(_scenes(problems))} scenes that nothing else was learned from."
+def _few(problems: Sequence[Problem], joined: Sequence[Problem]) -> str:
+    scenes, units = scenes_of(problems), scenes_of(joined)
+    groups = "" if len(units) == len(scenes) else f" in {len(units)} groups"
+    return f"Tried on {len(problems)} windows of {len(scenes)} scenes{groups} that nothing else was learned from."

@@ -1,5 +1,8 @@
 """Windows of the tracks of a run, with the true poses and points, as an estimator would be given them.
 
+Windows are those of the view that noise models are fitted to. Observations are images of the true points from the true
+poses, with the errors of the run: an estimator is taken to know a rolling shutter as the truth does.
+
 Only tracks whose distance the window shows are used, up to a stated number, drawn at random. A track ends before its
 first observation that is not visible, or that errs by more than an estimator's outlier test lets through. A window
 whose tracks do not determine all of its poses is left out: one in which all tracks were lost has no answer.
@@ -12,12 +15,13 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.exceptions import StoreError
+from tracknoise.exceptions import SettingsError, StoreError
 from tracknoise.geometry.lenses import KnownCamera, make_camera
 from tracknoise.geometry.pose import from_quaternion, transform
 from tracknoise.noise_models.linear_benchmark import determines_poses
 from tracknoise.noise_models.linear_window import PointTracks, linear_tracks
-from tracknoise.proof.problem import Problem, TrackGroup
+from tracknoise.noise_models.reference_view import reference_view
+from tracknoise.proof.problem import Problem, TrackGroup, images
 from tracknoise.statistics.populations import in_population
 from tracknoise.tables.enumerations import Population
 from tracknoise.tables.store import RunFolder
@@ -58,14 +62,37 @@ class Cut:
 
 
 def recorded_problems(folder: RunFolder, cut: Cut) -> list[Problem]:
-    """Windows of all sequences of a run, in the order of their keys.
+    """Windows of all sequences of a run that are of the reference view, in the order of their keys.
 
     Raises
     ------
+    SettingsError
+        If the run has no observations of the tracker at the speed.
     StoreError, SchemaError
         If the run keeps no observations, or a table is missing or damaged.
     """
-    return [problem for key in sorted(folder.manifest().sequences) for problem in _of_sequence(folder, key, cut)]
+    return [problem for key in _keys(folder, cut) for problem in _of_sequence(folder, key, cut)]
+
+
+def _keys(folder: RunFolder, cut: Cut) -> list[str]:
+    """Sequences of the view that models are fitted to (`tracknoise.noise_models.reference_view`)."""
+    entries = folder.manifest().sequences
+    columns = ("rotation", "direction", "tracker", "speed")
+    parts = [table.unique() for table in folder.stacked_tables("observations", sorted(entries), only=columns)]
+    seen = pl.concat(parts).filter(_mine(cut))
+    if seen.is_empty():
+        found = f"no observation of {cut.tracker} at speed {cut.speed}"
+        raise SettingsError(f"{folder.path}: found {found}, expected the tracker and the speed of the model")
+    view = reference_view(seen).items()
+    return [
+        key
+        for key, entry in sorted(entries.items())
+        if all(getattr(entry.sequence, name) == value for name, value in view)
+    ]
+
+
+def _mine(cut: Cut) -> pl.Expr:
+    return (pl.col("tracker") == cut.tracker) & (pl.col("speed") == cut.speed)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,9 +115,8 @@ def _of_sequence(folder: RunFolder, key: str, cut: Cut) -> Iterator[Problem]:
 
 
 def _read(folder: RunFolder, key: str, cut: Cut) -> _Sequence:
-    mine = (pl.col("tracker") == cut.tracker) & (pl.col("speed") == cut.speed)
-    observations = folder.sequence_table("observations", key).filter(mine)
-    tracks = folder.sequence_table("tracks", key).filter(mine).select("track", "first_frame", "depth_m")
+    observations = folder.sequence_table("observations", key).filter(_mine(cut))
+    tracks = folder.sequence_table("tracks", key).filter(_mine(cut)).select("track", "first_frame", "depth_m")
     poses, cameras = folder.sequence_table("poses", key), folder.sequence_table("cameras", key)
     return _Sequence(
         scene=poses["scene"][0],
@@ -126,7 +152,7 @@ def _seen(observations: pl.DataFrame, most_px: float) -> pl.DataFrame:
     before = pl.col("usable").cast(pl.UInt8).cum_min().over("track") == 1
     birth = {f"birth_{axis}_px": pl.col(f"{axis}_true_px").first().over("track") for axis in "uv"}
     kept = ordered.with_columns(**birth).filter(before)
-    return kept.select("track", "frame", "u_px", "v_px", *birth)
+    return kept.select("track", "frame", "du_px", "dv_px", *birth)
 
 
 def _small(observations: pl.DataFrame, most_px: float) -> NDArray[np.bool_]:
@@ -163,16 +189,18 @@ def _group(sequence: _Sequence, rows: pl.DataFrame, length: int, frames: NDArray
     birth_uv = first.select("birth_u_px", "birth_v_px").to_numpy()
     seen = sequence.camera.unproject(birth_uv, first["depth_m"].to_numpy())
     points = transform(birth, seen)
-    uv = rows.select("u_px", "v_px").to_numpy().reshape(-1, length, 2)
+    error = rows.select("du_px", "dv_px").to_numpy().reshape(-1, length, 2)
     at = rows["frame"].to_numpy().reshape(-1, length)
+    tracks = PointTracks(np.searchsorted(frames, at).astype(np.int64), points)
+    uv = images(sequence.camera, sequence.poses[frames], tracks) + error
     group = TrackGroup(
-        frames=np.searchsorted(frames, at).astype(np.int64),
+        frames=tracks.frames,
         uv=uv,
         points=points,
         born=at[:, 0] == first["first_frame"].to_numpy(),
         covariate=-np.log(np.maximum(_motion_px(uv), _LEAST_MOTION_PX)),
     )
-    return _chosen(group, np.flatnonzero(np.isfinite(points).all(axis=1)))
+    return _chosen(group, np.flatnonzero(np.isfinite(uv).all(axis=(1, 2))))
 
 
 def _motion_px(uv: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 
 from tracknoise.noise_models.linear_window import PointTracks, linear_tracks
 from tracknoise.noise_models.track_noise import TrackNoise
-from tracknoise.proof.problem import Problem, TrackGroup, errors_of
+from tracknoise.proof.problem import ROUNDING_PX, Problem, TrackGroup, errors_of
 
 _LEAST_PX, _MOST_PX, _START_PX = 1e-3, 30.0, 0.2
 _LEAST_NU, _MOST_NU = 2.05, 200.0
@@ -145,10 +145,10 @@ def student(mean_squares: NDArray[np.float64], sizes: NDArray[np.int64]) -> tupl
 
 
 def student_of_errors(problems: Sequence[Problem]) -> tuple[float, float]:
-    """The same of single errors: degrees of freedom, and squared scale, px^2."""
+    """The same of single errors that are not 0: degrees of freedom, and squared scale, px^2."""
     errors = np.concatenate([part.reshape(-1, 2) for problem in problems for part in errors_of(problem)])
     squares = np.square(errors).mean(axis=1)
-    positive = squares[squares > 0.0]
+    positive = squares[squares > ROUNDING_PX**2]
     return student(positive, np.full(len(positive), 2))
 
 
@@ -159,7 +159,7 @@ def mean_drift(problems: Sequence[Problem]) -> NDArray[np.float64]:
 
 
 def mean_square_about_birth(problems: Sequence[Problem]) -> float:
-    """Mean square of each coordinate of the errors about the first position of tracks, px^2."""
+    """Mean square of each coordinate of the errors about the first observation of tracks in the window, px^2."""
     return float(np.square(_about_first(problems)[1]).mean())
 
 

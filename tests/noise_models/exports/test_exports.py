@@ -242,6 +242,18 @@ def test_the_covariance_of_a_track_in_cpp_is_that_of_the_model(exported, tmp_pat
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-12)
 
 
+@pytest.mark.skipif(COMPILER is None, reason="no compiler of C++")
+def test_the_lines_for_orbslam3_need_the_scale_factors_that_its_loop_fills(exported, tmp_path):
+    """In place of that loop they would leave variances of 0 at all levels but the first."""
+    assert "after the loop" in estimator("orbslam3").place
+    program = tmp_path / "program"
+    command = [COMPILER, f"-I{CPP}", f"-I{exported.parent}", str(CPP / "orbslam3_noise.cpp"), "-o", str(program)]
+    subprocess.run(command, check=True)
+    printed = subprocess.run([str(program)], check=True, capture_output=True, text=True).stdout
+    expected = sigma(window=10) ** 2 * np.array([1.0, 4.0, 16.0])
+    np.testing.assert_allclose(np.array(printed.split(), dtype=float), expected, rtol=1e-2)
+
+
 @pytest.mark.skipif(shutil.which("patch") is None, reason="no patch")
 def test_the_patch_of_msckf_vio_applies(tmp_path):
     before = {

@@ -43,6 +43,18 @@ def test_a_walk_grows_with_age_and_no_observation_is_exact():
     np.testing.assert_allclose(found["cov_vv"], 0.004 + 0.0064 * age)
 
 
+def test_no_observation_is_exact_along_one_axis():
+    """A fitted covariance may have an eigenvalue of 0; a front end inverts each covariance by itself."""
+    along_u = replace(detections().first, covariance=np.diag([0.32, 0.0]))
+    found = observation_noise(detections(first=along_u), TRACKS)
+    first = found.filter(pl.Series(AGES) == 0)
+    np.testing.assert_allclose(first.select("cov_uu", "cov_uv", "cov_vv"), [[0.32, 0.0, 1e-4]] * 2)
+    np.testing.assert_allclose(found.filter(pl.Series(AGES) > 0).select("cov_uu", "cov_vv"), 0.16)
+    across = replace(detections().white, covariance=np.array([[0.1, 0.1], [0.1, 0.1]]))
+    whole = observation_noise(detections(white=across), TRACKS)
+    assert (whole["cov_uu"] * whole["cov_vv"] - whole["cov_uv"] ** 2).min() > 1e-5
+
+
 def test_conditions_that_are_known_count():
     knots = {"log_knots": (0.0, np.log(100.0)), "log_factor": (0.0, np.log(3.0)), "gain": interval(0.1)}
     texture = observation_noise(detections(conditions=(Factor(of="texture", **knots),)), TRACKS)

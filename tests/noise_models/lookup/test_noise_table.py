@@ -82,7 +82,7 @@ def test_some_trackers_and_speeds_may_be_chosen(planted_run):
     found = noise_table(RunFolder(planted_run), speeds=[2], window=5)
     assert {row.speed for row in found.rows} == {2}
     assert found.window == 5
-    with pytest.raises(SettingsError, match="expected some of oracle@1, oracle@2"):
+    with pytest.raises(SettingsError, match="found no speed 3, expected one of 1, 2"):
         noise_table(RunFolder(planted_run), speeds=[3])
     with pytest.raises(SettingsError, match="windows of 2 frames, expected at least 3"):
         noise_table(RunFolder(planted_run), window=2)

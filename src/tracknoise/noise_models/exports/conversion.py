@@ -22,6 +22,9 @@ from tracknoise.noise_models.model import TOLERANCE, Equivalent
 if TYPE_CHECKING:
     from tracknoise.noise_models.noise_model import NoiseModel
 
+_MOST_PX = 1e6
+"""Longest side of an image."""
+
 
 @dataclass(frozen=True, slots=True)
 class Converted:
@@ -89,6 +92,7 @@ def _scale(model: "NoiseModel", target: Target, caveats: list[str]) -> float:
     if target.focal_change is None:
         _require_same_focal(ratio, target.focal_px, known)
         return 1.0
+    _require_pixels(model, ratio, target.focal_px)
     caveats.append(
         f"The images are those of the model, resampled by {ratio:.3g}: px scale with them. A tracker that runs on "
         "resampled images has other noise. Measure it on them."
@@ -102,6 +106,15 @@ def _require_same_focal(ratio: float, focal: float, known: float) -> None:
             f"focal length is {focal:g} px, expected that of the model, {known:g} px, to {100 * TOLERANCE:g} %; "
             "`--allow-focal resampled` if the images are the same in another size, "
             "`--allow-focal lens` to use its px as they are"
+        )
+
+
+def _require_pixels(model: "NoiseModel", ratio: float, focal: float) -> None:
+    sides = [side * ratio for side in (model.camera.width, model.camera.height)]
+    if not 1.0 <= min(sides) <= max(sides) <= _MOST_PX:
+        shown = " x ".join(f"{side:.3g}" for side in sides)
+        raise SettingsError(
+            f"focal length is {focal:g} px, which makes images of {shown} px, expected one of real images"
         )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import SettingsError
-from tracknoise.noise_models.model import Component, Equivalent, Landmark, Purpose
+from tracknoise.noise_models.model import Equivalent, Landmark, Purpose
 
 if TYPE_CHECKING:
     from tracknoise.noise_models.noise_model import NoiseModel
@@ -114,12 +114,12 @@ class Noise:
     @property
     def first_covariance(self) -> NDArray[np.float64]:
         """(2, 2) float64, px^2, invertible."""
-        return _invertible(self.model.first)
+        return invertible(self.model.first.covariance)
 
     @property
     def white_covariance(self) -> NDArray[np.float64]:
         """(2, 2) float64, px^2, invertible."""
-        return _invertible(self.model.white)
+        return invertible(self.model.white.covariance)
 
     @property
     def walk_covariance(self) -> NDArray[np.float64]:
@@ -189,7 +189,7 @@ class Noise:
         return self.equivalent(purpose=Purpose.INNOVATIONS)
 
 
-def _invertible(component: Component) -> NDArray[np.float64]:
-    """The covariance, with variances not below the square of `LEAST_PX` in any direction."""
-    variances, axes = np.linalg.eigh(component.covariance)
-    return np.asarray((axes * np.maximum(variances, LEAST_PX**2)) @ axes.T)
+def invertible(covariances: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Covariances (..., 2, 2) px^2, with variances not below the square of `LEAST_PX` in any direction."""
+    variances, axes = np.linalg.eigh(covariances)
+    return np.asarray((axes * np.maximum(variances, LEAST_PX**2)[..., None, :]) @ np.swapaxes(axes, -1, -2))

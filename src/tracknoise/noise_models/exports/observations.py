@@ -6,6 +6,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.noise_models.exports.noise import invertible
 from tracknoise.tables.schema import QUALITY_PREFIX
 
 if TYPE_CHECKING:
@@ -20,8 +21,9 @@ def observation_noise(model: "NoiseModel", tracks: pl.DataFrame) -> pl.DataFrame
     """Covariance and bias of each observation by itself, for estimators that solve for the point.
 
     The first observation of a track has the covariance of a first position, later ones those of white noise and walk.
-    Where the model has no noise of a first position, the first observation has the covariance of the next frame: an
-    estimator that takes observations as independent must not take one of them as exact.
+    Where the model has no noise of a first position, the first observation has the covariance of the next frame, and
+    no standard deviation is below `LEAST_PX` in any direction: an estimator that takes observations as independent must
+    not take one of them as exact.
 
     Parameters
     ----------
@@ -61,7 +63,7 @@ def _covariances(
     found = model.covariance(age=np.maximum(age, model.training.speed), **at) - first
     if first.any():
         found[age == 0.0] = first
-    return found
+    return invertible(found)
 
 
 def _conditions(model: "NoiseModel", tracks: pl.DataFrame, flow: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:

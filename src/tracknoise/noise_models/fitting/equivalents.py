@@ -6,8 +6,9 @@ the actual ones are linear in A, W, Q and D. What makes a purpose right is there
     s^2 = sum_j kappa_j a_j    (equivalents)
 
 with half the trace a_j of each component, and kappa_j from the linear benchmark with one component of 1 px^2 alone. It
-is the mean over windows of the recordings, with their motions, depths and track lengths. If the first direction is a
-state with the prior A, the claimed covariances are not in proportion to s^2; s is then found by trying. Its interval is
+is the mean over windows of the recordings, with their motions, depths and track lengths. A is in tracks that begin in
+the window; those that began before it have W in their first observation there. If the first direction is a state with
+the prior A, the claimed covariances are not in proportion to s^2; s is then found by trying. Its interval is
 as wide, relative to it, as that for a free landmark.
 """
 
@@ -70,7 +71,7 @@ def equivalents(
     """
     alone = [[true_covariances(window, noise) for noise in _units_of_noise(speed)] for window in windows]
     free, exact = (_linear(fitted, windows, alone, first) for first in (None, EXACT))
-    state = _state(fitted, windows, speed, free, exact)
+    state = _state(fitted, windows, alone, speed, free)
     prior = fitted.components["first"].sigma.value
     named = {Landmark.FREE: (free, None), Landmark.EXACT: (exact, 0.0), Landmark.STATE: (state, prior)}
     return [*_named(named, length, gates)]
@@ -82,7 +83,7 @@ def _named(
     """From sigmas by purpose, and the standard deviation of first observations, px; None if it is that of all."""
     for landmark, (by_purpose, prior) in sigmas.items():
         for purpose, sigma in by_purpose.items():
-            ratios = _gates_of(sigma.value, prior, gates)
+            ratios = _gates_of(sigma.value, prior, gates, born_only=landmark is Landmark.STATE)
             yield Equivalent(
                 landmark=landmark,
                 purpose=purpose,
@@ -93,17 +94,23 @@ def _named(
             )
 
 
-def _gates_of(sigma: float, prior: float | None, gates: Gates) -> tuple[float, ...]:
+def _gates_of(sigma: float, prior: float | None, gates: Gates, *, born_only: bool) -> tuple[float, ...]:
     if sigma <= 0.0:
         return 1.0, 1.0
-    return gates.factors(sigma, first=None if prior is None else max(prior / sigma, EXACT))
+    return gates.factors(sigma, first=None if prior is None else max(prior / sigma, EXACT), born_only=born_only)
 
 
 def _linear(
-    fitted: "FittedComponents", windows: Sequence[Window], alone: Sequence[Sequence[Covariances]], first: float | None
+    fitted: "FittedComponents",
+    windows: Sequence[Window],
+    alone: Sequence[Sequence[Covariances]],
+    first: float | None,
+    *,
+    born_only: bool = False,
 ) -> dict[Purpose, Interval]:
     """By (equivalents), with the true covariances of each component alone, and sigma of first observations."""
-    rows = [_ratios(window, actual, 1.0, first) for window, actual in zip(windows, alone, strict=True)]
+    pairs = zip(windows, alone, strict=True)
+    rows = [_ratios(window, actual, 1.0, first, born_only=born_only) for window, actual in pairs]
     kappa = np.array([[[one[purpose] for one in row] for purpose in Purpose] for row in rows]).mean(axis=0)
     return dict(zip(Purpose, fitted.combined(kappa), strict=True))
 
@@ -115,31 +122,32 @@ def _units_of_noise(speed: int) -> list[TrackNoise]:
 
 
 def _ratios(
-    window: Window, actual: Sequence[Covariances], sigma: float, first: float | None
+    window: Window, actual: Sequence[Covariances], sigma: float, first: float | None, *, born_only: bool
 ) -> list[dict[Purpose, float]]:
-    return consistencies(window, actual, scalar_covariances(window, sigma, first=first))
+    return consistencies(window, actual, scalar_covariances(window, sigma, first=first, born_only=born_only))
 
 
 def _state(
     fitted: "FittedComponents",
     windows: Sequence[Window],
+    alone: Sequence[Sequence[Covariances]],
     speed: int,
     free: Mapping[Purpose, Interval],
-    exact: Mapping[Purpose, Interval],
 ) -> dict[Purpose, Interval]:
-    """With the prior A on the first direction; where A is 0, the first observation is exact.
+    """With the prior A on the first direction; where A is 0, the first observation of a track is exact.
 
     Where only A is not 0, all other observations are exact, and sigma is 0.
     """
     first, noise = fitted.components["first"].sigma.value, fitted.noise.per_frames(speed)
     if first == 0.0:
-        return dict(exact)
+        return _linear(fitted, windows, alone, EXACT, born_only=True)
     if not any(part.any() for part in (noise.white, noise.walk, noise.drift)):
         return dict.fromkeys(Purpose, Interval(value=0.0))
     pairs = [(window, [true_covariances(window, noise)]) for window in windows]
 
     def excess(log_sigma: float) -> Array:
-        each = [_ratios(window, actual, float(np.exp(log_sigma)), first)[0] for window, actual in pairs]
+        sigma = float(np.exp(log_sigma))
+        each = [_ratios(window, actual, sigma, first, born_only=True)[0] for window, actual in pairs]
         return np.log([np.mean([one[purpose] for one in each]) for purpose in Purpose])
 
     start = float(np.log(free[Purpose.ALL_POSES].value)) + _FIRST_TRIED

@@ -45,9 +45,9 @@ class Gates:
     noise: TrackNoise
     modelled: tuple[float, ...]
     measured: tuple[float, ...]
-    _known: dict[float, tuple[float, ...]] = field(default_factory=dict, init=False, repr=False)
+    _known: dict[tuple[float, bool], tuple[float, ...]] = field(default_factory=dict, init=False, repr=False)
 
-    def factors(self, sigma: float, *, first: float | None) -> tuple[float, ...]:
+    def factors(self, sigma: float, *, first: float | None, born_only: bool = False) -> tuple[float, ...]:
         """What to multiply gates at `LEVELS` by, (gates.landmark).
 
         Parameters
@@ -56,17 +56,20 @@ class Gates:
             Of all observations, px, above 0.
         first
             That of first observations over it; None for a free landmark.
+        born_only
+            Whether this is that of tracks that begin in the window only.
         """
-        squares = self.measured if first is None else self._with_first(first)
+        squares = self.measured if first is None else self._with_first(first, born_only)
         return tuple(square / sigma**2 for square in squares)
 
-    def _with_first(self, first: float) -> tuple[float, ...]:
+    def _with_first(self, first: float, born_only: bool) -> tuple[float, ...]:
         """Quantiles as in `measured`, of residuals whitened by this ratio for first observations; computed once."""
-        if first not in self._known:
-            own = partial(gate_factor, self.window, self.noise, sigma=1.0, first=first)
+        if (first, born_only) not in self._known:
+            own = partial(gate_factor, self.window, self.noise, sigma=1.0, first=first, born_only=born_only)
             pairs = zip(LEVELS, self.measured, self.modelled, strict=True)
-            self._known[first] = tuple(own(level=level) * measured / modelled for level, measured, modelled in pairs)
-        return self._known[first]
+            found = tuple(own(level=level) * measured / modelled for level, measured, modelled in pairs)
+            self._known[first, born_only] = found
+        return self._known[first, born_only]
 
 
 def gates(

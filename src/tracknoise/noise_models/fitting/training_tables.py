@@ -98,6 +98,35 @@ def conditions(folder: RunFolder) -> list[tuple[str, int]]:
     return rows
 
 
+def chosen_conditions(
+    folder: RunFolder, *, trackers: Collection[str] | None = None, speeds: Collection[int] | None = None
+) -> list[tuple[str, int]]:
+    """The same of some trackers and speeds; by default of all.
+
+    Raises
+    ------
+    UnknownNameError
+        If one of the trackers is not among them.
+    SettingsError
+        If one of the speeds is not, or no such tracker has such a speed.
+    StoreError
+        If there are none.
+    """
+    known = conditions(folder)
+    names, every = {name for name, _ in known}, sorted({speed for _, speed in known})
+    for tracker in trackers or ():
+        if tracker not in names:
+            raise UnknownNameError("tracker", tracker, names)
+    for speed in speeds or ():
+        if speed not in every:
+            raise SettingsError(f"{folder.path}: found no speed {speed}, expected one of {', '.join(map(str, every))}")
+    wanted = [(name, speed) for name, speed in known if name in (trackers or names) and speed in (speeds or every)]
+    if not wanted:
+        expected = ", ".join(f"{name}@{speed}" for name, speed in known)
+        raise SettingsError(f"{folder.path}: found none of the wanted trackers and speeds, expected some of {expected}")
+    return wanted
+
+
 def _without_sums(folder: RunFolder) -> StoreError:
     expected = "a run of this version whose truth is known for each first position (neither scan nor triangulated)"
     return StoreError(f"{folder.path}: holds no sums for noise models, expected {expected}")

@@ -21,7 +21,7 @@ import polars as pl
 from tracknoise.exceptions import SettingsError
 from tracknoise.noise_models.fitting.bias import fit_bias
 from tracknoise.noise_models.fitting.fit import components_of, equivalents_of
-from tracknoise.noise_models.fitting.training_tables import TrainingTables, all_training_tables, conditions
+from tracknoise.noise_models.fitting.training_tables import TrainingTables, all_training_tables, chosen_conditions
 from tracknoise.noise_models.lookup.gains import LEAST, noise_lookup
 from tracknoise.noise_models.model import Bias, BiasKind, Interval, Landmark, Purpose
 from tracknoise.tables.defaults import LEVEL
@@ -132,18 +132,14 @@ def noise_table(
 
     Raises
     ------
-    SettingsError
+    UnknownNameError, SettingsError
         If there is no such tracker or speed, or windows have fewer than three frames.
     StoreError, SchemaError
         If the run holds no sums for noise models, or a table is damaged.
     """
     if window < _SHORTEST:
         raise SettingsError(f"noise table: found windows of {window} frames, expected at least {_SHORTEST}")
-    known = conditions(folder)
-    wanted = [(one, at) for one, at in known if one in (trackers or {one}) and at in (speeds or {at})]
-    if not wanted:
-        every = ", ".join(f"{one}@{at}" for one, at in known)
-        raise SettingsError(f"{folder.path}: found none of the wanted trackers and speeds, expected some of {every}")
+    wanted = chosen_conditions(folder, trackers=trackers, speeds=speeds)
     read = all_training_tables(folder, wanted)
     parts = [(tables, motion) for tables in read for motion in (None, *_motions(tables))]
     corrected = 1.0 - (1.0 - level) / len(parts)

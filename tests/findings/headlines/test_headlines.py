@@ -298,7 +298,7 @@ def test_a_bias_that_was_shown_is_reported_with_its_size() -> None:
     bias = read(zero_mean=table(ZERO_MEAN, whole, AT_TEN), intervals=table(INTERVALS, mean))["bias"]
     assert "The mean trimmed error of lk is not zero (p = 0.012, 8 scenes)." in bias["text"]
     assert "At age 10, the mean in u is 0.120 px (0.050 to 0.190). In v it is −0.040 px." in bias["text"]
-    assert "Its square is 6.2 % of the second moment." in bias["text"]
+    assert "The square of the mean is 6.2 % of the second moment, u and v together." in bias["text"]
     assert (bias["value"], bias["low"], bias["high"]) == (0.12, 0.05, 0.19)
 
 

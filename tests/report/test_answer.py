@@ -101,6 +101,24 @@ def test_findings_are_short_sentences_with_evidence(make_run: Callable[..., RunF
         assert statement.section in sections
 
 
+def test_findings_about_one_tracker_name_it(data: ReportData) -> None:
+    """Their number is that of one row of a table, which says of which tracker, and of which coordinate."""
+    found = {one.topic: one.statements[0].text for one in summarise(data).findings}
+    first, _ = data.trackers
+    assert found["pose errors"].endswith(f" of the second moment of {first}.")
+    pairs = data.nominal(data.tracker_differences).filter("established")
+    row = data.in_order(pairs).row(0, named=True)
+    expected = f"At the same corners, the mean position of {row['tracker']} less that of {row['other']} is 0.100"
+    assert found["differences"].startswith(expected)
+    assert found["differences"].endswith(" in u.")
+
+
+def test_one_age_alone_does_not_say_how_errors_grow(data: ReportData) -> None:
+    young = dataclasses.replace(data, curves=data.curves.filter(pl.col("at") <= 1))
+    with pytest.raises(StopIteration):
+        measure(summarise(young), "lucas-kanade", "growth")
+
+
 def test_a_long_finding_of_an_unknown_topic_is_only_named() -> None:
     assert short("A short one with 1 number. And more.", "x") == "A short one with 1 number."
     assert short("One 1, two 2, three 3 and four 4 numbers. And more.", "fog") == "This run has a finding about fog."
@@ -123,7 +141,7 @@ def test_the_better_tracker_is_named_only_where_the_comparison_says_so(data: Rep
 def test_a_tracker_that_is_better_at_one_age_is_not_more_accurate(data: ReportData) -> None:
     """Only the comparison at that age and in that coordinate is established, which the sentence names."""
     everywhere = compared(data, "yes")
-    assert summarise(everywhere).accuracy.text.endswith(" over all ages.")
+    assert summarise(everywhere).accuracy.text.endswith(" over shared ages.")
     at_one_age = everywhere.dependence.with_columns(coordinate=pl.lit("v"), at=pl.lit(7, dtype=pl.Int64))
     row = at_one_age.filter(factor="tracker", statistic="core").row(0, named=True)
     worse = next(name for name in data.trackers if name != row["better"])

@@ -693,3 +693,10 @@ def test_trackers_that_differ_in_the_mean_are_named(fitted: bool) -> None:
     assert found["text"].endswith("No error of the truth can cause such a difference.")
     assert (found["value"], found["low"]) == (0.2, pytest.approx(0.15))
     assert "differences" not in read(replace(SCOPE, fitted=fitted), **differences(established=False))
+
+
+def test_the_number_of_a_difference_is_that_of_a_coordinate_in_which_it_is_established() -> None:
+    rows = differences(established=True)["tracker_differences"]
+    in_v = rows.with_columns(established=pl.col("established") & (pl.col("coordinate") == "v"))
+    found = read(tracker_differences=in_v)["differences"]
+    assert (found["value"], found["low"]) == (0.0, pytest.approx(-0.05))

@@ -176,12 +176,12 @@ def growth(subject: Subject) -> Measure | None:
 
 
 def _growth_ages(subject: Subject) -> list[int]:
-    """The first place after zero that has an RMS, and the reference place."""
+    """The first place after zero that has an RMS, and the reference place; empty where these are the same."""
     points = subject.of("points").filter(
         pl.col("since") > 0, role="second", trimming=subject.conditions.trimming, population=subject.data.population
     )
     known: list[int] = points.filter(pl.col("at") <= subject.at)["at"].sort().to_list()
-    return [known[0], known[-1]] if known else []
+    return [known[0], known[-1]] if len(known) > 1 else []
 
 
 def _places(subject: Subject, ages: Sequence[int]) -> str:

@@ -82,10 +82,10 @@ def accuracy(data: ReportData, errors: dict[str, Measure | None]) -> Judgement:
 
 
 def _sentence(data: ReportData, row: dict[str, Any], verdict: Verdict) -> str:
-    """The verdict on all ages (or frames) and both coordinates together."""
+    """The verdict on all ages (or frames) that both trackers have, and both coordinates, together."""
     pair = [row["level_a"], row["level_b"]]
     bounds = "" if row["low"] is None else f" ({ratio(row['low'])} to {ratio(row['high'])})"
-    size, everywhere = f"{ratio(row['effect'])} times", f"over all {data.axis.name}s"
+    size, everywhere = f"{ratio(row['effect'])} times", f"over shared {data.axis.name}s"
     if verdict == Verdict.yes and row["better"] in pair:
         worse = pair[1 - pair.index(row["better"])]
         than = f" than {worse}" if row["n_levels"] > len(pair) else ""

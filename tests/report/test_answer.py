@@ -324,6 +324,12 @@ def test_the_sigma_to_set_is_that_of_windows_of_fifteen(data: ReportData) -> Non
     assert card(summarise(none), "lucas-kanade").sigma == ""
 
 
+def test_the_sigma_to_set_may_be_that_of_the_truth(data: ReportData) -> None:
+    covered = card(summarise(with_floor(data, 9.0)), "lucas-kanade").sigma
+    assert covered.endswith("residuals look like 0.100 px; errors of the truth alone can cause this.")
+    assert card(summarise(with_floor(data, 1e-6)), "lucas-kanade").sigma.endswith("look like 0.100 px.")
+
+
 def test_the_sigma_to_set_is_not_that_of_a_few_windows(data: ReportData) -> None:
     few = pl.when(pl.col("window") == 15).then(99).otherwise(pl.col("n")).cast(pl.Int64)
     rare = pl.when(pl.col("window") >= 10, pl.col("quantity") == "depth_share").then(0.4).otherwise(pl.col("value"))

@@ -1,6 +1,7 @@
 """Verdicts on claims, from tables whose answer is known: the sign decides, and what is not known is not judged."""
 
 import dataclasses
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -194,6 +195,7 @@ def test_the_error_at_higher_speeds_is_larger_or_smaller(made: MakeData) -> None
         found = verdict(scaled(data, "absolute", factor, fast), "absolute-by-speed", LK)
         assert found.agreement is agreement
         assert found.value.endswith("px at speeds 1, 2")
+        assert re.search(r"sizes are means of u and v at age \d+$", found.reason)
 
 
 def test_one_step_from_the_key_frame_each_speed_has_its_own_place(made: MakeData) -> None:

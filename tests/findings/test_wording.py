@@ -47,6 +47,8 @@ def test_short_lengths_are_written_to_a_thousandth_of_a_pixel(value: float | Non
 def test_units_stay_with_their_numbers() -> None:
     assert px(0.5) == "0.500\N{NO-BREAK SPACE}px"
     assert percent(0.0483) == "4.8\N{NO-BREAK SPACE}%"
+    assert percent(-0.0483) == "\N{MINUS SIGN}4.8\N{NO-BREAK SPACE}%"
+    assert percent(-1e-5) == "0.0\N{NO-BREAK SPACE}%"
     assert px(None) == percent(None) == "unknown"
 
 

@@ -39,3 +39,11 @@ def test_outliers_do_not_change_it(common_run) -> None:
         fit_common(table, read["noise_sums"], groups=NO_GROUPS, level=0.95) for table in (rigid, read["rigid"])
     )
     assert with_outliers == without
+
+
+def test_errors_that_are_all_zero_have_no_common_share(common_run) -> None:
+    """A perfect tracker: nothing is a share of nothing, and the model can be written."""
+    read = training_tables(RunFolder(common_run), tracker="oracle", speed=1)
+    rigid = read["rigid"].with_columns(pl.col("^rigid_.*$") * 0.0)
+    squares = read["noise_sums"].with_columns(pl.col("uu", "uv", "vv") * 0.0)
+    assert fit_common(rigid, squares, groups=NO_GROUPS, level=0.95) is None

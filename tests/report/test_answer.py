@@ -22,6 +22,7 @@ from tracknoise.report.answer.curve_plot import curves
 from tracknoise.report.answer.statements import MOST_NUMBERS, MOST_WORDS, short
 from tracknoise.report.answer.subject import number as plain_number
 from tracknoise.report.answer.summary import Card, Measure, Number, Summary, summary_json, summary_schema
+from tracknoise.report.answer.trust import certainty
 from tracknoise.report.figures.families import FAMILIES, Family
 from tracknoise.report.page import write_report
 from tracknoise.report.parts import PARTS
@@ -100,6 +101,24 @@ def test_findings_are_short_sentences_with_evidence(make_run: Callable[..., RunF
         assert statement.section in sections
 
 
+def test_findings_about_one_tracker_name_it(data: ReportData) -> None:
+    """Their number is that of one row of a table, which says of which tracker, and of which coordinate."""
+    found = {one.topic: one.statements[0].text for one in summarise(data).findings}
+    first, _ = data.trackers
+    assert found["pose errors"].endswith(f" of the second moment of {first}.")
+    pairs = data.nominal(data.tracker_differences).filter("established")
+    row = data.in_order(pairs).row(0, named=True)
+    expected = f"At the same corners, the mean position of {row['tracker']} less that of {row['other']} is 0.100"
+    assert found["differences"].startswith(expected)
+    assert found["differences"].endswith(" in u.")
+
+
+def test_one_age_alone_does_not_say_how_errors_grow(data: ReportData) -> None:
+    young = dataclasses.replace(data, curves=data.curves.filter(pl.col("at") <= 1))
+    with pytest.raises(StopIteration):
+        measure(summarise(young), "lucas-kanade", "growth")
+
+
 def test_a_long_finding_of_an_unknown_topic_is_only_named() -> None:
     assert short("A short one with 1 number. And more.", "x") == "A short one with 1 number."
     assert short("One 1, two 2, three 3 and four 4 numbers. And more.", "fog") == "This run has a finding about fog."
@@ -117,6 +136,21 @@ def test_the_better_tracker_is_named_only_where_the_comparison_says_so(data: Rep
     assert undecided.accuracy.text.startswith("It is undecided which is more accurate")
     assert measure(undecided, row["better"], "error").answer.verdict == "undecided"
     assert "equally accurate" in summarise(compared(data, "no")).accuracy.text
+
+
+def test_a_tracker_that_is_better_at_one_age_is_not_more_accurate(data: ReportData) -> None:
+    """Only the comparison at that age and in that coordinate is established, which the sentence names."""
+    everywhere = compared(data, "yes")
+    assert summarise(everywhere).accuracy.text.endswith(" over shared ages.")
+    at_one_age = everywhere.dependence.with_columns(coordinate=pl.lit("v"), at=pl.lit(7, dtype=pl.Int64))
+    row = at_one_age.filter(factor="tracker", statistic="core").row(0, named=True)
+    worse = next(name for name in data.trackers if name != row["better"])
+    found = summarise(dataclasses.replace(everywhere, dependence=at_one_age))
+    assert found.accuracy.answer.verdict == "undecided"
+    expected = f"Undecided overall; in v at age 7, the core error of {worse} is 1.50 times that of {row['better']} ("
+    assert found.accuracy.text.startswith(expected)
+    assert len(re.findall(r"\d[\d.,]*", found.accuracy.text)) <= MOST_NUMBERS
+    assert {one.measures[0].answer.verdict for one in found.cards} == {"undecided"}
 
 
 def test_of_three_trackers_the_comparison_of_two_makes_none_the_best(data: ReportData) -> None:
@@ -139,6 +173,37 @@ def test_a_bias_is_undecided_with_two_scenes(data: ReportData) -> None:
     assert found.sentence.startswith("It is undecided whether lucas-kanade is biased; its mean error in ")
 
 
+def fitted(data: ReportData, coordinate: str, **columns: object) -> ReportData:
+    """The run with other values in the fitted growth of one coordinate."""
+    kinds = data.time_structure.schema
+    values = {name: pl.lit(value, dtype=kinds[name]) for name, value in columns.items()}
+    changed = [
+        pl.when(coordinate=coordinate).then(value).otherwise(pl.col(name)).alias(name) for name, value in values.items()
+    ]
+    return dataclasses.replace(data, time_structure=data.time_structure.with_columns(changed))
+
+
+@pytest.mark.parametrize("growing", ["u", "v"])
+def test_the_rms_that_is_said_to_grow_is_that_of_the_coordinate_that_grows(data: ReportData, growing: str) -> None:
+    found = measure(
+        summarise(fitted(data, "v" if growing == "u" else "u", verdict="undecided")), "lucas-kanade", "growth"
+    )
+    assert found.answer.verdict == "yes"
+    assert f"the RMS in {growing} goes from " in found.sentence
+    assert found.note.startswith(f"RMS in {growing}, ")
+
+
+@pytest.mark.parametrize(("low", "verdict", "word"), [(0.01, "yes", "mostly constant"), (0.0, "no", "constant")])
+def test_a_part_that_grows_is_not_called_no_growth(data: ReportData, low: float, verdict: str, word: str) -> None:
+    """Errors that are mostly constant grow where the interval of their walk is above zero, as the finding says."""
+    turned = data
+    for axis in "uv":
+        turned = fitted(turned, axis, verdict="white", walk_px_per_sqrt_frame_low=low, drift_px_per_frame_low=0.0)
+    found = measure(summarise(turned), "lucas-kanade", "growth")
+    assert found.answer.verdict == verdict
+    assert found.note.endswith(f"; {word}")
+
+
 def test_growth_within_the_errors_of_the_truth_is_undecided(data: ReportData) -> None:
     assert measure(summarise(data), "lucas-kanade", "growth").answer.verdict == "yes"
     covered = summarise(with_floor(data, 1.0))
@@ -158,6 +223,7 @@ def test_tails_are_asked_of_the_errors_that_the_run_is_about(data: ReportData) -
     found = measure(summarise(dataclasses.replace(data, settings=untrimmed)), "lucas-kanade", "tails")
     assert found.answer.verdict == "yes"
     assert (found.number.value, found.reference) == (31.0, 8.0)
+    assert found.note.startswith("pooled kurtosis, ages 10 to 19 (Gaussian: 8)")
 
 
 def faultless(data: ReportData) -> ReportData:
@@ -179,6 +245,21 @@ def test_whether_the_truth_can_be_trusted_depends_on_its_floor(
     found = summarise(sound if share is None else with_floor(sound, share)).truth
     assert found.answer.verdict == verdict
     assert found.text.startswith("No fault of the stated truth was found.")
+
+
+def test_the_errors_of_the_truth_are_those_of_a_tracker_at_an_age_and_no_larger_than_its_error(
+    data: ReportData,
+) -> None:
+    text = summarise(with_floor(faultless(data), 4.0)).truth.text
+    found = re.search(r"can cause ([\d.]+) of the ([\d.]+) px RMS error of (.+) at age (\d+)\.", text)
+    assert found is not None
+    floor_px, error_px, tracker, age = found.groups()
+    assert floor_px == error_px
+    points = data.nominal(data.points).filter(
+        role="second", trimming=data.trimming, population=data.population, tracker=tracker, since=int(age)
+    )
+    row = points.row(0, named=True)
+    assert float(error_px) == pytest.approx(math.hypot(row["u"], row["v"]), rel=1e-2)
 
 
 @pytest.mark.parametrize(
@@ -218,6 +299,16 @@ def test_how_sure_it_is_depends_on_what_was_resampled(data: ReportData, resample
     assert found.answer.verdict == verdict
 
 
+def test_how_sure_it_is_does_not_depend_on_the_order_of_rows(data: ReportData) -> None:
+    """Where two kinds of intervals are equally frequent, each report of a run names the same one."""
+    nominal = data.nominal(data.intervals).drop_nulls(["level", "resampled", "n_scenes"])
+    even = nominal.head(nominal.height // 2 * 2).with_row_index()
+    named = pl.when(pl.col("index") % 2 == 0).then(pl.lit("scenes")).otherwise(pl.lit("blocks"))
+    halves = even.with_columns(resampled=named.cast(data.intervals.schema["resampled"])).drop("index")
+    shuffled = (halves.sample(fraction=1.0, shuffle=True, seed=seed) for seed in range(12))
+    assert len({certainty(dataclasses.replace(data, intervals=rows)).text for rows in shuffled}) == 1
+
+
 def test_without_intervals_numbers_hold_for_their_scenes_only(data: ReportData) -> None:
     found = summarise(dataclasses.replace(data, intervals=data.intervals.clear()))
     assert found.certainty.text == "No intervals were computed: the numbers hold for these scenes only."
@@ -231,6 +322,12 @@ def test_the_sigma_to_set_is_that_of_windows_of_fifteen(data: ReportData) -> Non
     assert "windows of 10 frames" in card(summarise(short_ones), "lucas-kanade").sigma
     none = dataclasses.replace(data, window_sigmas=data.window_sigmas.clear())
     assert card(summarise(none), "lucas-kanade").sigma == ""
+
+
+def test_the_sigma_to_set_may_be_that_of_the_truth(data: ReportData) -> None:
+    covered = card(summarise(with_floor(data, 9.0)), "lucas-kanade").sigma
+    assert covered.endswith("residuals look like 0.100 px; errors of the truth alone can cause this.")
+    assert card(summarise(with_floor(data, 1e-6)), "lucas-kanade").sigma.endswith("look like 0.100 px.")
 
 
 def test_the_sigma_to_set_is_not_that_of_a_few_windows(data: ReportData) -> None:

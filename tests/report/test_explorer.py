@@ -50,7 +50,21 @@ def test_curves_of_a_scene_are_those_of_its_observations(run: RunFolder, data: R
         if age:
             assert curve["mean"]["u"][place] == pytest.approx(errors.mean(), rel=1e-3)
             assert curve["absolute"]["u"][place] == pytest.approx(np.abs(errors).mean(), rel=1e-3)
-            assert curve["second"]["u"][place] == pytest.approx(np.sqrt((errors**2).mean()), rel=1e-3)
+            assert curve["second"]["u"][place] == pytest.approx(
+                np.sqrt((errors**2).sum() / (len(errors) - 1)), rel=1e-3
+            )
+
+
+def test_the_only_scene_has_the_curves_of_the_run(make_run: Callable[..., RunFolder]) -> None:
+    data = ReportData.of(make_run(scenes=("one",), speeds=(1,), n_frames=12, born=20, min_features=20))
+    chosen = {"tracker": "lucas-kanade", "population": data.population, "trimming": "untrimmed"}
+    pooled, alone = (
+        [one for one in explored(data)[name] if chosen.items() <= one.items()] for name in ("errors", "scenes")
+    )
+    for role in ("mean", "absolute", "second"):
+        whole = dict(zip(pooled[0][role]["at"], pooled[0][role]["u"], strict=True))
+        same = dict(zip(alone[0][role]["at"], alone[0][role]["u"], strict=True))
+        assert {at: same[at] for at in whole} == pytest.approx(whole, rel=1e-3)
 
 
 def test_everything_can_be_written_as_json(make_run: Callable[..., RunFolder], synthetic: ModuleType) -> None:

@@ -6,6 +6,8 @@ from types import ModuleType
 import polars as pl
 
 from tracknoise.cli.summary import summary_text
+from tracknoise.report.measured import summary
+from tracknoise.report.report_data import ReportData
 from tracknoise.tables.findings_schema import FINDINGS
 from tracknoise.tables.store import RunFolder
 
@@ -37,6 +39,14 @@ def test_many_conditions_are_not_all_listed(make_run: Callable[..., RunFolder], 
     lines = _table(make_run(**synthetic.DEGENERATE["many conditions"]))
     assert len(lines) == 5
     assert lines[-1] == "(under lighting LR0; 40 other conditions are in the report's tables/summary.csv)"
+
+
+def test_many_conditions_of_one_view_are_all_listed(make_run: Callable[..., RunFolder]) -> None:
+    """There are no others then, and nothing is said about them."""
+    world = {"scenes": ("only",), "n_frames": 8, "born": 4, "min_features": 2}
+    run = make_run(**world, trackers=tuple(f"t{number}" for number in range(7)), speeds=(1, 2, 3, 4, 5, 6))
+    assert _table(run)[-1].startswith("t6")
+    assert summary(ReportData.of(run)).caption == "Key numbers of every condition"
 
 
 def test_the_noise_to_set_in_an_estimator_stands_below_the_table(make_run: Callable[..., RunFolder]) -> None:

@@ -146,10 +146,11 @@ def _fitted(data: ReportData) -> list[str]:
 
 
 def _others(data: ReportData) -> list[str]:
-    if not data.is_large:
-        return []
     n = data.summary.height - data.listed(data.summary).height
-    return [f"({data.where.strip()}; {n} other conditions are in the report's tables/summary.csv)"]
+    if not n:
+        return []
+    others = "1 other condition is" if n == 1 else f"{n} other conditions are"
+    return [f"({data.where.strip()}; {others} in the report's tables/summary.csv)"]
 
 
 def _cell(value: object, form: str) -> str:

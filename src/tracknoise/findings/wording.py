@@ -77,8 +77,8 @@ def px(value: float | None) -> str:
 
 
 def percent(share: float | None) -> str:
-    """Write a share between 0 and 1 in percent, to a tenth."""
-    return "unknown" if share is None else f"{100 * share:.1f}{SPACE}%"
+    """Write a share in percent, to a tenth."""
+    return "unknown" if share is None else f"{100 * share:z.1f}{SPACE}%".replace("-", MINUS)
 
 
 def effect_text(effect: float | None) -> str:

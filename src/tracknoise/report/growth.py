@@ -5,6 +5,7 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.findings.headlines.error_topics import rises
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.withheld import audited_rise, growth_cover
 from tracknoise.findings.wording import count, ratio
@@ -20,6 +21,8 @@ _GROWING = (Behaviour.random_walk, Behaviour.drift, Behaviour.saturating)
 def growth_verdict(data: ReportData, conditions: ReportedConditions, row: Mapping[str, Any], at: int | None) -> Verdict:
     """Whether the error of one coordinate grows; undecided where the errors of the truth can grow as much.
 
+    An error that is mostly constant grows where a part of it does, by its interval.
+
     Parameters
     ----------
     data
@@ -33,7 +36,7 @@ def growth_verdict(data: ReportData, conditions: ReportedConditions, row: Mappin
     """
     if row["verdict"] in (Behaviour.undecided, Behaviour.none):
         return Verdict.undecided
-    if row["verdict"] not in _GROWING or at is None:
+    if (row["verdict"] not in _GROWING and not rises(row)) or at is None:
         return Verdict.no
     tables = {"curves": data.curves, "floor": data.floor, "audit_curves": data.audit_curves}
     where = tables, conditions, row["tracker"], row["coordinate"], at
@@ -59,7 +62,9 @@ def behaviour(data: ReportData, tracker: str) -> str | None:
     if len(rows) < 2 or len(found) > 1:
         return None
     kind, verdict = found.pop()
-    return None if verdict == Verdict.undecided else str(kind)
+    if verdict == Verdict.undecided or (kind == Behaviour.white and verdict == Verdict.yes):
+        return None
+    return str(kind)
 
 
 def _fits(data: ReportData) -> pl.DataFrame:
@@ -69,7 +74,7 @@ def _fits(data: ReportData) -> pl.DataFrame:
 def _grown(data: ReportData, row: Mapping[str, Any]) -> list[tuple[float, str]]:
     """How many times the RMS of one tracker and coordinate grows up to the reference age; nothing if it does not."""
     axis, ends = row["coordinate"], _ends(data, row)
-    if ends.height < 2 or not ends[axis][0]:
+    if row["verdict"] not in _GROWING or ends.height < 2 or not ends[axis][0]:
         return []
     at, since, last = ends.row(-1)
     verdict = growth_verdict(data, reported_conditions(data, data.slowest), row, at)

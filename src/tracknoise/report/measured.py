@@ -245,7 +245,7 @@ def _chosen(data: ReportData) -> str:
     if not data.is_large:
         return ""
     n = data.summary.height - data.listed(data.summary).height
-    return f",{data.where}; {count(n, 'other condition')} in the table file"
+    return f",{data.where}; {count(n, 'other condition')} in the table file" if n else ""
 
 
 def _sum(counts: pl.Expr) -> pl.Expr:

@@ -8,6 +8,7 @@ from tracknoise.findings.comparison.gate import Gate, judge
 from tracknoise.findings.comparison.paired_values import NO_PLACES, PairedValues
 from tracknoise.findings.comparison.result import Compared
 from tracknoise.findings.comparison.verdicts import verdicts
+from tracknoise.tables.enumerations import ComparedAges
 
 OF = Compared("after", "lk", "lk", "simulated", "default", 0, "forward", "", 1)
 
@@ -76,6 +77,26 @@ def test_the_margin_of_a_bias_is_a_share_of_the_core():
     (row,) = verdicts([Asked(OF, "bias", pair, [f"s{i}" for i in range(10)], np.arange(10), "age")])
     assert row.margin == pytest.approx(0.04)
     assert (row.verdict, row.at) == ("worse", 4)
+
+
+def test_the_mean_of_all_ages_of_a_bias_is_that_of_a_coordinate():
+    total = np.random.default_rng(1).standard_normal((10, 4)) * 0.01
+    change = total + np.array([0.0, 0.3, 0.0, 0.3])  # places times coordinates
+    pair = PairedValues(change, np.ones(10, bool), np.zeros(4, bool), np.array([4, 5]), 2, total + 0.5, scale_px=0.4)
+    one = Asked(OF, "bias", pair, [f"s{i}" for i in range(10)], np.arange(10), "age")
+    (row,) = verdicts([one], ages=ComparedAges.mean)
+    assert (row.verdict, row.at, row.coordinate) == ("worse", None, "v")
+    assert row.effect == pytest.approx(0.3, abs=0.02)
+
+
+@pytest.mark.parametrize(("axis", "place"), [("age", "at age 3"), ("frame", "3 frames before the key frame")])
+def test_a_change_of_the_other_sign_is_placed_from_the_key_frame(axis, place):
+    at = 3 if axis == "age" else -3
+    values = np.array([0.6, 0.6, 0.6, -0.3]) + 0.05 * np.random.default_rng(2).standard_normal((10, 4))
+    places = np.array([at - 3, at - 2, at - 1, at])
+    pair = PairedValues(values, np.ones(10, bool), np.zeros(4, bool), places)
+    (row,) = verdicts([Asked(OF, "core", pair, [f"s{i}" for i in range(10)], np.arange(10), axis)])
+    assert row.why == f"the change has the opposite sign {place}"
 
 
 @pytest.mark.parametrize(

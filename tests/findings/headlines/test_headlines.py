@@ -298,7 +298,7 @@ def test_a_bias_that_was_shown_is_reported_with_its_size() -> None:
     bias = read(zero_mean=table(ZERO_MEAN, whole, AT_TEN), intervals=table(INTERVALS, mean))["bias"]
     assert "The mean trimmed error of lk is not zero (p = 0.012, 8 scenes)." in bias["text"]
     assert "At age 10, the mean in u is 0.120 px (0.050 to 0.190). In v it is −0.040 px." in bias["text"]
-    assert "Its square is 6.2 % of the second moment." in bias["text"]
+    assert "The square of the mean is 6.2 % of the second moment, u and v together." in bias["text"]
     assert (bias["value"], bias["low"], bias["high"]) == (0.12, 0.05, 0.19)
 
 
@@ -693,3 +693,10 @@ def test_trackers_that_differ_in_the_mean_are_named(fitted: bool) -> None:
     assert found["text"].endswith("No error of the truth can cause such a difference.")
     assert (found["value"], found["low"]) == (0.2, pytest.approx(0.15))
     assert "differences" not in read(replace(SCOPE, fitted=fitted), **differences(established=False))
+
+
+def test_the_number_of_a_difference_is_that_of_a_coordinate_in_which_it_is_established() -> None:
+    rows = differences(established=True)["tracker_differences"]
+    in_v = rows.with_columns(established=pl.col("established") & (pl.col("coordinate") == "v"))
+    found = read(tracker_differences=in_v)["differences"]
+    assert (found["value"], found["low"]) == (0.0, pytest.approx(-0.05))

@@ -11,7 +11,7 @@ from tracknoise.findings.comparison.result import Compared, Comparison, GateResu
 from tracknoise.report.comparison.markdown import comparison_markdown
 from tracknoise.report.comparison.page import comparison_page
 from tracknoise.report.comparison.plot import WIDTH, plot_of
-from tracknoise.report.comparison.words import answers, clearest, effect_words, tolerance_words
+from tracknoise.report.comparison.words import answers, clearest, effect_words, tolerance_words, where_words
 from tracknoise.tables.enumerations import ChangeVerdict, ComparedAges
 
 OF = Compared("after", "lk", "lk", "simulated", "default", 0, "forward", "", 1)
@@ -73,6 +73,19 @@ def test_the_answer_names_the_statistics_of_each_verdict():
     (sentence,) = clearest([CORE, LIFETIME, OPEN])
     assert sentence.startswith("Core of the errors is worse: +21")
     assert sentence.endswith("at age 7 in v.")
+
+
+@pytest.mark.parametrize(
+    ("axis", "at", "text"),
+    [
+        ("frame", 1, "1 frame after the key frame in v"),
+        ("frame", -4, "4 frames before the key frame in v"),
+        ("window", 5, "in windows of 5 in v"),
+    ],
+)
+def test_places_around_a_key_frame_are_on_the_right_side_of_it(axis, at, text):
+    assert where_words(replace(CORE, axis=axis, at=at)) == text
+    assert where_words(replace(CORE, axis=axis, at=None)) == "in v"
 
 
 def test_the_answer_about_several_conditions_names_what_changed_and_counts_the_rest():

@@ -12,6 +12,7 @@ from tests.report.synthetic import DEGENERATE
 from tracknoise.findings.wording import listing
 from tracknoise.report.figures import (
     audit_curves,
+    between_trackers,
     curves,
     image_map,
     incidence,
@@ -44,6 +45,16 @@ def test_a_share_of_pose_errors_that_may_be_zero_is_not_stated(data: ReportData)
     assert message(pose_errors.figures(data), "pose-errors").startswith("Share that pose errors explain: 50")
     undecided = data.rigid_share.with_columns(low=pl.lit(-0.1))
     assert message(pose_errors.figures(dataclasses.replace(data, rigid_share=undecided)), "pose-errors") == ""
+
+
+def test_a_difference_of_trackers_that_one_of_many_intervals_shows_is_not_stated(data: ReportData) -> None:
+    """The table says what is established for both coordinates and all ages together."""
+    assert message(between_trackers.figures(data), "between-trackers").endswith("0.100\N{NO-BREAK SPACE}px")
+    open_ones = data.tracker_differences.with_columns(established=pl.col("established") & False)
+    assert (
+        message(between_trackers.figures(dataclasses.replace(data, tracker_differences=open_ones)), "between-trackers")
+        == ""
+    )
 
 
 def test_growth_that_the_truth_can_explain_is_not_stated(make_run: Callable[..., RunFolder]) -> None:

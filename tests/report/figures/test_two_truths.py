@@ -56,7 +56,7 @@ def test_the_sentences_state_the_disagreement(made):
     assert made[2].message.startswith("Relative poses of the truths differ by ")
     assert float(made[2].message.split()[7]) == rotation
     for figure in made:
-        assert "blocks" in figure.shows
+        assert "blocks of tracks resampled within 2 scenes" in figure.shows
 
 
 def test_without_a_second_truth_nothing_is_drawn():

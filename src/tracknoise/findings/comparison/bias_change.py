@@ -59,7 +59,7 @@ def bias_change(
     }
     effect, low, high = _sizes(both, chosen, question)
     scenes = _growth(parts[0][:, chosen], parts[1][:, chosen])
-    return Change(effect, low, high, point, sides, compared, scenes)
+    return Change(effect, low, high, point, sides, compared, scenes, chosen if place is None else None)
 
 
 def _mean_of_places(values: NDArray[np.float64], compared: NDArray[np.bool_]) -> NDArray[np.float64]:

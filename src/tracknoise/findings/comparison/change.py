@@ -67,6 +67,8 @@ class Change:
         Points that enough scenes have.
     scenes : (scenes,) float64
         The same change in every scene, NaN where it has none.
+    coordinate
+        0 for u and 1 for v, if it is the mean over all places of one coordinate; None otherwise.
     """
 
     effect: float
@@ -76,6 +78,7 @@ class Change:
     sides: Mapping[int, OneSided]
     compared: NDArray[np.bool_]
     scenes: NDArray[np.float64]
+    coordinate: int | None = None
 
     @property
     def p_change(self) -> float:

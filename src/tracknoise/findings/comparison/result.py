@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tracknoise.findings.comparison.estimands import OfStatistic
+from tracknoise.findings.wording import place
 from tracknoise.tables.enumerations import ChangeVerdict, ComparedAges
 
 
@@ -49,7 +50,8 @@ class Row(OfStatistic):
     margin
         Largest change that counts as no difference, in the same unit.
     at, coordinate
-        Age (or frame, or length of windows) and coordinate of the effect; None for the mean over all.
+        Age (or distance from the key frame, or length of windows) and coordinate of the effect; None for the mean over
+        all.
     at_low, at_high
         Least and largest age, frame or length of windows that was compared; None for single numbers.
     axis
@@ -184,3 +186,14 @@ class Comparison:
     level: float
     ages: ComparedAges
     gate: GateResult | None = None
+
+
+def place_words(axis: str, at: int) -> str:
+    """Write an age, a distance from the key frame or a length of windows: ``at age 10``, ``in windows of 5``.
+
+    Parameters
+    ----------
+    axis, at
+        As in `Row`.
+    """
+    return f"in windows of {at}" if axis == "window" else place(axis, at)

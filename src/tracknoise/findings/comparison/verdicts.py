@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tracknoise.findings.comparison.asked import Asked, Tested
 from tracknoise.findings.comparison.change import Change, mean_of_points
 from tracknoise.findings.comparison.estimands import Unit
-from tracknoise.findings.comparison.result import Row
+from tracknoise.findings.comparison.result import Row, place_words
 from tracknoise.findings.sampling.multiplicity import benjamini_hochberg, holm
 from tracknoise.tables.defaults import LEVEL, MARGIN
 from tracknoise.tables.enumerations import ChangeVerdict, ComparedAges
@@ -96,6 +96,8 @@ def _tested(asked: Asked, found: Change) -> dict[str, Any]:
     places = [values.place(int(point)) for point in np.flatnonzero(found.compared)]
     if found.point is not None:
         columns = {"at": values.place(found.point), "coordinate": values.coordinate(found.point)}
+    elif found.coordinate is not None:
+        columns = {"coordinate": values.coordinate(found.coordinate)}
     return {
         **{name: known(asked.in_unit(getattr(found, name))) for name in ("effect", "low", "high")},
         **columns,
@@ -150,7 +152,9 @@ def _contrary(asked: Asked, found: Change, level: float) -> str | None:
     other = found.sides[-found.direction]
     if other.p_beyond > 1 - level or other.point is None:
         return None
-    return f"the change has the opposite sign at {asked.axis} {asked.values.place(other.point)}"
+    at = asked.values.place(other.point)
+    where = "elsewhere" if asked.axis is None or at is None else place_words(asked.axis, at)
+    return f"the change has the opposite sign {where}"
 
 
 def _open(found: Change, margin: float, level: float) -> str:

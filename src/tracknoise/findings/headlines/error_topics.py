@@ -71,7 +71,8 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
         scenes = curve_scenes(intervals, conditions, "mean", there["at"], "u", weighting=Weighting.scenes, of="In u")
         text += f" {scenes}" if scenes else ""
         if there["share_of_second"] is not None:
-            text += f" Its square is {percent(there['share_of_second'])} of the second moment."
+            share = percent(there["share_of_second"])
+            text += f" The square of the mean is {share} of the second moment, u and v together."
         text += covered_coordinates(covers)
         untrimmed = _untrimmed_means(tables, conditions, tracker, there["at"])
         text += f" Without trimming, the mean is {in_u_and_v(untrimmed)}." if len(untrimmed) == 2 else ""
@@ -137,7 +138,7 @@ def _shape_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -
             scales = [] if row["resampled"] == Resampled.blocks else _gain(row, "scales")
             estimates += within
             which = f"{trimming} errors" if len(conditions.trimmings) > 1 else "errors"
-            whose = f"{sentence_case(which)} of {tracker} at {_band(conditions, low, high)}"
+            whose = f"{sentence_case(which)} of {tracker} at {band_text(conditions.axis, low, high)}"
             why = f": {row['why']}" if row["why"] and not within else ""
             sentences += [f"{whose} are {SHAPES[row['verdict']]}{why}.", *_tails(row, within, scales)]
     return " ".join(sentences), estimates
@@ -158,9 +159,18 @@ def _tails(row: Mapping[str, Any], within: list[Estimate], scales: list[Estimate
     return [*([] if tail is None else texts), *gains, *added]
 
 
-def _band(conditions: ReportedConditions, low: int, high: int | None) -> str:
+def band_text(axis: Axis, low: int, high: int | None) -> str:
+    """Write a band of ages, or of distances from the key frame: ``ages 5 to 9``.
+
+    Parameters
+    ----------
+    axis
+        What curves run along.
+    low, high
+        First and last age, or distance; None where there is no last one.
+    """
     ages = f"{low} or more" if high is None else f"{low} to {high}"
-    return f"ages {ages}" if conditions.axis == Axis.age else f"{ages} frames from the key frame"
+    return f"ages {ages}" if axis == Axis.age else f"{ages} frames from the key frame"
 
 
 def growth(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
@@ -213,9 +223,19 @@ def _behaviour(row: Mapping[str, Any]) -> tuple[str, list[Estimate]]:
         none = row["why"] or "none of the models fits"
         return (none if row["verdict"] == Behaviour.none else undecided), []
     name, column, unit = _GROWTH[row["verdict"]]
-    rises = row["verdict"] == Behaviour.white and any((row[f"{part}_low"] or 0.0) > 0 for part in _RISING)
     size = Estimate.of_row(row, column, f"{column}_low", f"{column}_high", unit)
-    return f"mostly {name}" if rises else name, [] if size.value is None else [size]
+    return f"mostly {name}" if rises(row) else name, [] if size.value is None else [size]
+
+
+def rises(row: Mapping[str, Any]) -> bool:
+    """Whether errors of a coordinate are mostly constant, but have a part that grows, by its interval.
+
+    Parameters
+    ----------
+    row
+        Of `TIME_STRUCTURE`.
+    """
+    return row["verdict"] == Behaviour.white and any((row[f"{part}_low"] or 0.0) > 0 for part in _RISING)
 
 
 def survivorship(tables: RunTables, conditions: ReportedConditions) -> Headline | None:

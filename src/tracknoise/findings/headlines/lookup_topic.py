@@ -102,7 +102,7 @@ def _nats(row: Mapping[str, Any]) -> str:
 
 def nat_text(value: float | None) -> str:
     """Write a gain in nat to a thousandth, without its unit."""
-    return DASH if value is None else f"{value:.3f}".replace("-", MINUS)
+    return DASH if value is None else f"{value:z.3f}".replace("-", MINUS)
 
 
 def _gain(row: Mapping[str, Any]) -> Estimate:

@@ -12,7 +12,8 @@ from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.wording import percent, px
 from tracknoise.tables.enumerations import EdgeSide, Surrounding
 
-_IN = {"u": "in u", "v": "in v", "along": "along the motion"}
+IN = {"u": "in u", "v": "in v", "along": "along the motion"}
+"""What an error is in, or along."""
 _SIDES = {EdgeSide.far: "the far side", EdgeSide.near: "the near side"}
 _MOST = 0.5
 
@@ -37,14 +38,14 @@ def _edges_of(errors: pl.DataFrame, conditions: ReportedConditions, tracker: str
     if bounded.is_empty():
         return None
     at = int(bounded["at"].sort()[-1])
-    found = {name: _rows(sides.filter(at=at, coordinate=name)) for name in _IN}
+    found = {name: _rows(sides.filter(at=at, coordinate=name)) for name in IN}
     coordinate = max(found, key=lambda name: abs(_mean_of_all(found[name])))
     rows = found[coordinate]
     differing = [side for side in _SIDES if _differs(rows, side)]
     if not differing:
         return None
     means = [_estimate(rows[side, "mean"]) for side in differing]
-    where = f"{conditions.opening_place(at)}, the mean error of {tracker} {_IN[coordinate]}"
+    where = f"{conditions.opening_place(at)}, the mean error of {tracker} {IN[coordinate]}"
     sentences = [f"{where} on {_SIDES[differing[0]]} of depth edges is {format_estimate(means[0])}."]
     sentences += [f"On {_SIDES[side]} it is {format_estimate(mean)}." for side, mean in _rest(differing, means)]
     sentences += [f"Elsewhere it is {format_estimate(_estimate(rows[EdgeSide.none, 'mean']))}."]

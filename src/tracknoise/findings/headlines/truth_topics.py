@@ -74,14 +74,15 @@ def between_trackers(tables: RunTables, conditions: ReportedConditions) -> Headl
 
 
 def _difference(pair: pl.DataFrame, conditions: ReportedConditions) -> Part | None:
-    """The means of a pair, if one of them is established."""
+    """The means of a pair, if one of them is established; of the estimates an established one comes first."""
     rows = _at_reference(pair).sort("coordinate").to_dicts()
     if not any(row["established"] for row in rows):
         return None
     estimates = [Estimate.of_row(row, "value", "low", "high", "px") for row in rows]
     u, v = map(format_estimate, estimates)
     place = opening_place(Axis.age, rows[0]["age"])
-    return f"{place}, {rows[0]['tracker']} less {rows[0]['other']} is {u} in u and {v} in v.", estimates
+    stated = estimates if rows[0]["established"] else estimates[::-1]
+    return f"{place}, {rows[0]['tracker']} less {rows[0]['other']} is {u} in u and {v} in v.", stated
 
 
 def _at_reference(table: pl.DataFrame) -> pl.DataFrame:

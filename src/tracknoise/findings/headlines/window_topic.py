@@ -46,7 +46,7 @@ def _noise_of(windows: pl.DataFrame, floor: pl.DataFrame, conditions: ReportedCo
     known = {length: found for length, found in by_length.items() if "residual_core" in found}
     shown = [length for length, found in known.items() if "consistent_sigma" in found]
     if shown:
-        floor_px = _floor_px(floor, conditions, tracker, shown[0])
+        floor_px = window_floor_px(floor, conditions, tracker, shown[0])
         return _with_depth(shown[0], known[shown[0]], tracker, floor_px)
     return _without_depth(*next(iter(known.items())), tracker, conditions) if known else None
 
@@ -99,8 +99,20 @@ def _without_depth(length: int, found: Quantities, tracker: str, conditions: Rep
     return text, [residual]
 
 
-def _floor_px(floor: pl.DataFrame, conditions: ReportedConditions, tracker: str, length: int) -> float | None:
-    """Size of the errors of the truth in the last frame of a window, per coordinate; None where it is unknown."""
+def window_floor_px(floor: pl.DataFrame, conditions: ReportedConditions, tracker: str, length: int) -> float | None:
+    """Size of the errors of the truth in the last frame of a window, per coordinate; None where it is unknown.
+
+    Parameters
+    ----------
+    floor
+        Table of the run.
+    conditions
+        Which condition of the tracker.
+    tracker
+        Its name.
+    length
+        Of the window, in observations.
+    """
     since = (length - 1) * conditions.reference.speed
     rows = conditions.of(floor, tracker).filter(pl.col("at") <= since, source=FloorSource.all, axis=Axis.age)
     known = rows.drop_nulls(["floor_uu", "floor_vv"]).sort("at").tail(1).to_dicts()

@@ -42,20 +42,20 @@ def fit_common(rigid: pl.DataFrame, sums: pl.DataFrame, *, groups: SceneGroups, 
     Returns
     -------
     Interval or None
-        Between 0 and 1; None where it was not measured, as at all speeds but the lowest.
+        Between 0 and 1; None where it was not measured, as at all speeds but the lowest, or where all errors are 0.
     """
     table = pl.concat([_predictions(rigid), _squares(sums)], how="diagonal").fill_null(0)
     units = units_of(table.drop("block"), table, points=["age"], columns=_COLUMNS, groups=groups)
     whole = units.sums.sum(axis=0).T
     used = (whole[0] >= _LEAST) & (whole[2] >= _LEAST)
-    if not used.any():
+    if not used.any() or not (whole[3, used] > 0).any():
         return None
     counts = whole[0, used]
 
     def shares(sums: Array) -> Array:
         common, every = (_mean(sums, place, used) for place in (0, 2))
-        ratio = np.einsum("k,k...->...", counts, common) / np.einsum("k,k...->...", counts, every)
-        return np.asarray(ratio)[None, None]
+        predicted, total = (np.einsum("k,k...->...", counts, means) for means in (common, every))
+        return np.asarray(predicted / np.where(total > 0, total, np.nan))[None, None]
 
     method = Method(IntervalKind.student, level)
     sizes = units.sums[..., 2].sum(axis=1)[None]

@@ -8,6 +8,7 @@ import polars as pl
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.headlines.error_size import first
+from tracknoise.findings.headlines.error_topics import band_text, rises
 from tracknoise.findings.headlines.reported_conditions import curve_bounds, scale_estimate
 from tracknoise.findings.headlines.withheld import audited_bias, bias_covers, withheld_bias
 from tracknoise.findings.wording import SHAPES, count, listing, percent, sentence_case
@@ -126,7 +127,8 @@ def tails(subject: Subject) -> Measure | None:
     row = first(holding) or first(rows)
     if row is None:
         return None
-    part = "kurtosis" if row["kurtosis_within"] is None else "kurtosis_within"
+    pooled = row["kurtosis_within"] is None
+    part, part_name = ("kurtosis", "pooled kurtosis") if pooled else ("kurtosis_within", "kurtosis")
     shown = number(Estimate.of_row(row, part, f"{part}_low", f"{part}_high"))
     heavy = {Shape.undecided: Verdict.undecided, **dict.fromkeys(_HEAVY, Verdict.yes)}.get(row["verdict"], Verdict.no)
     found = answer("heavy tails", heavy, wished=Verdict.no)
@@ -134,7 +136,8 @@ def tails(subject: Subject) -> Measure | None:
         f"Errors of {subject.tracker} are {SHAPES[row['verdict']].partition(' (')[0]}: "
         f"their kurtosis is {with_interval(shown)}."
     )
-    note = f"kurtosis (Gaussian: {_GAUSSIAN_KURTOSIS:g}){_beyond(subject)}"
+    ages = band_text(subject.conditions.axis, row["age_low"], row["age_high"])
+    note = f"{part_name}, {ages} (Gaussian: {_GAUSSIAN_KURTOSIS:g}){_beyond(subject)}"
     return Measure("tails", "", shown, None, _GAUSSIAN_KURTOSIS, found, note, sentence, _SHAPE)
 
 
@@ -146,20 +149,24 @@ def _beyond(subject: Subject) -> str:
 
 
 def growth(subject: Subject) -> Measure | None:
-    """RMS error at the first and at the reference age, in the coordinate where it is larger, and how it grows."""
+    """RMS error at the first and at the reference age, and how it grows.
+
+    It is that of the coordinate that the verdict is about: the larger one where it is about both.
+    """
     rows = subject.of("time_structure").filter(trimming=subject.conditions.trimming).sort("coordinate").to_dicts()
     if not rows or subject.at is None:
         return None
+    verdicts = {row["coordinate"]: growth_verdict(subject.data, subject.conditions, row, subject.at) for row in rows}
+    verdict = next((one for one in (Verdict.yes, Verdict.undecided) if one in verdicts.values()), Verdict.no)
     ages = _growth_ages(subject)
-    found = larger({axis: _rms(subject, ages[-1], axis) for axis in "uv"}) if ages else None
+    about = [axis for axis, one in verdicts.items() if one == verdict]
+    found = larger({axis: _rms(subject, ages[-1], axis) for axis in about}) if ages else None
     if found is None:
         return None
     axis, last = found
     first, shown = number(_rms(subject, ages[0], axis)), number(last)
     change = f"the RMS in {axis} goes from {first.text} to {shown.text}"
     first = replace(first, text=first.text.removesuffix("px").strip())
-    verdicts = {row["coordinate"]: growth_verdict(subject.data, subject.conditions, row, subject.at) for row in rows}
-    verdict = next((one for one in (Verdict.yes, Verdict.undecided) if one in verdicts.values()), Verdict.no)
     note = f"RMS in {axis}, {_places(subject, ages)}; {_behaviours(rows)}"
     errors = f"errors of {subject.tracker}"
     sentence = _asked(verdict, f"{errors} grow with age", f"No growth of {errors} was found", change)
@@ -169,12 +176,12 @@ def growth(subject: Subject) -> Measure | None:
 
 
 def _growth_ages(subject: Subject) -> list[int]:
-    """The first place after zero that has an RMS, and the reference place."""
+    """The first place after zero that has an RMS, and the reference place; empty where these are the same."""
     points = subject.of("points").filter(
         pl.col("since") > 0, role="second", trimming=subject.conditions.trimming, population=subject.data.population
     )
     known: list[int] = points.filter(pl.col("at") <= subject.at)["at"].sort().to_list()
-    return [known[0], known[-1]] if known else []
+    return [known[0], known[-1]] if len(known) > 1 else []
 
 
 def _places(subject: Subject, ages: Sequence[int]) -> str:
@@ -196,7 +203,8 @@ def _rms(subject: Subject, at: int, axis: str) -> Estimate | None:
 def _behaviours(rows: list[dict[str, Any]]) -> str:
     named: dict[str, list[str]] = {}
     for row in rows:
-        named.setdefault(_WORDS.get(row["verdict"], row["verdict"]), []).append(row["coordinate"])
+        name = _WORDS.get(row["verdict"], row["verdict"])
+        named.setdefault(f"mostly {name}" if rises(row) else name, []).append(row["coordinate"])
     if len(named) == 1:
         return next(iter(named))
     return ", ".join(f"{name} in {listing(axes)}" for name, axes in named.items())

@@ -35,7 +35,8 @@ def compared(data: ReportData, role: str) -> dict[str, Any] | None:
 def best(data: ReportData, tracker: str, role: str, question: str) -> Answer | None:
     """Whether a tracker is the best by a statistic; None where trackers are not compared.
 
-    The comparison is of the two trackers that differ most. Of others it is not known.
+    The comparison is of the two trackers that differ most. Of others it is not known. Nor is it where they differ at a
+    single age (or frame) only.
 
     Parameters
     ----------
@@ -51,7 +52,7 @@ def best(data: ReportData, tracker: str, role: str, question: str) -> Answer | N
     row = compared(data, role)
     if row is None:
         return None
-    if row["verdict"] != Verdict.yes or row["better"] is None:
+    if row["verdict"] != Verdict.yes or row["better"] is None or row["at"] is not None:
         return answer(question, Verdict.undecided, wished=Verdict.yes)
     pair = {row["level_a"], row["level_b"]}
     if tracker in pair - {row["better"]}:
@@ -75,24 +76,40 @@ def accuracy(data: ReportData, errors: dict[str, Measure | None]) -> Judgement:
         return _alone(errors)
     if row is None or row["effect"] is None:
         return _unproven(data, errors)
-    verdict, pair = Verdict(row["verdict"]), [row["level_a"], row["level_b"]]
-    return Judgement(answer(_QUESTION, verdict, wished=Verdict.yes), _sentence(row, verdict, pair), _SECTION)
+    verdict = Verdict(row["verdict"]) if row["at"] is None else Verdict.undecided
+    text = _sentence(data, row, verdict) if row["at"] is None else _at_one_place(data, row)
+    return Judgement(answer(_QUESTION, verdict, wished=Verdict.yes), text, _SECTION)
 
 
-def _sentence(row: dict[str, Any], verdict: Verdict, pair: list[str]) -> str:
+def _sentence(data: ReportData, row: dict[str, Any], verdict: Verdict) -> str:
+    """The verdict on all ages (or frames) that both trackers have, and both coordinates, together."""
+    pair = [row["level_a"], row["level_b"]]
     bounds = "" if row["low"] is None else f" ({ratio(row['low'])} to {ratio(row['high'])})"
+    size, everywhere = f"{ratio(row['effect'])} times", f"over shared {data.axis.name}s"
     if verdict == Verdict.yes and row["better"] in pair:
         worse = pair[1 - pair.index(row["better"])]
-        return (
-            f"{row['better']} is more accurate: the core error of {worse} is "
-            f"{ratio(row['effect'])} times as large{bounds}."
-        )
+        than = f" than {worse}" if row["n_levels"] > len(pair) else ""
+        core = f"the core error of {worse} is {size} as large{bounds}"
+        return f"{row['better']} is more accurate{than}: {core} {everywhere}."
     if verdict == Verdict.no:
         return f"{pair[0]} and {pair[1]} are equally accurate: core errors differ by less than {_margin(row)}."
-    return (
-        f"It is undecided which is more accurate: the core error of {row['larger'] or pair[0]} is "
-        f"{ratio(row['effect'])} times as large{bounds}."
+    core = f"the core error of {row['larger'] or pair[0]} is {size} that of {_smaller(row)}{bounds}"
+    return f"It is undecided which is more accurate: {core} {everywhere}."
+
+
+def _at_one_place(data: ReportData, row: dict[str, Any]) -> str:
+    """Where the trackers differ most clearly, if only a single age (or frame) and coordinate shows it."""
+    bound = "" if row["low"] is None else f" ({ratio(row['low'])} or more)"
+    where = f"in {row['coordinate']} {data.axis.place(row['at'])}"
+    core = (
+        f"the core error of {row['larger'] or row['level_a']} is {ratio(row['effect'])} times that of {_smaller(row)}"
     )
+    return f"Undecided overall; {where}, {core}{bound}."
+
+
+def _smaller(row: dict[str, Any]) -> str:
+    """The tracker with the smaller error."""
+    return str(row["level_b"] if row["larger"] in (None, row["level_a"]) else row["level_a"])
 
 
 def _margin(row: dict[str, Any]) -> str:

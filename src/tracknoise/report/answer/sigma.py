@@ -4,9 +4,10 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.findings.headlines.window_topic import LEAST_WINDOWS
+from tracknoise.findings.headlines.window_topic import LEAST_WINDOWS, window_floor_px
 from tracknoise.findings.wording import number, pixels, ratio
 from tracknoise.report.report_data import ReportData
+from tracknoise.report.reported import reported_conditions
 
 WINDOW = 15
 """Length of the windows that sentences are about, in observations, or else the nearest shorter one.
@@ -16,14 +17,19 @@ At least `tracknoise.findings.headlines.window_topic.LEAST_WINDOWS` of them show
 
 
 def sigma_sentence(data: ReportData, tracker: str) -> str:
-    """What an estimator should set, and what residuals look like. Empty where windows were not measured."""
+    """What an estimator should set, and what residuals look like. Empty where windows were not measured.
+
+    It says where errors of the truth alone can be as large as what to set.
+    """
     found = _at_window(data, tracker)
     if "consistent_sigma" not in found or "residual_core" not in found:
         return ""
     sigma, residual = found["consistent_sigma"], found["residual_core"]
+    floor_px = window_floor_px(data.floor, reported_conditions(data, data.slowest), tracker, sigma["window"])
+    covered = floor_px is not None and floor_px >= sigma["value"]
     return (
         f"Set {pixels(sigma['value'])} px for windows of {sigma['window']} frames; residuals look like "
-        f"{pixels(residual['value'])} px."
+        f"{pixels(residual['value'])} px{'; errors of the truth alone can cause this' if covered else ''}."
     )
 
 

@@ -4,7 +4,10 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import polars as pl
+
 from tracknoise.findings.estimate import Estimate
+from tracknoise.findings.headlines.place_topic import IN
 from tracknoise.findings.wording import number
 from tracknoise.report.answer.ranking import counted
 from tracknoise.report.answer.subject import number as plain
@@ -62,6 +65,8 @@ def _of_topic(data: ReportData, row: Mapping[str, Any], accuracy: Judgement) -> 
         return [*first, *([(text, row["figure"])] if (text := counted(data)) else [])]
     if row["topic"] == "depth" and (sentences := [*filter(None, (depth_sentence(data, one) for one in data.trackers))]):
         return [(text, row["figure"]) for text in sentences]
+    if row["topic"] in _OF_ROWS and (found := _row_of(data, row)):
+        return [(_OF_ROWS[row["topic"]](found, _value(row)), row["figure"])]
     make = _SENTENCES.get(row["topic"])
     return [(short(row["text"], row["topic"]) if make is None else make(row), row["figure"])]
 
@@ -86,6 +91,16 @@ def _value(row: Mapping[str, Any]) -> str:
     return f"{found.text} ({found.interval})" if found.interval else found.text
 
 
+def _row_of(data: ReportData, row: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """The first row of the table of a finding that has its number: it says of which tracker and coordinate this is."""
+    table = data.nominal(getattr(data, row["table"]))
+    column = "share" if "share" in table.columns else "value"
+    of_second = row["topic"] == "survivorship"
+    number = pl.col(column).clip(lower_bound=0.0).sqrt() if of_second else pl.col(column)
+    found = data.in_order(table.filter(number == row["value"]))
+    return found.row(0, named=True) if found.height else None
+
+
 def _scenes(row: Mapping[str, Any]) -> str:
     n = 0 if row["value"] is None else int(row["value"])
     return f"Conditions have as few as {n} scene{'' if n == 1 else 's'}, which limits what intervals and tests can say."
@@ -106,9 +121,20 @@ _SENTENCES: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
     ),
     "data": lambda _: "Some data look wrong, so that errors may not be those of the trackers.",
     "trimming": lambda _: "Trimming the tracks with the largest errors changes some of these answers.",
-    "pose errors": lambda row: f"A motion that the stated poses do not have is {_value(row)} of the second moment.",
-    "depth edges": lambda row: f"Features beside depth edges have another mean error than all others: {_value(row)}.",
-    "differences": lambda row: f"Trackers differ in their mean position at the same corners, by {_value(row)}.",
-    "survivorship": lambda row: f"The RMS in u of tracks that live long is {_value(row)}.",
 }
 """Sentence of each topic that is not about a tracker of a card."""
+_OF_ROWS: Mapping[str, Callable[[Mapping[str, Any], str], str]] = {
+    "pose errors": lambda row, value: (
+        f"A motion that the stated poses do not have is {value} of the second moment of {row['tracker']}."
+    ),
+    "depth edges": lambda row, value: (
+        f"On the {row['class']} side of depth edges, the mean error of {row['tracker']} is {value} "
+        f"{IN[row['coordinate']]}."
+    ),
+    "differences": lambda row, value: (
+        f"At the same corners, the mean position of {row['tracker']} less that of {row['other']} is {value} in "
+        f"{row['coordinate']}."
+    ),
+    "survivorship": lambda row, value: f"The RMS in u of tracks of {row['tracker']} that live long is {value}.",
+}
+"""Sentence of each topic whose number is that of one row of a table, from the row and the number."""

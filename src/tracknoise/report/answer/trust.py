@@ -1,6 +1,7 @@
 """How far the numbers of a run can be trusted: how sure they are, and whether the truth is right."""
 
 import math
+from typing import Any
 
 import polars as pl
 
@@ -36,7 +37,8 @@ def certainty(data: ReportData) -> Judgement:
     if known.is_empty():
         text = "No intervals were computed: the numbers hold for these scenes only."
         return Judgement(answer(_GENERAL, Verdict.undecided, wished=Verdict.yes), text, "measured")
-    kinds = known.group_by("resampled", "level").agg(pl.len(), pl.col("n_scenes").max()).sort("len")
+    kinds = known.group_by("resampled", "level").agg(pl.len(), pl.col("n_scenes").max())
+    kinds = kinds.sort("len", "resampled", "level")
     row = kinds.row(-1, named=True)
     hold, verdict = _HOLD[row["resampled"]]
     few = row["n_scenes"] < _FEW and row["resampled"] != Resampled.blocks
@@ -99,10 +101,14 @@ def _floor(data: ReportData) -> tuple[Verdict, str]:
     known = points.drop_nulls(["floor_u", "floor_v"]).sort("since")
     if known.is_empty():
         return Verdict.undecided, f"{opening} Its accuracy is not stated."
-    share, error_px, floor_px = max(_share(known.filter(tracker=name)) for name in known["tracker"].unique())
+    share, floor_px, row = max(
+        (_share(known.filter(tracker=name)) for name in known["tracker"].unique().sort()), key=lambda found: found[:2]
+    )
     if floor_px == 0.0:
         return Verdict.yes if audited else Verdict.undecided, f"{opening} It is stated to be exact."
-    text = f"{opening} Its errors can cause {pixels(floor_px)} of {pixels(error_px)} px."
+    error_px = math.hypot(row["u"], row["v"])
+    of = f"{pixels(error_px)} px RMS error of {row['tracker']} {data.axis.place(row['since'])}"
+    text = f"{opening} Its errors can cause {pixels(min(floor_px, error_px))} of the {of}."
     return Verdict.no if share > _MOST_SHARE else Verdict.yes, text
 
 
@@ -117,8 +123,8 @@ def _checked(data: ReportData) -> tuple[bool, str]:
     return True, f"{NO_FAULT} {unknown} of {about.height} parameters cannot be determined." if unknown else NO_FAULT
 
 
-def _share(points: pl.DataFrame) -> tuple[float, float, float]:
-    """Share of the second moment that the floor can cause at the last age, and both as lengths, px."""
+def _share(points: pl.DataFrame) -> tuple[float, float, dict[str, Any]]:
+    """Share of the second moment that the floor can cause at the last age, its length in px, and that point."""
     row = points.row(-1, named=True)
     error_px, floor_px = math.hypot(row["u"], row["v"]), math.hypot(row["floor_u"], row["floor_v"])
-    return min((floor_px / error_px) ** 2 if error_px else 1.0, 1.0), error_px, floor_px
+    return min((floor_px / error_px) ** 2 if error_px else 1.0, 1.0), floor_px, row

@@ -1,13 +1,18 @@
 """What several claims need of a run: its trackers by kind, and points of its curves."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import polars as pl
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
+from tracknoise.findings.sampling.groups import MIN_WITHIN
+from tracknoise.findings.sampling.multiplicity import chosen_among
 from tracknoise.report.report_data import ReportData
+from tracknoise.statistics.definitions import NAMES, POOLED
+from tracknoise.tables.enumerations import Aspect, Resampled, Weighting
 
 Point = Mapping[str, Any]
 """A row of `ReportData.points`."""
@@ -56,6 +61,44 @@ def last(points: pl.DataFrame) -> Point | None:
 def estimate(point: Point, coordinate: str) -> Estimate:
     """A coordinate of a point with its interval, px."""
     return Estimate(point[coordinate], point[f"{coordinate}_low"], point[f"{coordinate}_high"], unit="px")
+
+
+def mean_chosen_among(data: ReportData, point: Point, coordinate: str, choices: int) -> Estimate:
+    """Mean error of a point in one of its coordinates, px, with an interval that allows for the choice of it.
+
+    Parameters
+    ----------
+    data
+        Of the run.
+    point
+        Of a curve of mean errors.
+    coordinate
+        u or v.
+    choices
+        Of how many coordinates this is one that stands out.
+    """
+    found = estimate(point, coordinate)
+    if choices == 1 or found.low is None:
+        return found
+    here = {name: point[name] for name in (*POOLED, "population", "trimming", "at")}
+    rows = data.intervals.filter(
+        aspect=Aspect.all,
+        weighting=Weighting.features,
+        statistic=NAMES[data.axis.name]["mean"],
+        axis=data.axis.name,
+        coordinate=coordinate,
+        **here,
+    )
+    row = rows.row(0, named=True)
+    return chosen_among(replace(found, level=row["level"]), choices, degrees=_degrees(row))
+
+
+def _degrees(row: Mapping[str, Any]) -> int:
+    """Degrees of freedom of an interval of units that hold the same: the least possible ones within groups."""
+    if row["resampled"] == Resampled.within:
+        return MIN_WITHIN
+    strata = row["n_scenes"] if row["resampled"] == Resampled.blocks else 1
+    return int(row["n_units"] - strata)
 
 
 def excludes_zero(one: Estimate) -> bool:

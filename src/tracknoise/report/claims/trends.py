@@ -24,13 +24,16 @@ def judge_trend(claim: Claim, runs: Mapping[str, ReportData]) -> Judgement:
     (slow, *_, fast) = found.values()
     shown = ", ".join(number(_size(point)) for point in found.values())
     value = f"{shown} px at speeds {', '.join(map(str, found))}"
+    place = "one step from zero" if stated["place"] == "step" else data.axis.place(slow["since"])
+    sizes = f"sizes are means of u and v {place}"
     apart = [axis for axis in "uv" if overlap(estimate(slow, axis), estimate(fast, axis)) is False]
     if not apart:
-        return Judgement(Agreement.open, value, "intervals of the lowest and highest speed overlap or are unknown")
+        why = "intervals of the lowest and highest speed overlap or are unknown"
+        return Judgement(Agreement.open, value, f"{why}; {sizes}")
     rises = {fast[axis] > slow[axis] for axis in apart}
     if len(rises) > 1:
-        return Judgement(Agreement.open, value, "u and v change in opposite directions")
-    return Judgement(Agreement.agrees if rises == {stated["rises"]} else Agreement.opposite, value)
+        return Judgement(Agreement.open, value, f"u and v change in opposite directions; {sizes}")
+    return Judgement(Agreement.agrees if rises == {stated["rises"]} else Agreement.opposite, value, sizes)
 
 
 def judge_motion(claim: Claim, runs: Mapping[str, ReportData]) -> Judgement:

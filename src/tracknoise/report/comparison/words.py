@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import fields
 
 from tracknoise.findings.comparison.estimands import Estimand, Unit
-from tracknoise.findings.comparison.result import Compared, Comparison, GateResult, GateRow, Row
+from tracknoise.findings.comparison.result import Compared, Comparison, GateResult, GateRow, Row, place_words
 from tracknoise.findings.wording import DASH, MINUS, SPACE, count, interval_text, listing, number, pixels, sentence_case
-from tracknoise.tables.enumerations import Axis, ChangeVerdict
+from tracknoise.tables.enumerations import ChangeVerdict
 
 OUTCOMES = {
     "pass": "The gate passes.",
@@ -16,7 +16,6 @@ OUTCOMES = {
 _FACTORS = (0.5, 2.0)
 """Ratios between these are written as changes in percent."""
 _MOST_NAMED = 8
-_PLACES = {Axis.age: "at age {}", Axis.frame: "{} frames after the key frame", "window": "in windows of {}"}
 _VARYING = ("dataset", "lighting", "rotation", "direction", "camera", "speed")
 
 
@@ -52,7 +51,7 @@ def tolerance_words(row: GateRow) -> str:
 
 def where_words(row: Row) -> str:
     """Age, frame or window of the effect, and its coordinate; empty for the mean over all."""
-    place = "" if row.at is None or row.axis is None else _PLACES[row.axis].format(row.at)
+    place = "" if row.at is None or row.axis is None else place_words(row.axis, row.at)
     return place if row.coordinate is None else f"{place} in {row.coordinate}".strip()
 
 

@@ -24,7 +24,8 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
     pair = pl.format("{} " + DASH + " {}", "tracker", "other")
     table = table.with_columns(pl.col("value", "low", "high").pipe(_root), pair=pair)
     pairs = table["pair"].unique(maintain_order=True).to_list()[:_MOST_PAIRS]
-    points = side_by_side(table.filter(pl.col("pair").is_in(pairs)), "value", ["pair", "statistic"])
+    shown = table.filter(pl.col("pair").is_in(pairs))
+    points = side_by_side(shown, "value", ["pair", "statistic"])
     if points.is_empty():
         why = f"No two trackers followed the same {data.min_features} corners to any age."
         return [Absence(_NAME, _TITLE, why)]
@@ -35,17 +36,18 @@ def figures(data: ReportData) -> Sequence[Figure | Absence]:
         for panel in panels(points.filter(statistic=statistic), "pair", colours, heading, titled=statistic == "mean")
     ]
     spec = arranged(rows, columns=2, independent=["fill"])
-    return [Figure(_NAME, _TITLE, _shows(data, points), _look_for(points), spec, _message(points))]
+    return [Figure(_NAME, _TITLE, _shows(data, points), _look_for(points), spec, _message(shown))]
 
 
-def _message(points: pl.DataFrame) -> str:
-    """The mean difference of the first pair that differs at the last age up to the reference age."""
-    means = points.filter(pl.col("at") <= REFERENCE_AGE, statistic="mean")
-    for row in means.filter(pl.col("at") == pl.col("at").max().over("pair")).to_dicts():
-        for axis in "uv":
-            low, high = row[f"{axis}_low"], row[f"{axis}_high"]
-            if low is not None and high is not None and low * high > 0:
-                return f"{row['pair']}: mean difference in {axis} of {px(row[axis])}"
+def _message(table: pl.DataFrame) -> str:
+    """The mean difference of the first pair that differs at the last age up to the reference age.
+
+    It is established with an interval that allows for all ages and both coordinates.
+    """
+    means = table.filter(pl.col("age") <= REFERENCE_AGE, statistic="mean")
+    last = means.filter(pl.col("age") == pl.col("age").max().over("pair"))
+    for row in last.filter("established").to_dicts():
+        return f"{row['pair']}: mean difference in {row['coordinate']} of {px(row['value'])}"
     return ""
 
 

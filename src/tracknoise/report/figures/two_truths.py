@@ -93,7 +93,7 @@ def _of_poses(data: ReportData, table: pl.DataFrame) -> Figure:
 def _points(table: pl.DataFrame, *, least: int) -> pl.DataFrame:
     """Columns that panels and descriptions need, where there are enough observations."""
     known = table.filter(pl.col("n") >= least, pl.col("value").is_not_null())
-    return known.with_columns(n_resampled=pl.col("n_units")).sort("coordinate", "series", "at")
+    return known.with_columns(n_resampled=pl.col("n_scenes")).sort("coordinate", "series", "at")
 
 
 def _panel(points: pl.DataFrame, title: str, x: alt.X) -> Panel:

@@ -59,6 +59,7 @@ class Assignment:
         frame = _frames(framed)
         _require_steps(framed, frame, context.speed)
         uv = self.raster.to_pixels(framed.uv, context.size)
+        quality = self.raster.covariances_to_pixels(framed.quality, context.size)
         order = np.lexsort([framed.track, frame])
         _require_one_each(framed, frame, order)
         unknown = np.full(len(order), np.nan, dtype=np.float32)
@@ -67,7 +68,7 @@ class Assignment:
             frame[order],
             uv[order],
             unknown if framed.response is None else framed.response[order],
-            {name: values[order] for name, values in framed.quality.items()},
+            {name: values[order] for name, values in quality.items()},
         )
         return tracks, tuple(_notes(rows, tracks, left_out, context, counted=rows.frame is not None))
 

@@ -319,6 +319,15 @@ def test_covariances_are_kept_as_quality(tmp_path):
     }
 
 
+def test_a_column_that_counts_rows_is_not_taken_for_the_track_if_another_names_it(tmp_path):
+    rows = table().with_row_index("id").rename({"track": "feature_id", "u_px": "x", "v_px": "y"})
+    tracker = start(tmp_path, rows)
+    assert [tracker.step(Frame(index, np.zeros(SIZE[::-1], np.uint8))).new for index in (0, 1)] == [6, 0]
+    assert tracker.notes == ()
+    (note,) = start(tmp_path, rows.drop("feature_id")).notes
+    assert note.startswith("each imported track has one row alone")
+
+
 def test_covariances_of_resized_images_are_scaled_with_the_positions(tmp_path):
     stated = {"cov_uu": 1.0, "cov_uv": 0.5, "cov_vv": 2.0, "quality_own_uu": 1.0, "quality_score": 3.0}
     rows = table().with_columns(

@@ -284,6 +284,20 @@ def test_colmap_databases_of_other_images_or_with_impossible_matches_are_refused
         settings.start(context())
 
 
+def test_images_of_a_colmap_database_are_in_the_order_of_their_numbers(tmp_path):
+    """Those of a reconstruction are: image2 is before image10."""
+    seen = observed()
+    colmap(tmp_path / "tracks.db", seen)
+    native = Imported(str(tmp_path / "tracks.db")).start(context())
+    with closing(sqlite3.connect(tmp_path / "tracks.db")) as database, database:
+        for (name,) in database.execute("SELECT name FROM images ORDER BY name").fetchall():
+            number = int(name[5:10]) + 5
+            database.execute("UPDATE images SET name = ? WHERE name = ?", (f"image{number}.png", name))
+    renamed = Imported(str(tmp_path / "tracks.db")).start(context())
+    for index in range(N_FRAMES):
+        np.testing.assert_array_equal(positions(renamed, index), positions(native, index))
+
+
 def test_a_colmap_database_that_is_being_written_is_refused(tmp_path):
     colmap(tmp_path / "colmap.db", observed())
     settings = Imported(str(tmp_path / "colmap.db"))

@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.foreign.files import is_folder, is_regular_file
+from tracknoise.foreign.natural_order import natural_order
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.sequences.camera_files import CameraFile
 from tracknoise.sequences.colmap import binary, text
 from tracknoise.sequences.colmap.depth_maps import read_depth_map
 from tracknoise.sequences.colmap.model import Reconstruction, camera_of, poses_of, reconstruction
 from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_notes
-from tracknoise.sequences.image_names import folders_of, image_names, natural_order
+from tracknoise.sequences.image_names import folders_of, image_names
 from tracknoise.sequences.option_text import with_option
 from tracknoise.sequences.poses import pose_notes
 from tracknoise.sequences.recorded import RecordedSequence

@@ -15,12 +15,12 @@ from tracknoise.checks import require_positive
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.files import is_regular_file
 from tracknoise.foreign.json_file import read_json_object
+from tracknoise.foreign.natural_order import natural_order
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.camera_files import CameraFile
 from tracknoise.sequences.camera_files.entries import Entries
 from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_notes
-from tracknoise.sequences.image_names import natural_order
 from tracknoise.sequences.images import (
     first_readable,
     image_size,

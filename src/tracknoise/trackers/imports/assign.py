@@ -146,6 +146,6 @@ def _notes(rows: Rows, tracks: Tracks, left_out: int, context: SequenceContext, 
         share = left_out / len(rows.track)
         yield f"{share:.1%} of imported rows are too far in time from every frame, and were left out"
     if len(tracks.track) > 1 and len(np.unique(tracks.track)) == len(tracks.track):
-        yield "each imported track has one row alone, so that no error can be seen: does its column name tracks, or rows?"
+        yield "each imported track has one row alone, so that no error is seen: does its column name tracks, or rows?"
     if counted and tracks.frame.min() == 1:
         yield "imported tracks have no row in frame 0: if their frames are counted from 1, set first_frame = 1"

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.child import call_in_child
 from tracknoise.foreign.files import MIB, require_regular
+from tracknoise.foreign.natural_order import natural_order
 from tracknoise.foreign.parsing import damage_reported
 from tracknoise.trackers.imports.rows import Rows
 
@@ -27,8 +28,9 @@ _Matches = list[NDArray[np.int64]]
 def read_colmap(path: Path, *, n_frames: int | None) -> Rows:
     """Read the keypoints of all images, and chain them to tracks by the inlier matches of consecutive images.
 
-    Frames are images in the order of their names. A keypoint without a match in the next image is the last of its
-    track. The positions are those of the file, whose origin is the corner of the first pixel.
+    Frames are images in the natural order of their names, which is that of the reader ``colmap``. A keypoint without a
+    match in the next image is the last of its track. The positions are those of the file, whose origin is the corner of
+    the first pixel.
 
     Raises
     ------
@@ -59,7 +61,8 @@ def _require_closed(path: Path) -> None:
 def _read(path: Path) -> tuple[_Keypoints, _Matches]:
     """Keypoints of each image, and matches (k, 2) of each image with the next; images in the order of their names."""
     with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
-        images = [int(row[0]) for row in database.execute("SELECT image_id FROM images ORDER BY name")]
+        named = {str(name): int(image) for name, image in database.execute("SELECT name, image_id FROM images")}
+        images = [named[name] for name in natural_order(named)]
         points = {row[0]: row[1:] for row in database.execute("SELECT image_id, rows, cols, data FROM keypoints")}
         pairs = {
             row[0]: row[1:] for row in database.execute("SELECT pair_id, rows, cols, data FROM two_view_geometries")

@@ -71,8 +71,8 @@ class CorrespondenceTracker:
        `max_missed_frames` frames in a row (else ``lost``). `Step.matched` counts the matches.
     2. The keypoint is closer to the feature's last position than the largest displacement (else ``displaced``).
     3. The outlier rejection keeps the match (else ``outlier``).
-    4. The strongest keypoints that belong to no feature begin new ones, up to `max_features` alive. Those whose match was
-       displaced or an outlier are among them.
+    4. The strongest keypoints that belong to no feature begin new ones, up to `max_features` alive. Keypoints whose
+       match was displaced or an outlier are among them.
 
     As in XIVO, keypoints may lie anywhere: neither margin nor squares apply. The descriptor of a feature is that of
     its first frame.

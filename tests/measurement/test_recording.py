@@ -1,5 +1,7 @@
 """A recorder fed by hand: numbering, ends, found counts and quality."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from tracknoise.trackers.tracker import Step
 
 
 def step(uv, ids, born, ended=(), **quality):
+    found = len(ids) - sum(born)
     return Step(
         ids=np.array(ids, np.int64),
         uv=np.array(uv, float).reshape(-1, 2),
@@ -17,8 +20,8 @@ def step(uv, ids, born, ended=(), **quality):
         response=np.arange(len(ids), dtype=np.float32),
         ended_ids=np.array([i for i, _ in ended], np.int64),
         ended=np.array([reason for _, reason in ended], np.int8),
-        offered=0,
-        matched=0,
+        offered=found + len(ended),
+        matched=found,
         outliers=0,
         alive=len(ids),
         quality={name: np.array(values, np.float32) for name, values in quality.items()},
@@ -114,3 +117,39 @@ def test_a_step_that_contradicts_itself_or_earlier_ones_is_refused(wrong, messag
     add(recorder, 0, step([(50, 1), (5, 2)], [7, 9], [True, True]))
     with pytest.raises(TrackerError, match=message):
         add(recorder, 1, wrong)
+
+
+STEP_OF_TWO = step([(50, 1)], [7], [False], [(9, TrackEnd.lost)])
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"offered": 1}, "1 features offered, expected 2: all that were alive before"),
+        ({"outliers": 2}, "2 outliers and 1 matched of 2 features"),
+        ({"matched": 3}, "0 outliers and 3 matched of 2 features"),
+        ({"matched": -1}, "0 outliers and -1 matched of 2 features"),
+        ({"ended": np.int8([-1])}, "reason -1 why feature 9 ended, expected one of 0 .lost., 1"),
+        ({"ended": np.int8([TrackEnd.sequence_end])}, "reason 4 why feature 9 ended"),
+    ],
+)
+def test_a_step_whose_counts_or_reasons_are_impossible_is_refused(changes, message):
+    recorder = Recorder()
+    add(recorder, 0, step([(50, 1), (5, 2)], [7, 9], [True, True]))
+    with pytest.raises(TrackerError, match=message):
+        add(recorder, 1, replace(STEP_OF_TWO, **changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"ids": np.array([7.0])}, "ids of type float64, expected an array of whole numbers"),
+        ({"uv": [[50, 1]]}, "uv of type list, expected an array of numbers"),
+        ({"born": np.array([1])}, "born of type int64, expected an array of bool"),
+        ({"response": None}, "response of type NoneType, expected an array of float"),
+        ({"ended": np.array(["lost"])}, "ended of type <U4, expected an array of whole numbers"),
+    ],
+)
+def test_a_step_with_arrays_of_other_types_is_refused(changes, message):
+    with pytest.raises(TrackerError, match=message):
+        Recorder().add(0, replace(step([(50, 1)], [7], [True]), **changes), gradient_rad=lambda uv: uv[:, 0])

@@ -62,6 +62,20 @@ def test_an_interval_with_zero_in_it_has_no_mark(changes: pl.DataFrame) -> None:
     assert second.rows[2][3] == "+0.500 ± 4.875"
 
 
+def test_values_of_fewer_scenes_say_so_and_the_first_row_has_those_of_most(changes: pl.DataFrame) -> None:
+    """As lifetimes do that have no median in some scenes with the first effect."""
+    few = (pl.col("effect") == "blur") & (pl.col("statistic") == "lifetime")
+    changes = changes.with_columns(
+        n_scenes=pl.when(few).then(2).otherwise("n_scenes").cast(pl.Int32),
+        clean=pl.when(few).then(9.0).otherwise("clean"),
+    )
+    (_, second) = effect_cells(changes, level=0.95)
+    assert second.caption.endswith("[n]: mean over the n scenes that have both values.")
+    assert second.rows[0][3:] == ["0.250", "0.250", "0.250", "0.250", "0.2", "25.00"]
+    assert second.rows[1][7] == "−0.5 ± 0.2 * [2]"
+    assert second.rows[1][6] == "−0.500 ± 0.250 *"
+
+
 def test_markdown_is_a_table(changes: pl.DataFrame) -> None:
     first, _ = effect_cells(changes, level=0.95)
     lines = markdown(first).splitlines()

@@ -34,14 +34,15 @@ def effect_cells(changes: pl.DataFrame, *, level: float) -> Iterator[Cells]:
     for tracker, age in _distinct(changes, ["tracker", "age"]):
         table = changes.filter(tracker=tracker, age=age)
         effects = _distinct(table, ["effect", "size", "shown"])
-        rows = [[*names, *_values(table.filter(effect=names[0], size=names[1]))] for names in effects]
-        clean = table.unique("statistic", maintain_order=True)
         n_scenes = int(table["n_scenes"].to_numpy().max())
+        rows = [[*names, *_values(table.filter(effect=names[0], size=names[1]), n_scenes)] for names in effects]
+        clean = table.sort("n_scenes", descending=True, maintain_order=True).unique("statistic", keep="first")
+        fewer = " [n]: mean over the n scenes that have both values." if (table["n_scenes"] < n_scenes).any() else ""
         yield Cells(
             f"{tracker}: change at age {age} by each effect alone (mean over {n_scenes} scenes, ± half the "
-            f"{level:.0%} interval; * where it excludes 0). The first row has the values without effects.",
+            f"{level:.0%} interval; * where it excludes 0). The first row has the values without effects.{fewer}",
             ["effect", "size", "", *_HEADINGS.values()],
-            [["none", "", "", *_clean(clean)], *rows],
+            [["none", "", "", *_clean(clean, n_scenes)], *rows],
             [False, False, False, *[True] * len(_HEADINGS)],
         )
 
@@ -58,14 +59,19 @@ def markdown(cells: Cells) -> str:
     return "\n".join([cells.caption, "", *lines, ""])
 
 
-def _values(part: pl.DataFrame) -> list[str]:
+def _values(part: pl.DataFrame, n_scenes: int) -> list[str]:
     rows = {row["statistic"]: row for row in part.to_dicts()}
-    return [_change(name, rows[name]) for name in _HEADINGS]
+    return [_change(name, rows[name]) + _of_fewer(rows[name], n_scenes) for name in _HEADINGS]
 
 
-def _clean(table: pl.DataFrame) -> list[str]:
-    values = dict(zip(table["statistic"], table["clean"], strict=True))
-    return [_scaled(name, values[name]) for name in _HEADINGS]
+def _clean(table: pl.DataFrame, n_scenes: int) -> list[str]:
+    rows = {row["statistic"]: row for row in table.to_dicts()}
+    return [_scaled(name, rows[name]["clean"]) + _of_fewer(rows[name], n_scenes) for name in _HEADINGS]
+
+
+def _of_fewer(row: Mapping[str, Any], n_scenes: int) -> str:
+    """Number of scenes that a value is of, where it is of some only."""
+    return f" [{row['n_scenes']}]" if 0 < row["n_scenes"] < n_scenes else ""
 
 
 def _change(name: EffectStatistic, row: Mapping[str, float | None]) -> str:

@@ -7,9 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import TrackerError
+from tracknoise.tables.schema import TrackEnd
 
 if TYPE_CHECKING:
     from tracknoise.trackers.tracker import Step
+
+_KINDS = {"ids": "iu", "uv": "fiu", "born": "b", "response": "f", "ended_ids": "iu", "ended": "iu"}
+"""Kinds of elements that the arrays of a step may have, as NumPy abbreviates them."""
+_NAMES = {"b": "bool", "f": "float", "fiu": "numbers", "iu": "whole numbers"}
+_CAUSES = tuple(end for end in TrackEnd if end is not TrackEnd.sequence_end)
+"""Why a track can end before the last frame."""
 
 
 def check_step(step: "Step", live_ids: NDArray[np.int64]) -> None:
@@ -25,8 +32,9 @@ def check_step(step: "Step", live_ids: NDArray[np.int64]) -> None:
     Raises
     ------
     TrackerError
-        If arrays have other shapes than promised, positions are not finite, a feature is reported or ends twice, began
-        before, is unknown, or is gone without having ended.
+        If arrays have other shapes or types than promised, positions are not finite, a feature is reported or ends
+        twice, began before, is unknown, is gone without having ended, or ends for no known reason, or if counts do not
+        fit to each other or to the features that were alive.
     """
     found = next(_mistakes(step, live_ids), None)
     if found is not None:
@@ -34,6 +42,11 @@ def check_step(step: "Step", live_ids: NDArray[np.int64]) -> None:
 
 
 def _mistakes(step: "Step", live_ids: NDArray[np.int64]) -> Iterator[str]:
+    for name, kinds in _KINDS.items():
+        values = getattr(step, name)
+        if not isinstance(values, np.ndarray) or values.dtype.kind not in kinds:
+            found = values.dtype if isinstance(values, np.ndarray) else type(values).__name__
+            yield f"{name} of type {found}, expected an array of {_NAMES[kinds]}"
     n = len(step.ids)
     for name, shape in {"uv": (n, 2), "born": (n,), "response": (n,), "ended": (len(step.ended_ids),)}.items():
         if getattr(step, name).shape != shape:
@@ -43,7 +56,11 @@ def _mistakes(step: "Step", live_ids: NDArray[np.int64]) -> Iterator[str]:
     for ids, place in ((step.ids, "in one frame"), (step.ended_ids, "as ended")):
         for feature in _repeated(ids)[:1]:
             yield f"feature {feature} twice {place}"
+    for place in np.flatnonzero(~np.isin(step.ended, _CAUSES))[:1]:
+        expected = ", ".join(f"{cause.value} ({cause.name})" for cause in _CAUSES)
+        yield f"reason {step.ended[place]} why feature {step.ended_ids[place]} ended, expected one of {expected}"
     yield from _contradictions(step, live_ids)
+    yield from _miscounted(step, len(live_ids))
 
 
 def _contradictions(step: "Step", live_ids: NDArray[np.int64]) -> Iterator[str]:
@@ -57,6 +74,15 @@ def _contradictions(step: "Step", live_ids: NDArray[np.int64]) -> Iterator[str]:
     alive = len(left) + len(begun)
     if step.alive != alive:
         yield f"{step.alive} features alive, expected {alive}: all that began and are not among ended_ids"
+
+
+def _miscounted(step: "Step", live: int) -> Iterator[str]:
+    """Counts that no step can have: outlier ratios are made of them."""
+    if step.offered != live:
+        yield f"{step.offered} features offered, expected {live}: all that were alive before"
+    if not 0 <= step.outliers <= step.matched <= step.offered:
+        found = f"{step.outliers} outliers and {step.matched} matched of {step.offered} features"
+        yield f"{found}, expected no more outliers than matched, and no more of these than were offered"
 
 
 def _repeated(ids: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -71,7 +71,8 @@ class CorrespondenceTracker:
        `max_missed_frames` frames in a row (else ``lost``). `Step.matched` counts the matches.
     2. The keypoint is closer to the feature's last position than the largest displacement (else ``displaced``).
     3. The outlier rejection keeps the match (else ``outlier``).
-    4. The strongest keypoints that match no feature begin new ones, up to `max_features` alive.
+    4. The strongest keypoints that belong to no feature begin new ones, up to `max_features` alive. Keypoints whose
+       match was displaced or an outlier are among them.
 
     As in XIVO, keypoints may lie anywhere: neither margin nor squares apply. The descriptor of a feature is that of
     its first frame.
@@ -140,7 +141,7 @@ class CorrespondenceTracker:
         return end, seen
 
     def _unused(self, points: Described, used: NDArray[np.intp], alive: int) -> NDArray[np.intp]:
-        """Test 4: the strongest keypoints that match no feature."""
+        """Test 4: the strongest keypoints that belong to no feature."""
         free = np.ones(len(points.uv), dtype=np.bool_)
         free[used] = False
         return np.flatnonzero(free)[: max(self._settings.max_features - alive, 0)]

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from tracknoise.exceptions import UnknownNameError
+from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.experiments.effects.catalogue import Effect, base_options, catalogue, chosen_effects, merged
 from tracknoise.experiments.effects.scene_values import Study
 from tracknoise.tables.effects_schema import Size
@@ -38,6 +38,8 @@ def test_effects_are_chosen_by_name_in_their_order() -> None:
     assert chosen_effects(None) == catalogue()
     with pytest.raises(UnknownNameError, match="'jpg'"):
         chosen_effects(["jpg"])
+    with pytest.raises(SettingsError, match="no name of an effect, expected some of photon noise, fixed pattern"):
+        chosen_effects([])
 
 
 def test_nested_options_are_merged() -> None:

@@ -331,6 +331,32 @@ def test_covariances_are_kept_as_quality(tmp_path):
     }
 
 
+def test_a_column_that_counts_rows_is_not_taken_for_the_track_if_another_names_it(tmp_path):
+    rows = table().with_row_index("id").rename({"track": "feature_id", "u_px": "x", "v_px": "y"})
+    tracker = start(tmp_path, rows)
+    assert [tracker.step(Frame(index, np.zeros(SIZE[::-1], np.uint8))).new for index in (0, 1)] == [6, 0]
+    assert tracker.notes == ()
+    (note,) = start(tmp_path, rows.drop("feature_id")).notes
+    assert note.startswith("each imported track has one row alone")
+
+
+def test_covariances_of_resized_images_are_scaled_with_the_positions(tmp_path):
+    stated = {"cov_uu": 1.0, "cov_uv": 0.5, "cov_vv": 2.0, "quality_own_uu": 1.0, "quality_score": 3.0}
+    rows = table().with_columns(
+        (pl.col("u_px") + 0.5) / 2 - 0.5,
+        (pl.col("v_px") + 0.5) / 4 - 0.5,
+        **{name: pl.lit(value) for name, value in stated.items()},
+    )
+    step = start(tmp_path, rows, raster=(160.0, 60.0)).step(Frame(0, np.zeros(SIZE[::-1], np.uint8)))
+    assert {name: values[0] for name, values in step.quality.items()} == {
+        "cov_uu": 4.0,
+        "cov_uv": 4.0,
+        "cov_vv": 32.0,
+        "own_uu": 1.0,  # one number alone is no covariance
+        "score": 3.0,
+    }
+
+
 @pytest.mark.parametrize(
     "options",
     [{"first_frame": -1}, {"raster": (0.0, 1.0)}, {"time_offset_s": 1e10}, {"max_gap_s": 0.0}],

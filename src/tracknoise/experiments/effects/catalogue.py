@@ -7,7 +7,7 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
-from tracknoise.exceptions import UnknownNameError
+from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.tables.effects_schema import Size
 
 Options = Mapping[str, Any]
@@ -54,10 +54,14 @@ def chosen_effects(names: list[str] | None) -> tuple[Effect, ...]:
 
     Raises
     ------
+    SettingsError
+        If there is no name.
     UnknownNameError
         If there is no effect of a name.
     """
     known = {effect.name: effect for effect in catalogue()}
+    if names == []:
+        raise SettingsError(f"no name of an effect, expected some of {', '.join(known)}")
     for name in names or []:
         if name not in known:
             raise UnknownNameError("effect", name, known)

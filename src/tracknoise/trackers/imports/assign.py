@@ -59,6 +59,7 @@ class Assignment:
         frame = _frames(framed)
         _require_steps(framed, frame, context.speed)
         uv = self.raster.to_pixels(framed.uv, context.size)
+        quality = self.raster.covariances_to_pixels(framed.quality, context.size)
         order = np.lexsort([framed.track, frame])
         _require_one_each(framed, frame, order)
         unknown = np.full(len(order), np.nan, dtype=np.float32)
@@ -67,7 +68,7 @@ class Assignment:
             frame[order],
             uv[order],
             unknown if framed.response is None else framed.response[order],
-            {name: values[order] for name, values in framed.quality.items()},
+            {name: values[order] for name, values in quality.items()},
         )
         return tracks, tuple(_notes(rows, tracks, left_out, context, counted=rows.frame is not None))
 
@@ -144,5 +145,7 @@ def _notes(rows: Rows, tracks: Tracks, left_out: int, context: SequenceContext, 
     if left_out:
         share = left_out / len(rows.track)
         yield f"{share:.1%} of imported rows are too far in time from every frame, and were left out"
+    if len(tracks.track) > 1 and len(np.unique(tracks.track)) == len(tracks.track):
+        yield "each imported track has one row alone, so that no error is seen: does its column name tracks, or rows?"
     if counted and tracks.frame.min() == 1:
         yield "imported tracks have no row in frame 0: if their frames are counted from 1, set first_frame = 1"

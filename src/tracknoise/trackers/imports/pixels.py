@@ -1,5 +1,6 @@
 """Positions of imported tracks as pixels of the images, and mistakes that positions show."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -46,6 +47,23 @@ class Raster:
         from_corner = uv + 0.5 if self.origin is PixelOrigin.centre else uv
         pixels: NDArray[np.float64] = from_corner * (np.array(image) / self.size) - 0.5
         return pixels
+
+    def covariances_to_pixels(
+        self, quality: Mapping[str, NDArray[np.float32]], image: tuple[int, int]
+    ) -> dict[str, NDArray[np.float32]]:
+        """Quality with the covariances among it in px^2: three numbers called ``<name>_uu``, ``_uv`` and ``_vv``.
+
+        All other quality stays as it is.
+        """
+        found = dict(quality)
+        if self.size is None:
+            return found
+        u, v = np.array(image) / self.size
+        factors = {"_uu": np.float32(u * u), "_uv": np.float32(u * v), "_vv": np.float32(v * v)}
+        for name in (key.removesuffix("_uu") for key in quality if key.endswith("_uu")):
+            if all(name + entry in quality for entry in factors):
+                found |= {name + entry: quality[name + entry] * factor for entry, factor in factors.items()}
+        return found
 
 
 def check_coordinates(rows: Rows, raster: Raster, image: tuple[int, int]) -> None:

@@ -19,12 +19,13 @@ from tracknoise.trackers.quality import is_quality_name
 
 _COLUMNS: dict[str, type[pl.DataType]] = {"track": pl.Int64, "frame": pl.Int64, "u_px": pl.Float64, "v_px": pl.Float64}
 _SYNONYMS: Mapping[str, tuple[str, ...]] = {
-    "track": ("track_id", "id", "feature_id", "feature", "point_id"),
+    "track": ("track_id", "feature_id", "point_id", "feature", "id"),
     "frame": ("frame_id", "frame_index", "frame_number", "image_id", "image_index"),
     "u_px": ("u", "x", "x_px"),
     "v_px": ("v", "y", "y_px"),
 }
-"""Other names of columns, for files that lack the first. Upper and lower case are the same."""
+"""Other names of columns, for files that lack the first; ``id`` comes last, as it may count rows. Upper and lower case
+are the same."""
 _NO_NUMBER = ("", "nan", "null", "none", "na")
 _TIMES = ("time_s", "time", "timestamp")
 """Columns that can replace ``frame``."""

@@ -153,3 +153,8 @@ def test_a_step_whose_counts_or_reasons_are_impossible_is_refused(changes, messa
 def test_a_step_with_arrays_of_other_types_is_refused(changes, message):
     with pytest.raises(TrackerError, match=message):
         Recorder().add(0, replace(step([(50, 1)], [7], [True]), **changes), gradient_rad=lambda uv: uv[:, 0])
+
+
+def test_what_is_no_step_is_refused():
+    with pytest.raises(TrackerError, match="a value of type NoneType, expected a Step"):
+        Recorder().add(0, None, gradient_rad=lambda uv: uv[:, 0])

@@ -7,6 +7,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.exceptions import TrackerError
 from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.checked_step import check_step
 from tracknoise.trackers.quality import check_quality
@@ -108,8 +109,9 @@ class Recorder:
         Raises
         ------
         TrackerError
-            If its quality is not as promised, or the step contradicts itself or earlier ones (`check_step`).
+            If it is no `Step`, its quality is not as promised, or it contradicts itself or earlier ones (`check_step`).
         """
+        _require_step(step)
         check_quality(step.quality, len(step.ids))
         check_step(step, self._live_ids)
         self._end(step.ended_ids, step.ended)
@@ -158,6 +160,11 @@ class Recorder:
     def _slots(self, ids: NDArray[np.int64]) -> NDArray[np.intp]:
         """Rows of live features in the live arrays."""
         return np.searchsorted(self._live_ids, ids)
+
+
+def _require_step(reported: object) -> None:
+    if not isinstance(reported, Step):
+        raise TrackerError(f"a tracker reported a value of type {type(reported).__name__}, expected a Step")
 
 
 def _joined_quality(observed: list[_Observed]) -> Quality:

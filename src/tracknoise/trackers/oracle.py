@@ -51,7 +51,8 @@ class Oracle:
     margin_px
         Features begin at least this far inside the image.
     seed
-        Random seed, combined with the sequence's identity, the speed and the experiment's seed.
+        Random seed, combined with the sequence's identity, the speed and the experiment's seed. Oracles of one run draw
+        the same random numbers if they have the same seed: those with errors of their own need one each.
     birth_px
         Standard deviation of b, the error of the first position, in each coordinate.
     walk_px_per_sqrt_frame

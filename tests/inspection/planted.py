@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.sequences.sequence import Sequence
+from tracknoise.sequences.sequence import Sequence, camera_at
 from tracknoise.sequences.views import View
 
 CV_FROM_NED = np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]], dtype=float)
@@ -31,6 +31,9 @@ class Planted(View):
     @property
     def camera(self):
         return self.intrinsics(self.sequence.camera)
+
+    def camera_at(self, index):
+        return self.intrinsics(camera_at(self.sequence, index))
 
     def depth(self, index):
         depth = self.sequence.depth(index)

@@ -1,5 +1,6 @@
 """Encodings of images and depth maps, written to a bag and read again."""
 
+import json
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -142,6 +143,17 @@ def test_a_unit_of_depth_can_be_stated(tmp_path):
     deep = np.full((6, 8), 5000, np.uint16)
     found = opened(tmp_path, image("mono8", GRAY), image("16UC1", deep, "/depth"), depth_unit_m=1 / 5000)
     np.testing.assert_allclose(found.depth(0).depth_m, 1.0)
+
+
+def test_the_unit_of_depth_is_that_of_the_camera_file(tmp_path):
+    deep = np.full((6, 8), 5000, np.uint16)
+    stated = {"width": 8, "height": 6, "fx": 10.0, "fy": 10.0, "cx": 3.5, "cy": 2.5, "depth_scale": 5000}
+    (tmp_path / "camera.json").write_text(json.dumps(stated))
+    parts = image("mono8", GRAY), image("16UC1", deep, "/depth")
+    found = opened(tmp_path, *parts, camera_file=tmp_path / "camera.json")
+    np.testing.assert_allclose(found.depth(0).depth_m, 1.0)
+    found = open_sequence("rosbag", tmp_path, camera_file=tmp_path / "camera.json", depth_unit_m=0.001)
+    np.testing.assert_allclose(found.depth(0).depth_m, 5.0)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,8 @@ Each product at each age gives one equation, (error_products.expected) divided b
 
 Its standard error is taken to be t sqrt(2 / n + OWN^2), where t is half the trace of the product, or of the change if
 the product is lagged. That is what n Gaussian errors have, and a share for what the components do not describe. Where n
-is large, all equations count by their relative error.
+is large, all equations count by their relative error. t counts as at least `_SMALLEST` times the largest one: where all
+but the first position is nearly exact, the weights would otherwise differ by more than the precision of the numbers.
 """
 
 from collections.abc import Sequence
@@ -28,6 +29,8 @@ OWN = 0.05
 """How far off the components may be, relative to a second moment."""
 LEAST = 50
 """Fewest products of an equation."""
+_SMALLEST = 1e-6
+"""Half trace of a product, relative to the largest one."""
 _ROUNDS, _ENOUGH = 2000, 1e-12
 
 
@@ -104,7 +107,8 @@ def _half(entries: Array) -> Array:
 def _weights(counts: Array, points: pl.DataFrame, half_trace: Array) -> Array:
     scale = _scales(points, half_trace)
     enough = (counts >= LEAST) & (scale > 0.0) & (points["product"] != Product.before).to_numpy()
-    usual = np.where(enough, scale, 1.0) ** 2 * (2.0 / np.maximum(counts, 1.0) + OWN**2)
+    floored = np.maximum(scale, _SMALLEST * scale.max(initial=0.0))
+    usual = np.where(enough, floored, 1.0) ** 2 * (2.0 / np.maximum(counts, 1.0) + OWN**2)
     return np.where(enough, 1.0 / usual, 0.0)
 
 

@@ -29,6 +29,8 @@ _POSE_NUMBERS = 16
 _RECTIFIED = re.compile(r"(?:^|[/_])rect(?:ified)?(?:[/_]|$)", re.IGNORECASE)
 """A word of its own: a topic /direct/image is not rectified."""
 _LONGEST_SHIFT_S = 86_400.0
+_DEPTH_UNIT_M = 0.001
+"""Depth of the integer 1 (ROS enhancement proposal 118)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +62,7 @@ class Rosbag:
         Largest difference in time of an image and its depth, and longest time between two poses that are interpolated,
         seconds.
     depth_unit_m
-        Depth of the integer 1 in 16-bit depth maps, metres.
+        Depth of the integer 1 in 16-bit depth maps, metres; by default what the camera file states, else 0.001.
     depth_radius_px
         None for dense depth; for sparse depth, the largest distance to the nearest pixel with depth, px.
     image_levels
@@ -92,14 +94,15 @@ class Rosbag:
     time_shift_s: float | None = None
     max_gap_s: float = 0.02
     max_pose_gap_s: float = 0.1
-    depth_unit_m: float = 0.001
+    depth_unit_m: float | None = None
     depth_radius_px: float | None = None
     image_levels: Levels | None = None
 
     def __post_init__(self) -> None:
         require_at_least("max_gap_s", self.max_gap_s, 0)
         require_at_least("max_pose_gap_s", self.max_pose_gap_s, 0)
-        require_positive("depth_unit_m", self.depth_unit_m)
+        if self.depth_unit_m is not None:
+            require_positive("depth_unit_m", self.depth_unit_m)
         if self.time_shift_s is not None:
             require(abs(self.time_shift_s) < _LONGEST_SHIFT_S, "time_shift_s", self.time_shift_s, "less than a day")
         if self.depth_radius_px is not None:
@@ -144,7 +147,7 @@ class Rosbag:
             max_gap_s=self.max_pose_gap_s,
         )
         camera, camera_notes = _camera(path, scan, calibration)
-        depths, depth_notes = self._depths(file, scan, times_ns)
+        depths, depth_notes = self._depths(file, scan, times_ns, self._depth_unit_m(calibration))
         return RecordedSequence(
             id=sequence,
             source=f"{path} {scan.images.topic}",
@@ -182,6 +185,10 @@ class Rosbag:
         stated = None if calibration is None else calibration.time_shift_s
         return next((shift_s for shift_s in (self.time_shift_s, stated) if shift_s is not None), 0.0)
 
+    def _depth_unit_m(self, calibration: CameraFile | None) -> float:
+        stated = None if calibration is None else calibration.depth_unit_m
+        return self.depth_unit_m or stated or _DEPTH_UNIT_M
+
     def _frames(self, calibration: CameraFile | None) -> Frames:
         """The frames between which poses are wanted. The option `body_from_camera` precedes the camera file."""
         given = None if calibration is None else calibration.body_from_camera
@@ -191,7 +198,7 @@ class Rosbag:
         return Frames(_frame(self.world_frame), _frame(self.camera_frame), _frame(self.pose_frame), given)
 
     def _depths(
-        self, file: BagFile, scan: Scan, times_ns: NDArray[np.int64]
+        self, file: BagFile, scan: Scan, times_ns: NDArray[np.int64], depth_unit_m: float
     ) -> tuple[BagDepths | None, tuple[str, ...]]:
         """What reads the depths, and notes on them."""
         if scan.depths is None:
@@ -204,7 +211,7 @@ class Rosbag:
         if scan.depths.frame != scan.images.frame:
             frames = f"{scan.depths.frame or '(no name)'} and {scan.images.frame or '(no name)'}"
             notes.append(f"depths and images are in the frames {frames}; they are taken as those of one camera")
-        return BagDepths(file, topic, positions, self.depth_unit_m, self.depth_radius_px), tuple(notes)
+        return BagDepths(file, topic, positions, depth_unit_m, self.depth_radius_px), tuple(notes)
 
 
 def _frame(name: str | None) -> str | None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.audit.fitted import Fit
-from tracknoise.audit.normal import NormalEquations, normal_equations
+from tracknoise.audit.normal import normal_equations, summed
 from tracknoise.audit.parameters import Parameter, columns_of, furthest
 from tracknoise.audit.prediction import Predicted, predict
 from tracknoise.audit.robust import scales
@@ -77,8 +77,8 @@ def fit(samples: AuditSamples, parameters: Sequence[Parameter], start: Start, *,
     ridge = 1.0 / np.concatenate([limit, np.full(biases.shape[2], _FURTHEST_BIAS_PX)]) ** 2
     state = _state(samples, start, np.zeros(biases.shape[2]), parameters, biases)
     for _ in range(_STEPS):
-        step, equations = _solved(samples, state, ridge)
-        if _is_small(step[: len(free)], equations):
+        step, information = _solved(samples, state, ridge)
+        if _is_small(step[: len(free)], information):
             state = state.moved(step, free)
             break
         theta = state.theta.copy()
@@ -113,17 +113,17 @@ def _bias_columns(samples: AuditSamples) -> NDArray[np.float64]:
 
 def _solved(
     samples: AuditSamples, state: _State, ridge: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NormalEquations]:
-    """Step and equations after a few steps of reweighting with fixed derivatives."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Step and information after a few steps of reweighting with fixed derivatives."""
     step = np.zeros(len(ridge))
     residual, scale = state.residual, scales(samples.group, state.residual)
     for _ in range(_INNER_STEPS):
-        equations = normal_equations(samples.tracker, samples.cluster, state.design, residual, scale, ridge)
-        step = step + np.linalg.solve(equations.information, equations.score)
+        information, score = summed(state.design, residual, scale, ridge)
+        step = step + np.linalg.solve(information, score)
         residual = state.residual - state.design @ step
-    return step, equations
+    return step, information
 
 
-def _is_small(step: NDArray[np.float64], equations: NormalEquations) -> bool:
-    variance = np.diag(np.linalg.inv(equations.information))[: len(step)]
+def _is_small(step: NDArray[np.float64], information: NDArray[np.float64]) -> bool:
+    variance = np.diag(np.linalg.inv(information))[: len(step)]
     return bool(np.all(np.abs(step) <= _SMALL_STEP * np.sqrt(variance)))

@@ -1,4 +1,8 @@
-"""Normal equations of robust fits by tracker and cluster: what jackknives and comparisons of trackers are made of."""
+"""Normal equations of robust fits: of all observations, and by tracker and cluster.
+
+Those by tracker and cluster are what jackknives and comparisons of trackers are made of. Each step of a fit needs the
+sums of all observations only.
+"""
 
 from dataclasses import dataclass
 
@@ -43,6 +47,25 @@ class NormalEquations:
         return np.asarray(self.gradient.sum(axis=(0, 1)))
 
 
+def summed(
+    design: NDArray[np.float64], residual: NDArray[np.float64], scale: NDArray[np.float64], ridge: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """`NormalEquations.information` and `NormalEquations.score`; parameters are those of `normal_equations`."""
+    weight, known, finite = _weighted(design, residual, scale)[1:]
+    rows, twice = finite.reshape(2 * len(weight), design.shape[2]), np.repeat(weight, 2)
+    return (rows * twice[:, None]).T @ rows + np.diag(ridge), rows.T @ (twice * known.ravel())
+
+
+def _weighted(
+    design: NDArray[np.float64], residual: NDArray[np.float64], scale: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], ...]:
+    """Squared distances and weights, (n,), residuals and design with 0 for what is missing."""
+    distance = squared(residual, scale)
+    weight = weights(distance) / (scale * scale)
+    known = np.where(np.isfinite(distance)[:, None], residual, 0.0)
+    return distance, weight, known, np.where(np.isfinite(design), design, 0.0)
+
+
 def normal_equations(
     tracker: NDArray[np.intp],
     cluster: NDArray[np.intp],
@@ -67,11 +90,8 @@ def normal_equations(
         See `NormalEquations`.
     """
     shape, p = (int(tracker.max()) + 1, int(cluster.max()) + 1), design.shape[2]
-    distance = squared(residual, scale)
-    weight = weights(distance) / (scale * scale)
-    known = np.where(np.isfinite(distance)[:, None], residual, 0.0)
+    distance, weight, known, finite = _weighted(design, residual, scale)
     steep = 2.0 * weight / ((FREEDOM + np.nan_to_num(distance)) * scale * scale)
-    finite = np.nan_to_num(design)
     along = np.einsum("nij,ni->nj", finite, known)
     group = tracker * shape[1] + cluster
     order = np.argsort(group, kind="stable")

@@ -41,17 +41,12 @@ class NormalEquations:
         """Information of all observations and the ridge, (p, p)."""
         return np.asarray(self.weighted.sum(axis=(0, 1)) + np.diag(self.ridge))
 
-    @property
-    def score(self) -> NDArray[np.float64]:
-        """First derivatives of all observations, (p,)."""
-        return np.asarray(self.gradient.sum(axis=(0, 1)))
-
 
 def summed(
     design: NDArray[np.float64], residual: NDArray[np.float64], scale: NDArray[np.float64], ridge: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """`NormalEquations.information` and `NormalEquations.score`; parameters are those of `normal_equations`."""
-    weight, known, finite = _weighted(design, residual, scale)[1:]
+    """Information, (p, p), and first derivatives, (p,), of all observations; parameters as in `normal_equations`."""
+    _, weight, known, finite = _weighted(design, residual, scale)
     rows, twice = finite.reshape(2 * len(weight), design.shape[2]), np.repeat(weight, 2)
     return (rows * twice[:, None]).T @ rows + np.diag(ridge), rows.T @ (twice * known.ravel())
 

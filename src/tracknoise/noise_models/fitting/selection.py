@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 ALMOST_CERTAIN = 0.999
 """Level of the interval of a component that is kept without doubt."""
-ROUNDING = 1e-12
+_ROUNDING = 1e-12
 """A variance that is smaller, relative to the largest component, counts as 0."""
 
 
@@ -105,12 +105,17 @@ def _better(sums: "WeightedSums", active: tuple[int, ...], level: float) -> tupl
 
 
 def _are_certain(found: "Bounded") -> bool:
-    return bool((found.low > ROUNDING * found.value.max()).all())
+    return bool((found.low > _least(found)).all())
+
+
+def _least(found: "Bounded") -> float:
+    """Variance up to which one counts as 0."""
+    return _ROUNDING * float(found.value.max())
 
 
 def _least_certain(found: "Bounded", gains: Array) -> int | None:
     """Place of the component to drop; None if all are to be kept."""
-    least = ROUNDING * found.value.max()
+    least = _least(found)
     reaches = np.where(np.isnan(found.low), found.value <= least, found.low <= least)
     doubtful = reaches | (gains <= 0.0)
     if not doubtful.any():
@@ -123,7 +128,7 @@ def _least_certain(found: "Bounded", gains: Array) -> int | None:
 def _reason(found: "Bounded", gains: Array, place: int, left_out: str) -> Dropped:
     """Why a component is dropped, given the name of what is left out."""
     most = _root(found.high[place])
-    if found.low[place] <= ROUNDING * found.value.max():
+    if found.low[place] <= _least(found):
         return Dropped("the interval of its variance reaches 0", most)
     if found.value[place] <= 0.0:
         return Dropped("its variance is estimated as 0, without an interval", most)

@@ -4,7 +4,8 @@
 
 Recordings are made up (`benchmarks.validity.audit_worlds`): points at random depths, smooth random camera paths, two
 trackers of different noise that walks within tracks, and outliers. Each fault is planted at two sizes, in eight scenes,
-and in one scene that is cut into blocks. Printed are, for each cell, the share of runs in which the planted fault is
+and in one scene that is cut into blocks. In further worlds only two of eight scenes turn and change their speed, or each
+tracker has another drift in each scene, or both. Printed are, for each cell, the share of runs in which the planted fault is
 named first, in which another is named, and in which the interval of its number holds the planted value: of the
 parameter alone, beside biases of the trackers, and of all named faults together where it is named.
 
@@ -40,6 +41,14 @@ SIZES: dict[Parameter, tuple[float | tuple[float, ...], float | tuple[float, ...
 """Small and large, in the units of the fit: 1, px, metres, radians and frame intervals; of a kind, 1."""
 ONE_SCENE = World(n_scenes=1, n_frames=240, per_scene=1600)
 EIGHT_SCENES = World(per_scene=200)
+TWO_LIVELY = replace(EIGHT_SCENES, lively=2, steady_m=(0.02, 0.0, 0.02))
+PLACES = {
+    "eight scenes": EIGHT_SCENES,
+    "one scene": ONE_SCENE,
+    "two lively scenes": TWO_LIVELY,
+    "drifting scenes": replace(EIGHT_SCENES, drift_of_scene=0.01),
+    "two lively of drifting scenes": replace(TWO_LIVELY, drift_of_scene=0.01),
+}
 BIASED = {
     "both constant": {"bias_px": ((0.3, -0.2), (0.3, -0.2))},
     "both drift": {"drift_px_per_frame": ((0.03, 0.02), (0.03, 0.02))},
@@ -60,7 +69,7 @@ class Cell:
 
 def cells() -> Iterator[Cell]:
     """All of them, with names that `--only` chooses from."""
-    for where, world in (("eight scenes", EIGHT_SCENES), ("one scene", ONE_SCENE)):
+    for where, world in PLACES.items():
         yield Cell(f"exact, {where}", world)
         for name, biases in BIASED.items():
             yield Cell(f"biased: {name}, {where}", replace(world, **biases))
@@ -87,7 +96,7 @@ def holds_finally(found: Selection, parameter: Parameter, size: float | tuple[fl
     planted = np.zeros(len(found.final.fitted.theta))
     planted[SLICES[parameter]] = size
     free = found.final.fitted.free
-    half = found.final.moves.half_widths(LEVEL)[: len(free)]
+    half = found.final.resampled.moves.half_widths(LEVEL)[: len(free)]
     inside = np.abs(found.final.fitted.estimate - planted[free]) <= half
     return [bool(one) for one, place in zip(inside, free, strict=True) if planted[place] != 0.0]
 

@@ -40,8 +40,12 @@ class World:
         Share of observations that are wrong by up to 30 px.
     bias_px, drift_px_per_frame
         Of each tracker, in u and v.
+    drift_of_scene
+        Size of random drifts per frame of each tracker in each scene, px.
     wobble
         Size of random turns and moves from frame to frame, radians and metres.
+    lively
+        How many scenes have them; by default all.
     steady_m
         Added to the move from each frame to the next, along x, y and z of the world, metres.
     freedom
@@ -59,7 +63,9 @@ class World:
     outliers: float = 0.03
     bias_px: tuple[tuple[float, float], ...] = ((0.0, 0.0), (0.0, 0.0))
     drift_px_per_frame: tuple[tuple[float, float], ...] = ((0.0, 0.0), (0.0, 0.0))
+    drift_of_scene: float = 0.0
     wobble: tuple[float, float] = (0.01, 0.02)
+    lively: int | None = None
     steady_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     freedom: tuple[float, float, float] = (1.0, 1.0, 1.0)
     depth_m: tuple[float, float] = (1.0, 5.0)
@@ -92,13 +98,15 @@ def _stated(rng: np.random.Generator, world: World) -> AuditSamples:
     birth = rng.integers(0, world.n_frames - age) + scene * world.n_frames
     uv = rng.uniform((0.0, 0.0), (world.camera.width - 1.0, world.camera.height - 1.0), (n, 2))
     frames = world.n_scenes * world.n_frames
-    blocks = (birth % world.n_frames) * 8 // world.n_frames
+    within = (birth % world.n_frames) * 8 // world.n_frames
+    block = np.unique(scene * 8 + within, return_inverse=True)[1]
     few = world.n_scenes < 6
     samples = AuditSamples(
         trackers=tuple(f"tracker {number}" for number in range(n_trackers)),
         tracker=np.tile(np.arange(n_trackers), n // n_trackers),
         age=age,
-        cluster=np.unique(scene * 8 + blocks, return_inverse=True)[1] if few else scene,
+        cluster=block if few else scene,
+        block=block,
         resampled=Resampled.blocks if few else Resampled.scenes,
         n_scenes=world.n_scenes,
         birth=birth,
@@ -123,7 +131,8 @@ def _paths(rng: np.random.Generator, world: World) -> Paths:
     """Smooth paths: turns and moves that change slowly, different in each scene."""
     poses, times, number = [], [], []
     for scene in range(world.n_scenes):
-        steps = [_smooth(rng, world.n_frames) * size for size in world.wobble]
+        is_lively = world.lively is None or scene < world.lively
+        steps = [_smooth(rng, world.n_frames) * (is_lively * size) for size in world.wobble]
         at = np.tile(np.eye(4), (world.n_frames, 1, 1))
         at[:, :3, :3] = Rotation.from_rotvec(np.cumsum(steps[0], axis=0)).as_matrix()
         at[:, :3, 3] = np.cumsum(steps[1] * world.freedom + world.steady_m, axis=0)
@@ -145,6 +154,10 @@ def _observed(rng: np.random.Generator, world: World, samples: AuditSamples, tru
     sigma = np.array(world.noise_px)[samples.tracker, None]
     noise = sigma * np.sqrt(0.5 + 0.5 * samples.age[:, None]) * rng.standard_normal((n, 2))
     drift = np.array(world.drift_px_per_frame)[samples.tracker] * samples.age[:, None]
+    if world.drift_of_scene:
+        of_scene = world.drift_of_scene * rng.standard_normal((samples.n_scenes, len(samples.trackers), 2))
+        scene = samples.birth // world.n_frames
+        drift = drift + of_scene[scene, samples.tracker] * samples.age[:, None]
     wrong = (rng.random(n) < world.outliers)[:, None] * rng.uniform(-30.0, 30.0, (n, 2))
     observed = true + noise + drift + np.array(world.bias_px)[samples.tracker] + wrong
     return replace(samples, observed=observed)

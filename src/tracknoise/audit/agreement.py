@@ -73,5 +73,5 @@ def _share(fitted: Fit, places: NDArray[np.intp], onto: NDArray[np.float64], tra
     moves = jackknife(fitted.equations, np.array([tracker]))
     value = 1.0 + float(onto @ moves.step[places])
     spread = float(np.sqrt(onto @ moves.covariance[np.ix_(places, places)] @ onto))
-    half = float(special.stdtrit(max(moves.n - 1, 1), 0.5 + 0.5 * level)) * spread
+    half = float(special.stdtrit(moves.freedom[places].min(), 0.5 + 0.5 * level)) * spread
     return Shares(tracker, value, value - half, value + half)

@@ -1,4 +1,10 @@
-"""Tests of one parameter beside others: significance, what it explains, and whether trackers agree on it."""
+"""Tests of one parameter beside others: significance, what it explains, and whether trackers agree on it.
+
+Tests leave out scenes where at least `LEAST_EFFECTIVE` of them determine the parameter by (audit.effective). Otherwise
+they leave out blocks of tracks within scenes: a clock offset, for example, shows only where the camera changes its
+speed, and a test over scenes finds nothing if two of eight do. Intervals are from scenes in any case, with the few
+degrees of freedom that there are. A parameter is significant only if they exclude zero, too.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,9 +16,9 @@ from numpy.typing import NDArray
 from tracknoise.audit.agreement import Shares, shares
 from tracknoise.audit.fit import Start, fit
 from tracknoise.audit.fitted import Fit
-from tracknoise.audit.held_out import Gain, gain, held_out_residuals, losses
-from tracknoise.audit.jackknife import Jackknife, jackknife
+from tracknoise.audit.held_out import Gain, gain
 from tracknoise.audit.parameters import NUMBERS, Parameter
+from tracknoise.audit.resampled_fit import ResampledFit
 from tracknoise.audit.robust import scales
 from tracknoise.audit.samples import AuditSamples
 
@@ -23,6 +29,8 @@ POWER = 0.9
 """Probability with which a fault of the size that is called visible is found."""
 MARGIN = 0.02
 """Least share that a fault must explain on held-out clusters to be named."""
+LEAST_EFFECTIVE = 5.0
+"""Fewest effective scenes that tests leave out as such."""
 _NEAR_KIND = 0.4
 """A number that is 0 or 1 in truth is 1 if it is this near to it; others stand in for another fault."""
 
@@ -33,35 +41,35 @@ class Basis:
 
     Attributes
     ----------
-    fitted, moves
+    resampled
         The fit and its jackknife.
     start
         Its corrections, and what they predict.
     scale : (n,)
         Robust scale of its residuals, px.
-    loss : (clusters,)
-        See `tracknoise.audit.held_out.losses`.
     """
 
-    fitted: Fit
-    moves: Jackknife
+    resampled: ResampledFit
     start: Start
     scale: NDArray[np.float64]
-    loss: NDArray[np.float64]
 
     @classmethod
     def of(cls, samples: AuditSamples, parameters: Sequence[Parameter], start: Start, *, with_bias: bool) -> "Basis":
         """Fit what has been named so far."""
         fitted = fit(samples, parameters, start, with_bias=with_bias)
-        moves = jackknife(fitted.equations)
-        residual = held_out_residuals(samples, fitted, moves)
-        scale = scales(samples.group, residual)
+        resampled = ResampledFit.of(samples, fitted)
         there = Start.at(samples, fitted.theta) if parameters else start
-        return cls(fitted, moves, there, scale, losses(samples, residual, scale))
+        return cls(resampled, there, scales(samples.group, resampled.residual))
 
-    def loss_in_units_of(self, samples: AuditSamples, other: "Basis") -> NDArray[np.float64]:
-        """Losses of this fit for the scales of another, (clusters,)."""
-        return losses(samples, held_out_residuals(samples, self.fitted, self.moves), other.scale)
+    @property
+    def fitted(self) -> Fit:
+        """The fit."""
+        return self.resampled.fitted
+
+    def gain_of(self, other: ResampledFit) -> Gain:
+        """Share that another fit explains of held-out clusters, those of the other fit, beyond this one."""
+        own = self.resampled.under(other.samples)
+        return gain(other.losses(self.scale), own.losses(self.scale), level=LEVEL)
 
 
 @dataclass(frozen=True)
@@ -72,28 +80,32 @@ class Assessment:
     ----------
     parameter
         What was added.
-    fitted, moves
-        The fit of all of them, and its jackknife.
-    loss : (clusters,)
-        With the correction, see `tracknoise.audit.held_out.losses`.
+    resampled, tested
+        The fit of all of them, and its jackknife: for intervals, and for tests.
+    scale : (n,)
+        That of the basis.
     gain
         Share that the correction explains on held-out clusters beyond the basis.
     p
-        Of the test that the correction is zero.
+        Of the test that the correction is zero; 1 where an interval does not exclude zero.
     """
 
     parameter: Parameter
-    fitted: Fit
-    moves: Jackknife
-    loss: NDArray[np.float64]
+    resampled: ResampledFit
+    tested: ResampledFit
+    scale: NDArray[np.float64]
     gain: Gain
     p: float
 
     @property
+    def fitted(self) -> Fit:
+        """The fit."""
+        return self.resampled.fitted
+
+    @property
     def places(self) -> NDArray[np.intp]:
         """Columns of the parameter in the fit."""
-        k = len(self.fitted.free)
-        return np.arange(k - NUMBERS[self.parameter].count, k)
+        return _last(self.fitted, self.parameter)
 
     @property
     def estimate(self) -> NDArray[np.float64]:
@@ -103,7 +115,12 @@ class Assessment:
     @property
     def half_widths(self) -> NDArray[np.float64]:
         """Half of their intervals."""
-        return self.moves.half_widths(LEVEL)[self.places]
+        return self.resampled.moves.half_widths(LEVEL)[self.places]
+
+    def gain_beyond(self, other: "Assessment") -> Gain:
+        """Share that this correction explains of its held-out clusters beyond another one."""
+        rest = other.resampled.under(self.tested.samples)
+        return gain(self.tested.losses(self.scale), rest.losses(self.scale), level=LEVEL)
 
     @property
     def explains(self) -> bool:
@@ -118,7 +135,7 @@ class Assessment:
     @cached_property
     def shares(self) -> list[Shares]:
         """What each tracker sees of the correction."""
-        return shares(self.fitted, self.places, level=LEVEL)
+        return shares(self.tested.fitted, self.places, level=LEVEL)
 
     @property
     def is_agreed(self) -> bool:
@@ -129,9 +146,23 @@ class Assessment:
 def assess(samples: AuditSamples, basis: Basis, parameter: Parameter) -> Assessment:
     """Add a parameter to those of a basis."""
     fitted = fit(samples, (*basis.fitted.parameters, parameter), basis.start, with_bias=basis.fitted.with_bias)
-    moves = jackknife(fitted.equations)
-    loss = losses(samples, held_out_residuals(samples, fitted, moves), basis.scale)
+    places = _last(fitted, parameter)
+    resampled = ResampledFit.of(samples, fitted)
+    is_enough = resampled.moves.effective[places].min() >= LEAST_EFFECTIVE
+    tested = resampled if is_enough else resampled.under(samples.by_blocks)
+    p = tested.moves.p_value(fitted.estimate[places], places)
+    if not is_enough and not _excludes_zero(resampled, places):
+        p = 1.0
+    return Assessment(parameter, resampled, tested, basis.scale, basis.gain_of(tested), p)
+
+
+def _excludes_zero(resampled: ResampledFit, places: NDArray[np.intp]) -> bool:
+    """Whether the interval of one of the numbers does."""
+    half = resampled.moves.half_widths(LEVEL)[places]
+    return bool(np.any(np.abs(resampled.fitted.estimate[places]) > half))
+
+
+def _last(fitted: Fit, parameter: Parameter) -> NDArray[np.intp]:
+    """Columns of the parameter that was added last."""
     k = len(fitted.free)
-    places = np.arange(k - NUMBERS[parameter].count, k)
-    p = moves.p_value(fitted.estimate[places], places)
-    return Assessment(parameter, fitted, moves, loss, gain(loss, basis.loss, level=LEVEL), p)
+    return np.arange(k - NUMBERS[parameter].count, k)

@@ -121,12 +121,13 @@ def _joined(used: Sequence[AuditedTables], trackers: tuple[str, ...], groups: Sc
     times = [one.cameras["time_s" if timed else "frame"].to_numpy() / unit for one in instants]
     shutters = pl.concat([one.cameras.select("readout_s", "shutter_axis") for one in instants])
     table = pl.concat(parts)
-    cluster, resampled, n_scenes = _clusters(table, groups)
+    cluster, block, resampled, n_scenes = _clusters(table, groups)
     return AuditSamples(
         trackers=trackers,
         tracker=np.searchsorted(trackers, table["tracker"].to_list()).astype(np.intp),
         age=table["age"].to_numpy().astype(np.intp),
         cluster=cluster,
+        block=block,
         resampled=resampled,
         n_scenes=n_scenes,
         birth=_placed(parts, places, "birth_frame"),
@@ -178,15 +179,17 @@ def _cameras(table: pl.DataFrame) -> tuple[tuple[KnownCamera, ...], NDArray[np.i
     return made, np.array([places[row] for row in rows], dtype=np.intp)
 
 
-def _clusters(table: pl.DataFrame, groups: SceneGroups) -> tuple[NDArray[np.intp], Resampled, int]:
-    """Cluster of each row, without gaps: groups, scenes, or blocks of tracks within scenes where these are few."""
+def _clusters(table: pl.DataFrame, groups: SceneGroups) -> tuple[NDArray[np.intp], NDArray[np.intp], Resampled, int]:
+    """Cluster and block of tracks of each row, both without gaps.
+
+    Clusters are groups, scenes, or the blocks within scenes where these are few.
+    """
     scenes = table["scene"].unique().sort().to_list()
     scene = np.searchsorted(scenes, table["scene"].to_list())
     group = groups.of(table["dataset"][0] if table.height else "", scenes)
     resampled = scheme(group) or Resampled.blocks
-    number = group[scene] if resampled == Resampled.groups else scene
-    if resampled == Resampled.blocks:
-        block = table["block"].to_numpy().astype(np.intp) // _BLOCKS_JOINED
-        number = scene * (int(block.max(initial=0)) + 1) + block
-    _, cluster = np.unique(number, return_inverse=True)
-    return cluster.astype(np.intp), resampled, len(scenes)
+    within = table["block"].to_numpy().astype(np.intp) // _BLOCKS_JOINED
+    block = scene * (int(within.max(initial=0)) + 1) + within
+    number = {Resampled.groups: group[scene], Resampled.blocks: block}.get(resampled, scene)
+    cluster, block = (np.unique(one, return_inverse=True)[1].astype(np.intp) for one in (number, block))
+    return cluster, block, resampled, len(scenes)

@@ -18,8 +18,11 @@ class AuditSamples:
     ----------
     trackers
         Names of the trackers.
-    tracker, age, cluster : (n,) intp
-        Place in `trackers`; frames since birth; number of the scene or block, from 0, without gaps.
+    tracker, age : (n,) intp
+        Place in `trackers`; frames since birth.
+    cluster, block : (n,) intp
+        Number of what is left out at a time: scenes, groups or blocks; and of the block of tracks within its scene.
+        Both from 0, without gaps.
     resampled, n_scenes
         What the clusters are, and the number of scenes.
     birth, now : (n,) intp
@@ -44,6 +47,7 @@ class AuditSamples:
     tracker: NDArray[np.intp]
     age: NDArray[np.intp]
     cluster: NDArray[np.intp]
+    block: NDArray[np.intp]
     resampled: Resampled
     n_scenes: int
     birth: NDArray[np.intp]
@@ -63,6 +67,11 @@ class AuditSamples:
     def n_clusters(self) -> int:
         """How many clusters there are."""
         return int(self.cluster.max(initial=-1)) + 1
+
+    @property
+    def by_blocks(self) -> "AuditSamples":
+        """The same observations, with blocks of tracks as clusters."""
+        return replace(self, cluster=self.block, resampled=Resampled.blocks)
 
     @property
     def group(self) -> NDArray[np.intp]:
@@ -101,8 +110,13 @@ class AuditSamples:
         return self.phase(self.along_shutter(self.uv_at_birth))
 
     def chosen(self, rows: NDArray[np.intp]) -> "AuditSamples":
-        """Some of the observations, whose clusters are numbered again without gaps."""
+        """Some of the observations, whose clusters and blocks are numbered again without gaps."""
         names = ("tracker", "age", "birth", "now", "uv_at_birth", "observed", "stated", "depth")
-        _, cluster = np.unique(self.cluster[rows], return_inverse=True)
         some = {name: getattr(self, name)[rows] for name in names}
-        return replace(self, cluster=cluster.astype(np.intp), **some)
+        cluster, block = _numbered(self.cluster[rows]), _numbered(self.block[rows])
+        return replace(self, cluster=cluster, block=block, **some)
+
+
+def _numbered(labels: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The same labels from 0, without gaps."""
+    return np.unique(labels, return_inverse=True)[1].astype(np.intp)

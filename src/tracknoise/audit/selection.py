@@ -5,9 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tracknoise.audit.assessment import ALPHA, LEVEL, MARGIN, Assessment, Basis, assess
+from tracknoise.audit.assessment import ALPHA, MARGIN, Assessment, Basis, assess
 from tracknoise.audit.fit import Start
-from tracknoise.audit.held_out import gain
 from tracknoise.audit.jackknife import condition_number
 from tracknoise.audit.optics import has_k1
 from tracknoise.audit.parameters import COUNT, Parameter
@@ -124,7 +123,7 @@ def _named(samples: AuditSamples, stage: Stage, *, with_bias: bool) -> Named:
     best, rivals = stage.best, {}
     assert best is not None, "only stages that name a fault are asked"
     for name, other in stage.assessed.items():
-        as_much = gain(best.loss, other.loss, level=LEVEL).low <= 0.0
+        as_much = best.gain_beyond(other).low <= 0.0
         if name is not best.parameter and stage.passes(name) and as_much:
             there = Start.at(samples, other.fitted.theta)
             basis = Basis.of(samples, other.fitted.parameters, there, with_bias=with_bias)
@@ -137,5 +136,4 @@ def _named(samples: AuditSamples, stage: Stage, *, with_bias: bool) -> Named:
 def _final(samples: AuditSamples, basis: Basis) -> Basis:
     """The named faults with trackers that have no bias, unless biases explain something of held-out clusters."""
     without = Basis.of(samples, basis.fitted.parameters, basis.start, with_bias=False)
-    loss = basis.loss_in_units_of(samples, without)
-    return basis if gain(loss, without.loss, level=LEVEL).low > 0.0 else without
+    return basis if without.gain_of(basis.resampled).low > 0.0 else without

@@ -8,14 +8,15 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.audit.assessment import LEVEL, Assessment, Basis
+from tracknoise.audit.assessment import LEVEL, Assessment
 from tracknoise.audit.curves import curves, second_moments
 from tracknoise.audit.fit import fit
 from tracknoise.audit.fitted import Fit
-from tracknoise.audit.held_out import Gain, gain, held_out_errors, held_out_residuals, losses
-from tracknoise.audit.jackknife import Jackknife, condition_number, jackknife
+from tracknoise.audit.held_out import Gain
+from tracknoise.audit.jackknife import condition_number
 from tracknoise.audit.parameters import JOINT, NUMBERS, TIMED, Family, Parameter
 from tracknoise.audit.read import AuditedTables, read_samples
+from tracknoise.audit.resampled_fit import ResampledFit
 from tracknoise.audit.samples import AuditSamples
 from tracknoise.audit.selection import Selection, Stage, available, select
 from tracknoise.audit.units import shown
@@ -26,7 +27,7 @@ from tracknoise.tables.audit_schema import AUDIT, AUDIT_CURVES, EVERYTHING, MEAS
 from tracknoise.tables.schema import check, empty
 
 Row = dict[str, Any]
-JointFits = dict[Family, tuple[Fit, Jackknife]]
+JointFits = dict[Family, ResampledFit]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +70,7 @@ def tables_of(samples: AuditSamples, dataset: str) -> AuditTables:
     selection = select(samples)
     curve = curves(samples, _corrected_errors(samples, selection), dataset)
     joint = _joint_fits(samples, selection)
-    rows = [*_single_rows(samples, selection, joint, curve), *_joint_rows(samples, selection, joint)]
+    rows = [*_single_rows(samples, selection, joint, curve), *_joint_rows(selection, joint)]
     table = pl.DataFrame([{"dataset": dataset, **row} for row in rows], schema=dict(AUDIT))
     return AuditTables(check(table, AUDIT, "audit"), check(curve, AUDIT_CURVES, "audit_curves"))
 
@@ -78,9 +79,9 @@ def _corrected_errors(samples: AuditSamples, selection: Selection) -> dict[str, 
     """Errors (n, 2), px, by correction: as measured, with each fault and those before it corrected, and with all."""
     found = {MEASURED: samples.observed - samples.stated}
     for one in selection.named:
-        found[one.parameter] = held_out_errors(samples, one.assessment.fitted, one.assessment.moves)
+        found[one.parameter] = one.assessment.resampled.error
     if selection.named:
-        found[EVERYTHING] = held_out_errors(samples, selection.final.fitted, selection.final.moves)
+        found[EVERYTHING] = selection.final.resampled.error
     return found
 
 
@@ -92,9 +93,9 @@ def _joint_fits(samples: AuditSamples, selection: Selection) -> JointFits:
         family: fit(samples, [one for one in parameters if one in every], start, with_bias=with_bias)
         for family, parameters in JOINT.items()
     }
-    found = {family: (fitted, jackknife(fitted.equations)) for family, fitted in fits.items()}
+    found = {family: ResampledFit.of(samples, one) for family, one in fits.items()}
     if selection.named:
-        found[Family.named] = (selection.final.fitted, selection.final.moves)
+        found[Family.named] = selection.final.resampled
     return found
 
 
@@ -104,35 +105,32 @@ def _single_rows(samples: AuditSamples, selection: Selection, joint: JointFits, 
     for one in judged:
         extra = {"rank": one.rank, "verdict": one.verdict, "text": _text(samples, selection, joint, one, curve)}
         factor = shown(samples, one.parameter).factor
-        for component, row in enumerate(_assessed_rows(samples, Family.alone, selection.alone, one.parameter)):
+        for component, row in enumerate(_assessed_rows(Family.alone, selection.alone, one.parameter)):
             yield {**row, **extra, "visible_above": abs(factor) * float(one.visible_above[component])}
     for one in judged:
-        yield from _assessed_rows(samples, Family.beside_bias, selection.beside_bias, one.parameter)
+        yield from _assessed_rows(Family.beside_bias, selection.beside_bias, one.parameter)
 
 
-def _assessed_rows(samples: AuditSamples, family: Family, stage: Stage, parameter: Parameter) -> Iterator[Row]:
+def _assessed_rows(family: Family, stage: Stage, parameter: Parameter) -> Iterator[Row]:
     one = stage.assessed[parameter]
-    for row in _fit_rows(samples, family, one.fitted, one.moves, one.gain):
+    for row in _fit_rows(family, one.resampled, one.gain):
         yield {**row, "p": stage.p[parameter]}
 
 
-def _joint_rows(samples: AuditSamples, selection: Selection, joint: JointFits) -> Iterator[Row]:
+def _joint_rows(selection: Selection, joint: JointFits) -> Iterator[Row]:
     """Of the joint fits."""
     base = (selection.beside_bias if selection.final.fitted.with_bias else selection.alone).basis
-    for family, (fitted, moves) in joint.items():
-        yield from _fit_rows(samples, family, fitted, moves, _gain(samples, base, fitted, moves))
+    for family, one in joint.items():
+        yield from _fit_rows(family, one, base.gain_of(one))
 
 
-def _gain(samples: AuditSamples, base: Basis, fitted: Fit, moves: Jackknife) -> Gain:
-    return gain(losses(samples, held_out_residuals(samples, fitted, moves), base.scale), base.loss, level=LEVEL)
-
-
-def _fit_rows(samples: AuditSamples, family: Family, fitted: Fit, moves: Jackknife, explained: Gain) -> Iterator[Row]:
+def _fit_rows(family: Family, resampled: ResampledFit, explained: Gain) -> Iterator[Row]:
     """One row per free number of a fit."""
+    samples, fitted = resampled.samples, resampled.fitted
     names = [(one, component) for one in fitted.parameters for component in NUMBERS[one].components]
-    half = moves.half_widths(LEVEL)
+    half = resampled.moves.half_widths(LEVEL)
     related = _correlations(fitted)
-    errors = {MEASURED: samples.observed - samples.stated, EVERYTHING: held_out_errors(samples, fitted, moves)}
+    errors = {MEASURED: samples.observed - samples.stated, EVERYTHING: resampled.error}
     second = second_moments(samples, errors)
     fits = {
         "level": LEVEL,
@@ -218,7 +216,8 @@ def _estimate(samples: AuditSamples, found: Assessment) -> Estimate:
 def _in_its_family(samples: AuditSamples, selection: Selection, joint: JointFits, one: Judged, found: Estimate) -> str:
     """A sentence if the first fault has another value beside parameters of its kind, none of which was named."""
     family = next(family for family, parameters in JOINT.items() if one.parameter in parameters)
-    fitted, moves = joint[family]
+    resampled = joint[family]
+    fitted = resampled.fitted
     others = [parameter for parameter in fitted.parameters if parameter != one.parameter]
     if (
         family is Family.all
@@ -229,7 +228,7 @@ def _in_its_family(samples: AuditSamples, selection: Selection, joint: JointFits
         return ""
     mine = [owner == one.parameter for owner in fitted.parameters for _ in NUMBERS[owner].components]
     unit = shown(samples, one.parameter)
-    half = moves.half_widths(LEVEL)[: len(mine)][mine] * abs(unit.factor)
+    half = resampled.moves.half_widths(LEVEL)[: len(mine)][mine] * abs(unit.factor)
     together = Estimate(unit, unit.values(fitted.estimate[: len(mine)][mine]), half)
     moved = np.abs(together.values - found.values) > found.half
     return family_text(others, together) if moved.any() else ""

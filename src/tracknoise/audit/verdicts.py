@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from tracknoise.audit.assessment import ALPHA, LEVEL, MARGIN, POWER, Assessment
+from tracknoise.audit.assessment import ALPHA, MARGIN, POWER, Assessment
 from tracknoise.audit.jackknife import condition_number
 from tracknoise.audit.parameters import NUMBERS, Parameter
+from tracknoise.audit.resampled_fit import ResampledFit
 from tracknoise.audit.selection import Selection
 from tracknoise.tables.audit_schema import AuditVerdict
 
@@ -75,13 +76,20 @@ def _is_wide(one: Assessment) -> bool:
 def visible_above(one: Assessment) -> NDArray[np.float64]:
     """Change of each component that would have been significant with a probability of 90 %, and explained enough.
 
-    It is the larger of two: that of the test, and that by which the loss falls by `MARGIN`.
+    It is the largest of three: that of the test, that of the interval, and that by which the loss falls by `MARGIN`.
     """
-    freedom = one.moves.n - 1
-    reach = special.stdtrit(freedom, 1.0 - ALPHA / (2.0 * len(Parameter))) + special.stdtrit(freedom, POWER)
-    tested = reach * one.half_widths / special.stdtrit(freedom, 0.5 + 0.5 * LEVEL)
     own = np.diag(np.linalg.inv(one.fitted.equations.information))[one.places]
-    return np.asarray(np.maximum(tested, np.sqrt(MARGIN * float(one.loss.sum()) * own)))
+    explaining = np.sqrt(MARGIN * float(one.tested.losses(one.scale).sum()) * own)
+    tested = _significant_above(one.tested, one.places, ALPHA / len(Parameter))
+    by_interval = _significant_above(one.resampled, one.places, ALPHA)
+    return np.asarray(np.max([tested, by_interval, explaining], axis=0))
+
+
+def _significant_above(found: ResampledFit, places: NDArray[np.intp], alpha: float) -> NDArray[np.float64]:
+    """Size of each number at which a two-sided test at level alpha finds it with a probability of 90 %."""
+    freedom = found.moves.freedom[places]
+    reach = special.stdtrit(freedom, 1.0 - 0.5 * alpha) + special.stdtrit(freedom, POWER)
+    return np.asarray(reach * found.moves.standard_errors[places])
 
 
 def _condition(one: Assessment) -> float:

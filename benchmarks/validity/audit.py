@@ -3,10 +3,10 @@
     python -m benchmarks.validity.audit [--runs 200] [--seed N] [--only exact biased focal_length ...]
 
 Recordings are made up (`benchmarks.validity.audit_worlds`): points at random depths, smooth random camera paths, two
-trackers of different noise that walks within tracks, and outliers. Each fault is planted at two sizes, in eight scenes,
-and in one scene that is cut into blocks. In further worlds only two of eight scenes turn and change their speed, or each
-tracker has another drift in each scene, or both. Printed are, for each cell, the share of runs in which the planted fault is
-named first, in which another is named, and in which the interval of its number holds the planted value: of the
+trackers of different noise that walks within tracks, and outliers. Each fault is planted at two sizes: in eight scenes,
+in one scene that is cut into blocks, where only two of eight scenes turn and change their speed, where each tracker has
+another drift in each scene, and where both hold. Printed are, for each cell, the share of runs in which the planted
+fault is named first, in which another is named, and in which the interval of its number holds the planted value: of the
 parameter alone, beside biases of the trackers, and of all named faults together where it is named.
 
 The cells `exact` have no fault, and count any fault that is named. The cells `biased` have trackers with a bias of
@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.validity.audit_worlds import World, make_samples, theta_of
-from tracknoise.audit.assessment import LEVEL, Assessment
+from tracknoise.audit.assessment import Assessment
 from tracknoise.audit.parameters import SLICES, Parameter
 from tracknoise.audit.selection import Selection, select
 
@@ -96,7 +96,7 @@ def holds_finally(found: Selection, parameter: Parameter, size: float | tuple[fl
     planted = np.zeros(len(found.final.fitted.theta))
     planted[SLICES[parameter]] = size
     free = found.final.fitted.free
-    half = found.final.resampled.moves.half_widths(LEVEL)[: len(free)]
+    half = found.final.resampled.half_widths[: len(free)]
     inside = np.abs(found.final.fitted.estimate - planted[free]) <= half
     return [bool(one) for one, place in zip(inside, free, strict=True) if planted[place] != 0.0]
 

@@ -39,6 +39,28 @@ def test_two_faults_are_named_and_corrected_together() -> None:
     assert all(all(holds_finally(found, Parameter(name), size)) for name, size in planted.items())
 
 
+@pytest.mark.parametrize(("parameter", "size"), [("clock_offset", 0.5), ("readout", 0.8)])
+def test_a_fault_that_two_of_eight_scenes_show_is_named(parameter, size) -> None:
+    few = replace(WORLD, per_scene=200, lively=2, steady_m=(0.02, 0.0, 0.02))
+    found = select(samples(few, seed=3, **{parameter: size}))
+    assert [one.parameter for one in found.named] == [parameter]
+    assert all(holds_finally(found, Parameter(parameter), size))
+    one = found.named[0].assessment
+    assert 1.0 < one.resampled.moves.effective[one.places][0] < 3.0
+    by_blocks = one.resampled.under(one.resampled.samples.by_blocks)
+    assert one.half_widths[0] > 1.5 * by_blocks.half_widths[one.places][0]
+
+
+def test_what_is_certain_but_explains_next_to_nothing_is_small() -> None:
+    many = replace(WORLD, per_scene=2000)
+    found = select(samples(many, seed=1, focal_length=0.0012))
+    judged = {one.parameter: one for one in judge(found)}
+    assert not found.named
+    focal, beside = judged[Parameter.focal_length], found.last.assessed[Parameter.focal_length]
+    assert focal.verdict == AuditVerdict.small
+    assert focal.visible_above[0] >= abs(beside.estimate[0]) > beside.half_widths[0]
+
+
 def test_an_exact_truth_has_no_fault() -> None:
     verdicts = {one.parameter: one for one in judge(select(samples(seed=5)))}
     assert {one.verdict for one in verdicts.values()} <= {AuditVerdict.none, AuditVerdict.undetermined}

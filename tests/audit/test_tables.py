@@ -14,7 +14,8 @@ from tracknoise.audit.read import AuditedTables, read_samples
 from tracknoise.audit.run_settings import recorded_step
 from tracknoise.audit.summary import NO_FAULT, audit_sentences, corrections_toml
 from tracknoise.audit.table import audit_tables, tables_of
-from tracknoise.audit.wording import other_text
+from tracknoise.audit.units import shown
+from tracknoise.audit.wording import Estimate, other_text
 from tracknoise.findings.sampling.groups import NO_GROUPS
 from tracknoise.findings.wording import SPACE
 from tracknoise.report.audit_cells import curve_cells, parameter_cells
@@ -178,10 +179,20 @@ def test_what_cannot_be_determined_is_told_beside_that_no_fault_was_found() -> N
     assert len(audit_sentences(found, every=True)) == 1 + len(Parameter)
 
 
-@pytest.mark.parametrize("verdict", [AuditVerdict.disagreement, AuditVerdict.explained])
+@pytest.mark.parametrize("verdict", [AuditVerdict.disagreement, AuditVerdict.explained, AuditVerdict.undetermined])
 def test_what_is_not_established_is_not_denied(verdict) -> None:
     """The truth may be wrong where a tracker has a bias besides, and where little is left for a test."""
     samples = make_samples(np.random.default_rng(1), WORLD, theta_of({}))
+    found = Estimate(shown(samples, Parameter.k1), np.array([0.2]), np.array([0.1]))
     named = [Parameter.readout]
-    text = other_text(Parameter.k1, verdict, "1", condition=1.0, half="1", named=named, samples=samples)
+    text = other_text(Parameter.k1, verdict, "1", condition=1.0, found=found, named=named, samples=samples)
     assert re.search(r"is (not|no longer) established", text)
+
+
+def test_a_small_error_is_told_with_its_size() -> None:
+    samples = make_samples(np.random.default_rng(1), WORLD, theta_of({}))
+    found = Estimate(shown(samples, Parameter.focal_length), np.array([524.0]), np.array([0.4]))
+    text = other_text(
+        Parameter.focal_length, AuditVerdict.small, "1", condition=1.0, found=found, named=[], samples=samples
+    )
+    assert text == f"The focal length is off by too little to matter here (524.0 ± 0.4{SPACE}px instead of 525)."

@@ -18,13 +18,12 @@ from tracknoise.audit.fit import Start, fit
 from tracknoise.audit.fitted import Fit
 from tracknoise.audit.held_out import Gain, gain
 from tracknoise.audit.parameters import NUMBERS, Parameter
-from tracknoise.audit.resampled_fit import ResampledFit
+from tracknoise.audit.resampled_fit import LEVEL, ResampledFit
 from tracknoise.audit.robust import scales
 from tracknoise.audit.samples import AuditSamples
 
-ALPHA = 0.05
+ALPHA = 1.0 - LEVEL
 """Level of the tests, after Holm's adjustment for all parameters."""
-LEVEL = 1.0 - ALPHA
 POWER = 0.9
 """Probability with which a fault of the size that is called visible is found."""
 MARGIN = 0.02
@@ -105,7 +104,7 @@ class Assessment:
     @property
     def places(self) -> NDArray[np.intp]:
         """Columns of the parameter in the fit."""
-        return _last(self.fitted, self.parameter)
+        return self.resampled.fitted.places_of(self.parameter)
 
     @property
     def estimate(self) -> NDArray[np.float64]:
@@ -115,7 +114,7 @@ class Assessment:
     @property
     def half_widths(self) -> NDArray[np.float64]:
         """Half of their intervals."""
-        return self.resampled.moves.half_widths(LEVEL)[self.places]
+        return self.resampled.half_widths[self.places]
 
     def gain_beyond(self, other: "Assessment") -> Gain:
         """Share that this correction explains of its held-out clusters beyond another one."""
@@ -125,7 +124,12 @@ class Assessment:
     @property
     def explains(self) -> bool:
         """Whether the correction surely explains something, and enough to be named."""
-        return self.gain.value >= MARGIN and self.gain.low > 0.0
+        return not self.is_small and self.gain.low > 0.0
+
+    @property
+    def is_small(self) -> bool:
+        """Whether the correction explains too little to be named."""
+        return self.gain.value < MARGIN
 
     @property
     def is_possible(self) -> bool:
@@ -146,7 +150,7 @@ class Assessment:
 def assess(samples: AuditSamples, basis: Basis, parameter: Parameter) -> Assessment:
     """Add a parameter to those of a basis."""
     fitted = fit(samples, (*basis.fitted.parameters, parameter), basis.start, with_bias=basis.fitted.with_bias)
-    places = _last(fitted, parameter)
+    places = fitted.places_of(parameter)
     resampled = ResampledFit.of(samples, fitted)
     is_enough = resampled.moves.effective[places].min() >= LEAST_EFFECTIVE
     tested = resampled if is_enough else resampled.under(samples.by_blocks)
@@ -158,11 +162,4 @@ def assess(samples: AuditSamples, basis: Basis, parameter: Parameter) -> Assessm
 
 def _excludes_zero(resampled: ResampledFit, places: NDArray[np.intp]) -> bool:
     """Whether the interval of one of the numbers does."""
-    half = resampled.moves.half_widths(LEVEL)[places]
-    return bool(np.any(np.abs(resampled.fitted.estimate[places]) > half))
-
-
-def _last(fitted: Fit, parameter: Parameter) -> NDArray[np.intp]:
-    """Columns of the parameter that was added last."""
-    k = len(fitted.free)
-    return np.arange(k - NUMBERS[parameter].count, k)
+    return bool(np.any(np.abs(resampled.fitted.estimate[places]) > resampled.half_widths[places]))

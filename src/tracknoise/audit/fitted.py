@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.audit.normal import NormalEquations
-from tracknoise.audit.parameters import Parameter
+from tracknoise.audit.parameters import Parameter, columns_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,3 +46,7 @@ class Fit:
     def estimate(self) -> NDArray[np.float64]:
         """Values of the free numbers."""
         return self.theta[self.free]
+
+    def places_of(self, parameter: Parameter) -> NDArray[np.intp]:
+        """Columns of a parameter that was free."""
+        return np.flatnonzero(np.isin(self.free, columns_of([parameter])))

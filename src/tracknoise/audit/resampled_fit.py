@@ -13,6 +13,9 @@ from tracknoise.audit.normal import normal_equations
 from tracknoise.audit.robust import scales
 from tracknoise.audit.samples import AuditSamples
 
+LEVEL = 0.95
+"""Probability with which an interval holds what it is of."""
+
 
 @dataclass(frozen=True)
 class ResampledFit:
@@ -47,6 +50,11 @@ class ResampledFit:
             samples.tracker, samples.cluster, fitted.design, fitted.residual, scale, fitted.equations.ridge
         )
         return ResampledFit(samples, replace(fitted, equations=equations), jackknife(equations))
+
+    @cached_property
+    def half_widths(self) -> NDArray[np.float64]:
+        """Half of the interval of each column."""
+        return self.moves.half_widths(LEVEL)
 
     @cached_property
     def residual(self) -> NDArray[np.float64]:

@@ -4,12 +4,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tracknoise.audit.assessment import ALPHA, MARGIN, Assessment, Basis, assess
-from tracknoise.audit.fit import Start
+from tracknoise.audit.fit import Start, fit
 from tracknoise.audit.jackknife import condition_number
 from tracknoise.audit.optics import has_k1
 from tracknoise.audit.parameters import COUNT, Parameter
+from tracknoise.audit.resampled_fit import ResampledFit
 from tracknoise.audit.samples import AuditSamples
 from tracknoise.findings.sampling.multiplicity import holm
 
@@ -38,7 +40,11 @@ class Stage:
     def passes(self, parameter: Parameter) -> bool:
         """Whether a parameter is significant, possible and explains enough, whatever single trackers say."""
         found = self.assessed.get(parameter)
-        return found is not None and self.p[parameter] <= ALPHA and found.is_possible and found.explains
+        return found is not None and self.is_significant(parameter) and found.explains
+
+    def is_significant(self, parameter: Parameter) -> bool:
+        """Whether a parameter is not zero, and is possible."""
+        return self.p[parameter] <= ALPHA and self.assessed[parameter].is_possible
 
     @property
     def best(self) -> Assessment | None:
@@ -54,18 +60,31 @@ class Named:
     Attributes
     ----------
     assessment
-        When it was named.
+        When it was named, beside biases of the trackers.
+    resampled
+        The fit of it and of those named before it, with biases of the trackers only if these explain anything.
     rivals
         Parameters that explain as much, and beside which it explains nothing, with the condition number of both.
     """
 
     assessment: Assessment
+    resampled: ResampledFit
     rivals: Mapping[Parameter, float]
 
     @property
     def parameter(self) -> Parameter:
         """Which one."""
         return self.assessment.parameter
+
+    @property
+    def estimate(self) -> NDArray[np.float64]:
+        """Its numbers."""
+        return self.resampled.fitted.estimate[self.resampled.fitted.places_of(self.parameter)]
+
+    @property
+    def half_widths(self) -> NDArray[np.float64]:
+        """Half of their intervals."""
+        return self.resampled.half_widths[self.resampled.fitted.places_of(self.parameter)]
 
 
 @dataclass(frozen=True)
@@ -130,7 +149,15 @@ def _named(samples: AuditSamples, stage: Stage, *, with_bias: bool) -> Named:
             beside = assess(samples, basis, best.parameter)
             if beside.gain.value < MARGIN:
                 rivals[name] = condition_number(beside.fitted.equations)
-    return Named(best, rivals)
+    return Named(best, _told(samples, best, with_bias=with_bias), rivals)
+
+
+def _told(samples: AuditSamples, best: Assessment, *, with_bias: bool) -> ResampledFit:
+    """The fit that sentences tell of."""
+    if with_bias:
+        return best.resampled
+    start = Start.at(samples, best.fitted.theta)
+    return ResampledFit.of(samples, fit(samples, best.fitted.parameters, start, with_bias=False))
 
 
 def _final(samples: AuditSamples, basis: Basis) -> Basis:

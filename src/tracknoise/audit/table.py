@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.audit.assessment import LEVEL, Assessment
+from tracknoise.audit.assessment import Assessment
 from tracknoise.audit.curves import curves, second_moments
 from tracknoise.audit.fit import fit
 from tracknoise.audit.fitted import Fit
@@ -16,10 +16,10 @@ from tracknoise.audit.held_out import Gain
 from tracknoise.audit.jackknife import condition_number
 from tracknoise.audit.parameters import JOINT, NUMBERS, TIMED, Family, Parameter
 from tracknoise.audit.read import AuditedTables, read_samples
-from tracknoise.audit.resampled_fit import ResampledFit
+from tracknoise.audit.resampled_fit import LEVEL, ResampledFit
 from tracknoise.audit.samples import AuditSamples
-from tracknoise.audit.selection import Selection, Stage, available, select
-from tracknoise.audit.units import shown
+from tracknoise.audit.selection import Named, Selection, Stage, available, select
+from tracknoise.audit.units import Shown, shown
 from tracknoise.audit.verdicts import Judged, judge
 from tracknoise.audit.wording import Estimate, effect_text, family_text, fault_text, in_unit, other_text
 from tracknoise.findings.sampling.groups import SceneGroups
@@ -79,7 +79,7 @@ def _corrected_errors(samples: AuditSamples, selection: Selection) -> dict[str, 
     """Errors (n, 2), px, by correction: as measured, with each fault and those before it corrected, and with all."""
     found = {MEASURED: samples.observed - samples.stated}
     for one in selection.named:
-        found[one.parameter] = one.assessment.resampled.error
+        found[one.parameter] = one.resampled.error
     if selection.named:
         found[EVERYTHING] = selection.final.resampled.error
     return found
@@ -128,7 +128,7 @@ def _fit_rows(family: Family, resampled: ResampledFit, explained: Gain) -> Itera
     """One row per free number of a fit."""
     samples, fitted = resampled.samples, resampled.fitted
     names = [(one, component) for one in fitted.parameters for component in NUMBERS[one].components]
-    half = resampled.moves.half_widths(LEVEL)
+    half = resampled.half_widths
     related = _correlations(fitted)
     errors = {MEASURED: samples.observed - samples.stated, EVERYTHING: resampled.error}
     second = second_moments(samples, errors)
@@ -192,7 +192,7 @@ def _text(samples: AuditSamples, selection: Selection, joint: JointFits, one: Ju
         names = [MEASURED, *(fault.parameter for fault in selection.named)]
         effect = effect_text(curve, names[one.rank - 1], one.parameter)
         fault = selection.named[one.rank - 1]
-        found = _estimate(samples, fault.assessment)
+        found = _estimate(unit, fault)
         beside_others = _in_its_family(samples, selection, joint, one, found)
         return fault_text(one.parameter, found, effect, fault.rivals) + beside_others
     beside = selection.last.assessed[one.parameter]
@@ -201,15 +201,14 @@ def _text(samples: AuditSamples, selection: Selection, joint: JointFits, one: Ju
         one.verdict,
         in_unit(one.visible_above, unit),
         condition=one.condition,
-        half=in_unit(beside.half_widths, unit),
+        found=_estimate(unit, beside),
         named=[fault.parameter for fault in selection.named],
         samples=samples,
     )
 
 
-def _estimate(samples: AuditSamples, found: Assessment) -> Estimate:
-    """Of a named fault, together with those that were named before it, as its effect is."""
-    unit = shown(samples, found.parameter)
+def _estimate(unit: Shown, found: Assessment | Named) -> Estimate:
+    """Of a parameter, together with the faults that were named before it."""
     return Estimate(unit, unit.values(found.estimate), found.half_widths * abs(unit.factor))
 
 
@@ -226,9 +225,8 @@ def _in_its_family(samples: AuditSamples, selection: Selection, joint: JointFits
         or any(fault.parameter in others for fault in selection.named)
     ):
         return ""
-    mine = [owner == one.parameter for owner in fitted.parameters for _ in NUMBERS[owner].components]
+    mine = fitted.places_of(one.parameter)
     unit = shown(samples, one.parameter)
-    half = resampled.moves.half_widths(LEVEL)[: len(mine)][mine] * abs(unit.factor)
-    together = Estimate(unit, unit.values(fitted.estimate[: len(mine)][mine]), half)
+    together = Estimate(unit, unit.values(fitted.estimate[mine]), resampled.half_widths[mine] * abs(unit.factor))
     moved = np.abs(together.values - found.values) > found.half
     return family_text(others, together) if moved.any() else ""

@@ -49,13 +49,16 @@ def judge(selection: Selection) -> list[Judged]:
 
 def _judged(selection: Selection, name: Parameter) -> Judged:
     beside = selection.last.assessed[name]
-    return Judged(name, _verdict(selection, name), None, _condition(beside), visible_above(beside))
+    visible = visible_above(beside)
+    if selection.last.is_significant(name):
+        visible = np.maximum(visible, np.abs(beside.estimate))
+    return Judged(name, _verdict(selection, name), None, _condition(beside), visible)
 
 
 def _verdict(selection: Selection, name: Parameter) -> AuditVerdict:
     """Why a parameter is not a fault."""
     first, last = selection.beside_bias, selection.last
-    if last.p[name] <= ALPHA and not last.assessed[name].is_agreed:
+    if last.is_significant(name) and not last.assessed[name].is_agreed:
         return AuditVerdict.disagreement
     if last.passes(name):
         return AuditVerdict.fault
@@ -63,6 +66,8 @@ def _verdict(selection: Selection, name: Parameter) -> AuditVerdict:
         return AuditVerdict.explained
     if not selection.named and selection.alone.passes(name):
         return AuditVerdict.like_bias
+    if last.is_significant(name):
+        return AuditVerdict.small if last.assessed[name].is_small else AuditVerdict.undetermined
     return AuditVerdict.undetermined if _is_wide(last.assessed[name]) else AuditVerdict.none
 
 

@@ -58,6 +58,16 @@ class Estimate:
         return _with_unit(pairs[0] if len(pairs) == 1 else f"({', '.join(pairs)})", self.shown.unit)
 
     @property
+    def half_text(self) -> str:
+        """Half of the widest interval: ``8 px``."""
+        return _with_unit(number(float(np.max(self.half)), digits=2), self.shown.unit)
+
+    @property
+    def excludes_stated(self) -> bool:
+        """Whether an interval does not hold the stated value."""
+        return bool(np.any(np.abs(self.values - np.asarray(self.shown.stated)) > self.half))
+
+    @property
     def in_fit_units(self) -> tuple[float, float]:
         """The first value as a change from the stated one, and half of its interval, in units of the fit."""
         change = float(self.values[0]) - self.shown.stated[0]
@@ -150,7 +160,7 @@ def other_text(
     visible: str,
     *,
     condition: float,
-    half: str,
+    found: Estimate,
     named: Sequence[Parameter],
     samples: AuditSamples,
 ) -> str:
@@ -165,8 +175,12 @@ def other_text(
         others = listing([f"the {PARAMETER_NAMES[one]}" for one in named])
         verb = "is" if len(named) == 1 else "are"
         return f"The {name} looked wrong, but this is no longer established once {others} {verb} corrected."
+    if verdict == AuditVerdict.small:
+        return f"The {name} is off by too little to matter here ({found.text} instead of {found.stated})."
+    if verdict == AuditVerdict.undetermined and found.excludes_stated:
+        return f"The {name} looks wrong ({found.text} instead of {found.stated}), but that is not established."
     if verdict == AuditVerdict.undetermined:
-        return f"The {name} cannot be determined here (± {half}){_why(parameter, samples)}."
+        return f"The {name} cannot be determined here (± {found.half_text}){_why(parameter, samples)}."
     if verdict == AuditVerdict.fault:
         return f"The {name} seems to be wrong too; correct the faults above first."
     if parameter is Parameter.ray_depth:

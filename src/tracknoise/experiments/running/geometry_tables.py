@@ -46,7 +46,7 @@ def geometry_tables(
     population, with_depth = experiment.truth.population, truth != TRIANGULATED
     camera = sequence.camera
     return {
-        "poses": _poses(sequence, n_frames),
+        "poses": poses_table(sequence, n_frames),
         **_path(sequence, n_frames),
         "cameras": cameras_table(sequence, n_frames),
         "audit_samples": audit_samples(sequence, prepared, truth),
@@ -63,7 +63,7 @@ def _of_depth(prepared: PreparedSequence, geometry: FrameGeometry, population: s
     return {**noise_tables(prepared, geometry), "noise_tracks": tracks}
 
 
-def _poses(sequence: Sequence, n_frames: int) -> pl.DataFrame:
+def poses_table(sequence: Sequence, n_frames: int) -> pl.DataFrame:
     """Table `POSES` of the frames that were read."""
     frames = pl.Series("frame", np.arange(n_frames))
     return _posed(sequence, frames, sequence.world_from_camera[:n_frames], POSES)

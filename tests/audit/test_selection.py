@@ -46,7 +46,7 @@ def test_a_fault_that_two_of_eight_scenes_show_is_named(parameter, size) -> None
     assert [one.parameter for one in found.named] == [parameter]
     assert all(holds_finally(found, Parameter(parameter), size))
     one = found.named[0].assessment
-    assert 1.0 < one.resampled.moves.effective[one.places][0] < 3.0
+    assert 1.0 < one.resampled.moves.effective(one.places) < 3.0
     by_blocks = one.resampled.under(one.resampled.samples.by_blocks)
     assert one.half_widths[0] > 1.5 * by_blocks.half_widths[one.places][0]
 

@@ -152,7 +152,7 @@ def assess(samples: AuditSamples, basis: Basis, parameter: Parameter) -> Assessm
     fitted = fit(samples, (*basis.fitted.parameters, parameter), basis.start, with_bias=basis.fitted.with_bias)
     places = fitted.places_of(parameter)
     resampled = ResampledFit.of(samples, fitted)
-    is_enough = resampled.moves.effective[places].min() >= LEAST_EFFECTIVE
+    is_enough = resampled.moves.effective(places) >= LEAST_EFFECTIVE
     tested = resampled if is_enough else resampled.under(samples.by_blocks)
     p = tested.moves.p_value(fitted.estimate[places], places)
     if not is_enough and not _excludes_zero(resampled, places):

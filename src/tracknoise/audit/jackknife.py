@@ -3,8 +3,9 @@
 With the second derivatives H of the loss and the negative first g, one step of Newton's method leads to the fit without
 a cluster c: (H - H_c)^-1 (g - g_c) (audit.jackknife). This costs no fit. At the fit of all clusters g is 0.
 
-Clusters do not know equally much of a number: with its share s_c in the variance of the number, each as it would be for
-independent observations, there are 1 / sum s_c^2 effective clusters (audit.effective), and one degree of freedom less.
+Clusters do not know equally much of a number: with their shares s_c in its variance, as they would be for independent
+observations, there are 1 / sum s_c^2 effective clusters (audit.effective), and one degree of freedom less. Several
+numbers together have the mean of their shares.
 """
 
 from dataclasses import dataclass
@@ -26,13 +27,13 @@ class Jackknife:
         Fit without the cluster minus the fit.
     step : (p,) float64
         From where the equations were made to the fit: nothing, but for those of single trackers.
-    effective : (p,) float64
-        Number of clusters that determine each number, by (audit.effective); 0 where none does.
+    share : (clusters, p) float64
+        Of each cluster in the variance of each number; their sum is 1, or 0 where none determines it.
     """
 
     moves: NDArray[np.float64]
     step: NDArray[np.float64]
-    effective: NDArray[np.float64]
+    share: NDArray[np.float64]
 
     @property
     def n(self) -> int:
@@ -50,10 +51,14 @@ class Jackknife:
         """(p,): of the fit."""
         return np.sqrt(np.diag(self.covariance))
 
+    def effective(self, places: NDArray[np.intp]) -> float:
+        """Number of clusters that determine some numbers together, by (audit.effective); 0 where none does."""
+        return float(_effective(self.share[:, places].mean(axis=1)))
+
     @property
     def freedom(self) -> NDArray[np.float64]:
         """(p,): degrees of freedom of each number, at least one."""
-        return np.maximum(self.effective - 1.0, 1.0)
+        return np.maximum(_effective(self.share) - 1.0, 1.0)
 
     def half_widths(self, level: float) -> NDArray[np.float64]:
         """(p,): half of each interval, by Student's distribution."""
@@ -69,7 +74,7 @@ class Jackknife:
         places : (k,)
             Their columns.
         """
-        k, n = len(places), float(self.effective[places].min())
+        k, n = len(places), self.effective(places)
         if n <= k:
             return 1.0
         covariance = self.covariance[np.ix_(places, places)]
@@ -94,13 +99,18 @@ def jackknife(equations: NormalEquations, trackers: NDArray[np.intp] | None = No
     every = own.sum(axis=0) + np.diag(equations.ridge)
     step = np.linalg.solve(every, gradient.sum(axis=0))
     without = np.linalg.solve(every - own, (gradient.sum(axis=0) - gradient)[:, :, None])[:, :, 0]
-    return Jackknife(without - step, step, _effective(equations.weighted[used].sum(axis=0)[present], equations.ridge))
+    return Jackknife(without - step, step, _shares(equations.weighted[used].sum(axis=0)[present], equations.ridge))
 
 
-def _effective(own: NDArray[np.float64], ridge: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(p,): effective number of clusters, from the information (clusters, p, p) of each."""
+def _shares(own: NDArray[np.float64], ridge: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(clusters, p): shares of clusters in variances, from the information (clusters, p, p) of each."""
     inverse = np.linalg.inv(own.sum(axis=0) + np.diag(ridge))
-    share = np.einsum("ij,cjk,ik->ci", inverse, own, inverse)
+    variance = np.einsum("ij,cjk,ik->ci", inverse, own, inverse)
+    return np.asarray(variance / np.maximum(variance.sum(axis=0), 1e-300))
+
+
+def _effective(share: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Effective number of clusters, from shares (clusters, ...)."""
     return np.asarray(share.sum(axis=0) ** 2 / np.maximum(np.sum(share**2, axis=0), 1e-300))
 
 

@@ -138,18 +138,24 @@ def _stage(samples: AuditSamples, basis: Basis, every: Sequence[Parameter]) -> S
 
 
 def _named(samples: AuditSamples, stage: Stage, *, with_bias: bool) -> Named:
-    """The best of a stage, with the parameters that pass too, explain about as much, and leave nothing for it."""
-    best, rivals = stage.best, {}
+    """The best of a stage."""
+    best = stage.best
     assert best is not None, "only stages that name a fault are asked"
+    rivals = _rivals(samples, stage, best, with_bias=with_bias)
+    return Named(best, _told(samples, best, with_bias=with_bias), rivals)
+
+
+def _rivals(samples: AuditSamples, stage: Stage, best: Assessment, *, with_bias: bool) -> dict[Parameter, float]:
+    """Parameters that pass too, explain about as much, and leave nothing for the best, with condition numbers."""
+    found = {}
     for name, other in stage.assessed.items():
-        as_much = best.gain_beyond(other).low <= 0.0
-        if name is not best.parameter and stage.passes(name) and as_much:
+        if name is not best.parameter and stage.passes(name) and best.gain_beyond(other).low <= 0.0:
             there = Start.at(samples, other.fitted.theta)
             basis = Basis.of(samples, other.fitted.parameters, there, with_bias=with_bias)
             beside = assess(samples, basis, best.parameter)
             if beside.gain.value < MARGIN:
-                rivals[name] = condition_number(beside.fitted.equations)
-    return Named(best, _told(samples, best, with_bias=with_bias), rivals)
+                found[name] = condition_number(beside.fitted.equations)
+    return found
 
 
 def _told(samples: AuditSamples, best: Assessment, *, with_bias: bool) -> ResampledFit:

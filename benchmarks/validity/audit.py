@@ -1,6 +1,6 @@
 """How often the audit names planted faults, holds their size in its interval, and finds faults where there are none.
 
-    python -m benchmarks.validity.audit [--runs 200] [--seed N] [--only exact biased focal_length ...]
+    python -m benchmarks.validity.audit [--runs 200] [--seed N] [--only exact biased visible focal_length ...]
 
 Recordings are made up (`benchmarks.validity.audit_worlds`): points at random depths, smooth random camera paths, two
 trackers of different noise that walks within tracks, and outliers. Each fault is planted at two sizes: in eight scenes,
@@ -12,6 +12,9 @@ parameter alone, beside biases of the trackers, and of all named faults together
 The cells `exact` have no fault, and count any fault that is named. The cells `biased` have trackers with a bias of
 their own: the same constant for both, the same drift for both, and a drift of one; the cell `single` one tracker with a
 drift. A fault that is named there is a false alarm too.
+
+The lines `visible` are about sizes of which an audit of an exact recording says that 90 % would have been seen: the
+share of recordings in which an error of this size is named, if it is planted in the same recording.
 """
 
 import argparse
@@ -25,6 +28,7 @@ from benchmarks.validity.audit_worlds import World, make_samples, theta_of
 from tracknoise.audit.assessment import Assessment
 from tracknoise.audit.parameters import SLICES, Parameter
 from tracknoise.audit.selection import Selection, select
+from tracknoise.audit.verdicts import Judged, judge
 
 SIZES: dict[Parameter, tuple[float | tuple[float, ...], float | tuple[float, ...]]] = {
     Parameter.focal_length: (0.005, 0.1),
@@ -121,6 +125,23 @@ def summary(cell: Cell, seeds: range) -> str:
     )
 
 
+def visible_summary(world: World, seeds: range) -> str:
+    """How often errors are named of which an audit says that 90 % of their size would have been seen."""
+    named: dict[Parameter, list[bool]] = {}
+    for seed in seeds:
+        for judged in judge(run(Cell("exact", world), seed)):
+            if judged.rank is None and np.isfinite(judged.visible_above).all():
+                named.setdefault(judged.parameter, []).append(is_seen(world, judged, seed))
+    return ", ".join(f"{one} {np.mean(seen):.2f} of {len(seen)}" for one, seen in named.items())
+
+
+def is_seen(world: World, judged: Judged, seed: int) -> bool:
+    """Whether an error of the first number of a parameter is named in a recording, if it is as large as is visible."""
+    size = np.where(np.arange(len(judged.visible_above)) == 0, judged.visible_above, 0.0)
+    found = run(Cell("visible", world, judged.parameter, tuple(size)), seed)
+    return any(one.parameter == judged.parameter for one in found.named)
+
+
 def main() -> None:
     """Print a line for each cell."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -128,9 +149,13 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", nargs="*", default=[""], help="cells whose names begin like this")
     options = parser.parse_args()
+    seeds = range(options.seed, options.seed + options.runs)
     for cell in cells():
         if cell.name.startswith(tuple(options.only)):
-            print(summary(cell, range(options.seed, options.seed + options.runs)), flush=True)
+            print(summary(cell, seeds), flush=True)
+    for where, world in PLACES.items():
+        if f"visible, {where}".startswith(tuple(options.only)):
+            print(f"visible, {where}: {visible_summary(world, seeds)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -153,7 +153,7 @@ def _observed(rng: np.random.Generator, world: World, samples: AuditSamples, tru
     n = len(samples.age)
     sigma = np.array(world.noise_px)[samples.tracker, None]
     noise = sigma * np.sqrt(0.5 + 0.5 * samples.age[:, None]) * rng.standard_normal((n, 2))
-    drift = np.array(world.drift_px_per_frame)[samples.tracker] * samples.age[:, None]
+    drift = np.array(world.drift_px_per_frame)[samples.tracker] * samples.age[:, None].astype(np.float64)
     if world.drift_of_scene:
         of_scene = world.drift_of_scene * rng.standard_normal((samples.n_scenes, len(samples.trackers), 2))
         scene = samples.birth // world.n_frames

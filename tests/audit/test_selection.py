@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.validity.audit import SIZES, holds_finally
+from benchmarks.validity.audit import SIZES, holds_finally, is_seen
 from benchmarks.validity.audit_worlds import World, make_samples, theta_of
 
 from tracknoise.audit.assessment import Basis, assess
@@ -59,6 +59,17 @@ def test_what_is_certain_but_explains_next_to_nothing_is_small() -> None:
     focal, beside = judged[Parameter.focal_length], found.last.assessed[Parameter.focal_length]
     assert focal.verdict == AuditVerdict.small
     assert focal.visible_above[0] >= abs(beside.estimate[0]) > beside.half_widths[0]
+
+
+@pytest.mark.parametrize("parameter", ["focal_length", "clock_offset"])
+def test_errors_that_would_be_seen_are_named_and_much_smaller_ones_are_not(parameter) -> None:
+    seen, smaller = [], []
+    for seed in range(4):
+        judged = {one.parameter: one for one in judge(select(samples(seed=seed)))}[Parameter(parameter)]
+        seen.append(is_seen(WORLD, judged, seed))
+        smaller.append(is_seen(WORLD, replace(judged, visible_above=0.3 * judged.visible_above), seed))
+    assert sum(seen) >= 3
+    assert sum(smaller) <= 1
 
 
 def test_an_exact_truth_has_no_fault() -> None:

@@ -24,8 +24,6 @@ from tracknoise.audit.samples import AuditSamples
 
 ALPHA = 1.0 - LEVEL
 """Level of the tests, after Holm's adjustment for all parameters."""
-POWER = 0.9
-"""Probability with which a fault of the size that is called visible is found."""
 MARGIN = 0.02
 """Least share that a fault must explain on held-out clusters to be named."""
 LEAST_EFFECTIVE = 5.0
@@ -81,8 +79,8 @@ class Assessment:
         What was added.
     resampled, tested
         The fit of all of them, and its jackknife: for intervals, and for tests.
-    scale : (n,)
-        That of the basis.
+    basis
+        What it was added to.
     gain
         Share that the correction explains on held-out clusters beyond the basis.
     p
@@ -92,7 +90,7 @@ class Assessment:
     parameter: Parameter
     resampled: ResampledFit
     tested: ResampledFit
-    scale: NDArray[np.float64]
+    basis: Basis
     gain: Gain
     p: float
 
@@ -119,12 +117,12 @@ class Assessment:
     def gain_beyond(self, other: "Assessment") -> Gain:
         """Share that this correction explains of its held-out clusters beyond another one."""
         rest = other.resampled.under(self.tested.samples)
-        return gain(self.tested.losses(self.scale), rest.losses(self.scale), level=LEVEL)
+        return gain(self.tested.losses(self.basis.scale), rest.losses(self.basis.scale), level=LEVEL)
 
     @property
     def explains(self) -> bool:
-        """Whether the correction surely explains something, and enough to be named."""
-        return not self.is_small and self.gain.low > 0.0
+        """Whether the correction explains enough to be named."""
+        return is_enough(self.gain)
 
     @property
     def is_small(self) -> bool:
@@ -147,17 +145,22 @@ class Assessment:
         return not any(share.contradicts for share in self.shares)
 
 
+def is_enough(found: Gain) -> bool:
+    """Whether something is surely explained, and enough to name what explains it."""
+    return found.value >= MARGIN and found.low > 0.0
+
+
 def assess(samples: AuditSamples, basis: Basis, parameter: Parameter) -> Assessment:
     """Add a parameter to those of a basis."""
     fitted = fit(samples, (*basis.fitted.parameters, parameter), basis.start, with_bias=basis.fitted.with_bias)
     places = fitted.places_of(parameter)
     resampled = ResampledFit.of(samples, fitted)
-    is_enough = resampled.moves.effective(places) >= LEAST_EFFECTIVE
-    tested = resampled if is_enough else resampled.under(samples.by_blocks)
+    is_by_scenes = resampled.moves.effective(places) >= LEAST_EFFECTIVE
+    tested = resampled if is_by_scenes else resampled.under(samples.by_blocks)
     p = tested.moves.p_value(fitted.estimate[places], places)
-    if not is_enough and not _excludes_zero(resampled, places):
+    if not is_by_scenes and not _excludes_zero(resampled, places):
         p = 1.0
-    return Assessment(parameter, resampled, tested, basis.scale, basis.gain_of(tested), p)
+    return Assessment(parameter, resampled, tested, basis, basis.gain_of(tested), p)
 
 
 def _excludes_zero(resampled: ResampledFit, places: NDArray[np.intp]) -> bool:

@@ -106,7 +106,8 @@ def _single_rows(samples: AuditSamples, selection: Selection, joint: JointFits, 
         extra = {"rank": one.rank, "verdict": one.verdict, "text": _text(samples, selection, joint, one, curve)}
         factor = shown(samples, one.parameter).factor
         for component, row in enumerate(_assessed_rows(Family.alone, selection.alone, one.parameter)):
-            yield {**row, **extra, "visible_above": abs(factor) * float(one.visible_above[component])}
+            visible = abs(factor) * float(one.visible_above[component])
+            yield {**row, **extra, "visible_above": visible if np.isfinite(visible) else None}
     for one in judged:
         yield from _assessed_rows(Family.beside_bias, selection.beside_bias, one.parameter)
 

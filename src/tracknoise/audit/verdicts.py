@@ -4,13 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
-from tracknoise.audit.assessment import ALPHA, MARGIN, POWER, Assessment
+from tracknoise.audit.assessment import Assessment
 from tracknoise.audit.jackknife import condition_number
 from tracknoise.audit.parameters import NUMBERS, Parameter
-from tracknoise.audit.resampled_fit import ResampledFit
 from tracknoise.audit.selection import Selection
+from tracknoise.audit.visible import visible_above
 from tracknoise.tables.audit_schema import AuditVerdict
 
 
@@ -50,13 +49,14 @@ def judge(selection: Selection) -> list[Judged]:
 def _judged(selection: Selection, name: Parameter) -> Judged:
     beside = selection.last.assessed[name]
     visible = visible_above(beside)
+    verdict = _verdict(selection, name, visible)
     if selection.last.is_significant(name):
         visible = np.maximum(visible, np.abs(beside.estimate))
-    return Judged(name, _verdict(selection, name), None, _condition(beside), visible)
+    return Judged(name, verdict, None, _condition(beside), visible)
 
 
-def _verdict(selection: Selection, name: Parameter) -> AuditVerdict:
-    """Why a parameter is not a fault."""
+def _verdict(selection: Selection, name: Parameter, visible: NDArray[np.float64]) -> AuditVerdict:
+    """Why a parameter is not a fault, given the errors that would have been seen."""
     first, last = selection.beside_bias, selection.last
     if last.is_significant(name) and not last.assessed[name].is_agreed:
         return AuditVerdict.disagreement
@@ -68,33 +68,14 @@ def _verdict(selection: Selection, name: Parameter) -> AuditVerdict:
         return AuditVerdict.like_bias
     if last.is_significant(name):
         return AuditVerdict.small if last.assessed[name].is_small else AuditVerdict.undetermined
-    return AuditVerdict.undetermined if _is_wide(last.assessed[name]) else AuditVerdict.none
+    return AuditVerdict.undetermined if _is_wide(last.assessed[name], visible) else AuditVerdict.none
 
 
-def _is_wide(one: Assessment) -> bool:
+def _is_wide(one: Assessment, visible: NDArray[np.float64]) -> bool:
     """Whether the data would not show a change worth correcting, or no change that is tried."""
     numbers = NUMBERS[one.parameter]
     largest = 1.0 if numbers.is_kind else numbers.furthest
-    return bool(np.any(one.half_widths > numbers.plausible) or np.any(visible_above(one) > largest))
-
-
-def visible_above(one: Assessment) -> NDArray[np.float64]:
-    """Change of each component that would have been significant with a probability of 90 %, and explained enough.
-
-    It is the largest of three: that of the test, that of the interval, and that by which the loss falls by `MARGIN`.
-    """
-    own = np.diag(np.linalg.inv(one.fitted.equations.information))[one.places]
-    explaining = np.sqrt(MARGIN * float(one.tested.losses(one.scale).sum()) * own)
-    tested = _significant_above(one.tested, one.places, ALPHA / len(Parameter))
-    by_interval = _significant_above(one.resampled, one.places, ALPHA)
-    return np.asarray(np.max([tested, by_interval, explaining], axis=0))
-
-
-def _significant_above(found: ResampledFit, places: NDArray[np.intp], alpha: float) -> NDArray[np.float64]:
-    """Size of each number at which a two-sided test at level alpha finds it with a probability of 90 %."""
-    freedom = found.moves.freedom[places]
-    reach = special.stdtrit(freedom, 1.0 - 0.5 * alpha) + special.stdtrit(freedom, POWER)
-    return np.asarray(reach * found.moves.standard_errors[places])
+    return bool(np.any(one.half_widths > numbers.plausible) or np.any(visible > largest))
 
 
 def _condition(one: Assessment) -> float:

@@ -8,12 +8,12 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.audit.assessment import POWER
 from tracknoise.audit.parameters import Parameter
 from tracknoise.audit.samples import AuditSamples
 from tracknoise.audit.units import Shown
 from tracknoise.audit.usual import shifted_text, whole_frames
-from tracknoise.findings.wording import MINUS, SPACE, listing, number, percent, px
+from tracknoise.audit.visible import POWER
+from tracknoise.findings.wording import DASH, MINUS, SPACE, listing, number, percent, px
 from tracknoise.tables.audit_schema import MEASURED, AuditVerdict
 
 PARAMETER_NAMES: Mapping[str, str] = MappingProxyType(
@@ -202,8 +202,9 @@ def _why(parameter: Parameter, samples: AuditSamples) -> str:
 
 
 def in_unit(values: NDArray[np.float64], shown: Shown) -> str:
-    """The largest of some sizes with its unit."""
-    return _with_unit(number(abs(float(np.max(values))) * shown.factor, digits=2), shown.unit)
+    """The largest of some sizes with its unit; a dash where it has no bound."""
+    largest = abs(float(np.max(values))) * abs(shown.factor)
+    return _with_unit(number(largest, digits=2), shown.unit) if np.isfinite(largest) else DASH
 
 
 def _with_unit(text: str, unit: str) -> str:

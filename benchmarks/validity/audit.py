@@ -26,7 +26,7 @@ import numpy as np
 
 from benchmarks.validity.audit_worlds import World, make_samples, theta_of
 from tracknoise.audit.assessment import Assessment
-from tracknoise.audit.parameters import SLICES, Parameter
+from tracknoise.audit.parameters import NUMBERS, SLICES, Parameter
 from tracknoise.audit.selection import Selection, select
 from tracknoise.audit.verdicts import Judged, judge
 
@@ -130,7 +130,8 @@ def visible_summary(world: World, seeds: range) -> str:
     named: dict[Parameter, list[bool]] = {}
     for seed in seeds:
         for judged in judge(run(Cell("exact", world), seed)):
-            if judged.rank is None and np.isfinite(judged.visible_above).all():
+            is_size = not NUMBERS[judged.parameter].is_kind and np.isfinite(judged.visible_above).all()
+            if judged.rank is None and is_size:
                 named.setdefault(judged.parameter, []).append(is_seen(world, judged, seed))
     return ", ".join(f"{one} {np.mean(seen):.2f} of {len(seen)}" for one, seen in named.items())
 

@@ -189,10 +189,11 @@ def test_what_is_not_established_is_not_denied(verdict) -> None:
     assert re.search(r"is (not|no longer) established", text)
 
 
-def test_a_small_error_is_told_with_its_size() -> None:
+def test_a_value_that_fits_a_little_better_is_told() -> None:
     samples = make_samples(np.random.default_rng(1), WORLD, theta_of({}))
     found = Estimate(shown(samples, Parameter.focal_length), np.array([524.0]), np.array([0.4]))
     text = other_text(
         Parameter.focal_length, AuditVerdict.small, "1", condition=1.0, found=found, named=[], samples=samples
     )
-    assert text == f"The focal length is off by too little to matter here (524.0 ± 0.4{SPACE}px instead of 525)."
+    better = f"The focal length fits a little better as 524.0 ± 0.4{SPACE}px instead of 525"
+    assert text == f"{better}, but this explains too little to matter."

@@ -176,7 +176,8 @@ def other_text(
         verb = "is" if len(named) == 1 else "are"
         return f"The {name} looked wrong, but this is no longer established once {others} {verb} corrected."
     if verdict == AuditVerdict.small:
-        return f"The {name} is off by too little to matter here ({found.text} instead of {found.stated})."
+        other = f"{found.text} instead of {found.stated}"
+        return f"The {name} fits a little better as {other}, but this explains too little to matter."
     if verdict == AuditVerdict.undetermined and found.excludes_stated:
         return f"The {name} looks wrong ({found.text} instead of {found.stated}), but that is not established."
     if verdict == AuditVerdict.undetermined:

@@ -13,7 +13,7 @@ class AuditVerdict(StrEnum):
 
     fault: the truth is wrong in it. explained: it looked wrong, but not established once the named faults are
     corrected. like_bias: what it explains cannot be distinguished from a bias of the trackers. disagreement: trackers
-    contradict each other. small: the truth is wrong in it, but this explains next to nothing. none: no fault.
+    contradict each other. small: another value fits better, but explains next to nothing. none: no fault.
     undetermined: its interval is too wide for an answer, or what it explains is not established.
     """
 

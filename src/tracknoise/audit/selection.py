@@ -142,7 +142,7 @@ def _named(samples: AuditSamples, stage: Stage, *, with_bias: bool) -> Named:
     best = stage.best
     assert best is not None, "only stages that name a fault are asked"
     rivals = _rivals(samples, stage, best, with_bias=with_bias)
-    return Named(best, _told(samples, best, with_bias=with_bias), rivals)
+    return Named(best, _reported_fit(samples, best, with_bias=with_bias), rivals)
 
 
 def _rivals(samples: AuditSamples, stage: Stage, best: Assessment, *, with_bias: bool) -> dict[Parameter, float]:
@@ -158,7 +158,7 @@ def _rivals(samples: AuditSamples, stage: Stage, best: Assessment, *, with_bias:
     return found
 
 
-def _told(samples: AuditSamples, best: Assessment, *, with_bias: bool) -> ResampledFit:
+def _reported_fit(samples: AuditSamples, best: Assessment, *, with_bias: bool) -> ResampledFit:
     """The fit that sentences tell of."""
     if with_bias:
         return best.resampled

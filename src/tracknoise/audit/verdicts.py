@@ -73,9 +73,8 @@ def _verdict(selection: Selection, name: Parameter, visible: NDArray[np.float64]
 
 def _is_wide(one: Assessment, visible: NDArray[np.float64]) -> bool:
     """Whether the data would not show a change worth correcting, or no change that is tried."""
-    numbers = NUMBERS[one.parameter]
-    largest = 1.0 if numbers.is_kind else numbers.furthest
-    return bool(np.any(one.half_widths > numbers.plausible) or np.any(visible > largest))
+    plausible = NUMBERS[one.parameter].plausible
+    return bool(np.any(one.half_widths > plausible) or np.any(np.isinf(visible)))
 
 
 def _condition(one: Assessment) -> float:

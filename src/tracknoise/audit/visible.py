@@ -31,7 +31,13 @@ def visible_above(one: Assessment) -> NDArray[np.float64]:
     moves = one.tested.moves
     beyond = special.stdtrit(moves.freedom, POWER) * moves.standard_errors
     explaining = np.array([_explaining(one, int(place)) for place in one.places]) + beyond[one.places]
-    return np.asarray(np.maximum(tested, explaining))
+    size = np.maximum(tested, explaining)
+    return np.where(size <= _largest(one.parameter), size, np.inf)
+
+
+def _largest(parameter: Parameter) -> float:
+    """Largest error of a parameter that is tried."""
+    return 1.0 if NUMBERS[parameter].is_kind else NUMBERS[parameter].furthest
 
 
 def _tested(found: ResampledFit, places: NDArray[np.intp], alpha: float) -> NDArray[np.float64]:
@@ -52,11 +58,11 @@ def _by_interval(one: Assessment) -> NDArray[np.float64]:
 
 def _explaining(one: Assessment, place: int) -> float:
     """Least size of an error of one number whose correction explains enough, whatever its sign."""
-    furthest = 1.0 if NUMBERS[one.parameter].is_kind else NUMBERS[one.parameter].furthest
     inverse = np.linalg.inv(one.fitted.equations.information)
-    field = one.fitted.design @ (inverse[:, place] / inverse[place, place])
+    field = np.nan_to_num(one.fitted.design) @ (inverse[:, place] / inverse[place, place])
     without = _without_errors(one)
-    low, high = _START * furthest, furthest
+    high = _largest(one.parameter)
+    low = _START * high
     if not _explains(one, without, high * field):
         return np.inf
     for _ in range(_TRIALS):

@@ -21,13 +21,12 @@ from tracknoise.audit.parameters import Family
 from tracknoise.audit.read import AuditedTables
 from tracknoise.audit.table import audit_tables
 from tracknoise.experiments.audit_inputs import audit_samples, cameras_table
+from tracknoise.experiments.effects.scene_values import simulated_reader
 from tracknoise.experiments.effects.shared_tracker import SharedTracker
 from tracknoise.experiments.effects.shared_world import SharedWorld
 from tracknoise.experiments.measure import measure_together
 from tracknoise.experiments.running.geometry_tables import poses_table
 from tracknoise.findings.sampling.groups import NO_GROUPS
-from tracknoise.sequences.registry import make_reader
-from tracknoise.sequences.simulated import Simulated
 from tracknoise.trackers.registry import make_tracker
 
 Options = dict[str, Any]
@@ -59,13 +58,6 @@ READOUTS = {"readout of 10 ms": 0.01, "readout of 26 ms": 0.026}
 """Seconds that an image takes, which is not stated."""
 
 
-def simulated(options: Options) -> Simulated:
-    """The reader of simulated recordings."""
-    made = make_reader(Simulated.name, None, options)
-    assert isinstance(made, Simulated)
-    return made
-
-
 def variants(base: Options) -> tuple[dict[str, Options], dict[str, Options]]:
     """Options of the reader by fault: of those with the images of a global shutter, and of the others."""
     stated = {name: base | {"faults": fault} for name, fault in FAULTS.items()}
@@ -86,10 +78,10 @@ def measured(base: Options, scene: str) -> dict[str, AuditedTables]:
 
 def _together(base: Options, scene: str, options: Mapping[str, Options]) -> Iterator[tuple[str, AuditedTables]]:
     """Measure a scene under several faults, with one world and one run of each tracker on equal images."""
-    reader = simulated(base)
+    reader = simulated_reader(base)
     world = SharedWorld(partial(reader.build, scene))
     name = next(one for one in reader.sequences() if one.scene == scene)
-    sequences = [simulated(one).open_in(world, name) for one in options.values()]
+    sequences = [simulated_reader(one).open_in(world, name) for one in options.values()]
     trackers = {kind: SharedTracker(make_tracker(kind, {})) for kind in TRACKERS}
     results = measure_together(sequences, trackers, truth="birth")
     for fault, sequence, result in zip(options, sequences, results, strict=True):
@@ -133,7 +125,7 @@ def main() -> None:
         "worlds": given.worlds,
         "imaging": {"rate_hz": 30.0},
     }
-    scenes = [one.scene for one in simulated(base).sequences()]
+    scenes = [one.scene for one in simulated_reader(base).sequences()]
     with ProcessPoolExecutor(given.jobs) as pool:
         by_scene = list(pool.map(partial(measured, base), scenes))
     for fault in by_scene[0]:

@@ -47,7 +47,7 @@ def test_a_fault_that_two_of_eight_scenes_show_is_named(parameter, size) -> None
     assert all(holds_finally(found, Parameter(parameter), size))
     one = found.named[0].assessment
     assert 1.0 < one.resampled.moves.effective(one.places) < 3.0
-    by_blocks = one.resampled.under(one.resampled.samples.by_blocks)
+    by_blocks = one.resampled.by_blocks
     assert one.half_widths[0] > 1.5 * by_blocks.half_widths[one.places][0]
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tracknoise.audit.agreement import Shares, shares
 from tracknoise.audit.fit import Start, fit
 from tracknoise.audit.fitted import Fit
-from tracknoise.audit.held_out import Gain, gain
+from tracknoise.audit.held_out import Gain
 from tracknoise.audit.parameters import NUMBERS, Parameter
 from tracknoise.audit.resampled_fit import LEVEL, ResampledFit
 from tracknoise.audit.robust import scales
@@ -65,8 +65,7 @@ class Basis:
 
     def gain_of(self, other: ResampledFit) -> Gain:
         """Share that another fit explains of held-out clusters, those of the other fit, beyond this one."""
-        own = self.resampled.under(other.samples)
-        return gain(other.losses(self.scale), own.losses(self.scale), level=LEVEL)
+        return other.gain_beyond(self.resampled, self.scale)
 
 
 @dataclass(frozen=True)
@@ -102,7 +101,7 @@ class Assessment:
     @property
     def places(self) -> NDArray[np.intp]:
         """Columns of the parameter in the fit."""
-        return self.resampled.fitted.places_of(self.parameter)
+        return self.fitted.places_of(self.parameter)
 
     @property
     def estimate(self) -> NDArray[np.float64]:
@@ -116,8 +115,7 @@ class Assessment:
 
     def gain_beyond(self, other: "Assessment") -> Gain:
         """Share that this correction explains of its held-out clusters beyond another one."""
-        rest = other.resampled.under(self.tested.samples)
-        return gain(self.tested.losses(self.basis.scale), rest.losses(self.basis.scale), level=LEVEL)
+        return self.tested.gain_beyond(other.resampled, self.basis.scale)
 
     @property
     def explains(self) -> bool:
@@ -156,7 +154,7 @@ def assess(samples: AuditSamples, basis: Basis, parameter: Parameter) -> Assessm
     places = fitted.places_of(parameter)
     resampled = ResampledFit.of(samples, fitted)
     is_by_scenes = resampled.moves.effective(places) >= LEAST_EFFECTIVE
-    tested = resampled if is_by_scenes else resampled.under(samples.by_blocks)
+    tested = resampled if is_by_scenes else resampled.by_blocks
     p = tested.moves.p_value(fitted.estimate[places], places)
     if not is_by_scenes and not _excludes_zero(resampled, places):
         p = 1.0

@@ -26,7 +26,7 @@ class Judged:
     condition
         Condition number of the fit that shows what cannot be distinguished.
     visible_above : (k,) float64
-        A change smaller than this would have been missed, of each component, in units of the fit.
+        Size of an error of each component of which 90 % would have been named, in units of the fit; or infinite.
     """
 
     parameter: Parameter

@@ -30,7 +30,7 @@ def visible_above(one: Assessment) -> NDArray[np.float64]:
     tested = np.max([_tested(one.tested, one.places, ALPHA / len(Parameter)), _by_interval(one)], axis=0)
     moves = one.tested.moves
     beyond = special.stdtrit(moves.freedom, POWER) * moves.standard_errors
-    explaining = np.array([_explaining(one, int(place)) for place in one.places]) + beyond[one.places]
+    explaining = _explaining(one) + beyond[one.places]
     size = np.maximum(tested, explaining)
     return np.where(size <= _largest(one.parameter), size, np.inf)
 
@@ -56,11 +56,16 @@ def _by_interval(one: Assessment) -> NDArray[np.float64]:
     return np.asarray(reach * moves.standard_errors)[one.places]
 
 
-def _explaining(one: Assessment, place: int) -> float:
-    """Least size of an error of one number whose correction explains enough, whatever its sign."""
-    inverse = np.linalg.inv(one.fitted.equations.information)
-    field = np.nan_to_num(one.fitted.design) @ (inverse[:, place] / inverse[place, place])
+def _explaining(one: Assessment) -> NDArray[np.float64]:
+    """Least size of an error of each number whose correction explains enough, whatever its sign."""
+    inverse = np.linalg.inv(one.fitted.equations.information)[:, one.places]
+    fields = np.nan_to_num(one.fitted.design) @ (inverse / np.diagonal(inverse[one.places]))
     without = _without_errors(one)
+    return np.array([_least(one, without, field) for field in np.moveaxis(fields, 2, 0)])
+
+
+def _least(one: Assessment, without: NDArray[np.float64], field: NDArray[np.float64]) -> float:
+    """Least size of an error, of which one of size 1 changes residuals by a field (n, 2)."""
     high = _largest(one.parameter)
     low = _START * high
     if not _explains(one, without, high * field):
@@ -73,7 +78,7 @@ def _explaining(one: Assessment, place: int) -> float:
 
 def _without_errors(one: Assessment) -> NDArray[np.float64]:
     """Held-out residuals of the basis, (n, 2), px, without what the correction explains of them."""
-    basis = one.basis.resampled.under(one.tested.samples)
+    basis = one.basis.resampled.like(one.tested)
     return np.asarray(basis.residual + one.fitted.residual - one.basis.fitted.residual)
 
 

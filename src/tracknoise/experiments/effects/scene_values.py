@@ -62,14 +62,15 @@ class Study:
     @property
     def reader(self) -> Simulated:
         """The reader of clean sequences."""
-        return _reader(self.options)
+        return simulated_reader(self.options)
 
     def changed(self, effect: Effect, size: Size) -> Simulated:
         """The reader of sequences with an effect."""
-        return _reader(merged(self.options, effect.options[size]))
+        return simulated_reader(merged(self.options, effect.options[size]))
 
 
-def _reader(options: Options) -> Simulated:
+def simulated_reader(options: Options) -> Simulated:
+    """The reader of simulated sequences."""
     made = make_reader(Simulated.name, None, options)
     assert isinstance(made, Simulated)
     return made

@@ -398,8 +398,9 @@ class RunFolder:
             As `sequence_table`.
         """
         for start in range(0, len(keys), _STACKED):
+            recorded = {} if self._version() is None else self._hashes_by_sequence()
             some = keys[start : start + _STACKED]
-            files = {self._table_path(name, key): self._hash_of(name, key) for key in some}
+            files = {self._table_path(name, key): self._kept(name, recorded.get(key, {})) for key in some}
             yield read_stacked(files, _ALL_SEQUENCE_TABLES[name], only=only)
 
     def write_statistics(self, tables: Mapping[str, pl.DataFrame]) -> None:
@@ -479,7 +480,10 @@ class RunFolder:
 
     def _hash_of(self, name: str, key: str) -> str | None:
         """Hash of one table of a sequence; None if the sequence is not in the manifest."""
-        hashes = self._hashes_of(key)
+        return self._kept(name, self._hashes_of(key))
+
+    def _kept(self, name: str, hashes: Mapping[str, str]) -> str | None:
+        """Hash of one of the tables of a sequence, all of whose hashes these are."""
         if hashes and name in OBSERVED and name not in hashes:
             raise StoreError(f'{self.path}: keeps no {name}, expected a run with keep = "observations"')
         return hashes.get(name)

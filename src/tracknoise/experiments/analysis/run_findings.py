@@ -160,10 +160,10 @@ def _tables(
 
 def _pooled_curves(run: RunFolder, least: int, few: pl.DataFrame, pairs: list[pl.DataFrame]) -> dict[str, pl.DataFrame]:
     """Curves of aspects and of changes. What time structure needs of changes is kept in `pairs`: they are read once."""
-    increments = in_chunks(run.sequence_tables("increments"), INCREMENTS, "increments")
+    increments = in_chunks(run.stored_tables("increments"), INCREMENTS, "increments")
     moved = _keeping(increments, pairs, lambda table: lagged(table, few))
     return {
-        "aspect_curves": aspect_curves(run.sequence_tables("aspects"), min_features=least),
+        "aspect_curves": aspect_curves(run.stored_tables("aspects"), min_features=least),
         "changes": change_curves(moved),
     }
 

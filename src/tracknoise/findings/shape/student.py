@@ -19,7 +19,9 @@ from tracknoise.findings.shape.elliptical import log_normaliser, moments, square
 Array = NDArray[np.float64]
 
 ROUNDS = 40
-"""Enough for nu to three digits, unless tails are so heavy that scenes differ by more than their errors do."""
+"""At most: enough for nu to three digits, unless tails are so heavy that scenes differ by more than their errors do."""
+_SETTLED = 1e-5
+"""A fit whose nu and spread change by less than this share in a round is not continued."""
 NU_RANGE = (0.5, 200.0)
 """Beyond the upper end it cannot be distinguished from a Gaussian: the two differ by 5e-5 nats there."""
 _START = 8.0
@@ -56,20 +58,39 @@ def fit_student(points: Array, *, rounds: int = ROUNDS, start: Student | None = 
     points : (samples, 6, points)
         What `elliptical.terms` made; at least three points a sample that are not on a line.
     rounds
-        How many.
+        How many at most.
     start
         Where to start, if something is known; otherwise at the moments.
     """
-    count = points[:, 0].sum(axis=1)
     first = start or Student(*moments(points.sum(axis=2)), np.full(len(points), _START))
-    mean, scatter, inverse_nu = first.mean, first.scatter, 1 / first.nu
+    fit = Student(first.mean.copy(), first.scatter.copy(), first.nu.copy())
+    moving = np.arange(len(points))
     for _ in range(rounds):
-        distance = squared_distances(points, mean, scatter)
-        inverse_nu = _newton(inverse_nu, distance, count)
-        nu = 1 / inverse_nu[:, None]
-        weight = (nu + 2) / (nu + distance)
-        mean, scatter = moments((points @ weight[:, :, None])[:, :, 0])
-    return Student(mean, scatter, 1 / inverse_nu)
+        before = Student(fit.mean[moving], fit.scatter[moving], fit.nu[moving])
+        after = _round(before, points)
+        fit.mean[moving], fit.scatter[moving], fit.nu[moving] = after.mean, after.scatter, after.nu
+        still = _moved(before, after) > _SETTLED
+        if not still.all():
+            moving, points = moving[still], points[still]
+        if not len(moving):
+            break
+    return fit
+
+
+def _round(fit: Student, points: Array) -> Student:
+    """One round of each fit."""
+    distance = squared_distances(points, fit.mean, fit.scatter)
+    inverse_nu = _newton(1 / fit.nu, distance, points[:, 0].sum(axis=1))
+    nu = 1 / inverse_nu[:, None]
+    weight = (nu + 2) / (nu + distance)
+    return Student(*moments((points @ weight[:, :, None])[:, :, 0]), nu[:, 0])
+
+
+def _moved(before: Student, after: Student) -> Array:
+    """By which share nu or a variance changed, (samples,)."""
+    variances = np.abs(after.scatter / before.scatter - 1)[:, [0, 2]].max(axis=1)
+    changed: Array = np.maximum(np.abs(after.nu / before.nu - 1), variances)
+    return changed
 
 
 def _newton(inverse_nu: Array, distance: Array, count: Array) -> Array:

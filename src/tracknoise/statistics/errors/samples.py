@@ -76,7 +76,7 @@ def first_tracks(samples: pl.DataFrame, count: int) -> pl.DataFrame:
     """
     groups = group_rows(samples, [*ORIGIN, "age_low"])
     track = samples["track"].to_numpy()
-    order = np.lexsort((track, scattered(track), groups.index))
+    order = np.lexsort((scattered(track), groups.index))
     starts = np.searchsorted(groups.index[order], np.arange(groups.count))
     place = np.empty(len(track), dtype=np.intp)
     place[order] = np.arange(len(track)) - starts[groups.index[order]]

@@ -152,14 +152,14 @@ def _print(motion: Motion, case: str, summary: pl.DataFrame, found: Mapping[str,
     print(f"\n{motion}, {case}")
     for arm in ("6", "U"):
         print(sentence(summary, arm))
-    print(_table(summary))
+    print(table(summary))
     print("linear algebra:", found["linear"])
     for name, rows in found["controls"].items():
         print(f"control {name}")
-        print(_table(pl.DataFrame(rows)))
+        print(table(pl.DataFrame(rows)))
 
 
-def _table(summary: pl.DataFrame) -> str:
+def table(summary: pl.DataFrame) -> str:
     rows = [f"{'arm':4} {'position':>22} {'rotation':>22} {'NEES newest':>22} {'NEES all':>22}"]
     for arm in summary["arm"].unique(maintain_order=True):
         of = {row["quantity"]: row for row in summary.filter(arm=arm).to_dicts()}
@@ -180,7 +180,7 @@ def _print_other_tracker(options: argparse.Namespace, learned: Mapping[tuple[Mot
         _, tested = _windows(motion, CASES["walk"], options)
         beliefs = with_noise_of(learned[motion, "walk"], learned[motion, "white"])
         print(f"\n{motion}, control N4")
-        print(_table(summarise(try_arms(tested, beliefs, arms=("1", "6")))))
+        print(table(summarise(try_arms(tested, beliefs, arms=("1", "6")))))
 
 
 if __name__ == "__main__":

@@ -210,7 +210,7 @@ def test_a_tracker_without_errors_is_refused(run: Path, monkeypatch: pytest.Monk
 
 
 def test_windows_longer_than_the_recording_are_refused(run: Path) -> None:
-    with pytest.raises(SettingsError, match="found usable windows in 0 scenes, expected at least 2"):
+    with pytest.raises(SettingsError, match="found usable windows at no times in no scenes, expected two times"):
         prove(RunFolder(run), _model("sideways-00"), length=20)
 
 

@@ -6,12 +6,15 @@ from types import SimpleNamespace
 import pytest
 from tests.noise_models.models import TRAINING
 
+from tracknoise.exceptions import SettingsError
 from tracknoise.noise_models.linear_window import Motion
 from tracknoise.proof.division import divided, scenes_of, with_joined_scenes
 from tracknoise.proof.problem import Problem
 from tracknoise.proof.simulation import PlantedNoise, simulated_problem
 
 FITTED = replace(TRAINING, dataset="places", scenes=())
+HALVES = "There is one scene. Its first half was learned from, its second half tried. One scene decides nothing."
+SAME = "The model was fitted to all scenes with windows, so that the gain of whole tracks may be too large."
 ALIKE = "Scenes of one group are not independent of each other: what is found holds for these groups only."
 
 
@@ -63,3 +66,23 @@ def test_scenes_without_groups_are_alternated() -> None:
 def test_says_so_if_tested_scenes_are_like_each_other_or_like_those_of_the_model(groups: dict, fitted: tuple) -> None:
     found = divided(_folder(groups), _problems(*groups), replace(FITTED, scenes=fitted))
     assert found.limits == (ALIKE,)
+
+
+def test_the_earlier_half_of_one_scene_is_learned_from_and_the_later_one_tried() -> None:
+    windows = [replace(window, start=start) for window, start in zip(_problems(*"aaaaa"), (40, 0, 10, 20, 30))]
+    found = divided(_folder({"a": None}), windows, FITTED)
+    assert [window.start for window in found.learned_from] == [0, 10]
+    assert [window.start for window in found.tested] == [40, 20, 30]
+    assert found.limits == (HALVES,)
+
+
+def test_windows_of_one_time_are_not_divided() -> None:
+    """One scene under two lights: both windows show the same moment."""
+    with pytest.raises(SettingsError, match="usable windows at 1 time in 1 scene, expected two times"):
+        divided(_folder({"a": None}), _problems("a", "a"), FITTED)
+
+
+def test_says_so_if_the_model_was_fitted_to_the_only_scene() -> None:
+    windows = [replace(window, start=start) for start, window in enumerate(_problems("a", "a"))]
+    found = divided(_folder({"a": None}), windows, replace(FITTED, scenes=("a",)))
+    assert found.limits == (HALVES, SAME)

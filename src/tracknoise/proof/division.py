@@ -2,6 +2,8 @@
 
 Scenes of one group, such as pieces of one recording, are not independent. Where a run has enough groups to resample
 them, each group counts as one scene: it is learned from or tried on as a whole, and intervals are over groups.
+
+A single scene is cut in two: its earlier windows are learned from, and its later ones tried. Nothing is decided then.
 """
 
 from collections.abc import Sequence
@@ -10,12 +12,14 @@ from dataclasses import dataclass, replace
 from tracknoise.exceptions import SettingsError
 from tracknoise.findings.sampling.groups import JoinedScenes, SceneGroups
 from tracknoise.findings.sampling.groups_of_scenes import groups_of_run
+from tracknoise.findings.wording import count
 from tracknoise.noise_models.model import Training
 from tracknoise.proof.problem import Problem
 from tracknoise.tables.store import RunFolder
 
 _LEAST_SCENES = 2
 _SAME_SCENES = "The model was fitted to all scenes with windows, so that the gain of whole tracks may be too large."
+_ONE_SCENE = "There is one scene. Its first half was learned from, its second half tried. One scene decides nothing."
 _SAME_GROUPS = "Scenes of one group are not independent of each other: what is found holds for these groups only."
 
 
@@ -39,21 +43,21 @@ def divided(folder: RunFolder, problems: Sequence[Problem], training: Training) 
     """Windows of a run, divided.
 
     Scenes that the model was fitted to are used for training if there are others. If it was fitted to none of them or
-    to all, every second scene is, or every second group where these count as scenes.
+    to all, every second scene is, or every second group where these count as scenes. One scene is cut in two.
 
     Raises
     ------
     SettingsError
-        If there are windows in fewer than two scenes.
+        If there are fewer than two windows that begin at different frames or are of different scenes.
     """
-    scenes = scenes_of(problems)
-    if len(scenes) < _LEAST_SCENES:
-        found = f"usable windows in {len(scenes)} scenes"
-        raise SettingsError(
-            f"{folder.path}: found {found}, expected at least {_LEAST_SCENES}; shorter windows may help"
-        )
+    scenes, starts = scenes_of(problems), {problem.start for problem in problems}
+    if len(scenes) < _LEAST_SCENES and len(starts) < _LEAST_SCENES:
+        found = f"usable windows at {count(len(starts), 'time')} in {count(len(scenes), 'scene')}"
+        raise SettingsError(f"{folder.path}: found {found}, expected two times or scenes; shorter windows may help")
     dataset, groups = _dataset(folder), groups_of_run(folder)
     fitted = training.scenes_of(dataset)
+    if len(scenes) < _LEAST_SCENES:
+        return _halves(problems, is_fitted=not fitted.isdisjoint(scenes))
     learned = fitted.intersection(scenes)
     if len(learned) in (0, len(scenes)):
         joined = JoinedScenes.of({dataset: scenes}, groups)
@@ -68,6 +72,17 @@ def divided(folder: RunFolder, problems: Sequence[Problem], training: Training) 
         learned_from=[problem for problem in problems if problem.scene in learned],
         tested=[problem for problem in problems if problem.scene in tested],
         limits=tuple(limit for limit, applies in limits.items() if applies),
+    )
+
+
+def _halves(problems: Sequence[Problem], *, is_fitted: bool) -> Division:
+    """The earlier windows of one scene, and the later ones; the model may be fitted to it."""
+    starts = sorted({problem.start for problem in problems})
+    middle = starts[len(starts) // 2]
+    return Division(
+        learned_from=[problem for problem in problems if problem.start < middle],
+        tested=[problem for problem in problems if problem.start >= middle],
+        limits=(_ONE_SCENE, _SAME_SCENES) if is_fitted else (_ONE_SCENE,),
     )
 
 

@@ -58,12 +58,15 @@ class Problem:
         (frames, 4, 4) float64: the true poses.
     groups
         Tracks, grouped by the number of their observations.
+    start
+        Frame of its sequence with which it begins.
     """
 
     scene: str
     camera: CameraModel
     world_from_camera: NDArray[np.float64]
     groups: tuple[TrackGroup, ...]
+    start: int = 0
 
     @property
     def gauge(self) -> Gauge:

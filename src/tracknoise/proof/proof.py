@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import polars as pl
 
 from tracknoise.exceptions import SettingsError
+from tracknoise.findings.wording import count
 from tracknoise.noise_models.noise_model import NoiseModel
 from tracknoise.proof.arms import Beliefs
-from tracknoise.proof.division import divided, scenes_of, with_joined_scenes
+from tracknoise.proof.division import Division, divided, scenes_of, with_joined_scenes
 from tracknoise.proof.learning import learn
 from tracknoise.proof.problem import Problem, are_exact
 from tracknoise.proof.recorded import Cut, recorded_problems
@@ -64,7 +65,8 @@ def prove(
         Of a finished run that keeps its observations.
     model
         Its tracker and speed are tried. Scenes that it was fitted to are used for training if there are others. If it
-        was fitted to none of them or to all, every second scene is (`tracknoise.proof.division`).
+        was fitted to none of them or to all, every second scene is. One scene is cut in two
+        (`tracknoise.proof.division`).
     length
         Processed frames of a window.
     per_sequence, most_tracks
@@ -106,7 +108,7 @@ def prove(
     return Proof(
         poses=poses,
         distances=distances,
-        sentences=(sentence(poses, "6"), _distance_sentence(distances), *parts.limits, _few(parts.tested, joined)),
+        sentences=(sentence(poses, "6"), _distance_sentence(distances), *parts.limits, _tried(parts, joined)),
         training=scenes_of(parts.learned_from),
         tested=scenes_of(parts.tested),
         beliefs=beliefs,
@@ -126,7 +128,9 @@ _COVARIANCES = {
 }
 
 
-def _few(problems: Sequence[Problem], joined: Sequence[Problem]) -> str:
-    scenes, units = scenes_of(problems), scenes_of(joined)
-    groups = "" if len(units) == len(scenes) else f" in {len(units)} groups"
-    return f"Tried on {len(problems)} windows of {len(scenes)} scenes{groups} that nothing else was learned from."
+def _tried(parts: Division, joined: Sequence[Problem]) -> str:
+    scenes, units = scenes_of(parts.tested), scenes_of(joined)
+    groups = "" if len(units) == len(scenes) else f" in {count(len(units), 'group')}"
+    found = f"Tried on {count(len(parts.tested), 'window')} of {count(len(scenes), 'scene')}{groups}"
+    apart = set(scenes).isdisjoint(scenes_of(parts.learned_from))
+    return f"{found} that nothing else was learned from." if apart else f"{found}."

@@ -179,7 +179,7 @@ def _window(sequence: _Sequence, frames: NDArray[np.intp], cut: Cut) -> Problem 
     tracks = [PointTracks(group.frames, group.points) for group in chosen]
     if not determines_poses([linear_tracks(sequence.camera, poses, each) for each in tracks]):
         return None
-    return Problem(sequence.scene, sequence.camera, poses, tuple(chosen))
+    return Problem(sequence.scene, sequence.camera, poses, tuple(chosen), start=int(frames[0]))
 
 
 def _group(sequence: _Sequence, rows: pl.DataFrame, length: int, frames: NDArray[np.intp]) -> TrackGroup | None:

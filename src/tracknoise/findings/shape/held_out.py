@@ -47,7 +47,8 @@ def gains(pairs: Array, sample: Rows, fold: Rows, count: int) -> Gains:
     every = terms([pairs])[0]
     samples = [np.flatnonzero(sample == place) for place in range(count)]
     split = [_split(rows, fold) for rows in samples]
-    usable = [place for place, parts in enumerate(split) if parts and _can_be_fitted(every, parts)]
+    sums = _sums(every, sample, fold, count)
+    usable = [place for place, parts in enumerate(split) if parts and _can_be_fitted(sums[:, place])]
     student, mixture = np.full(len(pairs), np.nan), np.full(len(pairs), np.nan)
     parameters = np.full((4, count), np.nan)
     if usable:
@@ -86,13 +87,19 @@ def _split(rows: Rows, fold: Rows) -> list[tuple[Rows, Rows]]:
     return [(rows[each], rows[~each]) for each in inside] if len(names) > 1 else []
 
 
-def _can_be_fitted(every: Array, parts: list[tuple[Rows, Rows]]) -> bool:
-    """Whether there is enough outside of each fold, with a spread."""
-    if min(len(rest) for _, rest in parts) < MIN_FITTED:
-        return False
-    own = np.stack([every[:, rows].sum(axis=1) for rows, _ in parts], axis=1)
-    _, root = whitening(own.sum(axis=1, keepdims=True) - own)
-    return bool(np.isfinite(root).all())
+def _sums(every: Array, sample: Rows, fold: Rows, count: int) -> Array:
+    """Sums of the terms over each fold of each sample, (6, count, folds); 0 where it has no such fold."""
+    folds = int(fold.max(initial=0)) + 1
+    place = sample * folds + fold
+    totals: Array = np.stack([np.bincount(place, term, count * folds) for term in every])
+    return totals.reshape(len(every), count, folds)
+
+
+def _can_be_fitted(sums: Array) -> bool:
+    """Whether there is enough outside of each fold, with a spread, from the sums of the terms over each."""
+    folds = sums[:, sums[0] > 0]
+    rest = folds.sum(axis=1, keepdims=True) - folds
+    return bool(rest[0].min() >= MIN_FITTED and np.isfinite(whitening(rest)[1]).all())
 
 
 def _thinned(rows: Rows) -> Rows:

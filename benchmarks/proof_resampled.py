@@ -52,7 +52,8 @@ def main() -> None:
         tested = with_joined_scenes(folder, tested)
         beliefs = learn(learned_from, noise=model.components.per_frames(speed))
         summary = summarise(try_arms(tested, beliefs, arms=RUN_ARMS))
-        print(f"\n{motion}: {len(learned_from)} windows to learn from, {len(tested)} of {len(scenes_of(tested))} scenes")
+        tried = f"{len(tested)} of {len(scenes_of(tested))} scenes tried"
+        print(f"\n{motion}: {len(learned_from)} windows to learn from, {tried}")
         print(sentence(summary, "6"))
         print(table(summary), flush=True)
 
@@ -89,7 +90,8 @@ def _point(poses: NDArray[np.float64], frames: NDArray[np.int64], random: np.ran
 
 
 def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.proof_resampled", description=__doc__.partition("\n")[0])
+    summary = __doc__.partition("\n")[0]
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.proof_resampled", description=summary)
     parser.add_argument("run", type=Path, help="run folder that keeps its observations")
     parser.add_argument("model", type=Path, help="noise model")
     parser.add_argument("--window", type=int, default=11, help="processed frames of a window")

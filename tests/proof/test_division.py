@@ -69,7 +69,9 @@ def test_says_so_if_tested_scenes_are_like_each_other_or_like_those_of_the_model
 
 
 def test_the_earlier_half_of_one_scene_is_learned_from_and_the_later_one_tried() -> None:
-    windows = [replace(window, start=start) for window, start in zip(_problems(*"aaaaa"), (40, 0, 10, 20, 30))]
+    windows = [
+        replace(window, start=start) for window, start in zip(_problems(*"aaaaa"), (40, 0, 10, 20, 30), strict=True)
+    ]
     found = divided(_folder({"a": None}), windows, FITTED)
     assert [window.start for window in found.learned_from] == [0, 10]
     assert [window.start for window in found.tested] == [40, 20, 30]

@@ -80,6 +80,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--windows", type=int, default=15, help="windows of each scene")
     parser.add_argument("--frames", type=int, default=11, help="frames of a window")
     parser.add_argument("--tracks", type=int, default=80, help="tracks of a window")
+    parser.add_argument("--seed", type=int, default=0, help="of the first window; far apart for other windows")
     parser.add_argument("--cases", nargs="*", choices=list(CASES), help="by default all")
     parser.add_argument("--arms", nargs="*", choices=ALL_ARMS, default=list(ALL_ARMS), help="by default all")
     parser.add_argument("--out", type=Path, help="JSON file")
@@ -95,7 +96,7 @@ def _windows(motion: Motion, planted: PlantedNoise, options: argparse.Namespace)
             scene=f"scene {scene}",
             n_frames=options.frames,
             n_tracks=options.tracks,
-            seed=1000 * scene + window,
+            seed=options.seed + 1000 * scene + window,
         )
         for scene in range(options.scenes)
         for window in range(options.windows)

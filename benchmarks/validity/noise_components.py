@@ -1,4 +1,6 @@
-"""Planted components of noise and their intervals: python -m benchmarks.validity.noise_components [SEEDS [SCENES]].
+"""Planted components of noise and their intervals.
+
+    python -m benchmarks.validity.noise_components [SEEDS [SCENES [FIRST]]]
 
 For white noise, detection noise, walks and both, with sideways and forward motion: the share of seeds whose 95 %
 intervals contain the planted standard deviation, and the mean of the estimates. With fewer than six scenes, blocks of
@@ -23,11 +25,11 @@ PLANTED = {
 _SEEDS, _SCENES = 400, 20
 
 
-def main(seeds: int = _SEEDS, scenes: int = _SCENES) -> None:
+def main(seeds: int = _SEEDS, scenes: int = _SCENES, first: int = 0) -> None:
     for motion in MOTIONS:
         for case, planted in PLANTED.items():
             inside, values = dict.fromkeys(NAMES, 0), {name: [] for name in NAMES}
-            for seed in range(seeds):
+            for seed in range(first, first + seeds):
                 found = fit_components(units(seed, scenes=scenes, motion=motion, **planted), level=0.95).components
                 for name in NAMES:
                     sigma, true = found[name].sigma, planted.get(name, 0.0)

@@ -17,7 +17,8 @@ from benchmarks.harness import ONE_THREAD, Row
 
 _TOOLS = {
     *("__main__", "harness", "made_up", "same_tables"),
-    *("gazebo_truth", "linear_table", "paper_claims", "proof", "proof_filter", "window_sigmas", "window_table"),
+    *("gazebo_truth", "linear_table", "paper_claims", "proof", "proof_filter", "proof_resampled"),
+    *("window_sigmas", "window_table"),
 }
 """Modules that measure no time and no memory."""
 

@@ -36,6 +36,16 @@ min_features = 2
 
 
 @pytest.fixture(autouse=True)
+def not_ignored():
+    """Tests in the background of a shell, or under nohup, inherit signals that are ignored."""
+    handlers = {number: signal.signal(number, signal.SIG_DFL) for number in signals.ENDING}
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+@pytest.fixture(autouse=True)
 def limited():
     """A program that does not end fails the test."""
 

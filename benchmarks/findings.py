@@ -13,7 +13,7 @@ from pathlib import Path
 
 import polars as pl
 
-from benchmarks.harness import Row, in_new_process, peak_mib
+from benchmarks.harness import Row, in_new_process, peak_mib, stay_on_one_core
 from benchmarks.made_up import EXPERIMENT, SPEEDS, TRACKERS, made_up, renamed, seen_by_a_still_camera
 from tracknoise.experiments.analysis.run_findings import compute_findings
 from tracknoise.experiments.analysis.run_statistics import compute_statistics
@@ -49,6 +49,7 @@ def _rows(scenes: int, lightings: int) -> list[Row]:
 
 
 def _measure(scenes: int, lightings: int) -> dict[str, float]:
+    stay_on_one_core()
     experiment = parse_experiment(f'{EXPERIMENT}lightings = ["light-00"]', place="benchmark")
     made = [_tables(experiment, seed) for seed in range(DIFFERENT)]
     with tempfile.TemporaryDirectory() as folder:

@@ -19,19 +19,16 @@ from numpy.typing import NDArray
 
 from benchmarks.proof import table
 from tracknoise.geometry.pose import transform
-from tracknoise.noise_models.linear_window import CAMERA, Motion, PointTracks, trajectory
+from tracknoise.noise_models.linear_window import CAMERA, Motion, PointTracks, drawn_sight, trajectory
 from tracknoise.noise_models.noise_model import NoiseModel
 from tracknoise.proof.division import divided, scenes_of, with_joined_scenes
 from tracknoise.proof.learning import learn
 from tracknoise.proof.problem import Problem, TrackGroup, errors_of, images
-from tracknoise.proof.proof import RUN_ARMS
-from tracknoise.proof.recorded import Cut, recorded_problems
+from tracknoise.proof.proof import RUN_ARMS, windows_for
 from tracknoise.proof.summary import sentence, summarise
 from tracknoise.proof.trial import try_arms
 from tracknoise.tables.store import RunFolder
 
-VIEW_PX, DEPTHS_M = (560.0, 400.0), (2.0, 10.0)
-"""Where points are at first sight: in the middle of the image, uniformly, and how far away."""
 TRIES = 50
 
 
@@ -39,14 +36,8 @@ def main() -> None:
     options = _options()
     folder, model = RunFolder(options.run), NoiseModel.read(options.model)
     speed = round(model.training.speed)
-    cut = Cut(
-        tracker=model.training.tracker,
-        speed=speed,
-        length=options.window,
-        per_sequence=options.per_sequence,
-        most_px=model.outliers_beyond_px,
-    )
-    parts = divided(folder, recorded_problems(folder, cut), model.training)
+    windows = windows_for(folder, model, length=options.window, per_sequence=options.per_sequence)
+    parts = divided(folder, windows, model.training)
     for motion in options.motions:
         learned_from, tested = (moved(windows, motion) for windows in (parts.learned_from, parts.tested))
         tested = with_joined_scenes(folder, tested)
@@ -81,8 +72,8 @@ def _group(
 def _point(poses: NDArray[np.float64], frames: NDArray[np.int64], random: np.random.Generator) -> NDArray[np.float64]:
     """A point that is in the image in all of these frames."""
     for _ in range(TRIES):
-        uv = (random.random(2) - 0.5) * VIEW_PX + (CAMERA.cx, CAMERA.cy)
-        seen = CAMERA.unproject(uv, np.array(random.uniform(*DEPTHS_M)))
+        *uv, depth = drawn_sight(random)
+        seen = CAMERA.unproject(np.asarray(uv), np.array(depth))
         point = transform(poses[frames[0]], seen[None])
         if CAMERA.contains(images(CAMERA, poses, PointTracks(frames[None], point))[0]).all():
             return np.asarray(point[0])

@@ -207,17 +207,19 @@ def _track(
     n_frames = len(world_from_camera)
     birth, end = (0, n_frames) if lengths is None else _lifespan(random, np.asarray(lengths), n_frames)
     first = max(birth, 0)
-    if sights is None:
-        uv = (random.random(2) - 0.5) * _VIEW_PX + (CAMERA.cx, CAMERA.cy)
-        depth = random.uniform(*_DEPTHS_M)
-    else:
-        *uv, depth = sights[random.integers(len(sights))]
+    *uv, depth = drawn_sight(random) if sights is None else sights[random.integers(len(sights))]
     seen = camera.unproject(np.asarray(uv), np.array(depth))
     point = transform(world_from_camera[first], seen[None])[0]
     frames = np.arange(first, end)
     images = camera.project(transform(invert(world_from_camera[frames]), np.tile(point, (len(frames), 1))))
     visible = np.logical_and.accumulate(camera.contains(images))
     return frames[visible], point, birth >= 0
+
+
+def drawn_sight(random: np.random.Generator) -> tuple[float, float, float]:
+    """u, v (px) and depth (m) at first sight: in the middle of the image of `CAMERA`, at 2 to 10 m."""
+    u, v = (random.random(2) - 0.5) * _VIEW_PX + (CAMERA.cx, CAMERA.cy)
+    return float(u), float(v), random.uniform(*_DEPTHS_M)
 
 
 def _lifespan(random: np.random.Generator, lengths: NDArray[np.int64], n_frames: int) -> tuple[int, int]:

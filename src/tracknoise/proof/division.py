@@ -17,7 +17,7 @@ from tracknoise.noise_models.model import Training
 from tracknoise.proof.problem import Problem
 from tracknoise.tables.store import RunFolder
 
-_LEAST_SCENES = 2
+_LEAST_SCENES, _LEAST_TIMES = 2, 2
 _SAME_SCENES = "The model was fitted to all scenes with windows, so that the gain of whole tracks may be too large."
 _ONE_SCENE = "There is one scene. Its first half was learned from, its second half tried. One scene decides nothing."
 _SAME_GROUPS = "Scenes of one group are not independent of each other: what is found holds for these groups only."
@@ -50,14 +50,11 @@ def divided(folder: RunFolder, problems: Sequence[Problem], training: Training) 
     SettingsError
         If there are fewer than two windows that begin at different frames or are of different scenes.
     """
-    scenes, starts = scenes_of(problems), {problem.start for problem in problems}
-    if len(scenes) < _LEAST_SCENES and len(starts) < _LEAST_SCENES:
-        found = f"usable windows at {count(len(starts), 'time')} in {count(len(scenes), 'scene')}"
-        raise SettingsError(f"{folder.path}: found {found}, expected two times or scenes; shorter windows may help")
+    scenes = scenes_of(problems)
     dataset, groups = _dataset(folder), groups_of_run(folder)
     fitted = training.scenes_of(dataset)
     if len(scenes) < _LEAST_SCENES:
-        return _halves(problems, is_fitted=not fitted.isdisjoint(scenes))
+        return _halves(folder, problems, is_fitted=not fitted.isdisjoint(scenes))
     learned = fitted.intersection(scenes)
     if len(learned) in (0, len(scenes)):
         joined = JoinedScenes.of({dataset: scenes}, groups)
@@ -75,9 +72,12 @@ def divided(folder: RunFolder, problems: Sequence[Problem], training: Training) 
     )
 
 
-def _halves(problems: Sequence[Problem], *, is_fitted: bool) -> Division:
+def _halves(folder: RunFolder, problems: Sequence[Problem], *, is_fitted: bool) -> Division:
     """The earlier windows of one scene, and the later ones; the model may be fitted to it."""
     starts = sorted({problem.start for problem in problems})
+    if len(starts) < _LEAST_TIMES:
+        found = f"usable windows at {count(len(starts), 'time')} in {count(len(scenes_of(problems)), 'scene')}"
+        raise SettingsError(f"{folder.path}: found {found}, expected two times or scenes; shorter windows may help")
     middle = starts[len(starts) // 2]
     return Division(
         learned_from=[problem for problem in problems if problem.start < middle],

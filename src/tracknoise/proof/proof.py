@@ -83,21 +83,12 @@ def prove(
         If the run keeps no observations, or a table is missing or damaged.
     """
     training = model.training
-    cut = Cut(
-        tracker=training.tracker,
-        speed=round(training.speed),
-        length=length,
-        per_sequence=per_sequence,
-        most_tracks=most_tracks,
-        most_px=model.outliers_beyond_px,
-        seed=seed,
-    )
     if any(entry.truth_is_fitted for entry in folder.manifest().sequences.values()):
         raise SettingsError(f"{folder.path}: found true positions that are fitted to the tracks, expected true depths")
     if not any(part.covariance.any() for part in (model.first, model.white, model.walk, model.drift)):
         raise SettingsError(f"noise of {training.tracker}: found a model whose components are all 0, expected noise")
     noise = model.components.per_frames(round(training.speed))
-    problems = recorded_problems(folder, cut)
+    problems = windows_for(folder, model, length=length, per_sequence=per_sequence, most_tracks=most_tracks, seed=seed)
     if problems and all(are_exact(problem) for problem in problems):
         raise SettingsError(f"{folder.path}: found no errors of {training.tracker}, expected a tracker that errs")
     parts = divided(folder, problems, training)
@@ -113,6 +104,33 @@ def prove(
         tested=scenes_of(parts.tested),
         beliefs=beliefs,
     )
+
+
+def windows_for(
+    folder: RunFolder, model: NoiseModel, *, length: int, per_sequence: int, most_tracks: int = 80, seed: int = 0
+) -> list[Problem]:
+    """Windows of a run that a noise model can be tried on: of its tracker and speed, without its outliers.
+
+    Parameters
+    ----------
+    folder, model, length, per_sequence, most_tracks, seed
+        As in `prove`.
+
+    Raises
+    ------
+    SettingsError, StoreError, SchemaError
+        As `tracknoise.proof.recorded.recorded_problems`.
+    """
+    cut = Cut(
+        tracker=model.training.tracker,
+        speed=round(model.training.speed),
+        length=length,
+        per_sequence=per_sequence,
+        most_tracks=most_tracks,
+        most_px=model.outliers_beyond_px,
+        seed=seed,
+    )
+    return recorded_problems(folder, cut)
 
 
 def _distance_sentence(distances: pl.DataFrame) -> str:

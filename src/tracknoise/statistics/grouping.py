@@ -135,7 +135,7 @@ def number_combinations(keys: Sequence[IntegerArray]) -> tuple[tuple[NDArray[np.
         The combination of each row.
     """
     shape = tuple(int(key.max(initial=0)) + 1 for key in keys)
-    codes = _combined(keys, shape)
+    codes = np.ravel_multi_index(tuple(key.astype(np.intp, copy=False) for key in keys), shape)
     if prod(shape) > _LARGEST_LOOKUP:
         present, index = np.unique(codes, return_inverse=True)
         return np.unravel_index(present, shape), index
@@ -145,16 +145,6 @@ def number_combinations(keys: Sequence[IntegerArray]) -> tuple[tuple[NDArray[np.
         lookup[present] = np.arange(len(present))
         codes = lookup[codes]
     return np.unravel_index(present, shape), codes
-
-
-def _combined(keys: Sequence[IntegerArray], shape: Sequence[int]) -> NDArray[np.intp]:
-    """One number for the keys of each row, as `numpy.ravel_multi_index` does for keys that are known to be inside."""
-    codes = keys[0].astype(np.intp)
-    for key, size in zip(keys[1:], shape[1:], strict=True):
-        if size > 1:
-            codes *= size
-            codes += key.astype(np.intp, copy=False)
-    return codes
 
 
 def _run_starts(table: pl.DataFrame) -> NDArray[np.intp]:

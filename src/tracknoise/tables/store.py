@@ -398,8 +398,7 @@ class RunFolder:
             As `sequence_table`.
         """
         for start in range(0, len(keys), _STACKED):
-            recorded = {} if self._version() is None else self._hashes_by_sequence()
-            some = keys[start : start + _STACKED]
+            some, recorded = keys[start : start + _STACKED], self._recorded()
             files = {self._table_path(name, key): self._kept(name, recorded.get(key, {})) for key in some}
             yield read_stacked(files, _ALL_SEQUENCE_TABLES[name], only=only)
 
@@ -490,7 +489,11 @@ class RunFolder:
 
     def _hashes_of(self, key: str) -> dict[str, str]:
         """Hashes of the files of a sequence; none if there is no manifest, or it does not name the sequence."""
-        return {} if self._version() is None else self._hashes_by_sequence().get(key, {})
+        return self._recorded().get(key, {})
+
+    def _recorded(self) -> dict[str, dict[str, str]]:
+        """As `_hashes_by_sequence`; none if there is no manifest."""
+        return {} if self._version() is None else self._hashes_by_sequence()
 
     def _hashes_by_sequence(self) -> dict[str, dict[str, str]]:
         """Hashes of the files of each sequence, from the manifest. It can be large, so each version is read once."""

@@ -1,6 +1,6 @@
 """Findings of a run from its statistics: intervals, tests, verdicts and sentences."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TypedDict
 
 import polars as pl
@@ -124,7 +124,8 @@ def _tables(
     lived: list[pl.DataFrame] = []
     groups = groups_of_scenes(manifest.sequences, experiment.dataset.groups)
     few = conditions_of_few_scenes(run, population, groups)
-    pooled = _pooled_curves(run, least, few, pairs)  # first, while no other tables are in memory
+    every = sorted(manifest.sequences)
+    pooled = _pooled_curves(run, every, least, few, pairs)  # first, while no other tables are in memory
     read = FindingInputs.read(run, population, reference, groups, few)
     asked, zeros = experiment.findings, reference.key_frames
     sampling = Sampling(asked.intervals, asked.level, groups)
@@ -139,7 +140,7 @@ def _tables(
     horizon = horizons(statistics["lifetimes"])
     intervals = _intervals(read, experiment, aspects, horizon)
     spread = seed_spread(intervals, _repeats(run, experiment), horizons=horizon, population=population)
-    shapes = gaussianity(read.moments, run.stacked_tables("samples", sorted(manifest.sequences)), **options)
+    shapes = gaussianity(read.moments, run.stacked_tables("samples", every), **options)
     return {
         **pooled,
         "intervals": widened(intervals, spread, horizons=horizon),
@@ -158,12 +159,14 @@ def _tables(
     }
 
 
-def _pooled_curves(run: RunFolder, least: int, few: pl.DataFrame, pairs: list[pl.DataFrame]) -> dict[str, pl.DataFrame]:
+def _pooled_curves(
+    run: RunFolder, every: Sequence[str], least: int, few: pl.DataFrame, pairs: list[pl.DataFrame]
+) -> dict[str, pl.DataFrame]:
     """Curves of aspects and of changes. What time structure needs of changes is kept in `pairs`: they are read once."""
-    increments = in_chunks(run.stored_tables("increments"), INCREMENTS, "increments")
+    increments = in_chunks(run.stacked_tables("increments", every), INCREMENTS, "increments")
     moved = _keeping(increments, pairs, lambda table: lagged(table, few))
     return {
-        "aspect_curves": aspect_curves(run.stored_tables("aspects"), min_features=least),
+        "aspect_curves": aspect_curves(run.stacked_tables("aspects", every), min_features=least),
         "changes": change_curves(moved),
     }
 

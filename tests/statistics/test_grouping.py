@@ -6,7 +6,14 @@ import pytest
 
 from tracknoise.exceptions import SchemaError
 from tracknoise.statistics import grouping
-from tracknoise.statistics.grouping import group_rows, group_runs, in_chunks, number_combinations, reduce_each
+from tracknoise.statistics.grouping import (
+    group_rows,
+    group_runs,
+    in_chunks,
+    number_combinations,
+    number_names,
+    reduce_each,
+)
 
 NUMBERS = {"n": pl.Int64}
 
@@ -17,6 +24,21 @@ def test_groups_are_sorted_and_every_row_knows_its_own() -> None:
     assert groups.keys.rows() == [("a", 1), ("a", 2), ("b", 1), ("c", 0)]
     assert groups.index.tolist() == [2, 1, 2, 0, 3]
     assert groups.count == 4
+
+
+def test_columns_that_do_not_vary_change_no_group() -> None:
+    table = pl.DataFrame({"all": ["x"] * 4, "k": [3, 7, 3, 0]})
+    assert group_rows(table, ["all", "k"]).index.tolist() == group_rows(table, ["k"]).index.tolist() == [1, 2, 1, 0]
+    assert group_rows(table, ["all", "k"]).keys.rows() == [("x", 0), ("x", 3), ("x", 7)]
+    assert group_rows(table, ["all"]).keys.rows() == [("x",)]
+
+
+def test_names_are_numbered_in_their_order_whether_or_not_equal_ones_are_adjacent() -> None:
+    names, index = number_names(pl.Series(["b", "b", "a", "b", "c"]))
+    assert names == ["a", "b", "c"]
+    assert index.tolist() == [1, 1, 0, 1, 2]
+    nothing, none = number_names(pl.Series([], dtype=pl.String))
+    assert (nothing, none.shape, none.dtype) == ([], (0,), np.intp)
 
 
 def test_enumerations_sort_by_definition_and_not_by_name() -> None:

@@ -94,13 +94,12 @@ def zero_mean(
         _Curve.of(key, by_curve.get(key, points.clear()), scenes, chances[key[0]])
         for key, scenes in _means_by_curve(errors, population)
     ]
-    parts = [empty(ZERO_MEAN)]
+    tables = [empty({**ZERO_MEAN, "within": pl.Boolean})]
     for family in _families(asked):
         for curve, p in zip(family, family_p([curve.test for curve in family]), strict=True):
-            rows = _of_curve(curve, p)
-            named = [pl.lit(value).alias(name) for name, value in zip(_CURVE, curve.key, strict=True)]
-            parts.append(rows.with_columns(named).select(pl.col(name).cast(kind) for name, kind in ZERO_MEAN.items()))
-    table = pl.concat(parts).with_columns(pl.col("^.*_p(_adjusted|_family)?$").fill_nan(None))
+            tables += _of_curve(curve, p)
+    rows = pl.concat(tables, how="diagonal_relaxed").with_columns(pl.col("^.*_p(_adjusted|_family)?$").fill_nan(None))
+    table = _judged(rows).select(pl.col(name).cast(kind) for name, kind in ZERO_MEAN.items())
     return check(table.sort(*POOLED, "trimming", "axis", "at"), ZERO_MEAN, "zero mean")
 
 
@@ -171,8 +170,8 @@ def _iid_p() -> pl.Expr:
     return pl.when(possible).then((-(n - 2) / 2 * (t2 / (n - 1)).log1p()).exp())
 
 
-def _of_curve(curve: _Curve, family: NDArray[np.float64]) -> pl.DataFrame:
-    """Rows of one curve: of every age, and of all together."""
+def _of_curve(curve: _Curve, family: NDArray[np.float64]) -> list[pl.DataFrame]:
+    """Rows of one curve: of all ages together, and of every age."""
     found = curve.test
     tests = {
         "n_scenes": found.n_scenes,
@@ -184,22 +183,26 @@ def _of_curve(curve: _Curve, family: NDArray[np.float64]) -> pl.DataFrame:
     }
     means = {"mean_u_px": "mean_u", "mean_v_px": "mean_v"}
     ages = curve.points.with_columns(**means, **{name: pl.Series(p) for name, p in tests.items()})
-    rows = pl.concat([_overall(ages, found, curve.n_scenes), ages], how="diagonal_relaxed")
-    p, alone = pl.col("sign_flip_p_family").fill_nan(None), pl.col("sign_flip_p_adjusted").fill_nan(None)
+    known = {name: pl.lit(value) for name, value in zip(_CURVE, curve.key, strict=True)}
+    return [rows.with_columns(**known, within=curve.within) for rows in (_overall(ages, found, curve.n_scenes), ages)]
+
+
+def _judged(rows: pl.DataFrame) -> pl.DataFrame:
+    """Rows with the verdict, and the reason; that of all ages together has one already."""
+    p, alone = pl.col("sign_flip_p_family"), pl.col("sign_flip_p_adjusted")
     differs = (p <= ALPHA).fill_null(value=False)
     few = pl.format(f"a test at 5 % needs at least {MIN_SCENES} scenes; found {{}}", scenes_counted("n_scenes"))
     others = pl.when(alone <= ALPHA).then(pl.lit(f"{_CHANCE} in one of the conditions that were asked"))
     why = pl.when(~differs).then(pl.coalesce(others, pl.lit(_CHANCE)))
     untested = pl.when(p.is_null()).then(pl.lit(_FEW_GROUPS))
-    limits = pl.lit("; for these groups of scenes only" if curve.within else "")
+    limits = pl.when("within").then(pl.lit("; for these groups of scenes only")).otherwise(pl.lit(""))
     said = (
         pl.when(pl.col("n_scenes") < MIN_SCENES)
         .then(few)
         .otherwise(pl.coalesce("why", untested, why) + pl.when(p.is_null()).then(pl.lit("")).otherwise(limits))
     )
-    return rows.with_columns(
-        why=said, verdict=pl.when(differs).then(pl.lit(Verdict.yes)).otherwise(pl.lit(Verdict.undecided))
-    )
+    verdict = pl.when(differs).then(pl.lit(Verdict.yes)).otherwise(pl.lit(Verdict.undecided))
+    return rows.with_columns(why=said, verdict=verdict)
 
 
 def _overall(ages: pl.DataFrame, found: FlipTest, n_scenes: int) -> pl.DataFrame:

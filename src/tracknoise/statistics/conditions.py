@@ -10,7 +10,7 @@ from typing import Any
 import polars as pl
 
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.statistics.grouping import in_chunks
+from tracknoise.statistics.grouping import in_chunks, number_names
 from tracknoise.tables.schema import Schema, check, empty
 
 Condition = tuple[Any, ...]
@@ -59,10 +59,10 @@ def scenes_by_dataset(conditions: Iterable[tuple[Condition, pl.DataFrame]]) -> d
     found: dict[str, set[str]] = {}
     for key, table in conditions:
         if not table.is_empty():
-            found.setdefault(key[0], set()).update(table["scene"].unique())
+            found.setdefault(key[0], set()).update(number_names(table["scene"])[0])
     return found
 
 
 def names(key: Condition, schema: Schema) -> list[pl.Expr]:
     """The names of a condition as literal columns, which are stored once however many rows a table has."""
-    return [pl.lit(value, dtype=schema[name]).alias(name) for name, value in zip(POOLED, key, strict=True)]
+    return [pl.lit(value).cast(schema[name]).alias(name) for name, value in zip(POOLED, key, strict=True)]

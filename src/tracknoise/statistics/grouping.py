@@ -48,8 +48,32 @@ class Groups:
 def group_rows(table: pl.DataFrame, by: Sequence[str]) -> Groups:
     """Group the rows of `table` that agree in all columns of `by` (at least one)."""
     keys = table[list(by)]
-    found, index = number_combinations([_codes(keys[name]) for name in by])
-    return Groups(keys[_first_rows(index, len(found[0]))], index)
+    codes = [_codes(keys[name]) for name in by]
+    varying = [each for each in codes if each.any()] or codes[:1]
+    index = varying[0] if len(varying) == 1 else number_combinations(varying)[1]
+    return Groups(keys[_first_rows(index)], index)
+
+
+def number_names(names: pl.Series) -> tuple[list[str], NDArray[np.intp]]:
+    """Number names in their order.
+
+    Parameters
+    ----------
+    names
+        Strings, without nulls. Equal ones are mostly next to each other: only the first of each run is looked up.
+
+    Returns
+    -------
+    names : list of str
+        Those that occur, sorted by code point.
+    index : (rows,) intp
+        The place of each row's name among them.
+    """
+    starts = np.append(0, np.flatnonzero((names[1:] != names[:-1]).to_numpy()) + 1)[: len(names)]
+    heads = names[starts].to_list()
+    place = {name: number for number, name in enumerate(sorted(set(heads)))}
+    of_runs = np.array([place[name] for name in heads], dtype=np.intp)
+    return list(place), np.repeat(of_runs, np.diff(starts, append=len(names)))
 
 
 def _codes(column: pl.Series) -> NDArray[np.intp]:
@@ -59,19 +83,8 @@ def _codes(column: pl.Series) -> NDArray[np.intp]:
         codes[column.is_not_null().to_numpy()] = _codes(column.drop_nulls()) + 1
         return codes
     if column.dtype == pl.String:
-        return _codes_of_names(column)
+        return number_names(column)[1]
     return _dense((column.to_physical() if column.dtype == pl.Enum else column).to_numpy())
-
-
-def _codes_of_names(column: pl.Series) -> NDArray[np.intp]:
-    """The same of names, of which equal ones are mostly next to each other: only the first of each run is looked up."""
-    starts = np.flatnonzero((column[1:] != column[:-1]).to_numpy()) + 1
-    if not len(starts):  # as in the names of a condition, in most tables
-        return np.zeros(len(column), dtype=np.intp)
-    starts = np.concatenate([[0], starts])
-    heads = column[starts].to_list()
-    place = {name: number for number, name in enumerate(sorted(set(heads)))}
-    return np.repeat([place[name] for name in heads], np.diff(starts, append=len(column)))
 
 
 def _dense(values: NDArray[Any]) -> NDArray[np.intp]:
@@ -87,9 +100,9 @@ def _dense(values: NDArray[Any]) -> NDArray[np.intp]:
     return np.asarray(numbers, dtype=np.intp)
 
 
-def _first_rows(index: NDArray[np.intp], count: int) -> NDArray[np.intp]:
-    """The first row of each group, (count,)."""
-    first = np.zeros(count, dtype=np.intp)
+def _first_rows(index: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The first row of each group, (groups,)."""
+    first = np.zeros(int(index.max(initial=-1)) + 1, dtype=np.intp)
     first[index[::-1]] = np.arange(len(index))[::-1]
     return first
 

@@ -60,6 +60,23 @@ def test_single_errors_are_whitened_and_know_their_spread(walking, moments) -> N
     assert spread.max() == pytest.approx(np.sqrt(4 * 0.3 * 0.1), rel=0.05)
 
 
+def test_each_single_error_has_the_standard_of_its_own_age_or_is_left_out(walking, moments) -> None:
+    singles = samples(prepare_sequence(walking.observations, walking.tracks))
+    gap = (pl.col("trimming") == "trimmed") & (pl.col("at") == 2)
+    standard = standards(moments, min_features=100).filter(~gap)
+    kind = standard.schema["trimming"]
+    selected = {"untrimmed": singles, "trimmed": singles.filter("kept")}
+    both = [table.with_columns(trimming=pl.lit(name, dtype=kind)) for name, table in selected.items()]
+    joined = pl.concat(both).join(standard, on=["trimming", "at"], maintain_order="left")
+    expected = joined.sort("scene", maintain_order=True).with_columns(
+        z_u=pl.col("root_a") * (pl.col("du_px") - pl.col("centre_u"))
+    )
+    found = standardised(singles, standard)
+    assert not found.filter(gap).height
+    assert found.drop("z_u", "z_v", "log_spread").equals(expected.select(found.columns[:-3]))
+    assert found["z_u"].to_numpy() == pytest.approx(expected["z_u"].to_numpy(), rel=1e-12)
+
+
 def test_ages_of_few_errors_or_of_none_that_differ_have_no_standard(walking, see_errors) -> None:
     alike = see_errors([np.full((200, 3, 2), 0.5)]).observations
     moments = anchored(scene_moments(prepare_observations(alike)), {})

@@ -62,6 +62,11 @@ def test_the_verdict_follows_from_effect_sizes(evidence: ShapeEvidence, verdict:
     assert said in why
 
 
+def test_a_number_that_rounds_to_zero_has_no_sign() -> None:
+    _, why = judge(replace(GAUSSIAN, mixture=Estimate(-0.0001, -0.0002, -0.00005)))
+    assert "a mixture 0.000 (0.000 to 0.000)" in why
+
+
 def test_a_wider_margin_calls_more_errors_gaussian() -> None:
     slight = replace(GAUSSIAN, student=near(0.03), mixture=near(0.025))
     assert judge(slight)[0] == "heavy-tailed"

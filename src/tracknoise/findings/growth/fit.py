@@ -9,9 +9,8 @@ best solution without a negative number is used (Lawson and Hanson 1974, without
 The solutions are linear in M, so any number of draws takes one matrix product.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +21,8 @@ TERMS = ("white", "walk", "drift")
 TERM_UNITS = ("px", "px per sqrt(frame)", "px per frame")
 """Units of the roots of their coefficients."""
 _POWERS = np.arange(len(TERMS))
-_SUBSETS = [list(combinations(range(len(TERMS)), size)) for size in (1, 2, 3)]
-"""Of the columns, by size: those of one size are inverted together."""
-_ALL = _SUBSETS[-1][0]
+_SUBSETS = np.array([of for of in product((0.0, 1.0), repeat=len(TERMS)) if any(of)])
+"""Which columns each subset has, (subsets, 3); the last has all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,14 +37,14 @@ class GrowthFit:
         Of the fit, weighted.
     unit : (3, 1)
         What a coefficient of these columns is worth.
-    inverses
-        The pseudo-inverse of the columns of each subset, (columns, ages).
+    inverses : (subsets, 3, ages)
+        The pseudo-inverse of the columns of each subset; 0 for columns that are not of it.
     """
 
     root: Array
     columns: Array
     unit: Array
-    inverses: Mapping[tuple[int, ...], Array]
+    inverses: Array
 
     @classmethod
     def at(cls, since: Array, weight: Array) -> "GrowthFit":
@@ -61,10 +59,7 @@ class GrowthFit:
         """
         root, longest = np.sqrt(weight)[:, None], since.max()
         columns = (since / longest)[:, None] ** _POWERS * root
-        inverses: dict[tuple[int, ...], Array] = {}
-        for subsets in _SUBSETS:
-            together = np.linalg.pinv(np.stack([columns[:, subset] for subset in subsets]))
-            inverses |= dict(zip(subsets, together, strict=True))
+        inverses = np.linalg.pinv(columns * _SUBSETS[:, None]) * _SUBSETS[..., None]
         return cls(root, columns, 1 / (longest**_POWERS)[:, None], inverses)
 
     def bounded(self, second: Array) -> Array:
@@ -76,21 +71,17 @@ class GrowthFit:
             M, px^2.
         """
         observed = self._observed(second)
-        aligned = self.columns.T @ observed
-        best, coefficients = np.zeros(observed.shape[1]), np.zeros_like(aligned)
-        for subset, inverse in self.inverses.items():
-            solution, places = inverse @ observed, list(subset)
-            explained = (solution * aligned[places]).sum(axis=0)  # what the sum of squares loses by it
-            better = (solution >= 0).all(axis=0) & (explained > best)
-            best = np.where(better, explained, best)
-            full = np.zeros_like(aligned)
-            full[places] = solution
-            coefficients = np.where(better, full, coefficients)
+        solutions = (self.inverses.reshape(-1, len(observed)) @ observed).reshape(*_SUBSETS.shape, -1)
+        explained = np.einsum("stc,tc->sc", solutions, self.columns.T @ observed)  # what the sum of squares loses
+        explained[solutions.min(axis=1) < 0] = 0.0
+        best = explained.argmax(axis=0)[None]
+        chosen = np.take_along_axis(solutions, best[None], axis=0)[0]
+        coefficients = np.where(np.take_along_axis(explained, best, axis=0) > 0, chosen, 0.0)
         return (coefficients * self.unit).reshape(len(TERMS), *second.shape[1:])
 
     def free(self, second: Array) -> Array:
         """The same without bounds: coefficients that may come out negative, but are right on average."""
-        solution: Array = self.inverses[_ALL] @ self._observed(second) * self.unit
+        solution: Array = self.inverses[-1] @ self._observed(second) * self.unit
         return solution.reshape(len(TERMS), *second.shape[1:])
 
     def _observed(self, second: Array) -> Array:

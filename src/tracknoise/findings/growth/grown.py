@@ -100,7 +100,7 @@ def mean_drift(moments: pl.DataFrame) -> tuple[float, float]:
     moments
         Columns since, n, u and v; at least one row.
     """
-    since, n, u, v = moments.select("since", "n", "u", "v").to_numpy().astype(np.float64).T
+    since, n, u, v = (moments[name].to_numpy().astype(np.float64) for name in ("since", "n", "u", "v"))
     total = (n * since**2).sum()
     return float((since * u).sum() / total), float((since * v).sum() / total)
 
@@ -113,7 +113,7 @@ def _pooled(
     fits: Callable[[Array, Array], _Fit],
 ) -> tuple[list[Estimate], list[Estimate]]:
     """What the fits at some ages with some weights find of u and of v, with intervals."""
-    part = replace(units, sums=units.sums[:, ages], points=units.points.filter(pl.Series(ages)))
+    part = replace(units, sums=units.sums[:, ages], points=units.points[np.flatnonzero(ages)])
     since = part.points["since"].to_numpy().astype(np.float64)
     second, weight = _observed(part)
     both = [fits(since, of_axis) for of_axis in weight]

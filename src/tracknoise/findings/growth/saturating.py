@@ -69,13 +69,16 @@ class SaturatingFit:
         """
         weight, observed = self.weight, second.reshape(len(self.since), -1)
         constant, total = weight @ observed, weight.sum()
-        explained, squares = _squares(constant, self.columns @ observed, total, *self.alike)
+        products = self.columns @ observed
+        explained = _explained(constant, products, total, *self.alike)
         best, curve = explained.argmax(axis=0), np.arange(observed.shape[1])
         tau = _refined(np.log(self.grid), explained, best)
         own = -np.expm1(-self.since[:, None] / tau)
-        finer, found = _squares(constant, weight @ (own * observed), total, weight @ own, weight @ own**2)
-        kept = finer >= explained[best, curve]
-        chosen = [np.where(kept, one, other[best, curve]) for one, other in zip(found, squares, strict=True)]
+        finer = weight @ (own * observed), total, weight @ own, weight @ own**2
+        kept = _explained(constant, *finer) >= explained[best, curve]
+        on_grid = products[best, curve], total, *(alike[best, 0] for alike in self.alike)
+        both = zip(_squares(constant, *finer), _squares(constant, *on_grid), strict=True)
+        chosen = [np.where(kept, one, other) for one, other in both]
         return np.stack([*chosen, np.where(kept, tau, self.grid[best])]).reshape(3, *second.shape[1:])
 
 
@@ -99,20 +102,31 @@ def saturating_curve(coefficients: Array, since: Array) -> Array:
     return np.asarray(white - size * np.expm1(-ages / tau))
 
 
-def _squares(b0: Array, b1: Array, a00: float, a01: Array, a11: Array) -> tuple[Array, tuple[Array, Array]]:
-    """By how much a fit reduces the sum of squares, and white^2 and size^2, from weighted products of its columns.
+def _explained(b0: Array, b1: Array, a00: float, a01: Array, a11: Array) -> Array:
+    """By how much the fit of `_squares` reduces the sum of squares."""
+    white, size = _unbounded(b0, b1, a00, a01, a11)
+    alone = np.maximum(np.maximum(b0 / a00, 0.0) * b0, np.maximum(b1 / a11, 0.0) * b1)
+    return np.where((white >= 0) & (size >= 0), white * b0 + size * b1, alone)
+
+
+def _squares(b0: Array, b1: Array, a00: float, a01: Array, a11: Array) -> tuple[Array, Array]:
+    """white^2 and size^2, from weighted products of the columns.
 
     `b0` and `b1` are those of the constant and of 1 - exp(-k / tau) with what was observed, the others those of the
     columns with each other.
     """
-    determinant = np.maximum(a00 * a11 - a01**2, 1e-12 * a00 * a11)
-    white, size = (a11 * b0 - a01 * b1) / determinant, (a00 * b1 - a01 * b0) / determinant
+    white, size = _unbounded(b0, b1, a00, a01, a11)
     only_white, only_size = np.maximum(b0 / a00, 0.0), np.maximum(b1 / a11, 0.0)
     inside = (white >= 0) & (size >= 0)
     constant = only_white * b0 >= only_size * b1
     white = np.where(inside, white, np.where(constant, only_white, 0.0))
-    size = np.where(inside, size, np.where(constant, 0.0, only_size))
-    return white * b0 + size * b1, (white, size)
+    return white, np.where(inside, size, np.where(constant, 0.0, only_size))
+
+
+def _unbounded(b0: Array, b1: Array, a00: float, a01: Array, a11: Array) -> tuple[Array, Array]:
+    """The same where they may be negative."""
+    determinant = np.maximum(a00 * a11 - a01**2, 1e-12 * a00 * a11)
+    return (a11 * b0 - a01 * b1) / determinant, (a00 * b1 - a01 * b0) / determinant
 
 
 def _refined(log_tau: Array, explained: Array, best: NDArray[np.intp]) -> Array:

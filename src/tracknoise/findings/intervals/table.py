@@ -308,5 +308,5 @@ def _rows(found: LabelledEstimates) -> pl.DataFrame:
 
 def _typed(rows: pl.DataFrame, known: Mapping[str, Any], **computed: pl.Expr) -> pl.DataFrame:
     """Rows with the columns of `INTERVALS`, in one pass: `known` is the same in all of them."""
-    columns = {**{name: pl.lit(value, dtype=INTERVALS[name]) for name, value in known.items()}, **computed}
+    columns = {**{name: pl.lit(value) for name, value in known.items()}, **computed}
     return rows.select(columns.get(name, pl.col(name)).cast(kind).alias(name) for name, kind in INTERVALS.items())

@@ -256,9 +256,9 @@ def degrees(sizes: NDArray[np.float64]) -> NDArray[np.float64]:
 def _degrees(w: NDArray[np.float64], apart: NDArray[np.float64]) -> NDArray[np.float64]:
     squares = np.square(w)
     d, square = squares / apart, squares.sum(axis=0)
-    d0, d1, d2 = (np.sum(term, axis=0) for term in (d, d * w, d * squares))
+    d0, (d1, d2) = d.sum(axis=0), (np.einsum("i...,i...->...", d, term) for term in (w, squares))
     others = square**2 * d0**2 + 2 * d0 * d2 - 4 * square * d0 * d1 + 2 * d1**2
-    whole = others + np.sum(np.square(d) * (1 + 2 * (square - 2 * w)), axis=0)
+    whole = others + np.einsum("i...,i...->...", np.square(d), 1 + 2 * (square - 2 * w))
     found: NDArray[np.float64] = square**2 / np.where(whole > 0, whole, 1.0)
     most = max(len(w) - 1.0, 1.0)
     return np.clip(found, 1.0, most)  # rounding may lead out of it where one unit outweighs all others

@@ -9,6 +9,7 @@ between scenes.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -17,10 +18,10 @@ from numpy.typing import NDArray
 from tracknoise.findings.sampling.groups import MIN_SCENES, NO_GROUPS, SceneGroups, scheme
 from tracknoise.statistics.blocks import BLOCKS
 from tracknoise.statistics.errors.moment_cells import ABOUT_ZERO
-from tracknoise.statistics.grouping import Groups, group_rows
+from tracknoise.statistics.grouping import Groups, group_rows, number_names
 from tracknoise.tables.enumerations import Resampled
 
-__all__ = ["MIN_SCENES", "SUMS", "Units", "additive", "by_number", "units_of"]
+__all__ = ["MIN_SCENES", "SUMS", "UnitPlaces", "Units", "additive", "by_number", "unit_places", "units_of"]
 
 SUMS = ("n", "u", "v", "uu", "uv", "vv", "abs_u", "abs_v")
 """What `additive` makes of moments: the count, and sums of du, dv, their products about zero, and |du|, |dv|."""
@@ -100,6 +101,44 @@ class Units:
         return np.asarray(groups.sum(axis=-1))
 
 
+@dataclass(frozen=True, slots=True)
+class UnitPlaces:
+    """Where the rows of a table of one condition are added up.
+
+    Attributes
+    ----------
+    points
+        The rows by point.
+    scenes
+        Names of the scenes that have anything, sorted.
+    unit : (rows,) intp
+        Unit of each row. Every scene has `each` of them, one scene after the other.
+    each
+        How many units a scene has.
+    resampled, group
+        As in `Units`.
+    """
+
+    points: Groups
+    scenes: tuple[str, ...]
+    unit: NDArray[np.intp]
+    each: int
+    resampled: Resampled | None
+    group: NDArray[np.intp] | None = None
+
+    def units(self, columns: Sequence[NDArray[Any]]) -> Units:
+        """Sums of `columns`, (rows,) each, by unit and point."""
+        shape = len(self.scenes) * self.each, self.points.count
+        flat = self.unit * self.points.count + self.points.index
+        sums = [np.bincount(flat, column, shape[0] * shape[1]).reshape(shape) for column in columns]
+        scene = np.repeat(np.arange(len(self.scenes)), self.each)
+        return Units(np.stack(sums, axis=-1), self.points.keys, self.scenes, scene, self.resampled, self.group)
+
+    def across_groups(self) -> "UnitPlaces":
+        """The same, with units as from `Units.across_groups`."""
+        return replace(self, resampled=Resampled.scenes, group=None) if self.resampled == Resampled.within else self
+
+
 def by_number(number: NDArray[np.intp], values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Sums over the rows (rows, ...) of each number from 0, (numbers, ...).
 
@@ -166,34 +205,41 @@ def units_of(
     groups
         Groups of scenes that are not independent of each other. `scenes` then has a column dataset.
     """
-    by_scene = group_rows(scenes, ["scene"])
-    names = by_scene.keys["scene"].to_list()
+    table, places = _placed(scenes, blocks, points, groups)
+    return places.units([table[column].to_numpy() for column in columns])
+
+
+def unit_places(rows: pl.DataFrame, *, points: Sequence[str], groups: SceneGroups = NO_GROUPS) -> UnitPlaces:
+    """Where rows of one condition belong: of use where several things are summed over the same rows.
+
+    Parameters
+    ----------
+    rows
+        Columns scene, block and `points`.
+    points, groups
+        As in `units_of`.
+    """
+    return _placed(rows, rows, points, groups)[1]
+
+
+def _placed(
+    scenes: pl.DataFrame, blocks: pl.DataFrame | None, points: Sequence[str], groups: SceneGroups
+) -> tuple[pl.DataFrame, UnitPlaces]:
+    """The table whose rows are summed, and where they belong."""
+    names, scene = number_names(scenes["scene"])
     group = groups.of(scenes["dataset"][0], names) if groups.names and names else np.arange(len(names))
     resampled = scheme(group)
     if resampled is not None or blocks is None or blocks.is_empty():
-        found = _scattered(scenes, names, by_scene.index, points, columns, resampled)
-        return found if resampled is None else replace(found, group=group)
-    within = group_rows(blocks, ["scene"])
-    scene = np.searchsorted(names, within.keys["scene"].to_list())[within.index]
-    block = blocks["block"].to_numpy().astype(np.intp)
-    return _scattered(blocks, names, scene * BLOCKS + block, points, columns, Resampled.blocks, each=BLOCKS)
+        known = None if resampled is None else group
+        return scenes, UnitPlaces(_points(scenes, points), tuple(names), scene, 1, resampled, known)
+    with_blocks, index = number_names(blocks["scene"])
+    scene = np.searchsorted(names, with_blocks)[index]
+    unit = scene * BLOCKS + blocks["block"].to_numpy().astype(np.intp)
+    return blocks, UnitPlaces(_points(blocks, points), tuple(names), unit, BLOCKS, Resampled.blocks)
 
 
-def _scattered(
-    table: pl.DataFrame,
-    names: list[str],
-    unit: NDArray[np.intp],
-    points: Sequence[str],
-    columns: Sequence[str],
-    resampled: Resampled | None,
-    *,
-    each: int = 1,
-) -> Units:
-    """Rows put, and added up, where they belong: `unit` is that of each row, and every scene has `each` of them."""
-    groups = group_rows(table, points) if points else Groups(pl.DataFrame(), np.zeros(table.height, dtype=np.intp))
-    n_points = groups.count if points else min(table.height, 1)
-    shape = (len(names) * each, n_points)
-    flat = unit * n_points + groups.index
-    sums = [np.bincount(flat, table[column].to_numpy(), shape[0] * shape[1]).reshape(shape) for column in columns]
-    scene = np.repeat(np.arange(len(names)), each)
-    return Units(np.stack(sums, axis=-1), groups.keys, tuple(names), scene, resampled)
+def _points(table: pl.DataFrame, points: Sequence[str]) -> Groups:
+    """The rows by point; one point, unless there are no rows, where nothing identifies them."""
+    if points:
+        return group_rows(table, points)
+    return Groups(pl.DataFrame(height=min(table.height, 1)), np.zeros(table.height, dtype=np.intp))

@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_SECOND = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
-"""Powers (p, q) of u^p v^q."""
+_TERMS = 6
 _LOG_2PI = float(np.log(2 * np.pi))
 
 
 def terms(samples: Sequence[Array]) -> Array:
     """Terms of samples of pairs, each (points, 2): (samples, 6, most points)."""
-    padded = np.zeros((len(samples), len(_SECOND), max((len(points) for points in samples), default=0)))
+    padded = np.zeros((len(samples), _TERMS, max((len(points) for points in samples), default=0)))
     for place, points in enumerate(samples):
-        for row, (p, q) in enumerate(_SECOND):
-            padded[place, row, : len(points)] = points[:, 0] ** p * points[:, 1] ** q
+        u, v = np.ascontiguousarray(points.T)
+        for row, values in enumerate((1.0, u, v, u * u, u * v, v * v)):
+            padded[place, row, : len(points)] = values
     return padded
 
 
@@ -38,7 +38,7 @@ def gathered(every: Array, samples: Sequence[NDArray[np.intp]]) -> Array:
     """
     padded = np.zeros((len(samples), len(every), max(map(len, samples), default=0)))
     for place, points in enumerate(samples):
-        padded[place, :, : len(points)] = every[:, points]
+        padded[place, :, : len(points)] = np.take(every, points, axis=1)
     return padded
 
 
@@ -62,14 +62,26 @@ def squared_distances(points: Array, mean: Array, scatter: Array) -> Array:
     mean, scatter : (samples, 2), (samples, 3)
         As from `moments`.
     """
+    squared = combined(distance_weights(mean, scatter), points)
+    return np.maximum(squared, 0.0, out=squared)  # rounding may leave less than 0
+
+
+def distance_weights(mean: Array, scatter: Array) -> Array:
+    """The weights of the terms of which `squared_distances` are sums, (samples, 6)."""
     u, v = mean.T
     uu, uv, vv = _inverse(scatter).T
-    weights = np.empty((len(mean), len(_SECOND)))
-    weights[:, 0] = uu * u * u + 2 * uv * u * v + vv * v * v
-    weights[:, 1], weights[:, 2] = -2 * (uu * u + uv * v), -2 * (uv * u + vv * v)
+    of_u, of_v = uu * u + uv * v, uv * u + vv * v
+    weights = np.empty((len(mean), _TERMS))
+    weights[:, 0] = u * of_u + v * of_v
+    weights[:, 1], weights[:, 2] = -2 * of_u, -2 * of_v
     weights[:, 3], weights[:, 4], weights[:, 5] = uu, 2 * uv, vv
-    squared = (weights[:, None, :] @ points)[:, 0]
-    return np.maximum(squared, 0.0, out=squared)  # rounding may leave less than 0
+    return weights
+
+
+def combined(weights: Array, points: Array) -> Array:
+    """Sums of the terms of each point with the weights of its sample, (samples, points); 0 for padding."""
+    sums: Array = (weights[:, None, :] @ points)[:, 0]
+    return sums
 
 
 def trace_ratio(second: Array, scatter: Array) -> Array:

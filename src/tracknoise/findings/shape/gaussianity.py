@@ -14,7 +14,7 @@ With a million errors every test rejects. The result is therefore how far from G
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,7 +27,7 @@ from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.sampling.bounds import Method
 from tracknoise.findings.sampling.draws import Draws, draws_by_dataset
 from tracknoise.findings.sampling.groups import NO_GROUPS, JoinedScenes, SceneGroups
-from tracknoise.findings.sampling.units import Units
+from tracknoise.findings.sampling.units import UnitPlaces, unit_places
 from tracknoise.findings.shape.gains import Gains
 from tracknoise.findings.shape.held_out import gains
 from tracknoise.findings.shape.shape_bounds import BAND, folds_of, gain_bounds, mardia_bounds, within_bounds
@@ -46,7 +46,7 @@ from tracknoise.statistics.conditions import (
 )
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.errors.samples import first_tracks, with_bands
-from tracknoise.statistics.grouping import Groups, group_rows
+from tracknoise.statistics.grouping import Groups
 from tracknoise.tables.defaults import KIND_OF_INTERVAL, LEVEL, MIN_FEATURES
 from tracknoise.tables.enumerations import Shape
 from tracknoise.tables.findings_schema import GAUSSIANITY, RADII
@@ -55,6 +55,8 @@ from tracknoise.tables.schema import MOMENTS, SAMPLES, Schema, check, empty
 MAX_SAMPLED = 4096
 """Single errors of a band that are looked at, about, shared out evenly among scenes."""
 _EDGES = [*BAND, "age_high"]
+_WHERE = ["scene", "direction", "population", "axis", "at", "n"]
+"""Columns of moments that say in which bands they are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +122,8 @@ def gaussianity(
         If a table has other columns.
     """
     errors = by_condition(moments, MOMENTS, "moments")
-    scenes = scenes_by_dataset(_banded(errors, key_frames))
+    places = {key: part.select(_WHERE) for key, part in errors.items()}
+    scenes = scenes_by_dataset(_banded(places, key_frames))
     count = math.ceil(MAX_SAMPLED / min(map(len, scenes.values()), default=1))
     singles = by_condition(samples, SAMPLES, "samples", lambda table: first_tracks(table, count))
     joined = JoinedScenes.of(scenes, groups)
@@ -128,11 +131,14 @@ def gaussianity(
     options = _Options(Method(kind, level).by_bootstrap(), min_features, margin, seed, joined)
     rows, quantiles = [empty(GAUSSIANITY)], [empty(RADII)]
     for key, part in _banded(errors, key_frames):
-        of_scenes = part.sort("scene", maintain_order=True)
+        of_scenes = part if part["scene"].is_sorted() else part.sort("scene", maintain_order=True)
         found, distances = _condition(of_scenes, singles.get(key, empty(SAMPLES)), drawn[key[0]], options)
-        rows.append(_typed(found, key, GAUSSIANITY))
-        quantiles.append(_typed(distances, key, RADII))
-    shapes = pl.concat(rows).sort(*POOLED, *BAND), pl.concat(quantiles).sort(*POOLED, *BAND, "probability")
+        rows.append(found.with_columns(names(key, GAUSSIANITY)))
+        quantiles.append(distances.with_columns(names(key, RADII)))
+    shapes = (
+        _typed(rows, GAUSSIANITY).sort(*POOLED, *BAND),
+        _typed(quantiles, RADII).sort(*POOLED, *BAND, "probability"),
+    )
     return Shapes(check(shapes[0], GAUSSIANITY, "gaussianity"), check(shapes[1], RADII, "radii"))
 
 
@@ -156,9 +162,10 @@ def _condition(
         return rows, empty(RADII)
     pairs, dataset = within_scenes(singles, sums), str(moments["dataset"][0])
     sums, singles = (options.joined.rename(table, dataset) for table in (sums, singles))
-    gained, units = _gains(singles, pairs, draws, options)
-    tails, quantiles = _tails(singles, pairs)
-    table = bands.join(mardia_bounds(sums, singles, draws, options.method), on=BAND, how="left")
+    places = unit_places(singles, points=BAND, groups=draws.groups).across_groups()
+    gained = _gains(singles, pairs, places, draws, options)
+    tails, quantiles = _tails(singles, pairs, places.points)
+    table = bands.join(mardia_bounds(sums, singles, places, draws, options.method), on=BAND, how="left")
     table = table.join(gained, on=BAND, how="left").join(tails, on=BAND, how="left").sort(_EDGES)
     known = table.with_columns(pl.selectors.float().fill_nan(None))
     judged = [_judged(row, options) for row in known.iter_rows(named=True)]
@@ -167,7 +174,7 @@ def _condition(
         pl.col("n_sampled").fill_null(0),
         kind=pl.lit(options.method.kind),
         level=options.method.level,
-        resampled=pl.lit(options.joined.resampled(units.resampled, dataset, units.scenes)),
+        resampled=pl.lit(options.joined.resampled(places.resampled, dataset, places.scenes)),
     )
     return named.rename(_NAMES), quantiles.join(bands.select(_EDGES), on=BAND)
 
@@ -186,24 +193,24 @@ _NAMES = {
 
 
 def _gains(
-    singles: pl.DataFrame, pairs: NDArray[np.float64], draws: Draws, options: _Options
-) -> tuple[pl.DataFrame, Units]:
-    """Gains by band with their intervals, also in units of scenes, and what was resampled."""
-    bands = group_rows(singles, BAND)
+    singles: pl.DataFrame, pairs: NDArray[np.float64], places: UnitPlaces, draws: Draws, options: _Options
+) -> pl.DataFrame:
+    """Gains by band with their intervals, also in units of scenes."""
+    bands = places.points
     tied = _tied(singles, bands)
     untied = np.array([reason is None for reason in tied])[bands.index]
-    folds = folds_of(singles, draws.groups, options.seed)
+    folds = folds_of(places, options.seed)
 
     def of(values: NDArray[np.float64]) -> Gains:
         rows = untied & ~np.isnan(values[:, 0])
         return gains(values[rows], bands.index[rows], folds[rows], bands.count).expanded(rows)
 
     whole, within = of(singles.select("z_u", "z_v").to_numpy()), of(pairs)
-    table, units = gain_bounds(singles, bands, whole, draws, options.method)
+    table = gain_bounds(singles, places, whole, draws, options.method)
     parameters = {"nu_within": within.nu, "share_within": within.share, "ratio_within": within.ratio}
     named = bands.keys.with_columns(tied=pl.Series(tied, dtype=pl.String), **parameters)
-    added = within_bounds(singles, pairs, (whole, within), draws, options.method)
-    return table.join(named, on=BAND).join(added, on=BAND), units
+    added = within_bounds(pairs, places, (whole, within), draws, options.method)
+    return table.join(named, on=BAND).join(added, on=BAND)
 
 
 def _tied(singles: pl.DataFrame, bands: Groups) -> list[str | None]:
@@ -212,9 +219,9 @@ def _tied(singles: pl.DataFrame, bands: Groups) -> list[str | None]:
     return [ties(errors[bands.index == band]) for band in range(bands.count)]
 
 
-def _tails(singles: pl.DataFrame, pairs: NDArray[np.float64]) -> tuple[pl.DataFrame, pl.DataFrame]:
+def _tails(singles: pl.DataFrame, pairs: NDArray[np.float64], bands: Groups) -> tuple[pl.DataFrame, pl.DataFrame]:
     """By band how many single errors there are and how many lie far out; and the quantiles of their distances."""
-    tails, quantiles, bands = [], [], group_rows(singles, BAND)
+    tails, quantiles = [], []
     distances = singles["z_u"].to_numpy() ** 2 + singles["z_v"].to_numpy() ** 2
     of_pairs = np.square(pairs).sum(axis=1)
     for band, key in enumerate(bands.keys.rows()):
@@ -259,8 +266,9 @@ def _few(options: _Options) -> str:
     return f"every age has fewer than {options.min_features} errors, or errors that do not vary"
 
 
-def _typed(rows: pl.DataFrame, key: Condition, schema: Schema) -> pl.DataFrame:
-    """Rows of a condition with the columns of a schema, null where there is no number; in one pass."""
-    known = {**{name: pl.col(name) for name in rows.columns}, **dict(zip(POOLED, names(key, schema), strict=True))}
-    typed = [known.get(name, pl.lit(None)).cast(kind).alias(name) for name, kind in schema.items()]
-    return rows.select(typed).with_columns(pl.selectors.float().fill_nan(None))
+def _typed(tables: Sequence[pl.DataFrame], schema: Schema) -> pl.DataFrame:
+    """Rows of all conditions with the columns of a schema, null where there is no number."""
+    rows = pl.concat(tables, how="diagonal_relaxed")
+    return rows.select(pl.col(name).cast(kind) for name, kind in schema.items()).with_columns(
+        pl.selectors.float().fill_nan(None)
+    )

@@ -82,7 +82,7 @@ def _parameters(heavy: Student, mixed: Mixture, of: Rows) -> Array:
 def _split(rows: Rows, fold: Rows) -> list[tuple[Rows, Rows]]:
     """Rows of each fold of a sample, and all others; empty if there is only one fold."""
     own = fold[rows]
-    names = np.unique(own)
+    names = np.flatnonzero(np.bincount(own))
     inside = [own == name for name in names]
     return [(rows[each], rows[~each]) for each in inside] if len(names) > 1 else []
 

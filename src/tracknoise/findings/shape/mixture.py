@@ -16,7 +16,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.findings.shape.elliptical import log_normaliser, moments, squared_distances, trace_ratio
+from tracknoise.findings.shape.elliptical import (
+    combined,
+    distance_weights,
+    log_normaliser,
+    moments,
+    squared_distances,
+    trace_ratio,
+)
 
 Array = NDArray[np.float64]
 
@@ -91,39 +98,40 @@ class _Expected:
     ----------
     fit
         The mixture.
-    distance, odds : (samples, points)
-        Squared distance from its mean, and the odds that a point is of the wider component.
+    weights : (samples, 6)
+        `distance_weights` of its mean and scatter.
+    odds : (samples, points)
+        That a point is of the narrower component.
     """
 
     fit: Mixture
-    distance: Array
+    weights: Array
     odds: Array
 
     @classmethod
     def under(cls, fit: Mixture, points: Array) -> "_Expected":
         """Of the points of each sample."""
-        distance = squared_distances(points, fit.mean, fit.scatter)
-        odds = distance * (-0.5 * (1 - 1 / fit.ratio))[:, None]
-        odds += np.log((1 - fit.share) / fit.share * fit.ratio)[:, None]
-        return cls(fit, distance, np.exp(odds, out=odds))
+        weights = distance_weights(fit.mean, fit.scatter)
+        of_logarithm = weights * (-0.5 * (1 - 1 / fit.ratio))[:, None]
+        of_logarithm[:, 0] += np.log((1 - fit.share) / fit.share * fit.ratio)
+        odds = combined(of_logarithm, points)
+        return cls(fit, weights, np.exp(odds, out=odds))
 
     def next(self, points: Array, total: Array) -> Mixture:
         """The next fit."""
         of_wide = 1 + self.odds
         wide = (points @ np.reciprocal(of_wide, out=of_wide)[:, :, None])[:, :, 0]
         mean, scatter = _core(total, wide, self.fit.ratio)
-        share = np.clip(wide[:, 0] / total[:, 0], *_SHARES)
-        ratio = np.clip(trace_ratio(_about(wide, mean), scatter) / (2 * wide[:, 0]), 1.0, _MAX_RATIO)
+        share = (wide[:, 0] / total[:, 0]).clip(*_SHARES)
+        ratio = (trace_ratio(_about(wide, mean), scatter) / (2 * wide[:, 0])).clip(1.0, _MAX_RATIO)
         return Mixture(mean, scatter, share, ratio)
 
     def log_likelihood(self, points: Array, total: Array) -> Array:
         """Log-likelihood of the fit, but for a constant, (samples,)."""
-        share, ratio = self.fit.share, self.fit.ratio
-        density = self.distance * (-0.5 / ratio)[:, None]
-        density += np.log(share / ratio)[:, None]
-        density += np.log1p(self.odds)
-        normaliser = total[:, 0] * log_normaliser(self.fit.scatter)[:, 0]
-        return np.asarray(np.einsum("ij,ij->i", density, points[:, 0]) + normaliser)
+        fit, n = self.fit, total[:, 0]
+        if_wide = n * np.log(fit.share / fit.ratio) - (self.weights * total).sum(axis=1) / (2 * fit.ratio)
+        beyond = np.einsum("ij,ij->i", np.log1p(self.odds), points[:, 0])
+        return np.asarray(if_wide + beyond + n * log_normaliser(fit.scatter)[:, 0])
 
 
 def _extrapolated(fit: Mixture, one: Mixture, two: Mixture) -> Mixture:
@@ -139,18 +147,18 @@ def _extrapolated(fit: Mixture, one: Mixture, two: Mixture) -> Mixture:
 def _free(fit: Mixture) -> Array:
     """Parameters on scales without limits, (7, samples)."""
     uu, uv, vv = fit.scatter.T
-    shape = np.arctanh(np.clip(uv / np.sqrt(uu * vv), -_ALMOST, _ALMOST))
+    shape = np.arctanh((uv / np.sqrt(uu * vv)).clip(-_ALMOST, _ALMOST))
     odds = np.log(fit.share / (1 - fit.share))
-    return np.stack([*fit.mean.T, np.log(uu), np.log(vv), shape, odds, np.log(fit.ratio)])
+    return np.array([*fit.mean.T, np.log(uu), np.log(vv), shape, odds, np.log(fit.ratio)])
 
 
 def _bound(free: Array) -> Mixture:
     """The mixture of such parameters, within its limits."""
     u, v, log_uu, log_vv, shape, odds, log_ratio = free
     uu, vv = np.exp(log_uu), np.exp(log_vv)
-    scatter = np.stack([uu, np.tanh(shape) * np.sqrt(uu * vv), vv], axis=1)
-    share = np.clip(1 / (1 + np.exp(-odds)), *_SHARES)
-    return Mixture(np.stack([u, v], axis=1), scatter, share, np.clip(np.exp(log_ratio), 1.0, _MAX_RATIO))
+    scatter = np.array([uu, np.tanh(shape) * np.sqrt(uu * vv), vv]).T
+    share = (1 / (1 + np.exp(-odds))).clip(*_SHARES)
+    return Mixture(np.array([u, v]).T, scatter, share, np.exp(log_ratio).clip(1.0, _MAX_RATIO))
 
 
 def _chosen(first: NDArray[np.bool_], one: Mixture, other: Mixture) -> Mixture:

@@ -6,14 +6,19 @@ covariance C are therefore taken from the moments of all its scenes, and z = L^-
 place of x (standard). What z looks like is then the shape of errors whose age is known.
 """
 
+from typing import Any
+
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from tracknoise.findings.sampling.units import additive
 from tracknoise.findings.shape.mardia import POWER_SUMS, transformed, whitening
 from tracknoise.statistics.errors.joint import FOURTH
-from tracknoise.statistics.grouping import group_rows
+from tracknoise.statistics.grouping import group_rows, number_names
 from tracknoise.tables.enumerations import Trimming
+
+Rows = NDArray[np.intp]
 
 _PLACE = ["trimming", "at"]
 _SUMS = ["n", "u", "v", "uu", "uv", "vv"]
@@ -83,19 +88,33 @@ def standardised(samples: pl.DataFrame, standard: pl.DataFrame) -> pl.DataFrame:
         Sorted by scene, otherwise as they were, with `z_u`, `z_v`, and `log_spread`, the logarithm of the mean spread
         of a coordinate at that age, log px: a quarter of that of the determinant of C.
     """
-    every = pl.lit(value=True)
-    selections = {Trimming.untrimmed: every, Trimming.trimmed: pl.col("kept")}
-    kind = standard.schema["trimming"]
-    both = [
-        samples.filter(chosen).with_columns(trimming=pl.lit(name, dtype=kind)) for name, chosen in selections.items()
-    ]
-    ordered = pl.concat(both).sort("scene", maintain_order=True)
-    rows = ordered.join(standard, on=_PLACE, maintain_order="left")
-    (centre_u, centre_v), (a, b, c) = _parts(rows)
-    u, v = rows["du_px"].to_numpy() - centre_u, rows["dv_px"].to_numpy() - centre_v
+    kept = np.flatnonzero(samples["kept"].to_numpy())
+    selected = {Trimming.untrimmed: np.arange(samples.height), Trimming.trimmed: kept}
+    found = [_with_standard(samples, rows, standard, trimming) for trimming, rows in selected.items()]
+    rows, of = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    order = _by_scene(samples)[rows].argsort(kind="stable")
+    rows, of = rows[order], of[order]
+    (centre_u, centre_v), (a, b, c) = (each[:, of] for each in _parts(standard))
+    errors = samples.select("age_low", "at", "dataset", "scene", "block", "track", "du_px", "dv_px")[rows]
+    u, v = errors["du_px"].to_numpy() - centre_u, errors["dv_px"].to_numpy() - centre_v
     columns = {"z_u": a * u, "z_v": b * u + c * v, "log_spread": -0.5 * np.log(a * c)}
-    labels = rows.select("trimming", "age_low", "at", "dataset", "scene", "block", "track", "du_px", "dv_px")
-    return labels.hstack(pl.DataFrame(columns, schema=dict.fromkeys(columns, pl.Float64)))
+    labels = [standard["trimming"][of], *errors]
+    return pl.DataFrame([*labels, *(pl.Series(name, values, dtype=pl.Float64) for name, values in columns.items())])
+
+
+def _with_standard(samples: pl.DataFrame, rows: Rows, standard: pl.DataFrame, trimming: Trimming) -> tuple[Rows, Rows]:
+    """Those of the rows whose age has a standard, and the row of this; standards are sorted by age."""
+    own = np.flatnonzero((standard["trimming"] == trimming).to_numpy())
+    at, ages = samples["at"].to_numpy()[rows], standard["at"].to_numpy()[own]
+    place = np.searchsorted(ages, at)
+    has = np.append(ages, at.max(initial=0) + 1)[place] == at
+    return rows[has], own[place[has]]
+
+
+def _by_scene(samples: pl.DataFrame) -> NDArray[np.unsignedinteger[Any]]:
+    """Number of the scene of each row, as the smallest integers, which are quick to sort."""
+    names, scene = number_names(samples["scene"])
+    return scene.astype(np.min_scalar_type(len(names)))
 
 
 def _parts(rows: pl.DataFrame) -> tuple[np.ndarray, np.ndarray]:

@@ -79,11 +79,12 @@ def fit_student(points: Array, *, rounds: int = ROUNDS, start: Student | None = 
 
 def _round(fit: Student, points: Array) -> Student:
     """One round of each fit."""
-    distance = squared_distances(points, fit.mean, fit.scatter)
-    inverse_nu = _newton(1 / fit.nu, distance, points[:, 0].sum(axis=1))
-    nu = 1 / inverse_nu[:, None]
-    weight = (nu + 2) / (nu + distance)
-    return Student(*moments((points @ weight[:, :, None])[:, :, 0]), nu[:, 0])
+    scaled = squared_distances(points, fit.mean, fit.scatter * fit.nu[:, None])
+    inverse_nu = _newton(1 / fit.nu, scaled, points[:, 0].sum(axis=1))
+    scaled *= (inverse_nu * fit.nu)[:, None]
+    scaled += 1
+    weight = np.reciprocal(scaled, out=scaled)  # but for a factor, which has no effect
+    return Student(*moments((points @ weight[:, :, None])[:, :, 0]), 1 / inverse_nu)
 
 
 def _moved(before: Student, after: Student) -> Array:
@@ -93,19 +94,26 @@ def _moved(before: Student, after: Student) -> Array:
     return changed
 
 
-def _newton(inverse_nu: Array, distance: Array, count: Array) -> Array:
-    """One step towards the most likely 1 / nu, at most by a factor of 2; padding has distance 0 and adds nothing."""
-    t = inverse_nu[:, None]
-    scaled = t * distance
+def _newton(t: Array, scaled: Array, count: Array) -> Array:
+    """One step from t = 1 / nu towards the most likely, at most by a factor of 2.
+
+    Parameters
+    ----------
+    t : (samples,)
+        Where the step starts.
+    scaled : (samples, points)
+        t d2 of each point; padding has 0, and adds nothing.
+    count : (samples,)
+        How many points there are.
+    """
     mean_log = np.log1p(scaled).sum(axis=1) / count
-    ratio = np.divide(scaled, 1 + scaled, out=scaled)
+    ratio = scaled / (1 + scaled)
     mean_ratio = ratio.sum(axis=1) / count
     mean_square = np.einsum("ij,ij->i", ratio, ratio) / count
-    t = inverse_nu
     # L(t) = -(1 + 2 t) / (2 t) E log(1 + t d2), and its first two derivatives in t
     slope = mean_log / (2 * t**2) - (1 + 2 * t) / (2 * t**2) * mean_ratio
     bend = -mean_log / t**3 + mean_ratio / t**3 + (1 + 2 * t) / (2 * t**3) * mean_square
     step = np.where(bend < 0, -slope / np.where(bend < 0, bend, -1.0), np.copysign(np.inf, slope))
     low, high = NU_RANGE
-    stepped: Array = np.clip(np.clip(t + step, t / 2, 2 * t), 1 / high, 1 / low)
+    stepped: Array = (t + step).clip(t / 2, 2 * t).clip(1 / high, 1 / low)
     return stepped

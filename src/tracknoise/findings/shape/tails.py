@@ -37,5 +37,8 @@ def radii(squared: Array) -> tuple[Array, Array, Array]:
         Squared distances d2.
     """
     probabilities = np.array([p for p in PROBABILITIES if len(squared) * (1 - p) >= _BEYOND])
-    observed = np.quantile(np.sqrt(squared), probabilities) if len(probabilities) else np.empty(0)
+    if not len(probabilities):
+        return probabilities, np.empty(0), np.empty(0)
+    places, distances = np.arange(len(squared)), np.sqrt(np.sort(squared))
+    observed = np.interp(probabilities * (len(squared) - 1), places, distances)
     return probabilities, np.sqrt(-2 * np.log1p(-probabilities)), observed

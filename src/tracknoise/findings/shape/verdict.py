@@ -121,7 +121,7 @@ def _text(estimate: Estimate) -> str:
 
 
 def _thousandths(value: float | None) -> str:
-    return DASH if value is None else f"{value:.3f}".replace("-", MINUS)
+    return DASH if value is None else f"{value:z.3f}".replace("-", MINUS)
 
 
 def _percent(share: float | None) -> float | None:

@@ -20,7 +20,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.statistics.definitions import NAMES, POOLED, UNITS
-from tracknoise.statistics.errors.moment_cells import MOMENT_VALUES, SECOND, merge
+from tracknoise.statistics.errors.moment_cells import MOMENT_VALUES, SECOND, merge_groups
 from tracknoise.statistics.grouping import group_rows, in_chunks
 from tracknoise.tables.defaults import MIN_FEATURES
 from tracknoise.tables.enumerations import Aspect, Axis, Weighting
@@ -136,7 +136,7 @@ def _added(points: pl.DataFrame, point: list[str]) -> pl.DataFrame:
     groups = group_rows(points, point)
     totals = [name for statistic in _COLUMNS for name in (*_SUMS[statistic], _SCENES[statistic])]
     added = groups.sums(points, totals).select(pl.col(name).cast(points.schema[name]) for name in totals)
-    return merge(points.select(*point, *_MOMENTS), by=point, orders=SECOND).hstack(added)
+    return merge_groups(points, groups, orders=SECOND).hstack(added)
 
 
 def _with_cuts(points: pl.DataFrame, curve: list[str], min_features: int) -> pl.DataFrame:

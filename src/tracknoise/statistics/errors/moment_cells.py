@@ -17,7 +17,7 @@ from tracknoise.statistics.errors.joint import (
     pool_moments,
     stack_moments,
 )
-from tracknoise.statistics.grouping import IntegerArray, group_rows, number_combinations
+from tracknoise.statistics.grouping import Groups, IntegerArray, group_rows, number_combinations
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.schema import AXIS, BLOCKS, MOMENTS, ORIGIN, POPULATION, TRIMMING, Schema, check
 
@@ -110,8 +110,7 @@ def measure_cells(
     """
     found, index = number_combinations(keys)
     signed = measure_moments(error_px, index, len(found[0]), orders=orders)
-    variances = VARIANCES if len(orders) > len(SECOND) else ()
-    absolute = measure_moments(np.abs(error_px), index, len(found[0]), orders=variances)
+    absolute = measure_moments(np.abs(error_px), index, len(found[0]), orders=_variances(orders))
     return MomentCells(found, signed, absolute)
 
 
@@ -171,19 +170,40 @@ def merge(moments: pl.DataFrame, *, by: Sequence[str], orders: Sequence[Order] =
     SchemaError
         If a column of moments is missing or of another type.
     """
-    variances = VARIANCES if len(orders) > len(SECOND) else ()
-    values = ["n", *_MEANS, *_sums(orders, "m_"), *_ABSOLUTE_MEANS, *_sums(variances, "m_abs_")]
+    values = ["n", *_MEANS, *_sums(orders, "m_"), *_ABSOLUTE_MEANS, *_sums(_variances(orders), "m_abs_")]
     schema = {name: MOMENT_VALUES[name] for name in values}
     check(moments.select(column for column in values if column in moments.columns), schema, "moments")
     others = [column for column in moments.columns if column not in MOMENT_VALUES and column not in by]
     ordered = moments.sort(others, maintain_order=True) if others else moments
-    groups = group_rows(ordered, by)
+    return merge_groups(ordered, group_rows(ordered, by), orders=orders)
+
+
+def merge_groups(moments: pl.DataFrame, groups: Groups, *, orders: Sequence[Order] = FOURTH) -> pl.DataFrame:
+    """Pool the rows of each group, as `merge` does, in the order of the rows.
+
+    Parameters
+    ----------
+    moments, orders
+        As in `merge`.
+    groups
+        Of the rows of `moments`.
+
+    Returns
+    -------
+    polars.DataFrame
+        The keys of the groups, then as `merge`.
+    """
     signed, absolute = (
-        pool_moments(_joint(ordered, powers, means, prefix), groups.index, groups.count)
-        for powers, means, prefix in ((orders, _MEANS, "m_"), (variances, _ABSOLUTE_MEANS, "m_abs_"))
+        pool_moments(_joint(moments, powers, means, prefix), groups.index, groups.count)
+        for powers, means, prefix in ((orders, _MEANS, "m_"), (_variances(orders), _ABSOLUTE_MEANS, "m_abs_"))
     )
     known = pl.when(pl.col("n") > 0).then(pl.col(*_MEANS, *_ABSOLUTE_MEANS))
     return groups.keys.hstack(_values(signed, absolute).with_columns(known))
+
+
+def _variances(orders: Sequence[Order]) -> Sequence[Order]:
+    """Orders of the sums of absolute errors that are pooled with those of signed ones."""
+    return VARIANCES if len(orders) > len(SECOND) else ()
 
 
 def _joint(table: pl.DataFrame, orders: Sequence[Order], means: list[str], prefix: str) -> JointMoments:

@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.statistics.grouping import group_rows, number_combinations
+from tracknoise.statistics.grouping import group_runs, number_combinations
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.scattered import scattered
 from tracknoise.tables.schema import ORIGIN, SAMPLES, check
@@ -74,13 +74,15 @@ def first_tracks(samples: pl.DataFrame, count: int) -> pl.DataFrame:
     count
         Largest number of tracks.
     """
-    groups = group_rows(samples, [*ORIGIN, "age_low"])
-    track = samples["track"].to_numpy()
-    order = np.lexsort((scattered(track), groups.index))
-    starts = np.searchsorted(groups.index[order], np.arange(groups.count))
-    place = np.empty(len(track), dtype=np.intp)
-    place[order] = np.arange(len(track)) - starts[groups.index[order]]
-    return samples.filter(pl.Series(place < count))
+    (groups,) = group_runs([samples], [*ORIGIN, "age_low"])
+    shuffled = np.argsort(scattered(samples["track"].to_numpy()))
+    small = groups.index[shuffled].astype(np.min_scalar_type(groups.count))  # small integers are sorted by radix
+    order = shuffled[np.argsort(small, kind="stable")]
+    sizes = np.bincount(groups.index, minlength=groups.count)
+    place = np.arange(len(order)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+    first = np.zeros(len(order), dtype=np.bool_)
+    first[order[place < count]] = True
+    return samples.filter(pl.Series(first))
 
 
 def _band(distance: NDArray[np.int64]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:

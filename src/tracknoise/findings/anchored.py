@@ -26,4 +26,6 @@ def anchored(table: pl.DataFrame, key_frames: Mapping[str, int]) -> pl.DataFrame
     """
     key = pl.col("direction").replace_strict(dict(key_frames), default=0, return_dtype=pl.Int64)
     since = pl.col("at").cast(pl.Int64) - pl.when(pl.col("axis") == Axis.frame).then(key).otherwise(0)
-    return table.with_columns(since=since).filter(pl.col("n") > 0, pl.col("since") != 0, population=Population.visible)
+    return table.with_columns_seq(since=since).filter(
+        pl.col("n") > 0, pl.col("since") != 0, population=Population.visible
+    )

@@ -48,17 +48,17 @@ def fitted_noise_table(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame
 
 def _rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     """One row per measure, trimming, class of lengths and coordinate of a condition."""
-    together = sums.with_columns(length_low=pl.lit(0, dtype=pl.UInt32))  # sorts before all classes
+    together = sums.with_columns_seq(length_low=pl.lit(0, dtype=pl.UInt32))  # sorts before all classes
     both = pl.concat([together, sums])
     units = units_of(both, both, points=_POINT, columns=_SUMS, groups=draws.groups)
     sizes = np.stack([units.sums[..., place].T for place in (2, 4, 6)])
     found = pooled(units, draws.weights(units), _deviations, method, scales=["log"] * len(_COORDINATES), sizes=sizes)
     labels = pl.DataFrame({"coordinate": _COORDINATES}).join(units.points, how="cross")
     n = np.tile(units.sums[..., 0].sum(axis=0), len(_COORDINATES))
-    table = estimated(labels, found, units, TRIANGULATED_NOISE, value="sigma_px").with_columns(
+    table = estimated(labels, found, units, TRIANGULATED_NOISE, value="sigma_px").with_columns_seq(
         _lengths(), pl.Series("n", n, dtype=pl.Float64)
     )
-    return table.with_columns(
+    return table.with_columns_seq(
         pl.col("sigma_px", "low", "high").fill_nan(None), length_low=pl.col("length_low").replace({0: None})
     ).drop_nulls("sigma_px")
 

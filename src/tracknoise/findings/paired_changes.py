@@ -37,10 +37,10 @@ def paired_changes(values: pl.DataFrame, *, level: float = LEVEL) -> pl.DataFram
         If the table has other columns.
     """
     checked = check(values, EFFECT_VALUES, "effect values")
-    clean = checked.filter(effect=CLEAN).select(*_SCENE, clean="value")
+    clean = checked.filter(effect=CLEAN).select_seq(*_SCENE, clean="value")
     pairs = checked.filter(pl.col("effect") != CLEAN).join(clean, on=_SCENE, how="left", maintain_order="left")
-    points = pairs.select(_POINT).unique(maintain_order=True).with_row_index("point")
-    placed = pairs.join(points, on=_POINT, maintain_order="left").with_columns(pl.col("scene").rank("dense") - 1)
+    points = pairs.select_seq(_POINT).unique(maintain_order=True).with_row_index("point")
+    placed = pairs.join(points, on=_POINT, maintain_order="left").with_columns_seq(pl.col("scene").rank("dense") - 1)
     before, after = (_matrix(placed, column, points.height) for column in ("clean", "value"))
     known = np.where(np.isnan(before + after), np.nan, 0.0)
     means = [_mean(array + known) for array in (before, after)]
@@ -49,7 +49,7 @@ def paired_changes(values: pl.DataFrame, *, level: float = LEVEL) -> pl.DataFram
     change = np.where(found.n_scenes > 0, found.mean, np.nan)
     columns = {"clean": means[0], "changed": means[1], "change": change}
     columns |= {"change_low": change - width, "change_high": change + width}
-    return points.drop("point").with_columns(
+    return points.drop("point").with_columns_seq(
         **{name: pl.Series(column, nan_to_null=True) for name, column in columns.items()},
         n_scenes=pl.Series(found.n_scenes, dtype=pl.Int32),
     )

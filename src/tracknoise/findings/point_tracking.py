@@ -49,7 +49,7 @@ def _rows(metrics: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     named = [name for name in metrics.columns if name not in (*ORIGIN, "raster", "n_points")]
     labels = [name for name in metrics.columns if name not in (*named, "n_points")]
     long = metrics.unpivot(named, index=labels, variable_name="metric").drop_nulls("value")
-    counted = long.with_columns(n=pl.lit(1.0))
+    counted = long.with_columns_seq(n=pl.lit(1.0))
     units = units_of(counted, points=_POINT, columns=_SUMS, groups=draws.groups)
     found = pooled(units, draws.weights(units), _means, method, scales=["logit"], sizes=units.sums[..., :1].T)
     return estimated(units.points, found, units, POINT_TRACKING_METRICS, value="value")

@@ -78,14 +78,14 @@ def seed_spread(
     ]
     if not found:
         return empty(SEED_SPREAD)
-    first = intervals.filter(aspect="all").with_columns(by_block=pl.col("resampled") == Resampled.blocks)
-    values = pl.concat([first.select(*KEYS, "value"), *(table.select(*KEYS, "value") for table in found)])
+    first = intervals.filter(aspect="all").with_columns_seq(by_block=pl.col("resampled") == Resampled.blocks)
+    values = pl.concat([first.select_seq(*KEYS, "value"), *(table.select_seq(*KEYS, "value") for table in found)])
     value = pl.col("value").drop_nulls()
     spread = values.group_by(KEYS).agg(mean=value.mean(), standard_deviation=value.std(), n_seeds=value.len())
-    table = first.select(*KEYS, "unit", "by_block").join(spread, on=KEYS, nulls_equal=True)
+    table = first.select_seq(*KEYS, "unit", "by_block").join(spread, on=KEYS, nulls_equal=True)
     table = table.rename({"by_block": "widens_interval"}).filter(pl.col("n_seeds") > 1).sort(KEYS)
     return check(
-        table.select(pl.col(name).cast(kind) for name, kind in SEED_SPREAD.items()), SEED_SPREAD, "seed spread"
+        table.select_seq(pl.col(name).cast(kind) for name, kind in SEED_SPREAD.items()), SEED_SPREAD, "seed spread"
     )
 
 
@@ -117,17 +117,17 @@ def widened(intervals: pl.DataFrame, spread: pl.DataFrame, *, horizons: pl.DataF
     if added.is_empty():
         return intervals
     numbers = intervals.join(
-        added.select(*KEYS, "standard_deviation", "n_seeds"),
+        added.select_seq(*KEYS, "standard_deviation", "n_seeds"),
         on=KEYS,
         how="left",
         nulls_equal=True,
         maintain_order="left",
     )
-    limited = numbers.join(horizons, on=["dataset", "speed"], how="left", maintain_order="left").with_columns(
+    limited = numbers.join(horizons, on=["dataset", "speed"], how="left", maintain_order="left").with_columns_seq(
         pl.when(aspect="all").then("standard_deviation"),
         most=pl.when(_IS_RESTRICTED).then("restricted_to").otherwise(1),
     )
-    return intervals.with_columns(_bounds(limited))
+    return intervals.with_columns_seq(_bounds(limited))
 
 
 def _bounds(numbers: pl.DataFrame) -> Sequence[pl.Series]:
@@ -155,7 +155,7 @@ def _scales(numbers: pl.DataFrame) -> NDArray[np.str_]:
     )
     is_share = (pl.col("unit") == "share") | _IS_RESTRICTED
     scale = pl.when(linear).then(pl.lit("linear")).when(is_share).then(pl.lit("logit")).otherwise(pl.lit("log"))
-    return numbers.select(scale).to_series().to_numpy().astype(np.str_)
+    return numbers.select_seq(scale).to_series().to_numpy().astype(np.str_)
 
 
 def _moved(

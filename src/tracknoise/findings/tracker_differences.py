@@ -51,19 +51,19 @@ def tracker_differences(moments: Tables, sampling: Sampling = USUAL) -> pl.DataF
 
 def _rows(moments: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     """One row per other tracker, age, statistic and coordinate of a condition."""
-    sums = moments.with_columns(**ABOUT_ZERO)
+    sums = moments.with_columns_seq(**ABOUT_ZERO)
     units = units_of(sums, sums, points=_POINT, columns=_SUMS, groups=draws.groups)
     weights = draws.weights(units)
     found = pooled(units, weights, _statistics, method, scales=_SCALES)
     labels = pl.DataFrame(_ROWS, schema=["statistic", "coordinate"], orient="row").join(units.points, how="cross")
     n = np.tile(units.sums[..., 0].sum(axis=0), len(_ROWS))
-    rows = estimated(labels, found, units, TRACKER_DIFFERENCES, value="value").with_columns(
+    rows = estimated(labels, found, units, TRACKER_DIFFERENCES, value="value").with_columns_seq(
         pl.col("statistic").replace_strict(UNITS).alias("unit"), pl.Series("n", n)
     )
     strict = pooled(units, weights, _statistics, _corrected(method, units.points), scales=_SCALES)
     nonzero = (strict.low > 0.0) | (strict.high < 0.0)
     means = pl.when(pl.col("statistic") == "mean").then(pl.Series(nonzero.ravel()))
-    return rows.with_columns(pl.col("value", "low", "high").fill_nan(None), established=means).drop_nulls("value")
+    return rows.with_columns_seq(pl.col("value", "low", "high").fill_nan(None), established=means).drop_nulls("value")
 
 
 def _corrected(method: Method, points: pl.DataFrame) -> Method:

@@ -75,13 +75,13 @@ def pose_disagreement_table(sums: pl.DataFrame | Iterable[pl.DataFrame], samplin
         As `two_truths_table`.
     """
     tables = [sums] if isinstance(sums, pl.DataFrame) else sums
-    named = (check(table, POSE_DIFFERENCES, "pose differences").with_columns(**_ANY_CONDITION) for table in tables)
+    named = (check(table, POSE_DIFFERENCES, "pose differences").with_columns_seq(**_ANY_CONDITION) for table in tables)
     schema = {**ORIGIN, **{name: kind for name, kind in POSE_DIFFERENCES.items() if name not in ORIGIN}}
-    conditions = by_condition((table.select(*schema) for table in named), schema, "pose differences")
+    conditions = by_condition((table.select_seq(*schema) for table in named), schema, "pose differences")
     wide = {**TWO_TRUTHS, **POSE_DISAGREEMENT}
     columns = {name: wide[name] for name in (*POOLED, *(name for name in POSE_DISAGREEMENT if name not in POOLED))}
     table = condition_table(conditions, columns, _of_poses, sampling)
-    return check(table.select(*POSE_DISAGREEMENT).sort(_POSE_KEYS), POSE_DISAGREEMENT, "pose disagreement")
+    return check(table.select_seq(*POSE_DISAGREEMENT).sort(_POSE_KEYS), POSE_DISAGREEMENT, "pose disagreement")
 
 
 def _of_positions(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
@@ -105,7 +105,7 @@ def _of_poses(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
 
 def _counted(table: pl.DataFrame, counts: NDArray[np.float64], times: int) -> pl.DataFrame:
     n = np.tile(counts.sum(axis=0), times)
-    return table.with_columns(pl.col("value", "low", "high").fill_nan(None), pl.Series("n", n, dtype=pl.Float64))
+    return table.with_columns_seq(pl.col("value", "low", "high").fill_nan(None), pl.Series("n", n, dtype=pl.Float64))
 
 
 def _moments(sums: NDArray[np.float64]) -> NDArray[np.float64]:

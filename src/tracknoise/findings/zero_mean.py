@@ -98,8 +98,10 @@ def zero_mean(
     for family in _families(asked):
         for curve, p in zip(family, family_p([curve.test for curve in family]), strict=True):
             tables += _of_curve(curve, p)
-    rows = pl.concat(tables, how="diagonal_relaxed").with_columns(pl.col("^.*_p(_adjusted|_family)?$").fill_nan(None))
-    table = _judged(rows).select(pl.col(name).cast(kind) for name, kind in ZERO_MEAN.items())
+    rows = pl.concat(tables, how="diagonal_relaxed").with_columns_seq(
+        pl.col("^.*_p(_adjusted|_family)?$").fill_nan(None)
+    )
+    table = _judged(rows).select_seq(pl.col(name).cast(kind) for name, kind in ZERO_MEAN.items())
     return check(table.sort(*POOLED, "trimming", "axis", "at"), ZERO_MEAN, "zero mean")
 
 
@@ -133,7 +135,9 @@ def _families(curves: Sequence[_Curve]) -> Iterator[list[_Curve]]:
 def _means_by_curve(moments: TablesByCondition, population: str) -> Iterator[tuple[tuple[Any, ...], pl.DataFrame]]:
     """Mean errors of the scenes of each curve."""
     for condition, part in moments.items():
-        means = part.filter(pl.col("n") > 0, population=population).select(*_LINE, "scene", "at", "mean_u", "mean_v")
+        means = part.filter(pl.col("n") > 0, population=population).select_seq(
+            *_LINE, "scene", "at", "mean_u", "mean_v"
+        )
         for line, scenes in means.partition_by(_LINE, as_dict=True, include_key=False).items():
             yield (*condition, *line), scenes
 
@@ -142,7 +146,7 @@ def _points(curves: pl.DataFrame, key_frames: Mapping[str, int]) -> pl.DataFrame
     """Places that are tested, by curve: what weighs scenes equally, and (iid), which weighs features equally."""
     key = pl.col("direction").replace_strict(dict(key_frames), default=0, return_dtype=pl.Int64)
     zero = pl.when(pl.col("axis") == Axis.frame).then(key).otherwise(0)
-    usable = curves.with_columns(pl.col("at").cast(pl.Int64)).filter(~pl.col("cut"), pl.col("at") != zero)
+    usable = curves.with_columns_seq(pl.col("at").cast(pl.Int64)).filter(~pl.col("cut"), pl.col("at") != zero)
     points = usable.group_by(*_CURVE, "at").agg(
         n=pl.col("n").first(),
         mean_u=_value("u", "mean", Weighting.scenes),
@@ -152,7 +156,7 @@ def _points(curves: pl.DataFrame, key_frames: Mapping[str, int]) -> pl.DataFrame
     )
     length = (pl.col("mean_u") ** 2 + pl.col("mean_v") ** 2).sqrt()
     share = pl.when(pl.col("second") > 0).then(length**2 / pl.col("second"))
-    return points.with_columns(effect_px=length, share_of_second=share).sort(*_CURVE, "at")
+    return points.with_columns_seq(effect_px=length, share_of_second=share).sort(*_CURVE, "at")
 
 
 def _value(column: str, role: str, weighting: str) -> pl.Expr:
@@ -182,9 +186,11 @@ def _of_curve(curve: _Curve, family: NDArray[np.float64]) -> list[pl.DataFrame]:
         "sign_flip_p_family": family,
     }
     means = {"mean_u_px": "mean_u", "mean_v_px": "mean_v"}
-    ages = curve.points.with_columns(**means, **{name: pl.Series(p) for name, p in tests.items()})
+    ages = curve.points.with_columns_seq(**means, **{name: pl.Series(p) for name, p in tests.items()})
     known = {name: pl.lit(value) for name, value in zip(_CURVE, curve.key, strict=True)}
-    return [rows.with_columns(**known, within=curve.within) for rows in (_overall(ages, found, curve.n_scenes), ages)]
+    return [
+        rows.with_columns_seq(**known, within=curve.within) for rows in (_overall(ages, found, curve.n_scenes), ages)
+    ]
 
 
 def _judged(rows: pl.DataFrame) -> pl.DataFrame:
@@ -202,7 +208,7 @@ def _judged(rows: pl.DataFrame) -> pl.DataFrame:
         .otherwise(pl.coalesce("why", untested, why) + pl.when(p.is_null()).then(pl.lit("")).otherwise(limits))
     )
     verdict = pl.when(differs).then(pl.lit(Verdict.yes)).otherwise(pl.lit(Verdict.undecided))
-    return rows.with_columns(why=said, verdict=verdict)
+    return rows.with_columns_seq(why=said, verdict=verdict)
 
 
 def _overall(ages: pl.DataFrame, found: FlipTest, n_scenes: int) -> pl.DataFrame:
@@ -213,7 +219,7 @@ def _overall(ages: pl.DataFrame, found: FlipTest, n_scenes: int) -> pl.DataFrame
         why = _FEW_GROUPS if enough else f"no age or frame has {MIN_SCENES} scenes"
         why = why if ages.height else "no age or frame has enough features"
         return pl.DataFrame({**counted, "why": why})
-    strongest = ages.select("n", "mean_u_px", "mean_v_px", "effect_px", "share_of_second").row(
+    strongest = ages.select_seq("n", "mean_u_px", "mean_v_px", "effect_px", "share_of_second").row(
         found.strongest, named=True
     )
     family = {"sign_flip_p_family": ages["sign_flip_p_family"][found.strongest]}
@@ -224,8 +230,8 @@ def _overall(ages: pl.DataFrame, found: FlipTest, n_scenes: int) -> pl.DataFrame
 
 def _means(points: pl.DataFrame, scenes: pl.DataFrame, groups: Groups) -> NDArray[np.float64]:
     """Mean error of each scene at each of the points, (scenes, points, 2), NaN where a scene has none."""
-    order = points.select(pl.col("at"), place=pl.int_range(pl.len()))
-    rows = scenes.with_columns(pl.col("at").cast(pl.Int64), number=groups.index).join(order, on="at")
+    order = points.select_seq(pl.col("at"), place=pl.int_range(pl.len()))
+    rows = scenes.with_columns_seq(pl.col("at").cast(pl.Int64), number=groups.index).join(order, on="at")
     means = np.full((groups.count, points.height, 2), np.nan)
-    means[rows["number"].to_numpy(), rows["place"].to_numpy()] = rows.select("mean_u", "mean_v").to_numpy()
+    means[rows["number"].to_numpy(), rows["place"].to_numpy()] = rows.select_seq("mean_u", "mean_v").to_numpy()
     return means

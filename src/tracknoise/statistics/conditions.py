@@ -50,7 +50,7 @@ def by_condition(
     found = {}
     for key in sorted(parts):
         known = dict(zip(POOLED, names(key, schema), strict=True))
-        found[key] = pl.concat(parts[key]).select(known.get(column, pl.col(column)) for column in columns)
+        found[key] = pl.concat(parts[key]).select_seq(known.get(column, pl.col(column)) for column in columns)
     return found
 
 

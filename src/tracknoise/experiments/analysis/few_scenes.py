@@ -59,7 +59,7 @@ def _scenes(run: RunFolder, with_errors: pl.Expr) -> Iterator[pl.DataFrame]:
     keys, origin = sorted(run.manifest().sequences), list(ORIGIN)
     for name in ("frames", "ends"):
         for table in run.stacked_tables(name, keys, only=origin):
-            yield table.select(*origin, of=pl.lit(name)).unique(maintain_order=True)
+            yield table.select_seq(*origin, of=pl.lit(name)).unique(maintain_order=True)
     for table in run.stacked_tables("moments", keys, only=[*origin, _OF, "n"]):
-        rows = table.filter(with_errors).select(*origin, of=pl.col(_OF).cast(pl.String))
+        rows = table.filter(with_errors).select_seq(*origin, of=pl.col(_OF).cast(pl.String))
         yield rows.unique(maintain_order=True)

@@ -149,5 +149,5 @@ def _counts(run: RunErrors, key: Condition, axis: Axis, places: NDArray[np.int64
     """Columns scene, at, n, beyond_u and beyond_v of the rows that have a core."""
     table = run.scales[key].filter(pl.col("n") >= LEAST_FEATURES["core"], axis=axis)
     zero = run.key_frames.get(str(key[POOLED.index("direction")]), 0) if axis == Axis.frame else 0
-    rows = table.select("scene", pl.col("at").cast(pl.Int64) - zero, "n", "beyond_u", "beyond_v").drop_nulls()
+    rows = table.select_seq("scene", pl.col("at").cast(pl.Int64) - zero, "n", "beyond_u", "beyond_v").drop_nulls()
     return rows.filter(pl.col("at").is_in(places.tolist()))

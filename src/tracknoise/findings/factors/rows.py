@@ -173,12 +173,14 @@ def judged(rows: Sequence[Row], level: float) -> pl.DataFrame:
         q-values may be at most 1 - level.
     """
     known: Mapping[str, Any] = {name: kind for name, kind in DEPENDENCE.items() if name not in ("verdict", "why")}
-    table = pl.DataFrame(rows, schema={**known, "gap": pl.String}, orient="row").with_columns(
+    table = pl.DataFrame(rows, schema={**known, "gap": pl.String}, orient="row").with_columns_seq(
         pl.lit(level).alias("level"), kind=pl.lit(EffectIntervalKind.paired, dtype=DEPENDENCE["kind"])
     )
-    table = table.with_columns(_q(table, "yes"), _q(table, "no")).with_columns(verdict=_verdict(level))
-    table = table.with_columns(why=_why(level), more_scenes=pl.when(_is_open()).then("more_scenes"))
-    return check(table.select(pl.col(name).cast(kind) for name, kind in DEPENDENCE.items()), DEPENDENCE, "dependence")
+    table = table.with_columns_seq(_q(table, "yes"), _q(table, "no")).with_columns_seq(verdict=_verdict(level))
+    table = table.with_columns_seq(why=_why(level), more_scenes=pl.when(_is_open()).then("more_scenes"))
+    return check(
+        table.select_seq(pl.col(name).cast(kind) for name, kind in DEPENDENCE.items()), DEPENDENCE, "dependence"
+    )
 
 
 def _q(table: pl.DataFrame, name: str) -> pl.Series:

@@ -92,18 +92,18 @@ def scene_values(
         If curves have other columns.
     """
     known = check(curves, CURVES, "curves").filter(**errors, weighting=Weighting.features)
-    points = comparable(known.select(*POOLED, "axis", "at", "cut", there="at").unique(), key_frames)
+    points = comparable(known.select_seq(*POOLED, "axis", "at", "cut", there="at").unique(), key_frames)
     places = {
         (str(dataset), str(axis)): part["at"].unique().sort().to_numpy()
         for (dataset, axis), part in points.partition_by("dataset", "axis", as_dict=True).items()
     }
     there = points.partition_by([*POOLED, "axis"], as_dict=True)
     found = {}
-    for *names, axis in known.select(*POOLED, "axis").unique().sort(*POOLED, "axis").rows():
+    for *names, axis in known.select_seq(*POOLED, "axis").unique().sort(*POOLED, "axis").rows():
         key, at = tuple(names), places.get((str(names[0]), str(axis)), np.zeros(0, dtype=np.int64))
         rows = [table[key].filter(**errors, axis=axis) if key in table else None for table in (moments, scales)]
         part = there.get((*key, axis), points.clear())
-        numbered = part.select(at="there", place=pl.Series(np.searchsorted(at, part["at"].to_numpy())))
+        numbered = part.select_seq(at="there", place=pl.Series(np.searchsorted(at, part["at"].to_numpy())))
         found[key, str(axis)] = _of_condition(key, rows, numbered, scenes[str(key[0])], len(at))
     return AllValues(places, found)
 
@@ -117,7 +117,7 @@ def _of_condition(
     values = {}
     for table, read in zip(rows, (_of_moments, _of_scales), strict=True):
         if table is not None:
-            numbered = table.with_columns(number)
+            numbered = table.with_columns_seq(number)
             measured[numbered["scene"].to_numpy()] = True
             there = numbered.join(places, on="at", maintain_order="left")
             at = there["scene"].to_numpy(), there["place"].to_numpy()
@@ -142,7 +142,7 @@ def _of_scales(table: pl.DataFrame) -> _Columns:
 
 
 def _columns(table: pl.DataFrame, u: str, v: str) -> NDArray[np.float64]:
-    return table.select(pl.col(u, v).cast(pl.Float64).fill_null(np.nan)).to_numpy()
+    return table.select_seq(pl.col(u, v).cast(pl.Float64).fill_null(np.nan)).to_numpy()
 
 
 def _upright(values: NDArray[np.float64], key: Condition, role: str) -> NDArray[np.float64]:

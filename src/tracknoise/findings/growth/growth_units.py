@@ -59,7 +59,7 @@ class GrowthUnits:
 
 def with_fourth(moments: pl.DataFrame) -> pl.DataFrame:
     """Rows of `MOMENTS` with the columns `FOURTH_SUMS`."""
-    return moments.with_columns(_fourth(axis).alias(name) for axis, name in zip("uv", FOURTH_SUMS, strict=True))
+    return moments.with_columns_seq(_fourth(axis).alias(name) for axis, name in zip("uv", FOURTH_SUMS, strict=True))
 
 
 def _fourth(axis: str) -> pl.Expr:

@@ -138,7 +138,7 @@ def time_structure(
         names = part["scene"].unique().sort().to_list()
         of_groups = [{**row, "resampled": joined.resampled(row["resampled"], key[0], names)} for row in rows]
         tables.append(pl.DataFrame([{**labels, **row} for row in of_groups], schema=dict(TIME_STRUCTURE)))
-    table = pl.concat(tables).with_columns(pl.selectors.float().fill_nan(None)).sort(*_KEY, "coordinate")
+    table = pl.concat(tables).with_columns_seq(pl.selectors.float().fill_nan(None)).sort(*_KEY, "coordinate")
     return check(table, TIME_STRUCTURE, "time structure")
 
 
@@ -160,7 +160,7 @@ class _Sums:
     def of(cls, scenes: pl.DataFrame, changes: pl.DataFrame | None, *others: pl.DataFrame | None) -> "_Sums":
         """Of tables by the side of the key frame that errors are on."""
         blocks, lived, lived_blocks = map(_apart, others)
-        apart = scenes.with_columns(pl.col("since").abs())
+        apart = scenes.with_columns_seq(pl.col("since").abs())
         return cls(apart, blocks, changes, lived, lived_blocks, mean_drift(scenes))
 
 
@@ -179,7 +179,7 @@ def _sums(
 
 def _joined(moments: pl.DataFrame, joined: JoinedScenes, dataset: str) -> pl.DataFrame:
     """Moments with new names of scenes. Column measured keeps the names of the scenes, which are counted."""
-    return joined.rename(moments.with_columns(measured="scene"), dataset)
+    return joined.rename(moments.with_columns_seq(measured="scene"), dataset)
 
 
 def lagged(increments: pl.DataFrame, few: pl.DataFrame) -> pl.DataFrame:
@@ -201,11 +201,11 @@ def lagged(increments: pl.DataFrame, few: pl.DataFrame) -> pl.DataFrame:
 
 def _of_all_blocks(pairs: pl.DataFrame) -> pl.DataFrame:
     """Sums over the blocks of each scene, as block 0; sequences stay in their order."""
-    numbered = pairs.with_columns(sequence=pl.struct(list(SEQUENCE)).rle_id())
+    numbered = pairs.with_columns_seq(sequence=pl.struct(list(SEQUENCE)).rle_id())
     groups = group_rows(numbered, ["sequence", *_OF_SCENE])
     known = {name: pl.col(name) for name in (*_OF_SCENE, *CHANGE_SUMS)} | {"block": pl.lit(0)}
     columns = [known.get(name, pl.lit(None)).cast(kind).alias(name) for name, kind in INCREMENTS.items()]
-    return groups.keys.hstack(groups.sums(pairs, CHANGE_SUMS)).select(columns)
+    return groups.keys.hstack(groups.sums(pairs, CHANGE_SUMS)).select_seq(columns)
 
 
 def _long_lived(aspects: pl.DataFrame) -> pl.DataFrame:
@@ -253,7 +253,7 @@ def _bounds(found: Mapping[str, Estimate]) -> dict[str, float | None]:
 
 def _of_lags(increments: pl.DataFrame) -> pl.DataFrame:
     """Rows of `INCREMENTS` and columns that (autocorrelation) is made of."""
-    return increments.filter(pl.col("lag") > 0).select(*_PAIRS, *CHANGE_SUMS)
+    return increments.filter(pl.col("lag") > 0).select_seq(*_PAIRS, *CHANGE_SUMS)
 
 
 def _related(
@@ -271,4 +271,4 @@ def _related(
 
 def _apart(moments: pl.DataFrame | None) -> pl.DataFrame | None:
     """Moments by how far they are from where errors are zero, before or after."""
-    return None if moments is None else moments.with_columns(pl.col("since").abs())
+    return None if moments is None else moments.with_columns_seq(pl.col("since").abs())

@@ -177,6 +177,6 @@ def _brackets(tables: RunTables, conditions: ReportedConditions, weighting: str)
     """How intervals of second moments at the reference were made; empty where there are none."""
     axis = conditions.axis
     chosen = {"aspect": Aspect.all, "axis": axis, "statistic": NAMES[axis]["second"], "weighting": weighting}
-    reference = tables["summary"].select(*POOLED, pl.col("at").cast(pl.Int64))
+    reference = tables["summary"].select_seq(*POOLED, pl.col("at").cast(pl.Int64))
     known = tables["intervals"].filter(**chosen).join(reference, on=[*POOLED, "at"], how="semi")
     return in_brackets(conditions.reported(known))

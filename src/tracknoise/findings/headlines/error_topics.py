@@ -124,7 +124,7 @@ def shape(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
 
 def _shape_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
     rows = conditions.of(tables["gaussianity"], tracker)
-    bands = rows.select("age_low", "age_high").unique().sort("age_low").rows()
+    bands = rows.select_seq("age_low", "age_high").unique().sort("age_low").rows()
     if not bands:
         return None
     summary = first(conditions.of(tables["summary"], tracker))

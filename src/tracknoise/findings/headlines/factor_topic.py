@@ -40,7 +40,7 @@ def asked(dependence: pl.DataFrame, conditions: ReportedConditions) -> pl.DataFr
     rows = _without_repeated(rows)
     options = [name for name in rows["factor"].unique(maintain_order=True) if name not in FACTORS]
     orders = {"factor": [*FACTORS, *options], "tracker": [*conditions.trackers], "role": list(STATISTICS)}
-    rows = rows.with_columns(role=pl.col("statistic").replace_strict(ROLES, return_dtype=pl.String))
+    rows = rows.with_columns_seq(role=pl.col("statistic").replace_strict(ROLES, return_dtype=pl.String))
     places = [
         pl.col(name).replace_strict(order, range(len(order)), default=-1, return_dtype=pl.Int64)
         for name, order in orders.items()

@@ -143,8 +143,8 @@ def curve_bounds(
         at_least=at_least,
     )
     if role in ("second", "central"):
-        found = found.with_columns(pl.col("value", "low", "high").clip(lower_bound=0.0).sqrt())
-    return _estimate(found.with_columns(unit=pl.lit("px")))
+        found = found.with_columns_seq(pl.col("value", "low", "high").clip(lower_bound=0.0).sqrt())
+    return _estimate(found.with_columns_seq(unit=pl.lit("px")))
 
 
 def curve_rows(

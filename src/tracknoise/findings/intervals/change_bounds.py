@@ -33,7 +33,7 @@ def moments_of_changes(increments: TablesByCondition) -> TablesByCondition:
 
 
 def _as_moments(increments: pl.DataFrame) -> pl.DataFrame:
-    return increments.filter(pl.col("lag") == 0).select(
+    return increments.filter(pl.col("lag") == 0).select_seq(
         pl.lit(Aspect.change, dtype=ASPECT).alias("aspect"),
         pl.lit(None, dtype=pl.UInt32).alias("at_least"),
         *ORIGIN,
@@ -72,7 +72,7 @@ def correlation_bounds(
     """
     units = units_of(increments, increments, points=_POINT, columns=CHANGE_SUMS, groups=groups)
     coordinates = pl.DataFrame({"coordinate": ["u", "v"]})
-    labels = coordinates.join(units.points.rename({"lag": "at"}), how="cross").with_columns(
+    labels = coordinates.join(units.points.rename({"lag": "at"}), how="cross").with_columns_seq(
         statistic=pl.lit(AUTOCORRELATION),
         axis=pl.lit("lag"),
         aspect=pl.lit(Aspect.change, dtype=ASPECT),

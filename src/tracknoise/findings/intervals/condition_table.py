@@ -75,11 +75,11 @@ def condition_table(
     needed = sampling if method.kind != IntervalKind.student else replace(sampling, n_draws=0)
     drawn = needed.draws(scenes_by_dataset(conditions.items()))
     parts = [
-        rows(part, drawn[key[0]], method).with_columns(names(key, schema))
+        rows(part, drawn[key[0]], method).with_columns_seq(names(key, schema))
         for key, part in conditions.items()
         if part.height
     ]
-    typed = [part.select(pl.col(name).cast(kind) for name, kind in schema.items()) for part in parts]
+    typed = [part.select_seq(pl.col(name).cast(kind) for name, kind in schema.items()) for part in parts]
     return pl.concat([empty(schema), *typed])
 
 
@@ -88,6 +88,6 @@ def estimated(labels: pl.DataFrame, found: EstimateArray, units: Units, schema: 
     columns = {value: "value", **{name: name for name in _NUMBERS}}
     numbers = pl.DataFrame({name: getattr(found, source).ravel() for name, source in columns.items()})
     made = {"kind": found.kind, "level": found.level, "resampled": units.resampled}
-    return labels.hstack(numbers).with_columns(
+    return labels.hstack(numbers).with_columns_seq(
         pl.lit(text, dtype=schema[name]).alias(name) for name, text in made.items()
     )

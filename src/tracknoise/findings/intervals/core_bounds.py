@@ -56,7 +56,7 @@ def core_bounds(
         found = replace(found, value=value, low=found.low * moved, high=found.high * moved)
     between = between_scenes(by_scene, _cores, ["log"] * len(_AXES), found)
     labels = pl.DataFrame({"coordinate": _AXES}).join(by_scene.points, how="cross")
-    named = labels.with_columns(statistic=pl.lit(CORE), weighting=pl.lit(Weighting.geometric))
+    named = labels.with_columns_seq(statistic=pl.lit(CORE), weighting=pl.lit(Weighting.geometric))
     return LabelledEstimates(named, found, units, geometric_rows(between, range(len(_AXES))))
 
 
@@ -64,11 +64,11 @@ def _units(scales: pl.DataFrame, blocks: pl.DataFrame | None, groups: SceneGroup
     """Units by scene, or by block at the same points."""
     if blocks is None:
         return units_of(_sums(scales), points=_POINT, columns=_SUMS, groups=groups)
-    everywhere = scales.select(_POINT).unique().join(scales.select("scene").unique(), how="cross")
-    missing = everywhere.with_columns(block=pl.lit(0, dtype=pl.UInt8), **{name: pl.lit(0.0) for name in _SUMS})
+    everywhere = scales.select_seq(_POINT).unique().join(scales.select_seq("scene").unique(), how="cross")
+    missing = everywhere.with_columns_seq(block=pl.lit(0, dtype=pl.UInt8), **{name: pl.lit(0.0) for name in _SUMS})
     known = _sums(blocks).join(everywhere, on=[*_POINT, "scene"], how="semi")
     columns = [*_POINT, "scene", "block", *_SUMS]
-    every = pl.concat([known.select(columns), missing.select(columns)])
+    every = pl.concat([known.select_seq(columns), missing.select_seq(columns)])
     return units_of(_sums(scales), every, points=_POINT, columns=_SUMS, groups=groups)
 
 
@@ -79,7 +79,7 @@ def _sums(scales: pl.DataFrame) -> pl.DataFrame:
         core = pl.col(f"core_{axis}_px")
         parts[f"known_{axis}"] = core.is_not_null().cast(pl.Float64)
         parts[f"log_{axis}"] = core.log().fill_null(0.0)
-    return scales.with_columns(**parts)
+    return scales.with_columns_seq(**parts)
 
 
 def _logarithms(sums: NDArray[np.float64]) -> NDArray[np.float64]:

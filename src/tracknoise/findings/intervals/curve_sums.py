@@ -18,7 +18,7 @@ _TO_ORDER_2 = ["aspect", "at_least", *(column for column in BLOCKS if column != 
 
 def moments_to_order_2(aspects: pl.DataFrame) -> pl.DataFrame:
     """Of `ASPECTS` the columns that are needed, which are those of blocks, too."""
-    return aspects.select(_TO_ORDER_2)
+    return aspects.select_seq(_TO_ORDER_2)
 
 
 def error_sums(errors: TablesByCondition, blocks: TablesByCondition, population: str) -> Iterator[CurveSums]:
@@ -34,7 +34,7 @@ def aspect_sums(aspects: TablesByCondition, blocks: TablesByCondition) -> Iterat
     """Of each aspect of the errors; `blocks` are of `ASPECT_BLOCKS`."""
     for key, part in aspects.items():
         seen = part.filter(pl.col("n") > 0)
-        for which in seen.select(_WHICH).unique().rows():
+        for which in seen.select_seq(_WHICH).unique().rows():
             chosen = [pl.col(name).eq_missing(value) for name, value in zip(_WHICH, which, strict=True)]
             within = additive(blocks[key].filter(chosen)) if key in blocks else None
             yield (*key, *which), additive(seen.filter(chosen)), within

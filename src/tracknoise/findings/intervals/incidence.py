@@ -49,7 +49,7 @@ def incidence_table(ends: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
     """
     conditions = by_condition(ends, ENDS, "ends")
     table = condition_table(conditions, INCIDENCE, _rows, sampling)
-    table = table.with_columns(pl.col("incidence", "low", "high").fill_nan(None))
+    table = table.with_columns_seq(pl.col("incidence", "low", "high").fill_nan(None))
     return check(table.sort(*POOLED, "cause", "lifetime"), INCIDENCE, "incidence")
 
 

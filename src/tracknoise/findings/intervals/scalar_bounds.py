@@ -67,7 +67,7 @@ def lifetime_bounds(
         Of restricted means, frames: at most what all scenes of the condition reach.
     """
     curves = _CURVES if not ends[f"n_{FAILURES[0]}"].null_count() else {survival: _CURVES[survival]}
-    counts = ends.with_columns(n_failed=pl.sum_horizontal(f"n_{cause}" for cause in FAILURES))
+    counts = ends.with_columns_seq(n_failed=pl.sum_horizontal(f"n_{cause}" for cause in FAILURES))
     sums = ["n_ended", "n_censored", "n_failed"]
     units = units_of(counts, counts, points=["lifetime"], columns=sums, groups=groups)
     weights, lifetimes = draws.weights(units), units.points["lifetime"].to_numpy().astype(np.float64)
@@ -108,7 +108,7 @@ def outlier_bounds(
     if frames["outliers"].null_count():
         return
     order, size = pl.int_range(pl.len()).over("scene"), pl.len().over("scene")
-    blocks = frames.sort("scene", "frame").with_columns(block=block_of(order, size))
+    blocks = frames.sort("scene", "frame").with_columns_seq(block=block_of(order, size))
     units = units_of(blocks, blocks, points=[], columns=["offered", "outliers"], groups=groups)
     ratio = pooled(units, draws.weights(units), _ratio, method, scales=["logit"])
     between = _with_extremes(between_scenes(units, _smoothed, ["logit"], ratio), own_values(units, _ratio))

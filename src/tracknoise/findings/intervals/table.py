@@ -171,7 +171,7 @@ def interval_table(
         *_scalar_rows(seen, outlier_bounds, made),
         *_scalar_rows(correlated_changes(moved), correlation_bounds, made),
     ]
-    table = pl.concat([empty(INTERVALS), *parts]).with_columns(pl.col(_NUMBERS).fill_nan(None))
+    table = pl.concat([empty(INTERVALS), *parts]).with_columns_seq(pl.col(_NUMBERS).fill_nan(None))
     return check(table.sort(*POOLED, *_SORTED), INTERVALS, "intervals")
 
 
@@ -241,7 +241,9 @@ def _weighted(units: Units, weights: NDArray[np.float64], method: Method) -> Ite
 
 def _weighing(weighting: Weighting, found: LabelledEstimates) -> pl.DataFrame:
     """Rows with the name of their weighting."""
-    return _rows(found).with_columns(weighting=pl.lit(weighting, dtype=INTERVALS["weighting"]))
+    rows = _rows(found)
+    name = pl.Series("weighting", [weighting], dtype=INTERVALS["weighting"])
+    return rows.hstack([name.new_from_index(0, rows.height)])
 
 
 def _stated(between: BetweenScenes, units: Units, parts: Parts, found: EstimateArray) -> BetweenScenes:
@@ -309,4 +311,4 @@ def _rows(found: LabelledEstimates) -> pl.DataFrame:
 def _typed(rows: pl.DataFrame, known: Mapping[str, Any], **computed: pl.Expr) -> pl.DataFrame:
     """Rows with the columns of `INTERVALS`, in one pass: `known` is the same in all of them."""
     columns = {**{name: pl.lit(value) for name, value in known.items()}, **computed}
-    return rows.select(columns.get(name, pl.col(name)).cast(kind).alias(name) for name, kind in INTERVALS.items())
+    return rows.select_seq(columns.get(name, pl.col(name)).cast(kind).alias(name) for name, kind in INTERVALS.items())

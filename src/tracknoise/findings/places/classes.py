@@ -68,13 +68,13 @@ def _occlusions(sums: pl.DataFrame) -> pl.DataFrame:
 def _named(table: pl.DataFrame, name: pl.Expr, surrounding: Surrounding) -> pl.DataFrame:
     no_bounds = pl.lit(None, dtype=pl.Float64)
     named = _classified(table, name)
-    return named.with_columns(
+    return named.with_columns_seq(
         pl.lit(surrounding, dtype=SURROUNDING).alias("surrounding"), class_low=no_bounds, class_high=no_bounds
     )
 
 
 def _classified(table: pl.DataFrame, name: pl.Expr) -> pl.DataFrame:
-    return table.with_columns(name.alias("class"), pl.col("axis").cast(pl.String)).rename(
+    return table.with_columns_seq(name.alias("class"), pl.col("axis").cast(pl.String)).rename(
         {"low": "class_low", "high": "class_high"}
     )
 
@@ -82,7 +82,7 @@ def _classified(table: pl.DataFrame, name: pl.Expr) -> pl.DataFrame:
 def _by_coordinate(table: pl.DataFrame) -> pl.DataFrame:
     place = POINT[:-1]
     return pl.concat(
-        table.select(
+        table.select_seq(
             *_UNIT,
             *place,
             pl.lit(coordinate).alias("coordinate"),
@@ -96,9 +96,9 @@ def _beside_all(classes: pl.DataFrame) -> pl.DataFrame:
     """Every class in every block, with the sums of all classes there."""
     whole = ["surrounding", "axis", "at", "coordinate"]
     totals = _added(classes, [*_UNIT, *whole]).rename({name: f"all_{name}" for name in "nsq"})
-    points = classes.select(POINT).unique()
+    points = classes.select_seq(POINT).unique()
     joined = totals.join(points, on=whole).join(classes, on=[*_UNIT, *POINT], how="left", nulls_equal=True)
-    return joined.with_columns(pl.col("n", "s", "q").fill_null(0.0)).sort(*_UNIT, *POINT)
+    return joined.with_columns_seq(pl.col("n", "s", "q").fill_null(0.0)).sort(*_UNIT, *POINT)
 
 
 def _added(classes: pl.DataFrame, by: list[str]) -> pl.DataFrame:

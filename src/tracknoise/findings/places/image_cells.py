@@ -43,7 +43,7 @@ def image_cells(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
         If there is no such kind, or the level is not between 0 and 1.
     """
     conditions = by_condition(
-        sums, IMAGE_MAP, "image map", lambda table: table.with_columns(pl.col("n").cast(pl.Int64))
+        sums, IMAGE_MAP, "image map", lambda table: table.with_columns_seq(pl.col("n").cast(pl.Int64))
     )
     rows = partial(_rows, level=sampling.level)
     in_each_axis = replace(sampling, level=1.0 - (1.0 - sampling.level) / 2.0)  # Bonferroni's, for u and v
@@ -61,7 +61,7 @@ def _rows(sums: pl.DataFrame, draws: Draws, method: Method, level: float) -> pl.
         columns |= {f"{name}_low": low, f"{name}_high": high}
     differs = ((found.low[:2] > 0) | (found.high[:2] < 0)).any(axis=0)
     known = ~np.isnan(found.low[:2]).any(axis=0)
-    return units.points.with_columns(
+    return units.points.with_columns_seq(
         pl.col("axis").cast(pl.String),
         *(pl.Series(name, values, dtype=pl.Float64, nan_to_null=True) for name, values in columns.items()),
         n=units.sums[..., 0].sum(axis=0),

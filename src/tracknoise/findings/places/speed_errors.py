@@ -40,7 +40,7 @@ def speed_errors(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
     """
     conditions = by_condition(sums, IMAGE_SPEEDS, "image speeds")
     table = condition_table(conditions, SPEED_ERRORS, _rows, sampling)
-    table = table.with_columns(pl.col("mean_px", "low", "high").fill_nan(None))
+    table = table.with_columns_seq(pl.col("mean_px", "low", "high").fill_nan(None))
     return check(table.sort(*POOLED, *_POINT, "coordinate"), SPEED_ERRORS, "speed errors")
 
 
@@ -50,6 +50,6 @@ def _rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     units = units_of(named, named, points=_POINT, columns=_COLUMNS, groups=draws.groups)
     found = pooled(units, draws.weights(units), column_means, method)
     n = pl.Series("n", units.sums[..., 0].sum(axis=0), dtype=pl.Float64)
-    points = units.points.with_columns(pl.col("axis").cast(pl.String), n)
+    points = units.points.with_columns_seq(pl.col("axis").cast(pl.String), n)
     labels = pl.DataFrame({"coordinate": _COORDINATES}).join(points, how="cross")
     return estimated(labels, found, units, SPEED_ERRORS, value="mean_px")

@@ -61,7 +61,7 @@ def surrounding_errors(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame
     conditions = by_condition(sums, SURROUNDINGS, "surroundings")
     table = condition_table(conditions, SURROUNDING_ERRORS, _rows, sampling)
     order = [*POOLED, *POINT, "statistic"]
-    table = table.with_columns(pl.col("value", "low", "high").fill_nan(None)).drop_nulls("value")
+    table = table.with_columns_seq(pl.col("value", "low", "high").fill_nan(None)).drop_nulls("value")
     return check(table.sort(order), SURROUNDING_ERRORS, "surrounding errors")
 
 
@@ -75,7 +75,7 @@ def _rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     sizes = np.stack([n, n, of_all, of_all, of_all, of_all - n, of_all - n, n])
     scales = [scale for _, scale in _STATISTICS.values()]
     found = pooled(units, draws.weights(units), _statistics, method, scales=scales, sizes=sizes)
-    points = units.points.with_columns(pl.Series("n", n.sum(axis=1), dtype=pl.Float64))
+    points = units.points.with_columns_seq(pl.Series("n", n.sum(axis=1), dtype=pl.Float64))
     kinds = pl.DataFrame({"statistic": list(_STATISTICS), "unit": [unit for unit, _ in _STATISTICS.values()]})
     return estimated(kinds.join(points, how="cross"), found, units, SURROUNDING_ERRORS, value="value")
 

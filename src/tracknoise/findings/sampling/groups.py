@@ -102,7 +102,7 @@ class JoinedScenes:
     def rename(self, table: pl.DataFrame, dataset: str) -> pl.DataFrame:
         """A table of one dataset with these names in its column scene."""
         names = {scene: name for (of, scene), name in self.names.items() if of == dataset}
-        return table.with_columns(pl.col("scene").replace(names)) if names else table
+        return table.with_columns_seq(pl.col("scene").replace(names)) if names else table
 
     def scenes(self, scenes: Mapping[str, Iterable[str]]) -> dict[str, set[str]]:
         """Scenes of each dataset by their new names."""

@@ -179,7 +179,7 @@ def additive(moments: pl.DataFrame) -> pl.DataFrame:
     """
     absolute = {f"abs_{axis}": pl.col("n") * pl.col(f"mean_abs_{axis}").fill_null(0.0) for axis in "uv"}
     others = [name for name in moments.columns if not name.startswith(("m_", "mean_"))]
-    return moments.select(*others, **ABOUT_ZERO, **absolute)
+    return moments.select_seq(*others, **ABOUT_ZERO, **absolute)
 
 
 def units_of(

@@ -122,7 +122,7 @@ def gaussianity(
         If a table has other columns.
     """
     errors = by_condition(moments, MOMENTS, "moments")
-    places = {key: part.select(_WHERE) for key, part in errors.items()}
+    places = {key: part.select_seq(_WHERE) for key, part in errors.items()}
     scenes = scenes_by_dataset(_banded(places, key_frames))
     count = math.ceil(MAX_SAMPLED / min(map(len, scenes.values()), default=1))
     singles = by_condition(samples, SAMPLES, "samples", lambda table: first_tracks(table, count))
@@ -133,8 +133,8 @@ def gaussianity(
     for key, part in _banded(errors, key_frames):
         of_scenes = part if part["scene"].is_sorted() else part.sort("scene", maintain_order=True)
         found, distances = _condition(of_scenes, singles.get(key, empty(SAMPLES)), drawn[key[0]], options)
-        rows.append(found.with_columns(names(key, GAUSSIANITY)))
-        quantiles.append(distances.with_columns(names(key, RADII)))
+        rows.append(found.with_columns_seq(names(key, GAUSSIANITY)))
+        quantiles.append(distances.with_columns_seq(names(key, RADII)))
     shapes = (
         _typed(rows, GAUSSIANITY).sort(*POOLED, *BAND),
         _typed(quantiles, RADII).sort(*POOLED, *BAND, "probability"),
@@ -158,7 +158,7 @@ def _condition(
     bands = moments.group_by(_EDGES).agg(all=pl.col("n").sum(), n_scenes=pl.col("scene").n_unique()).sort(_EDGES)
     sums, singles = standard_sums(moments, standard), standardised(samples, standard)
     if sums.is_empty() or singles.is_empty():
-        rows = bands.with_columns(n="all", n_sampled=0, verdict=pl.lit(Shape.undecided), why=pl.lit(_few(options)))
+        rows = bands.with_columns_seq(n="all", n_sampled=0, verdict=pl.lit(Shape.undecided), why=pl.lit(_few(options)))
         return rows, empty(RADII)
     pairs, dataset = within_scenes(singles, sums), str(moments["dataset"][0])
     sums, singles = (options.joined.rename(table, dataset) for table in (sums, singles))
@@ -167,16 +167,16 @@ def _condition(
     tails, quantiles = _tails(singles, pairs, places.points)
     table = bands.join(mardia_bounds(sums, singles, places, draws, options.method), on=BAND, how="left")
     table = table.join(gained, on=BAND, how="left").join(tails, on=BAND, how="left").sort(_EDGES)
-    known = table.with_columns(pl.selectors.float().fill_nan(None))
+    known = table.with_columns_seq(pl.selectors.float().fill_nan(None))
     judged = [_judged(row, options) for row in known.iter_rows(named=True)]
-    named = table.hstack(pl.DataFrame(judged, schema=["verdict", "why"], orient="row")).with_columns(
+    named = table.hstack(pl.DataFrame(judged, schema=["verdict", "why"], orient="row")).with_columns_seq(
         pl.coalesce("n", "all").alias("n"),
         pl.col("n_sampled").fill_null(0),
         kind=pl.lit(options.method.kind),
         level=options.method.level,
         resampled=pl.lit(options.joined.resampled(places.resampled, dataset, places.scenes)),
     )
-    return named.rename(_NAMES), quantiles.join(bands.select(_EDGES), on=BAND)
+    return named.rename(_NAMES), quantiles.join(bands.select_seq(_EDGES), on=BAND)
 
 
 _NAMES = {
@@ -205,17 +205,17 @@ def _gains(
         rows = untied & ~np.isnan(values[:, 0])
         return gains(values[rows], bands.index[rows], folds[rows], bands.count).expanded(rows)
 
-    whole, within = of(singles.select("z_u", "z_v").to_numpy()), of(pairs)
+    whole, within = of(singles.select_seq("z_u", "z_v").to_numpy()), of(pairs)
     table = gain_bounds(singles, places, whole, draws, options.method)
     parameters = {"nu_within": within.nu, "share_within": within.share, "ratio_within": within.ratio}
-    named = bands.keys.with_columns(tied=pl.Series(tied, dtype=pl.String), **parameters)
+    named = bands.keys.with_columns_seq(tied=pl.Series(tied, dtype=pl.String), **parameters)
     added = within_bounds(pairs, places, (whole, within), draws, options.method)
     return table.join(named, on=BAND).join(added, on=BAND)
 
 
 def _tied(singles: pl.DataFrame, bands: Groups) -> list[str | None]:
     """What makes the errors of each band equal to one another."""
-    errors = singles.select("du_px", "dv_px").to_numpy()
+    errors = singles.select_seq("du_px", "dv_px").to_numpy()
     return [ties(errors[bands.index == band]) for band in range(bands.count)]
 
 
@@ -269,6 +269,6 @@ def _few(options: _Options) -> str:
 def _typed(tables: Sequence[pl.DataFrame], schema: Schema) -> pl.DataFrame:
     """Rows of all conditions with the columns of a schema, null where there is no number."""
     rows = pl.concat(tables, how="diagonal_relaxed")
-    return rows.select(pl.col(name).cast(kind) for name, kind in schema.items()).with_columns(
+    return rows.select_seq(pl.col(name).cast(kind) for name, kind in schema.items()).with_columns_seq(
         pl.selectors.float().fill_nan(None)
     )

@@ -20,8 +20,13 @@ Array = NDArray[np.float64]
 
 BAND = ["trimming", "age_low"]
 """Columns that identify the bands of a condition."""
-FOLDS, MANY_FOLDS, MANY = 8, 3, 17
-"""Folds of scenes, or of the blocks of each, and of as many scenes as `MANY` or more, among which chance does less."""
+FOLDS, MANY_FOLDS, MANY = 8, 2, 17
+"""Folds of scenes, or of the blocks of each, and of as many scenes as `MANY` or more.
+
+Half of so many scenes usually have more errors than are fitted (`MAX_FITTED` of `tracknoise.findings.shape.held_out`).
+More folds would not be fitted to more, and would share scenes. Verdicts are as with three folds
+(`python -m benchmarks.validity.gaussianity --scenes 28`).
+"""
 _MARDIA = ("skewness", "kurtosis")
 _GAINS = ("gain_student", "gain_mixture", "gain_difference")
 _MARDIA_WITHIN = ("skewness_within", "kurtosis_within")
@@ -55,8 +60,8 @@ def mardia_bounds(
     by_scene = units_of(sums, points=BAND, columns=POWER_SUMS, groups=draws.groups).across_groups()
     totals = by_scene.sums.sum(axis=0).T
     exact = dict(zip(_MARDIA, mardia(totals), strict=True))
-    found = by_scene.points.with_columns(n=pl.Series(totals[0], dtype=pl.Int64), **exact)
-    units = by_scene if by_scene.resampled else places.units(_powers(singles.select("z_u", "z_v").to_numpy()))
+    found = by_scene.points.with_columns_seq(n=pl.Series(totals[0], dtype=pl.Int64), **exact)
+    units = by_scene if by_scene.resampled else places.units(_powers(singles.select_seq("z_u", "z_v").to_numpy()))
     bounds = _table(units, pooled(units, draws.weights(units), mardia, method), _MARDIA)
     joined = found.join(bounds, on=BAND, how="left", maintain_order="left", suffix=" resampled")
     scaled = [
@@ -64,7 +69,7 @@ def mardia_bounds(
         for name in _MARDIA
         for end in ("low", "high")
     ]
-    return joined.with_columns(scaled).select(pl.exclude("^.* resampled$"))
+    return joined.with_columns_seq(scaled).select_seq(pl.exclude("^.* resampled$"))
 
 
 def gain_bounds(singles: pl.DataFrame, places: UnitPlaces, gained: Gains, draws: Draws, method: Method) -> pl.DataFrame:
@@ -91,7 +96,7 @@ def gain_bounds(singles: pl.DataFrame, places: UnitPlaces, gained: Gains, draws:
     units = places.units([scored, np.nan_to_num(gained.student), np.nan_to_num(gained.mixture)])
     bounds = _table(units, pooled(units, draws.weights(units), _per_error, method), _GAINS)
     size = np.bincount(bands.index, singles["log_spread"].to_numpy(), bands.count) / np.bincount(bands.index)
-    parameters = bands.keys.with_columns(
+    parameters = bands.keys.with_columns_seq(
         nu=gained.nu, spread_px=gained.spread * np.exp(size), share=gained.share, ratio=gained.ratio
     )
     return bounds.join(parameters, on=BAND, maintain_order="left")

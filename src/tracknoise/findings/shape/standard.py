@@ -42,7 +42,7 @@ def standards(moments: pl.DataFrame, *, min_features: int) -> pl.DataFrame:
         trimming, at, the parts of m, and the lower triangle a, b, c of L^-1.
     """
     groups = group_rows(moments, _PLACE)
-    columns = additive(moments).select(_SUMS).to_numpy().T
+    columns = additive(moments).select_seq(_SUMS).to_numpy().T
     sums = np.stack([np.bincount(groups.index, column, groups.count) for column in columns]).astype(np.float64)
     found = groups.keys.hstack(pl.DataFrame(dict(zip(_STANDARD, np.concatenate(whitening(sums)), strict=True))))
     return found.filter(pl.Series(sums[0] >= min_features) & pl.col("root_c").is_finite())
@@ -65,10 +65,10 @@ def standard_sums(moments: pl.DataFrame, standard: pl.DataFrame) -> pl.DataFrame
     """
     rows = moments.join(standard, on=_PLACE, maintain_order="left")
     zeros = [pl.lit(0.0).alias(name) for name in ("first_u", "first_v")]  # sums of order 1 about a row's own mean
-    central = rows.select("n", *zeros, *_CENTRAL).to_numpy().T.astype(np.float64)
+    central = rows.select_seq("n", *zeros, *_CENTRAL).to_numpy().T.astype(np.float64)
     centre, root = _parts(rows)
-    sums = transformed(central, centre - rows.select("mean_u", "mean_v").to_numpy().T, root)
-    labels = rows.select(pl.exclude("^(n|m_.*|mean_.*|centre_.|root_.)$"))
+    sums = transformed(central, centre - rows.select_seq("mean_u", "mean_v").to_numpy().T, root)
+    labels = rows.select_seq(pl.exclude("^(n|m_.*|mean_.*|centre_.|root_.)$"))
     return labels.hstack(pl.DataFrame(dict(zip(POWER_SUMS, sums, strict=True))))
 
 
@@ -95,7 +95,7 @@ def standardised(samples: pl.DataFrame, standard: pl.DataFrame) -> pl.DataFrame:
     order = _by_scene(samples)[rows].argsort(kind="stable")
     rows, of = rows[order], of[order]
     (centre_u, centre_v), (a, b, c) = (each[:, of] for each in _parts(standard))
-    errors = samples.select("age_low", "at", "dataset", "scene", "block", "track", "du_px", "dv_px")[rows]
+    errors = samples.select_seq("age_low", "at", "dataset", "scene", "block", "track", "du_px", "dv_px")[rows]
     u, v = errors["du_px"].to_numpy() - centre_u, errors["dv_px"].to_numpy() - centre_v
     columns = {"z_u": a * u, "z_v": b * u + c * v, "log_spread": -0.5 * np.log(a * c)}
     labels = [standard["trimming"][of], *errors]
@@ -118,5 +118,5 @@ def _by_scene(samples: pl.DataFrame) -> NDArray[np.unsignedinteger[Any]]:
 
 
 def _parts(rows: pl.DataFrame) -> tuple[np.ndarray, np.ndarray]:
-    columns = rows.select(_STANDARD).to_numpy().T
+    columns = rows.select_seq(_STANDARD).to_numpy().T
     return columns[:2], columns[2:]

@@ -41,10 +41,12 @@ def within_scenes(singles: pl.DataFrame, sums: pl.DataFrame) -> Array:
     sums
         What `tracknoise.findings.shape.standard.standard_sums` made of its moments.
     """
-    z = singles.select("z_u", "z_v").to_numpy()
+    z = singles.select_seq("z_u", "z_v").to_numpy()
     own = np.stack([np.ones(len(z)), *z.T, z[:, 0] ** 2, z[:, 0] * z[:, 1], z[:, 1] ** 2])
-    ages = singles.select(_OWN_AGE).join(sums.select(*_OWN_AGE, *_SUMS), on=_OWN_AGE, how="left", maintain_order="left")
-    others = ages.select(pl.col(_SUMS).fill_null(0.0)).to_numpy().T - own
+    ages = singles.select_seq(_OWN_AGE).join(
+        sums.select_seq(*_OWN_AGE, *_SUMS), on=_OWN_AGE, how="left", maintain_order="left"
+    )
+    others = ages.select_seq(pl.col(_SUMS).fill_null(0.0)).to_numpy().T - own
     few = others[0] < MIN_OTHERS
     if few.any():
         others = np.where(few, _of_bands(singles, own) - own, others)

@@ -43,11 +43,11 @@ def samples(sequence: PreparedSequence, *, max_tracks: int = MAX_TRACKS) -> pl.D
     distance = seen.age if key_frame is None else np.abs(seen.frame - key_frame)
     band, inside = _band(distance)
     rows = _one_per_track(sequence, np.flatnonzero(inside & seen.visible), band)
-    banded = sequence.observations.select(*ORIGIN, "track", "frame", "age", "du_px", "dv_px", "kept")[rows]
+    banded = sequence.observations.select_seq(*ORIGIN, "track", "frame", "age", "du_px", "dv_px", "kept")[rows]
     bounds = _bounds(band[rows])
-    chosen = first_tracks(banded.with_columns(**bounds, block=pl.Series(sequence.block[rows])), max_tracks)
-    table = chosen.with_columns(at="age" if key_frame is None else "frame").sort(_KEYS)
-    return check(table.select(pl.col(name).cast(kind) for name, kind in SAMPLES.items()), SAMPLES, "samples")
+    chosen = first_tracks(banded.with_columns_seq(**bounds, block=pl.Series(sequence.block[rows])), max_tracks)
+    table = chosen.with_columns_seq(at="age" if key_frame is None else "frame").sort(_KEYS)
+    return check(table.select_seq(pl.col(name).cast(kind) for name, kind in SAMPLES.items()), SAMPLES, "samples")
 
 
 def with_bands(table: pl.DataFrame, distance: pl.Expr) -> pl.DataFrame:
@@ -60,8 +60,8 @@ def with_bands(table: pl.DataFrame, distance: pl.Expr) -> pl.DataFrame:
     distance
         Frames of the nominal sequence, made of its columns: an age, or the distance from a key frame.
     """
-    band, inside = _band(table.select(distance.cast(pl.Int64).alias("distance"))["distance"].to_numpy())
-    return table.with_columns(**_bounds(band)).filter(pl.Series(inside))
+    band, inside = _band(table.select_seq(distance.cast(pl.Int64).alias("distance"))["distance"].to_numpy())
+    return table.with_columns_seq(**_bounds(band)).filter(pl.Series(inside))
 
 
 def first_tracks(samples: pl.DataFrame, count: int) -> pl.DataFrame:

@@ -110,10 +110,10 @@ def _newton(t: Array, scaled: Array, count: Array) -> Array:
     ratio = scaled / (1 + scaled)
     mean_ratio = ratio.sum(axis=1) / count
     mean_square = np.einsum("ij,ij->i", ratio, ratio) / count
-    # L(t) = -(1 + 2 t) / (2 t) E log(1 + t d2), and its first two derivatives in t
-    slope = mean_log / (2 * t**2) - (1 + 2 * t) / (2 * t**2) * mean_ratio
-    bend = -mean_log / t**3 + mean_ratio / t**3 + (1 + 2 * t) / (2 * t**3) * mean_square
-    step = np.where(bend < 0, -slope / np.where(bend < 0, bend, -1.0), np.copysign(np.inf, slope))
+    # L(t) = -(1 + 2 t) / (2 t) E log(1 + t d2), and its first two derivatives in t, times 2 t^2 and 2 t^3
+    slope = mean_log - (1 + 2 * t) * mean_ratio
+    bend = (1 + 2 * t) * mean_square - 2 * (mean_log - mean_ratio)
+    step = np.where(bend < 0, -t * slope / np.where(bend < 0, bend, -1.0), np.copysign(np.inf, slope))
     low, high = NU_RANGE
     stepped: Array = (t + step).clip(t / 2, 2 * t).clip(1 / high, 1 / low)
     return stepped

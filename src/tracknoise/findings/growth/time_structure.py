@@ -48,7 +48,6 @@ from tracknoise.tables.schema import (
     ORIGIN,
     SEQUENCE,
     check,
-    empty,
 )
 
 _KEY = [*POOLED, "trimming"]
@@ -130,15 +129,19 @@ def time_structure(
         by_condition(aspect_blocks, ASPECT_BLOCKS, "blocks of aspects", _long_lived), key_frames, joined, LONG_LIVED
     )
     drawn = draws_by_dataset(joined.scenes(scenes), n_draws=n_draws, seed=seed, groups=joined.others)
-    tables = [empty(TIME_STRUCTURE)]
+    every: list[dict[str, Any]] = []
     for key, part in by_scene.items():
         sums = _Sums.of(part, *(table.get(key) for table in (changes, by_block, lived, lived_blocks)))
         rows = _rows(sums, drawn[key[0]], Method(kind, level), min_features, key[_KEY.index("speed")])
         labels = {**dict(zip(_KEY, key, strict=True)), "level": level}
         names = part["scene"].unique().sort().to_list()
         of_groups = [{**row, "resampled": joined.resampled(row["resampled"], key[0], names)} for row in rows]
-        tables.append(pl.DataFrame([{**labels, **row} for row in of_groups], schema=dict(TIME_STRUCTURE)))
-    table = pl.concat(tables).with_columns_seq(pl.selectors.float().fill_nan(None)).sort(*_KEY, "coordinate")
+        every += [{**labels, **row} for row in of_groups]
+    table = (
+        pl.DataFrame(every, schema=dict(TIME_STRUCTURE))
+        .with_columns_seq(pl.selectors.float().fill_nan(None))
+        .sort(*_KEY, "coordinate")
+    )
     return check(table, TIME_STRUCTURE, "time structure")
 
 

@@ -6,8 +6,6 @@ covariance C are therefore taken from the moments of all its scenes, and z = L^-
 place of x (standard). What z looks like is then the shape of errors whose age is known.
 """
 
-from typing import Any
-
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
@@ -15,7 +13,7 @@ from numpy.typing import NDArray
 from tracknoise.findings.sampling.units import additive
 from tracknoise.findings.shape.mardia import POWER_SUMS, transformed, whitening
 from tracknoise.statistics.errors.joint import FOURTH
-from tracknoise.statistics.grouping import group_rows, number_names
+from tracknoise.statistics.grouping import by_group, group_rows, number_names
 from tracknoise.tables.enumerations import Trimming
 
 Rows = NDArray[np.intp]
@@ -92,7 +90,8 @@ def standardised(samples: pl.DataFrame, standard: pl.DataFrame) -> pl.DataFrame:
     selected = {Trimming.untrimmed: np.arange(samples.height), Trimming.trimmed: kept}
     found = [_with_standard(samples, rows, standard, trimming) for trimming, rows in selected.items()]
     rows, of = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    order = _by_scene(samples)[rows].argsort(kind="stable")
+    names, scene = number_names(samples["scene"])
+    order = by_group(scene[rows], len(names))
     rows, of = rows[order], of[order]
     (centre_u, centre_v), (a, b, c) = (each[:, of] for each in _parts(standard))
     errors = samples.select_seq("age_low", "at", "dataset", "scene", "block", "track", "du_px", "dv_px")[rows]
@@ -109,12 +108,6 @@ def _with_standard(samples: pl.DataFrame, rows: Rows, standard: pl.DataFrame, tr
     place = np.searchsorted(ages, at)
     has = np.append(ages, at.max(initial=0) + 1)[place] == at
     return rows[has], own[place[has]]
-
-
-def _by_scene(samples: pl.DataFrame) -> NDArray[np.unsignedinteger[Any]]:
-    """Number of the scene of each row, as the smallest integers, which are quick to sort."""
-    names, scene = number_names(samples["scene"])
-    return scene.astype(np.min_scalar_type(len(names)))
 
 
 def _parts(rows: pl.DataFrame) -> tuple[np.ndarray, np.ndarray]:

@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.statistics.grouping import group_runs, number_combinations
+from tracknoise.statistics.grouping import by_group, group_runs, number_combinations
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.scattered import scattered
 from tracknoise.tables.schema import ORIGIN, SAMPLES, check
@@ -76,8 +76,7 @@ def first_tracks(samples: pl.DataFrame, count: int) -> pl.DataFrame:
     """
     (groups,) = group_runs([samples], [*ORIGIN, "age_low"])
     shuffled = np.argsort(scattered(samples["track"].to_numpy()))
-    small = groups.index[shuffled].astype(np.min_scalar_type(groups.count))  # small integers are sorted by radix
-    order = shuffled[np.argsort(small, kind="stable")]
+    order = shuffled[by_group(groups.index[shuffled], groups.count)]
     sizes = np.bincount(groups.index, minlength=groups.count)
     place = np.arange(len(order)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
     first = np.zeros(len(order), dtype=np.bool_)

@@ -182,5 +182,5 @@ def test_the_audit_of_a_run_reads_the_poses_between_its_frames(shuttered, sequen
         entry = write_measurement(folder, EXPERIMENT, measure(source, {"oracle": ORACLE}))
         write_settings(folder, EXPERIMENT, [entry])
         assert folder.has_sequence(entry)
-        run_audit.run_audit(folder, EXPERIMENT)
+        run_audit.run_audit(folder, folder.manifest(), EXPERIMENT)
         assert (given.pop().path is not None) == has_path

@@ -2,9 +2,10 @@
 
 import polars as pl
 
-from tracknoise.experiments.analysis.few_scenes import conditions_of_few_scenes
+from tracknoise.experiments.analysis.few_scenes import conditions_of_few_scenes, has_errors
 from tracknoise.findings.growth.time_structure import lagged
 from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
+from tracknoise.statistics.conditions import by_condition
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.tables.schema import INCREMENTS, ORIGIN
 
@@ -18,21 +19,6 @@ def rows(*, tracker: str, scenes: range, **more: object) -> pl.DataFrame:
     return table.select(*(pl.col(name).cast(kind) for name, kind in ORIGIN.items()), *more)
 
 
-class Run:
-    """A run with tables of its sequences together."""
-
-    sequences = ("all",)
-
-    def __init__(self, frames, ends, moments):
-        self.tables = {"frames": frames, "ends": ends, "moments": moments}
-
-    def manifest(self):
-        return self
-
-    def stacked_tables(self, name, keys, *, only):
-        yield self.tables[name].select(only)
-
-
 def measured(*, seen: range, tracked: range, frames: range, tracker: str = "lk") -> list[pl.DataFrame]:
     errors = [rows(tracker=tracker, scenes=seen, population="visible", n=5)]
     without = rows(tracker=tracker, scenes=frames, population="visible", n=0)
@@ -41,8 +27,10 @@ def measured(*, seen: range, tracked: range, frames: range, tracker: str = "lk")
 
 
 def few(*conditions: list[pl.DataFrame], groups: SceneGroups = NO_GROUPS) -> list[str]:
-    run = Run(*(pl.concat(tables) for tables in zip(*conditions, strict=True)))
-    found = conditions_of_few_scenes(run, "visible", groups)
+    frames, ends, moments = (pl.concat(tables) for tables in zip(*conditions, strict=True))
+    errors = moments.filter(has_errors("visible"))
+    tables = (by_condition(table, table.schema, "table") for table in (errors, ends, frames))
+    found = conditions_of_few_scenes(*tables, groups)
     assert found.columns == POOLED
     return sorted(found["tracker"])
 

@@ -343,7 +343,7 @@ def test_changed_settings_and_findings_are_noticed(run):
     with pytest.raises(StoreError, match=r"experiment\.toml: missing"):
         run.experiment_toml()
     assert run.findings_json() is None
-    run.write_findings('{"n": 1}')
+    run.write_statistics({}, findings='{"n": 1}')
     assert run.findings_json() == '{"n": 1}'
     (run.path / "statistics" / "findings.json").write_text('{"n": 2}')
     with pytest.raises(StoreError, match=r"findings\.json: damaged"):

@@ -11,7 +11,7 @@ run, ``.lock`` names the process that writes here.
 
 import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import polars as pl
@@ -142,6 +142,15 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
 _RUN_TABLES: Mapping[str, schema.Schema] = {**STATISTICS_TABLES, **FINDINGS_TABLES}
 
 
+@dataclass(frozen=True, slots=True)
+class _Hashes:
+    """Hashes in one version of the manifest: of the files of each sequence, and of those of the whole run."""
+
+    version: tuple[int, int, int] | None
+    sequences: dict[str, dict[str, str]]
+    statistics: dict[str, str]
+
+
 class RunFolder:
     """A run folder on disk.
 
@@ -153,7 +162,7 @@ class RunFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = Path(path)
-        self._hashes: tuple[tuple[int, int, int] | None, dict[str, dict[str, str]]] | None = None
+        self._last_read: _Hashes | None = None
 
     @property
     def lock_path(self) -> Path:
@@ -235,11 +244,7 @@ class RunFolder:
         StoreError
             If there is no run here, or the manifest is damaged or of another format.
         """
-        place = str(self.path / _MANIFEST)
-        try:
-            return Manifest.from_json(self._manifest_content().decode(), place=place)
-        except UnicodeDecodeError as error:
-            raise StoreError(damaged(place, str(error))) from error
+        return self._read()[0]
 
     def write_manifest(self, manifest: Manifest) -> None:
         """Write the manifest, so that it survives a power cut.
@@ -366,7 +371,7 @@ class RunFolder:
 
     def sequence_tables(self, name: str) -> Iterator[pl.DataFrame]:
         """One table of each measured sequence, in the order of their keys."""
-        for key in sorted(self._hashes_by_sequence()):
+        for key in sorted(self._hashes().sequences):
             yield self.sequence_table(name, key)
 
     def stored_tables(self, name: str, *, only: Collection[str] | None = None) -> Iterator[pl.DataFrame]:
@@ -377,7 +382,7 @@ class RunFolder:
         StoreError, SchemaError
             As `sequence_table`.
         """
-        recorded = self._hashes_by_sequence()
+        recorded = self._hashes().sequences
         yield from self.stacked_tables(name, [key for key in sorted(recorded) if name in recorded[key]], only=only)
 
     def stacked_tables(
@@ -402,8 +407,15 @@ class RunFolder:
             files = {self._table_path(name, key): self._kept(name, recorded.get(key, {})) for key in some}
             yield read_stacked(files, _ALL_SEQUENCE_TABLES[name], only=only)
 
-    def write_statistics(self, tables: Mapping[str, pl.DataFrame]) -> None:
-        """Write tables of `STATISTICS_TABLES` or `FINDINGS_TABLES` by name, then the manifest with their hashes.
+    def write_statistics(self, tables: Mapping[str, pl.DataFrame], *, findings: str | None = None) -> None:
+        """Write tables of the whole run, then the manifest with their hashes.
+
+        Parameters
+        ----------
+        tables
+            Of `STATISTICS_TABLES` or `FINDINGS_TABLES`, by name.
+        findings
+            The text of ``statistics/findings.json``. None leaves that file as it is.
 
         Raises
         ------
@@ -411,9 +423,11 @@ class RunFolder:
             If a table does not have its columns, or the folder cannot be written.
         """
         checked = {name: schema.check(table, _RUN_TABLES[name], name) for name, table in tables.items()}
-        manifest = self.manifest()
+        manifest, folder = self.manifest(), self.path / "statistics"
         for name, table in checked.items():
-            manifest.statistics[name] = write_parquet(self.path / "statistics" / f"{name}.parquet", table)
+            manifest.statistics[name] = write_parquet(folder / f"{name}.parquet", table)
+        if findings is not None:
+            manifest.statistics[_FINDINGS] = write_atomically(folder / _FINDINGS, findings.encode())
         self.write_manifest(manifest)
 
     def statistics(self, name: str) -> pl.DataFrame:
@@ -426,25 +440,13 @@ class RunFolder:
         StoreError, SchemaError
             If the run is not finished, or the file is missing or damaged, or has other columns.
         """
-        hashes = self.manifest().statistics
+        hashes = self._hashes().statistics
         unfinished_run = not hashes or not (self.path / "statistics").is_dir()
         if unfinished_run or (name in STATISTICS_TABLES and name not in hashes):
             raise StoreError(f"{self.path}: no finished run, expected one; `tracknoise run` starts or resumes a run")
         if name not in hashes:
             return schema.empty(FINDINGS_TABLES[name])
         return read_parquet(self.path / "statistics" / f"{name}.parquet", _RUN_TABLES[name], hashes[name])
-
-    def write_findings(self, document: str) -> None:
-        """Write ``statistics/findings.json``, the text of a JSON document, then the manifest with its hash.
-
-        Raises
-        ------
-        StoreError
-            If the folder cannot be written.
-        """
-        manifest = self.manifest()
-        manifest.statistics[_FINDINGS] = write_atomically(self.path / "statistics" / _FINDINGS, document.encode())
-        self.write_manifest(manifest)
 
     def findings_json(self) -> str | None:
         """The text of ``statistics/findings.json``. None where it was never written.
@@ -454,7 +456,7 @@ class RunFolder:
         StoreError
             If it is missing or damaged.
         """
-        known = self.manifest().statistics.get(_FINDINGS)
+        known = self._hashes().statistics.get(_FINDINGS)
         if known is None:
             return None
         return read_text_checked(self.path / "statistics" / _FINDINGS, [known], expected="the findings of the run")
@@ -492,15 +494,24 @@ class RunFolder:
         return self._recorded().get(key, {})
 
     def _recorded(self) -> dict[str, dict[str, str]]:
-        """As `_hashes_by_sequence`; none if there is no manifest."""
-        return {} if self._version() is None else self._hashes_by_sequence()
+        """Hashes of the files of each sequence; none if there is no manifest."""
+        return {} if self._version() is None else self._hashes().sequences
 
-    def _hashes_by_sequence(self) -> dict[str, dict[str, str]]:
-        """Hashes of the files of each sequence, from the manifest. It can be large, so each version is read once."""
-        version = self._version()
-        if version is None or self._hashes is None or self._hashes[0] != version:
-            self._hashes = version, {key: entry.sha256 for key, entry in self.manifest().sequences.items()}
-        return self._hashes[1]
+    def _hashes(self) -> _Hashes:
+        """Hashes from the manifest. It can be large, so each version is read once."""
+        known, version = self._last_read, self._version()
+        return self._read()[1] if known is None or version is None or known.version != version else known
+
+    def _read(self) -> tuple[Manifest, _Hashes]:
+        """The manifest, and its hashes, which are remembered."""
+        place, version = str(self.path / _MANIFEST), self._version()
+        try:
+            manifest = Manifest.from_json(self._manifest_content().decode(), place=place)
+        except UnicodeDecodeError as error:
+            raise StoreError(damaged(place, str(error))) from error
+        of_sequences = {key: entry.sha256 for key, entry in manifest.sequences.items()}
+        self._last_read = _Hashes(version, of_sequences, dict(manifest.statistics))
+        return manifest, self._last_read
 
     def _version(self) -> tuple[int, int, int] | None:
         """What tells two versions of the manifest apart; None without one."""

@@ -4,15 +4,14 @@ A scene counts where it has what is pooled. One whose images show no features ha
 missing in some scenes of a view.
 """
 
-from collections.abc import Iterator
-
 import polars as pl
 
 from tracknoise.findings.sampling.groups import SceneGroups, scheme
+from tracknoise.statistics.conditions import Condition, TablesByCondition
 from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.grouping import number_names
 from tracknoise.tables.enumerations import Population
 from tracknoise.tables.schema import ORIGIN
-from tracknoise.tables.store import RunFolder
 
 _OF = "population"
 
@@ -22,44 +21,32 @@ def has_errors(population: str) -> pl.Expr:
     return (pl.col("n") > 0) & pl.col(_OF).is_in(sorted({Population.visible, population}))
 
 
-def conditions_of_few_scenes(run: RunFolder, population: str, groups: SceneGroups) -> pl.DataFrame:
+def conditions_of_few_scenes(
+    moments: TablesByCondition, ends: TablesByCondition, frames: TablesByCondition, groups: SceneGroups
+) -> pl.DataFrame:
     """Conditions of which the frames, the tracks or the errors are of too few scenes for these to be resampled.
 
     Parameters
     ----------
-    run
-        With at least one measured sequence.
-    population
-        Which observations the experiment is about.
+    moments
+        Those of observations with errors (`has_errors`).
+    ends, frames
+        Schema `ENDS` and `FRAME_COUNTS`.
     groups
         Groups of scenes that are not independent of each other.
 
     Returns
     -------
     polars.DataFrame
-        Columns `POOLED`: a row for each.
-
-    Raises
-    ------
-    StoreError, SchemaError
-        If a table is damaged.
+        Columns `POOLED`: a row for each, sorted.
     """
-    found = pl.concat(_scenes(run, has_errors(population)), how="diagonal").unique(maintain_order=True)
-    few = [
-        key[: len(POOLED)]
-        for key, part in found.partition_by([*POOLED, "of"], as_dict=True).items()
-        if scheme(groups.of(key[0], part["scene"].sort().to_list())) is None
-    ]
-    schema = {name: ORIGIN[name] for name in POOLED}
-    return pl.DataFrame(list(dict.fromkeys(few)), schema=schema, orient="row")
+    few = {key for table in (frames, ends) for key, part in table.items() if _are_few(key, part["scene"], groups)}
+    for key, part in moments.items():
+        names, populations = part["scene"], part[_OF]
+        if any(_are_few(key, names.filter(populations == each), groups) for each in populations.unique()):
+            few.add(key)
+    return pl.DataFrame(sorted(few), schema={name: ORIGIN[name] for name in POOLED}, orient="row")
 
 
-def _scenes(run: RunFolder, with_errors: pl.Expr) -> Iterator[pl.DataFrame]:
-    """Conditions and scenes of the frames, of the tracks, and of each population of the errors: column of."""
-    keys, origin = sorted(run.manifest().sequences), list(ORIGIN)
-    for name in ("frames", "ends"):
-        for table in run.stacked_tables(name, keys, only=origin):
-            yield table.select_seq(*origin, of=pl.lit(name)).unique(maintain_order=True)
-    for table in run.stacked_tables("moments", keys, only=[*origin, _OF, "n"]):
-        rows = table.filter(with_errors).select_seq(*origin, of=pl.col(_OF).cast(pl.String))
-        yield rows.unique(maintain_order=True)
+def _are_few(condition: Condition, scenes: pl.Series, groups: SceneGroups) -> bool:
+    return scheme(groups.of(condition[0], number_names(scenes)[0])) is None

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import polars as pl
 
-from tracknoise.experiments.analysis.few_scenes import has_errors
+from tracknoise.experiments.analysis.few_scenes import conditions_of_few_scenes, has_errors
 from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.statistics.conditions import TablesByCondition, by_condition
 from tracknoise.statistics.definitions import POOLED
@@ -13,8 +13,11 @@ from tracknoise.statistics.factors.factors import ReferenceCondition
 from tracknoise.statistics.grouping import total_if_known
 from tracknoise.statistics.tracks.lifetimes import COUNTS
 from tracknoise.tables.identity import SequenceId
-from tracknoise.tables.schema import ORIGIN, VIEW
+from tracknoise.tables.manifest import Manifest
+from tracknoise.tables.schema import ENDS, ORIGIN, VIEW
 from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
+
+Reduce = Callable[[pl.DataFrame], pl.DataFrame]
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +29,8 @@ class FindingInputs:
 
     Attributes
     ----------
+    few
+        Conditions whose scenes are too few to be resampled (`conditions_of_few_scenes`).
     moments, scales
         Of the visible observations, and of those that the experiment is about.
     aspects, changes
@@ -42,6 +47,7 @@ class FindingInputs:
         Groups of scenes that are not independent of each other.
     """
 
+    few: pl.DataFrame
     moments: TablesByCondition
     scales: TablesByCondition
     aspects: Iterator[pl.DataFrame]
@@ -57,52 +63,53 @@ class FindingInputs:
     def read(
         cls,
         run: RunFolder,
+        manifest: Manifest,
         population: str,
         reference: ReferenceCondition,
         groups: SceneGroups,
-        few: pl.DataFrame,
     ) -> "FindingInputs":
         """Read them from a run.
 
         Parameters
         ----------
         run
-            With at least one measured sequence.
+            Whose tables are read.
+        manifest
+            Its manifest, with at least one measured sequence.
         population
             Which observations the experiment is about.
         reference
             The condition that figures show.
         groups
             Groups of scenes that are not independent of each other.
-        few
-            Conditions whose scenes are too few to be resampled (`conditions_of_few_scenes`).
 
         Raises
         ------
         StoreError, SchemaError
             If a table is damaged.
         """
-        entries = run.manifest().sequences
-        every = sorted(entries)
-        shown = [key for key in every if _is_seen(entries[key].sequence, reference)]
-        slowest = pl.col("speed") == reference.speed
+        every = sorted(manifest.sequences)
+        shown = [key for key in every if _is_seen(manifest.sequences[key].sequence, reference)]
+        seen, slowest = has_errors(population), pl.col("speed") == reference.speed
 
-        def read(name: str, keys: list[str], reduce: Callable[[pl.DataFrame], pl.DataFrame]) -> TablesByCondition:
+        def read(name: str, keys: list[str], reduce: Reduce = lambda table: table) -> TablesByCondition:
             return by_condition(run.stacked_tables(name, keys), SEQUENCE_TABLES[name], name, reduce)
 
-        seen = has_errors(population)
+        moments = read("moments", every, lambda table: table.filter(seen))
+        ends, frames = read("ends", every), read("frames", every)
+        few = conditions_of_few_scenes(moments, ends, frames, groups)
+        with_blocks = (every, shown) if few.height else ([], [])
         return cls(
-            moments=read("moments", every, lambda table: table.filter(seen)),
+            few=few,
+            moments=moments,
             scales=read("scales", every, lambda table: table.filter(seen)),
             aspects=(run.sequence_table("aspects", key).filter(slowest) for key in shown),
             changes=read("increments", shown, lambda table: table.filter(slowest)),
-            aspect_blocks=read(
-                "aspect_blocks", [] if few.is_empty() else shown, lambda table: _of(few, table.filter(slowest))
-            ),
-            blocks=read("blocks", [] if few.is_empty() else every, lambda table: _of(few, table)),
-            scale_blocks=read("scale_blocks", [] if few.is_empty() else every, lambda table: _of(few, table)),
-            ends=read("ends", every, lambda table: _ends(table, few)),
-            frames=read("frames", every, lambda table: table),
+            aspect_blocks=read("aspect_blocks", with_blocks[1], lambda table: _of(few, table.filter(slowest))),
+            blocks=read("blocks", with_blocks[0], lambda table: _of(few, table)),
+            scale_blocks=read("scale_blocks", with_blocks[0], lambda table: _of(few, table)),
+            ends=_of_all_blocks(ends, few),
+            frames=frames,
             groups=groups,
         )
 
@@ -115,9 +122,13 @@ def _of(conditions: pl.DataFrame, table: pl.DataFrame) -> pl.DataFrame:
     return table.join(conditions, on=POOLED, how="semi", maintain_order="left")
 
 
-def _ends(ends: pl.DataFrame, few: pl.DataFrame) -> pl.DataFrame:
+def _of_all_blocks(ends: TablesByCondition, few: pl.DataFrame) -> TablesByCondition:
     """Counts by block where scenes are few, otherwise of all blocks together."""
+    by_block = set(few.rows())
+    return {key: part if key in by_block else _added_up(part) for key, part in ends.items()}
+
+
+def _added_up(ends: pl.DataFrame) -> pl.DataFrame:
     key = [*ORIGIN, "block", "lifetime"]
-    marked = ends.join(few.with_columns(is_few=pl.lit(value=True)), on=POOLED, how="left")
-    named = marked.with_columns(block=pl.when("is_few").then("block").otherwise(pl.lit(0, dtype=pl.UInt8)))
-    return named.group_by(key).agg(total_if_known(name, pl.col(name).sum()) for name in COUNTS).sort(key)
+    together = ends.with_columns_seq(block=pl.lit(0, dtype=ENDS["block"]))
+    return together.group_by(key).agg(total_if_known(name, pl.col(name).sum()) for name in COUNTS).sort(key)

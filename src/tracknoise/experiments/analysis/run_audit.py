@@ -11,7 +11,7 @@ from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.store import RunFolder
 
 
-def run_audit(run: RunFolder, experiment: Experiment) -> dict[str, pl.DataFrame]:
+def run_audit(run: RunFolder, manifest: Manifest, experiment: Experiment) -> dict[str, pl.DataFrame]:
     """Audit the truth of a run: tables `audit` and `audit_curves`.
 
     One view of each scene and camera takes part: the first of its lightings, in the order of the experiment.
@@ -19,7 +19,9 @@ def run_audit(run: RunFolder, experiment: Experiment) -> dict[str, pl.DataFrame]
     Parameters
     ----------
     run
-        With at least one measured sequence.
+        Whose tables are read.
+    manifest
+        Its manifest, with at least one measured sequence.
     experiment
         Whose groups, lightings and trackers are used.
 
@@ -28,7 +30,6 @@ def run_audit(run: RunFolder, experiment: Experiment) -> dict[str, pl.DataFrame]
     StoreError, SchemaError
         If a table is damaged.
     """
-    manifest = run.manifest()
     tables = [_audited(run, key, manifest.sequences[key]) for key in audited_keys(manifest, experiment)]
     found = audit_tables(
         tables,

@@ -8,7 +8,6 @@ import polars as pl
 from tracknoise.audit.pose_errors.pose_law import pose_law
 from tracknoise.audit.pose_errors.rigid_share import rigid_share
 from tracknoise.audit.usual import usual_mistakes
-from tracknoise.experiments.analysis.few_scenes import conditions_of_few_scenes
 from tracknoise.experiments.analysis.finding_inputs import FindingInputs
 from tracknoise.experiments.analysis.freed_memory import keep_freed_memory
 from tracknoise.experiments.analysis.reference_condition import reference_condition
@@ -89,13 +88,12 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
     keep_freed_memory()
     manifest = run.manifest()
     reference = reference_condition(manifest, experiment, statistics["outliers"])
-    tables = _tables(run, manifest, experiment, statistics, reference) | run_audit(run, experiment)
+    tables = _tables(run, manifest, experiment, statistics, reference) | run_audit(run, manifest, experiment)
     reported = _reported(manifest, experiment, {**statistics, **tables}, reference)
     if reported.fitted:
         tables |= _without_verdicts_on_errors(tables)
     tables["findings"] = headline_table({**statistics, **tables}, reported)
-    run.write_statistics(tables)
-    run.write_findings(findings_json({**statistics, **tables}))
+    run.write_statistics(tables, findings=findings_json({**statistics, **tables}))
 
 
 def _without_verdicts_on_errors(tables: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
@@ -123,10 +121,9 @@ def _tables(
     pairs: list[pl.DataFrame] = []  # of changes
     lived: list[pl.DataFrame] = []
     groups = groups_of_scenes(manifest.sequences, experiment.dataset.groups)
-    few = conditions_of_few_scenes(run, population, groups)
     every = sorted(manifest.sequences)
-    pooled = _pooled_curves(run, every, least, few, pairs)  # first, while no other tables are in memory
-    read = FindingInputs.read(run, population, reference, groups, few)
+    read = FindingInputs.read(run, manifest, population, reference, groups)
+    pooled = _pooled_curves(run, every, least, read.few, pairs)
     asked, zeros = experiment.findings, reference.key_frames
     sampling = Sampling(asked.intervals, asked.level, groups)
     options: _CurveOptions = {

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.findings.sampling.jackknife import student_interval
 from tracknoise.findings.sampling.units import by_number
-from tracknoise.noise_models.lookup.scene_sums import USED, SceneSums, scene_sums
+from tracknoise.noise_models.lookup.scene_sums import SceneSums, condensed, scene_sums
 from tracknoise.noise_models.reference_view import reference_view
 from tracknoise.tables.defaults import LEVEL
 from tracknoise.tables.enumerations import IntervalKind, Lookup, Resampled
@@ -87,7 +87,7 @@ def noise_lookup(
         Schema `NOISE_LOOKUP`. A table that has no more rows than a coarser one is left out. Without rows if there is
         nothing to look up by.
     """
-    tables = [table.select(USED) for table in sums if not table.is_empty()]
+    tables = [condensed(table) for table in sums if not table.is_empty()]
     if not tables:
         return empty(NOISE_LOOKUP)
     together = pl.concat(tables)

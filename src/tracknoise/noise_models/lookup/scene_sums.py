@@ -15,7 +15,9 @@ from tracknoise.tables.enumerations import Lookup, Product, Resampled
 Array = NDArray[np.float64]
 
 _SUMS = ("n", "uu", "uv", "vv")
-USED = ("dataset", "scene", "rotation", "direction", "tracker", "speed", "product", "age", *_SUMS)
+_KEYS = ("dataset", "scene", "rotation", "direction", "tracker", "speed", "product", "age")
+_LOOKED_UP = (Product.error, Product.change)
+USED = (*_KEYS, *_SUMS)
 """Columns of `tracknoise.tables.schema.NOISE_SUMS` that are read."""
 
 
@@ -74,18 +76,36 @@ class SceneSums:
         return np.asarray((self.left_out(lookup)[..., 0].sum(axis=-1) == 0.0).all(axis=1))
 
 
-def scene_sums(sums: pl.DataFrame, groups: SceneGroups) -> Iterator[tuple[str, Product, SceneSums]]:
-    """Sums of each dataset and of the products `error` and `change`, all lightings and cameras together.
+def condensed(sums: pl.DataFrame) -> pl.DataFrame:
+    """Sums of the products `error` and `change`, all lightings and cameras together.
 
     Parameters
     ----------
     sums
-        Of one view, with at least the columns `USED`.
+        With at least the columns `USED`.
+
+    Returns
+    -------
+    polars.DataFrame
+        Columns `USED`.
+    """
+    some = sums.filter(pl.col("product").is_in(_LOOKED_UP))
+    groups = group_rows(some, _KEYS)
+    return groups.keys.hstack(groups.sums(some, _SUMS))
+
+
+def scene_sums(sums: pl.DataFrame, groups: SceneGroups) -> Iterator[tuple[str, Product, SceneSums]]:
+    """Sums of each dataset and product.
+
+    Parameters
+    ----------
+    sums
+        Of one view (`condensed`).
     groups
         Groups of scenes, such as those of one motion.
     """
     for dataset in sums["dataset"].unique().sort():
-        for product in (Product.error, Product.change):
+        for product in _LOOKED_UP:
             some = sums.filter(dataset=dataset, product=product)
             if some.height:
                 yield dataset, product, _dense(some, dataset, groups)

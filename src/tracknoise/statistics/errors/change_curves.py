@@ -39,7 +39,7 @@ def change_curves(increments: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataF
     """
     total = pl.DataFrame(schema={**{name: INCREMENTS[name] for name in _KEYS}, **dict.fromkeys(_SUMS, pl.Float64)})
     for chunk in in_chunks(increments, INCREMENTS, "increments"):
-        total = _added(pl.concat([total, _sums(chunk)]))
+        total = _added(pl.concat([total, _sums(chunk)], how="diagonal"))
     alone = pl.when(pl.col("lag") == 0)
     related = pl.when(pl.col("lag") > 0)
     table = total.with_columns(
@@ -65,11 +65,11 @@ def _ratio(axis: str) -> pl.Expr:
 
 
 def _sums(increments: pl.DataFrame) -> pl.DataFrame:
-    """Sums about zero, which add up, of every scene's blocks together."""
-    first = pl.col("block") == pl.col("block").min().over("scene", *_KEYS)  # rows of all blocks together have none
-    is_scene = first.fill_null(value=True).cast(pl.Float64)
-    table = increments.select(*_KEYS, pl.col("n").cast(pl.Float64), *_PRODUCTS, n_scenes=is_scene, **ABOUT_ZERO)
-    return _added(table.with_columns(pl.col(*ABOUT_ZERO, *_PRODUCTS).fill_null(0.0)))
+    """Sums about zero, which add up, of every scene: all of its blocks together."""
+    about_zero = increments.select_seq(pl.col("n").cast(pl.Float64), *_PRODUCTS, **ABOUT_ZERO)
+    groups = group_rows(increments, ["scene", *_KEYS])
+    sums = groups.sums(about_zero.fill_null(0.0), about_zero.columns)
+    return groups.keys.select_seq(_KEYS).hstack(sums).with_columns_seq(n_scenes=1.0)
 
 
 def _added(sums: pl.DataFrame) -> pl.DataFrame:

@@ -10,7 +10,7 @@ from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.statistics.conditions import TablesByCondition, by_condition
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.factors.factors import ReferenceCondition
-from tracknoise.statistics.grouping import total_if_known
+from tracknoise.statistics.grouping import group_rows
 from tracknoise.statistics.tracks.lifetimes import COUNTS
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import Manifest
@@ -129,6 +129,9 @@ def _of_all_blocks(ends: TablesByCondition, few: pl.DataFrame) -> TablesByCondit
 
 
 def _added_up(ends: pl.DataFrame) -> pl.DataFrame:
-    key = [*ORIGIN, "block", "lifetime"]
-    together = ends.with_columns_seq(block=pl.lit(0, dtype=ENDS["block"]))
-    return together.group_by(key).agg(total_if_known(name, pl.col(name).sum()) for name in COUNTS).sort(key)
+    """Counts of all blocks together, as block 0; null where one of them is."""
+    groups = group_rows(ends, [*ORIGIN, "lifetime"])
+    table = groups.keys.hstack(groups.sums(ends, COUNTS).fill_nan(None))
+    return table.select_seq(
+        (pl.lit(0) if name == "block" else pl.col(name)).cast(kind).alias(name) for name, kind in ENDS.items()
+    )

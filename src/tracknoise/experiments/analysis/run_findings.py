@@ -40,7 +40,7 @@ from tracknoise.noise_models.lookup.scene_sums import USED
 from tracknoise.noise_models.window_noise import window_sigmas
 from tracknoise.sequences.sequence import TRIANGULATED, TruthKind
 from tracknoise.statistics.errors.change_curves import change_curves
-from tracknoise.statistics.errors.curves import aspect_curves
+from tracknoise.statistics.errors.curves import ASPECT_COLUMNS, aspect_curves
 from tracknoise.statistics.factors.factors import ReferenceCondition
 from tracknoise.statistics.grouping import in_chunks
 from tracknoise.statistics.tracks.lifetimes import horizons
@@ -163,7 +163,7 @@ def _pooled_curves(
     increments = in_chunks(run.stacked_tables("increments", every), INCREMENTS, "increments")
     moved = _keeping(increments, pairs, lambda table: lagged(table, few))
     return {
-        "aspect_curves": aspect_curves(run.stacked_tables("aspects", every), min_features=least),
+        "aspect_curves": aspect_curves(run.stacked_tables("aspects", every, only=ASPECT_COLUMNS), min_features=least),
         "changes": change_curves(moved),
     }
 

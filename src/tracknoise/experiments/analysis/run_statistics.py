@@ -7,7 +7,7 @@ import polars as pl
 from tracknoise.experiments.analysis.reference_condition import reference_condition
 from tracknoise.experiments.settings import Experiment
 from tracknoise.statistics.errors.cores import cores
-from tracknoise.statistics.errors.curves import curves
+from tracknoise.statistics.errors.curves import CURVE_COLUMNS, curves
 from tracknoise.statistics.errors.histogram import merge_errors
 from tracknoise.statistics.factors.effects import effects
 from tracknoise.statistics.summary import summary
@@ -42,9 +42,9 @@ def compute_statistics(run: RunFolder, experiment: Experiment) -> dict[str, pl.D
     StoreError, SchemaError
         If a table is damaged, or the folder cannot be written.
     """
-    # merged moments depend, in their last digits, on how many tables are read together; the others do not
-    several = partial(run.stacked_tables, keys=sorted(run.manifest().sequences))
-    pooled = curves(run.sequence_tables("moments"), min_features=experiment.statistics.min_features)
+    manifest = run.manifest()
+    several = partial(run.stacked_tables, keys=sorted(manifest.sequences))
+    pooled = curves(several("moments", only=CURVE_COLUMNS), min_features=experiment.statistics.min_features)
     tables = {
         "curves": pooled,
         "cores": cores(several("scales"), pooled),
@@ -55,7 +55,7 @@ def compute_statistics(run: RunFolder, experiment: Experiment) -> dict[str, pl.D
         "errors": merge_errors(several("errors")),
         "counts": merge_counts(several("counts")),
     }
-    reference = reference_condition(run.manifest(), experiment, tables["outliers"])
+    reference = reference_condition(manifest, experiment, tables["outliers"])
     tables["summary"] = summary(
         tables["curves"],
         tables["lifetimes"],

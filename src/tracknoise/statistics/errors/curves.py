@@ -33,6 +33,12 @@ _COLUMNS = {"mean": ("u", "v"), "absolute": ("u", "v"), "second": ("u", "v", "uv
 """Which values each statistic has."""
 _MOMENTS = ["n", "mean_u", "mean_v", "m_uu", "m_uv", "m_vv", "mean_abs_u", "mean_abs_v"]
 """Columns of moments that curves are made of."""
+CURVE_COLUMNS, ASPECT_COLUMNS = (
+    {name: kind for name, kind in schema.items() if name not in MOMENT_VALUES or name in _MOMENTS}
+    for schema in (MOMENTS, ASPECTS)
+)
+"""Columns of `MOMENTS` and of `ASPECTS` without moments of higher orders: curves need no others."""
+_HIGHER = [name for name in MOMENT_VALUES if name not in _MOMENTS]
 _SUMS = {statistic: [f"{statistic} {column}" for column in columns] for statistic, columns in _COLUMNS.items()}
 _SCENES = {statistic: f"{statistic} scenes" for statistic in _COLUMNS}
 
@@ -49,8 +55,9 @@ def curves(moments: pl.DataFrame | Iterable[pl.DataFrame], *, min_features: int 
     ----------
     moments
         A moments table with one row per scene, condition, population, trimming and age or frame; or any number of such
-        tables, which are read a few at a time. A scene that a bootstrap drew twice occurs and counts twice.
-        The order of rows does not matter. The order of tables affects the rounding of sums only.
+        tables, which are read a few at a time. `CURVE_COLUMNS` suffice. A scene that a bootstrap drew twice occurs and
+        counts twice. The order of rows does not matter. The order and the sizes of tables affect the rounding of
+        sums only.
     min_features
         `cut` is set from the first age of a condition at which its scenes together have fewer features than this. On
         an axis of frames it is set outwards from the frame with the most features, on both sides.
@@ -68,7 +75,7 @@ def curves(moments: pl.DataFrame | Iterable[pl.DataFrame], *, min_features: int 
     SchemaError
         If the table has other columns.
     """
-    return check(_curves(in_chunks(moments, MOMENTS, "moments"), MOMENTS, [], min_features), CURVES, "curves")
+    return check(_curves(moments, CURVE_COLUMNS, "moments", [], min_features), CURVES, "curves")
 
 
 def aspect_curves(aspects: pl.DataFrame | Iterable[pl.DataFrame], *, min_features: int = MIN_FEATURES) -> pl.DataFrame:
@@ -77,7 +84,8 @@ def aspect_curves(aspects: pl.DataFrame | Iterable[pl.DataFrame], *, min_feature
     Parameters
     ----------
     aspects
-        Schema `ASPECTS`, of any number of scenes; or any number of such tables, read a few at a time.
+        Schema `ASPECTS`, of any number of scenes; or any number of such tables, read a few at a time. `ASPECT_COLUMNS`
+        suffice.
     min_features
         As in `curves`.
 
@@ -92,14 +100,18 @@ def aspect_curves(aspects: pl.DataFrame | Iterable[pl.DataFrame], *, min_feature
     SchemaError
         If a table has other columns.
     """
-    found = _curves(in_chunks(aspects, ASPECTS, "aspects"), ASPECTS, _ASPECT, min_features)
+    found = _curves(aspects, ASPECT_COLUMNS, "aspects", _ASPECT, min_features)
     undefined = (pl.col("aspect") == Aspect.gradient) & ~pl.col("statistic").is_in(_SIGNLESS)
     return check(found.filter(~undefined), ASPECT_CURVES, "aspect curves")
 
 
-def _curves(chunks: Iterable[pl.DataFrame], schema: Schema, labels: Sequence[str], min_features: int) -> pl.DataFrame:
+def _curves(
+    tables: pl.DataFrame | Iterable[pl.DataFrame], schema: Schema, name: str, labels: Sequence[str], min_features: int
+) -> pl.DataFrame:
     """Curves for each combination of the columns `labels`, which come first."""
-    points = _pooled(chunks, schema, [*labels, *_POINT])
+    each = [tables] if isinstance(tables, pl.DataFrame) else tables
+    narrow = (table.drop(_HIGHER, strict=False) for table in each)
+    points = _pooled(in_chunks(narrow, schema, name), schema, [*labels, *_POINT])
     keys = _with_cuts(points.select(*labels, *_POINT, "n"), [*labels, *_CURVE], min_features)
     weightings = {Weighting.features: _by_features(points), Weighting.scenes: _by_scenes(points)}
     columns = [*labels, *CURVES]

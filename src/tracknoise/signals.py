@@ -1,4 +1,4 @@
-"""The signals that end a program, and how to make them wait while a process is started."""
+"""The signals that end a program, what they end, and how to make them wait while a process is started."""
 
 import signal
 import threading
@@ -44,6 +44,16 @@ def _recorded() -> Iterator[None]:
             signal.signal(number, handler)
         for late in dict.fromkeys(received):
             signal.raise_signal(late)
+
+
+def end_system_calls() -> None:
+    """Let the signals of `ENDING` end system calls that wait, such as those that read from a pipe.
+
+    Handlers of Python do so. When Polars is loaded, it puts a handler for Ctrl-C in front of an existing one, and such
+    calls then go on. To be called after that.
+    """
+    for number in ENDING:
+        signal.siginterrupt(number, True)
 
 
 def ignore() -> None:

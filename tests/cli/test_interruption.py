@@ -89,6 +89,14 @@ def start(folder, *options):
     return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, process_group=0)
 
 
+def send(program, number):
+    """Five times to all processes."""
+    for _ in range(5):
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(program.pid, number)
+        time.sleep(0.02)
+
+
 def workers(program):
     with contextlib.suppress(psutil.Error):
         children = psutil.Process(program.pid).children(recursive=True)
@@ -112,7 +120,7 @@ def wait_until(true):
     ],
 )
 def test_a_program_is_ended_with_one_line_and_resumes(number, text, count, stalled, tmp_path, tracknoise):
-    """The signal is sent five times to all processes, as soon as there is a worker, or the image is waited for."""
+    """The signal is sent as soon as there is a worker, or else the manifest."""
     pipes, content = stalled
     program = start(tmp_path, "--workers", count)
     if count == "1":
@@ -120,10 +128,7 @@ def test_a_program_is_ended_with_one_line_and_resumes(number, text, count, stall
     else:
         wait_until(lambda: workers(program))
     there = workers(program)
-    for _ in range(5):
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(program.pid, number)
-        time.sleep(0.02)
+    send(program, number)
     _, errors = program.communicate(timeout=60)
     assert errors == f"tracknoise: error: {text}; run the same command again to resume\n"
     assert program.returncode == 128 + number
@@ -133,6 +138,18 @@ def test_a_program_is_ended_with_one_line_and_resumes(number, text, count, stall
         pipe.write_bytes(content)
     resumed, _, errors = tracknoise(*arguments(tmp_path), "--workers", "1")
     assert (resumed, errors) == (0, "")
+
+
+@pytest.mark.parametrize("number", signals.ENDING)
+def test_a_program_that_waits_for_a_file_is_ended(number, stalled, tmp_path):
+    (first, _), _ = stalled
+    program = start(tmp_path, "--workers", "1")
+    with first.open("wb"):  # it is opened, and soon read
+        time.sleep(0.5)
+        send(program, number)
+        _, errors = program.communicate(timeout=60)
+    assert errors.endswith("; run the same command again to resume\n")
+    assert program.returncode == 128 + number
 
 
 @pytest.mark.parametrize("count", ["1", "2"])

@@ -4,6 +4,8 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tracknoise import signals
+
 if TYPE_CHECKING:
     from tracknoise.cli.terminal import Terminal
     from tracknoise.experiments.running.execute import Outcome
@@ -45,6 +47,7 @@ def measure(
     from tracknoise.experiments.running.execute import execute
     from tracknoise.tables.store import RunFolder
 
+    signals.end_system_calls()
     with RunProgress(terminal) as progress:
         return execute(
             experiment,

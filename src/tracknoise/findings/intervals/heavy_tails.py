@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tracknoise.findings.estimate import EstimateArray
 from tracknoise.findings.intervals.biased_scenes import OF_SCENES, Parts, biased_interval, spread_of_biases
 from tracknoise.findings.sampling.jackknife import student_interval
-from tracknoise.findings.sampling.tested_range import RUNS, rounded_count
+from tracknoise.findings.sampling.tested_range import RUNS, parts_of_runs, rounded_count
 from tracknoise.findings.sampling.units import MIN_SCENES, Units
 from tracknoise.tables.enumerations import IntervalKind
 
@@ -73,13 +73,26 @@ def _log_spread(parts: Parts) -> Array:
 @lru_cache(maxsize=4096)
 def _covered(n: int, share: float, spread: float, level: float) -> float:
     """Share of intervals of simulated scenes that contain the true second moment, 1."""
-    rng = np.random.default_rng(n)
-    biases = np.sqrt(share / 3) * rng.standard_t(3, size=(n, RUNS, 1))
-    variances = (1 - share) * np.exp(spread * rng.normal(size=biases.shape) - spread**2 / 2)
+    heavy, gaussian = _drawn(n)
+    biases = np.sqrt(share / 3) * heavy
+    variances = (1 - share) * np.exp(spread * gaussian - spread**2 / 2)
+    found = [_intervals(biases[:, part], variances[:, part], level) for part in parts_of_runs(n)]
+    low, high = np.concatenate(found, axis=2)
+    return float(((low <= 1) & (high >= 1)).mean())
+
+
+@lru_cache(maxsize=1)
+def _drawn(n: int) -> tuple[Array, Array]:
+    """Of Student's distribution of 3 degrees of freedom, and of a Gaussian, for `RUNS` sets of n scenes."""
+    rng, shape = np.random.default_rng(n), (n, RUNS, 1)
+    return rng.standard_t(3, size=shape), rng.normal(size=shape)
+
+
+def _intervals(biases: Array, variances: Array, level: float) -> tuple[Array, Array]:
+    """Those of the second moments of scenes of such biases and variances, (scenes, runs, 1)."""
     parts = Parts(np.ones_like(biases), biases, np.square(biases), variances)
     within, total = variances.mean(axis=0), variances.sum(axis=0)
-    low, high = student_interval(within, (total - variances) / (n - 1), scale="log", level=level)
-    units, kind = np.full(within.T.shape, n), IntervalKind.student
+    low, high = student_interval(within, (total - variances) / (len(biases) - 1), scale="log", level=level)
+    units, kind = np.full(within.T.shape, len(biases)), IntervalKind.student
     estimates = EstimateArray(within.T, low.T, high.T, units, units, kind, level)
-    low, high = biased_interval(parts, estimates, (within + parts.squares.mean(axis=0)).T)
-    return float(((low <= 1) & (high >= 1)).mean())
+    return biased_interval(parts, estimates, (within + parts.squares.mean(axis=0)).T)

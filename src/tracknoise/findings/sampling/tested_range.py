@@ -8,6 +8,7 @@ rounded, so that few such simulations are needed.
 """
 
 import math
+from collections.abc import Iterator
 from functools import lru_cache
 
 import numpy as np
@@ -25,6 +26,10 @@ _STEP = 0.2
 """Spreads are rounded to multiples of this."""
 _RATIO = 1.15
 """Numbers of scenes are rounded to powers of this where they are large."""
+_MOST = 1000
+"""Simulated scenes of a set, where there are more; with 4,000 the share of intervals differs by .03 at most."""
+_AT_ONCE = 2**17
+"""Simulated scenes that get their intervals at once: their arrays stay in a processor's cache."""
 
 
 def coverage_outside(
@@ -61,7 +66,13 @@ def coverage_outside(
 def rounded_count(count: float, *, least: int) -> int:
     """A number of scenes, rounded so that few simulations are needed."""
     power = round(math.log(max(count, 1.0), _RATIO))
-    return max(round(_RATIO**power), least)
+    return max(min(round(_RATIO**power), _MOST), least)
+
+
+def parts_of_runs(n: int) -> Iterator[slice]:
+    """Slices of the `RUNS` simulated sets of n scenes, which limit the memory of their intervals."""
+    length = max(_AT_ONCE // n, 1)
+    return (slice(first, first + length) for first in range(0, RUNS, length))
 
 
 @lru_cache(maxsize=4096)
@@ -69,13 +80,19 @@ def _covered(n: int, spread: float, effective: int, level: float, *, skewed: boo
     """Share of intervals of simulated scenes that contain the true mean."""
     logs = spread * np.random.default_rng(n).normal(size=(n, RUNS))
     values, true = (np.exp(logs), np.exp(spread**2 / 2)) if skewed else (logs, 0.0)
-    sizes = _sizes(n, effective)[:, None]
+    sizes, scale = _sizes(n, effective)[:, None], "log" if skewed else "linear"
+    found = [_intervals(values[:, part], sizes, scale, level) for part in parts_of_runs(n)]
+    low, high = np.concatenate(found, axis=1)
+    return float(((low <= true) & ~(high < true)).mean())
+
+
+def _intervals(
+    values: NDArray[np.float64], sizes: NDArray[np.float64], scale: str, level: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Those of the means of values of scenes (scenes, runs)."""
     total = (sizes * values).sum(axis=0)
     without = (total - sizes * values) / (sizes.sum() - sizes)
-    low, high = student_interval(
-        total / sizes.sum(), without, scale="log" if skewed else "linear", level=level, sizes=sizes
-    )
-    return float(((low <= true) & ~(high < true)).mean())
+    return student_interval(total / sizes.sum(), without, scale=scale, level=level, sizes=sizes)
 
 
 def _sizes(n: int, effective: int) -> NDArray[np.float64]:

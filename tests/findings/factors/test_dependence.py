@@ -1,6 +1,6 @@
 """Intervals and verdicts of effects, from scenes that scatter as wished."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import polars as pl
@@ -8,6 +8,7 @@ import pytest
 from scipy import stats
 
 from tracknoise.exceptions import SchemaError
+from tracknoise.findings.factor_text import size_text
 from tracknoise.findings.factors.dependence import dependence
 from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.statistics.errors.curves import curves
@@ -331,6 +332,39 @@ def test_lifetimes_do_not_depend_on_the_length_of_sequences() -> None:
     assert (row["verdict"], row["horizon"]) == ("no", 15.0)
 
 
+def lives_of_scenes(lengths: Sequence[int], hazards: Mapping[int, float]) -> pl.DataFrame:
+    """Ends of tracks of other hazards at each speed, in scenes of these lengths."""
+    rows = []
+    for scene, length in enumerate(lengths):
+        for speed, hazard in hazards.items():
+            alive = 10_000.0
+            for number in range(1, length + 1):
+                ended = round(alive * hazard) if number < length else 0
+                counts = {"n_ended": ended, "n_censored": round(alive) if number == length else 0}
+                rows.append(
+                    CONDITION | {"scene": f"s{scene:02}", "speed": speed, "block": 0, "lifetime": number} | counts
+                )
+                alive -= ended
+    return pl.DataFrame(rows, schema=dict(ENDS))
+
+
+def test_lifetimes_are_not_alike_because_sequences_are_short() -> None:
+    """Hardly any track ends within eight frames, whatever the hazards."""
+    ends = lives_of_scenes([8] * 11, {1: 0.02, 2: 0.04})
+    row = answer(empty(MOMENTS), ends, statistic="lifetime")
+    assert row["effect"] < 1.1
+    assert row["verdict"] == "undecided"
+    assert row["why"] == "more than half of the tracks live to the common horizon"
+
+
+def test_one_short_scene_does_not_shorten_the_horizon() -> None:
+    hazards = {1: 0.02, 2: 0.04}
+    row = answer(empty(MOMENTS), lives_of_scenes([60] * 10 + [5], hazards), statistic="lifetime")
+    without = answer(empty(MOMENTS), lives_of_scenes([60] * 10, hazards), statistic="lifetime")
+    assert (row["verdict"], row["better"], row["horizon"]) == ("yes", "1", 60.0)
+    assert row["effect"] == pytest.approx(without["effect"])
+
+
 def test_a_horizon_of_one_frame_compares_nothing() -> None:
     ends = lives_of({1: 60, 2: 1}, lambda rng: np.full(2000, 0.1))
     row = answer(empty(MOMENTS), ends, statistic="lifetime")
@@ -343,6 +377,15 @@ def test_outlier_ratios(outliers: int, verdict: str) -> None:
     assert (row["verdict"], row["n_scenes"]) == (verdict, 10)
     assert row["low"] <= row["effect"] <= row["high"]
     assert row["effect"] == pytest.approx(outliers / 500, rel=0.03)
+
+
+@pytest.mark.parametrize(("few", "is_bounded"), [(0, False), (1, False), (3, True)])
+def test_a_ratio_to_hardly_any_outliers_has_no_upper_bound(few: int, is_bounded: bool) -> None:
+    row = answer(empty(MOMENTS), None, frames_of({1: few, 2: 500}), statistic="outlier_ratio")
+    assert (row["verdict"], row["larger"]) == ("yes", "2")
+    assert row["effect"] >= row["low"] > 10
+    assert (row["high"] is not None) == is_bounded
+    assert ("or more)" in size_text(row)) != is_bounded
 
 
 def test_outliers_that_never_were_decide_nothing() -> None:

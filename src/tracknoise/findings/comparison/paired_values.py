@@ -30,6 +30,8 @@ class PairedValues:
         Sum of both runs, for mean errors.
     horizon
         Common horizon of lifetimes, frames.
+    scarce
+        Whether the first run, and whether the second, has so few events that its value is too large.
     scale_px
         For mean errors: the error that a margin is a share of; None where it is unknown.
     """
@@ -41,6 +43,7 @@ class PairedValues:
     n_coordinates: int = 1
     total: NDArray[np.float64] | None = None
     horizon: float | None = None
+    scarce: tuple[bool, bool] = (False, False)
     scale_px: float | None = None
 
     def place(self, point: int) -> int | None:
@@ -58,7 +61,10 @@ NO_PLACES = np.zeros(0, dtype=np.int64)
 def of_differences(found: Differences) -> PairedValues:
     """What `Differences` of two levels, the second run before the first, hold of a single number."""
     horizon = None if np.isnan(found.horizon[0]) else float(found.horizon[0])
-    return PairedValues(found.values[:, 0], found.both[:, 0], found.unlike[0], NO_PLACES, horizon=horizon)
+    second, first = (False, False) if found.scarce is None else found.scarce[0].tolist()
+    return PairedValues(
+        found.values[:, 0], found.both[:, 0], found.unlike[0], NO_PLACES, horizon=horizon, scarce=(first, second)
+    )
 
 
 def paired(

@@ -98,8 +98,11 @@ def _tested(asked: Asked, found: Change) -> dict[str, Any]:
         columns = {"at": values.place(found.point), "coordinate": values.coordinate(found.point)}
     elif found.coordinate is not None:
         columns = {"coordinate": values.coordinate(found.coordinate)}
+    first, second = values.scarce
+    unbounded = {"high": None} if first and found.effect > 0 else {"low": None} if second and found.effect < 0 else {}
     return {
         **{name: known(asked.in_unit(getattr(found, name))) for name in ("effect", "low", "high")},
+        **unbounded,
         **columns,
         "at_low": places[0],
         "at_high": places[-1],

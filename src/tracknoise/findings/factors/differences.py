@@ -23,6 +23,10 @@ class Differences:
         Where a scene has a value of 0 at one of the two levels only, so that they have no ratio.
     horizon : (pairs,) float64
         Common horizon of the lifetimes of both levels, frames; NaN for other statistics.
+    scarce : (pairs, 2) bool or None
+        Levels that have so few events that their value is too large rather than right; None where there are none.
+    gap
+        Why nothing can be shown to be alike, however similar the levels are; None if there is no such reason.
     """
 
     values: NDArray[np.float64]
@@ -30,6 +34,8 @@ class Differences:
     both: NDArray[np.bool_]
     unlike: NDArray[np.bool_]
     horizon: NDArray[np.float64]
+    scarce: NDArray[np.bool_] | None = None
+    gap: str | None = None
 
 
 def pairs_of(n_levels: int) -> NDArray[np.intp]:

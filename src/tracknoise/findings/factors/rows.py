@@ -1,5 +1,6 @@
 """Rows of the table of factor effects: what was found about each question, and the verdict."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
@@ -71,7 +72,7 @@ def row_of(
         row |= {"resampled": question.resampled}
     if found is not None:
         row |= _compared(found, places, asked) | _pair(found, levels, asked, role) | _point(found, places)
-        row |= _sizes(found, role)
+        row |= _sizes(found, role, asked)
     return row
 
 
@@ -80,13 +81,15 @@ def _size(difference: float, role: str) -> float:
     return difference if role == _SIGNED else float(np.exp(difference))
 
 
-def _sizes(found: Answer, role: str) -> Row:
+def _sizes(found: Answer, role: str, asked: Differences) -> Row:
     """Effect and bounds of the reported pair, of its larger level over, or minus, its smaller one."""
     low, high = (found.low, found.high) if found.difference >= 0 else (-found.high, -found.low)
+    smaller = 1 if found.difference >= 0 else 0
+    is_open = asked.scarce is not None and bool(asked.scarce[found.pair, smaller])
     return {
         "effect": _size(abs(found.difference), role),
         "low": max(low, 0.0) if role == _SIGNED else _size(low, role),
-        "high": _size(high, role),
+        "high": None if is_open else _size(high, role),
         "most": _size(found.most, role),
         "p_yes": found.p_yes,
         "p_no": found.p_no,
@@ -133,7 +136,7 @@ def _gap(
         return f"only one {factor} was measured: {''.join(levels)}"
     if found is not None and found.compared.any(axis=1).all():
         unlike = (asked.unlike & found.compared).any()
-        return "a value of 0 at one of two levels, which has no ratio" if unlike else None
+        return "a value of 0 at one of two levels, which has no ratio" if unlike else asked.gap
     fewest = int(asked.both.sum(axis=0).min())
     if fewest < MIN_SCENES:
         return f"two levels share only {count(fewest, 'scene')}; {_FEW}"
@@ -212,7 +215,7 @@ def _verdict(level: float) -> pl.Expr:
 def _why(level: float) -> pl.Expr:
     """Why a verdict is undecided; null for the others."""
     shown = (pl.col("p_yes") <= 1 - level) | _all_below(level)
-    holds = (pl.col("low") <= pl.col("margin")) & (pl.col("high") >= pl.col("margin"))
+    holds = (pl.col("low") <= pl.col("margin")) & (pl.col("high").fill_null(math.inf) >= pl.col("margin"))
     return (
         pl.when(~_is_open())
         .then(None)

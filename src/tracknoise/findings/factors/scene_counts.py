@@ -2,25 +2,35 @@
 
 - An outlier ratio is (outliers + 1/2) / (offered + 1) (scene ratio), and levels differ by its logarithm. A scene takes
   no part in a pair if its counts are too small: if both levels had the same ratio, at least `LEAST_OUTLIERS` outliers
-  must be expected at each of them.
+  must be expected at each of them. A level with fewer than `SCARCE` outliers per scene is scarce: the 1/2 makes its
+  ratio too large, so that the other level may differ by more than any bound.
 - A lifetime is the mean of min(lifetime, horizon) by Kaplan and Meier, in frames that the tracker saw (scene lifetime),
   and levels differ by its logarithm. The horizon is the largest lifetime up to which all scenes of a pair have
-  follow-up at both levels. Without it, a lifetime would depend on where sequences end.
+  follow-up at both levels. Without it, a lifetime would depend on where sequences end. Scenes whose follow-up is less
+  than `LEAST_FOLLOW_UP` of the longest lifetimes of a typical scene take no part. Lifetimes are not alike because most
+  tracks outlive a short horizon: nothing is shown then.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.findings.factors.differences import Differences, at_both, pairs_of
+from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.statistics.grouping import total_if_known
 from tracknoise.statistics.tracks.lifetimes import follow_up, restricted_mean
 
 LEAST_OUTLIERS = 2.0
+SCARCE = 5.0
+LEAST_FOLLOW_UP = 0.5
 _LEAST_HORIZON = 2.0
 """Every track has a lifetime of one frame, so that a horizon of one frame compares nothing."""
+_MOST_ALIVE = 0.5
+"""Share of tracks that may live to the last frame of a horizon, where lifetimes up to it show that levels are alike."""
+_OUTLIVED = "more than half of the tracks live to the common horizon"
 
 
 def outlier_differences(tables: Sequence[pl.DataFrame], scenes: Sequence[str]) -> Differences:
@@ -42,7 +52,8 @@ def outlier_differences(tables: Sequence[pl.DataFrame], scenes: Sequence[str]) -
     expected = ratio * offered[:, pairs].min(axis=2)
     values = np.where(expected >= LEAST_OUTLIERS, log_ratio[:, pairs[:, 0]] - log_ratio[:, pairs[:, 1]], np.nan)
     measured = np.stack([_are_in(table, scenes) for table in tables], axis=1)
-    return _of_numbers(values, measured, np.full(len(pairs), np.nan))
+    found = _of_numbers(values, measured, np.full(len(pairs), np.nan))
+    return replace(found, scarce=np.asarray(_mean_of_scenes(outliers[:, pairs], ~np.isnan(values)) < SCARCE))
 
 
 def lifetime_differences(tables: Sequence[pl.DataFrame], scenes: Sequence[str]) -> Differences:
@@ -60,25 +71,46 @@ def lifetime_differences(tables: Sequence[pl.DataFrame], scenes: Sequence[str]) 
     known = follow_up(ended, censored, lifetimes=lifetimes)
     measured = np.asarray(~np.isnan(known), dtype=np.bool_)
     pairs = pairs_of(len(tables))
-    both = at_both(measured)
-    limits = np.where(both[..., None], known[:, pairs], np.inf).min(axis=(0, 2), initial=np.inf)
+    longest = ((ended + censored > 0) * lifetimes).max(axis=2, initial=0)
+    reached = known[:, pairs].min(axis=2)
+    compared = _long_enough(reached, longest[:, pairs].min(axis=2), at_both(measured))
+    limits = np.where(compared, reached, np.inf).min(axis=0, initial=np.inf)
     horizon = np.minimum(limits, lifetimes.max(initial=0))
-    means = [_restricted(ended, censored, pair, until, lifetimes) for pair, until in zip(pairs, horizon, strict=True)]
-    of_pairs = np.array(means).reshape(len(pairs), len(scenes), 2)
-    usable = (both & (horizon >= _LEAST_HORIZON)).T
-    logs = np.log(np.where(usable[..., None], of_pairs, np.nan))
-    return _of_numbers((logs[..., 0] - logs[..., 1]).T, measured, horizon)
+    compared = np.asarray(compared & (horizon >= _LEAST_HORIZON), dtype=np.bool_)
+    until = [
+        _until(ended[:, pair], censored[:, pair], frames, lifetimes)
+        for pair, frames in zip(pairs, horizon, strict=True)
+    ]
+    means, alive = np.array(until).reshape(len(pairs), 2, len(scenes), 2).transpose(1, 2, 0, 3)
+    logs = np.log(np.where(compared[..., None], means, np.nan))
+    found = _of_numbers(logs[..., 0] - logs[..., 1], measured, horizon)
+    outlived = (_mean_of_scenes(alive, compared) > _MOST_ALIVE).any()
+    return replace(found, gap=_OUTLIVED if outlived else None)
 
 
-def _restricted(
-    ended: NDArray[np.float64],
-    censored: NDArray[np.float64],
-    pair: NDArray[np.intp],
-    horizon: float,
-    lifetimes: NDArray[np.integer],
+def _long_enough(
+    reached: NDArray[np.float64], longest: NDArray[np.float64], both: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Scenes that take part (scenes, pairs): all, if enough of them do not have a follow-up that is not too short."""
+    typical = [
+        np.median(column[there]) if there.any() else 0.0 for column, there in zip(longest.T, both.T, strict=True)
+    ]
+    enough = both & (reached >= LEAST_FOLLOW_UP * np.array(typical))
+    return np.asarray(np.where(enough.sum(axis=0) >= MIN_SCENES, enough, both), dtype=np.bool_)
+
+
+def _until(
+    ended: NDArray[np.float64], censored: NDArray[np.float64], horizon: float, lifetimes: NDArray[np.integer]
 ) -> NDArray[np.float64]:
-    """Restricted means of the scenes at two levels, (scenes, 2)."""
-    return restricted_mean(ended[:, pair], censored[:, pair], horizon, lifetimes=lifetimes)
+    """Restricted means to a horizon, and shares of tracks that live to its last frame, (2, scenes, levels)."""
+    before, mean = (restricted_mean(ended, censored, frames, lifetimes=lifetimes) for frames in (horizon - 1, horizon))
+    return np.stack([mean, mean - before])
+
+
+def _mean_of_scenes(values: NDArray[np.float64], there: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Means of values (scenes, pairs, 2) over the scenes that are there, (pairs, 2); 0 without any."""
+    count = np.maximum(there.sum(axis=0), 1)[:, None]
+    return np.asarray(np.where(there[..., None], values, 0.0).sum(axis=0) / count)
 
 
 def _of_numbers(values: NDArray[np.float64], measured: NDArray[np.bool_], horizon: NDArray[np.float64]) -> Differences:

@@ -61,23 +61,26 @@ def _cores(
     if not known:
         return
     axis, *_ = known
-    yield f"{conditions.opening_place(at)}, the core of {tracker} in {axis} is {known[axis]}."
+    few = {axis: _few_scenes(intervals, conditions, at, axis) for axis in known}
+    yield f"{conditions.opening_place(at)}, the core of {tracker} in {axis} is {known[axis]}{few[axis]}."
     if scenes := curve_scenes(intervals, conditions, "core", at, axis, weighting=Weighting.geometric):
         yield scenes
     if len(known) == len(cores):
-        yield f"In v it is {known['v']}{_few_scenes(intervals, conditions, at)}."
+        yield f"In v it is {known['v']}{few['v']}."
     else:
         yield f"In {'v' if axis == 'u' else 'u'} there is none: most errors are exactly 0."
 
 
-def _few_scenes(intervals: pl.DataFrame, conditions: ReportedConditions, at: int) -> str:
-    """Say where a core in v is of fewer scenes than that in u."""
-    known = [
-        curve_rows(intervals, conditions, "core", at, axis, weighting=Weighting.geometric)["n_scenes"] for axis in "uv"
-    ]
-    if any(column.is_empty() for column in known) or known[1][0] >= known[0][0]:
+def _few_scenes(intervals: pl.DataFrame, conditions: ReportedConditions, at: int, axis: str) -> str:
+    """Say where a core is of fewer scenes than the root mean square errors beside it, or the other core."""
+    weighting = Weighting.geometric
+    own, other, errors = (
+        curve_rows(intervals, conditions, role, at, coordinate, weighting=weighting)["n_scenes"].to_list()
+        for role, coordinate in (("core", axis), ("core", "u"), ("second", axis))
+    )
+    if not own or own[0] == max([*own, *other, *errors]):
         return ""
-    return f", of {known[1][0]} scenes; in the others most errors are exactly 0"
+    return f", of {own[0]} scenes; the others have few errors, or mostly errors of exactly 0"
 
 
 def _core(

@@ -1,13 +1,13 @@
 """The headline that says which answers change where the tracks with the largest errors are dropped."""
 
+import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import polars as pl
 
 from tracknoise.findings.headlines.error_size import first
 from tracknoise.findings.headlines.headline import Headline, RunTables
-from tracknoise.findings.headlines.reported_conditions import ReportedConditions
+from tracknoise.findings.headlines.reported_conditions import ReportedConditions, curve_rows
 from tracknoise.findings.wording import listing, px
 from tracknoise.tables.enumerations import Behaviour, Trimming
 
@@ -30,25 +30,44 @@ def trimming_matters(tables: RunTables, conditions: ReportedConditions) -> Headl
 
 
 def _rankings(tables: RunTables, conditions: ReportedConditions) -> list[str]:
-    """One sentence for each axis in which another tracker has the smallest error, as a number: it can be by chance."""
-    rows = {tracker: first(conditions.of(tables["summary"], tracker)) for tracker in conditions.trackers}
-    known = {tracker: row for tracker, row in rows.items() if row is not None and row["at"] is not None}
-    found = [_ranking(known, axis) for axis in "uv"] if len(known) > 1 else []
+    """One sentence for each axis in which another tracker has the smallest error, as a number: it can be by chance.
+
+    All are compared at one age (frame), the nearest to the first of those that their headlines are about.
+    """
+    rows = [first(conditions.of(tables["summary"], tracker)) for tracker in conditions.trackers]
+    known = [int(row["at"]) for row in rows if row is not None and row["at"] is not None]
+    if len(known) < 2:
+        return []
+    at = min(known, key=abs)
+    found = [_ranking(tables["intervals"], conditions, at, axis) for axis in "uv"]
     return [sentence for sentence in found if sentence]
 
 
-def _ranking(rows: Mapping[str, Mapping[str, Any]], axis: str) -> str:
-    values = {
-        trimming: {tracker: row[f"{trimming}_rms_{axis}_px"] for tracker, row in rows.items()} for trimming in _BOTH
-    }
-    if any(value is None for each in values.values() for value in each.values()):
+def _ranking(intervals: pl.DataFrame, conditions: ReportedConditions, at: int, axis: str) -> str:
+    values = {trimming: _rms(intervals, conditions, at, axis, trimming) for trimming in _BOTH}
+    if len(values[_BOTH[0]]) < 2 or len({frozenset(each) for each in values.values()}) > 1:
         return ""
     best = {trimming: min(each, key=lambda tracker: each[tracker]) for trimming, each in values.items()}
     if len(set(best.values())) == 1:
         return ""
     untrimmed, trimmed = (_smallest(values[trimming], best[trimming]) for trimming in _BOTH)
     order = f"that of {untrimmed} without trimming, and that of {trimmed} after it"
-    return f"In the measured scenes, the smallest RMS in {axis} is {order}."
+    return f"In the measured scenes, features pooled, the smallest RMS in {axis} {conditions.place(at)} is {order}."
+
+
+def _rms(
+    intervals: pl.DataFrame, conditions: ReportedConditions, at: int, axis: str, trimming: str
+) -> Mapping[str, float]:
+    """Root mean square errors of the trackers that have one, px, features pooled."""
+    rows = {
+        tracker: first(curve_rows(conditions.of(intervals, tracker), conditions, "second", at, axis, trimming=trimming))
+        for tracker in conditions.trackers
+    }
+    return {
+        tracker: math.sqrt(row["value"])
+        for tracker, row in rows.items()
+        if row is not None and row["value"] is not None
+    }
 
 
 def _smallest(values: Mapping[str, float], best: str) -> str:

@@ -27,7 +27,11 @@ def effect_words(row: Row | GateRow) -> str:
     (value, *ends), unit = _in_unit(row.estimand, [row.effect, *bounds])
     factor = "factor " if unit is None else ""
     written = f"{factor}{value}{unit or ''}"
-    return f"{written} ({' to '.join(ends)})" if ends else written
+    if not ends:
+        return written
+    if row.high is None:
+        return f"{written} ({ends[0]} or more)"
+    return f"{written} (up to {ends[0]})" if row.low is None else f"{written} ({' to '.join(ends)})"
 
 
 def _in_unit(estimand: Estimand, values: Sequence[float]) -> tuple[list[str], str | None]:

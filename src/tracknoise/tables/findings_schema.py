@@ -405,7 +405,8 @@ Levels are compared in pairs, within each scene. The row reports the pair level_
 difference:
 
 - unit `ratio`: effect is the larger level over the smaller one, as geometric mean over scenes, ages (or frames) and
-  both coordinates. low and high are bounds of the same ratio, and below 1 if the order may be the other way round.
+  both coordinates. low and high are bounds of the same ratio, and below 1 if the order may be the other way round. high
+  and most are null for a ratio of outlier ratios of which one rests on fewer than five outliers per scene.
 - unit `px` (mean errors): effect is the size of the difference at one age and coordinate.
 
 coordinate and at are null unless a single age decides. most bounds the difference of any two levels at any age. margin

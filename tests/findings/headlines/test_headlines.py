@@ -179,6 +179,15 @@ def test_a_core_in_one_coordinate_only_is_told(axis: str, other: str, core: str)
     assert f"% of its errors in {axis} exceed three cores." in text
 
 
+def test_errors_on_a_grid_have_a_core_of_few_values() -> None:
+    shape = {"trimming": "untrimmed", "age_low": 10, "age_high": 19, "verdict": "undecided"}
+    shape |= {"why": "errors lie on a grid of 1/4 px: a density cannot be fitted to them"}
+    summary = table(SUMMARY, {**SUMMED, **CORES})
+    text = read(UNTRIMMED, summary=summary, gaussianity=table(GAUSSIANITY, shape))["noise"]["text"]
+    assert "Its errors lie on a grid of 1/4 px, so that its core takes few values; its RMS says more." in text
+    assert "grid" not in read(UNTRIMMED, summary=summary)["noise"]["text"]
+
+
 def second_moments(at: int, **rms: tuple[float, float]) -> list[dict[str, Any]]:
     """Rows in u of each tracker, untrimmed and trimmed."""
     return [

@@ -90,7 +90,7 @@ def _sizes(found: Answer, role: str, asked: Differences) -> Row:
         "effect": _size(abs(found.difference), role),
         "low": max(low, 0.0) if role == _SIGNED else _size(low, role),
         "high": None if is_open else _size(high, role),
-        "most": _size(found.most, role),
+        "most": None if asked.scarce is not None and bool(asked.scarce.any()) else _size(found.most, role),
         "p_yes": found.p_yes,
         "p_no": found.p_no,
         "more_scenes": found.more_scenes,

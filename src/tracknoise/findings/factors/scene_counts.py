@@ -25,6 +25,7 @@ from tracknoise.statistics.tracks.lifetimes import follow_up, restricted_mean
 
 LEAST_OUTLIERS = 2.0
 SCARCE = 5.0
+_FEW = "too few outliers for an upper bound"
 LEAST_FOLLOW_UP = 0.5
 _LEAST_HORIZON = 2.0
 """Every track has a lifetime of one frame, so that a horizon of one frame compares nothing."""
@@ -53,7 +54,8 @@ def outlier_differences(tables: Sequence[pl.DataFrame], scenes: Sequence[str]) -
     values = np.where(expected >= LEAST_OUTLIERS, log_ratio[:, pairs[:, 0]] - log_ratio[:, pairs[:, 1]], np.nan)
     measured = np.stack([_are_in(table, scenes) for table in tables], axis=1)
     found = _of_numbers(values, measured, np.full(len(pairs), np.nan))
-    return replace(found, scarce=np.asarray(_mean_of_scenes(outliers[:, pairs], ~np.isnan(values)) < SCARCE))
+    scarce = np.asarray(_mean_of_scenes(outliers[:, pairs], ~np.isnan(values)) < SCARCE, dtype=np.bool_)
+    return replace(found, scarce=scarce, gap=_FEW if scarce.any() else None)
 
 
 def lifetime_differences(tables: Sequence[pl.DataFrame], scenes: Sequence[str]) -> Differences:

@@ -15,6 +15,7 @@ from tracknoise.findings.headlines.reported_conditions import (
     curve_scenes,
     scale_estimate,
 )
+from tracknoise.findings.shape.ties import ON_GRID
 from tracknoise.findings.wording import SPACE, listing, percent
 from tracknoise.statistics.definitions import NAMES, POOLED
 from tracknoise.tables.enumerations import Aspect, Population, Trimming, Weighting
@@ -48,7 +49,7 @@ def _robust_of(tables: RunTables, conditions: ReportedConditions, tracker: str) 
     which = "" if all(lengths) else ", features pooled,"
     u, v = (format_estimate(one) for one in (lengths if all(lengths) else pooled) if one is not None)
     sentences += [f"The RMS{which} of {tracker} is {u} in u.", f"In v it is {v}."]
-    sentences += _beyond(row, conditions.trimming)
+    sentences += [*_beyond(row, conditions.trimming), *_grid(tables, conditions, tracker)]
     every = [*cores, *(lengths if all(lengths) else pooled)]
     return " ".join(sentences), [one for one in every if one is not None]
 
@@ -96,6 +97,14 @@ def _beyond(row: Mapping[str, Any], trimming: str) -> list[str]:
     shares = {axis: row[f"{trimming}_beyond_{axis}"] for axis in "uv"}
     known = [f"{percent(share)} in {axis}" for axis, share in shares.items() if share is not None]
     return [f"{listing(known).replace(' in ', ' of its errors in ', 1)} exceed three cores."] if known else []
+
+
+def _grid(tables: RunTables, conditions: ReportedConditions, tracker: str) -> list[str]:
+    """A remark where errors lie on a grid, as those of whole or half pixels do."""
+    shapes = conditions.of(tables["gaussianity"], tracker).filter(trimming=conditions.trimming)
+    reasons = shapes["why"].drop_nulls().unique(maintain_order=True).to_list()
+    grids = [reason.partition(":")[0] for reason in reasons if reason.startswith(ON_GRID)]
+    return [f"Its {grid}, so that its core takes few values; its RMS says more." for grid in grids[:1]]
 
 
 def _paper(tables: RunTables, conditions: ReportedConditions) -> Headline | None:

@@ -12,6 +12,8 @@ from tracknoise.findings.wording import number, percent
 
 Array = NDArray[np.float64]
 
+ON_GRID = "errors lie on a grid of"
+"""How the words begin that name a grid."""
 MIN_EQUAL = 3
 """Fewest equal errors that count."""
 MAX_SHARE, MAX_SHARE_OF_AXIS = 0.005, 0.05
@@ -39,7 +41,7 @@ def ties(errors: Array) -> str | None:
     steps = [_step(axis) for axis in errors.T]
     grid = next((step for step in steps if step is not None), None)
     if grid is not None:
-        return f"errors lie on a grid of {_fraction(grid)} px: a density cannot be fitted to them"
+        return f"{ON_GRID} {_fraction(grid)} px: a density cannot be fitted to them"
     what = (
         f"{percent(zero)} of errors are exactly zero" if zero > share / 2 else f"{percent(share)} of errors are equal"
     )

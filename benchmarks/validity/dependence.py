@@ -2,8 +2,9 @@
 
     python -m benchmarks.validity.dependence [--runs N] [--draws N] [--seed N] [--only WORLD]
 
-Printed is how often a single question is answered yes, as in the verdicts (p_yes <= 5 %), and no (p_no <= 2.5 %).
-`t test` is how often a plain paired t test of the log ratios (mean over ages and coordinates) finds a difference from
+Printed is how often a single question is answered yes (p_yes <= 5 %) and no (p_no <= 2.5 %). A verdict is corrected for
+all questions about its factor, six for one tracker. `1 of 6` is how often it is yes if nothing else has an effect, and
+`3 of 6` if two other questions are answered as clearly, as those about sizes of errors mostly are. `t test` is how often a plain paired t test of the log ratios (mean over ages and coordinates) finds a difference from
 1, `covers` how often the interval of the overall ratio holds the true ratio. The margin is a ratio of 1.1.
 
 Worlds: `independent` and `shared` have scenes whose scales differ (log sd 0.7), at each level anew or at all levels
@@ -32,6 +33,8 @@ from tracknoise.tables.enumerations import Resampled
 from tracknoise.tables.schema import ENDS, FRAME_COUNTS
 
 MARGIN, LEVEL, AGES = np.log(1.1), 0.95, 12
+CORRECTED = {"3 of 6": 3 / 6, "1 of 6": 1 / 6}
+"""By Benjamini and Hochberg: the share of 5 % that as many clear answers of six may have."""
 Array = np.ndarray
 Draw = Callable[[np.random.Generator], Differences]
 
@@ -129,9 +132,9 @@ def outliers(scenes: int, shares: tuple[float, float], offered: tuple[int, int])
 
 
 def rates(world: World, *, runs: int, draws: int, seed: int) -> dict[str, float]:
-    """How often: yes, no, t test, and the interval of the overall ratio holds the true one."""
+    """How often: yes (alone, and corrected), no, t test, and the interval of the overall ratio holds the true one."""
     rng = np.random.default_rng([seed, world.scenes, world.levels, *map(ord, world.name)])
-    counts = np.zeros(5)
+    counts = np.zeros(7)
     for run in range(runs):
         asked = world.draw(rng)
         directions = rotations(world.scenes, n_draws=draws, seed=seed + run)
@@ -142,9 +145,11 @@ def rates(world: World, *, runs: int, draws: int, seed: int) -> dict[str, float]
         yes, no = found.p_yes <= 1 - LEVEL, found.p_no <= (1 - LEVEL) / 2
         overall = world.ratio is not None and found.point is None
         held = overall and found.low <= _signed(world, asked.pairs[found.pair]) <= found.high
-        counts += [yes, no, _t_test(asked), overall, held]
+        corrected = [found.p_yes <= (1 - LEVEL) * share for share in CORRECTED.values()]
+        counts += [yes, no, _t_test(asked), overall, held, *corrected]
     return {
         "yes": counts[0] / runs,
+        **dict(zip(CORRECTED, counts[5:] / runs, strict=True)),
         "no": counts[1] / runs,
         "t test": counts[2] / runs,
         "covers": counts[4] / counts[3] if counts[3] else np.nan,
@@ -200,7 +205,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", help="worlds of this name")
     arguments = parser.parse_args()
-    columns = ("yes", "no", "t test", "covers")
+    columns = ("yes", *CORRECTED, "no", "t test", "covers")
     print(f"{'world':<16}{'scenes':>7}{'levels':>7}{'ratio':>7}" + "".join(f"{name:>9}" for name in columns))
     for world in worlds():
         if arguments.only is not None and world.name != arguments.only:

@@ -86,3 +86,7 @@ def test_no_images(tmp_path):
     with pytest.raises(DataError) as caught:
         require_unbroken((), {0}, lambda number: tmp_path / f"{number}.png")
     assert str(caught.value) == f"{tmp_path}: no images, expected files such as 0.png"
+    (tmp_path / "0.PNG").touch()
+    with pytest.raises(DataError) as caught:
+        require_unbroken((), {0}, lambda number: tmp_path / f"{number}.png")
+    assert str(caught.value) == f"{tmp_path}: no images, but files such as 0.PNG, expected files such as 0.png"

@@ -184,7 +184,8 @@ def test_poses_without_images(tmp_path, write_sevenscenes):
         image.unlink()
     with pytest.raises(DataError) as caught:
         only(tmp_path)
-    assert str(caught.value) == f"{folder}: no images, expected files such as frame-000000.color.png"
+    found = "no images, but files such as frame-000000.depth.png"
+    assert str(caught.value) == f"{folder}: {found}, expected files such as frame-000000.color.png"
 
 
 def test_frames_without_depth_are_counted(tmp_path, write_sevenscenes):

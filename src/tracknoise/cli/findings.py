@@ -56,7 +56,8 @@ def _print(terminal: "Terminal", data: "ReportData") -> None:
     for row in findings_section.sentences(data):
         marker = f"{row['rank']:>2}. "
         terminal.result(textwrap.fill(row["text"], _WIDTH, initial_indent=marker, subsequent_indent=" " * len(marker)))
-    intervals = factor_effects.intervals(data)
-    for cells in [findings_section.verdicts(data), factor_effects.verdicts(data), *([intervals] if intervals else [])]:
+    effects, intervals = factor_effects.verdicts(data), factor_effects.intervals(data)
+    asked = [effects] if len(effects.headings) > 1 else []
+    for cells in [findings_section.verdicts(data), *asked, *([intervals] if intervals else [])]:
         terminal.result("")
         show(terminal.result, cells)

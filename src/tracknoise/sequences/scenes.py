@@ -116,13 +116,20 @@ def require_unbroken(images: Collection[int], others: Collection[int], path_of: 
         If there is no image, or naming the first that is missing.
     """
     if not images:
-        raise DataError(path_of(0).parent, "no images", f"files such as {path_of(0).name}")
+        folder = path_of(0).parent
+        raise DataError(folder, f"no images{_instead(folder)}", f"files such as {path_of(0).name}")
     numbers = {*images, *others}
     frames = range(min(numbers), max(numbers) + 1)
     for number in frames:
         if number not in images:
             raise DataError(path_of(number), "missing image", f"images {frames[0]} to {frames[-1]} without a gap")
     return frames
+
+
+def _instead(folder: Path) -> str:
+    """What a folder holds instead of images, such as files whose endings are in capitals."""
+    names = sorted(path.name for path in folder.iterdir() if path.is_file()) if folder.is_dir() else []
+    return f", but files such as {names[0]}" if names else ""
 
 
 def _scene_name(root: Path, folder: Path) -> str:

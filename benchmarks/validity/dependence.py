@@ -4,8 +4,9 @@
 
 Printed is how often a single question is answered yes (p_yes <= 5 %) and no (p_no <= 2.5 %). A verdict is corrected for
 all questions about its factor, six for one tracker. `1 of 6` is how often it is yes if nothing else has an effect, and
-`3 of 6` if two other questions are answered as clearly, as those about sizes of errors mostly are. `t test` is how often a plain paired t test of the log ratios (mean over ages and coordinates) finds a difference from
-1, `covers` how often the interval of the overall ratio holds the true ratio. The margin is a ratio of 1.1.
+`3 of 6` if two other questions are answered as clearly, as those about sizes of errors mostly are. `t test` is how
+often a plain paired t test of the log ratios (mean over ages and coordinates) finds a difference from 1, `covers` how
+often the interval of the overall ratio holds the true ratio. The margin is a ratio of 1.1.
 
 Worlds: `independent` and `shared` have scenes whose scales differ (log sd 0.7), at each level anew or at all levels
 alike, and curves that wander with age. `crossing` has a ratio of 2 at young and of 1/2 at old ages; `one age` differs

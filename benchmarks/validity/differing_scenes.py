@@ -12,8 +12,8 @@ In every scene errors are Gaussian with a scale and a bias of its own. Worlds:
   another group, or of one of these if they are fewer than six. `ignored` takes the scenes for independent.
 
 Printed are the shares of 95 % intervals that hold the true value: of the mean and the second moment by weighting
-(features, scenes), of the geometric mean of second moments, and of the prediction for the next scene. With scenes
-resampled within groups, the truth is that of these groups.
+(features, scenes), of the geometric mean of second moments, and of the prediction for the next scene, for its second
+moment and for its mean. With scenes resampled within groups, the truth is that of these groups.
 """
 
 import argparse
@@ -34,7 +34,10 @@ from tracknoise.tables.enumerations import Resampled, Weighting
 TRACKS, BIAS_PX = 150, 0.3
 MEAN, SECOND = 0, 4
 SCALES = ["linear"] * 4 + ["log"] + ["linear"] * 5
-COLUMNS = ("mean, features", "mean, scenes", "second, features", "second, scenes", "second, geometric", "next scene")
+COLUMNS = (
+    *("mean, features", "mean, scenes", "second, features", "second, scenes", "second, geometric"),
+    *("next scene", "next mean"),
+)
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,7 @@ class Runs:
     second: np.ndarray
     geometric: np.ndarray
     next_second: np.ndarray
+    next_mean: np.ndarray
 
 
 def simulate(rng: np.random.Generator, n_scenes: int, world: World, runs: int) -> Runs:
@@ -105,6 +109,7 @@ def simulate(rng: np.random.Generator, n_scenes: int, world: World, runs: int) -
         biases + world.scale_px**2 * np.mean(np.exp(2 * middle), axis=0) * np.exp(variance),
         world.scale_px**2 * np.exp(2 * np.mean(middle, axis=0)),
         second[n_scenes],
+        sums[n_scenes, :, 1] / sums[n_scenes, :, 0],
     )
 
 
@@ -147,10 +152,11 @@ def coverage(n_scenes: int, world: World, *, runs: int, seed: int) -> Iterator[t
         unbiased.sums[..., 3] -= unbiased.sums[..., 1] ** 2 / unbiased.sums[..., 0]
         found = geometric(unbiased, none, _log_second, method)
         yield "second, geometric", _held(found.low[0], found.high[0], simulated.geometric)
-    own = curve_statistics(np.transpose(units.sums, (2, 1, 0)))[[SECOND]]
-    ahead = next_scene(units, own, ["log"], level=method.level)
+    own = curve_statistics(np.transpose(units.sums, (2, 1, 0)))[[SECOND, MEAN]]
+    ahead = next_scene(units, own, ["log", "linear"], level=method.level)
     if not np.isnan(ahead.low).all():
         yield "next scene", _held(ahead.low[0], ahead.high[0], simulated.next_second)
+        yield "next mean", _held(ahead.low[1], ahead.high[1], simulated.next_mean)
 
 
 def _log_second(sums: np.ndarray) -> np.ndarray:

@@ -1,6 +1,7 @@
 """The commands `check` and `init`, as a user types them."""
 
 import json
+import shutil
 import tomllib
 
 import numpy as np
@@ -64,6 +65,20 @@ def test_inverted_poses_are_not_usable_and_all_outputs_say_why(tracknoise, recor
     assert "poses are inverted" in html
     assert "data:image/png;base64," in html
     assert "http" not in html.replace("http-equiv", "")
+
+
+@pytest.mark.parametrize("missing", [[0], [7], [15], range(1, 15)])
+@pytest.mark.parametrize("has_depth", [True, False])
+def test_frames_without_a_pose_are_a_caveat(tracknoise, recording, tmp_path, missing, has_depth):
+    shutil.copytree(recording / "walk", tmp_path / "walk")
+    rows = np.loadtxt(tmp_path / "walk/poses.txt")
+    rows[missing] = np.nan
+    np.savetxt(tmp_path / "walk/poses.txt", rows)
+    if not has_depth:
+        shutil.rmtree(tmp_path / "walk/depth")
+    code, out, err = tracknoise("check", str(tmp_path))
+    assert (code, err) == (3, "reader: folder\n")
+    assert f"{16 - len(missing)} of them have a pose. The other frames have no truth." in out
 
 
 def test_a_damaged_recording_is_not_usable(tracknoise, recording, tmp_path):

@@ -51,6 +51,18 @@ def test_outside_and_in_long_gaps_there_is_no_pose():
     assert np.isfinite(found[[1, 3]]).all()
 
 
+@pytest.mark.parametrize("missing", [[0], [2], [5], [0, 1, 3, 5], [0, 1, 2, 3, 4, 5]])
+def test_missing_poses_are_left_out_as_if_they_were_not_given(missing):
+    times, given = np.arange(6.0), poses(6)
+    given[missing] = np.nan
+    kept = np.setdiff1d(np.arange(6), missing)
+    at = np.array([-0.5, 0.0, 0.5, 1.5, 2.0, 2.5, 3.0, 4.0, 4.5, 5.0, 5.5])
+    found = interpolate_poses(times, given, at, max_gap_s=1.5)
+    np.testing.assert_array_equal(found, interpolate_poses(times[kept], given[kept], at, max_gap_s=1.5))
+    exact = np.isin(at, kept)
+    np.testing.assert_allclose(found[exact], given[at[exact].astype(int)], atol=1e-14)
+
+
 @pytest.mark.parametrize("count", [0, 1])
 def test_without_two_poses_there_is_nothing_to_interpolate(count):
     found = interpolate_poses(np.zeros(count), poses(count), np.array([-0.1, 0.0, 0.1]), max_gap_s=1.0)

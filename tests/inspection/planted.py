@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.depth import DepthMap
+from tracknoise.inspection.pairs import Flow
 from tracknoise.sequences.sequence import Sequence, camera_at
 from tracknoise.sequences.views import View
 
@@ -94,6 +95,14 @@ def resized(factor):
         )
 
     return intrinsics
+
+
+def without_depth(flow: Flow):
+    steps, wide = (
+        tuple(replace(pair, depth_first_m=np.full(len(pair.uv_first), np.nan)) for pair in pairs)
+        for pairs in (flow.steps, flow.wide)
+    )
+    return Flow(steps, wide)
 
 
 def along_ray(depth_m, camera: Camera):

@@ -1,13 +1,16 @@
 """Offsets between the clocks of images and poses, of known size."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from tests.inspection.planted import shifted
+from tests.inspection.planted import shifted, without_depth
 
 from tracknoise.inspection.check_report import Severity
 from tracknoise.inspection.clock import clock
 from tracknoise.inspection.clock_offset import Rates, estimate_offset
 from tracknoise.inspection.evidence import Evidence
+from tracknoise.inspection.pairs import Flow
 from tracknoise.sequences.registry import open_sequence
 
 
@@ -79,3 +82,53 @@ def test_frames_without_a_pose_are_left_out():
     made = rates(0.4)
     made.by_poses[40] = np.nan
     assert estimate_offset(made).frames == pytest.approx(0.4, abs=0.02)
+
+
+@pytest.mark.parametrize("missing", [[0], [50], [119], [20, 21, 70]])
+def test_frames_without_a_pose_are_left_out_where_translations_are_those_of_poses(handheld, given, missing):
+    poses = handheld.poses.copy()
+    poses[missing] = np.nan
+    item = clock(Evidence.of(handheld.flow, poses, handheld.camera), None)
+    assert item.severity is not Severity.unknown
+    assert item.values["offset_frames"] == pytest.approx(given, abs=0.05)
+
+
+@pytest.mark.parametrize("kept", [[40, 41], [0, 119]])
+def test_the_clock_of_two_poses_is_not_known(handheld, kept):
+    poses = np.full_like(handheld.poses, np.nan)
+    poses[kept] = handheld.poses[kept]
+    assert clock(Evidence.of(handheld.flow, poses, handheld.camera), None).severity is Severity.unknown
+
+
+@pytest.fixture(scope="module")
+def rendered(sample):
+    """Exact images and poses, whose rotation is next to impossible to see without depth."""
+    return Evidence.measured(open_sequence("tartanair", sample("tartanair_v1")))
+
+
+@pytest.mark.parametrize("frames", [0.0, 0.3, 0.5, 1.0])
+def test_searches_that_all_end_at_the_same_bound_have_found_no_offset(rendered, frames):
+    late = shifted(frames)(rendered.poses)
+    item = clock(Evidence.of(without_depth(rendered.flow), late, rendered.camera), None)
+    assert item.severity is Severity.unknown
+
+
+@pytest.mark.parametrize("frames", [1.0, 3.0])
+def test_with_depth_offsets_of_these_images_are_found(rendered, frames):
+    item = clock(Evidence.of(rendered.flow, shifted(frames)(rendered.poses), rendered.camera), None)
+    assert item.severity is Severity.caveat
+    assert item.values["offset_frames"] == pytest.approx(-frames, abs=3 * item.values["sd_frames"])
+
+
+def test_a_minimum_beyond_the_bound_of_the_first_search_is_found(handheld):
+    part = slice(20, 40)
+    steps = [replace(one, first=one.first - 20, second=one.second - 20) for one in handheld.flow.steps[part][:-1]]
+    early = shifted(-3)(handheld.poses)[part]
+    item = clock(Evidence.of(without_depth(Flow(tuple(steps), ())), early, handheld.camera), None)
+    assert item.values["offset_frames"] == pytest.approx(3.0, abs=3 * item.values["sd_frames"])
+
+
+@pytest.mark.parametrize("offset", [-3.0, 3.0])
+def test_an_offset_of_few_steps_has_a_spread_that_covers_its_error(offset):
+    found = estimate_offset(rates(offset, n=10, noise=2e-4))
+    assert abs(found.frames - offset) < 4 * found.sd_frames

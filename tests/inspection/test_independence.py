@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.inspection.planted import Planted
 from tests.writers.tum import write_tum
 
 from tracknoise.inspection.check_report import Severity
@@ -21,14 +22,18 @@ def walk(start: float) -> np.ndarray:
     return poses
 
 
-def found(folder, poses, starts_s):
-    """What is said of recordings whose readers count times from the first image of each."""
+def recordings(folder, poses, starts_s):
+    """Recordings whose readers count times from the first image of each."""
     images = [np.zeros((48, 64), np.uint8)] * N_FRAMES
     for number, (part, start_s) in enumerate(zip(poses, starts_s, strict=True)):
         write_tum(folder / f"part{number}", images, part, start_s=start_s)
         (folder / f"part{number}/camera.json").write_text(CAMERA)
     reader = make_reader("tum", folder)
-    return independence([reader.open(one) for one in reader.sequences()])
+    return [reader.open(one) for one in reader.sequences()]
+
+
+def found(folder, poses, starts_s):
+    return independence(recordings(folder, poses, starts_s))
 
 
 @pytest.mark.parametrize("pause_frames", [1, 2])
@@ -42,3 +47,13 @@ def test_pieces_of_one_recording_are_named_although_their_times_begin_at_0(tmp_p
 def test_recordings_in_different_places_are_not_pieces_of_one(tmp_path):
     item = found(tmp_path, [walk(0.0), walk(5.0)], [1305031241.0, 1305041241.0])
     assert item.severity is Severity.ok
+
+
+def test_scenes_without_two_poses_in_a_row_continue_none(tmp_path):
+    def at_both_ends(poses):
+        return np.where(np.isin(np.arange(N_FRAMES), (0, N_FRAMES - 1))[:, None, None], poses, np.nan)
+
+    later = N_FRAMES / 30
+    opened = recordings(tmp_path, [walk(0.0), walk(later)], [1305031241.0, 1305031241.0 + later])
+    assert independence(opened).severity is Severity.caveat
+    assert independence([Planted(one, poses=at_both_ends) for one in opened]).severity is Severity.ok

@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from tests.inspection.planted import MISTAKES
+from tests.inspection.planted import MISTAKES, without_depth
 
 from tracknoise.inspection.check_report import Severity
 from tracknoise.inspection.evidence import Evidence
@@ -75,10 +75,8 @@ def test_no_mistake_is_named_where_there_is_none(where, data_root):
 
 def test_without_depth_a_mistake_is_seen_in_epipolar_lines(data_root):
     seen = evidence("sevenscenes", data_root)
-    blind = [
-        replace(pair, depth_first_m=np.full(len(pair.uv_first), np.nan)) for pair in (*seen.flow.steps, *seen.flow.wide)
-    ]
-    flow = replace(seen.flow, steps=tuple(blind), wide=())
+    blind = without_depth(seen.flow)
+    flow = replace(blind, steps=(*blind.steps, *blind.wide), wide=())
     right = Evidence.of(flow, seen.poses, seen.camera)
     wrong = Evidence.of(flow, np.linalg.inv(seen.poses), seen.camera)
     assert not right.has_depth

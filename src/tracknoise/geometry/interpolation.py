@@ -17,7 +17,7 @@ def interpolate_poses(
     times_s
         (n,) float64, seconds, increasing.
     poses
-        (n, 4, 4) float64, rigid.
+        (n, 4, 4) float64, rigid; all NaN where there is no pose. These are left out, as if their times were not given.
     at_s
         (m,) float64, seconds, in any order.
     max_gap_s
@@ -36,6 +36,8 @@ def interpolate_poses(
     if not np.all(np.diff(times_s) > 0.0):
         raise ValueError("the times of poses must increase")
     found = np.full((len(at_s), 4, 4), np.nan)
+    posed = np.isfinite(poses).all(axis=(1, 2))
+    times_s, poses = times_s[posed], poses[posed]
     if not len(times_s):
         return found
     before = np.searchsorted(times_s, at_s, side="right") - 1

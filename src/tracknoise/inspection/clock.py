@@ -35,7 +35,7 @@ def clock(evidence: Evidence, timestamps_s: NDArray[np.float64] | None) -> Item:
         (n,) float64; None where unknown. Then the offset is given in frames only.
     """
     found = measured_offset(evidence)
-    if found is None or found.sd_frames > MOST_SD_FRAMES or found.unexplained > _MOST_UNEXPLAINED:
+    if found is None or found.sd_frames > MOST_SD_FRAMES or not found.unexplained <= _MOST_UNEXPLAINED:
         text = "The rotation rate does not change enough to show an offset between the clocks of images and poses."
         return Item("clock", Severity.unknown, text)
     step = None if timestamps_s is None or len(timestamps_s) < 2 else float(np.median(np.diff(timestamps_s)))
@@ -99,5 +99,5 @@ def _pose_rotation(relative: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _size(found: ClockOffset, step_s: float | None) -> str:
     """The offset without its sign, with its standard deviation."""
-    frames = f"{abs(found.frames):.2f} +- {found.sd_frames:.2f} frames"
+    frames = f"{abs(found.frames):.2f} +- {max(found.sd_frames, 0.01):.2f} frames"
     return frames if step_s is None else f"{frames} ({1000 * abs(found.frames) * step_s:.1f} ms)"

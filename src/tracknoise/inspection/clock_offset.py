@@ -16,7 +16,11 @@ _FEWEST_STEPS, _FEWEST_IN_RUN, _FEWEST_SHARE = 8, 5, 0.5
 _BLOCKS = 10
 _SCALE_LIMITS = 0.7, 1.4
 """Rates may differ by a factor for each axis, such as that of a wrong focal length."""
-_REFINED_FRAMES = 0.5
+_REFINED_FRAMES, _AT_BOUND_FRAMES = 0.5, 0.01
+"""An offset is refined within the first of its start. Nearer than the second to that bound, it is no minimum."""
+_MOST_REFINEMENTS = 4
+_FEWEST_REFINED = 4
+"""Steps of a refinement; one less than those of a run, because the jackknife leaves out at least one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +48,8 @@ class ClockOffset:
     ----------
     frames, sd_frames
         Offset, and its standard deviation by a jackknife over stretches of the recording. The pose at the time of
-        frame i plus the offset fits image i.
+        frame i plus the offset fits image i. The standard deviation is infinite where no minimum of the differences is
+        found from the best offset of the grid, with all steps or without some. Then the offset is not known.
     unexplained
         Median difference of the rates at this offset, relative to the median variation of the image's rate.
     rate_change
@@ -80,7 +85,9 @@ def estimate_offset(rates: Rates) -> ClockOffset | None:
     every = np.arange(len(observed))
     left_out = [refined(np.setdiff1d(every, block)) for block in np.array_split(every, _BLOCKS)]
     offset = refined(every)
-    sd = float(np.sqrt((_BLOCKS - 1) * np.var(left_out)))
+    is_known = bool(np.isfinite([offset, *left_out]).all())
+    sd = float(np.sqrt((_BLOCKS - 1) * np.var(left_out))) if is_known else np.inf
+    offset = offset if np.isfinite(offset) else start
     changes = np.concatenate([np.linalg.norm(np.diff(run.by_poses, axis=0), axis=1) for run in runs])
     return ClockOffset(offset, sd, _unexplained(predicted(offset), observed), float(np.median(changes)))
 
@@ -119,28 +126,42 @@ def _factors(predicted: NDArray[np.float64], observed: NDArray[np.float64]) -> N
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Refinement:
-    """Robust least squares around a start; the same steps are used at every offset."""
+    """Robust least squares from a start; the same steps are used at every offset around a start."""
 
     predicted: Callable[[float], NDArray[np.float64]]
     observed: NDArray[np.float64]
     start: float
 
     def __call__(self, chosen: NDArray[np.intp]) -> float:
-        """Offset from some of the steps, frames."""
-        ends = [self.predicted(self.start + sign * _REFINED_FRAMES) for sign in (-1.0, 1.0)]
+        """Offset from some of the steps, frames; NaN where there are few of them, or no minimum is found.
+
+        A search that ends at its bound is started again from there. All searches of a jackknife that end at the same
+        bound agree without having found anything.
+        """
+        start = self.start
+        for _ in range(_MOST_REFINEMENTS):
+            found = self._around(start, chosen)
+            if not abs(found - start) >= _REFINED_FRAMES - _AT_BOUND_FRAMES:  # also of NaN
+                return found
+            start = found
+        return np.nan
+
+    def _around(self, start: float, chosen: NDArray[np.intp]) -> float:
+        """Best offset within `_REFINED_FRAMES` of a start, frames; NaN for few steps."""
+        ends = [self.predicted(start + sign * _REFINED_FRAMES) for sign in (-1.0, 1.0)]
         finite: NDArray[np.bool_] = np.isfinite(np.concatenate(ends, axis=1).sum(axis=1))
         known = chosen[finite[chosen]]
-        if len(known) < _FEWEST_IN_RUN:
-            return self.start
+        if len(known) < _FEWEST_REFINED:
+            return np.nan
         observed = self.observed[known]
-        factors = _factors(self.predicted(self.start)[known], observed)
-        at_start = observed - factors * self.predicted(self.start)[known]
+        factors = _factors(self.predicted(start)[known], observed)
+        at_start = observed - factors * self.predicted(start)[known]
         scale = max(1.4826 * float(np.median(np.abs(at_start))), 1e-9)
 
         def left(moved: NDArray[np.float64]) -> NDArray[np.float64]:
-            there = self.predicted(self.start + float(moved[0]) - 1.0)[known]
+            there = self.predicted(start + float(moved[0]) - 1.0)[known]
             return np.asarray((observed - _factors(there, observed) * there).ravel() / scale, dtype=np.float64)
 
         limits = 1.0 - _REFINED_FRAMES, 1.0 + _REFINED_FRAMES  # around 1, because differences are relative
         fit = least_squares(left, [1.0], bounds=limits, loss="soft_l1", diff_step=[1e-3])
-        return self.start + float(fit.x[0]) - 1.0
+        return start + float(fit.x[0]) - 1.0

@@ -42,8 +42,11 @@ def _continues(first: Sequence, second: Sequence) -> bool:
     if not (np.isfinite(end).all() and np.isfinite(begin).all()) or np.allclose(begin, np.eye(4), atol=1e-9):
         return False  # a recording that begins at the origin of its own world continues no other
     moved, turned = steps_of(np.stack([end, begin]))
-    typical = [np.nanmedian(steps_of(one.world_from_camera), axis=1) for one in (first, second)]
-    most_m, most_deg = np.max(typical, axis=0)
+    steps = [np.stack(steps_of(one.world_from_camera)) for one in (first, second)]
+    typical = [every[:, np.isfinite(every).all(axis=0)] for every in steps]
+    if not all(every.size for every in typical):
+        return False  # of a scene without two poses in a row, a typical step is not known
+    most_m, most_deg = np.max([np.median(every, axis=1) for every in typical], axis=0)
     return bool(moved[0] <= _MOST_STEPS * most_m and turned[0] <= _MOST_STEPS * max(most_deg, 0.01))
 
 

@@ -25,6 +25,7 @@ from tracknoise.sequences.images import encode_png
 from tracknoise.sequences.poses import pose_notes
 from tracknoise.sequences.row_poses import shutter_notes
 from tracknoise.sequences.sequence import TRIANGULATED, Sequence, group_of
+from tracknoise.signals import raise_if_interruption
 from tracknoise.statistics.summarise import STATISTICS, statistics_of
 from tracknoise.statistics.tracks.lifetimes import count_ends
 from tracknoise.tables.manifest import SequenceEntry
@@ -40,10 +41,11 @@ def attempt(
     progress: Progress | None = None,
     debug: bool = False,
 ) -> Result:
-    """As `run_batch`, but return a failure instead of raising it, unless `debug` is set."""
+    """As `run_batch`, but return a failure instead of raising it, unless `debug` is set. Interruptions are raised."""
     try:
         return run_batch(batch, run, claim=claim, progress=progress)
     except (Exception, pl.exceptions.PanicException) as error:
+        raise_if_interruption(error)
         if debug:
             raise
         return diagnose(error)

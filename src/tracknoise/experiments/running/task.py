@@ -21,7 +21,7 @@ from tracknoise.experiments.settings import Experiment
 from tracknoise.experiments.tap_metrics import tap_metrics
 from tracknoise.findings.wording import SELF_REFERENTIAL
 from tracknoise.measurement.tracking import Progress
-from tracknoise.sequences.images import encode_png
+from tracknoise.sequences.images import content_hash, encode_png
 from tracknoise.sequences.poses import pose_notes
 from tracknoise.sequences.row_poses import shutter_notes
 from tracknoise.sequences.sequence import TRIANGULATED, Sequence, group_of
@@ -123,6 +123,7 @@ def sequence_entry(
         inputs=inputs,
         key_frame=measurement.key_frame,
         group=group_of(sequence),
+        image=content_hash(measurement.snapshot) or "",
         sha256=sha256,
     )
 

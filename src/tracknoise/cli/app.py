@@ -12,7 +12,7 @@ from contextlib import suppress
 
 from tracknoise import signals
 from tracknoise.cli.interruption import Interruption
-from tracknoise.cli.terminal import Terminal
+from tracknoise.cli.terminal import Terminal, finish_results
 from tracknoise.exceptions import TracknoiseError
 
 _INTERRUPTED = 130
@@ -81,6 +81,8 @@ def _status(terminal: Terminal, arguments: list[str] | None) -> int:
         raise KeyboardInterrupt from error
     if status == _INTERRUPTED:
         raise KeyboardInterrupt
+    with suppress(BrokenPipeError):  # who reads the results has seen enough
+        finish_results()
     return status
 
 

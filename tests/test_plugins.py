@@ -150,6 +150,7 @@ def test_all_kinds_of_fields_are_made(learned):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        ({"fallback": {"scale": 1.0, "fiel": "x"}}, r"fallback.fiel: unknown setting \(did you mean 'file'"),
         ({"fallback": {"fil": "x"}}, r"fallback.fil: unknown setting \(did you mean 'file'\?\); known: file, scale$"),
         ({"root": "x"}, "root: unknown setting; known: cache, fallback, label, masks, tracks, weights$"),
         ({"masks": "m0.png"}, "masks: expected a valid array, found 'm0.png'$"),

@@ -1,4 +1,4 @@
-"""The signals that end a program, what they end, and how to make them wait while a process is started."""
+"""The signals that end a program, what they raise and end, and how to make them wait while a process is started."""
 
 import signal
 import threading
@@ -7,6 +7,16 @@ from contextlib import contextmanager, nullcontext
 
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Ctrl-C, ``kill`` and a closed terminal."""
+
+
+def raise_if_interruption(error: BaseException) -> None:
+    """Raise KeyboardInterrupt if an exception is one, or a panic of compiled code that was calling Python meanwhile.
+
+    Such a panic is neither an Exception nor a KeyboardInterrupt; its text has the name of what was raised.
+    """
+    panicked = type(error).__name__ == "PanicException"
+    if isinstance(error, KeyboardInterrupt) or (panicked and KeyboardInterrupt.__name__ in str(error)):
+        raise KeyboardInterrupt from error
 
 
 @contextmanager

@@ -75,6 +75,13 @@ def test_the_scene_is_fine_before_it_is_damaged(run):
     assert (out / "statistics" / "summary.parquet").exists()
 
 
+def test_a_scene_that_was_copied_is_named_first(run, scene):
+    shutil.copytree(scene, scene.with_name("seq-02"))
+    code, _, out = run()
+    assert code == 0
+    assert "seq-02 those of seq-01" in RunFolder(out).statistics("findings")["text"][0]
+
+
 def test_missing_image(run, scene):
     (scene / "frame-000002.color.png").unlink()
     assert_one_line(run(), "frame-000002.color", "missing")

@@ -1,6 +1,10 @@
 """The commands, as a user types them."""
 
+import os
+import subprocess
+import sys
 import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -20,6 +24,18 @@ def test_every_command_has_help_with_an_example(tracknoise, command):
 def test_the_help_of_run_names_the_presets(tracknoise):
     _, out, _ = tracknoise("run", "--help")
     assert ", ".join(preset_names()) in " ".join(out.replace("│", " ").split())
+
+
+@pytest.mark.parametrize("buffered", [True, False])
+@pytest.mark.parametrize("arguments", [["datasets"], ["--version"], ["run", "--schema"]])
+def test_results_that_cannot_be_written_are_one_line(arguments, buffered):
+    kept = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    environment = kept if buffered else {**kept, "PYTHONUNBUFFERED": "1"}
+    command = [sys.executable, "-c", "from tracknoise.cli.app import main; main()", *arguments]
+    with Path("/dev/full").open("w") as full:
+        ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, env=environment, check=False)
+    assert ended.stderr == "tracknoise: error: standard output cannot be written (No space left on device)\n"
+    assert ended.returncode == 1
 
 
 def test_datasets_lists_the_readers(tracknoise):

@@ -52,6 +52,16 @@ def test_a_terminal_gets_tables_with_lines(tracknoise, finished, monkeypatch):
     assert "━" in out
 
 
+@pytest.mark.parametrize(("count", "text"), [(1, "1 sequence failed and is"), (2, "2 sequences failed and are")])
+def test_failed_sequences_are_counted(tracknoise, finished, tmp_path, count, text):
+    run = type(finished)(shutil.copytree(finished.path, tmp_path / "run"))
+    manifest = run.manifest()
+    manifest.failures |= {f"gone-{place}@default": "damaged" for place in range(count)}
+    run.write_manifest(manifest)
+    code, _, err = tracknoise("findings", str(run.path))
+    assert (code, err) == (0, f"tracknoise: warning: {run.path}: {text} not in these findings\n")
+
+
 def test_a_run_without_findings_says_what_makes_them(tracknoise, finished, tmp_path):
     run = type(finished)(shutil.copytree(finished.path, tmp_path / "run"))
     manifest = run.manifest()

@@ -7,14 +7,19 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
+import polars as pl
 import psutil
 import pytest
 
 from tracknoise import signals
+from tracknoise.cli.app import main
 from tracknoise.cli.interruption import Interruption
+from tracknoise.experiments.running import task
+from tracknoise.sequences import registry
 
 pytestmark = pytest.mark.usefixtures("pipes_are_files")
 
@@ -168,6 +173,40 @@ def test_a_removed_run_folder_says_what_to_do(count, stalled, tmp_path):
     )
     assert program.returncode == 1
     assert not (tmp_path / "run").exists()
+
+
+def panicked(cause):
+    """Raise the panic of Polars that an exception within its calls of Python becomes."""
+    raise pl.exceptions.PanicException(f"called `Result::unwrap()` on an `Err` value: PyErr {{ type: {cause!r} }}")
+
+
+@pytest.mark.parametrize("signalled", [True, False])
+def test_a_panic_that_an_interruption_caused_ends_like_it(signalled, monkeypatch, tracknoise):
+    def interrupted():
+        with contextlib.suppress(KeyboardInterrupt):
+            if signalled:
+                signal.raise_signal(signal.SIGINT)
+        panicked(KeyboardInterrupt)
+
+    monkeypatch.setattr(registry, "READERS", SimpleNamespace(names=interrupted))
+    text = "tracknoise: error: interrupted; run the same command again to resume\n"
+    assert tracknoise("datasets") == (130, "", text)
+
+
+def test_another_panic_is_an_internal_error_of_one_line(monkeypatch, tracknoise):
+    monkeypatch.setattr(registry, "READERS", SimpleNamespace(names=lambda: panicked(ValueError)))
+    status, _, errors = tracknoise("datasets")
+    assert status == 1
+    assert errors.startswith("tracknoise: error: internal error (PanicException: called `Result::unwrap()`")
+    assert errors.count("\n") == 1
+    with pytest.raises(pl.exceptions.PanicException):
+        main(["datasets", "--debug"])
+
+
+def test_a_sequence_that_panics_because_of_an_interruption_has_not_failed(monkeypatch):
+    monkeypatch.setattr(task, "run_batch", lambda *_, **__: panicked(KeyboardInterrupt))
+    with pytest.raises(KeyboardInterrupt):
+        task.attempt([], None)
 
 
 @pytest.mark.parametrize("number", signals.ENDING)

@@ -43,6 +43,12 @@ def test_files_are_printed(tracknoise, file):
     assert "Checked against: rpng/open_vins 6948812" in out
 
 
+def test_the_source_is_named_as_its_file_is(tracknoise, tmp_path):
+    lucas_kanade().write(tmp_path / "lucas-kanade@1.noise.json")
+    _, out, _ = tracknoise("noise", "export", str(tmp_path / "lucas-kanade@1.noise.json"), "--to", "openvins")
+    assert "; lucas-kanade@1.noise.json sha256" in out
+
+
 def test_or_written(tracknoise, file, tmp_path):
     out = tmp_path / "config"
     code, printed, _ = tracknoise("noise", "export", file, "--to", "msckf_vio", "-o", str(out))

@@ -1,7 +1,10 @@
 """Groups of scenes: those that readers know, and those that an experiment declares."""
 
+from dataclasses import replace
+
 import pytest
 
+from tracknoise.findings.sampling.groups import scheme
 from tracknoise.findings.sampling.groups_of_scenes import groups_of_scenes
 from tracknoise.sequences.kitti.layout import recording_of
 from tracknoise.sequences.scenes import parent_of
@@ -31,6 +34,24 @@ def test_declared_groups_replace_them_and_the_first_that_fits_counts() -> None:
         ("d", "chess/seq-02"): "chess",
     }
     assert groups_of_scenes(ENTRIES, {}).names == {}
+
+
+def test_scenes_with_the_same_image_are_copies_and_of_one_group() -> None:
+    images = {"fire/seq-01": "same", "alone": "same", "chess/seq-01": "other", "chess/seq-02": "another"}
+    entries = {scene: replace(ENTRIES[scene], image=image) for scene, image in images.items()}
+    found = groups_of_scenes(entries, None)
+    assert found.copies == {("d", "fire/seq-01"): "alone"}
+    assert found.names["d", "alone"] == found.names["d", "fire/seq-01"] == "copies of alone"
+    assert found.of("d", sorted(images)).tolist() == [0, 1, 1, 0]
+    assert groups_of_scenes(entries, {}).names == {}
+
+
+def test_copies_are_not_independent_even_if_there_are_no_other_scenes() -> None:
+    scenes = [f"scene-{place}" for place in range(6)]
+    entries = {s: replace(ENTRIES["alone"], sequence=SequenceId("d", s), image="x") for s in scenes}
+    number = groups_of_scenes(entries, None).of("d", scenes)
+    assert number.tolist() == [0] * 6
+    assert scheme(number) is None
 
 
 def test_a_manifest_keeps_the_group() -> None:

@@ -59,7 +59,16 @@ def test_digest_ignores_where_the_data_lie_and_nothing_else():
         (MINIMAL + "[truth]\nkind = \n", "x.toml: Invalid value"),
         (MINIMAL.replace("[[", "frames = [9, 3]\n[["), "x.toml: dataset.frames: frames = [9, 3], expected first, last"),
         (MINIMAL.replace("[[", "frames = 9\n[["), "x.toml: dataset.frames: found 9, expected a valid list"),
-        (MINIMAL.replace('"x"', '"../x"'), "x.toml: name: found '../x', expected"),
+        (
+            MINIMAL.replace('"x"', '"../x"'),
+            "x.toml: name: found '../x', expected a name without / and \\ that is not all dots",
+        ),
+        (MINIMAL.replace('"x"', '".."'), "x.toml: name: found '..', expected a name without"),
+        ("speeds = []\n" + MINIMAL, "x.toml: speeds: found [], expected at least 1 value"),
+        (MINIMAL + "[truth.corrections]\nprincipal_point_px = [1, 2, 3]\n", "expected at most 2 values"),
+        (MINIMAL + 'name = ""\n', "x.toml: trackers[0].name: found '', expected a text that is not empty"),
+        (MINIMAL.replace("reader =", "raeder ="), "unknown key 'raeder' (did you mean 'reader'?)"),
+        (MINIMAL.replace("reader =", "raeder ="), "(in section 'dataset')"),
     ],
 )
 def test_mistakes_name_file_key_found_and_expected(text, message):
@@ -200,6 +209,12 @@ def test_unknown_scenes_are_found_before_anything_is_read(line, message):
 def test_a_file_with_a_byte_order_mark_is_read(tmp_path):
     (tmp_path / "x.toml").write_text(MINIMAL, encoding="utf-8-sig")
     assert load_experiment(tmp_path / "x.toml").name == "x"
+
+
+def test_bytes_that_are_no_text_are_found_by_their_line(tmp_path):
+    (tmp_path / "x.toml").write_bytes(b'# one\nname = "caf\xe9"\n')
+    with pytest.raises(SettingsError, match=r"x\.toml: cannot be read \(not UTF-8 in line 2\)"):
+        load_experiment(tmp_path / "x.toml")
 
 
 def test_the_documented_schema_is_that_of_the_program():

@@ -291,6 +291,24 @@ def test_doubtful_data_come_before_all(data: ReportData) -> None:
 
 
 @pytest.mark.parametrize(
+    ("failed", "text"),
+    [
+        (["gone@default"], " 1 of {n_scenes} scenes could not be measured. Truth:"),
+        (["a@default", "a@default@r90", "b@default"], " 2 of {n_scenes} scenes could not be measured. Truth:"),
+        (["{first}@default@r45"], " 1 of {n_sequences} sequences could not be measured. Truth:"),
+    ],
+)
+def test_the_first_screen_says_what_could_not_be_measured(data: ReportData, failed: list[str], text: str) -> None:
+    known = data.manifest.sequences
+    scenes = {entry.sequence.scene for entry in known.values()}
+    failures = {key.format(first=min(scenes)): "damaged" for key in failed}
+    found = summarise(dataclasses.replace(data, manifest=dataclasses.replace(data.manifest, failures=failures)))
+    n_scenes = len(scenes | {key.partition("@")[0] for key in failures})
+    assert text.format(n_scenes=n_scenes, n_sequences=len(known) + len(failed)) in found.measured
+    assert "could not be measured" not in summarise(data).measured
+
+
+@pytest.mark.parametrize(
     ("resampled", "verdict"), [("scenes", "yes"), ("within", "undecided"), ("blocks", "undecided")]
 )
 def test_how_sure_it_is_depends_on_what_was_resampled(data: ReportData, resampled: str, verdict: str) -> None:

@@ -70,7 +70,7 @@ def test_missing_and_binary_pose_files(tmp_path):
     with pytest.raises(DataError, match=r"pose\.txt: no such file, expected rows of x y"):
         read_rows(path, "x y")
     path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(DataError, match=r"pose\.txt: unreadable file, expected text of rows of x y"):
+    with pytest.raises(DataError, match=r"pose\.txt: not UTF-8 in line 1, expected text of rows of x y"):
         read_rows(path, "x y")
 
 

@@ -12,7 +12,7 @@ from contextlib import suppress
 
 from tracknoise import signals
 from tracknoise.cli.interruption import Interruption
-from tracknoise.cli.terminal import Terminal
+from tracknoise.cli.terminal import Terminal, finish_results
 from tracknoise.exceptions import TracknoiseError
 
 _INTERRUPTED = 130
@@ -48,7 +48,10 @@ def _reported(terminal: Terminal, arguments: list[str] | None, interruption: Int
     """Run a command and report its error. What fails because of an interruption is not reported."""
     try:
         return _status(terminal, arguments)
-    except Exception as error:
+    except SystemExit:
+        raise
+    except BaseException as error:  # a panic of Polars is no Exception
+        signals.raise_if_interruption(error)
         if interruption:
             return interruption.status
         if terminal.debug:
@@ -78,10 +81,12 @@ def _status(terminal: Terminal, arguments: list[str] | None) -> int:
         raise KeyboardInterrupt from error
     if status == _INTERRUPTED:
         raise KeyboardInterrupt
+    with suppress(BrokenPipeError):  # who reads the results has seen enough
+        finish_results()
     return status
 
 
-def _text(error: Exception) -> str:
+def _text(error: BaseException) -> str:
     if isinstance(error, TracknoiseError):
         return str(error)
     return f"internal error ({type(error).__name__}: {error}); use --debug for a traceback"

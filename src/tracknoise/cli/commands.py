@@ -1,12 +1,12 @@
 """The subcommands of ``tracknoise``."""
 
-import sys
 from importlib import import_module
 from typing import Annotated
 
 import typer
 
 from tracknoise import __version__
+from tracknoise.cli.terminal import write_result
 
 _COMMANDS = (
     "demo",
@@ -42,7 +42,7 @@ for command in _COMMANDS:
 
 def _print_version(asked: bool) -> None:
     if asked:
-        sys.stdout.write(f"tracknoise {__version__}\n")
+        write_result(f"tracknoise {__version__}\n")
         raise typer.Exit
 
 

@@ -40,7 +40,8 @@ def findings(
     if data.findings.is_empty():
         raise StoreError(f"{run}: holds no findings, expected those of a finished run; `tracknoise run` computes them")
     if failed := data.manifest.failures:
-        context.obj.warn(f"{run}: {len(failed)} sequences failed and are not in these findings")
+        which = "1 sequence failed and is" if len(failed) == 1 else f"{len(failed)} sequences failed and are"
+        context.obj.warn(f"{run}: {which} not in these findings")
     if as_json:
         tables = {name: getattr(data, name) for name in FINDINGS_TABLES}
         context.obj.result(findings_json(tables).rstrip())

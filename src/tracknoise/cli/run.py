@@ -1,6 +1,5 @@
 """``tracknoise run``: measure the experiment of a file or preset, and write the report."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -21,6 +20,7 @@ from tracknoise.cli.options import (
     parse_names,
     parse_numbers,
 )
+from tracknoise.cli.terminal import write_result
 
 _PRESETS = "demo, dtu, gazebo-arvr, gazebo-linear, kitti"
 
@@ -34,7 +34,7 @@ def _print_schema(asked: bool) -> None:
     if asked:
         from tracknoise.experiments.settings import experiment_schema
 
-        sys.stdout.write(experiment_schema())
+        write_result(experiment_schema())
         raise typer.Exit
 
 

@@ -124,8 +124,9 @@ def _with_noise(data: ReportData) -> pl.DataFrame:
 
 
 def _doubts(data: ReportData) -> list[str]:
-    """The finding that says why the data look wrong, before any number."""
-    return [f"{textwrap.fill(text, _WIDTH)}\n" for text in data.findings.filter(topic="data")["text"]]
+    """The findings that say why the data look wrong and which scenes are copies, before any number."""
+    about = data.findings.filter(pl.col("topic").is_in(["data", "copies"]))
+    return [f"{textwrap.fill(text, _WIDTH)}\n" for text in about["text"]]
 
 
 def _for_estimators(data: ReportData) -> list[str]:

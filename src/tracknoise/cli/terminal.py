@@ -1,10 +1,44 @@
 """Output of the command line: results on stdout; messages and progress on stderr. Control characters are escaped."""
 
+import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 
+from tracknoise.exceptions import TracknoiseError
 from tracknoise.printable import printable
 
 _LAYOUT = "\n\t"
+
+
+def write_result(text: str) -> None:
+    """Write a text to stdout as it is.
+
+    Raises
+    ------
+    TracknoiseError
+        If stdout cannot be written, as on a full disk. A reader that has gone raises BrokenPipeError, as elsewhere.
+    """
+    with _output_errors():
+        sys.stdout.write(text)
+
+
+def finish_results() -> None:
+    """Write what is still in memory to stdout, so that errors are reported like those of `write_result`."""
+    with _output_errors():
+        sys.stdout.flush()
+
+
+@contextmanager
+def _output_errors() -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        with suppress(OSError):  # what cannot be written must not fail again when the interpreter exits
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if isinstance(error, BrokenPipeError):
+            raise
+        raise TracknoiseError(f"standard output cannot be written ({error.strerror})") from error
 
 
 class Terminal:
@@ -24,7 +58,7 @@ class Terminal:
 
     def result(self, text: str) -> None:
         """Print a result."""
-        sys.stdout.write(f"{printable(text, keep=_LAYOUT)}\n")
+        write_result(f"{printable(text, keep=_LAYOUT)}\n")
 
     def say(self, text: str) -> None:
         """Print a message, unless quiet."""

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, Self
 
 import tomlkit
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic_core import ErrorDetails
 
 from tracknoise.checks import MOST_LEVELS, require_storable
 from tracknoise.exceptions import SettingsError, UnknownNameError, first_line
@@ -446,7 +447,7 @@ def experiment_schema() -> str:
 
 def _first_problem(error: ValidationError) -> str:
     """The first of pydantic's findings as one line: key, found, expected."""
-    problem = error.errors()[0]
+    problem = _likeliest(error.errors())
     key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in problem["loc"]).lstrip(".")
     if problem["type"] == "extra_forbidden":
         return str(UnknownNameError("key", key.split(".")[-1], _known_keys(problem["loc"]))) + f" ({_parent(key)})"
@@ -454,8 +455,34 @@ def _first_problem(error: ValidationError) -> str:
         return f"{key}: missing, expected a value"
     if problem["type"] == "value_error":
         return f"{key}: {problem['ctx']['error']}" if key else str(problem["ctx"]["error"])
-    expected = problem["msg"].removeprefix("Input should be ")
-    return f"{key}: found {problem['input']!r}, expected {expected}"
+    return f"{key}: found {problem['input']!r}, expected {_expected(problem)}"
+
+
+def _likeliest(problems: list[ErrorDetails]) -> ErrorDetails:
+    """The first problem, or instead of a missing key an unknown one of the same section: it may be a misspelling."""
+    first = problems[0]
+    if first["type"] != "missing":
+        return first
+    unknown = (one for one in problems if one["type"] == "extra_forbidden" and one["loc"][:-1] == first["loc"][:-1])
+    return next(unknown, first)
+
+
+def _expected(problem: ErrorDetails) -> str:
+    """What was expected, in other words than pydantic's where those are about its own work."""
+    limits = problem.get("ctx", {})
+    if problem["type"] == "too_short":
+        return f"at least {_values(limits['min_length'])}"
+    if problem["type"] == "too_long":
+        return f"at most {_values(limits['max_length'])}"
+    if problem["type"] == "string_too_short":
+        return "a text that is not empty"
+    if problem["type"] == "string_pattern_mismatch":
+        return "a name without / and \\ that is not all dots, because a folder is called like it"
+    return problem["msg"].removeprefix("Input should be ")
+
+
+def _values(n: int) -> str:
+    return f"{n} value{'' if n == 1 else 's'}"
 
 
 def _parent(key: str) -> str:

@@ -79,7 +79,8 @@ def read_text(path: Path, expected: str, *, most: int = MOST_TEXT_BYTES) -> str:
     try:
         return read_bytes(path, expected, most=most, readable=readable).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise DataError(path, "unreadable file", readable) from error
+        line = error.object.count(b"\n", 0, error.start) + 1
+        raise DataError(path, f"not UTF-8 in line {line}", readable) from error
 
 
 def read_any_text(path: Path, expected: str) -> str:

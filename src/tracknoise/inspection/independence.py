@@ -1,11 +1,13 @@
-"""The topic independence: whether scenes are pieces of one recording."""
+"""The topic independence: whether scenes are pieces or copies of one recording."""
 
+from collections.abc import Iterator
 from collections.abc import Sequence as ListOf
 from itertools import pairwise
 
 import numpy as np
 
 from tracknoise.inspection.check_report import Item, Severity, Values
+from tracknoise.inspection.copies import copies
 from tracknoise.inspection.jumps import steps_of
 from tracknoise.sequences.sequence import Sequence, group_of
 
@@ -15,22 +17,34 @@ _MOST_NAMED = 5
 
 
 def independence(sequences: ListOf[Sequence]) -> Item | None:
-    """Scenes that continue the poses of another; None for a single scene."""
+    """Scenes that continue the poses of another, or are copies of another; None for a single scene."""
     scenes = {sequence.id.scene: sequence for sequence in sequences}
     if len(scenes) < 2:
         return None
     ordered = [scenes[name] for name in sorted(scenes)]
     continued = [(a.id.scene, b.id.scene) for a, b in pairwise(ordered) if _continues(a, b)]
-    values: Values = {"n_scenes": len(scenes), "n_continued": len(continued)}
-    if not continued:
-        text = f"There are {len(scenes)} scenes; none continues the poses of another."
+    copied = [(a.id.scene, b.id.scene) for a, b in copies(ordered)]
+    values: Values = {"n_scenes": len(scenes), "n_continued": len(continued), "n_copies": len(copied)}
+    if not continued and not copied:
+        text = f"There are {len(scenes)} scenes; none continues the poses of another, and none is a copy."
         return Item("independence", Severity.ok, text, values)
-    named = ", ".join(f"{b} continues {a}" for a, b in continued[:_MOST_NAMED])
-    text = (
-        f"{len(continued) + 1} of {len(scenes)} scenes are pieces of one recording ({named}). They are not "
-        "independent: declare them as a group with dataset.groups."
-    )
-    return Item("independence", Severity.caveat, text, values)
+    return Item("independence", Severity.caveat, " ".join(_sentences(len(scenes), continued, copied)), values)
+
+
+def _sentences(n_scenes: int, continued: ListOf[tuple[str, str]], copied: ListOf[tuple[str, str]]) -> Iterator[str]:
+    if continued:
+        named = ", ".join(f"{b} continues {a}" for a, b in continued[:_MOST_NAMED])
+        yield (
+            f"{len(continued) + 1} of {n_scenes} scenes are pieces of one recording ({named}). They are not "
+            "independent: declare them as a group with dataset.groups."
+        )
+    if copied:
+        named = ", ".join(f"{a} those of {b}" for a, b in copied[:_MOST_NAMED])
+        are = "is a copy" if len(copied) == 1 else "are copies"
+        yield (
+            f"{len(copied)} of {n_scenes} scenes {are}, with the images of another ({named}). Copies are not "
+            "independent: leave them out with dataset.scenes."
+        )
 
 
 def _continues(first: Sequence, second: Sequence) -> bool:

@@ -6,6 +6,7 @@ that a small file cannot become a huge array.
 """
 
 from collections.abc import Iterable
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -257,6 +258,13 @@ def require_size(path: Path, shape: tuple[int, ...], camera: CameraModel) -> Non
 def _layout(array: NDArray[Any]) -> str:
     channels = array.shape[2] if array.ndim == 3 else 1
     return f"{array.dtype.itemsize * 8}-bit image of {channels} channel{'s' if channels > 1 else ''}"
+
+
+def content_hash(image: NDArray[np.uint8]) -> str | None:
+    """Hexadecimal SHA-256 of the size and the pixels of an image; None for an empty one, or one of one gray value."""
+    if image.size == 0 or image.min() == image.max():
+        return None
+    return sha256(str(image.shape).encode() + image.tobytes()).hexdigest()
 
 
 def encode_webp(image: NDArray[np.uint8], *, quality: int) -> bytes:

@@ -11,6 +11,7 @@ import polars as pl
 
 from tracknoise import atomic
 from tracknoise.exceptions import SchemaError, StoreError
+from tracknoise.signals import raise_if_interruption
 from tracknoise.tables import schema
 
 REMEDY = "`tracknoise run` makes it again"
@@ -124,7 +125,8 @@ def read_stacked(
         table = schema.with_new_categories(scanned.collect(), wanted)
         stacked = pl.concat([table] * len(every)) if are_equal else table
         return schema.check(stacked, wanted, "tables")
-    except (OSError, SchemaError, *_DAMAGE):  # one by one, so that the error names the file
+    except (OSError, SchemaError, *_DAMAGE) as error:
+        raise_if_interruption(error)  # otherwise one by one, so that the error names the file
         return pl.concat([_parsed(path, content, columns).select(list(wanted)) for path, content in contents.items()])
 
 
@@ -136,6 +138,7 @@ def _parsed(path: Path, content: bytes, columns: schema.Schema) -> pl.DataFrame:
     try:
         table = pl.read_parquet(io.BytesIO(content))
     except (OSError, *_DAMAGE) as error:
+        raise_if_interruption(error)
         raise StoreError(f"{path}: damaged ({error}), expected a Parquet table; {REMEDY}") from error
     return schema.check(schema.with_new_categories(table, columns), columns, str(path))
 

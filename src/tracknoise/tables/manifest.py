@@ -44,6 +44,8 @@ class SequenceEntry:
         If the truth is a scan, the frame in which features were associated with it.
     group
         What its scene has in common with others that are not independent of it, such as the place; None if unknown.
+    image
+        Hash of the pixels of the image in ``snapshots/``; empty where they are of one gray value.
     sha256
         Hash of each of its files, by the folder that holds it.
     """
@@ -60,6 +62,7 @@ class SequenceEntry:
     key_frame: int | None = None
     group: str | None = None
     doubts: tuple[str, ...] = ()
+    image: str = ""
     sha256: dict[str, str] = field(default_factory=dict)
 
     @property

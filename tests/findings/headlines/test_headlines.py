@@ -313,6 +313,15 @@ OVERALL = {"trimming": "trimmed", "axis": "age", "n": 900, "n_scenes": 8, "mean_
 AT_TEN = {**OVERALL, "at": 10, "mean_u_px": 0.12, "mean_v_px": -0.04, "share_of_second": 0.062}
 
 
+def test_copies_are_named_before_the_numbers() -> None:
+    groups = SceneGroups(copies={("d", "b"): "a", ("d", "c"): "a"})
+    found = read(replace(SCOPE, groups=groups))
+    assert next(iter(found)) == "copies"
+    assert found["copies"]["text"].startswith(
+        "2 scenes have the images of another (b those of a and c those of a). Copies"
+    )
+
+
 def test_doubtful_data_come_before_all_else_whatever_the_truth() -> None:
     doubts = {"hall": ["A pose jumps by 3 m."]}
     for fitted in (False, True):

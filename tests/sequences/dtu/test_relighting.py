@@ -98,7 +98,7 @@ def test_a_missing_file_of_leds(tmp_path) -> None:
     with pytest.raises(DataError, match=r"leds\.csv: no such file, expected 19 rows of x,y,z in metres"):
         read_leds(tmp_path / "leds.csv")
     (tmp_path / "leds.csv").write_bytes(b"\xff\xfe\x00\x81")
-    with pytest.raises(DataError, match=r"leds\.csv: unreadable file, expected text"):
+    with pytest.raises(DataError, match=r"leds\.csv: not UTF-8 in line 1, expected text"):
         read_leds(tmp_path / "leds.csv")
 
 

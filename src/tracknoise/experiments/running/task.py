@@ -21,10 +21,11 @@ from tracknoise.experiments.settings import Experiment
 from tracknoise.experiments.tap_metrics import tap_metrics
 from tracknoise.findings.wording import SELF_REFERENTIAL
 from tracknoise.measurement.tracking import Progress
-from tracknoise.sequences.images import encode_png
+from tracknoise.sequences.images import content_hash, encode_png
 from tracknoise.sequences.poses import pose_notes
 from tracknoise.sequences.row_poses import shutter_notes
 from tracknoise.sequences.sequence import TRIANGULATED, Sequence, group_of
+from tracknoise.signals import raise_if_interruption
 from tracknoise.statistics.summarise import STATISTICS, statistics_of
 from tracknoise.statistics.tracks.lifetimes import count_ends
 from tracknoise.tables.manifest import SequenceEntry
@@ -40,10 +41,11 @@ def attempt(
     progress: Progress | None = None,
     debug: bool = False,
 ) -> Result:
-    """As `run_batch`, but return a failure instead of raising it, unless `debug` is set."""
+    """As `run_batch`, but return a failure instead of raising it, unless `debug` is set. Interruptions are raised."""
     try:
         return run_batch(batch, run, claim=claim, progress=progress)
     except (Exception, pl.exceptions.PanicException) as error:
+        raise_if_interruption(error)
         if debug:
             raise
         return diagnose(error)
@@ -121,6 +123,7 @@ def sequence_entry(
         inputs=inputs,
         key_frame=measurement.key_frame,
         group=group_of(sequence),
+        image=content_hash(measurement.snapshot) or "",
         sha256=sha256,
     )
 

@@ -30,6 +30,7 @@ from tracknoise.experiments.validation.checks import CHECKS, SUSPECTS, Area, fai
 from tracknoise.experiments.validation.exact_worlds import FOLDERS as EXACT_FOLDERS
 from tracknoise.experiments.validation.exact_worlds import exact_checks
 from tracknoise.experiments.validation.pools import measure_factors, measure_pool
+from tracknoise.signals import raise_if_interruption
 from tracknoise.tables.schema import check
 from tracknoise.tables.store import RunFolder
 
@@ -167,6 +168,7 @@ def _run(part: str, folder: Path, scenes: int, seed: int, debug: bool) -> pl.Dat
     except StoreError:
         raise
     except (Exception, pl.exceptions.PanicException) as error:
+        raise_if_interruption(error)
         if debug:
             raise
         return failed(_FIRST[part], part, error)

@@ -39,6 +39,21 @@ def _whose(scenes: list[str]) -> str:
     return f"Data of {listing(scenes)} look" if len(scenes) <= MOST_NAMED else f"Data of {len(scenes)} scenes look"
 
 
+def copied_scenes(_tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """Warn where scenes are copies of others: they are no further evidence, but are counted."""
+    copies = conditions.groups.copies
+    if not copies:
+        return None
+    pairs = [f"{scene} those of {original}" for (_, scene), original in sorted(copies.items())[:MOST_NAMED]]
+    more = ", and others" if len(copies) > MOST_NAMED else ""
+    text = (
+        f"{count(len(copies), 'scene')} {'has' if len(copies) == 1 else 'have'} the images of another "
+        f"({listing(pairs)}{more}). Copies of a recording are not independent, so that intervals are too narrow: leave "
+        "them out with dataset.scenes."
+    )
+    return Headline("copies", text, "limits", "counts")
+
+
 def few_scenes(tables: RunTables, _conditions: ReportedConditions) -> Headline | None:
     """Warn if there are so few scenes that intervals are less reliable, or hold for these scenes only."""
     measured = tables["summary"].drop_nulls("n_scenes")

@@ -25,6 +25,7 @@ from tracknoise.tables.schema import check
 
 _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] = (
     caveats.doubtful_data,
+    caveats.copied_scenes,
     estimator_noise,
     depths,
     caveats.few_scenes,
@@ -47,6 +48,7 @@ _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] 
 """Each makes a headline, or none where the tables have no rows about it; the most important first."""
 _FITTED_TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] = (
     caveats.doubtful_data,
+    caveats.copied_scenes,
     fitted_topics.self_referential,
     estimator_noise,
     caveats.few_scenes,

@@ -5,11 +5,12 @@ depends on how many groups there are (scheme):
 
 - scenes, if every scene is a group of its own.
 - groups, if there are at least `MIN_SCENES` of them.
-- within: scenes within their groups, if there are at least `MIN_SCENES` scenes and these exceed the groups by
+- within: scenes within several groups, if there are at least `MIN_SCENES` scenes and these exceed the groups by
   `MIN_WITHIN`. What is found then holds for these groups only, because it excludes the variation between groups.
 - otherwise nothing: blocks of tracks within scenes may be resampled instead.
 
-Scenes that are all of one group are what the experiment is about, and count as independent.
+Scenes that are all of one group are what the experiment is about, and count as independent, except for copies: scenes
+with the same images are never independent.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -35,19 +36,22 @@ class SceneGroups:
     ----------
     names
         By dataset and scene. A scene that is not in it is a group of its own.
+    copies
+        Scenes with the images of another, by dataset and scene: the name of the other.
     """
 
     names: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    copies: Mapping[tuple[str, str], str] = field(default_factory=dict)
 
     def of(self, dataset: str, scenes: Sequence[str]) -> NDArray[np.intp]:
         """Number of the group of each scene, (scenes,), from 0 in the order of their first scenes.
 
-        If all are of one group, each has its own number.
+        If all are of one group, each has its own number, which copies share.
         """
         named = [(1, self.names[dataset, scene]) if (dataset, scene) in self.names else (0, scene) for scene in scenes]
+        if len(set(named)) == 1:
+            named = [(0, self.copies.get((dataset, scene), scene)) for scene in scenes]
         number = {name: place for place, name in enumerate(dict.fromkeys(named))}
-        if len(number) == 1:
-            return np.arange(len(named))
         return np.array([number[name] for name in named], dtype=np.intp)
 
 
@@ -66,7 +70,7 @@ def scheme(group: NDArray[np.intp]) -> Resampled | None:
     n_groups = len(np.unique(group))
     if n_groups >= MIN_SCENES:
         return Resampled.scenes if n_groups == len(group) else Resampled.groups
-    enough = len(group) >= MIN_SCENES and len(group) - n_groups >= MIN_WITHIN
+    enough = n_groups > 1 and len(group) >= MIN_SCENES and len(group) - n_groups >= MIN_WITHIN
     return Resampled.within if enough else None
 
 
@@ -97,7 +101,8 @@ class JoinedScenes:
             group = groups.of(dataset, known)
             if scheme(group) == Resampled.groups:
                 names |= {(dataset, scene): f"group {own}" for scene, own in zip(known, group, strict=True)}
-        return cls(names, SceneGroups({key: group for key, group in groups.names.items() if key not in names}))
+        others = {key: group for key, group in groups.names.items() if key not in names}
+        return cls(names, SceneGroups(others, groups.copies))
 
     def rename(self, table: pl.DataFrame, dataset: str) -> pl.DataFrame:
         """A table of one dataset with these names in its column scene."""

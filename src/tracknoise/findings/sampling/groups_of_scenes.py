@@ -29,7 +29,7 @@ def groups_of_run(folder: RunFolder) -> SceneGroups:
 def groups_of_scenes(
     sequences: Mapping[str, SequenceEntry], declared: Mapping[str, Sequence[str]] | None
 ) -> SceneGroups:
-    """Group of each scene that has one.
+    """Group of each scene that has one, and the scenes that are copies. Groups of readers get copies from elsewhere.
 
     Parameters
     ----------
@@ -44,7 +44,23 @@ def groups_of_scenes(
         group = entry.group if declared is None else _declared(scene, declared)
         if group is not None:
             found[entry.sequence.dataset, scene] = group
-    return SceneGroups(found)
+    copies = _copies(sequences)
+    if declared is None:
+        for (dataset, scene), original in copies.items():
+            found[dataset, scene] = found.setdefault((dataset, original), f"copies of {original}")
+    return SceneGroups(found, copies)
+
+
+def _copies(sequences: Mapping[str, SequenceEntry]) -> dict[tuple[str, str], str]:
+    """Scenes whose image in the run folder has the pixels of that of an earlier scene, and the earlier one."""
+    first: dict[tuple[str, str], str] = {}
+    found: dict[tuple[str, str], str] = {}
+    for _, entry in sorted(sequences.items()):
+        dataset, scene = entry.sequence.dataset, entry.sequence.scene
+        original = first.setdefault((dataset, entry.image), scene) if entry.image else scene
+        if original != scene:
+            found.setdefault((dataset, scene), found.get((dataset, original), original))
+    return found
 
 
 def _declared(scene: str, groups: Mapping[str, Sequence[str]]) -> str | None:

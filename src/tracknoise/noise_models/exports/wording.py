@@ -50,7 +50,7 @@ def header(noise: Noise, source: str, sha256: str) -> str:
 
 def in_comment(line: str) -> str:
     """A line without signs that could end a comment, in any of the syntaxes."""
-    return re.sub(r"--+", "-", re.sub(r"[^\w .,:;()/+=%-]", "_", line))
+    return re.sub(r"--+", "-", re.sub(r"[^\w .,:;()/+=%@-]", "_", line))
 
 
 def makes_right(noise: Noise) -> str:

@@ -38,7 +38,7 @@ def summarise(data: ReportData) -> Summary:
 
 
 def measured(data: ReportData) -> str:
-    """What was measured: data, scenes, frames, truth, speed and view."""
+    """What was measured: data, scenes, frames, what could not be measured, truth, speed and view."""
     entries = list(data.sequences.values())
     if not entries:
         return "No sequence was measured."
@@ -51,7 +51,19 @@ def measured(data: ReportData) -> str:
     truth = listing(_TRUTHS.get(kind, kind) for kind in sorted({entry.truth for entry in entries}))
     image += "".join(f", {count(len(values), name)}" for name, values in data.varied.items())
     shown = f"{data.errors_shown} at speed {data.slowest}{data.where}"
-    return f"Data: {data_names}, {count(scenes, 'scene')} of {lengths} frames, {image}. Truth: {truth}. {shown}."
+    made = f"{count(scenes, 'scene')} of {lengths} frames, {image}.{_missing(data)}"
+    return f"Data: {data_names}, {made} Truth: {truth}. {shown}."
+
+
+def _missing(data: ReportData) -> str:
+    """How many scenes could not be measured; sequences, if some of their scenes were. Begins with a space."""
+    failed, there = list(data.manifest.failures), list(data.manifest.sequences)
+    if not failed:
+        return ""
+    without, scenes = ({key.partition("@")[0] for key in keys} for keys in (failed, there))
+    if without & scenes:
+        return f" {len(failed)} of {len(failed) + len(there)} sequences could not be measured."
+    return f" {len(without)} of {len(without | scenes)} scenes could not be measured."
 
 
 def _card(subject: Subject, size: str) -> Card:

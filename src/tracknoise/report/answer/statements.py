@@ -120,6 +120,7 @@ _SENTENCES: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
         f"Residuals in windows of tracks look like {_value(row)}; how certain depths are is unknown."
     ),
     "data": lambda _: "Some data look wrong, so that errors may not be those of the trackers.",
+    "copies": lambda _: "Some scenes have the images of others, so that intervals are too narrow.",
     "trimming": lambda _: "Trimming the tracks with the largest errors changes some of these answers.",
 }
 """Sentence of each topic that is not about a tracker of a card."""

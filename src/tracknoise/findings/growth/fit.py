@@ -84,6 +84,11 @@ class GrowthFit:
         solution: Array = self.inverses[-1] @ self._observed(second) * self.unit
         return solution.reshape(len(TERMS), *second.shape[1:])
 
+    def alone(self, second: Array) -> Array:
+        """Each coefficient if its term made all of the mean second moment of the ages: in (growth) none is larger."""
+        whole = second.mean(axis=0).reshape(1, -1) / (self.columns / self.root).mean(axis=0)[:, None]
+        return np.asarray(whole * self.unit).reshape(len(TERMS), *second.shape[1:])
+
     def _observed(self, second: Array) -> Array:
         """Weighted second moments, (ages, curves)."""
         return self.root * second.reshape(len(self.root), -1)

@@ -61,7 +61,7 @@ def pooled_sizes(units: Units, weights: Array, ages: NDArray[np.bool_], method: 
 
     def fits(since: Array, weight: Array) -> _Fit:
         fit = GrowthFit.at(since, weight)
-        return lambda second: np.concatenate([fit.free(second), fit.bounded(second)])
+        return lambda second: np.concatenate([fit.free(second), fit.bounded(second), fit.alone(second)])
 
     u, v = _pooled(units, weights, ages, method, fits)
     return _of_terms(u), _of_terms(v)
@@ -168,12 +168,23 @@ def _second(sums: Array) -> Array:
 
 
 def _of_terms(found: list[Estimate]) -> Sizes:
-    """Sizes from free and bounded coefficients."""
-    free, bounded = found[: len(TERMS)], found[len(TERMS) :]
+    """Sizes from free and bounded coefficients, and from those of terms that would explain everything alone."""
+    free, bounded, alone = (found[first : first + len(TERMS)] for first in range(0, 3 * len(TERMS), len(TERMS)))
     return {
-        term: _root(one, other, unit=unit)
-        for term, one, other, unit in zip(TERMS, bounded, free, TERM_UNITS, strict=True)
+        term: _at_most(_root(one, other, unit=unit), _length(whole.high))
+        for term, one, other, whole, unit in zip(TERMS, bounded, free, alone, TERM_UNITS, strict=True)
     }
+
+
+def _at_most(size: Estimate, most: float | None) -> Estimate:
+    """The same with an upper bound that is not above that of all errors.
+
+    A coefficient of one scene can be near 0 where another term takes its part, so that the logarithms of coefficients
+    differ more than scenes do.
+    """
+    if size.value is None or size.high is None or most is None:
+        return size
+    return replace(size, high=max(min(size.high, most), size.value))
 
 
 def _root(bounded: Estimate, free: Estimate, *, unit: str) -> Estimate:

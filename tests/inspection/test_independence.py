@@ -87,3 +87,10 @@ def test_scenes_that_share_a_motion_are_no_copies(tmp_path, seeds):
     item = found(tmp_path, [walk(0.0), walk(0.0)], [0.0, 0.0], images)
     assert item.severity is Severity.ok
     assert item.values["n_copies"] == 0
+
+
+@pytest.mark.parametrize("most_read", [100, 1])
+def test_a_copy_is_found_among_scenes_that_share_its_motion(tmp_path, monkeypatch, most_read):
+    monkeypatch.setattr(copies, "_MOST_READ", most_read)
+    item = found(tmp_path, [walk(0.0)] * 3, [0.0] * 3, [noise(0), noise(1), noise(1)])
+    assert "1 of 3 scenes is a copy, with the images of another (part2 those of part1)." in item.text

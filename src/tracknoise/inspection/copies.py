@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from collections.abc import Sequence as ListOf
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.sequences.images import content_hash
@@ -18,39 +19,43 @@ _MOST_COMPARED = 50
 def copies(scenes: ListOf[Sequence]) -> list[tuple[Sequence, Sequence]]:
     """Scenes whose images are those of an earlier one, in the frames that both have: the copy and the earlier one.
 
-    Scenes with the same poses are compared, and scenes with the same first image. Three images decide. The same poses
-    with other images are a motion that scenes share, and no copy.
+    First images are compared, and where these are the same two later ones. The same poses with other images are a
+    motion that scenes share, and no copy.
     """
-    found: dict[int, tuple[Sequence, Sequence]] = {}
-    for place, earlier in [*_same_poses(scenes), *_same_first_image(scenes)]:
-        if place not in found and _same_images(scenes[earlier], scenes[place]):
-            found[place] = scenes[place], scenes[earlier]
-    return [found[place] for place in sorted(found)]
+    recorded = [place for place, scene in enumerate(scenes) if scene.surface is None]  # others take long to make
+    every = [recorded] if len(scenes) <= _MOST_READ else []
+    found: dict[int, int] = {}
+    for places in [*every, *_same_poses(scenes)]:
+        for place, earlier in _same_first_image(scenes, places):
+            if place not in found and _same_images(scenes[earlier], scenes[place]):
+                found[place] = earlier
+    return [(scenes[place], scenes[found[place]]) for place in sorted(found)]
 
 
-def _same_poses(scenes: ListOf[Sequence]) -> Iterator[tuple[int, int]]:
-    """Places of scenes with the poses of an earlier one in the frames that both have, and of that one."""
-    alike: dict[bytes, list[int]] = {}
+def _same_poses(scenes: ListOf[Sequence]) -> list[list[int]]:
+    """Places of scenes that have the same poses in the frames that they have in common with the first of them."""
+    alike: dict[bytes, list[list[int]]] = {}
     for place, scene in enumerate(scenes):
         poses = scene.world_from_camera
-        others = alike.setdefault(np.ascontiguousarray(poses[:_FIRST_POSES]).tobytes(), [])
-        for other in others:
-            n = min(len(poses), len(scenes[other]))
-            if np.array_equal(poses[:n], scenes[other].world_from_camera[:n], equal_nan=True):
-                yield place, other
-                break
-        else:
-            if len(others) < _MOST_COMPARED:
-                others.append(place)
+        groups = alike.setdefault(np.ascontiguousarray(poses[:_FIRST_POSES]).tobytes(), [])
+        same = next((group for group in groups if _agree(poses, scenes[group[0]].world_from_camera)), None)
+        if same is not None:
+            same.append(place)
+        elif len(groups) < _MOST_COMPARED:
+            groups.append([place])
+    return [group for groups in alike.values() for group in groups if len(group) > 1]
 
 
-def _same_first_image(scenes: ListOf[Sequence]) -> Iterator[tuple[int, int]]:
-    """The same of first images. Those of simulated scenes take long to make, and are not compared."""
-    if len(scenes) > _MOST_READ:
-        return
+def _agree(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
+    n = min(len(one), len(other))
+    return np.array_equal(one[:n], other[:n], equal_nan=True)
+
+
+def _same_first_image(scenes: ListOf[Sequence], places: ListOf[int]) -> Iterator[tuple[int, int]]:
+    """Places of scenes whose first image is that of an earlier one, and the place of that one."""
     first: dict[str, int] = {}
-    for place, scene in enumerate(scenes):
-        digest = None if scene.surface is not None else _digest(scene, 0)
+    for place in places:
+        digest = _digest(scenes[place], 0)
         if digest is not None and (other := first.setdefault(digest, place)) != place:
             yield place, other
 

@@ -105,7 +105,7 @@ def jackknife(equations: NormalEquations, trackers: NDArray[np.intp] | None = No
 def _shares(own: NDArray[np.float64], ridge: NDArray[np.float64]) -> NDArray[np.float64]:
     """(clusters, p): shares of clusters in variances, from the information (clusters, p, p) of each."""
     inverse = np.linalg.inv(own.sum(axis=0) + np.diag(ridge))
-    variance = np.einsum("ij,cjk,ik->ci", inverse, own, inverse)
+    variance = np.maximum(np.einsum("ij,cjk,ik->ci", inverse, own, inverse), 0.0)  # rounding may make it negative
     return np.asarray(variance / np.maximum(variance.sum(axis=0), 1e-300))
 
 

@@ -26,7 +26,7 @@ def _problems(*scenes: str) -> list[Problem]:
 def _folder(groups: dict[str, str | None]) -> SimpleNamespace:
     """A run whose reader knows groups of scenes."""
     entries = {
-        scene: SimpleNamespace(sequence=SimpleNamespace(scene=scene, dataset="places"), group=group)
+        scene: SimpleNamespace(sequence=SimpleNamespace(scene=scene, dataset="places"), group=group, image="")
         for scene, group in groups.items()
     }
     return SimpleNamespace(

@@ -52,7 +52,7 @@ SECOND_LIGHTING = "second"
 N_TURNED = 4
 """Scenes with turned images: fewer than a verdict needs."""
 
-_LIVES = Lives(120, 0.06, 0.2)
+_LIVES = Lives(120, 0.08, 0.2)
 
 Errors = Callable[[np.random.Generator, tuple[int, int]], Array]
 

@@ -13,6 +13,19 @@ from tracknoise.experiments.running.execute import execute
 from tracknoise.experiments.settings import Experiment
 from tracknoise.tables.store import RunFolder
 
+
+def pytest_assertrepr_compare(op: str, left: object, right: object) -> list[str] | None:
+    """Contents of files that differ are named, not printed."""
+    if op != "==" or not (_are_contents(left) and _are_contents(right)):
+        return None
+    names = sorted(name for name in {*left, *right} if left.get(name) != right.get(name))
+    return ["the same files", *(str(name) for name in names), f"are {len(names)} that differ or are missing"]
+
+
+def _are_contents(value: object) -> bool:
+    return isinstance(value, dict) and all(isinstance(content, bytes) for content in value.values())
+
+
 TEXT = """
 name = "x"
 [dataset]

@@ -12,6 +12,7 @@ from tracknoise.experiments.analysis.finding_inputs import FindingInputs
 from tracknoise.experiments.analysis.freed_memory import keep_freed_memory
 from tracknoise.experiments.analysis.reference_condition import reference_condition
 from tracknoise.experiments.analysis.run_audit import run_audit
+from tracknoise.experiments.blas import one_blas_thread
 from tracknoise.experiments.settings import FROM_FILES, Experiment
 from tracknoise.findings.factors.dependence import dependence
 from tracknoise.findings.factors.tracker_options import option_factors
@@ -68,6 +69,7 @@ _ABOUT_ANCHORS = ("zero_mean", "gaussianity", "radii", "time_structure", *_OF_PL
 """Findings about errors since a point was fixed. They are withheld where points are fitted to whole tracks."""
 
 
+@one_blas_thread()
 def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping[str, pl.DataFrame]) -> None:
     """Compute the findings of a run from its scenes' moments and write them, as tables and as ``findings.json``.
 

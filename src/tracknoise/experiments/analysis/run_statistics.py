@@ -5,6 +5,7 @@ from functools import partial
 import polars as pl
 
 from tracknoise.experiments.analysis.reference_condition import reference_condition
+from tracknoise.experiments.blas import one_blas_thread
 from tracknoise.experiments.settings import Experiment
 from tracknoise.statistics.errors.cores import cores
 from tracknoise.statistics.errors.curves import CURVE_COLUMNS, curves
@@ -18,6 +19,7 @@ from tracknoise.statistics.truth.floor import truth_floor
 from tracknoise.tables.store import RunFolder
 
 
+@one_blas_thread()
 def compute_statistics(run: RunFolder, experiment: Experiment) -> dict[str, pl.DataFrame]:
     """Compute the statistics of a run from its sequences' tables, a few sequences at a time, and write them.
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 import polars as pl
 
 from tracknoise.exceptions import DataWarning
+from tracknoise.experiments.blas import one_blas_thread
 from tracknoise.experiments.doubts import doubts
 from tracknoise.experiments.measure import Measurement, measure_together
 from tracknoise.experiments.patches import KEPT_BYTES, track_patches
@@ -33,6 +34,7 @@ from tracknoise.tables.store import RunFolder
 from tracknoise.truth.scan_rule import ScanRule
 
 
+@one_blas_thread()
 def attempt(
     batch: list[Task],
     run: RunFolder,

@@ -234,6 +234,13 @@ def test_a_missing_image_is_named(scene: Path) -> None:
     expect(scene, "images/000001.png", ": missing image, expected images 0 to 2 without a gap")
 
 
+def test_a_missing_image_is_named_like_the_others(scene: Path) -> None:
+    for path in (scene / "images").iterdir():
+        path.rename(path.with_name(f"{int(path.stem)}.jpg"))
+    (scene / "images/1.jpg").unlink()
+    expect(scene, "images/1.jpg", ": missing image, expected images 0 to 2 without a gap")
+
+
 def test_poses_may_outnumber_images(scene: Path) -> None:
     (scene / "images/000002.png").unlink()
     sequence = opened(scene)

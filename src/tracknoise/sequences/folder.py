@@ -5,7 +5,7 @@ Frames are numbered from 0.
 """
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, asdict, dataclass, replace
 from functools import partial
 from itertools import compress
@@ -238,9 +238,17 @@ def _frame_files(folder: Path, *, poses: int) -> tuple[tuple[Path, ...], tuple[P
     """Image and depth (None where there is none) of each frame. There may be more poses than images."""
     images = numbered_files(folder / _IMAGES, r"(\d+)\.(?:png|jpe?g)")
     depths = numbered_files(folder / _DEPTH, r"(\d+)\.(?:npy|png)") if (folder / _DEPTH).exists() else {}
-    frames = require_unbroken(images, {0, *depths}, lambda number: folder / _IMAGES / f"{number:06d}.png")
+    frames = require_unbroken(images, {0, *depths}, lambda number: folder / _IMAGES / _image_name(images, number))
     require_poses(folder / _POSES, poses=poses, images=len(frames))
     return tuple(images[number] for number in frames), tuple(map(depths.get, frames))
+
+
+def _image_name(images: Mapping[int, Path], number: int) -> str:
+    """What the image of a frame would be called, next to the others."""
+    if not images:
+        return f"{number:06d}.png"
+    shortest = min(images.values(), key=lambda path: len(path.stem))
+    return f"{number:0{len(shortest.stem)}d}{shortest.suffix}"
 
 
 def _poses(rows: NDArray[np.float64], places: list[str]) -> NDArray[np.float64]:

@@ -208,6 +208,12 @@ def test_bytes_that_are_no_table_are_refused(name, tmp_path, setting):
         Imported(str(tmp_path / name)).start(setting())
 
 
+def test_text_in_utf_16_is_refused_as_such(tmp_path, setting):
+    (tmp_path / "tracks.csv").write_text("track,frame,u_px,v_px\n1,0,2,3\n", encoding="utf-16")
+    with pytest.raises(DataError, match=r"tracks.csv: null characters in line 1, expected .* in UTF-8, not UTF-16$"):
+        Imported(str(tmp_path / "tracks.csv")).start(setting())
+
+
 @pytest.mark.parametrize("path", ["tracks.json", "{scen}.csv", "{}.csv", "{scene.csv", "{scene.x}.csv"])
 def test_impossible_paths_are_refused_by_name(path):
     with pytest.raises(ValueError, match="path is"):

@@ -155,6 +155,8 @@ def _read_csv(path: Path, size: int) -> pl.DataFrame:
     """All columns are read as text, so that errors can show the cell. The header shows what separates them."""
     with path.open("rb") as file:
         header = file.readline(MIB).decode(errors="replace")
+    if "\0" in header:
+        raise DataError(path, "null characters in line 1", "a .csv file of tracks in UTF-8, not UTF-16")
     separator = max(_SEPARATORS, key=header.count)
     columns = header.count(separator) + 1
     if columns > _MOST_COLUMNS:

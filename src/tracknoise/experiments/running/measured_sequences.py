@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import replace
 
+from tracknoise.experiments.blas import one_blas_thread
 from tracknoise.experiments.measure import Measurement
 from tracknoise.experiments.running.provenance import new_manifest
 from tracknoise.experiments.running.task import sequence_entry, tables_to_keep
@@ -12,6 +13,7 @@ from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.store import RunFolder
 
 
+@one_blas_thread()
 def write_measurement(folder: RunFolder, experiment: Experiment, measurement: Measurement) -> SequenceEntry:
     """Write the tables of one sequence, and return its entry for the manifest.
 

@@ -9,6 +9,7 @@ import polars as pl
 from tracknoise.exceptions import DataWarning, SettingsError
 from tracknoise.experiments.analysis.run_findings import compute_findings
 from tracknoise.experiments.analysis.run_statistics import compute_statistics
+from tracknoise.experiments.blas import one_blas_thread
 from tracknoise.experiments.running.geometry_tables import geometry_tables
 from tracknoise.experiments.running.lock import hold
 from tracknoise.experiments.running.plan import batches, open_batch, plan
@@ -21,6 +22,7 @@ from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.store import OBSERVED, RunFolder
 
 
+@one_blas_thread()
 def remake(run: RunFolder, experiment: Experiment, into: RunFolder) -> None:
     """Write the run that an experiment would have measured, if it differs from that of a run in its trimming only.
 

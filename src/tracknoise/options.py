@@ -9,6 +9,7 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, NewType, TypeVar, get_args, get_type_hints
 
 from tracknoise.checks import MOST_LEVELS, require_storable
+from tracknoise.problems import likeliest_problem
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
@@ -56,7 +57,7 @@ def validated(settings_type: type[T], options: Mapping[str, object], given: Mapp
     try:
         settings: T = _adapter(settings_type).validate_json(written, strict=True)
     except ValidationError as error:
-        raise ValueError(_explain(settings_type, _likeliest(error.errors()), given)) from error
+        raise ValueError(_explain(settings_type, likeliest_problem(error.errors()), given)) from error
     return settings
 
 
@@ -179,15 +180,6 @@ def _plain(value: object) -> object:
 
 def _present(settings: list[tuple[str, Any]]) -> dict[str, Any]:
     return {name: value for name, value in settings if value is not None}
-
-
-def _likeliest(problems: "list[ErrorDetails]") -> "ErrorDetails":
-    """The first problem, or instead of a missing option an unknown one beside it: it may be a misspelling."""
-    first = problems[0]
-    if first["type"] != "missing":
-        return first
-    unknown = (one for one in problems if one["type"] == "unexpected_keyword_argument")
-    return next((one for one in unknown if one["loc"][:-1] == first["loc"][:-1]), first)
 
 
 def _explain(settings_type: type, error: "ErrorDetails", given: Mapping[str, object]) -> str:

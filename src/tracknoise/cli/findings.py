@@ -33,6 +33,7 @@ def findings(
     """
     from tracknoise.exceptions import StoreError
     from tracknoise.findings.headlines.document import findings_json
+    from tracknoise.findings.wording import count
     from tracknoise.report.report_data import ReportData
     from tracknoise.tables.store import FINDINGS_TABLES, RunFolder
 
@@ -40,8 +41,8 @@ def findings(
     if data.findings.is_empty():
         raise StoreError(f"{run}: holds no findings, expected those of a finished run; `tracknoise run` computes them")
     if failed := data.manifest.failures:
-        which = "1 sequence failed and is" if len(failed) == 1 else f"{len(failed)} sequences failed and are"
-        context.obj.warn(f"{run}: {which} not in these findings")
+        are = "is" if len(failed) == 1 else "are"
+        context.obj.warn(f"{run}: {count(len(failed), 'sequence')} failed and {are} not in these findings")
     if as_json:
         tables = {name: getattr(data, name) for name in FINDINGS_TABLES}
         context.obj.result(findings_json(tables).rstrip())

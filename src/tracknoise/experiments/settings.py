@@ -17,6 +17,7 @@ from tracknoise.exceptions import SettingsError, UnknownNameError, first_line
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.corrections import UNCORRECTED, Corrections
 from tracknoise.printable import is_printable
+from tracknoise.problems import likeliest_problem
 from tracknoise.sequences.frame_range import require_range
 from tracknoise.tables import defaults
 from tracknoise.tables.enumerations import IntervalKind, Population, TrimAmong, Trimming
@@ -447,7 +448,7 @@ def experiment_schema() -> str:
 
 def _first_problem(error: ValidationError) -> str:
     """The first of pydantic's findings as one line: key, found, expected."""
-    problem = _likeliest(error.errors())
+    problem = likeliest_problem(error.errors())
     key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in problem["loc"]).lstrip(".")
     if problem["type"] == "extra_forbidden":
         return str(UnknownNameError("key", key.split(".")[-1], _known_keys(problem["loc"]))) + f" ({_parent(key)})"
@@ -456,15 +457,6 @@ def _first_problem(error: ValidationError) -> str:
     if problem["type"] == "value_error":
         return f"{key}: {problem['ctx']['error']}" if key else str(problem["ctx"]["error"])
     return f"{key}: found {problem['input']!r}, expected {_expected(problem)}"
-
-
-def _likeliest(problems: list[ErrorDetails]) -> ErrorDetails:
-    """The first problem, or instead of a missing key an unknown one of the same section: it may be a misspelling."""
-    first = problems[0]
-    if first["type"] != "missing":
-        return first
-    unknown = (one for one in problems if one["type"] == "extra_forbidden" and one["loc"][:-1] == first["loc"][:-1])
-    return next(unknown, first)
 
 
 def _expected(problem: ErrorDetails) -> str:

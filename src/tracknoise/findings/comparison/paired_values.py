@@ -61,7 +61,7 @@ NO_PLACES = np.zeros(0, dtype=np.int64)
 def of_differences(found: Differences) -> PairedValues:
     """What `Differences` of two levels, the second run before the first, hold of a single number."""
     horizon = None if np.isnan(found.horizon[0]) else float(found.horizon[0])
-    second, first = (False, False) if found.scarce is None else found.scarce[0].tolist()
+    second, first = found.scarce[0].tolist()
     return PairedValues(
         found.values[:, 0], found.both[:, 0], found.unlike[0], NO_PLACES, horizon=horizon, scarce=(first, second)
     )

@@ -23,8 +23,8 @@ class Differences:
         Where a scene has a value of 0 at one of the two levels only, so that they have no ratio.
     horizon : (pairs,) float64
         Common horizon of the lifetimes of both levels, frames; NaN for other statistics.
-    scarce : (pairs, 2) bool or None
-        Levels that have so few events that their value is too large rather than right; None where there are none.
+    scarce : (pairs, 2) bool
+        Levels that have so few events that their value is too large rather than right.
     gap
         Why nothing can be shown to be alike, however similar the levels are; None if there is no such reason.
     """
@@ -34,13 +34,18 @@ class Differences:
     both: NDArray[np.bool_]
     unlike: NDArray[np.bool_]
     horizon: NDArray[np.float64]
-    scarce: NDArray[np.bool_] | None = None
+    scarce: NDArray[np.bool_]
     gap: str | None = None
 
 
 def pairs_of(n_levels: int) -> NDArray[np.intp]:
     """Every two of some levels, (pairs, 2), in order."""
     return np.array(list(combinations(range(n_levels), 2)), dtype=np.intp).reshape(-1, 2)
+
+
+def none_scarce(pairs: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """That no level of some pairs is scarce, (pairs, 2)."""
+    return np.zeros(pairs.shape, dtype=np.bool_)
 
 
 def differences(levels: NDArray[np.float64], measured: NDArray[np.bool_], *, logarithms: bool) -> Differences:
@@ -64,7 +69,7 @@ def differences(levels: NDArray[np.float64], measured: NDArray[np.bool_], *, log
         values = np.where(a & b, 0.0, _minus(np.where(zero, np.nan, levels), pairs))
         there = np.take(~np.isnan(levels), pairs, axis=1).all(axis=2)
         unlike = ((a != b) & there).any(axis=0)
-    return Differences(values, pairs, at_both(measured), unlike, np.full(len(pairs), np.nan))
+    return Differences(values, pairs, at_both(measured), unlike, np.full(len(pairs), np.nan), none_scarce(pairs))
 
 
 def _minus(levels: NDArray[np.float64], pairs: NDArray[np.intp]) -> NDArray[np.float64]:

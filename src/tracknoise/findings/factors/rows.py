@@ -85,12 +85,11 @@ def _sizes(found: Answer, role: str, asked: Differences) -> Row:
     """Effect and bounds of the reported pair, of its larger level over, or minus, its smaller one."""
     low, high = (found.low, found.high) if found.difference >= 0 else (-found.high, -found.low)
     smaller = 1 if found.difference >= 0 else 0
-    is_open = asked.scarce is not None and bool(asked.scarce[found.pair, smaller])
     return {
         "effect": _size(abs(found.difference), role),
         "low": max(low, 0.0) if role == _SIGNED else _size(low, role),
-        "high": None if is_open else _size(high, role),
-        "most": None if asked.scarce is not None and bool(asked.scarce.any()) else _size(found.most, role),
+        "high": None if asked.scarce[found.pair, smaller] else _size(high, role),
+        "most": None if asked.scarce.any() else _size(found.most, role),
         "p_yes": found.p_yes,
         "p_no": found.p_no,
         "more_scenes": found.more_scenes,

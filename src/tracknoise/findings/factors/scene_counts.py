@@ -18,7 +18,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.findings.factors.differences import Differences, at_both, pairs_of
+from tracknoise.findings.factors.differences import Differences, at_both, none_scarce, pairs_of
 from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.statistics.grouping import total_if_known
 from tracknoise.statistics.tracks.lifetimes import follow_up, restricted_mean
@@ -118,7 +118,8 @@ def _mean_of_scenes(values: NDArray[np.float64], there: NDArray[np.bool_]) -> ND
 def _of_numbers(values: NDArray[np.float64], measured: NDArray[np.bool_], horizon: NDArray[np.float64]) -> Differences:
     """Differences (scenes, pairs) that have a single point."""
     pairs = pairs_of(measured.shape[1])
-    return Differences(values[..., None], pairs, at_both(measured), np.zeros((len(pairs), 1), dtype=np.bool_), horizon)
+    unlike = np.zeros((len(pairs), 1), dtype=np.bool_)
+    return Differences(values[..., None], pairs, at_both(measured), unlike, horizon, none_scarce(pairs))
 
 
 def _numbers(table: pl.DataFrame, scenes: Sequence[str]) -> NDArray[np.int64]:

@@ -1,5 +1,7 @@
 """Trackers, readers and truths by name: those of this package, and those of other packages, by entry point."""
 
+import sys
+import sysconfig
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
@@ -9,9 +11,11 @@ from typing import Any, Generic, TypeVar
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.foreign.files import absolute
+from tracknoise.foreign.opened import content_of
 from tracknoise.options import PathTemplate, change_paths, defaults_as_toml, find_paths, validated
 
 T = TypeVar("T")
+_CODE = (".py", ".so", ".pyd")
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +116,25 @@ class Plugins(Generic[T]):
         point = None if name in self.built_in else self._entry_point(name)
         return {} if point is None or point.dist is None else {point.dist.name: point.dist.version}
 
+    def sources(self, name: str) -> dict[Path, dict[Path, str | None]]:
+        """Hashes of the source files of the other package that offers a name, by the folder that the package is in.
+
+        They are those of its outermost package, and of modules in the same folder that are loaded, unless that is where
+        packages are installed. Empty if this package offers the name. Hashes are hexadecimal SHA-256 of the files as
+        this process loaded them.
+
+        Raises
+        ------
+        SettingsError
+            If it cannot be imported, or a file has changed since it was loaded.
+        """
+        point = None if name in self.built_in else self._entry_point(name)
+        if point is None:
+            return {}
+        self._load_entry_point(point)
+        folder, paths = _sources(point.module)
+        return {folder: {path: _as_loaded(path) for path in paths}}
+
     def _entry_point(self, name: str) -> EntryPoint | None:
         return next((point for point in entry_points(group=self.group) if point.name == name), None)
 
@@ -121,7 +144,44 @@ class Plugins(Generic[T]):
         except (ImportError, AttributeError) as error:
             message = f"{self.what} {point.name!r}: {point.value} cannot be loaded ({error}), expected a class"
             raise SettingsError(message) from error
+        for path in _sources(point.module)[1]:
+            if path not in _hashes:
+                _hashes[path] = content_of(path)
         return found
+
+
+_hashes: dict[Path, str | None] = {}
+"""Of the source files of other packages, when this process loaded them."""
+
+
+def _as_loaded(path: Path) -> str | None:
+    now = content_of(path)
+    if _hashes.setdefault(path, now) != now:
+        raise SettingsError(
+            f"{path}: changed since this process loaded it, expected a new process or restarted workers"
+        )
+    return now
+
+
+def _sources(module: str) -> tuple[Path, list[Path]]:
+    """The folder of the package of a loaded module, and its source files: see `Plugins.sources`."""
+    parts = module.split(".")
+    names = [".".join(parts[: count + 1]) for count in range(len(parts))]
+    files = [(name, getattr(sys.modules.get(name), "__file__", None)) for name in names]
+    outermost = next(((name, Path(file)) for name, file in files if file is not None), None)  # others are namespaces
+    if outermost is None:
+        return Path(), []
+    name, file = outermost
+    is_package = file.name.startswith("__init__.")
+    folder = file.parents[name.count(".") + is_package]
+    found = (
+        {path for path in file.parent.rglob("*") if path.suffix in _CODE and path.is_file()} if is_package else {file}
+    )
+    if folder not in map(Path, sysconfig.get_paths().values()):
+        loaded = (getattr(each, "__file__", None) for each in list(sys.modules.values()))
+        found |= {Path(each) for each in loaded if each is not None and Path(each).is_relative_to(folder)}
+    own = Path(__file__).parent
+    return folder, sorted(path for path in found if not path.is_relative_to(own))
 
 
 def plugin_defaults(plugins: Plugins[Any], name: str) -> str:

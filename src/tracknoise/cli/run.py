@@ -51,6 +51,9 @@ def run(
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
     fresh: FreshOption = False,
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Compare images and depth maps by content with those that were measured.")
+    ] = False,
     report: Annotated[bool, typer.Option(help="Write the report.")] = True,
     schema: Annotated[
         bool,
@@ -82,5 +85,5 @@ def run(
         options=options,
     )
     out = out or Path("runs") / loaded.name
-    outcome = measure(context.obj, loaded, out, workers, scheduler=scheduler, fresh=fresh)
+    outcome = measure(context.obj, loaded, out, workers, scheduler=scheduler, fresh=fresh, verify=verify)
     return print_outcome(context.obj, out, outcome, report=report)

@@ -25,6 +25,7 @@ def measure(
     *,
     scheduler: str | None = None,
     fresh: bool,
+    verify: bool = False,
 ) -> "Outcome":
     """Measure an experiment into a run folder.
 
@@ -42,6 +43,8 @@ def measure(
         Address of a Dask scheduler whose workers are used instead.
     fresh
         Delete the run that the folder holds.
+    verify
+        Compare the contents of all files that measured sequences were read from.
     """
     from tracknoise.cli.progress import RunProgress
     from tracknoise.experiments.running.execute import execute
@@ -56,5 +59,6 @@ def measure(
             workers=processes(workers),
             scheduler=scheduler,
             fresh=fresh,
+            verify=verify,
             debug=terminal.debug,
         )

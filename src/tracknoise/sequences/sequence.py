@@ -1,6 +1,6 @@
 """Interfaces of readers and sequences: images with cameras, poses and, if available, depth."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -247,6 +247,25 @@ def accuracy_of(sequence: Sequence) -> TruthAccuracy:
     single = TruthAccuracy.of(pose, depth, source=sequence.id.dataset)
     found = sequence.truth_accuracy if isinstance(sequence, AccurateSequence) else None
     return single if found is None else found.over(single)
+
+
+@runtime_checkable
+class FileSequence(Protocol):
+    """A `Sequence` that states the files it is read from.
+
+    Without this, the files count that Python opens while it is measured. Compiled code, such as ``cv2.imread``, opens
+    files without Python.
+    """
+
+    @property
+    def files(self) -> Iterable[Path]:
+        """All files on which its images, poses, cameras and depths depend."""
+        ...
+
+
+def files_of(sequence: Sequence) -> tuple[Path, ...]:
+    """The files that a sequence states; none where it states nothing."""
+    return tuple(map(Path, sequence.files)) if isinstance(sequence, FileSequence) else ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -268,3 +268,16 @@ class ComparedAges(StrEnum):
 
     every = "every"
     mean = "mean"
+
+
+class InputKind(StrEnum):
+    """What a measurement depends on.
+
+    file: the content of a file. folder: the names in a folder. code: a source file of a plug-in. frames: the number of
+    frames that the reader finds.
+    """
+
+    file = "file"
+    folder = "folder"
+    code = "code"
+    frames = "frames"

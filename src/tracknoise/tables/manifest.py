@@ -39,7 +39,7 @@ class SequenceEntry:
     doubts
         Why its data look wrong, one or two sentences each; empty where nothing does.
     inputs
-        Hash of the files, other than images, on which the results depend.
+        Hash of the files that it was measured from: of their paths, from the folder of the data, and contents.
     key_frame
         If the truth is a scan, the frame in which features were associated with it.
     group

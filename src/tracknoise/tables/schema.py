@@ -19,6 +19,7 @@ from tracknoise.tables.enumerations import (
     FittedMeasure,
     FittedTo,
     FloorSource,
+    InputKind,
     Occlusion,
     Population,
     Product,
@@ -76,6 +77,7 @@ VERDICT = pl.Enum(Verdict)
 ASPECT = pl.Enum(Aspect)
 FITTED_MEASURE = pl.Enum(FittedMeasure)
 
+INPUT_KIND = pl.Enum(InputKind)
 FLOOR_SOURCE = pl.Enum(FloorSource)
 PRODUCT = pl.Enum(Product)
 
@@ -604,6 +606,22 @@ seen in `frame`, where its error is du, dv; its error is zero in anchor_frame. s
 patches for each track: in the anchor frame and in `frame`, each centred on the pixel nearest to the observed position.
 strip is a WebP image with patches of the worst track side by side, from its anchor frame on. Patches are squares of
 `tracknoise.tables.defaults.PATCH_PX`.
+"""
+
+INPUTS: Schema = {
+    "kind": INPUT_KIND,
+    "in_data": pl.Boolean,
+    "path": pl.Binary,
+    "always": pl.Boolean,
+    "size": pl.Int64,
+    "mtime_ns": pl.Int64,
+    "sha256": pl.String,
+}
+"""What a sequence was measured from, a row for each file and folder.
+
+in_data: path is relative to the folder of the data. path: the bytes of a file name. always: whether the content is
+compared even if size (bytes) and time of modification are the same. size: -1 of what has none; of ``frames``, their
+number. sha256: of the content, or of the names in a folder.
 """
 
 CURVES: Schema = {

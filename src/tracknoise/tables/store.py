@@ -17,7 +17,7 @@ from pathlib import Path
 import polars as pl
 
 from tracknoise.atomic import discard_abandoned, unfinished
-from tracknoise.exceptions import StoreError
+from tracknoise.exceptions import SchemaError, StoreError
 from tracknoise.tables import audit_schema, findings_schema, schema
 from tracknoise.tables.files import (
     digest,
@@ -34,7 +34,7 @@ from tracknoise.tables.manifest import FailureEntry, Manifest, SequenceEntry, da
 
 __all__ = ["FailureEntry", "Manifest", "RunFolder", "SequenceEntry"]
 
-_LOCK = ".lock"
+_LOCK, _INPUTS = ".lock", "inputs"
 _MANIFEST, _SETTINGS, _FAILURES, _SNAPSHOTS = "manifest.json", "experiment.toml", "failures.jsonl", "snapshots"
 _FINDINGS = "findings.json"
 _RESULTS = ("report", "statistics")
@@ -287,6 +287,26 @@ class RunFolder:
         paths[_SNAPSHOTS] = self.snapshot_path(entry.key)
         return all(is_intact(path, entry.sha256.get(name, "")) for name, path in paths.items())
 
+    def write_inputs(self, key: str, table: pl.DataFrame) -> None:
+        """Write the table `INPUTS` of a sequence.
+
+        The manifest has no hash of this file, because times of modification in it may be replaced. It has one of what
+        the files held: `SequenceEntry.inputs`.
+
+        Raises
+        ------
+        StoreError
+            If the folder cannot be written.
+        """
+        write_parquet(self._table_path(_INPUTS, key), schema.check(table, schema.INPUTS, _INPUTS))
+
+    def inputs(self, key: str) -> pl.DataFrame | None:
+        """The table `INPUTS` of a sequence; None if it is missing or damaged."""
+        try:
+            return read_parquet(self._table_path(_INPUTS, key), schema.INPUTS, None)
+        except (StoreError, SchemaError):
+            return None
+
     def discard_unfinished(self) -> None:
         """Remove unfinished files, and unfinished folders of processes that were killed.
 
@@ -296,7 +316,7 @@ class RunFolder:
             If one cannot be removed.
         """
         discard_abandoned(self.path)  # reports are written without the lock of the run
-        for folder in (".", "statistics", _SNAPSHOTS, *_ALL_SEQUENCE_TABLES):
+        for folder in (".", "statistics", _INPUTS, _SNAPSHOTS, *_ALL_SEQUENCE_TABLES):
             for path in unfinished(self.path / folder):
                 if path.is_file():
                     remove(path)
@@ -337,7 +357,7 @@ class RunFolder:
         self._require_run()
         self.write_manifest(Manifest.empty())
         self.discard_results()
-        for name in (*_ALL_SEQUENCE_TABLES, _SNAPSHOTS, _FAILURES, _SETTINGS, _MANIFEST):
+        for name in (*_ALL_SEQUENCE_TABLES, _INPUTS, _SNAPSHOTS, _FAILURES, _SETTINGS, _MANIFEST):
             remove(self.path / name)
 
     def snapshot_path(self, key: str) -> Path:

@@ -7,7 +7,6 @@ import pytest
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.experiments.resolve import resolve
 from tracknoise.experiments.running.execute import execute
-from tracknoise.experiments.running.inputs import with_inputs
 from tracknoise.experiments.running.plan import batches, plan
 from tracknoise.experiments.settings import parse_experiment
 from tracknoise.tables.store import RunFolder
@@ -105,18 +104,3 @@ def test_mistakes_in_views_are_named(old, new, message) -> None:
 def test_an_unknown_lighting_of_a_view_is_named() -> None:
     with pytest.raises(UnknownNameError, match="lighting 'south'"):
         plan(experiment(**{'lightings = ["east"]\nspeeds': 'lightings = ["south"]\nspeeds'}))
-
-
-def test_a_model_that_changes_makes_its_scenes_stale(tmp_path) -> None:
-    model = tmp_path / "models" / "box"
-    model.mkdir(parents=True)
-    (model / "model.config").write_text("<model><name>box</name><sdf>model.sdf</sdf></model>")
-    (model / "model.sdf").write_text("<sdf/>")
-    text = TEXT.replace(
-        'motions = ["sideways", "fixating"]', f'motions = ["linear"]\nworld = "objects"\nmodels = "{model.parent}"'
-    )
-    task = plan(parse_experiment(text, place="x.toml"))[0]
-    before = with_inputs([task])[0].inputs
-    assert with_inputs([task])[0].inputs == before
-    (model / "model.sdf").write_text("<sdf></sdf>")
-    assert with_inputs([task])[0].inputs != before

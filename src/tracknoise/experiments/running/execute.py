@@ -20,7 +20,6 @@ from tracknoise.experiments.running.failures import (
     Results,
     with_retries,
 )
-from tracknoise.experiments.running.inputs import with_inputs
 from tracknoise.experiments.running.job import Job
 from tracknoise.experiments.running.local import measure_locally
 from tracknoise.experiments.running.lock import hold
@@ -82,6 +81,7 @@ def execute(
     scheduler: str | None = None,
     retries: int = RETRIES,
     fresh: bool = False,
+    verify: bool = False,
     debug: bool = False,
 ) -> Outcome:
     """Measure the sequences of an experiment that are not measured yet, then compute the statistics of all.
@@ -105,6 +105,9 @@ def execute(
         Maximum number of retries per batch.
     fresh
         Delete the run that the folder holds, once the new experiment has been checked.
+    verify
+        Compare the contents of all files that measured sequences were read from, not only size and time of
+        modification of images and depth maps.
     debug
         Raise the first failure instead of recording it.
 
@@ -115,11 +118,11 @@ def execute(
         scheduler cannot be reached. Sequences measured before that are kept.
     """
     experiment = resolve(experiment)
-    tasks = with_inputs(plan(experiment))
+    tasks = plan(experiment)
     with hold(run) as claim, claim.explained():
         manifest, changed = begin(experiment, run, fresh=fresh, remark=listener.remark)
         manifest.excluded_scenes = excluded_scenes(experiment)
-        todo = due(tasks, run, manifest)
+        todo = due(tasks, run, manifest, verify=verify, remark=listener.remark)
         forget_outdated(todo, run, manifest, experiment)
         listener.planned([task.key for task in todo], len(tasks) - len(todo))
         together = batches(todo)

@@ -29,14 +29,11 @@ class Task:
         Which sequence to measure.
     speeds
         At which speeds.
-    inputs
-        Hash of the files besides the images that the numbers depend on: see `tracknoise.experiments.running.inputs`.
     """
 
     experiment: Experiment
     sequence: SequenceId
     speeds: tuple[int, ...]
-    inputs: str = ""
 
     @property
     def key(self) -> str:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from tracknoise.exceptions import StoreError
 from tracknoise.experiments.resolve import with_tracker_defaults
+from tracknoise.experiments.running.inputs import InputCheck
 from tracknoise.experiments.running.plan import Task
 from tracknoise.experiments.running.provenance import new_manifest, require_versions
 from tracknoise.experiments.settings import Experiment, dotted, parse_experiment
@@ -47,12 +48,34 @@ def begin(
     return run.manifest(), False
 
 
-def due(tasks: list[Task], run: RunFolder, manifest: Manifest) -> list[Task]:
-    """Tasks that are not measured, whose tables are missing or damaged, or whose input files have changed."""
+def due(
+    tasks: list[Task], run: RunFolder, manifest: Manifest, *, verify: bool, remark: Callable[[str], None]
+) -> list[Task]:
+    """Tasks that are not measured, whose tables are missing or damaged, or whose input files have changed.
+
+    Parameters
+    ----------
+    tasks
+        All tasks of the run.
+    run
+        The run folder.
+    manifest
+        Its manifest.
+    verify
+        Compare all input files by content: see `InputCheck`.
+    remark
+        Called with a message for each task whose input files have changed.
+    """
+    check = InputCheck(run, verify=verify)
 
     def is_measured(task: Task) -> bool:
         entry = manifest.sequences.get(task.key)
-        return entry is not None and entry.inputs == task.inputs and run.has_sequence(entry)
+        if entry is None or not run.has_sequence(entry):
+            return False
+        change = check.change(task, entry)
+        if change is not None:
+            remark(f"{task.key} is measured again: {change}")
+        return change is None
 
     return [task for task in tasks if not is_measured(task)]
 

@@ -15,6 +15,7 @@ from tracknoise.experiments.measure import Measurement, measure_together
 from tracknoise.experiments.patches import KEPT_BYTES, track_patches
 from tracknoise.experiments.running.failures import Result, diagnose
 from tracknoise.experiments.running.geometry_tables import geometry_tables
+from tracknoise.experiments.running.inputs import digest_of, input_tables, recording
 from tracknoise.experiments.running.lock import Claim
 from tracknoise.experiments.running.plan import Task, make_trackers, open_batch
 from tracknoise.experiments.running.second_truth import open_second
@@ -82,10 +83,11 @@ def run_batch(
     started, entries = time.monotonic(), []
     for task in batch:
         task.sequence.require_utf8()
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), recording(batch, run) as recorder:
         warnings.simplefilter("ignore", DataWarning)  # the notes of the sequence contain the same text
+        progress = recorder.following(progress)
+        sequences = open_batch(batch, change=recorder.recorded)
         repeated = _repeated(batch, progress)
-        sequences = open_batch(batch)
         measured = _measure(batch[0], sequences, progress, second=open_second(batch))
         for task, sequence, measurement, more in zip(batch, sequences, measured, repeated, strict=True):
             tables = {**tables_to_keep(task.experiment, sequence, measurement), **more}
@@ -96,15 +98,20 @@ def run_batch(
                 claim.check()
             hashes = run.write_sequence(task.key, tables, snapshot)
             seconds = (time.monotonic() - started) / len(batch)
-            entry = sequence_entry(measurement, seconds=seconds, inputs=task.inputs, sha256=hashes)
+            entry = sequence_entry(measurement, seconds=seconds, sha256=hashes)
             kinds = {choice.label: choice.kind for choice in task.experiment.trackers}
             entries.append(replace(entry, doubts=doubts(measurement, kinds)))
-    return entries
+        inputs = input_tables(batch, recorder, sequences)
+    return [_with_inputs(entry, table, run) for entry, table in zip(entries, inputs, strict=True)]
 
 
-def sequence_entry(
-    measurement: Measurement, *, sha256: dict[str, str], seconds: float = 0.0, inputs: str = ""
-) -> SequenceEntry:
+def _with_inputs(entry: SequenceEntry, table: pl.DataFrame, run: RunFolder) -> SequenceEntry:
+    """Write what a sequence was measured from, and return its entry with the hash of that."""
+    run.write_inputs(entry.key, table)
+    return replace(entry, inputs=digest_of(table))
+
+
+def sequence_entry(measurement: Measurement, *, sha256: dict[str, str], seconds: float = 0.0) -> SequenceEntry:
     """Manifest entry of a measured sequence; see `SequenceEntry` for the parameters."""
     sequence = measurement.sequence
     return SequenceEntry(
@@ -122,7 +129,6 @@ def sequence_entry(
             *((SELF_REFERENTIAL,) if measurement.truth == TRIANGULATED else ()),
             *measurement.notes,
         ),
-        inputs=inputs,
         key_frame=measurement.key_frame,
         group=group_of(sequence),
         image=content_hash(measurement.snapshot) or "",

@@ -1,0 +1,196 @@
+"""Which files a piece of work reads: noted while it runs, from the audit events of Python.
+
+Files that compiled code opens by itself raise no event. `note` is for those.
+"""
+
+import hashlib
+import os
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlsplit
+
+_WRITING = os.O_WRONLY | os.O_RDWR
+
+
+@dataclass(frozen=True, slots=True)
+class FileState:
+    """What a file held at some time.
+
+    Parameters
+    ----------
+    size
+        Bytes.
+    mtime_ns
+        Time of its last modification, nanoseconds.
+    sha256
+        Hexadecimal hash of its content; empty if it was not read.
+    """
+
+    size: int
+    mtime_ns: int
+    sha256: str
+
+    @classmethod
+    def of(cls, path: Path, *, most: int | None = None) -> "FileState | None":
+        """The state of a regular file; None without one, or if it cannot be read, or changes meanwhile.
+
+        Files of more than `most` bytes are not read.
+        """
+        before = stat_of(path)
+        is_read = most is None or before is None or before[0] <= most
+        sha256 = content_of(path) if is_read else ""
+        return None if before is None or sha256 is None or stat_of(path) != before else cls(*before, sha256)
+
+
+def absolute_path(path: str | bytes | os.PathLike[Any]) -> Path:
+    """A path from the root of the file system, without ``..``. Links stay: a copy of the data may have the files."""
+    return Path(os.path.abspath(os.fsdecode(path)))  # noqa: PTH100
+
+
+def stat_of(path: Path) -> tuple[int, int] | None:
+    """Size in bytes and time of modification in nanoseconds of a regular file; None without one."""
+    if not path.is_file():
+        return None
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_size, status.st_mtime_ns
+
+
+def content_of(path: Path) -> str | None:
+    """Hexadecimal SHA-256 of a file's content; None if it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:
+        return None
+
+
+@dataclass(slots=True, eq=False)
+class Opened:
+    """What was read: each file with its state when it was opened first, and each folder that was listed.
+
+    Parameters
+    ----------
+    counts
+        Whether a path is of interest. Others are ignored.
+    files
+        State by absolute path. None for a file that changed while it was read.
+    early
+        Files opened before `started`.
+    folders
+        Those that were listed, or that a file was read from or looked for in.
+    """
+
+    counts: Callable[[Path], bool]
+    files: dict[Path, FileState | None] = field(default_factory=dict)
+    early: set[Path] = field(default_factory=set)
+    folders: set[Path] = field(default_factory=set)
+    _started: bool = False
+
+    def started(self) -> None:
+        """Files that are opened first from now on are not `early`."""
+        self._started = True
+
+    def read(self, path: Path, *, most: int | None = None) -> None:
+        """Note that a file is read, or of a folder all files in it; the content of those up to `most` bytes."""
+        if path in self.files or not self.counts(path):
+            return
+        self.folders.add(path.parent)
+        if path.is_dir():
+            self.listed(path)
+            for inner in sorted(item for item in path.rglob("*") if item.is_file()):
+                self.read(inner, most=most)
+        elif path.is_file():
+            self.files[path] = FileState.of(path, most=most)
+            if not self._started:
+                self.early.add(path)
+
+    def listed(self, folder: Path) -> None:
+        """Note that the names in a folder are read."""
+        if self.counts(folder):
+            self.folders.add(folder)
+
+
+_noting: dict[int, Opened] = {}
+"""What notes at the moment, by the thread that began it."""
+_busy = threading.local()
+_lock = threading.Lock()
+_hooked = False
+
+
+@contextmanager
+def noting(counts: Callable[[Path], bool]) -> Iterator[Opened]:
+    """Note what this thread reads, and what threads read that do not note themselves, such as those it starts.
+
+    Parameters
+    ----------
+    counts
+        Whether an absolute path is of interest.
+    """
+    _install()
+    opened, thread = Opened(counts), threading.get_ident()
+    outer = _noting.get(thread)
+    _noting[thread] = opened
+    try:
+        yield opened
+    finally:
+        if outer is None:
+            del _noting[thread]
+        else:
+            _noting[thread] = outer
+
+
+def note(path: Path) -> None:
+    """Note that a file is read, or everything in a folder: for what no audit event tells."""
+    _tell(Opened.read, path)
+
+
+def _install() -> None:
+    """Begin to listen. A hook cannot be removed: it does nothing while nothing is noted."""
+    global _hooked
+    with _lock:
+        if not _hooked:
+            sys.addaudithook(_hear)
+            _hooked = True
+
+
+def _hear(event: str, arguments: tuple[object, ...]) -> None:
+    if not _noting:
+        return
+    if event == "open":
+        path, _, flags = arguments
+        if not (isinstance(flags, int) and flags & _WRITING):
+            _tell(Opened.read, path)
+    elif event in ("os.listdir", "os.scandir"):
+        _tell(Opened.listed, "." if arguments[0] is None else arguments[0])
+    elif event == "sqlite3.connect":
+        _tell(Opened.read, _database(arguments[0]))
+
+
+def _tell(what: Callable[[Opened, Path], None], path: object) -> None:
+    """Tell what notes. Nothing that goes wrong here may become an error of the work itself."""
+    if not _noting or getattr(_busy, "now", False) or not isinstance(path, str | bytes | os.PathLike):
+        return
+    _busy.now = True  # what is read here is no event
+    try:
+        absolute = absolute_path(path)
+        own = _noting.get(threading.get_ident())
+        for opened in [own] if own is not None else list(_noting.values()):
+            what(opened, absolute)
+    except (OSError, ValueError):
+        pass
+    finally:
+        _busy.now = False
+
+
+def _database(name: object) -> object:
+    """The file of a database that is given by name, or as ``file:...``."""
+    text = os.fsdecode(name) if isinstance(name, bytes | str | os.PathLike) else ""
+    return unquote(urlsplit(text).path) if text.startswith("file:") else name

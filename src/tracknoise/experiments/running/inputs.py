@@ -113,7 +113,7 @@ def input_tables(batch: list[Task], recorder: InputRecorder, sequences: Items[Se
     if unseen and root is not None:
         _read_unseen(opened, root)
     rows = [_file_row(path, state, root, always=path in opened.early) for path, state in opened.files.items()]
-    watched = {path for path in opened.folders if root is not None and path.is_relative_to(root)}
+    watched = {path.parent for path in opened.files if root is not None and path.parent.is_relative_to(root)}
     rows += [_row(InputKind.folder, path, root, sha256=_names(path)) for path in watched]
     rows += [_row(InputKind.code, name, None, sha256=sha256) for name, sha256 in _sources(experiment)]
     return [

@@ -5,10 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tracknoise.exceptions import SettingsError
-
-_FEWEST_FRAMES = 2
-_MOST_DIGITS = 15
+from tracknoise.sequences.frame_range import frames_of
 
 
 def _remember_debug(context: typer.Context, value: bool) -> bool:
@@ -17,35 +14,14 @@ def _remember_debug(context: typer.Context, value: bool) -> bool:
 
 
 def parse_frames(text: str | None) -> int | list[int] | None:
-    """Number of frames, or first, last and step.
+    """Number of frames, or first, last and step; None where the option is not given.
 
     Raises
     ------
     SettingsError
         If it is neither.
     """
-    if text is None:
-        return None
-    parts = parse_numbers("--frames", text, ":", "a number from 2, or FIRST:LAST or FIRST:LAST:STEP")
-    if len(parts) > 1:
-        return parts
-    if parts[0] < _FEWEST_FRAMES:
-        raise SettingsError(f"--frames {text}: expected at least {_FEWEST_FRAMES}")
-    return parts[0]
-
-
-def parse_numbers(option: str, text: str, between: str, expected: str) -> list[int]:
-    """Whole numbers with separators between them.
-
-    Raises
-    ------
-    SettingsError
-        If a part is not a whole number.
-    """
-    parts = [part.strip() for part in text.split(between)]
-    if not all(part.isascii() and part.isdigit() and len(part) <= _MOST_DIGITS for part in parts):
-        raise SettingsError(f"{option} {text}: expected {expected}")
-    return [int(part) for part in parts]
+    return None if text is None else frames_of("--frames", text)
 
 
 def parse_names(text: str) -> list[str]:

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from tracknoise.inspection.check_report import Item, Severity, Values
 from tracknoise.inspection.optics import focal_px, principal_point
-from tracknoise.sequences.sequence import Sequence
+from tracknoise.sequences.sequence import Sequence, caveats_of
 
 _SLOWEST_HZ, _FASTEST_HZ = 0.5, 2000.0
 _GAP_STEPS = 1.75
@@ -50,8 +50,12 @@ def timestamps(sequence: Sequence) -> Item:
 
 
 def reader_notes(sequence: Sequence) -> list[Item]:
-    """What the reader corrected or assumed, rotations that are not orthonormal among it."""
-    return [Item("reader", Severity.ok, note if note.endswith(".") else f"{note}.") for note in sequence.notes]
+    """What the reader corrected or assumed, rotations that are not orthonormal among it, and its caveats."""
+    caveats = caveats_of(sequence)
+    return [
+        Item("reader", Severity.caveat if note in caveats else Severity.ok, note if note.endswith(".") else f"{note}.")
+        for note in sequence.notes
+    ]
 
 
 def rotations(sequence: Sequence) -> Item:

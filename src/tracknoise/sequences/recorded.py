@@ -41,6 +41,8 @@ class RecordedSequence:
         Reads the depth of a frame in the same way, None for a frame without depth; or None where no frame has any.
     notes
         What was corrected or assumed while reading, one sentence each.
+    caveats
+        Which of the notes users should know before they measure, such as images that are missing.
     timestamps_s
         (n,) float64, seconds, increasing; None where unknown.
     cameras
@@ -73,6 +75,7 @@ class RecordedSequence:
     images: ImageSource
     depths: DepthSource | None = None
     notes: tuple[str, ...] = ()
+    caveats: tuple[str, ...] = ()
     timestamps_s: NDArray[np.float64] | None = None
     cameras: tuple[CameraModel, ...] | None = None
     pose_accuracy: PoseAccuracy | None = None

@@ -9,11 +9,21 @@ import tomlkit
 
 from tracknoise.sequences.registry import READERS, reader_defaults
 from tracknoise.sequences.sequence import TRIANGULATED, Reader, Sequence
+from tracknoise.trackers.rejection import Model, Rejection
 
 _MOST_NAMED = 6
 _TRACKERS = ("lucas-kanade", "correspondence")
 _FEW_FRAMES = 60
 """Shorter sequences are measured at speed 1 only."""
+_DEFAULT = Rejection()
+_REJECTION = (
+    f"# {' and '.join(_TRACKERS)} reject outliers by a {_DEFAULT.model}: matches that are more than",
+    f"# {_DEFAULT.threshold_px:g} px off one {_DEFAULT.model} between two frames that they see. It describes planes,",
+    "# rotation alone, and a baseline so small that parallax stays below that. With more parallax it rejects correct",
+    "# matches too. For general scenes with parallax, choose the fundamental matrix instead: it describes every rigid",
+    "# scene, but does not see errors along epipolar lines, and a plane or rotation alone does not determine it.",
+)
+"""What the default of outlier rejection means."""
 
 
 def experiment_template(reader: Reader, path: Path | None, options: Mapping[str, object]) -> str:
@@ -97,7 +107,10 @@ def _truth(first: Sequence) -> list[str]:
 
 
 def _trackers() -> list[str]:
-    return list(chain.from_iterable(("", "[[trackers]]", _entry("kind", kind)) for kind in _TRACKERS))
+    """Both trackers with how they reject outliers and, as a comment, the other choice."""
+    choice = f'# options = {{ rejection = {{ model = "{Model.fundamental}" }} }}'
+    tables = (("", "[[trackers]]", _entry("kind", kind), choice) for kind in _TRACKERS)
+    return ["", *_REJECTION, *chain.from_iterable(tables)]
 
 
 def _entry(key: str, value: object) -> str:

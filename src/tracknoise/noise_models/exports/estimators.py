@@ -127,19 +127,18 @@ def estimator_name(name: str) -> str:
     UnknownNameError
         If it is not known.
     """
-    known = _names().get(_plain(name))
-    if known in refused():
-        raise SettingsError(f"{refused()[known].title}: {refused()[known].why}")
-    if known is None:
+    if (known := _names().get(_plain(name))) is None:
         listed = {one: about.aliases for one, about in estimators().items()}
         raise UnknownNameError("estimator", name, [*listed, *chain.from_iterable(listed.values())])
+    if known in refused():
+        raise SettingsError(f"{refused()[known].title}: {refused()[known].why}")
     return known
 
 
 @cache
 def _names() -> Mapping[str, str]:
     """The name of every estimator by its names and aliases, each without signs and capitals."""
-    every = {**refused(), **estimators()}
+    every: Mapping[str, Estimator | Refused] = {**refused(), **estimators()}
     return {_plain(alias): name for name, about in every.items() for alias in (name, *about.aliases)}
 
 

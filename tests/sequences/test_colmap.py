@@ -59,7 +59,7 @@ def test_what_was_simulated_is_read(tmp_path, simulated, write):
     np.testing.assert_array_equal(found.depth(1).valid, simulated.depth(1).valid)
     np.testing.assert_allclose(found.depth(1).depth_m, simulated.depth(1).depth_m, rtol=1e-7)
     assert found.depth(3) is None
-    assert "1 of 4 frames have no depth" in found.notes
+    assert "1 of 4 frames has no depth" in found.notes
     assert any("scale" in note for note in found.notes)
     assert "birth" not in open_sequence("colmap", tmp_path, depth_maps="none").truths
     assert "birth" not in open_sequence("colmap", tmp_path, depth_maps="photometric").truths
@@ -232,7 +232,7 @@ def test_truncated_and_exaggerated_binaries(tmp_path, simulated, file):
     ("content", "message"),
     [
         (b"64&48&1&" + bytes(9), "9 bytes of depths, expected 12288"),
-        (b"64&24&1&" + bytes(64 * 24 * 4), "size 64x24 and 1 channels, expected the camera's 64x48 and one channel"),
+        (b"64&24&1&" + bytes(64 * 24 * 4), "size 64x24 and 1 channel, expected the camera's 64x48 and one channel"),
         (b"depth", "no header, expected a depth map of COLMAP: width&height&channels&"),
     ],
 )

@@ -87,7 +87,7 @@ def test_the_unit_of_depth(tmp_path, simulated, intrinsics):
     np.testing.assert_allclose(found.depth(0).depth_m, 50.0)
     assert found.depth(1) is None
     assert "birth" not in open_sequence("nerfstudio", tmp_path, depth_files="none").truths
-    assert "1 of 2 frames have no depth" in found.notes
+    assert "1 of 2 frames has no depth" in found.notes
     np.testing.assert_allclose(open_sequence("nerfstudio", tmp_path, depth_unit_m=1.0).depth(0).depth_m, 5000.0)
     with pytest.raises(SettingsError, match=r"depth_unit_m is 0.0, expected a number above 0"):
         make_reader("nerfstudio", tmp_path, {"depth_unit_m": 0.0})

@@ -9,6 +9,7 @@ import typer
 from tracknoise.cli.listing import listing
 from tracknoise.cli.options import DebugOption
 from tracknoise.cli.recording import OptionOption
+from tracknoise.printable import significant
 
 if TYPE_CHECKING:
     from tracknoise.cli.terminal import Terminal
@@ -104,7 +105,7 @@ def _rows(reader: "Reader", failures: list[str]) -> Iterator[tuple[str, ...]]:
             str(found.n_frames),
             str(found.n_poses),
             f"{found.width_px}x{found.height_px}",
-            "-" if found.rate_hz is None else f"{found.rate_hz:.4g} Hz",
+            "-" if found.rate_hz is None else f"{significant(found.rate_hz, 4)} Hz",
             "none" if found.depth_share is None else f"{found.depth_share:.0%} of pixels",
         )
 

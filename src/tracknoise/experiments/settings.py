@@ -16,7 +16,7 @@ from tracknoise.checks import MOST_LEVELS, require_storable
 from tracknoise.exceptions import SettingsError, UnknownNameError, first_line
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.corrections import UNCORRECTED, Corrections
-from tracknoise.printable import is_printable
+from tracknoise.printable import counted, is_printable
 from tracknoise.problems import likeliest_problem
 from tracknoise.sequences.frame_range import frames_of, require_range
 from tracknoise.tables import defaults
@@ -478,18 +478,14 @@ def _expected(problem: ErrorDetails) -> str:
     """What was expected, in other words than pydantic's where those are about its own work."""
     limits = problem.get("ctx", {})
     if problem["type"] == "too_short":
-        return f"at least {_values(limits['min_length'])}"
+        return f"at least {counted(limits['min_length'], 'value')}"
     if problem["type"] == "too_long":
-        return f"at most {_values(limits['max_length'])}"
+        return f"at most {counted(limits['max_length'], 'value')}"
     if problem["type"] == "string_too_short":
         return "a text that is not empty"
     if problem["type"] == "string_pattern_mismatch":
         return "a name without / and \\ that is not all dots, because a folder is called like it"
     return problem["msg"].removeprefix("Input should be ")
-
-
-def _values(n: int) -> str:
-    return f"{n} value{'' if n == 1 else 's'}"
 
 
 def _parent(key: str) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import tomlkit
 
+from tracknoise.printable import counted
 from tracknoise.sequences.registry import READERS, reader_defaults
 from tracknoise.sequences.sequence import TRIANGULATED, Reader, Sequence
 from tracknoise.trackers.rejection import Model, Rejection
@@ -60,7 +61,7 @@ def _heading(name: str, path: Path | None, first: Sequence) -> list[str]:
     checked = shlex.quote(str(path.resolve())) if path else name
     speeds = [1] if len(first) < _FEW_FRAMES else [1, 2, 4]
     return [
-        f"# {len(first)} frames of {first.camera.width}x{first.camera.height} px in the first sequence.",
+        f"# {counted(len(first), 'frame')} of {first.camera.width}x{first.camera.height} px in the first sequence.",
         *(f"# Note of the reader: {' '.join(note.split())}" for note in first.notes),
         f"# Check the recording before you measure it: tracknoise check {checked}",
         "# All keys of this file: tracknoise run --schema",

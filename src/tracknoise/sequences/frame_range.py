@@ -4,6 +4,7 @@ from collections.abc import Sequence as Items
 from numbers import Integral
 
 from tracknoise.exceptions import DataError, SettingsError
+from tracknoise.printable import counted
 
 EXPECTED = "first, last and step: whole numbers with 0 <= first < last and step >= 1"
 _FEWEST, _PARTS = 2, (2, 3)
@@ -101,7 +102,7 @@ def frame_range(frames: Items[int], count: int, place: str) -> range:
     first, last, step = [*frames, 1][:3]
     chosen = range(first, min(last + 1, count), step)
     if len(chosen) < _FEWEST:
-        found = f"{count} frames, of which frames {first} to {last} in steps of {step} have {len(chosen)}"
+        found = f"{counted(count, 'frame')}, of which frames {first} to {last} in steps of {step} have {len(chosen)}"
         raise DataError(place, found, f"at least {_FEWEST}, so that features can be tracked")
     return chosen
 

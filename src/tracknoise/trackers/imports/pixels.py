@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.printable import significant
 from tracknoise.trackers.imports.rows import Rows
 
 _LARGEST_NORMALISED = 2.0
@@ -85,7 +86,8 @@ def check_coordinates(rows: Rows, raster: Raster, image: tuple[int, int]) -> Non
     """
     if raster.size is None and _are_normalised(rows.uv, image):
         low, high = rows.uv.min(), rows.uv.max()
-        found = f"positions from {low:.3g} to {high:.3g} in images of {image[0]} x {image[1]} px"
+        extent = f"{significant(low, 3)} to {significant(high, 3)}"
+        found = f"positions from {extent} in images of {image[0]} x {image[1]} px"
         expected = "pixels, and these look like normalised coordinates: if they run from 0 to 1 across the image, set"
         rest = 'raster = [1, 1] and origin = "corner"; if they are x/z and y/z, multiply by the intrinsics'
         raise DataError(rows.path, found, f"{expected} {rest}")

@@ -4,10 +4,13 @@ import json
 import shutil
 import tomllib
 
+import cv2
 import numpy as np
 import pytest
+from tests.writers import euroc, kitti_odometry
 
 from tracknoise.experiments.load import load_experiment
+from tracknoise.sequences.registry import open_sequence
 
 SMALL = ["--motion", "arvr", "--frames", "16", "--width", "200", "--height", "150", "--supersampling", "1", "--quiet"]
 
@@ -101,6 +104,75 @@ def test_options_of_the_reader_are_checked(tracknoise, recording):
     assert "colour" in err
     code, _, err = tracknoise("check", str(recording), "--option", "colour")
     assert (code, "NAME=VALUE" in err) == (1, True)
+
+
+def pair_of_euroc(folder):
+    simulated = open_sequence(
+        "simulated", motions=["fixating"], frames=12, width=240, height=180, supersampling=1, baseline_m=0.2
+    )
+    camera = simulated.camera
+    intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
+    images = [simulated.image(index) for index in range(12)]
+    times_ns = euroc.write_euroc(folder, images, simulated.world_from_camera, intrinsics=intrinsics)
+    second = [simulated.second.images(index) for index in range(12)]
+    euroc.write_images(folder / "mav0", "cam1", times_ns.tolist(), second)
+    body_from_second = euroc.BODY_FROM_CAMERA @ simulated.second.first_from_second
+    sensor = folder / "mav0/cam1/sensor.yaml"
+    euroc.write_sensor(sensor, (camera.width, camera.height), intrinsics, body_from_camera=body_from_second)
+    return simulated
+
+
+def pair_of_kitti(folder):
+    baseline_m = kitti_odometry.BASELINES_M[1]
+    simulated = open_sequence(
+        "simulated", motions=["forward"], frames=12, width=240, height=180, supersampling=1, baseline_m=baseline_m
+    )
+    camera = simulated.camera
+    intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
+    images = [simulated.image(index) for index in range(12)]
+    poses = simulated.world_from_camera
+    written = kitti_odometry.write_kitti_odometry(folder, images, poses, intrinsics=intrinsics)
+    (written / "image_1").mkdir()
+    for index in range(12):
+        assert cv2.imwrite(str(written / "image_1" / f"{index:06d}.png"), simulated.second.images(index))
+    return simulated
+
+
+@pytest.mark.parametrize("write", [pair_of_euroc, pair_of_kitti])
+def test_depth_from_stereo_is_checked(tracknoise, tmp_path, write):
+    simulated = write(tmp_path / "walk")
+    without = tracknoise("check", str(tmp_path), "--json", "--quiet")[1]
+    assert "median_m" not in {name for item in items(without) for name in item["values"]}
+    code, out, err = tracknoise("check", str(tmp_path), "--option", "depth=stereo", "--json", "--quiet")
+    assert (code, err) in {(0, ""), (3, "")}
+    (depth,) = [item for item in items(out) if item["topic"] == "depth"]
+    true_m = np.median([simulated.depth(index).depth_m[simulated.depth(index).valid].mean() for index in (0, 6, 11)])
+    assert 0.3 * true_m < depth["values"]["median_m"] < 3.0 * true_m
+    assert any("semi-global matching" in item["text"] for item in items(out))
+    warping = next(item for item in items(out) if item["topic"] == "warping")
+    assert warping["values"]["depth_disagreement"] < 0.1
+
+
+def items(printed):
+    (sequence,) = json.loads(printed)["sequences"]
+    return sequence["items"]
+
+
+def test_depth_from_stereo_needs_a_second_camera(tracknoise, recording):
+    code, out, _ = tracknoise("check", str(recording), "--option", "depth=stereo")
+    assert code == 4
+    assert "no second camera, expected one" in " ".join(out.split())
+    code, _, err = tracknoise("check", str(recording), "--option", "depth=lidar")
+    assert (code, err) == (1, "tracknoise: error: --option depth=lidar: expected recorded or stereo\n")
+    assert tracknoise("check", str(recording), "--option", "depth=recorded")[0] == 0
+
+
+def test_depth_from_stereo_in_the_other_commands_that_take_options(tracknoise, tmp_path):
+    pair_of_euroc(tmp_path / "walk")
+    assert "% of pixels" in tracknoise("datasets", str(tmp_path), "--option", "depth=stereo")[1]
+    file = tmp_path / "first.toml"
+    assert tracknoise("init", str(tmp_path), "-o", str(file), "--option", "depth=stereo")[0] == 0
+    assert load_experiment(file).truth.depth == "stereo"
 
 
 def test_init_writes_an_experiment_that_can_be_loaded(tracknoise, recording, tmp_path):

@@ -37,17 +37,20 @@ def check(
     Names the usual mistakes: inverted poses, quaternion order, axes, units, intrinsics of another resolution, poses off
     by frames. Exit status 0 if it is ready, 3 if it is usable with caveats, 4 if it is not usable.
 
-    Examples: `tracknoise check /data/my-recording`, `tracknoise check tum /data/fr1 --html check.html`
+    Examples: `tracknoise check /data/my-recording`, `tracknoise check tum /data/fr1 --html check.html`,
+    `tracknoise check /data/euroc --option depth=stereo`
     """
-    from tracknoise.cli.recording import open_reader
+    from tracknoise.cli.recording import open_recording
     from tracknoise.inspection.inspect import check_reader
     from tracknoise.inspection.page import Pictures
     from tracknoise.tables.files import write_atomically
 
-    reader, path = open_reader(recording, option)
-    context.obj.say(f"reader: {reader.name}")
+    opened = open_recording(recording, option)
+    context.obj.say(f"reader: {opened.reader.name}")
     pictures = Pictures()
-    report = check_reader(reader, str(path or reader.name), most=scenes, seen=pictures.take if html else None)
+    source = str(opened.path or opened.reader.name)
+    seen = pictures.take if html else None
+    report = check_reader(opened.reader, source, most=scenes, seen=seen, change=opened.view)
     if json is not None:
         write_atomically(json, report.to_json().encode())
     if html is not None:

@@ -8,12 +8,11 @@ import typer
 
 from tracknoise.cli.listing import listing
 from tracknoise.cli.options import DebugOption
-from tracknoise.cli.recording import OptionOption
+from tracknoise.cli.recording import OptionOption, Recording
 from tracknoise.printable import significant
 
 if TYPE_CHECKING:
     from tracknoise.cli.terminal import Terminal
-    from tracknoise.sequences.sequence import Reader
 
 _HEADINGS = ("sequence", "frames", "with pose", "size", "rate", "depth")
 
@@ -75,27 +74,27 @@ def _show_reader(terminal: "Terminal", reader: str, data: Path | None) -> None:
 
 def _show_recording(terminal: "Terminal", words: list[str], option: list[str] | None) -> int:
     """A table of the sequences of a recording, and the options of its reader. Status 1 if one cannot be read."""
-    from tracknoise.cli.recording import open_reader
+    from tracknoise.cli.recording import open_recording
     from tracknoise.cli.text_table import aligned
 
-    reader, _ = open_reader(words, option)
+    opened = open_recording(words, option)
     failures: list[str] = []
-    rows = [_HEADINGS, *_rows(reader, failures)]
+    rows = [_HEADINGS, *_rows(opened, failures)]
     lines = aligned(rows, numeric=(False, True, True, True, True, True))
-    terminal.result("\n".join([f"reader: {reader.name}", "", *lines, "", _options(reader.name)]))
+    terminal.result("\n".join([f"reader: {opened.reader.name}", "", *lines, "", _options(opened.reader.name)]))
     for failure in failures:
         terminal.say(failure)
     return 1 if failures else 0
 
 
-def _rows(reader: "Reader", failures: list[str]) -> Iterator[tuple[str, ...]]:
+def _rows(recording: Recording, failures: list[str]) -> Iterator[tuple[str, ...]]:
     """Cells of each sequence; those of a sequence that cannot be read are empty, and its error is a failure."""
     from tracknoise.exceptions import DataError
     from tracknoise.inspection.overview import overview
 
-    for item in reader.sequences():
+    for item in recording.reader.sequences():
         try:
-            found = overview(reader.open(item))
+            found = overview(recording.view(recording.reader.open(item)))
         except DataError as error:
             failures.append(str(error))
             yield (item.key, *("-" for _ in _HEADINGS[1:]))

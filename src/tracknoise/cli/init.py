@@ -26,13 +26,14 @@ def init(
 
     Examples: `tracknoise init /data/my-recording`, `tracknoise init tum /data/fr1 --out fr1.toml`
     """
-    from tracknoise.cli.recording import open_reader, options_of
+    from tracknoise.cli.recording import open_recording
     from tracknoise.exceptions import SettingsError
     from tracknoise.experiments.template import experiment_template
     from tracknoise.tables.files import write_atomically
 
-    reader, path = open_reader(recording, option)
-    text = experiment_template(reader, path, options_of(option))
+    opened = open_recording(recording, option)
+    reader, path = opened.reader, opened.path
+    text = experiment_template(reader, path, opened.options, stereo=opened.stereo)
     file = out or Path(f"{(path or Path(reader.name)).resolve().name}.toml")
     if file.exists() and not force:
         raise SettingsError(f"{file}: exists, expected a new file; --force replaces it")

@@ -10,6 +10,7 @@ import tomlkit
 from tracknoise.printable import counted
 from tracknoise.sequences.registry import READERS, reader_defaults
 from tracknoise.sequences.sequence import TRIANGULATED, Reader, Sequence
+from tracknoise.sequences.stereo import with_stereo_depth
 from tracknoise.trackers.rejection import Model, Rejection
 
 _MOST_NAMED = 6
@@ -27,7 +28,9 @@ _REJECTION = (
 """What the default of outlier rejection means."""
 
 
-def experiment_template(reader: Reader, path: Path | None, options: Mapping[str, object]) -> str:
+def experiment_template(
+    reader: Reader, path: Path | None, options: Mapping[str, object], *, stereo: bool = False
+) -> str:
     """Experiment file (TOML) that measures all sequences of a reader with two trackers.
 
     Parameters
@@ -39,21 +42,23 @@ def experiment_template(reader: Reader, path: Path | None, options: Mapping[str,
     options
         Options of the reader that differ from the defaults; relative paths start from the current folder, and are
         written as absolute ones.
+    stereo
+        Whether depth is computed from a second camera, in place of recorded depth.
 
     Raises
     ------
     DataError
-        If the reader finds no sequence, or cannot open the first.
+        If the reader finds no sequence, cannot open the first, or that has no second camera for depth from stereo.
     """
     listed = reader.sequences()
-    first = reader.open(listed[0])
+    first = with_stereo_depth(reader.open(listed[0])) if stereo else reader.open(listed[0])
     scenes = list(dict.fromkeys(item.scene for item in listed))
     name = (path or Path(reader.name)).resolve().name.strip(".") or reader.name
     dataset = [
         _dataset(reader, path, scenes),
         _options(reader.name, READERS.with_paths_from(Path(), reader.name, options)),
     ]
-    parts = [_heading(name, path, first), *dataset, _truth(first), _trackers()]
+    parts = [_heading(name, path, first), *dataset, _truth(first, stereo=stereo), _trackers()]
     return "\n".join(chain.from_iterable(parts)) + "\n"
 
 
@@ -98,13 +103,14 @@ def _lines_of(name: str) -> list[str]:
     return [line for line in reader_defaults(name).splitlines() if line]
 
 
-def _truth(first: Sequence) -> list[str]:
-    """The default kind of truth, as a comment; nothing where none is possible."""
+def _truth(first: Sequence, *, stereo: bool) -> list[str]:
+    """Depth from stereo if it is chosen, and the default kind of truth as a comment; nothing where none is possible."""
     if not first.truths:
         return []
     best = first.truths[0]
     why = "there is no depth: points are fitted to tracks and poses" if best == TRIANGULATED else "the default here"
-    return ["", "[truth]", f"# {_entry('kind', best)}  # {why}"]
+    depth = [_entry("depth", "stereo")] if stereo else []
+    return ["", "[truth]", *depth, f"# {_entry('kind', best)}  # {why}"]
 
 
 def _trackers() -> list[str]:

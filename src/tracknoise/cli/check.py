@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.options import DebugOption, QuietOption
+from tracknoise.cli.options import DebugOption, JsonCommand, JsonFileOption, JsonOption, QuietOption, write_json
 from tracknoise.cli.recording import OptionOption, RecordingArgument
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ _WIDTH = 110
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command("check", no_args_is_help=True)(check)
+    app.command("check", cls=JsonCommand, no_args_is_help=True)(check)
 
 
 def check(
@@ -28,7 +28,8 @@ def check(
     option: OptionOption = None,
     scenes: Annotated[int, typer.Option("--scenes", min=1, help="Read the images of this many sequences.")] = 3,
     html: Annotated[Path | None, typer.Option("--html", help="Write a page with pictures to this file.")] = None,
-    json: Annotated[Path | None, typer.Option("--json", help="Write the report as JSON to this file.")] = None,
+    as_json: JsonOption = False,
+    json_file: JsonFileOption = None,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -51,11 +52,11 @@ def check(
     source = str(opened.path or opened.reader.name)
     seen = pictures.take if html else None
     report = check_reader(opened.reader, source, most=scenes, seen=seen, change=opened.view)
-    if json is not None:
-        write_atomically(json, report.to_json().encode())
+    write_json(context.obj, report.to_json(), as_json=as_json, file=json_file)
     if html is not None:
         write_atomically(html, pictures.page(report).encode())
-    context.obj.result(report_text(report))
+    if not as_json:
+        context.obj.result(report_text(report))
     return STATUS[report.verdict.name]
 
 

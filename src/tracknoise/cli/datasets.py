@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tracknoise.cli.listing import listing
-from tracknoise.cli.options import DebugOption
+from tracknoise.cli.options import DebugOption, QuietOption
 from tracknoise.cli.recording import OptionOption, Recording
 from tracknoise.printable import significant
 
@@ -30,6 +30,7 @@ def datasets(
     ] = None,
     data: Annotated[Path | None, typer.Option("--data", "-d", help="Folder of data whose sequences to list.")] = None,
     option: OptionOption = None,
+    quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
     """List the dataset formats, the options of a reader with their defaults, or what a recording holds.
@@ -83,7 +84,7 @@ def _show_recording(terminal: "Terminal", words: list[str], option: list[str] | 
     lines = aligned(rows, numeric=(False, True, True, True, True, True))
     terminal.result("\n".join([f"reader: {opened.reader.name}", "", *lines, "", _options(opened.reader.name)]))
     for failure in failures:
-        terminal.say(failure)
+        terminal.error(failure)
     return 1 if failures else 0
 
 

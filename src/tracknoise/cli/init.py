@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tracknoise.cli.options import DebugOption
+from tracknoise.cli.options import DebugOption, QuietOption
 from tracknoise.cli.recording import OptionOption, RecordingArgument
 
 
@@ -20,6 +20,7 @@ def init(
     out: Annotated[Path | None, typer.Option("--out", "-o", help="File to write (default: NAME.toml).")] = None,
     option: OptionOption = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
+    quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
     """Recognise the format of a recording and write an experiment file for it.

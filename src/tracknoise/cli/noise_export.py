@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.options import DebugOption
+from tracknoise.cli.options import DebugOption, QuietOption
 
 if TYPE_CHECKING:
     from tracknoise.noise_models.exports.export import Export, Target
@@ -38,6 +38,7 @@ def export_command(
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for the files (default: print them).")] = None,
     show_list: Annotated[bool, typer.Option("--list", help="List the estimators.")] = False,
+    quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
     """Write the noise of a model in the syntax of an estimator, and say what it makes right.

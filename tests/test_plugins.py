@@ -18,7 +18,7 @@ from tracknoise.cli.app import main
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.experiments.load import load_experiment
 from tracknoise.experiments.settings import parse_experiment
-from tracknoise.options import PathTemplate, change_paths, find_paths
+from tracknoise.options import DataPath, PathTemplate, change_paths, find_paths
 from tracknoise.plugins import Plugins, plugin_defaults
 from tracknoise.report.page import write_report
 from tracknoise.sequences.registry import READERS
@@ -132,6 +132,18 @@ def test_paths_are_replaced_and_nothing_else():
         "unknown": "x",
     }
     assert OPTIONS["cache"] == "c"
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    images: DataPath | None = None
+    others: tuple[DataPath, ...] = ()
+
+
+def test_paths_that_start_from_the_data_stay_and_are_found_there():
+    options = {"images": "a", "others": ["b", "/c"]}
+    assert change_paths(Recorded, options, lambda path: f"/there/{path}") == options
+    assert find_paths(Recorded, options, Path("/data")) == [Path("/data/a"), Path("/data/b"), Path("/c")]
 
 
 def test_all_kinds_of_fields_are_made(learned):

@@ -1,7 +1,9 @@
 import sys
 import unicodedata
 
-from tracknoise.printable import is_printable, printable
+import pytest
+
+from tracknoise.printable import counted, counted_of, is_printable, printable, significant
 
 
 def test_every_control_character_is_escaped_and_other_text_stays():
@@ -14,3 +16,27 @@ def test_every_control_character_is_escaped_and_other_text_stays():
     for text in ("plain", "\u00e4\u8ddf\u8e2a", "\U0001f468\u200d\U0001f469", "\u0627\u0644", "\\x1b"):
         assert is_printable(text)
         assert printable(text) == text
+
+
+def test_one_thing_is_singular():
+    assert [counted(n, "image") for n in (0, 1, 2)] == ["0 images", "1 image", "2 images"]
+    assert counted(1, "vertex", "vertices") == "1 vertex"
+    assert counted(4, "vertex", "vertices") == "4 vertices"
+    assert counted_of(1, 30, "frame", "has", "have") == "1 of 30 frames has"
+    assert counted_of(0, 1, "frame", "has", "have") == "0 of 1 frame have"
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "text"),
+    [
+        (100.0, 2, "100"),
+        (99.6, 2, "100"),
+        (12345.6, 3, "12346"),
+        (-999.9, 3, "-1000"),
+        (0.01234, 2, "0.012"),
+        (1.5e-9, 2, "1.5e-09"),
+        (99.4, 2, "99"),
+    ],
+)
+def test_no_number_above_one_is_written_with_a_power_of_ten(value, digits, text):
+    assert significant(value, digits) == text

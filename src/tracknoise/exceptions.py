@@ -53,7 +53,7 @@ class UnknownNameError(TracknoiseError):
         super().__init__(kind, name, self.known)
 
     def _message(self) -> str:
-        close = get_close_matches(self.name, self.known, n=1)
+        close = get_close_matches(self.name, self.known, n=1) or get_close_matches(self.name.lower(), self.known, n=1)
         hint = f" (did you mean {close[0]!r}?)" if close else ""
         return f"unknown {self.kind} {self.name!r}{hint}; known: {', '.join(self.known) or 'none'}"
 

@@ -6,7 +6,7 @@ from dataclasses import MISSING, asdict, fields, is_dataclass
 from difflib import get_close_matches
 from functools import cache
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Any, NewType, TypeVar, get_args, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, NewType, TypeVar, get_args, get_type_hints
 
 from tracknoise.checks import MOST_LEVELS, require_storable
 from tracknoise.problems import likeliest_problem
@@ -19,6 +19,10 @@ T = TypeVar("T")
 
 PathTemplate = NewType("PathTemplate", str)
 """Type of an option that is a path with placeholders, such as ``tracks/{scene}.csv``: see `SequenceId.expand`."""
+
+_FROM_DATA = object()
+DataPath = Annotated[Path, _FROM_DATA]
+"""Type of an option that is a path relative to the folder of the data, and not to that of the experiment file."""
 
 
 def validated(settings_type: type[T], options: Mapping[str, object], given: Mapping[str, object]) -> T:
@@ -91,7 +95,11 @@ def as_toml_values(settings: Mapping[str, object]) -> dict[str, Any]:
 
 
 def change_paths(
-    settings_type: type, options: Mapping[str, object], change: Callable[[Path | PathTemplate], str]
+    settings_type: type,
+    options: Mapping[str, object],
+    change: Callable[[Path | PathTemplate], str],
+    *,
+    from_data: Callable[[Path], str] = str,
 ) -> dict[str, object]:
     """Return options with every path replaced. Paths are found from the types of the fields.
 
@@ -103,31 +111,39 @@ def change_paths(
     options
         Values of its fields, as a file has them. Unknown names and wrong types are left as they are.
     change
-        Called for each path.
+        Called for each path, except those of the type `DataPath`.
+    from_data
+        Called for each path of that type; by default, it stays as it is.
     """
-    hints = get_type_hints(settings_type)
-    return {name: _changed(hints.get(name), value, change) for name, value in options.items()}
+    hints = get_type_hints(settings_type, include_extras=True)
+    return {name: _changed(hints.get(name), value, change, from_data) for name, value in options.items()}
 
 
-def find_paths(settings_type: type, options: Mapping[str, object]) -> list[Path | PathTemplate]:
-    """The paths among options, in order: see `change_paths`."""
+def find_paths(
+    settings_type: type, options: Mapping[str, object], root: Path | None = None
+) -> list[Path | PathTemplate]:
+    """The paths among options, in order: see `change_paths`. Those of the type `DataPath` start from `root`."""
     found: list[Path | PathTemplate] = []
 
     def note(path: Path | PathTemplate) -> str:
         found.append(path)
         return str(path)
 
-    change_paths(settings_type, options, note)
+    change_paths(settings_type, options, note, from_data=lambda path: note((root or Path()) / path))
     return found
 
 
-def _changed(hint: Any, value: object, change: Callable[[Path | PathTemplate], str]) -> object:
+def _changed(
+    hint: Any, value: object, change: Callable[[Path | PathTemplate], str], from_data: Callable[[Path], str]
+) -> object:
     parts = list(_parts(hint))
     if isinstance(value, list | tuple):
-        return [_changed(hint, item, change) for item in value]
+        return [_changed(hint, item, change, from_data) for item in value]
     if isinstance(value, Mapping):
         nested = _settings_in(hint)
-        return value if nested is None else change_paths(nested, value, change)
+        return value if nested is None else change_paths(nested, value, change, from_data=from_data)
+    if isinstance(value, str | Path) and _FROM_DATA in parts:
+        return from_data(Path(value))
     if isinstance(value, str | Path) and PathTemplate in parts:
         return change(PathTemplate(str(value)))
     if isinstance(value, str | Path) and Path in parts:

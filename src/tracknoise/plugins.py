@@ -90,7 +90,7 @@ class Plugins(Generic[T]):
             raise SettingsError(f"{self.what} {name!r}: {error}") from error
 
     def with_paths_from(self, folder: Path, name: str, options: Mapping[str, object]) -> dict[str, object]:
-        """Options with relative paths made absolute, starting from a folder.
+        """Options with relative paths made absolute, starting from a folder; those of the type `DataPath` stay.
 
         Raises
         ------
@@ -101,15 +101,15 @@ class Plugins(Generic[T]):
         """
         return change_paths(self.load(name), options, lambda path: str(absolute(folder, Path(path))))
 
-    def paths(self, name: str, options: Mapping[str, object]) -> list[Path | PathTemplate]:
-        """The files and folders that options name.
+    def paths(self, name: str, options: Mapping[str, object], root: Path | None = None) -> list[Path | PathTemplate]:
+        """The files and folders that options name. Those of the type `DataPath` start from the folder of the data.
 
         Raises
         ------
         UnknownNameError, SettingsError
             As `load`.
         """
-        return find_paths(self.load(name), options)
+        return find_paths(self.load(name), options, root)
 
     def versions(self, name: str) -> dict[str, str]:
         """Name and version of the other package that offers a name; empty if this package does."""

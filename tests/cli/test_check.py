@@ -4,10 +4,13 @@ import json
 import shutil
 import tomllib
 
+import cv2
 import numpy as np
 import pytest
+from tests.writers import euroc, kitti_odometry
 
 from tracknoise.experiments.load import load_experiment
+from tracknoise.sequences.registry import open_sequence
 
 SMALL = ["--motion", "arvr", "--frames", "16", "--width", "200", "--height", "150", "--supersampling", "1", "--quiet"]
 
@@ -55,7 +58,9 @@ def test_one_image_is_not_usable(tracknoise, tmp_path):
 def test_inverted_poses_are_not_usable_and_all_outputs_say_why(tracknoise, recording, tmp_path):
     wrong = inverted(recording, tmp_path)
     page, document = tmp_path / "check.html", tmp_path / "check.json"
-    code, out, _ = tracknoise("check", "folder", str(wrong), "--html", str(page), "--json", str(document), "--quiet")
+    code, out, _ = tracknoise(
+        "check", "folder", str(wrong), "--html", str(page), "--json-file", str(document), "--quiet"
+    )
     assert code == 4
     assert "not usable, because:" in out
     found = json.loads(document.read_text())
@@ -65,6 +70,14 @@ def test_inverted_poses_are_not_usable_and_all_outputs_say_why(tracknoise, recor
     assert "poses are inverted" in html
     assert "data:image/png;base64," in html
     assert "http" not in html.replace("http-equiv", "")
+
+
+def test_json_is_all_that_is_printed(tracknoise, recording, tmp_path):
+    code, out, err = tracknoise("check", str(recording), "--json", "--json-file", str(tmp_path / "x.json"))
+    assert (code, err) == (0, f"reader: folder\nwritten: {tmp_path / 'x.json'}\n")
+    assert json.loads(out)["verdict"] == "ready"
+    assert (tmp_path / "x.json").read_text() == out
+    assert tracknoise("check", "--json", str(recording), "--quiet") == (0, out, "")
 
 
 @pytest.mark.parametrize("missing", [[0], [7], [15], range(1, 15)])
@@ -101,6 +114,76 @@ def test_options_of_the_reader_are_checked(tracknoise, recording):
     assert "colour" in err
     code, _, err = tracknoise("check", str(recording), "--option", "colour")
     assert (code, "NAME=VALUE" in err) == (1, True)
+
+
+def pair_of_euroc(folder):
+    simulated = open_sequence(
+        "simulated", motions=["fixating"], frames=12, width=240, height=180, supersampling=1, baseline_m=0.2
+    )
+    camera = simulated.camera
+    intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
+    images = [simulated.image(index) for index in range(12)]
+    times_ns = euroc.write_euroc(folder, images, simulated.world_from_camera, intrinsics=intrinsics)
+    second = [simulated.second.images(index) for index in range(12)]
+    euroc.write_images(folder / "mav0", "cam1", times_ns.tolist(), second)
+    body_from_second = euroc.BODY_FROM_CAMERA @ simulated.second.first_from_second
+    sensor = folder / "mav0/cam1/sensor.yaml"
+    euroc.write_sensor(sensor, (camera.width, camera.height), intrinsics, body_from_camera=body_from_second)
+    return simulated
+
+
+def pair_of_kitti(folder):
+    baseline_m = kitti_odometry.BASELINES_M[1]
+    simulated = open_sequence(
+        "simulated", motions=["forward"], frames=12, width=240, height=180, supersampling=1, baseline_m=baseline_m
+    )
+    camera = simulated.camera
+    intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
+    images = [simulated.image(index) for index in range(12)]
+    poses = simulated.world_from_camera
+    written = kitti_odometry.write_kitti_odometry(folder, images, poses, intrinsics=intrinsics)
+    (written / "image_1").mkdir()
+    for index in range(12):
+        assert cv2.imwrite(str(written / "image_1" / f"{index:06d}.png"), simulated.second.images(index))
+    return simulated
+
+
+@pytest.mark.parametrize("write", [pair_of_euroc, pair_of_kitti])
+def test_depth_from_stereo_is_checked(tracknoise, tmp_path, write):
+    simulated = write(tmp_path / "walk")
+    without = tracknoise("check", str(tmp_path), "--json", "--quiet")[1]
+    assert "median_m" not in {name for item in items(without) for name in item["values"]}
+    code, out, err = tracknoise("check", str(tmp_path), "--option", "depth=stereo", "--json", "--quiet")
+    assert (code, err) in {(0, ""), (3, "")}
+    (depth,) = [item for item in items(out) if item["topic"] == "depth"]
+    exact_m = simulated.depth(6).depth_m
+    true_m = np.median(exact_m[(exact_m > 0.0) & (exact_m < 25.0)])  # disparities of 4 px and more
+    assert 0.5 * true_m < depth["values"]["median_m"] < 2.0 * true_m
+    assert any("semi-global matching" in item["text"] for item in items(out))
+    warping = next(item for item in items(out) if item["topic"] == "warping")
+    assert warping["values"]["depth_disagreement"] < 0.1
+
+
+def items(printed):
+    (sequence,) = json.loads(printed)["sequences"]
+    return sequence["items"]
+
+
+def test_depth_from_stereo_needs_a_second_camera(tracknoise, recording):
+    code, out, _ = tracknoise("check", str(recording), "--option", "depth=stereo")
+    assert code == 4
+    assert "no second camera, expected one" in " ".join(out.split())
+    code, _, err = tracknoise("check", str(recording), "--option", "depth=lidar")
+    assert (code, err) == (1, "tracknoise: error: --option depth=lidar: expected recorded or stereo\n")
+    assert tracknoise("check", str(recording), "--option", "depth=recorded")[0] == 0
+
+
+def test_depth_from_stereo_in_the_other_commands_that_take_options(tracknoise, tmp_path):
+    pair_of_euroc(tmp_path / "walk")
+    assert "% of pixels" in tracknoise("datasets", str(tmp_path), "--option", "depth=stereo")[1]
+    file = tmp_path / "first.toml"
+    assert tracknoise("init", str(tmp_path), "-o", str(file), "--option", "depth=stereo")[0] == 0
+    assert load_experiment(file).truth.depth == "stereo"
 
 
 def test_init_writes_an_experiment_that_can_be_loaded(tracknoise, recording, tmp_path):

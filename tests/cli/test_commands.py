@@ -7,9 +7,11 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import typer
 
 from tracknoise.api.run import open_run
 from tracknoise.cli.app import main
+from tracknoise.cli.commands import app
 from tracknoise.experiments.load import preset_names
 from tracknoise.sequences.registry import READERS
 
@@ -36,6 +38,78 @@ def test_results_that_cannot_be_written_are_one_line(arguments, buffered):
         ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, env=environment, check=False)
     assert ended.stderr == "tracknoise: error: standard output cannot be written (No space left on device)\n"
     assert ended.returncode == 1
+
+
+def commands(group=None, name=()):
+    """Every command by the words that call it."""
+    group = typer.main.get_command(app) if group is None else group
+    for word, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from commands(command, (*name, word))
+        else:
+            yield (*name, word), command
+
+
+def test_every_command_can_be_quiet():
+    missing = [" ".join(name) for name, command in commands() if "--quiet" not in options(command)]
+    assert missing == []
+
+
+def options(command):
+    return {option: parameter for parameter in command.params for option in parameter.opts}
+
+
+def test_json_is_a_flag_in_every_command_that_has_it():
+    found = {" ".join(name): options(command) for name, command in commands() if "--json" in options(command)}
+    assert set(found) == {"check", "compare", "findings", "audit", "noise table"}
+    for parameters in found.values():
+        assert parameters["--json"].is_flag
+        assert not parameters["--json-file"].is_flag
+        assert parameters["--json"].help == "Print the result as one JSON document, and nothing else."
+
+
+@pytest.mark.parametrize("written", [("--json", "new.json"), ("--json=new.json",), ("--json", "out/report")])
+@pytest.mark.parametrize(
+    "command", [("check", "."), ("compare", "a", "b"), ("findings", "a"), ("audit", "a"), ("noise", "table", "a")]
+)
+def test_a_file_after_json_is_told_its_option(tracknoise, tmp_path, monkeypatch, command, written):
+    monkeypatch.chdir(tmp_path)
+    name = written[-1].removeprefix("--json=")
+    message = f"--json {name}: --json prints to standard output, expected --json-file {name}"
+    assert tracknoise(*command, *written) == (1, "", f"tracknoise: error: {message}\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recording_that_is_a_file_may_follow_json(tracknoise, tmp_path):
+    (tmp_path / "x.bag").write_bytes(b"")
+    code, _, err = tracknoise("check", "--json", str(tmp_path / "x.bag"))
+    assert code in (1, 4)
+    assert "--json-file" not in err
+
+
+@pytest.mark.parametrize(("words", "last", "found"), [("find", 1, "findings"), ("noise ex", 2, "export")])
+def test_the_shell_can_complete_commands(words, last, found):
+    environment = {
+        "COMP_WORDS": f"tracknoise {words}",
+        "COMP_CWORD": str(last),
+        "_TRACKNOISE_COMPLETE": "complete_bash",
+    }
+    command = [sys.executable, "-c", "from tracknoise.cli.app import main; main()"]
+    ended = subprocess.run(command, capture_output=True, text=True, env={**os.environ, **environment}, check=False)
+    assert (ended.returncode, ended.stdout.split(), ended.stderr) == (0, [found], "")
+
+
+def test_the_script_of_the_completion_is_shown_and_installed(tmp_path):
+    environment = {**os.environ, "HOME": str(tmp_path)}
+    command = ["bash", "-c", '"$0" -c "from tracknoise.cli.app import main; main()" "$1"; exit $?', sys.executable]
+    shown, installed = (
+        subprocess.run([*command, option], capture_output=True, text=True, env=environment, check=False)
+        for option in ("--show-completion", "--install-completion")
+    )
+    assert (shown.returncode, shown.stderr) == (0, "")
+    assert "complete -o default -F _tracknoise_completion tracknoise" in shown.stdout
+    assert installed.returncode == 0
+    assert "_tracknoise_completion" in (tmp_path / ".bash_completions" / "tracknoise.sh").read_text()
 
 
 def test_datasets_lists_the_readers(tracknoise):

@@ -81,12 +81,21 @@ def test_a_scene_that_was_not_to_be_measured_is_named_and_no_obstacle(tracknoise
 
 def test_all_files_are_written_whatever_the_gate_says(tracknoise, make, gate, tmp_path):
     paths = {name: tmp_path / "out" / f"compare.{name}" for name in ("html", "markdown", "json")}
-    options = [part for name, path in paths.items() for part in (f"--{name}", str(path))]
+    flags = {"json": "--json-file"}
+    options = [part for name, path in paths.items() for part in (flags.get(name, f"--{name}"), str(path))]
     status, _, _ = tracknoise("compare", make("base"), make("worse", **WORSE), "--gate", gate(), *options)
     assert status == 3
     assert "<h1>compare-worse compared with compare-base</h1>" in paths["html"].read_text()
     assert "**The gate fails" in paths["markdown"].read_text()
     assert json.loads(paths["json"].read_text())["gate"]["outcome"] == "worse"
+
+
+def test_json_is_all_that_is_printed(tracknoise, make, gate, tmp_path):
+    arguments = ("compare", make("base"), make("worse", **WORSE), "--gate", gate(), "--json")
+    status, out, _ = tracknoise(*arguments, "--html", str(tmp_path / "x.html"), "--json-file", str(tmp_path / "x.json"))
+    assert status == 3
+    assert json.loads(out) == json.loads((tmp_path / "x.json").read_text())
+    assert (tmp_path / "x.html").exists()
 
 
 def test_trackers_are_named_by_a_pair(tracknoise, make):

@@ -57,6 +57,13 @@ def test_or_written(tracknoise, file, tmp_path):
     assert all(str(path) in printed for path in out.iterdir())
 
 
+def test_files_are_named_by_the_estimator_however_it_is_spelled(tracknoise, file, tmp_path):
+    code, _, err = tracknoise("noise", "export", file, "--to", "VINS-Mono", "-o", str(tmp_path / "config"))
+    assert (code, err) == (0, "")
+    names = sorted(path.name for path in (tmp_path / "config").iterdir())
+    assert names == ["vins.txt", "vins_fusion_noise.cpp", "vins_mono_noise.cpp"]
+
+
 def test_the_list_has_those_without_an_export_too(tracknoise):
     code, out, _ = tracknoise("noise", "export", "--list")
     assert code == 0

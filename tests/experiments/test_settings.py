@@ -58,6 +58,11 @@ def test_digest_ignores_where_the_data_lie_and_nothing_else():
         (MINIMAL + "[truth]\nkind = 3\n", "x.toml: truth.kind: found 3, expected a valid string"),
         (MINIMAL + "[truth]\nkind = \n", "x.toml: Invalid value"),
         (MINIMAL.replace("[[", "frames = [9, 3]\n[["), "x.toml: dataset.frames: frames = [9, 3], expected first, last"),
+        (
+            MINIMAL.replace("[[", 'frames = "few"\n[['),
+            "x.toml: dataset.frames: frames = few: expected a number from 2, or FIRST:LAST or FIRST:LAST:STEP",
+        ),
+        (MINIMAL.replace("[[", 'frames = "9:3"\n[['), "x.toml: dataset.frames: frames = [9, 3], expected first, last"),
         (MINIMAL.replace("[[", "frames = 9\n[["), "x.toml: dataset.frames: found 9, expected a valid list"),
         (
             MINIMAL.replace('"x"', '"../x"'),
@@ -134,6 +139,17 @@ def test_every_other_preset_asks_for_its_data(name):
 
 def test_the_presets_are_the_demo_and_the_papers_four_experiments():
     assert preset_names() == ["demo", "dtu", "gazebo-arvr", "gazebo-linear", "kitti"]
+
+
+@pytest.mark.parametrize(
+    ("text", "frames"),
+    [("0:59", [0, 59]), ("10:59:3", [10, 59, 3]), (" 0 : 59 ", [0, 59]), ("60", [0, 59])],
+)
+def test_frames_of_a_file_are_written_as_on_the_command_line_too(text, frames):
+    experiment = parse_experiment(MINIMAL.replace("[[", f'frames = "{text}"\n[['), place="x.toml")
+    assert experiment.dataset.frames == frames
+    listed = parse_experiment(MINIMAL.replace("[[", f"frames = {frames}\n[["), place="x.toml")
+    assert experiment.digest() == listed.digest()
 
 
 def test_frames_speeds_and_trackers_take_the_place_of_what_the_preset_says():

@@ -63,3 +63,24 @@ def test_without_depth_it_says_how_truth_is_computed_and_can_be_run(sample, tmp_
 def test_with_depth_the_default_is_named(sample):
     reader = make_reader("tartanair", sample("tartanair_v2"))
     assert '# kind = "birth"' in experiment_template(reader, sample("tartanair_v2"), {})
+
+
+def test_it_says_how_outliers_are_rejected_and_how_to_choose_the_other_way(tmp_path):
+    """The choice is valid as it is written, and what is said of the default is the default."""
+    written = LAYOUTS["tum"](tmp_path / "data", 3).reader
+    file = tmp_path / "first.toml"
+    file.write_text(experiment_template(written, written.root, {}))
+    text = file.read_text()
+    rejections = [tracker.options["rejection"] for tracker in load_experiment(file).trackers]
+    assert {(one["model"], one["reference"]) for one in rejections} == {("homography", "previous")}
+    said = " ".join(text.replace("#", " ").split())
+    for one in rejections:
+        assert f"reject outliers by a {one['model']}: matches that are more than {one['threshold_px']:g} px off" in said
+    choice = '# options = { rejection = { model = "fundamental" } }'
+    assert text.count(choice) == 2
+    file.write_text(text.replace(choice, choice.removeprefix("# ")))
+    chosen = load_experiment(file).trackers
+    assert [(one.kind, one.options["rejection"]["model"]) for one in chosen] == [
+        ("lucas-kanade", "fundamental"),
+        ("correspondence", "fundamental"),
+    ]

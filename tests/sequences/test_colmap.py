@@ -2,6 +2,8 @@
 
 import re
 import struct
+import tomllib
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -10,6 +12,9 @@ from tests.writers.colmap import write_binary, write_depth_map, write_text
 from tests.writers.exif import save_turned
 
 from tracknoise.exceptions import DataError, UnknownNameError
+from tracknoise.experiments.load import load_experiment
+from tracknoise.experiments.option_paths import option_paths
+from tracknoise.experiments.template import experiment_template
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.registry import make_reader, open_sequence
 
@@ -54,7 +59,7 @@ def test_what_was_simulated_is_read(tmp_path, simulated, write):
     np.testing.assert_array_equal(found.depth(1).valid, simulated.depth(1).valid)
     np.testing.assert_allclose(found.depth(1).depth_m, simulated.depth(1).depth_m, rtol=1e-7)
     assert found.depth(3) is None
-    assert "1 of 4 frames have no depth" in found.notes
+    assert "1 of 4 frames has no depth" in found.notes
     assert any("scale" in note for note in found.notes)
     assert "birth" not in open_sequence("colmap", tmp_path, depth_maps="none").truths
     assert "birth" not in open_sequence("colmap", tmp_path, depth_maps="photometric").truths
@@ -227,7 +232,7 @@ def test_truncated_and_exaggerated_binaries(tmp_path, simulated, file):
     ("content", "message"),
     [
         (b"64&48&1&" + bytes(9), "9 bytes of depths, expected 12288"),
-        (b"64&24&1&" + bytes(64 * 24 * 4), "size 64x24 and 1 channels, expected the camera's 64x48 and one channel"),
+        (b"64&24&1&" + bytes(64 * 24 * 4), "size 64x24 and 1 channel, expected the camera's 64x48 and one channel"),
         (b"depth", "no header, expected a depth map of COLMAP: width&height&channels&"),
     ],
 )
@@ -247,6 +252,30 @@ def test_images_in_another_place(tmp_path, simulated):
         open_sequence("colmap", tmp_path / "models")
     found = open_sequence("colmap", tmp_path / "models", image_folder=tmp_path / "pictures")
     np.testing.assert_array_equal(found.image(1), simulated.image(1))
+
+
+def test_the_folder_of_images_is_relative_to_the_recording(tmp_path, simulated, monkeypatch):
+    """In an experiment file and on the command line too, wherever they are."""
+    names = ["0.png", "1.png"]
+    save(tmp_path / "data/pictures", simulated, names)
+    write_text(tmp_path / "data/models/a", {1: pinhole(simulated.camera)}, posed(simulated, names))
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    found = open_sequence("colmap", tmp_path / "data", image_folder="pictures")
+    np.testing.assert_array_equal(found.image(1), simulated.image(1))
+    text = 'name = "x"\n[dataset]\nreader = "colmap"\nroot = "../data"\n'
+    text += 'options = { image_folder = "pictures" }\n[[trackers]]\nkind = "lucas-kanade"\n'
+    Path("x.toml").write_text(text)
+    experiment = load_experiment("x.toml")
+    dataset = experiment.dataset
+    assert dataset.options["image_folder"] == "pictures"
+    (sequence,) = (reader := make_reader(dataset.reader, dataset.root, dataset.options)).sequences()
+    np.testing.assert_array_equal(reader.open(sequence).image(1), simulated.image(1))
+    assert tmp_path / "data/pictures" in [Path(path).resolve() for path in option_paths(experiment)]
+    template = tomllib.loads(experiment_template(reader, dataset.root, {"image_folder": "pictures"}))
+    assert template["dataset"]["options"] == {"image_folder": "pictures"}
+    with pytest.raises(DataError, match=re.escape(f"{tmp_path}/data/other: no such directory")):
+        open_sequence("colmap", tmp_path / "data", image_folder="other")
 
 
 def test_scenes_are_a_group_if_they_have_the_same_images_and_not_if_folders_have_the_same_name(tmp_path, simulated):

@@ -82,7 +82,7 @@ def test_what_is_written_comes_back(scene: Path) -> None:
     made, read = Made(), opened(scene)
     assert read.id == SequenceId("folder", "scene")
     assert (len(read), read.camera, read.truths, read.surface) == (FRAMES, CAMERA, (TruthKind.birth,), None)
-    assert read.notes == ("1 of 3 frames have no depth",)
+    assert read.notes == ("1 of 3 frames has no depth",)
     np.testing.assert_allclose(read.world_from_camera, made.world_from_camera, rtol=0.0, atol=1e-15)
     np.testing.assert_array_equal(read.world_from_camera[:, :3, 3], made.world_from_camera[:, :3, 3])
     for index in range(FRAMES):

@@ -12,6 +12,7 @@ from tests.writers.nerfstudio import write_transforms
 from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.fisheye import EquidistantCamera
+from tracknoise.inspection.inspect import check_reader
 from tracknoise.sequences.registry import make_reader, open_sequence
 
 NAMES = ["images/frame_1.png", "images/frame_2.png", "images/frame_10.png"]
@@ -86,7 +87,7 @@ def test_the_unit_of_depth(tmp_path, simulated, intrinsics):
     np.testing.assert_allclose(found.depth(0).depth_m, 50.0)
     assert found.depth(1) is None
     assert "birth" not in open_sequence("nerfstudio", tmp_path, depth_files="none").truths
-    assert "1 of 2 frames have no depth" in found.notes
+    assert "1 of 2 frames has no depth" in found.notes
     np.testing.assert_allclose(open_sequence("nerfstudio", tmp_path, depth_unit_m=1.0).depth(0).depth_m, 5000.0)
     with pytest.raises(SettingsError, match=r"depth_unit_m is 0.0, expected a number above 0"):
         make_reader("nerfstudio", tmp_path, {"depth_unit_m": 0.0})
@@ -276,6 +277,39 @@ def test_other_files(tmp_path, content, message):
     (tmp_path / "transforms.json").write_text(content)
     with pytest.raises(DataError, match=message):
         open_sequence("nerfstudio", tmp_path)
+
+
+def test_listed_images_that_do_not_exist_are_a_caveat(tmp_path, simulated, intrinsics):
+    """Instant NGP ignores them."""
+    save(tmp_path, simulated, NAMES)
+    gone = ["images/frame_0.png", *NAMES[:2], "images/frame_5.png", NAMES[2]]
+    poses = simulated.world_from_camera[[0, 0, 1, 1, 2]]
+    further = [{"transform_matrix": [[0.0] * 4] * 3}, {}, {}, {}, {"fl_x": 70.0}]
+    write_transforms(tmp_path, gone, poses, frames=further, **intrinsics)
+    found = open_sequence("nerfstudio", tmp_path)
+    assert len(found) == 3
+    np.testing.assert_allclose(found.world_from_camera, simulated.world_from_camera, atol=1e-12)
+    assert [found.camera_at(index).fx for index in range(3)] == [simulated.camera.fx] * 2 + [70.0]
+    np.testing.assert_array_equal(found.image(2), simulated.image(2))
+    (caveat,) = found.caveats
+    assert caveat.startswith("2 of 5 listed images do not exist (images/frame_0.png first); these frames are left out")
+    assert caveat in found.notes
+    report = check_reader(make_reader("nerfstudio", tmp_path), "x")
+    assert f"{caveat}." in [item.text for item in report.every_item() if item.severity == "caveat"]
+    (tmp_path / NAMES[0]).unlink()
+    (tmp_path / NAMES[2]).unlink()
+    assert len(open_sequence("nerfstudio", tmp_path)) == 1
+    (tmp_path / NAMES[1]).unlink()
+    with pytest.raises(DataError, match=r"images/frame_0.png: no such file, expected an image"):
+        open_sequence("nerfstudio", tmp_path)
+
+
+def test_all_listed_images_exist(tmp_path, simulated, intrinsics):
+    save(tmp_path, simulated, NAMES)
+    write_transforms(tmp_path, NAMES, simulated.world_from_camera, **intrinsics)
+    found = open_sequence("nerfstudio", tmp_path)
+    assert found.caveats == ()
+    assert not any("exist" in note for note in found.notes)
 
 
 def test_neither_a_focal_length_nor_an_angle(tmp_path, simulated):

@@ -109,13 +109,13 @@ def test_the_camera_may_change_from_frame_to_frame():
     ("changes", "message"),
     [
         ({"images": images(), "world_from_camera": np.empty((0, 4, 4))}, "test a: no frames, expected at least one"),
-        ({"world_from_camera": np.eye(4)[None]}, "test a: 2 images, expected one for each of the 1 poses"),
+        ({"world_from_camera": np.eye(4)[None]}, "test a: 2 images, expected one for each of the 1 pose"),
         (
             {"depths": DepthFiles((None,), CAMERA, READ)},
-            "test a: 1 depth maps, expected one for each of the 2 poses",
+            "test a: 1 depth map, expected one for each of the 2 poses",
         ),
         ({"timestamps_s": np.arange(3.0)}, "test a: 3 timestamps, expected one for each of the 2 poses"),
-        ({"cameras": (CAMERA,)}, "test a: 1 cameras, expected one for each of the 2 poses"),
+        ({"cameras": (CAMERA,)}, "test a: 1 camera, expected one for each of the 2 poses"),
         ({"timestamps_s": np.zeros(2)}, "test a: timestamps that do not increase, expected increasing timestamps"),
         (
             {"timestamps_s": np.array([0.0, np.nan])},

@@ -194,7 +194,7 @@ def test_frames_without_depth_are_counted(tmp_path, write_sevenscenes):
     sequence = only(tmp_path)
     assert sequence.depth(1) is None
     assert sequence.depth(2) is not None
-    assert "1 of 3 frames have no depth" in sequence.notes
+    assert "1 of 3 frames has no depth" in sequence.notes
 
 
 def test_a_recording_may_start_at_any_number(tmp_path, write_sevenscenes):

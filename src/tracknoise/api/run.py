@@ -9,6 +9,7 @@ import polars as pl
 
 from tracknoise.api.selection import IntervalColumns, OriginColumns, Wanted, filtered, select
 from tracknoise.exceptions import DataError, SettingsError, StoreError, UnknownNameError
+from tracknoise.printable import counted
 from tracknoise.tables.schema import SEQUENCE, Schema, joined
 from tracknoise.tables.store import FINDINGS_TABLES, SEQUENCE_TABLES, STATISTICS_TABLES, RunFolder
 
@@ -307,7 +308,8 @@ class Run:
         _require_one(observations, _CONDITION, track=track)
         found = observations.filter(pl.col("track") == track).sort("frame")
         if found.is_empty():
-            raise DataError(self.path, f"no track {track}", f"one of {observations['track'].n_unique()} tracks")
+            known = counted(observations["track"].n_unique(), "track")
+            raise DataError(self.path, f"no track {track}", f"one of {known}")
         return found
 
     def _chosen(self, wanted: Mapping[str, Any]) -> pl.DataFrame:

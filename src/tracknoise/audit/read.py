@@ -14,6 +14,7 @@ from tracknoise.audit.prediction import predict
 from tracknoise.audit.samples import AuditSamples
 from tracknoise.findings.sampling.groups import SceneGroups, scheme
 from tracknoise.geometry.lenses import KnownCamera, make_camera
+from tracknoise.printable import counted
 from tracknoise.statistics.scattered import scattered
 from tracknoise.tables.enumerations import Resampled
 
@@ -90,7 +91,8 @@ def read_samples(
 
 def _too_few(samples: AuditSamples, *, unlike: int) -> str:
     """Why there is no audit, where the stated positions of `unlike` observations are not those of poses and cameras."""
-    found = f"only {len(samples.age)} observations in {samples.n_clusters} scenes or blocks of tracks can be used"
+    clusters = counted(samples.n_clusters, "scene or block of tracks", "scenes or blocks of tracks")
+    found = f"only {counted(len(samples.age), 'observation')} in {clusters} can be used"
     return f"{found}; poses and cameras of the run give other true positions of {unlike} more" if unlike else found
 
 

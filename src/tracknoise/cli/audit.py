@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.options import DebugOption, QuietOption
+from tracknoise.cli.options import DebugOption, JsonCommand, JsonFileOption, JsonOption, QuietOption, write_json
 
 if TYPE_CHECKING:
     import polars as pl
@@ -20,13 +20,14 @@ _WIDTH = 110
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command("audit", no_args_is_help=True)(audit)
+    app.command("audit", cls=JsonCommand, no_args_is_help=True)(audit)
 
 
 def audit(
     context: typer.Context,
     run: Annotated[Path, typer.Argument(help="Run folder.")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print the audit as one JSON document.")] = False,
+    as_json: JsonOption = False,
+    json_file: JsonFileOption = None,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -50,9 +51,9 @@ def audit(
     settings = tomllib.loads(folder.experiment_toml())
     corrections = corrections_toml(found, settings)
     accuracy = accuracy_toml(folder.statistics("pose_law"), folder.statistics("rigid_share"), recorded_step(settings))
-    if as_json:
-        context.obj.result(_json(found, curves, corrections, accuracy))
-    else:
+    document = _json(found, curves, corrections, accuracy)
+    write_json(context.obj, document, as_json=as_json, file=json_file)
+    if not as_json:
         _print(context.obj, found, curves, corrections, accuracy)
     return 0
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.options import DebugOption, QuietOption
+from tracknoise.cli.options import DebugOption, JsonCommand, JsonFileOption, JsonOption, QuietOption, write_json
 from tracknoise.cli.recording import OptionOption, RecordingArgument
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ _WIDTH = 110
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command("check", no_args_is_help=True)(check)
+    app.command("check", cls=JsonCommand, no_args_is_help=True)(check)
 
 
 def check(
@@ -28,7 +28,8 @@ def check(
     option: OptionOption = None,
     scenes: Annotated[int, typer.Option("--scenes", min=1, help="Read the images of this many sequences.")] = 3,
     html: Annotated[Path | None, typer.Option("--html", help="Write a page with pictures to this file.")] = None,
-    json: Annotated[Path | None, typer.Option("--json", help="Write the report as JSON to this file.")] = None,
+    as_json: JsonOption = False,
+    json_file: JsonFileOption = None,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -37,22 +38,25 @@ def check(
     Names the usual mistakes: inverted poses, quaternion order, axes, units, intrinsics of another resolution, poses off
     by frames. Exit status 0 if it is ready, 3 if it is usable with caveats, 4 if it is not usable.
 
-    Examples: `tracknoise check /data/my-recording`, `tracknoise check tum /data/fr1 --html check.html`
+    Examples: `tracknoise check /data/my-recording`, `tracknoise check tum /data/fr1 --html check.html`,
+    `tracknoise check /data/euroc --option depth=stereo`
     """
-    from tracknoise.cli.recording import open_reader
+    from tracknoise.cli.recording import open_recording
     from tracknoise.inspection.inspect import check_reader
     from tracknoise.inspection.page import Pictures
     from tracknoise.tables.files import write_atomically
 
-    reader, path = open_reader(recording, option)
-    context.obj.say(f"reader: {reader.name}")
+    opened = open_recording(recording, option)
+    context.obj.say(f"reader: {opened.reader.name}")
     pictures = Pictures()
-    report = check_reader(reader, str(path or reader.name), most=scenes, seen=pictures.take if html else None)
-    if json is not None:
-        write_atomically(json, report.to_json().encode())
+    source = str(opened.path or opened.reader.name)
+    seen = pictures.take if html else None
+    report = check_reader(opened.reader, source, most=scenes, seen=seen, change=opened.view)
+    write_json(context.obj, report.to_json(), as_json=as_json, file=json_file)
     if html is not None:
         write_atomically(html, pictures.page(report).encode())
-    context.obj.result(report_text(report))
+    if not as_json:
+        context.obj.result(report_text(report))
     return STATUS[report.verdict.name]
 
 

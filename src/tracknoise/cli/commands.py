@@ -32,7 +32,6 @@ app = typer.Typer(
     name="tracknoise",
     help="Measure the errors of feature tracks: bias, covariance, drift, outlier ratio and lifetime.",
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
 )

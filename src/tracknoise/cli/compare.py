@@ -1,12 +1,13 @@
 """``tracknoise compare``: what changed between runs on the same scenes, and whether it passes a gate."""
 
 import textwrap
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.options import DebugOption, QuietOption
+from tracknoise.cli.options import DebugOption, JsonCommand, JsonFileOption, JsonOption, QuietOption, write_json
 from tracknoise.tables.defaults import LEVEL, MARGIN
 from tracknoise.tables.enumerations import ComparedAges
 
@@ -21,7 +22,7 @@ _WIDTH = 110
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command("compare", no_args_is_help=True)(compare)
+    app.command("compare", cls=JsonCommand, no_args_is_help=True)(compare)
 
 
 def compare(
@@ -38,7 +39,8 @@ def compare(
     markdown: Annotated[
         Path | None, typer.Option("--markdown", help="Write Markdown for a pull request to this file.")
     ] = None,
-    json: Annotated[Path | None, typer.Option("--json", help="Write the comparison as JSON to this file.")] = None,
+    as_json: JsonOption = False,
+    json_file: JsonFileOption = None,
     margin: Annotated[
         float, typer.Option("--margin", help="Largest relative change that counts as no difference.")
     ] = MARGIN,
@@ -62,26 +64,35 @@ def compare(
     """
     from tracknoise.experiments.comparing.compare_runs import compare as compare_runs
     from tracknoise.experiments.comparing.gate_file import read_gate
+    from tracknoise.findings.comparison.document import comparison_json
 
     tolerances = None if gate is None else read_gate(gate)
     found = compare_runs(*runs, trackers=trackers, gate=tolerances, margin=margin, level=level, ages=ages)
-    _print(context.obj, found)
-    _write(context.obj, found, html=html, markdown=markdown, json=json)
+    _print_notes(context.obj, found)
+    if not as_json:
+        _print(context.obj, found)
+    write_json(context.obj, comparison_json(found), as_json=as_json, file=json_file)
+    for path in _written(found, html=html, markdown=markdown):
+        (context.obj.say if as_json else context.obj.result)(f"written: {path.resolve()}")
     return 0 if found.gate is None else STATUS[found.gate.outcome]
 
 
-def _write(
-    terminal: "Terminal", found: "Comparison", *, html: Path | None, markdown: Path | None, json: Path | None
-) -> None:
-    from tracknoise.findings.comparison.document import comparison_json
+def _written(found: "Comparison", *, html: Path | None, markdown: Path | None) -> Iterator[Path]:
+    """Write the pages that are asked for."""
     from tracknoise.report.comparison.markdown import comparison_markdown
     from tracknoise.report.comparison.page import comparison_page
     from tracknoise.tables.files import write_atomically
 
-    for path, make in ((html, comparison_page), (markdown, comparison_markdown), (json, comparison_json)):
+    for path, make in ((html, comparison_page), (markdown, comparison_markdown)):
         if path is not None:
             write_atomically(path, make(found).encode())
-            terminal.result(f"written: {path.resolve()}")
+            yield path
+
+
+def _print_notes(terminal: "Terminal", found: "Comparison") -> None:
+    for side in found.others:
+        for note in side.notes:
+            terminal.warn(f"{side.name}: {note}")
 
 
 def _print(terminal: "Terminal", found: "Comparison") -> None:
@@ -90,8 +101,6 @@ def _print(terminal: "Terminal", found: "Comparison") -> None:
     from tracknoise.report.comparison.words import answers, by_run, clearest, gate_sentences
 
     for side, rows in zip(found.others, by_run(found).values(), strict=True):
-        for note in side.notes:
-            terminal.warn(f"{side.name}: {note}")
         for cells in verdict_cells(found, side.name, rows):
             show(terminal.result, cells)
             terminal.result("")

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tracknoise.cli.listing import listing
-from tracknoise.cli.options import DebugOption
-from tracknoise.cli.recording import OptionOption
+from tracknoise.cli.options import DebugOption, QuietOption
+from tracknoise.cli.recording import OptionOption, Recording
+from tracknoise.printable import significant
 
 if TYPE_CHECKING:
     from tracknoise.cli.terminal import Terminal
-    from tracknoise.sequences.sequence import Reader
 
 _HEADINGS = ("sequence", "frames", "with pose", "size", "rate", "depth")
 
@@ -30,6 +30,7 @@ def datasets(
     ] = None,
     data: Annotated[Path | None, typer.Option("--data", "-d", help="Folder of data whose sequences to list.")] = None,
     option: OptionOption = None,
+    quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
     """List the dataset formats, the options of a reader with their defaults, or what a recording holds.
@@ -74,27 +75,27 @@ def _show_reader(terminal: "Terminal", reader: str, data: Path | None) -> None:
 
 def _show_recording(terminal: "Terminal", words: list[str], option: list[str] | None) -> int:
     """A table of the sequences of a recording, and the options of its reader. Status 1 if one cannot be read."""
-    from tracknoise.cli.recording import open_reader
+    from tracknoise.cli.recording import open_recording
     from tracknoise.cli.text_table import aligned
 
-    reader, _ = open_reader(words, option)
+    opened = open_recording(words, option)
     failures: list[str] = []
-    rows = [_HEADINGS, *_rows(reader, failures)]
+    rows = [_HEADINGS, *_rows(opened, failures)]
     lines = aligned(rows, numeric=(False, True, True, True, True, True))
-    terminal.result("\n".join([f"reader: {reader.name}", "", *lines, "", _options(reader.name)]))
+    terminal.result("\n".join([f"reader: {opened.reader.name}", "", *lines, "", _options(opened.reader.name)]))
     for failure in failures:
-        terminal.say(failure)
+        terminal.error(failure)
     return 1 if failures else 0
 
 
-def _rows(reader: "Reader", failures: list[str]) -> Iterator[tuple[str, ...]]:
+def _rows(recording: Recording, failures: list[str]) -> Iterator[tuple[str, ...]]:
     """Cells of each sequence; those of a sequence that cannot be read are empty, and its error is a failure."""
     from tracknoise.exceptions import DataError
     from tracknoise.inspection.overview import overview
 
-    for item in reader.sequences():
+    for item in recording.reader.sequences():
         try:
-            found = overview(reader.open(item))
+            found = overview(recording.view(recording.reader.open(item)))
         except DataError as error:
             failures.append(str(error))
             yield (item.key, *("-" for _ in _HEADINGS[1:]))
@@ -104,7 +105,7 @@ def _rows(reader: "Reader", failures: list[str]) -> Iterator[tuple[str, ...]]:
             str(found.n_frames),
             str(found.n_poses),
             f"{found.width_px}x{found.height_px}",
-            "-" if found.rate_hz is None else f"{found.rate_hz:.4g} Hz",
+            "-" if found.rate_hz is None else f"{significant(found.rate_hz, 4)} Hz",
             "none" if found.depth_share is None else f"{found.depth_share:.0%} of pixels",
         )
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.options import DebugOption, QuietOption
+from tracknoise.cli.options import DebugOption, JsonCommand, JsonFileOption, JsonOption, QuietOption, write_json
 
 if TYPE_CHECKING:
     from tracknoise.cli.terminal import Terminal
@@ -17,13 +17,14 @@ _WIDTH = 110
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command("findings", no_args_is_help=True)(findings)
+    app.command("findings", cls=JsonCommand, no_args_is_help=True)(findings)
 
 
 def findings(
     context: typer.Context,
     run: Annotated[Path, typer.Argument(help="Run folder.")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print the findings as one JSON document.")] = False,
+    as_json: JsonOption = False,
+    json_file: JsonFileOption = None,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -43,10 +44,9 @@ def findings(
     if failed := data.manifest.failures:
         are = "is" if len(failed) == 1 else "are"
         context.obj.warn(f"{run}: {count(len(failed), 'sequence')} failed and {are} not in these findings")
-    if as_json:
-        tables = {name: getattr(data, name) for name in FINDINGS_TABLES}
-        context.obj.result(findings_json(tables).rstrip())
-    else:
+    tables = {name: getattr(data, name) for name in FINDINGS_TABLES}
+    write_json(context.obj, findings_json(tables), as_json=as_json, file=json_file)
+    if not as_json:
         _print(context.obj, data)
     return 0
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tracknoise.cli.options import DebugOption
+from tracknoise.cli.options import DebugOption, QuietOption
 from tracknoise.cli.recording import OptionOption, RecordingArgument
 
 
@@ -20,19 +20,21 @@ def init(
     out: Annotated[Path | None, typer.Option("--out", "-o", help="File to write (default: NAME.toml).")] = None,
     option: OptionOption = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
+    quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
     """Recognise the format of a recording and write an experiment file for it.
 
     Examples: `tracknoise init /data/my-recording`, `tracknoise init tum /data/fr1 --out fr1.toml`
     """
-    from tracknoise.cli.recording import open_reader, options_of
+    from tracknoise.cli.recording import open_recording
     from tracknoise.exceptions import SettingsError
     from tracknoise.experiments.template import experiment_template
     from tracknoise.tables.files import write_atomically
 
-    reader, path = open_reader(recording, option)
-    text = experiment_template(reader, path, options_of(option))
+    opened = open_recording(recording, option)
+    reader, path = opened.reader, opened.path
+    text = experiment_template(reader, path, opened.options, stereo=opened.stereo)
     file = out or Path(f"{(path or Path(reader.name)).resolve().name}.toml")
     if file.exists() and not force:
         raise SettingsError(f"{file}: exists, expected a new file; --force replaces it")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tracknoise.cli import noise_check, noise_export, noise_table
-from tracknoise.cli.options import DebugOption
+from tracknoise.cli.options import DebugOption, QuietOption
 
 if TYPE_CHECKING:
     from tracknoise.noise_models.noise_model import NoiseModel
@@ -34,6 +34,7 @@ def fit(
     ] = None,
     window: Annotated[int, typer.Option("--window", min=2, help="Length of the windows that are shown, frames.")] = 10,
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the models.")] = Path(),
+    quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
     """Fit a noise model to each tracker and speed of a run, print what to assume, and write the models.
@@ -74,6 +75,7 @@ def show_model(
     file: Annotated[Path, typer.Argument(help="Noise model, as `tracknoise noise fit` writes it.")],
     window: Annotated[int, typer.Option("--window", min=2, help="Length of the windows that are shown, frames.")] = 10,
     header: Annotated[bool, typer.Option("--header", help="Print the model as a C++ header.")] = False,
+    quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
     """Show a noise model: its components, and the standard deviations to assume.

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.options import DebugOption
+from tracknoise.cli.options import DebugOption, QuietOption
 
 if TYPE_CHECKING:
     from tracknoise.noise_models.calibration import Calibration
@@ -32,6 +32,7 @@ def check(
     figure: Annotated[
         Path | None, typer.Option("--figure", help="Write the reliability plot to this file: .svg, .png or .pdf.")
     ] = None,
+    quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
     """Check whether predicted covariances describe the errors of a run: coverage, NEES, likelihood, ENCE.

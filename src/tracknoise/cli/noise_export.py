@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.options import DebugOption
+from tracknoise.cli.options import DebugOption, QuietOption
 
 if TYPE_CHECKING:
     from tracknoise.noise_models.exports.export import Export, Target
@@ -38,6 +38,7 @@ def export_command(
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for the files (default: print them).")] = None,
     show_list: Annotated[bool, typer.Option("--list", help="List the estimators.")] = False,
+    quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
     """Write the noise of a model in the syntax of an estimator, and say what it makes right.
@@ -47,6 +48,7 @@ def export_command(
     Example: `tracknoise noise export lk.noise.json --to openvins --focal 458.6 --rate 20 -o config`
     """
     from tracknoise.exceptions import SettingsError
+    from tracknoise.noise_models.exports.estimators import estimator_name
 
     if show_list:
         context.obj.result(_estimators())
@@ -54,7 +56,8 @@ def export_command(
     if file is None or to is None:
         raise SettingsError(f"no {'FILE' if file is None else '--to'}, expected a noise model and an estimator")
     target = _target(focal, rate, window, {"purpose": purpose, "allow-focal": allow_focal, "allow-rate": allow_rate})
-    files = _files(to, _export(file, to, target, tracks))
+    name = estimator_name(to)
+    files = _files(name, _export(file, name, target, tracks))
     if out is None:
         context.obj.result("\n".join(f"==> {name} <==\n{content}" for name, content in files.items()).rstrip())
         return 0

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.options import DebugOption
+from tracknoise.cli.options import DebugOption, JsonCommand, JsonFileOption, JsonOption, QuietOption, write_json
 
 if TYPE_CHECKING:
     from tracknoise.noise_models.lookup.noise_table import NoiseTable
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 def register(app: typer.Typer) -> None:
     """Add the command to those of ``tracknoise noise``."""
-    app.command("table", no_args_is_help=True)(table)
+    app.command("table", cls=JsonCommand, no_args_is_help=True)(table)
 
 
 def table(
@@ -22,10 +22,12 @@ def table(
     tracker: Annotated[list[str] | None, typer.Option("--tracker", help="Only this tracker; may be repeated.")] = None,
     speed: Annotated[list[int] | None, typer.Option("--speed", help="Only this speed; may be repeated.")] = None,
     window: Annotated[int, typer.Option("--window", min=3, help="Length of windows, frames.")] = 10,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the table as one JSON document.")] = False,
+    as_json: JsonOption = False,
+    json_file: JsonFileOption = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder for noise-table.csv and noise-table.json.")
     ] = None,
+    quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
     """Print covariance and bias by tracker, speed and motion, and what the table gains on scenes that were left out.
@@ -40,16 +42,14 @@ def table(
     from tracknoise.tables.store import RunFolder
 
     found = noise_table(RunFolder(run), trackers=tracker, speeds=speed, window=window)
-    if as_json:
-        context.obj.result(noise_table_json(found).rstrip())
-    else:
+    write_json(context.obj, noise_table_json(found), as_json=as_json, file=json_file)
+    if not as_json:
         _print(context, found)
     files = {"noise-table.csv": noise_table_csv, "noise-table.json": noise_table_json} if out else {}
     for name, content in files.items():
         path = Path(out or ".") / name
         write_atomically(path, content(found).encode())
-        if not as_json:
-            context.obj.result(f"written: {path}")
+        (context.obj.say if as_json else context.obj.result)(f"written: {path}")
     return 0
 
 

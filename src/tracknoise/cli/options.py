@@ -1,14 +1,18 @@
 """Options that several commands share, so that they have the same name and help everywhere."""
 
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from tracknoise.exceptions import SettingsError
+from tracknoise.sequences.frame_range import frames_of
 
-_FEWEST_FRAMES = 2
-_MOST_DIGITS = 15
+if TYPE_CHECKING:
+    from tracknoise.cli.terminal import Terminal
+
+_JSON, _JSON_FILE = "--json", "--json-file"
 
 
 def _remember_debug(context: typer.Context, value: bool) -> bool:
@@ -17,35 +21,14 @@ def _remember_debug(context: typer.Context, value: bool) -> bool:
 
 
 def parse_frames(text: str | None) -> int | list[int] | None:
-    """Number of frames, or first, last and step.
+    """Number of frames, or first, last and step; None where the option is not given.
 
     Raises
     ------
     SettingsError
         If it is neither.
     """
-    if text is None:
-        return None
-    parts = parse_numbers("--frames", text, ":", "a number from 2, or FIRST:LAST or FIRST:LAST:STEP")
-    if len(parts) > 1:
-        return parts
-    if parts[0] < _FEWEST_FRAMES:
-        raise SettingsError(f"--frames {text}: expected at least {_FEWEST_FRAMES}")
-    return parts[0]
-
-
-def parse_numbers(option: str, text: str, between: str, expected: str) -> list[int]:
-    """Whole numbers with separators between them.
-
-    Raises
-    ------
-    SettingsError
-        If a part is not a whole number.
-    """
-    parts = [part.strip() for part in text.split(between)]
-    if not all(part.isascii() and part.isdigit() and len(part) <= _MOST_DIGITS for part in parts):
-        raise SettingsError(f"{option} {text}: expected {expected}")
-    return [int(part) for part in parts]
+    return None if text is None else frames_of("--frames", text)
 
 
 def parse_names(text: str) -> list[str]:
@@ -92,3 +75,58 @@ SchedulerOption = Annotated[
     ),
 ]
 FreshOption = Annotated[bool, typer.Option("--fresh", help="Delete the run in this folder and start a new one.")]
+JsonOption = Annotated[bool, typer.Option(_JSON, help="Print the result as one JSON document, and nothing else.")]
+JsonFileOption = Annotated[
+    Path | None, typer.Option(_JSON_FILE, metavar="PATH", help="Write the same JSON document to this file.")
+]
+
+
+class JsonCommand(typer.core.TyperCommand):
+    """A command whose ``--json`` is a flag: a file after it is refused, with the option that takes one."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse arguments.
+
+        Raises
+        ------
+        SettingsError
+            If a file is given to ``--json``.
+        """
+        for option, following in pairwise([*args, "-"]):
+            if option.startswith(f"{_JSON}="):
+                _refuse_file(option.partition("=")[2])
+            if option == _JSON and _is_new_file(following):
+                _refuse_file(following)
+        return super().parse_args(ctx, args)
+
+
+def _is_new_file(word: str) -> bool:
+    """Whether a word can only be meant as a file to write: no option, no name of a format, and nothing to read."""
+    path = Path(word)
+    is_name = len(path.parts) == 1 and not path.suffix
+    return path.suffix == ".json" or not (word.startswith("-") or is_name or path.exists())
+
+
+def _refuse_file(word: str) -> None:
+    raise SettingsError(f"{_JSON} {word}: {_JSON} prints to standard output, expected {_JSON_FILE} {word}")
+
+
+def write_json(terminal: "Terminal", document: str, *, as_json: bool, file: Path | None) -> None:
+    """Print a JSON document if it is asked for, and write it to a file if one is given.
+
+    Parameters
+    ----------
+    terminal
+        Where to print.
+    document
+        Its text.
+    as_json, file
+        Values of `JsonOption` and `JsonFileOption`.
+    """
+    from tracknoise.tables.files import write_atomically
+
+    if as_json:
+        terminal.result(document.rstrip())
+    if file is not None:
+        write_atomically(file, f"{document.rstrip()}\n".encode())
+        terminal.say(f"written: {file.resolve()}")

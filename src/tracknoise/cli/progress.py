@@ -18,6 +18,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from tracknoise.printable import counted
 from tracknoise.report.names import together
 
 if TYPE_CHECKING:
@@ -172,7 +173,7 @@ class RunProgress:
     def planned(self, keys: list[str], done: int) -> None:
         """Show how many sequences are to be measured, and how many were measured by an earlier start."""
         if done:
-            self._terminal.say(f"resuming: {done} of {len(keys) + done} sequences already measured")
+            self._terminal.say(f"resuming: {done} of {counted(len(keys) + done, 'sequence')} already measured")
         self._pace = Pace(len(keys), self._clock)
         self._total, self._done = len(keys) + done, done
         self._all = self._bars.add_task("sequences", total=self._total, completed=done, pace="")
@@ -217,7 +218,7 @@ class RunProgress:
         """Status line while sequences are measured; empty before and after."""
         if self._done == self._total:
             return ""
-        of_all = f"{self._done} of {self._total} sequences done after {_duration(elapsed_s)}"
+        of_all = f"{self._done} of {counted(self._total, 'sequence')} done after {_duration(elapsed_s)}"
         return "; ".join(filter(None, [of_all, str(self._pace), self._at]))
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.options import DebugOption
+from tracknoise.cli.options import DebugOption, QuietOption
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -37,6 +37,7 @@ def prove(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="JSON file (default: MODEL with the ending .proof.json).")
     ] = None,
+    quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
     """Say what an estimator gains from a noise model, on scenes that the model was not fitted to.

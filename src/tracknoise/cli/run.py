@@ -18,9 +18,9 @@ from tracknoise.cli.options import (
     WorkersOption,
     parse_frames,
     parse_names,
-    parse_numbers,
 )
 from tracknoise.cli.terminal import write_result
+from tracknoise.sequences.frame_range import parse_numbers
 
 _PRESETS = "demo, dtu, gazebo-arvr, gazebo-linear, kitti"
 

@@ -11,6 +11,7 @@ import typer
 
 from tracknoise.cli.options import DebugOption, QuietOption, WorkersOption
 from tracknoise.cli.running import processes
+from tracknoise.printable import counted
 
 if TYPE_CHECKING:
     import polars as pl
@@ -87,7 +88,8 @@ def _answer(checks: "pl.DataFrame") -> Iterator[str]:
         wrong = checks.filter(pl.col("n_wrong") > 0)
         yield from (f"- {_wrong(row)}" for row in wrong.head(_SHOWN).iter_rows(named=True))
         if wrong.height > _SHOWN:
-            yield f"- {wrong.height - _SHOWN} more quantities are wrong."
+            more = wrong.height - _SHOWN
+            yield f"- {counted(more, 'more quantity', 'more quantities')} {'is' if more == 1 else 'are'} wrong."
     if untested:
         why = "it takes more scenes" if result.passes else "it builds on what is wrong"
         yield f"Not tested, because {why}: {', '.join(untested)}."

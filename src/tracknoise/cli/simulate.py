@@ -9,6 +9,7 @@ import typer
 
 from tracknoise.cli.options import DebugOption, QuietOption
 from tracknoise.exceptions import SettingsError
+from tracknoise.printable import counted
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -124,7 +125,7 @@ def _write_stages(terminal: "Terminal", out: Path, scenes: int, options: dict[st
     stage = partial(LightStage, noise_sigma=options.pop("noise"), **options)
     with frame_progress(terminal, "rendering the light stage") as progress:
         write_dtu(out, scenes=scenes, stage=stage, image_format=image_format, progress=progress)
-    return _count(scenes, "scene")
+    return counted(scenes, "scene")
 
 
 def _write_sequences(terminal: "Terminal", layout: Layout, out: Path, scenes: int, options: dict[str, Any]) -> str:
@@ -146,7 +147,7 @@ def _write_sequences(terminal: "Terminal", layout: Layout, out: Path, scenes: in
             write_kitti(map(reader.open, names), out, seed=options["seed"], progress=progress)
         else:
             _write_folders(reader, names, out, progress)
-    return _count(options["frames"] * len(names), "frame")
+    return counted(options["frames"] * len(names), "frame")
 
 
 def _write_folders(reader: "Reader", names: "list[SequenceId]", out: Path, progress: "Progress") -> None:
@@ -160,7 +161,3 @@ def _write_folders(reader: "Reader", names: "list[SequenceId]", out: Path, progr
     with new_folder(out) as unfinished:
         for name in names:
             write_folder(reader.open(name), unfinished / name.scene, progress=progress)
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'s' if number != 1 else ''}"

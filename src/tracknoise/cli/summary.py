@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import polars as pl
 
 from tracknoise.cli.text_table import aligned
+from tracknoise.printable import counted
 from tracknoise.report.names import by_statement, together
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import POOLED
@@ -164,5 +165,5 @@ def _print_failures(terminal: "Terminal", outcome: "Outcome") -> None:
     named = list(by_statement(sorted(failures.items())).values())[:_NAMED]
     rest = len(failures) - sum(map(len, named))
     names = "; ".join([*map(together, named), *([f"{rest} more"] if rest else [])])
-    of_all = f"{len(failures)} of {len(failures) + len(outcome.measured)} sequences failed"
+    of_all = f"{len(failures)} of {counted(len(failures) + len(outcome.measured), 'sequence')} failed"
     terminal.say(f"{of_all}: {names}; see failures.jsonl. Run the same command again to retry them.")

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from tracknoise.cli.listing import listing
-from tracknoise.cli.options import DebugOption
+from tracknoise.cli.options import DebugOption, QuietOption
 
 
 def register(app: typer.Typer) -> None:
@@ -16,6 +16,7 @@ def register(app: typer.Typer) -> None:
 def trackers(
     context: typer.Context,
     kind: Annotated[str | None, typer.Argument(help="Tracker whose settings to show.")] = None,
+    quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
     """List the trackers, or the settings of one tracker with their defaults, in the syntax of an experiment file.

@@ -18,6 +18,7 @@ from tracknoise.inspection.jumps import pose_jumps
 from tracknoise.inspection.mistakes import mistakes
 from tracknoise.inspection.one_camera import seen_by_one_camera
 from tracknoise.inspection.pairs import FEWEST_POINTS, Flow, Pair
+from tracknoise.printable import significant
 from tracknoise.sequences.sequence import TruthKind
 
 if TYPE_CHECKING:
@@ -127,8 +128,8 @@ def _rivals(observed: pl.DataFrame, young: pl.DataFrame) -> Iterator[str]:
     motion_px = float(np.median(np.hypot(moved["u_px"] - moved["u"], moved["v_px"] - moved["v"])))
     if error_px > _LEAST_ERROR_PX and error_px > _RIVAL_SHARE * motion_px:
         yield (
-            f"Errors rival the image motion: the median error is {error_px:.2g} px, the median motion since birth is "
-            f"{motion_px:.2g} px. Poses, depth or intrinsics are probably wrong."
+            f"Errors rival the image motion: the median error is {significant(error_px, 2)} px, the median motion "
+            f"since birth is {significant(motion_px, 2)} px. Poses, depth or intrinsics are probably wrong."
         )
 
 
@@ -144,8 +145,8 @@ def _common(observed: pl.DataFrame) -> Iterator[str]:
         size_px = float(np.sqrt((moved**2).sum(axis=1).mean()))
         if correlation > _COMMON_CORRELATION and size_px > _COMMON_PX:
             yield (
-                f"Errors of all features change together from frame to frame, by {size_px:.2g} px. These changes "
-                f"correlate by {correlation:.2f} between {one} and {other}: they are errors of poses, clock or "
+                f"Errors of all features change together from frame to frame, by {significant(size_px, 2)} px. These "
+                f"changes correlate by {correlation:.2f} between {one} and {other}: they are errors of poses, clock or "
                 "calibration, and not of the trackers."
             )
             return
@@ -173,4 +174,5 @@ def _of_depths(measurement: "Measurement") -> Iterator[str]:
     """A median depth of features that cannot be in metres."""
     depths_m: NDArray[np.float64] = measurement.tracks["depth_m"].drop_nulls().to_numpy()
     if len(depths_m) and not NEAREST_M <= float(np.median(depths_m)) <= FARTHEST_M:
-        yield f"The median depth of features is {np.median(depths_m):.3g} m. The unit is probably not metres."
+        median = significant(float(np.median(depths_m)), 3)
+        yield f"The median depth of features is {median} m. The unit is probably not metres."

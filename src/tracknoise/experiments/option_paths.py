@@ -15,7 +15,7 @@ from tracknoise.trackers.registry import TRACKERS
 def with_paths_from(folder: Path, experiment: Experiment) -> Experiment:
     """Return the same experiment with every relative path made absolute, starting from a folder.
 
-    Options of an unknown tracker or reader are left as they are.
+    Paths that start from the folder of the data stay as they are, as do options of an unknown tracker or reader.
 
     Raises
     ------
@@ -54,10 +54,11 @@ def option_paths(experiment: Experiment) -> Iterator[Path | PathTemplate]:
     UnknownNameError, SettingsError
         If there is no such tracker or reader, or it cannot be imported.
     """
-    yield from READERS.paths(experiment.dataset.reader, experiment.dataset.options)
+    dataset = experiment.dataset
+    yield from READERS.paths(dataset.reader, dataset.options, dataset.root)
     second = experiment.truth.second
     if second is not None:
-        yield from READERS.paths(experiment.dataset.reader, second.options)
+        yield from READERS.paths(dataset.reader, second.options, dataset.root)
         yield from [] if second.trajectory is None else [PathTemplate(second.trajectory)]
     for choice in experiment.trackers:
         yield from TRACKERS.paths(choice.kind, choice.options)

@@ -12,6 +12,7 @@ from tracknoise.experiments.load import load_experiment
 from tracknoise.experiments.resolve import resolve
 from tracknoise.experiments.running.plan import plan
 from tracknoise.experiments.settings import Experiment, TrackerChoice, ViewSettings, parse_experiment
+from tracknoise.printable import counted
 from tracknoise.sequences.registry import make_reader
 from tracknoise.sequences.sequence import require_directory
 from tracknoise.simulation.places import PLACES
@@ -177,7 +178,7 @@ def _look(preset: str, folders: list[Path]) -> Candidate:
             except TracknoiseError as error:
                 causes.append(" ".join(str(error).split()))
             else:
-                return Candidate(preset, place, True, f"{n_scenes} scene{'' if n_scenes == 1 else 's'} in {place}.")
+                return Candidate(preset, place, True, f"{counted(n_scenes, 'scene')} in {place}.")
     return Candidate(preset, None, False, f"No data: {causes[0]}.")
 
 

@@ -9,16 +9,16 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import tomlkit
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
 from pydantic_core import ErrorDetails
 
 from tracknoise.checks import MOST_LEVELS, require_storable
 from tracknoise.exceptions import SettingsError, UnknownNameError, first_line
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.corrections import UNCORRECTED, Corrections
-from tracknoise.printable import is_printable
+from tracknoise.printable import counted, is_printable
 from tracknoise.problems import likeliest_problem
-from tracknoise.sequences.frame_range import require_range
+from tracknoise.sequences.frame_range import frames_of, require_range
 from tracknoise.tables import defaults
 from tracknoise.tables.enumerations import IntervalKind, Population, TrimAmong, Trimming
 from tracknoise.tables.identity import Direction, SequenceId
@@ -40,6 +40,20 @@ class _Section(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, use_attribute_docstrings=True)
 
 
+def _frames_of_text(given: object) -> object:
+    """First, last and step where frames are given as a text; anything else as it is."""
+    if not isinstance(given, str):
+        return given
+    try:
+        found = frames_of("frames =", given)
+    except SettingsError as error:
+        raise ValueError(str(error)) from error
+    return [0, found - 1] if isinstance(found, int) else found
+
+
+_Frames = Annotated[list[int] | None, BeforeValidator(_frames_of_text, json_schema_input_type=list[int] | str | None)]
+
+
 class DatasetSettings(_Section):
     """Dataset and the part of it that is measured."""
 
@@ -51,9 +65,10 @@ class DatasetSettings(_Section):
     """Measure only these scenes. Default: all."""
     lightings: list[str] | None = None
     """Measure only these lightings. Default: all."""
-    frames: list[int] | None = None
+    frames: _Frames = None
     """Measure only these frames of each sequence: `[first, last, step]`, counted from 0, the last included. The step
-    is optional. Frames are numbered from 0 again, and nothing is read of the others. Default: all."""
+    is optional. A text is read as `--frames` reads it: `"0:59"`, `"0:59:2"`, or `"60"` for the first 60. Frames are
+    numbered from 0 again, and nothing is read of the others. Default: all."""
     max_frames: Annotated[int, Field(ge=2)] | None = None
     """Maximum number of frames of each sequence, from the first of `frames`. Default: all."""
     max_scenes: Annotated[int, Field(ge=1)] | None = None
@@ -463,18 +478,14 @@ def _expected(problem: ErrorDetails) -> str:
     """What was expected, in other words than pydantic's where those are about its own work."""
     limits = problem.get("ctx", {})
     if problem["type"] == "too_short":
-        return f"at least {_values(limits['min_length'])}"
+        return f"at least {counted(limits['min_length'], 'value')}"
     if problem["type"] == "too_long":
-        return f"at most {_values(limits['max_length'])}"
+        return f"at most {counted(limits['max_length'], 'value')}"
     if problem["type"] == "string_too_short":
         return "a text that is not empty"
     if problem["type"] == "string_pattern_mismatch":
         return "a name without / and \\ that is not all dots, because a folder is called like it"
     return problem["msg"].removeprefix("Input should be ")
-
-
-def _values(n: int) -> str:
-    return f"{n} value{'' if n == 1 else 's'}"
 
 
 def _parent(key: str) -> str:

@@ -7,16 +7,30 @@ from pathlib import Path
 
 import tomlkit
 
+from tracknoise.printable import counted
 from tracknoise.sequences.registry import READERS, reader_defaults
 from tracknoise.sequences.sequence import TRIANGULATED, Reader, Sequence
+from tracknoise.sequences.stereo import with_stereo_depth
+from tracknoise.trackers.rejection import Model, Rejection
 
 _MOST_NAMED = 6
 _TRACKERS = ("lucas-kanade", "correspondence")
 _FEW_FRAMES = 60
 """Shorter sequences are measured at speed 1 only."""
+_DEFAULT = Rejection()
+_REJECTION = (
+    f"# {' and '.join(_TRACKERS)} reject outliers by a {_DEFAULT.model}: matches that are more than",
+    f"# {_DEFAULT.threshold_px:g} px off one {_DEFAULT.model} between two frames that they see. It describes planes,",
+    "# rotation alone, and a baseline so small that parallax stays below that. With more parallax it rejects correct",
+    "# matches too. For general scenes with parallax, choose the fundamental matrix instead: it describes every rigid",
+    "# scene, but does not see errors along epipolar lines, and a plane or rotation alone does not determine it.",
+)
+"""What the default of outlier rejection means."""
 
 
-def experiment_template(reader: Reader, path: Path | None, options: Mapping[str, object]) -> str:
+def experiment_template(
+    reader: Reader, path: Path | None, options: Mapping[str, object], *, stereo: bool = False
+) -> str:
     """Experiment file (TOML) that measures all sequences of a reader with two trackers.
 
     Parameters
@@ -28,21 +42,23 @@ def experiment_template(reader: Reader, path: Path | None, options: Mapping[str,
     options
         Options of the reader that differ from the defaults; relative paths start from the current folder, and are
         written as absolute ones.
+    stereo
+        Whether depth is computed from a second camera, in place of recorded depth.
 
     Raises
     ------
     DataError
-        If the reader finds no sequence, or cannot open the first.
+        If the reader finds no sequence, cannot open the first, or that has no second camera for depth from stereo.
     """
     listed = reader.sequences()
-    first = reader.open(listed[0])
+    first = with_stereo_depth(reader.open(listed[0])) if stereo else reader.open(listed[0])
     scenes = list(dict.fromkeys(item.scene for item in listed))
     name = (path or Path(reader.name)).resolve().name.strip(".") or reader.name
     dataset = [
         _dataset(reader, path, scenes),
         _options(reader.name, READERS.with_paths_from(Path(), reader.name, options)),
     ]
-    parts = [_heading(name, path, first), *dataset, _truth(first), _trackers()]
+    parts = [_heading(name, path, first), *dataset, _truth(first, stereo=stereo), _trackers()]
     return "\n".join(chain.from_iterable(parts)) + "\n"
 
 
@@ -50,7 +66,7 @@ def _heading(name: str, path: Path | None, first: Sequence) -> list[str]:
     checked = shlex.quote(str(path.resolve())) if path else name
     speeds = [1] if len(first) < _FEW_FRAMES else [1, 2, 4]
     return [
-        f"# {len(first)} frames of {first.camera.width}x{first.camera.height} px in the first sequence.",
+        f"# {counted(len(first), 'frame')} of {first.camera.width}x{first.camera.height} px in the first sequence.",
         *(f"# Note of the reader: {' '.join(note.split())}" for note in first.notes),
         f"# Check the recording before you measure it: tracknoise check {checked}",
         "# All keys of this file: tracknoise run --schema",
@@ -87,17 +103,21 @@ def _lines_of(name: str) -> list[str]:
     return [line for line in reader_defaults(name).splitlines() if line]
 
 
-def _truth(first: Sequence) -> list[str]:
-    """The default kind of truth, as a comment; nothing where none is possible."""
+def _truth(first: Sequence, *, stereo: bool) -> list[str]:
+    """Depth from stereo if it is chosen, and the default kind of truth as a comment; nothing where none is possible."""
     if not first.truths:
         return []
     best = first.truths[0]
     why = "there is no depth: points are fitted to tracks and poses" if best == TRIANGULATED else "the default here"
-    return ["", "[truth]", f"# {_entry('kind', best)}  # {why}"]
+    depth = [_entry("depth", "stereo")] if stereo else []
+    return ["", "[truth]", *depth, f"# {_entry('kind', best)}  # {why}"]
 
 
 def _trackers() -> list[str]:
-    return list(chain.from_iterable(("", "[[trackers]]", _entry("kind", kind)) for kind in _TRACKERS))
+    """Both trackers with how they reject outliers and, as a comment, the other choice."""
+    choice = f'# options = {{ rejection = {{ model = "{Model.fundamental}" }} }}'
+    tables = (("", "[[trackers]]", _entry("kind", kind), choice) for kind in _TRACKERS)
+    return ["", *_REJECTION, *chain.from_iterable(tables)]
 
 
 def _entry(key: str, value: object) -> str:

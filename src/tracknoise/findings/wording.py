@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import polars as pl
 
+from tracknoise.printable import plural
 from tracknoise.tables.enumerations import Axis, Resampled, Shape
 
 SELF_REFERENTIAL = (
@@ -107,7 +108,7 @@ def chance(p: float) -> str:
 
 def count(n: int, noun: str) -> str:
     """Write a count with its noun: ``no tracks``, ``1 track``, ``1,200 tracks``."""
-    return f"{number(n) if n else 'no'} {noun}{'' if n == 1 else 's'}"
+    return f"{number(n) if n else 'no'} {plural(n, noun)}"
 
 
 def scenes_counted(column: str) -> pl.Expr:

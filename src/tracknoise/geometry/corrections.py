@@ -90,7 +90,8 @@ class Corrections:
     def sentences(self) -> tuple[str, ...]:
         """One sentence for each correction that changes something."""
         values = asdict(self)
-        return tuple(_SENTENCES[name].format(_shown(values[name])) for name in _SENTENCES if self._changes(name))
+        said = (_SENTENCES[name].format(_shown(values[name])) for name in _SENTENCES if self._changes(name))
+        return tuple(sentence.replace(" 1 frames ", " 1 frame ") for sentence in said)
 
     def _changes(self, name: str) -> bool:
         changed: bool = getattr(self, name) != getattr(UNCORRECTED, name)

@@ -9,6 +9,7 @@ from tracknoise.inspection.check_report import Item, Severity
 from tracknoise.inspection.evidence import Evidence
 from tracknoise.inspection.hypotheses import AS_GIVEN, Hypothesis
 from tracknoise.inspection.residuals import relative_pose, reprojection_px
+from tracknoise.printable import significant
 
 _FACTORS = (1.25, 1.6, 2.5, 1000.0)
 _FARTHER = tuple(Hypothesis("farther", "points are farther away", depth_scale=factor) for factor in _FACTORS)
@@ -51,10 +52,12 @@ def clipped_depth(evidence: Evidence) -> Item | None:
     motion, given, nearer, farther = np.maximum(found[found[:, 0] >= np.median(found[:, 0])], _FLOOR_PX).T
     if np.exp(np.log(farther / nearer).mean()) > _MOST_GAIN or (farther < nearer).mean() < _LEAST_BETTER:
         return None
+    before, after = (significant(float(np.median(residuals)), 2) for residuals in (given, farther))
+    moved = significant(float(np.median(motion)), 3)
     text = (
-        f"{share:.0%} of the points have the largest depth, {largest_m:.4g} m, to the digit. The residual of these "
-        f"points falls from {np.median(given):.2g} to {np.median(farther):.2g} px if they are farther away (image "
-        f"motion {np.median(motion):.3g} px). Their depths were probably clipped. Give such pixels no depth."
+        f"{share:.0%} of the points have the largest depth, {significant(largest_m, 4)} m, to the digit. The residual "
+        f"of these points falls from {before} to {after} px if they are farther away (image motion {moved} px). "
+        "Their depths were probably clipped. Give such pixels no depth."
     )
     return Item("clipped depth", Severity.caveat, text, {"share": share, "largest_m": largest_m})
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.inspection.check_report import Item, Severity, Values
+from tracknoise.printable import significant
 from tracknoise.sequences.sequence import Sequence
 
 NEAREST_M, FARTHEST_M = 0.05, 1000.0
@@ -34,7 +35,8 @@ def depths(sequence: Sequence) -> Item:
     low, median, high = (float(value) for value in np.percentile(values, [5, 50, 95]))
     numbers: Values = {"share": share, "median_m": median, "low_m": low, "high_m": high}
     text = (
-        f"The median depth is {median:.3g} m; 90 % lie between {low:.3g} and {high:.3g} m. "
+        f"The median depth is {significant(median, 3)} m; "
+        f"90 % lie between {significant(low, 3)} and {significant(high, 3)} m. "
         f"{share:.0%} of pixels have depth."
     )
     if not NEAREST_M <= median <= FARTHEST_M:

@@ -5,7 +5,8 @@ from numpy.typing import NDArray
 
 from tracknoise.inspection.check_report import Item, Severity, Values
 from tracknoise.inspection.optics import focal_px, principal_point
-from tracknoise.sequences.sequence import Sequence
+from tracknoise.printable import counted, counted_of, significant
+from tracknoise.sequences.sequence import Sequence, caveats_of
 
 _SLOWEST_HZ, _FASTEST_HZ = 0.5, 2000.0
 _GAP_STEPS = 1.75
@@ -19,7 +20,8 @@ def counts(sequence: Sequence) -> Item:
     posed = int(np.isfinite(sequence.world_from_camera).all(axis=(1, 2)).sum())
     camera = sequence.camera
     size = f"{camera.width}x{camera.height} px"
-    text = f"{n} images of {size}; {posed} of them have a pose."
+    have = "has" if posed == 1 else "have"
+    text = f"{counted(n, 'image')} of {size}; {posed} of them {have} a pose."
     if n == 1:
         text = f"1 image of {size}, {'with' if posed else 'without'} a pose."
     values: Values = {"n_frames": n, "n_poses": posed, "width_px": camera.width, "height_px": camera.height}
@@ -39,10 +41,11 @@ def timestamps(sequence: Sequence) -> Item:
     step = float(np.median(steps))
     gaps = int((steps > _GAP_STEPS * step).sum())
     rate = 1.0 / step
-    text = f"Images come at {rate:.4g} Hz. {gaps} of {len(steps)} intervals exceed {_GAP_STEPS:g} times the median."
+    exceed = counted_of(gaps, len(steps), "interval", "exceeds", "exceed")
+    text = f"Images come at {significant(rate, 4)} Hz. {exceed} {_GAP_STEPS:g} times the median."
     values: Values = {"rate_hz": rate, "n_gaps": gaps, "longest_s": float(steps.max())}
     if not _SLOWEST_HZ <= rate <= _FASTEST_HZ:
-        why = f"The median interval is {step:.4g} s. The unit of the timestamps is probably not seconds."
+        why = f"The median interval is {significant(step, 4)} s. The unit of the timestamps is probably not seconds."
         return Item("timestamps", Severity.caveat, why, values)
     if gaps > 0.02 * len(steps) and gaps > 1:
         return Item("timestamps", Severity.caveat, f"{text} Ages count frames, not time.", values)
@@ -50,8 +53,12 @@ def timestamps(sequence: Sequence) -> Item:
 
 
 def reader_notes(sequence: Sequence) -> list[Item]:
-    """What the reader corrected or assumed, rotations that are not orthonormal among it."""
-    return [Item("reader", Severity.ok, note if note.endswith(".") else f"{note}.") for note in sequence.notes]
+    """What the reader corrected or assumed, rotations that are not orthonormal among it, and its caveats."""
+    caveats = caveats_of(sequence)
+    return [
+        Item("reader", Severity.caveat if note in caveats else Severity.ok, note if note.endswith(".") else f"{note}.")
+        for note in sequence.notes
+    ]
 
 
 def rotations(sequence: Sequence) -> Item:
@@ -75,7 +82,7 @@ def intrinsics(sequence: Sequence) -> Item:
     off = np.abs(centre - ((camera.width - 1) / 2, (camera.height - 1) / 2)) / (camera.width, camera.height)
     values: Values = {"focal_px": focal, "cx_px": float(centre[0]), "cy_px": float(centre[1])}
     text = (
-        f"The focal length is {focal:.4g} px, {relative:.2f} times the width. "
+        f"The focal length is {significant(focal, 4)} px, {relative:.2f} times the width. "
         f"The principal point is ({centre[0]:.1f}, {centre[1]:.1f})."
     )
     if not _FOCAL_RANGE[0] <= relative <= _FOCAL_RANGE[1]:

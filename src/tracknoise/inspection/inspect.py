@@ -57,6 +57,7 @@ def check_reader(
     *,
     most: int = MOST_SEQUENCES,
     seen: Callable[[Sequence, Evidence], None] | None = None,
+    change: Callable[[Sequence], Sequence] = lambda sequence: sequence,
 ) -> CheckReport:
     """Check the sequences of a data set.
 
@@ -70,6 +71,9 @@ def check_reader(
         Of how many sequences images are read.
     seen
         Called with each sequence whose images were read, and with its image motion.
+    change
+        Changes each sequence as it was recorded, such as its depth; by default nothing is changed. A DataError of it
+        is a finding, as those of the reader are.
 
     Raises
     ------
@@ -80,7 +84,7 @@ def check_reader(
     reports, opened = [], []
     for place, name in enumerate(listed):
         try:
-            sequence = reader.open(name)
+            sequence = change(reader.open(name))
         except DataError as error:
             reports.append(SequenceReport(name.key, (_unreadable(error),)))
             continue

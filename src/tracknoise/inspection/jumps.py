@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.inspection.check_report import Item, Severity, Values
+from tracknoise.printable import counted, significant
 from tracknoise.sequences.sequence import Sequence
 
 _JUMP_STEPS, _JUMP_AROUND = 8.0, 3.0
@@ -25,12 +26,12 @@ def pose_jumps(sequence: Sequence) -> Item:
         "median_step_m": _median(moved_m),
         "median_step_deg": _median(turned_deg),
     }
-    typical = f"The median step is {_median(moved_m):.3g} m and {_median(turned_deg):.3g} deg"
+    typical = f"The median step is {significant(_median(moved_m), 3)} m and {significant(_median(turned_deg), 3)} deg"
     if not jumped.any():
         return Item("pose jumps", Severity.ok, f"{typical}; no step is far larger than those around it.", values)
     text = (
-        f"Poses jump in {int(jumped.sum())} places. The largest jump follows frame {worst}: "
-        f"{moved_m[worst]:.3g} m and {turned_deg[worst]:.3g} deg. {typical}."
+        f"Poses jump in {counted(int(jumped.sum()), 'place')}. The largest jump follows frame {worst}: "
+        f"{significant(moved_m[worst], 3)} m and {significant(turned_deg[worst], 3)} deg. {typical}."
     )
     return Item("pose jumps", Severity.caveat, text, {**values, "worst_frame": worst})
 

@@ -12,6 +12,7 @@ from tracknoise.inspection.depths import FARTHEST_M, NEAREST_M
 from tracknoise.inspection.evidence import Evidence, residual_px, thinned
 from tracknoise.inspection.hypotheses import AS_GIVEN, AS_RAY_DEPTH, Hypothesis, corrected, hypotheses
 from tracknoise.inspection.pairs import Pair
+from tracknoise.printable import counted, significant
 
 MOST_GAIN, LEAST_BETTER = 0.75, 0.75
 """A mistake is named if residuals fall below this share, in at least this share of the pairs that did not choose it."""
@@ -49,7 +50,8 @@ class Fit:
 def mistakes(evidence: Evidence) -> Item:
     """Name the mistake that explains the image motion clearly better than what is given, if there is one."""
     if len(evidence.pairs) < _FEWEST_PAIRS:
-        text = f"Mistakes in poses cannot be looked for: only {len(evidence.pairs)} pairs of images with motion."
+        few = counted(len(evidence.pairs), "pair")
+        text = f"Mistakes in poses cannot be looked for: only {few} of images with motion."
         return Item("usual mistakes", Severity.unknown, text)
     candidates = hypotheses(has_depth=evidence.has_depth)
     pairs = thinned(evidence.pairs)
@@ -94,8 +96,9 @@ def _named(evidence: Evidence, fits: ListOf[Fit], given_px: float) -> Item:
     name = _with_unit(evidence, best.hypothesis)
     others = list(dict.fromkeys(fit.hypothesis.name for fit in fits[1:] if fit.hypothesis.name != best.hypothesis.name))
     text = (
-        f"It looks as if {name}. The median residual falls from {given_px:.3g} to {best.residual_px:.2g} px if this is "
-        f"undone; it is smaller in {best.better:.0%} of the pairs of images that test it."
+        f"It looks as if {name}. The median residual falls from {significant(given_px, 3)} to "
+        f"{significant(best.residual_px, 2)} px if this is undone; "
+        f"it is smaller in {best.better:.0%} of the pairs of images that test it."
     )
     if others:
         text += f" This recording cannot distinguish it from: {'; or '.join(others[:2])}."

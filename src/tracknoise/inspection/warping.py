@@ -10,6 +10,7 @@ from tracknoise.inspection.hypotheses import AS_GIVEN
 from tracknoise.inspection.moving_scene import MovingScene, moving_scene
 from tracknoise.inspection.pairs import LONG_PX, SHORT_PX, Pair
 from tracknoise.inspection.residuals import relative_pose
+from tracknoise.printable import significant
 
 _CAVEAT_SHARE, _FATAL_SHARE = 0.3, 0.8
 """Residuals relative to the image motion above which poses are doubtful, or explain next to nothing."""
@@ -31,7 +32,7 @@ def warping(evidence: Evidence) -> Item:
         if len(part):
             motion, residual = np.median(part, axis=0).tolist()
             values |= {f"{name}_motion_px": motion, f"{name}_residual_px": residual}
-            sentences.append(f"At an image motion of {motion:.3g} px the residual is {residual:.2f} px.")
+            sentences.append(f"At an image motion of {significant(motion, 3)} px the residual is {residual:.2f} px.")
     share = float(np.median(known[:, 1] / np.maximum(known[:, 0], 1.0)))
     severity = _severity(share, float(np.median(known[:, 1])))
     differs = _depth_disagreement(evidence)

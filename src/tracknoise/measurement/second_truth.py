@@ -3,6 +3,7 @@
 from collections.abc import Sequence as Items
 
 from tracknoise.exceptions import DataError
+from tracknoise.printable import counted
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.truth.registry import make_truth
 from tracknoise.truth.scan_rule import ScanRule
@@ -37,4 +38,4 @@ def second_notes(sequence: Sequence, other: Sequence) -> tuple[str, ...]:
 
 
 def _frames_and_size(sequence: Sequence) -> str:
-    return f"{len(sequence)} frames of {sequence.camera.width}x{sequence.camera.height}"
+    return f"{counted(len(sequence), 'frame')} of {sequence.camera.width}x{sequence.camera.height}"

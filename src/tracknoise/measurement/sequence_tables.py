@@ -13,6 +13,7 @@ from tracknoise.measurement.columns import setup_tables
 from tracknoise.measurement.second_truth import open_second_truths, second_notes
 from tracknoise.measurement.tracking import Progress, TrackerSetup, TrackingResult, run_trackers
 from tracknoise.measurement.truth_floor import TruthFloor
+from tracknoise.printable import counted
 from tracknoise.sequences.poses import require_some_poses
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.tables import schema
@@ -173,7 +174,7 @@ def _check_length(sequence: Sequence, n_frames: int, setups: Items[TrackerSetup]
         if setup.speed >= n_frames:
             raise DataError(
                 sequence.source,
-                f"speed {setup.speed} for a sequence of {n_frames} frames",
+                f"speed {setup.speed} for a sequence of {counted(n_frames, 'frame')}",
                 f"a speed of at most {n_frames - 1}",
             )
     require_some_poses(sequence.world_from_camera[:n_frames], sequence.source)
@@ -184,7 +185,7 @@ def _check_key_frame(sequence: Sequence, n_frames: int, setups: Items[TrackerSet
         return
     if not 0 <= key_frame < n_frames:
         least = key_frame + 1 if key_frame >= 0 else n_frames - key_frame  # negative if played backward
-        raise DataError(sequence.source, f"{n_frames} frames", f"at least {least}, to reach the key frame")
+        raise DataError(sequence.source, counted(n_frames, "frame"), f"at least {least}, to reach the key frame")
     for setup in setups:
         if key_frame % setup.speed:
             found = f"speed {setup.speed}, which skips the key frame {key_frame}"

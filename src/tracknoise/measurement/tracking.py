@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tracknoise.measurement.recording import Recorder, Recording
 from tracknoise.sequences.row_poses import RowPoses
-from tracknoise.sequences.sequence import Sequence, times_of
+from tracknoise.sequences.sequence import Sequence, camera_at, times_of
 from tracknoise.sequences.views import source_frames
 from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.gradient import dominant_gradient
@@ -220,6 +220,7 @@ def _start(condition: TrackerSetup, sequence: Sequence, truth: Truth, seed: int)
             frames_without_pose=frozenset(np.flatnonzero(~RowPoses(sequence).known).tolist()),
             timestamps_s=times_of(sequence),
             source_frames=source_frames(sequence),
+            camera_at=partial(camera_at, sequence),
         )
     )
 

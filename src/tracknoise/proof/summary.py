@@ -18,6 +18,7 @@ from scipy import stats
 
 from tracknoise.findings.sampling.bounds import Method, pooled
 from tracknoise.findings.sampling.units import units_of
+from tracknoise.printable import significant
 from tracknoise.proof.arms import ARMS, REFERENCE, SCALARS
 from tracknoise.proof.trial import NEWEST
 
@@ -149,5 +150,6 @@ def _consistent(rows: Mapping[str, Mapping[str, float | None]]) -> str:
 
 
 def _stated(row: Mapping[str, float | None]) -> str:
-    value = "unknown" if row["value"] is None else f"{row['value']:.3g}"
-    return value if row["low"] is None or row["high"] is None else f"{value} ({row['low']:.3g} to {row['high']:.3g})"
+    numbers = (row[name] for name in ("value", "low", "high"))
+    value, low, high = (None if number is None else significant(number, 3) for number in numbers)
+    return f"{value or 'unknown'} ({low} to {high})" if low and high else value or "unknown"

@@ -3,6 +3,7 @@
 from tracknoise.findings.wording import number
 from tracknoise.noise_models.calibration import Calibration
 from tracknoise.noise_models.model import Interval
+from tracknoise.printable import counted, significant
 from tracknoise.report.cells import Cells
 from tracknoise.report.noise_model_cells import interval_cells
 
@@ -14,7 +15,7 @@ def calibration_sentences(found: Calibration) -> list[str]:
     """What the comparison says, the answer first."""
     return [
         _verdict(found.nees),
-        f"Compared with {found.n} errors of {found.n_scenes} scenes.",
+        f"Compared with {counted(found.n, 'error')} of {counted(found.n_scenes, 'scene')}.",
         *_trained(found),
         *_outliers(found),
         *_impossible(found),
@@ -44,13 +45,14 @@ def _trained(found: Calibration) -> list[str]:
 def _outliers(found: Calibration) -> list[str]:
     if not found.outlier_share:
         return []
-    return [f"{100 * found.outlier_share:.2g} % of the errors are outliers of the model, and do not count."]
+    return [f"{significant(100 * found.outlier_share, 2)} % of the errors are outliers of the model, and do not count."]
 
 
 def _impossible(found: Calibration) -> list[str]:
     if not found.n_impossible:
         return []
-    return [f"For {found.n_impossible} more errors, what is predicted is not positive definite; they do not count."]
+    more, do = counted(found.n_impossible, "more error"), "it does" if found.n_impossible == 1 else "they do"
+    return [f"For {more}, what is predicted is not positive definite; {do} not count."]
 
 
 def calibration_cells(found: Calibration) -> Cells:

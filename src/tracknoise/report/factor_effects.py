@@ -130,7 +130,7 @@ def _where(data: ReportData, row: Mapping[str, Any]) -> str:
     if row["effect"] is None:
         return DASH
     if row["horizon"] is not None:
-        return f"to {number(int(row['horizon']))} frames"
+        return f"to {count(int(row['horizon']), 'frame')}"
     if row["at"] is None:
         return DASH if row["n_places"] is None else f"{count(row['n_places'], data.axis.name)}, u and v"
     return _unbroken(f"{row['coordinate']}, {data.axis.place(row['at'])}")

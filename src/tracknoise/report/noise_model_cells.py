@@ -5,6 +5,7 @@ import math
 from tracknoise.findings.wording import number
 from tracknoise.noise_models.model import BiasKind, Interval, Landmark, Purpose
 from tracknoise.noise_models.noise_model import NoiseModel
+from tracknoise.printable import counted, significant
 from tracknoise.report.cells import Cells
 
 _COMPONENTS = {
@@ -39,8 +40,8 @@ def model_sentences(model: NoiseModel) -> list[str]:
         *_conditions(model),
         *_common(model),
         *_floor(model),
-        f"Fitted to {len(training.scenes)} scenes, {training.n_tracks} tracks, ages {training.ages[0]} to "
-        f"{training.ages[1]} frames.",
+        f"Fitted to {counted(len(training.scenes), 'scene')}, {counted(training.n_tracks, 'track')}, "
+        f"ages {training.ages[0]} to {training.ages[1]} frames.",
         *model.camera.notes,
     ]
 
@@ -149,4 +150,4 @@ def interval_cells(interval: Interval) -> list[str]:
 
 
 def _percent(share: float) -> str:
-    return f"{100.0 * share:.2g} %"
+    return f"{significant(100.0 * share, 2)} %"

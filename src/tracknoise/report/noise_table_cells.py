@@ -7,6 +7,7 @@ from tracknoise.findings.headlines.lookup_topic import lookup_sentences, nat_tex
 from tracknoise.findings.wording import DASH, number, percent, ratio
 from tracknoise.noise_models.lookup.noise_table import NoiseRow, NoiseTable, SecondMoment
 from tracknoise.noise_models.model import Bias, BiasKind, Purpose
+from tracknoise.printable import counted
 from tracknoise.report.cells import Cells
 from tracknoise.tables.enumerations import Product
 
@@ -17,7 +18,7 @@ def noise_table_sentences(table: NoiseTable) -> list[str]:
     """Which lookup is worth it on scenes that were left out, and how much bias is warranted."""
     gains = [text for product in (Product.error, Product.change) for text in lookup_sentences(table.gains, product)]
     warranted = sum(_is_warranted(row.bias) for row in table.rows)
-    bias = f"A correction of the mean error is warranted in {warranted} of {len(table.rows)} rows."
+    bias = f"A correction of the mean error is warranted in {warranted} of {counted(len(table.rows), 'row')}."
     return [*gains, bias] if gains else [_no_gain(table), bias]
 
 

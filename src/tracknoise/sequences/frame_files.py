@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
+from tracknoise.printable import counted_of
 from tracknoise.sequences.images import Levels, read_gray
 
 DepthReader = Callable[[Path, CameraModel], DepthMap]
@@ -85,4 +86,5 @@ def depth_files(paths: tuple[Path | None, ...], camera: CameraModel, read: Depth
 def depth_notes(paths: tuple[Path | None, ...]) -> tuple[str, ...]:
     """A sentence if there are frames without depth."""
     missing = paths.count(None)
-    return (f"{missing} of {len(paths)} frames have no depth",) if missing else ()
+    have = counted_of(missing, len(paths), "frame", "has", "have")
+    return (f"{have} no depth",) if missing else ()

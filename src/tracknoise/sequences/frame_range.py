@@ -4,9 +4,59 @@ from collections.abc import Sequence as Items
 from numbers import Integral
 
 from tracknoise.exceptions import DataError, SettingsError
+from tracknoise.printable import counted
 
 EXPECTED = "first, last and step: whole numbers with 0 <= first < last and step >= 1"
 _FEWEST, _PARTS = 2, (2, 3)
+_MOST_DIGITS = 15
+
+
+def frames_of(name: str, text: str) -> int | list[int]:
+    """Number of frames, or first, last and step, from a text: ``60``, ``0:59`` or ``0:59:2``.
+
+    Parameters
+    ----------
+    name
+        What is set, for messages: an option of the command line, or a key of a file.
+    text
+        What it is set to.
+
+    Raises
+    ------
+    SettingsError
+        If it is neither. That the numbers are a range is left to `require_range`.
+    """
+    parts = parse_numbers(name, text, ":", "a number from 2, or FIRST:LAST or FIRST:LAST:STEP")
+    if len(parts) > 1:
+        return parts
+    if parts[0] < _FEWEST:
+        raise SettingsError(f"{name} {text}: expected at least {_FEWEST}")
+    return parts[0]
+
+
+def parse_numbers(name: str, text: str, between: str, expected: str) -> list[int]:
+    """Whole numbers of a text.
+
+    Parameters
+    ----------
+    name
+        What is set, for messages: an option of the command line, or a key of a file.
+    text
+        Numbers of at most 15 digits; spaces around them do not count.
+    between
+        What separates them.
+    expected
+        What was expected, for messages.
+
+    Raises
+    ------
+    SettingsError
+        If a part is not a whole number.
+    """
+    parts = [part.strip() for part in text.split(between)]
+    if not all(part.isascii() and part.isdigit() and len(part) <= _MOST_DIGITS for part in parts):
+        raise SettingsError(f"{name} {text}: expected {expected}")
+    return [int(part) for part in parts]
 
 
 def require_range(frames: Items[int]) -> None:
@@ -52,7 +102,7 @@ def frame_range(frames: Items[int], count: int, place: str) -> range:
     first, last, step = [*frames, 1][:3]
     chosen = range(first, min(last + 1, count), step)
     if len(chosen) < _FEWEST:
-        found = f"{count} frames, of which frames {first} to {last} in steps of {step} have {len(chosen)}"
+        found = f"{counted(count, 'frame')}, of which frames {first} to {last} in steps of {step} have {len(chosen)}"
         raise DataError(place, found, f"at least {_FEWEST}, so that features can be tracked")
     return chosen
 

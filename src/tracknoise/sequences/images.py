@@ -20,6 +20,7 @@ from tracknoise.foreign.files import read_bytes
 from tracknoise.foreign.image_header import KINDS, require_whole_image
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap, enlarged
+from tracknoise.printable import counted
 
 Levels = tuple[float, float]
 """Values of a 16-bit image that become 0 and 255."""
@@ -257,7 +258,7 @@ def require_size(path: Path, shape: tuple[int, ...], camera: CameraModel) -> Non
 
 def _layout(array: NDArray[Any]) -> str:
     channels = array.shape[2] if array.ndim == 3 else 1
-    return f"{array.dtype.itemsize * 8}-bit image of {channels} channel{'s' if channels > 1 else ''}"
+    return f"{array.dtype.itemsize * 8}-bit image of {counted(channels, 'channel')}"
 
 
 def content_hash(image: NDArray[np.uint8]) -> str | None:

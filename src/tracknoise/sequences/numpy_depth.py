@@ -12,6 +12,7 @@ from tracknoise.foreign.files import read_bytes
 from tracknoise.foreign.parsing import damage_reported
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
+from tracknoise.printable import counted
 from tracknoise.sequences.images import depth_map, enlarged_map, require_size
 
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
@@ -94,7 +95,7 @@ def numpy_size(path: Path) -> tuple[int, int]:
     """
     shape = _header(path).shape
     if len(shape) < 2:
-        raise DataError(path, f"an array of {len(shape)} dimensions", _EXPECTED)
+        raise DataError(path, f"an array of {counted(len(shape), 'dimension')}", _EXPECTED)
     return shape[1], shape[0]
 
 

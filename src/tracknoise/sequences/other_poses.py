@@ -10,6 +10,7 @@ from tracknoise.exceptions import DataError
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.association import nearest
 from tracknoise.geometry.pose import invert, transform
+from tracknoise.printable import counted
 from tracknoise.sequences.poses import read_rows, require_some_poses
 from tracknoise.sequences.sequence import Scan, SecondCamera, Sequence, second_of
 from tracknoise.sequences.timed.order import require_seconds
@@ -121,7 +122,9 @@ def with_trajectory(sequence: Sequence, path: Path, *, time_shift_s: float = 0.0
 
 def _by_row(path: Path, rows: NDArray[np.float64], places: list[str], count: int) -> NDArray[np.float64]:
     if len(rows) != count:
-        raise DataError(path, f"{len(rows)} poses for {count} frames without times", "one row per frame")
+        raise DataError(
+            path, f"{counted(len(rows), 'pose')} for {counted(count, 'frame')} without times", "one row per frame"
+        )
     numbers = np.arange(count, dtype=np.float64)
     return poses_at(trajectory(path, numbers, rows[:, 1:], places), numbers, max_gap_s=0.0)[0]
 

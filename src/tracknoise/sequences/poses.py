@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError, DataWarning
 from tracknoise.foreign.files import read_text
 from tracknoise.geometry.pose import from_quaternion, nearest_rigid
+from tracknoise.printable import counted, significant
 
 RIGID_TOLERANCE = 0.05
 """Largest deviation of a rotation's singular values, or of a quaternion's norm, from 1.
@@ -77,7 +78,7 @@ def read_matrix(path: Path, *, size: int) -> NDArray[np.float64]:
     """
     rows, _ = read_rows(path, " ".join(f"column{column}" for column in range(1, size + 1)))
     if len(rows) != size:
-        raise DataError(path, f"{len(rows)} row{'s' if len(rows) != 1 else ''}", f"a {size}x{size} matrix")
+        raise DataError(path, counted(len(rows), "row"), f"a {size}x{size} matrix")
     return rows
 
 
@@ -144,7 +145,7 @@ def checked_poses(poses: NDArray[np.float64], places: Sequence[Place]) -> tuple[
         return rigid, ()
     note = (
         f"{places[worst]}: the rotation is not orthonormal; "
-        f"replaced by the nearest rotation, which changes its entries by up to {correction[worst]:.2g}"
+        f"replaced by the nearest rotation, which changes its entries by up to {significant(correction[worst], 2)}"
     )
     warnings.warn(note, DataWarning, stacklevel=2)
     return rigid, (note,)
@@ -166,7 +167,9 @@ def pose_notes(world_from_camera: NDArray[np.float64]) -> tuple[str, ...]:
 
 def surplus_notes(place: Place, *, poses: int, images: int) -> tuple[str, ...]:
     """A sentence if there are more poses than images."""
-    return (f"{place}: {poses} poses for {images} images: only the first {images} are used",) * (poses > images)
+    used = "is" if images == 1 else f"{images} are"
+    found = f"{counted(poses, 'pose')} for {counted(images, 'image')}"
+    return (f"{place}: {found}: only the first {used} used",) * (poses > images)
 
 
 def require_some_poses(world_from_camera: NDArray[np.float64], place: Place) -> None:
@@ -189,7 +192,7 @@ def require_some_poses(world_from_camera: NDArray[np.float64], place: Place) -> 
         raise DataError(place, f"pose {index} with NaN or infinity in it", "finite numbers, or NaN in all of it")
     count, least = int(np.count_nonzero(known)), min(_FEWEST, len(known))
     if count < least:
-        found = f"{count} pose{'s' if count != 1 else ''} for {len(known)} frames"
+        found = f"{counted(count, 'pose')} for {counted(len(known), 'frame')}"
         raise DataError(place, found, f"poses for at least {least}")
 
 
@@ -202,7 +205,7 @@ def require_poses(place: Place, *, poses: int, images: int) -> None:
         If there are fewer.
     """
     if poses < images:
-        raise DataError(place, f"{poses} poses", f"at least {images}, one for each image")
+        raise DataError(place, counted(poses, "pose"), f"at least {images}, one for each image")
 
 
 def numbers(fields: list[str], columns: str, place: str) -> list[float]:
@@ -215,7 +218,7 @@ def numbers(fields: list[str], columns: str, place: str) -> list[float]:
     """
     expected = len(columns.split())
     if len(fields) != expected:
-        raise DataError(place, f"{len(fields)} field{'s' if len(fields) != 1 else ''}", f"{expected} ({columns})")
+        raise DataError(place, counted(len(fields), "field"), f"{expected} ({columns})")
     plain = ["nan" if _UNKNOWN.fullmatch(field) else field for field in fields]
     for field in plain:
         if not _is_number(field):
@@ -263,5 +266,5 @@ def _require_rigid(poses: NDArray[np.float64], places: Sequence[Place]) -> None:
             raise DataError(places[index], f"a pose whose last row is {row}", "0 0 0 1")
         if reflected[index]:
             raise DataError(places[index], "a pose with a reflection", "a rotation")
-        found = f"a pose whose singular values differ from 1 by {stretch[index]:.2g}"
+        found = f"a pose whose singular values differ from 1 by {significant(stretch[index], 2)}"
         raise DataError(places[index], found, f"a rotation (at most {RIGID_TOLERANCE:g})")

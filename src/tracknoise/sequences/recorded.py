@@ -12,6 +12,7 @@ from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.interpolation import PosePath
 from tracknoise.geometry.shutter import RollingShutter
+from tracknoise.printable import counted
 from tracknoise.sequences.poses import require_some_poses
 from tracknoise.sequences.sequence import TRIANGULATED, SecondCamera, TruthKind
 from tracknoise.tables.identity import SequenceId
@@ -41,6 +42,8 @@ class RecordedSequence:
         Reads the depth of a frame in the same way, None for a frame without depth; or None where no frame has any.
     notes
         What was corrected or assumed while reading, one sentence each.
+    caveats
+        Which of the notes users should know before they measure, such as images that are missing.
     timestamps_s
         (n,) float64, seconds, increasing; None where unknown.
     cameras
@@ -73,6 +76,7 @@ class RecordedSequence:
     images: ImageSource
     depths: DepthSource | None = None
     notes: tuple[str, ...] = ()
+    caveats: tuple[str, ...] = ()
     timestamps_s: NDArray[np.float64] | None = None
     cameras: tuple[CameraModel, ...] | None = None
     pose_accuracy: PoseAccuracy | None = None
@@ -89,7 +93,7 @@ class RecordedSequence:
             raise DataError(place, "no frames", "at least one")
         for name, count in self._counts():
             if count != len(self):
-                raise DataError(place, f"{count} {name}", f"one for each of the {len(self)} poses")
+                raise DataError(place, counted(count, name), f"one for each of the {counted(len(self), 'pose')}")
         require_some_poses(self.world_from_camera, place)
         if self.timestamps_s is not None and not _increase(self.timestamps_s):
             raise DataError(place, "timestamps that do not increase", "increasing timestamps")
@@ -152,10 +156,10 @@ class RecordedSequence:
     def _counts(self) -> Iterator[tuple[str, int]]:
         """Number of items of everything that each frame must have one of, by name."""
         parts = (
-            ("images", self.images),
-            ("depth maps", self.depths),
-            ("timestamps", self.timestamps_s),
-            ("cameras", self.cameras),
+            ("image", self.images),
+            ("depth map", self.depths),
+            ("timestamp", self.timestamps_s),
+            ("camera", self.cameras),
         )
         for name, part in parts:
             if isinstance(part, Sized):

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.interpolation import PosePath
 from tracknoise.geometry.shutter import RollingShutter
+from tracknoise.printable import significant
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.sequence import Sequence, path_of, shutter_of, times_of
 
@@ -115,7 +116,7 @@ def shutter_notes(sequence: Sequence, n_frames: int) -> tuple[str, ...]:
     shutter = shutter_of(sequence)
     if shutter is None:
         return ()
-    readout = f"a rolling shutter with a readout of {_MS * shutter.readout_s:.4g} ms is assumed"
+    readout = f"a rolling shutter with a readout of {significant(_MS * shutter.readout_s, 4)} ms is assumed"
     lost = has_pose(sequence.world_from_camera) & ~RowPoses(sequence).known
     count = int(np.count_nonzero(lost[:n_frames]))
     verb = "has" if count == 1 else "have"

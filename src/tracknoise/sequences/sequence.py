@@ -189,6 +189,21 @@ def group_of(sequence: Sequence) -> str | None:
 
 
 @runtime_checkable
+class DoubtfulSequence(Protocol):
+    """A `Sequence` whose reader met something that users should know before they measure it."""
+
+    @property
+    def caveats(self) -> tuple[str, ...]:
+        """Which of the notes say so."""
+        ...
+
+
+def caveats_of(sequence: Sequence) -> tuple[str, ...]:
+    """Notes of a sequence that are caveats; empty where nothing is known."""
+    return sequence.caveats if isinstance(sequence, DoubtfulSequence) else ()
+
+
+@runtime_checkable
 class ShutteredSequence(Protocol):
     """A `Sequence` that may have a rolling shutter. One that has a shutter also has timestamps."""
 

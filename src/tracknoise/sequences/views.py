@@ -19,6 +19,7 @@ from tracknoise.sequences.sequence import (
     Sequence,
     Surface,
     camera_at,
+    caveats_of,
     group_of,
     path_of,
     shutter_of,
@@ -163,6 +164,11 @@ class View:
     def notes(self) -> tuple[str, ...]:
         """Those of the sequence shown."""
         return self.sequence.notes
+
+    @property
+    def caveats(self) -> tuple[str, ...]:
+        """Those of the sequence shown."""
+        return caveats_of(self.sequence)
 
     @property
     def group(self) -> str | None:

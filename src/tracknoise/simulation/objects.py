@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tracknoise.exceptions import DataError
+from tracknoise.printable import significant
 from tracknoise.simulation.fittings import block, ground, paint_plain_textures, paint_textures, sky
 from tracknoise.simulation.quad import Quad, assemble
 from tracknoise.simulation.scenery import Scenery, joined, moved
@@ -166,9 +167,8 @@ class _Shelf:
         self._remarks |= dict.fromkeys(scenery.notes)
         width, depth, height = np.ptp(scenery.world.vertices, axis=0)
         if height < _LOWEST_M or max(width, depth) > _WIDEST_M:
-            self._remarks[
-                f"model {name} is left out: {width:.3g} x {depth:.3g} x {height:.3g} m is not the size of an object"
-            ] = None
+            size = " x ".join(significant(side, 3) for side in (width, depth, height))
+            self._remarks[f"model {name} is left out: {size} m is not the size of an object"] = None
             return None
         return scenery.world
 

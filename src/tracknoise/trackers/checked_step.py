@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import TrackerError
+from tracknoise.printable import counted
 from tracknoise.tables.schema import TrackEnd
 
 if TYPE_CHECKING:
@@ -73,15 +74,15 @@ def _contradictions(step: "Step", live_ids: NDArray[np.int64]) -> Iterator[str]:
         yield f"feature {feature} as new, which began before and has not ended"
     alive = len(left) + len(begun)
     if step.alive != alive:
-        yield f"{step.alive} features alive, expected {alive}: all that began and are not among ended_ids"
+        yield f"{counted(step.alive, 'feature')} alive, expected {alive}: all that began and are not among ended_ids"
 
 
 def _miscounted(step: "Step", live: int) -> Iterator[str]:
     """Counts that no step can have: outlier ratios are made of them."""
     if step.offered != live:
-        yield f"{step.offered} features offered, expected {live}: all that were alive before"
+        yield f"{counted(step.offered, 'feature')} offered, expected {live}: all that were alive before"
     if not 0 <= step.outliers <= step.matched <= step.offered:
-        found = f"{step.outliers} outliers and {step.matched} matched of {step.offered} features"
+        found = f"{counted(step.outliers, 'outlier')} and {step.matched} matched of {counted(step.offered, 'feature')}"
         yield f"{found}, expected no more outliers than matched, and no more of these than were offered"
 
 

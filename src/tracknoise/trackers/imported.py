@@ -13,7 +13,8 @@ from tracknoise.tables.identity import PLACEHOLDERS, Direction, SequenceId
 from tracknoise.trackers.imports.arrays import ImportedArrays
 from tracknoise.trackers.imports.assign import Assignment
 from tracknoise.trackers.imports.formats import SUFFIXES, TrackFormat, detected, origin_of, read_rows
-from tracknoise.trackers.imports.pixels import PixelOrigin, Raster
+from tracknoise.trackers.imports.normalised import Normalised
+from tracknoise.trackers.imports.pixels import PixelOrigin, Raster, Units
 from tracknoise.trackers.imports.replay import ImportedTracker, subsampled
 from tracknoise.trackers.tracker import SequenceContext
 
@@ -33,6 +34,9 @@ class Imported:
         Its format; by default what its name and beginning show.
     first_frame
         Number that the file gives the first frame of the sequence: 1 if it counts frames from 1.
+    units
+        What positions are: ``pixels``, or ``normalised``, which are x/z and y/z in the frame of the camera, without
+        distortion. The camera of the sequence, with its distortion, turns the latter into pixels.
     origin
         What the position (0, 0) is: the ``centre`` of the first pixel, or its ``corner``. Default: corner for COLMAP,
         centre for others.
@@ -54,6 +58,7 @@ class Imported:
     _: KW_ONLY
     format: TrackFormat | None = None
     first_frame: int = 0
+    units: Units = Units.pixels
     origin: PixelOrigin | None = None
     raster: tuple[float, float] | None = None
     time_offset_s: float = 0.0
@@ -71,6 +76,10 @@ class Imported:
         require_at_least("first_frame", self.first_frame, 0)
         for side in self.raster or ():
             require_positive("raster", side)
+        if self.units == Units.normalised:
+            for name in ("origin", "raster"):
+                value = getattr(self, name)
+                require(value is None, name, value, f"none with units = {self.units}: (0, 0) is the optical axis")
         largest = f"a number from {-_LARGEST_OFFSET_S:g} to {_LARGEST_OFFSET_S:g}"
         require(abs(self.time_offset_s) <= _LARGEST_OFFSET_S, "time_offset_s", self.time_offset_s, largest)
         if self.max_gap_s is not None:
@@ -85,9 +94,10 @@ class Imported:
         *,
         response: ArrayLike | None = None,
         quality: dict[str, ArrayLike] | None = None,
+        units: str = Units.pixels,
     ) -> ImportedArrays:
         """Tracks that are in memory: see `ImportedArrays.of`."""
-        return ImportedArrays.of(track, frame, u_px, v_px, response=response, quality=quality)
+        return ImportedArrays.of(track, frame, u_px, v_px, response=response, quality=quality, units=units)
 
     def start(self, context: SequenceContext) -> ImportedTracker:
         """Read the file of one sequence and speed.
@@ -106,7 +116,7 @@ class Imported:
         whole = context.source_frames is None
         rows = read_rows(path, kind, n_frames=context.n_frames if whole else None)
         assignment = Assignment(
-            Raster(self.origin or origin_of(kind), self.raster),
+            Normalised() if self.units == Units.normalised else Raster(self.origin or origin_of(kind), self.raster),
             self.first_frame,
             self.time_offset_s,
             self.max_gap_s,

@@ -1,7 +1,7 @@
 """Quality: what trackers report about single observations, by name."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,3 +36,11 @@ def check_quality(quality: Mapping[str, NDArray[np.float32]], count: int) -> Non
         if values.shape != (count,) or values.dtype != np.float32:
             found = f"{values.dtype} of shape {values.shape}"
             raise TrackerError(f"a tracker reported quality {name!r} as {found}, expected float32 of shape ({count},)")
+
+
+def covariances(quality: Mapping[str, object]) -> Iterator[tuple[str, str, str]]:
+    """Names of the covariances among quality: three numbers called ``<name>_uu``, ``<name>_uv`` and ``<name>_vv``."""
+    for name in (key.removesuffix("_uu") for key in quality if key.endswith("_uu")):
+        entries = (f"{name}_uu", f"{name}_uv", f"{name}_vv")
+        if all(entry in quality for entry in entries):
+            yield entries

@@ -1,12 +1,13 @@
 """Interfaces of trackers: settings that start a tracker, and one step per frame."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.tables.identity import SequenceId
 from tracknoise.trackers.frame import Frame
 
@@ -156,6 +157,8 @@ class SequenceContext:
         (n_frames,) float64: the time of each frame, seconds, increasing; None where unknown.
     source_frames
         Frames of the recording that are those of the sequence, where a part of it was chosen; None otherwise.
+    camera_at
+        Intrinsics of each frame, for trackers whose positions are rays; None where they are unknown.
     """
 
     sequence: SequenceId
@@ -168,6 +171,7 @@ class SequenceContext:
     frames_without_pose: frozenset[int] = frozenset()
     timestamps_s: NDArray[np.float64] | None = field(default=None, compare=False)
     source_frames: range | None = None
+    camera_at: Callable[[int], CameraModel] | None = field(default=None, compare=False)
 
 
 @runtime_checkable

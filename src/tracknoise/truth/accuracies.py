@@ -9,23 +9,24 @@ from importlib import resources
 from typing import Any
 
 from tracknoise.geometry.accuracy import TOPICS, AccuracyKind, TruthAccuracy
+from tracknoise.printable import significant
 from tracknoise.sequences.sequence import Sequence, TruthKind, accuracy_of, shutter_of, times_of
 from tracknoise.tables.identity import SequenceId
 
 _FILE = "truth_accuracy.toml"
 _UNITS = {
-    "rotation_white_deg": "{:.3g} deg in each pose",
-    "rotation_deg_per_sqrt_frame": "{:.3g} deg per sqrt(frame)",
-    "rotation_deg_per_frame": "{:.3g} deg per frame",
-    "translation_white_m": "{:.3g} m in each pose",
-    "translation_m_per_sqrt_frame": "{:.3g} m per sqrt(frame)",
-    "translation_m_per_frame": "{:.3g} m per frame",
-    "depth_m": "{:.3g} m",
-    "depth_relative": "{:.3g} Z",
-    "depth_per_m": "{:.3g} Z^2 per m",
-    "clock_ms": "{:.3g} ms",
-    "readout_ms": "{:.3g} ms",
-    "focal_relative": "{:.3g} of it",
+    "rotation_white_deg": "{} deg in each pose",
+    "rotation_deg_per_sqrt_frame": "{} deg per sqrt(frame)",
+    "rotation_deg_per_frame": "{} deg per frame",
+    "translation_white_m": "{} m in each pose",
+    "translation_m_per_sqrt_frame": "{} m per sqrt(frame)",
+    "translation_m_per_frame": "{} m per frame",
+    "depth_m": "{} m",
+    "depth_relative": "{} Z",
+    "depth_per_m": "{} Z^2 per m",
+    "clock_ms": "{} ms",
+    "readout_ms": "{} ms",
+    "focal_relative": "{} of it",
 }
 
 
@@ -130,7 +131,7 @@ def _statements(sequence: Sequence, rule: AccuracyRule) -> Iterator[TruthAccurac
 
 def _notes(accuracy: TruthAccuracy) -> Iterator[str]:
     for topic, names in TOPICS.items():
-        sizes = [_UNITS[name].format(value) for name, value in accuracy.figures(names).items() if value]
+        sizes = [_UNITS[name].format(significant(value, 3)) for name, value in accuracy.figures(names).items() if value]
         if sizes:
             source = f": {accuracy.source}" if accuracy.source else ""
             yield f"error of the truth, {topic}: {', '.join(sizes)} ({accuracy.kind}{source})"

@@ -12,7 +12,7 @@ from tests.noise_models.exports.models import component, detections, equivalents
 from tests.noise_models.exports.syntaxes import PARSERS
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
-from tracknoise.noise_models.exports.estimators import FAMILIES, estimator, estimators, refused
+from tracknoise.noise_models.exports.estimators import FAMILIES, estimator, estimator_name, estimators, refused
 from tracknoise.noise_models.exports.export import Export, FocalChange, RateChange, Target
 from tracknoise.noise_models.exports.render import export, number
 from tracknoise.noise_models.model import Bias, BiasKind, Landmark, Purpose
@@ -47,10 +47,10 @@ def test_as_last_looked_at(name):
 def test_the_estimators_of_the_specification():
     wanted = (
         "openvins kimera basalt xivo rovio msckf_vio vins okvis2 orbslam3 stella svo maplab rtabmap opensfm hybvio "
-        "gtsam colmap pyceres symforce theseus pypose filterpy csv json"
+        "cuvslam gtsam colmap pyceres symforce theseus pypose filterpy csv json"
     )
     assert set(estimators()) == set(wanted.split())
-    assert set(refused()) == {"dso", "dm_vio", "pixsfm", "cuvslam"}
+    assert set(refused()) == {"dso", "dm_vio", "pixsfm"}
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -254,6 +254,20 @@ def test_the_lines_for_orbslam3_need_the_scale_factors_that_its_loop_fills(expor
     np.testing.assert_allclose(np.array(printed.split(), dtype=float), expected, rtol=1e-2)
 
 
+def test_all_places_of_cuvslams_constant_are_given():
+    """A constant of the source code, which the kernels repeat, and which inertial bundle adjustment divides out."""
+    files = made("cuvslam").files
+    assert f"constexpr auto stdPx = float{{{number(sigma(window=7))}f}};" in files["cuvslam_sigma.cpp"]
+    assert "libs/camera/observation.cpp" in files["cuvslam_sigma.cpp"]
+    information = re.search(r"= 1\.f / \((.*)f \* (.*)f\);", files["cuvslam_kernels.cpp"])
+    assert information is not None
+    assert float(information[1]) == float(information[2]) == rounded(sigma(window=7))
+    knee = np.sqrt(4.0) * 0.7 * sigma(purpose=Purpose.INNOVATIONS) / sigma(window=7)
+    assert f"robustifier_scale = {number(knee**2)}f;" in files["cuvslam_bundle.cpp"]
+    assert "visual_noise_px = 3.0f;" in files["cuvslam_bundle.cpp"]
+    assert "closed" not in made("cuvslam").text
+
+
 @pytest.mark.skipif(shutil.which("patch") is None, reason="no patch")
 def test_the_patch_of_msckf_vio_applies(tmp_path):
     before = {
@@ -271,15 +285,55 @@ def test_the_patch_of_msckf_vio_applies(tmp_path):
     assert after[1109] == after[1253] == "    if (gatingTest(H_xj, r_j, r_j.rows())) {"
 
 
-@pytest.mark.parametrize("name", ["dso", "DM-VIO", "pixsfm", "cuVSLAM"])
+@pytest.mark.parametrize("name", ["dso", "DM-VIO", "pixsfm", "Pixel-Perfect SfM"])
 def test_estimators_without_noise_of_tracks_are_refused(name):
     with pytest.raises(SettingsError, match=r": It[s ]"):
         made(name)
 
 
-def test_an_unknown_estimator_names_the_known():
-    with pytest.raises(UnknownNameError, match="did you mean 'openvins'"):
-        made("openvin")
+@pytest.mark.parametrize(
+    ("written", "name"),
+    [
+        ("vins-mono", "vins"),
+        ("VINS-Fusion", "vins"),
+        ("vins_fusion", "vins"),
+        ("VinsMono", "vins"),
+        ("orb-slam3", "orbslam3"),
+        ("ORB_SLAM3", "orbslam3"),
+        ("ORB SLAM 2", "orbslam3"),
+        ("msckf-vio", "msckf_vio"),
+        ("MSCKF_VIO", "msckf_vio"),
+        ("OpenVINS", "openvins"),
+        ("open_vins", "openvins"),
+        ("Kimera-VIO", "kimera"),
+        ("RTAB-Map", "rtabmap"),
+        ("Stella-VSLAM", "stella"),
+        ("SVO Pro", "svo"),
+        ("OKVIS2-X", "okvis2"),
+        ("pycolmap", "colmap"),
+        ("PyCuVSLAM", "cuvslam"),
+    ],
+)
+def test_names_are_understood_as_they_are_spelled(written, name):
+    assert estimator(written) is estimators()[name]
+
+
+def test_titles_are_names_too_and_no_two_estimators_have_the_same_name():
+    every = {**estimators(), **refused()}
+    plain = [re.sub(r"[\W_]", "", alias).lower() for name, about in every.items() for alias in {name, *about.aliases}]
+    assert len(set(plain)) == len(plain)
+    for name, about in estimators().items():
+        for title in [] if name in ("csv", "json", "pyceres") else re.sub(r" \(.*", "", about.title).split(", "):
+            assert estimator_name(title) == name
+
+
+@pytest.mark.parametrize(
+    ("written", "meant"),
+    [("openvin", "openvins"), ("OpenVINZ", "openvins"), ("vins-mno", "vins-mono"), ("orbslam", "orbslam3")],
+)
+def test_an_unknown_estimator_names_the_known(written, meant):
+    with pytest.raises(UnknownNameError, match=f"did you mean '{meant}'.*; known: basalt, .*vins, vins-fusion"):
+        made(written)
 
 
 def test_a_model_exports_itself():

@@ -312,7 +312,7 @@ def test_frames_without_an_image_of_the_second_camera_have_no_depth(scene):
     read = open_sequence("euroc", scene)
     np.testing.assert_array_equal(read.second.images(3), images(4)[2])
     assert read.second.images(2) is None
-    assert "1 of 4 frames have no image of cam1, and no stereo depth" in read.notes
+    assert "1 of 4 frames has no image of cam1, and no stereo depth" in read.notes
     made = with_stereo_depth(read)
     assert made.depth(2) is None
     assert made.depth(3) is not None

@@ -55,7 +55,7 @@ def test_a_release_without_any_of_the_drives(tmp_path, write_drive):
     with pytest.raises(DataError) as caught:
         find_drives(tmp_path / "raw", tmp_path / "depth")
     assert str(caught.value) == (
-        f"{tmp_path / 'depth'}: maps of none of the 1 drives in {tmp_path / 'raw'}, "
+        f"{tmp_path / 'depth'}: no maps of the 1 drive in {tmp_path / 'raw'}, "
         "expected folders such as train/2011_09_26_drive_0001_sync/proj_depth/groundtruth/image_02"
     )
     with pytest.raises(DataError, match="nowhere: no such directory"):

@@ -101,7 +101,7 @@ def test_velodyne_scans_are_projected_into_the_camera(tmp_path):
     assert depth.radius_px == 1.0
     assert np.argwhere(depth.valid).tolist() == [[24, 31], [24, 40]]
     np.testing.assert_allclose(depth.depth_m[depth.valid], (8.0, 5.0), atol=1e-5)
-    assert "1 of 2 frames have no depth" in read.notes
+    assert "1 of 2 frames has no depth" in read.notes
 
 
 def test_poses_may_outnumber_images_and_row_i_is_of_image_i(course, tmp_path):
@@ -154,7 +154,7 @@ def test_times_that_are_missing_or_do_not_increase_are_not_used(course, tmp_path
 @pytest.mark.parametrize(
     ("file", "text", "message"),
     [
-        ("poses/00.txt", "1 0 0 0 0 1 0 0 0 0 1 0\n", "1 poses, expected at least 4"),
+        ("poses/00.txt", "1 0 0 0 0 1 0 0 0 0 1 0\n", "1 pose, expected at least 4"),
         ("poses/00.txt", "1 0 0 0 0 1 0 0 0 0 1\n", r":1: 11 fields, expected 12"),
         ("poses/00.txt", "2 0 0 0 0 2 0 0 0 0 2 0\n" * 4, ":1: a pose whose singular values differ from 1 by 1"),
         ("sequences/00/times.txt", "0\n0.1\n", "2 times, expected at least 4"),

@@ -41,7 +41,7 @@ def test_reads_images_poses_and_depth(tmp_path, write_drive):
     assert sequence.truths == (TruthKind.birth,)
     assert sequence.notes == (
         "frames with depth from depth-completion maps: 1, from projected Velodyne scans: 1",
-        "1 of 3 frames have no depth",
+        "1 of 3 frames has no depth",
     )
     assert sequence.image(2)[0, 0] == 20
     np.testing.assert_allclose(np.diff(sequence.world_from_camera[:, :3, 3], axis=0), [(0, 0.5, 0)] * 2, atol=1e-6)

@@ -110,7 +110,7 @@ def test_rows_without_a_pose_are_left_out(scene, lost):
     np.testing.assert_allclose(open_sequence("tum", scene).world_from_camera, poses(4), atol=1e-3)
     read = open_sequence("tum", scene, max_pose_gap_s=0.05)
     assert np.isnan(read.world_from_camera[:, 0, 0]).tolist() == [False, True, False, False]
-    assert f"{path}: 1 of 4 rows hold no pose (NaN or a quaternion of 0)" in read.notes
+    assert f"{path}: 1 of 4 rows holds no pose (NaN or a quaternion of 0)" in read.notes
 
 
 def test_poses_of_another_clock_are_refused_with_both_ranges(scene):
@@ -128,7 +128,7 @@ def test_depth_is_the_nearest_within_the_gap(scene):
     read = open_sequence("tum", scene)
     found = [None if depth is None else depth.depth_m[0, 0] for depth in map(read.depth, range(4))]
     assert found == [1.0, 2.0, None, 3.0]
-    assert "1 of 4 frames have no depth" in read.notes
+    assert "1 of 4 frames has no depth" in read.notes
     assert any("0.0 ms from it in the median, 10.0 ms at most" in note for note in read.notes)
     assert open_sequence("tum", scene, max_gap_s=0.03).depth(2).depth_m[0, 0] == 2.0
     assert open_sequence("tum", scene, depth_unit_m=0.001).depth(0).depth_m[0, 0] == 5.0
@@ -283,7 +283,7 @@ def test_rows_that_repeat_a_time_are_ignored_and_unsorted_ones_sorted(scene):
     np.testing.assert_allclose(read.world_from_camera, poses(4), atol=1e-9)
     rgb = scene / "rgb.txt"
     assert f"{rgb}: the rows are not in order of time, so they were sorted" in read.notes
-    assert f"{rgb}: 1 of 5 rows repeat the time of an earlier row and are ignored" in read.notes
+    assert f"{rgb}: 1 of 5 rows repeats the time of an earlier row and is ignored" in read.notes
 
 
 @pytest.mark.parametrize("change", [(b" ", b","), (b" ", b", "), (b" ", b"\t"), (b"rgb/", b"rgb\\"), (b"\n", b"\r\n")])

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from tracknoise.exceptions import SettingsError
 from tracknoise.experiments.running.failures import Batch, Failure, FailureKind, Measure, Result, Results
+from tracknoise.printable import counted
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -57,7 +58,7 @@ def _connect(address: str, place: str) -> "Client":
 def _crew(client: "Client") -> str:
     threads = client.nthreads().values()
     shared = sum(count > 1 for count in threads)
-    said = f"{len(threads)} worker{'s' if len(threads) != 1 else ''}"
+    said = counted(len(threads), "worker")
     return f"{said}, {shared} of them with several threads; --nthreads 1 is faster" if shared else said
 
 

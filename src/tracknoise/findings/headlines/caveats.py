@@ -9,6 +9,7 @@ from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.headlines.withheld import excessive_floor
 from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.findings.wording import count, listing
+from tracknoise.printable import counted_of
 from tracknoise.tables.enumerations import Resampled, Trimming
 
 ENOUGH_SCENES = 8
@@ -61,9 +62,8 @@ def few_scenes(tables: RunTables, _conditions: ReportedConditions) -> Headline |
     if few.is_empty():
         return None
     numbers: list[int] = few["n_scenes"].unique().sort().to_list()
-    whose = (
-        "Every condition has" if few.height == measured.height else f"{few.height} of {measured.height} conditions have"
-    )
+    some = counted_of(few.height, measured.height, "condition", "has", "have")
+    whose = "Every condition has" if few.height == measured.height else some
     there = count(numbers[0], "scene") if len(numbers) == 1 else f"{numbers[0]} to {numbers[-1]} scenes"
     text = f"{whose} only {there}. {_limits(numbers[0], tables['intervals'])}"
     return Headline("scenes", text, "measured", "summary", Estimate(numbers[0], unit="scenes"))

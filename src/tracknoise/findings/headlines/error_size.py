@@ -16,7 +16,7 @@ from tracknoise.findings.headlines.reported_conditions import (
     scale_estimate,
 )
 from tracknoise.findings.shape.ties import ON_GRID
-from tracknoise.findings.wording import SPACE, listing, percent
+from tracknoise.findings.wording import SPACE, count, listing, percent
 from tracknoise.statistics.definitions import NAMES, POOLED
 from tracknoise.tables.enumerations import Aspect, Population, Trimming, Weighting
 
@@ -81,7 +81,7 @@ def _few_scenes(intervals: pl.DataFrame, conditions: ReportedConditions, at: int
     )
     if not own or own[0] == max([*own, *other, *errors]):
         return ""
-    return f", of {own[0]} scenes; the others have few errors, or mostly errors of exactly 0"
+    return f", of {count(own[0], 'scene')}; the others have few errors, or mostly errors of exactly 0"
 
 
 def _core(

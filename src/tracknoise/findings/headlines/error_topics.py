@@ -19,7 +19,7 @@ from tracknoise.findings.headlines.withheld import (
     withheld_bias,
     withheld_growth,
 )
-from tracknoise.findings.wording import SHAPES, SPACE, chance, listing, number, percent, sentence_case
+from tracknoise.findings.wording import SHAPES, SPACE, chance, count, listing, number, percent, sentence_case
 from tracknoise.tables.enumerations import Aspect, Axis, Behaviour, Resampled, Trimming, Verdict, Weighting
 
 _GROWTH: Mapping[str, tuple[str, str, str]] = {
@@ -91,7 +91,7 @@ def _untrimmed_means(tables: RunTables, conditions: ReportedConditions, tracker:
 
 def _zero_or_not(mean: str, overall: Mapping[str, Any]) -> str:
     p = overall["sign_flip_p_family"]
-    test = "" if p is None else f" ({chance(p)}, {overall['n_scenes']} scenes)"
+    test = "" if p is None else f" ({chance(p)}, {count(overall['n_scenes'], 'scene')})"
     if overall["verdict"] == Verdict.yes:
         return f"{sentence_case(mean)} is not zero{test}."
     why = f": {overall['why']}" if overall["why"] and p is None else ""

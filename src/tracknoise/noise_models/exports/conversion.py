@@ -18,6 +18,7 @@ from tracknoise.noise_models.exports.export import FocalChange, RateChange, Targ
 from tracknoise.noise_models.exports.scaling import scaled_component, scaled_equivalent
 from tracknoise.noise_models.exports.thinning import thinned
 from tracknoise.noise_models.model import TOLERANCE, Equivalent
+from tracknoise.printable import significant
 
 if TYPE_CHECKING:
     from tracknoise.noise_models.noise_model import NoiseModel
@@ -112,7 +113,7 @@ def _require_same_focal(ratio: float, focal: float, known: float) -> None:
 def _require_pixels(model: "NoiseModel", ratio: float, focal: float) -> None:
     sides = [side * ratio for side in (model.camera.width, model.camera.height)]
     if not 1.0 <= min(sides) <= max(sides) <= _MOST_PX:
-        shown = " x ".join(f"{side:.3g}" for side in sides)
+        shown = " x ".join(significant(side, 3) for side in sides)
         raise SettingsError(
             f"focal length is {focal:g} px, which makes images of {shown} px, expected one of real images"
         )

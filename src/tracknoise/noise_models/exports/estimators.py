@@ -1,10 +1,12 @@
 """The estimators that noise can be exported to. Each is a file in the folder `estimators`."""
 
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
+from itertools import chain
 
 from pydantic import ConfigDict, TypeAdapter
 
@@ -49,6 +51,8 @@ class Estimator:
         Repositories and commits whose source code was read, or packages that were run.
     files, patch
         Templates of the files by name, and of a change of its source code. See `values.template_values`.
+    aliases
+        Other names: of programs that are written for alike, and names that are in use.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")
@@ -67,6 +71,7 @@ class Estimator:
     notes: tuple[str, ...] = ()
     checked_against: tuple[str, ...] = ()
     patch: str | None = None
+    aliases: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,6 +80,7 @@ class Refused:
 
     title: str
     why: str
+    aliases: tuple[str, ...] = ()
 
 
 @cache
@@ -92,11 +98,27 @@ def estimators() -> Mapping[str, Estimator]:
 def refused() -> Mapping[str, Refused]:
     """Estimators without an export, by name."""
     text = (resources.files(_ROOM) / "refused.toml").read_text(encoding="utf-8")
-    return {name: Refused(**fields) for name, fields in tomllib.loads(text).items()}
+    return {name: TypeAdapter(Refused).validate_python(fields) for name, fields in tomllib.loads(text).items()}
 
 
 def estimator(name: str) -> Estimator:
-    """Return an estimator by its name. Case and the signs between words do not matter.
+    """Return an estimator by its name: see `estimator_name`.
+
+    Raises
+    ------
+    SettingsError, UnknownNameError
+        As `estimator_name`.
+    """
+    return estimators()[estimator_name(name)]
+
+
+def estimator_name(name: str) -> str:
+    """Return the name under which an estimator is known. Case and the signs between words do not matter.
+
+    Parameters
+    ----------
+    name
+        Its name or one of its aliases: ``orbslam3``, ``ORB-SLAM3`` and ``orb-slam2`` are one.
 
     Raises
     ------
@@ -105,9 +127,20 @@ def estimator(name: str) -> Estimator:
     UnknownNameError
         If it is not known.
     """
-    plain = name.lower().replace("-", "_").replace(" ", "_")
-    if plain in refused():
-        raise SettingsError(f"{refused()[plain].title}: {refused()[plain].why}")
-    if plain not in estimators():
-        raise UnknownNameError("estimator", name, estimators())
-    return estimators()[plain]
+    if (known := _names().get(_plain(name))) is None:
+        listed = {one: about.aliases for one, about in estimators().items()}
+        raise UnknownNameError("estimator", name, [*listed, *chain.from_iterable(listed.values())])
+    if known in refused():
+        raise SettingsError(f"{refused()[known].title}: {refused()[known].why}")
+    return known
+
+
+@cache
+def _names() -> Mapping[str, str]:
+    """The name of every estimator by its names and aliases, each without signs and capitals."""
+    every: Mapping[str, Estimator | Refused] = {**refused(), **estimators()}
+    return {_plain(alias): name for name, about in every.items() for alias in (name, *about.aliases)}
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[\W_]+", "", name).casefold()

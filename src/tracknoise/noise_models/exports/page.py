@@ -22,7 +22,8 @@ tracknoise noise export --list
 ```
 
 With `-o`, the files are written to a folder, with a text and with a patch if there is one. Otherwise they are printed.
-From Python: `model.export("openvins")`, with `target=` for another camera, rate, window or purpose.
+From Python: `model.export("openvins")`, with `target=` for another camera, rate, window or purpose. Case, hyphens and
+spaces in names do not matter: `OpenVINS` and `open-vins` are `openvins`.
 
 ## Which number is written
 
@@ -69,12 +70,13 @@ def _body() -> Iterator[str]:
             if about.family == family:
                 yield from _section(name, about)
     yield "## No export\n"
-    yield from (f"- **{item.title}** (`{name}`): {item.why}" for name, item in refused().items())
+    for name, item in refused().items():
+        yield f"- **{item.title}** ({', '.join(f'`{one}`' for one in (name, *item.aliases))}): {item.why}"
 
 
 def _section(name: str, about: Estimator) -> Iterator[str]:
     rows = {
-        "`--to`": f"`{name}`",
+        "`--to`": ", ".join(f"`{one}`" for one in (name, *about.aliases)),
         "Unit": about.unit,
         "Where": about.place,
         "First observation": LANDMARKS[about.landmark],

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from tracknoise.findings.wording import TIMES, count, listing
+from tracknoise.printable import counted
 from tracknoise.report.answer import error_measures, ranking, track_measures, trust
 from tracknoise.report.answer.sigma import sigma_sentence
 from tracknoise.report.answer.statements import findings
@@ -62,8 +63,8 @@ def _missing(data: ReportData) -> str:
         return ""
     without, scenes = ({key.partition("@")[0] for key in keys} for keys in (failed, there))
     if without & scenes:
-        return f" {len(failed)} of {len(failed) + len(there)} sequences could not be measured."
-    return f" {len(without)} of {len(without | scenes)} scenes could not be measured."
+        return f" {len(failed)} of {counted(len(failed) + len(there), 'sequence')} could not be measured."
+    return f" {len(without)} of {counted(len(without | scenes), 'scene')} could not be measured."
 
 
 def _card(subject: Subject, size: str) -> Card:

@@ -2,6 +2,7 @@
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.headlines.reported_conditions import scalar_bounds
+from tracknoise.printable import counted
 from tracknoise.report.answer.subject import Subject, number, with_interval
 from tracknoise.report.answer.summary import Answer, Measure
 
@@ -25,7 +26,7 @@ def lifetime(subject: Subject, longest: Answer | None) -> Measure | None:
         return _of(subject, longest, "median_lifetime", "Kaplan-Meier median", "The median lifetime of tracks of")
     if subject.row["restricted_mean_lifetime"] is None:
         return None
-    horizon = f"up to {subject.row['restricted_to']} frames"
+    horizon = f"up to {counted(subject.row['restricted_to'], 'frame')}"
     note = f"mean {horizon}; over half are alive at the end"
     return _of(subject, longest, "restricted_mean_lifetime", note, f"The mean lifetime {horizon} of tracks of")
 

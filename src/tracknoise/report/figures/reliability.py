@@ -5,6 +5,7 @@ import polars as pl
 
 from tracknoise.findings.wording import interval_text
 from tracknoise.noise_models.calibration import Calibration
+from tracknoise.printable import significant
 from tracknoise.report import style
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Figure
@@ -17,7 +18,7 @@ _SHOWS = (
     "deviation of one coordinate that was predicted with the one that was measured. {bounds}The line is where the two "
     "are equal."
 )
-_LOOK_FOR = "Above the line, errors are larger than predicted. The mean distance from it is the ENCE, {ence:.3g}."
+_LOOK_FOR = "Above the line, errors are larger than predicted. The mean distance from it is the ENCE, {ence}."
 
 
 def reliability(found: Calibration, *, title: str) -> Figure:
@@ -42,7 +43,7 @@ def reliability(found: Calibration, *, title: str) -> Figure:
         id="reliability",
         title=title,
         shows=_SHOWS.format(n_classes=table.height, bounds=_intervals(found)),
-        look_for=_LOOK_FOR.format(ence=found.ence),
+        look_for=_LOOK_FOR.format(ence=significant(found.ence, 3)),
         spec=arranged([panel], columns=1),
     )
 

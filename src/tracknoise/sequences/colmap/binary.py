@@ -8,6 +8,7 @@ from typing import Any
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.files import MIB, read_bytes
 from tracknoise.foreign.parsing import damage_reported
+from tracknoise.printable import counted
 from tracknoise.sequences.colmap.model import PARAMETERS, ColmapCamera, ColmapImage
 
 _MOST_BYTES = 4096 * MIB
@@ -41,7 +42,9 @@ class _Cursor:
 
     def skip(self, count: int) -> None:
         if count > len(self.content) - self.at:
-            raise ValueError(f"{count} bytes at {self.at}, where the file ends after {len(self.content) - self.at}")
+            raise ValueError(
+                f"{counted(count, 'byte')} at {self.at}, where the file ends after {len(self.content) - self.at}"
+            )
         self.at += count
 
 

@@ -9,6 +9,7 @@ from tracknoise.exceptions import DataError
 from tracknoise.foreign.files import read_bytes
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.depth import DepthMap
+from tracknoise.printable import counted
 
 _HEADER = re.compile(rb"(\d{1,9})&(\d{1,9})&(\d{1,9})&")
 _EXPECTED = "a depth map of COLMAP"
@@ -36,8 +37,8 @@ def read_depth_map(path: Path, camera: CameraModel) -> DepthMap:
     width, height, channels = map(int, header.groups())
     if (width, height, channels) != (camera.width, camera.height, 1):
         expected = f"the camera's {camera.width}x{camera.height} and one channel"
-        raise DataError(path, f"size {width}x{height} and {channels} channels", expected)
+        raise DataError(path, f"size {width}x{height} and {counted(channels, 'channel')}", expected)
     if len(content) - header.end() != 4 * width * height:
-        raise DataError(path, f"{len(content) - header.end()} bytes of depths", f"{4 * width * height}")
+        raise DataError(path, f"{counted(len(content) - header.end(), 'byte')} of depths", f"{4 * width * height}")
     depth = np.frombuffer(content, "<f4", offset=header.end()).reshape(height, width).astype(np.float32)
     return DepthMap(depth, np.isfinite(depth) & (depth > 0.0))

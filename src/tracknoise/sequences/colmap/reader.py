@@ -13,6 +13,7 @@ from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.foreign.files import is_folder, is_regular_file
 from tracknoise.foreign.natural_order import natural_order
 from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.options import DataPath
 from tracknoise.sequences.camera_files import CameraFile
 from tracknoise.sequences.colmap import binary, text
 from tracknoise.sequences.colmap.depth_maps import read_depth_map
@@ -48,7 +49,7 @@ class Colmap:
     root
         Folder of a reconstruction (cameras and images, as .bin or .txt), or a folder with several at any depth.
     image_folder
-        Folder of the images; by default ``images`` beside or above the reconstruction.
+        Folder of the images, from `root`; by default ``images`` beside or above the reconstruction.
     folder
         Which folder below it, where the reconstruction has images of several.
     depth_maps
@@ -61,7 +62,7 @@ class Colmap:
 
     root: Path
     _: KW_ONLY
-    image_folder: Path | None = None
+    image_folder: DataPath | None = None
     folder: str | None = None
     depth_maps: DepthMaps = DepthMaps.geometric
 
@@ -120,7 +121,7 @@ class Colmap:
     def _images(self, folder: Path) -> Path:
         """The folder of images."""
         if self.image_folder is not None:
-            return self.image_folder
+            return self.root / self.image_folder
         levels = (level / _IMAGES for level in (folder, *folder.absolute().parents[:_LEVELS]))
         found = next((level for level in levels if is_folder(level)), None)
         if found is None:

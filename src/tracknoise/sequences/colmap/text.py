@@ -6,6 +6,7 @@ from pathlib import Path
 
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.files import MIB, read_text
+from tracknoise.printable import counted
 from tracknoise.sequences.colmap.model import PARAMETERS, ColmapCamera, ColmapImage
 
 _MOST_BYTES = 4096 * MIB
@@ -34,7 +35,7 @@ def read_cameras(path: Path) -> dict[int, ColmapCamera]:
         number, width, height = (_whole(place, field) for field in (fields[0], *fields[2:4]))
         parameters = tuple(_number(place, field) for field in fields[4:])
         if len(parameters) != PARAMETERS[fields[1]]:
-            found = f"{len(parameters)} parameters of the model {fields[1]}"
+            found = f"{counted(len(parameters), 'parameter')} of the model {fields[1]}"
             raise DataError(place, found, f"{PARAMETERS[fields[1]]}")
         cameras[number] = ColmapCamera(place, fields[1], width, height, parameters)
     return cameras
@@ -55,7 +56,7 @@ def read_images(path: Path) -> list[ColmapImage]:
             continue
         fields = line.split(maxsplit=9)
         if len(fields) != 10:
-            raise DataError(place, f"{len(fields)} fields", f"10 ({_IMAGE})")
+            raise DataError(place, counted(len(fields), "field"), f"10 ({_IMAGE})")
         pose = tuple(_number(place, field) for field in fields[1:8])
         images.append(ColmapImage(place, fields[9], _whole(place, fields[8]), pose))
         _require_points(*next(lines, (place, "")))

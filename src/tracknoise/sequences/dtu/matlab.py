@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.io import savemat
 
 from tracknoise.exceptions import DataError
+from tracknoise.printable import counted
 from tracknoise.sequences.dtu.mat_file import (
     MatFileError,
     UnsupportedMatFileError,
@@ -71,14 +72,14 @@ def numbers(
         If it is missing, or something else.
     """
     value = variables.get(name)
-    expected = "numbers" if count is None else f"{count} finite number{'s' if count > 1 else ''}"
+    expected = "numbers" if count is None else counted(count, "finite number")
     if value is None:
         raise DataError(path, f"no {name}", f"{name}: {expected}")
     array = np.asarray(value)
     if array.dtype.kind not in "fiu":
         raise DataError(path, f"{name} that is not an array of real numbers", f"{name}: {expected}")
     if count is not None and array.size != count:
-        raise DataError(path, f"{name} of {array.size} number{'s' if array.size != 1 else ''}", expected)
+        raise DataError(path, f"{name} of {counted(array.size, 'number')}", expected)
     if count is not None and not np.isfinite(array).all():
         raise DataError(path, f"NaN or infinity in {name}", expected)
     return array.astype(np.float64)

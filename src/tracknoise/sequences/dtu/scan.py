@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.printable import counted_of
 from tracknoise.sequences.dtu.layout import KEY_POSITION, POSITIONS
 from tracknoise.sequences.dtu.matlab import numbers, read_mat
 from tracknoise.sequences.sequence import Scan
@@ -35,7 +36,9 @@ def read_scan(path: Path) -> tuple[Scan, tuple[str, ...]]:
     if not finite.any():
         raise DataError(path, "a scan without points", f"columns of x, y, z in {' and '.join(_PARTS)}")
     broken = len(points) - int(np.count_nonzero(finite))
-    notes = (f"{path.name}: {broken} of {len(points)} scan points are not finite and are ignored",) if broken else ()
+    said = ("is not finite and is ignored", "are not finite and are ignored")
+    ignored = counted_of(broken, len(points), "scan point", *said)
+    notes = (f"{path.name}: {ignored}",) if broken else ()
     return Scan(points[finite], POSITIONS.index(KEY_POSITION)), notes
 
 

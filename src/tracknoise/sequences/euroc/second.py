@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError, TracknoiseError
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.pose import invert
+from tracknoise.printable import counted, counted_of
 from tracknoise.sequences.euroc.layout import Files
 from tracknoise.sequences.euroc.sensors import names_cameras, read_camera
 from tracknoise.sequences.euroc.tables import file_names, read_table
@@ -61,7 +62,8 @@ def find_second(
     assert calibration.body_from_camera is not None, "checked when it was read"
     first_from_second = invert(body_from_first) @ calibration.body_from_camera
     missing = paths.count(None)
-    notes = (f"{missing} of {len(paths)} frames have no image of {name}, and no stereo depth",) if missing else ()
+    have = counted_of(missing, len(paths), "frame", "has", "have")
+    notes = (f"{have} no image of {name}, and no stereo depth",) if missing else ()
     return SecondCamera(calibration.camera, first_from_second, _SomeImages(paths, calibration.camera, levels)), notes
 
 
@@ -83,5 +85,6 @@ def _paths_at(files: Files, camera: str, times_ns: NDArray[np.int64]) -> tuple[P
     table = read_table(files.list_of_images(camera), "a time and the name of an image")
     names = dict(zip(table.times_ns.tolist(), file_names(table), strict=True))
     if names.keys().isdisjoint(times_ns.tolist()):
-        raise DataError(table.path, f"no image at any of {len(times_ns)} times", "images at the times of frames")
+        times = counted(len(times_ns), "time")
+        raise DataError(table.path, f"no image at any of {times}", "images at the times of frames")
     return tuple(files.image(camera, names[time]) if time in names else None for time in times_ns.tolist())

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.files import read_text
+from tracknoise.printable import counted
 
 _NUMBER = re.compile(r"[0-9]{1,19}(?:\.[0-9]{0,30})?(?:[eE]\+?[0-9]{1,2})?")
 _LARGEST_NS = 2**63 - 1
@@ -106,7 +107,7 @@ def pose_rows(table: Table) -> NDArray[np.float64]:
     if len({*columns}) < len(columns):
         raise DataError(table.path, "names of a part of the columns of the pose", f"{', '.join(_POSE)}, or no names")
     if len(table.rows[0]) <= max(_USUAL) and len(table.rows[0]) <= max(columns):
-        raise DataError(table.places[0], f"{len(table.rows[0])} fields", "a time, a position and a quaternion")
+        raise DataError(table.places[0], counted(len(table.rows[0]), "field"), "a time, a position and a quaternion")
     pairs = zip(table.places, table.rows, strict=True)
     return np.array([[_number(place, row, column) for column in columns] for place, row in pairs])
 
@@ -140,5 +141,5 @@ def _number(place: str, row: list[str], column: int) -> float:
     try:
         return float(row[column])
     except (ValueError, IndexError) as error:
-        found = repr(row[column]) if column < len(row) else f"{len(row)} fields"
+        found = repr(row[column]) if column < len(row) else counted(len(row), "field")
         raise DataError(place, found, "a number in each column of the pose") from error

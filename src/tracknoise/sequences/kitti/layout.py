@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tracknoise.exceptions import DataError
+from tracknoise.printable import counted
 from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken
 from tracknoise.sequences.sequence import require_directory
 
@@ -129,7 +130,7 @@ def find_drives(root: Path, depth_root: Path | None) -> dict[str, Drive]:
         drives[name] = Drive(folder, None if depth_root is None else _split_of(depth_root, name))
     if depth_root is not None and not any(drive.depth_folder.exists() for drive in drives.values()):
         example = Drive(Path(), Path(_SPLITS[0], min(drives))).depth_folder
-        found = f"maps of none of the {len(drives)} drives in {root}"
+        found = f"no maps of the {counted(len(drives), 'drive')} in {root}"
         raise DataError(require_directory(depth_root), found, f"folders such as {example.as_posix()}")
     return dict(sorted(drives.items()))
 

@@ -11,6 +11,7 @@ from tracknoise.checks import require_at_least, require_at_most
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.pose import invert
+from tracknoise.printable import counted
 from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_notes
 from tracknoise.sequences.images import first_readable, image_size
 from tracknoise.sequences.kitti.depth import KittiDepth
@@ -81,7 +82,7 @@ class KittiOdometry:
         courses = find_courses(self.root)
         posed = [name for name, course in courses.items() if course.poses.exists()]
         if not posed:
-            found = f"{len(courses)} sequence{'s' if len(courses) > 1 else ''} without poses"
+            found = f"{counted(len(courses), 'sequence')} without poses"
             raise DataError(self.root, found, f"files such as {courses[min(courses)].poses}")
         return [SequenceId(self.name, scene) for scene in posed]
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.printable import counted
 from tracknoise.sequences.kitti.values import (
     POSE_COLUMNS,
     camera_from_reference,
@@ -88,7 +89,7 @@ def read_times(path: Path, numbers: range) -> tuple[NDArray[np.float64] | None, 
         return None, (f"{path}: no such file, so times are unknown",)
     rows, _ = read_rows(path, "time")
     if len(rows) < numbers.stop:
-        raise DataError(path, f"{len(rows)} times", f"at least {numbers.stop}, one for each image")
+        raise DataError(path, counted(len(rows), "time"), f"at least {numbers.stop}, one for each image")
     times_s = rows[numbers.start : numbers.stop, 0]
     if not (np.isfinite(times_s).all() and np.all(np.diff(times_s) > 0.0)):
         return None, (f"{path}: the times do not increase, so they are not used",)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tracknoise.exceptions import DataError
+from tracknoise.printable import counted
 from tracknoise.sequences.poses import read_rows, require_near
 
 EARTH_RADIUS_M = 6378137.0
@@ -114,7 +115,7 @@ def _read(path: Path) -> NDArray[np.float64]:
     """(30,) float64: one record."""
     rows, _ = read_rows(path, COLUMNS)
     if len(rows) != 1:
-        raise DataError(path, f"{len(rows)} rows", "one")
+        raise DataError(path, counted(len(rows), "row"), "one")
     record: NDArray[np.float64] = rows[0]
     return record
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tracknoise.checks import require_at_least
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
+from tracknoise.printable import counted
 from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_notes
 from tracknoise.sequences.images import first_readable, image_size
 from tracknoise.sequences.kitti.accuracy import read_oxts_accuracy
@@ -80,7 +81,7 @@ class Kitti:
         drives = self._drives()
         moving = [name for name, drive in drives.items() if self._reason_to_exclude(drive) is None]
         if not moving:
-            found = f"{len(drives)} drive{'s' if len(drives) > 1 else ''}, none without a still stretch"
+            found = f"{counted(len(drives), 'drive')}, none without a still stretch"
             raise DataError(self.root, found, _OVERRIDE)
         return [SequenceId(self.name, scene) for scene in moving]
 

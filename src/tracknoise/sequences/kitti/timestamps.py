@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.files import read_text
 from tracknoise.foreign.parsing import damage_reported
+from tracknoise.printable import counted
 
 _TIME = re.compile(r"(?:19|20|21)[0-9]{2}-[0-9]{2}-[0-9]{2}(?:[ T][0-9:.]+)?")  # a century that 64 bits of ns can hold
 _FORMAT = "a time such as 2011-09-26 13:02:25.964389445"
@@ -69,7 +70,7 @@ def _read(path: Path, numbers: range) -> NDArray[np.datetime64]:
     """(n,) datetime64: the times of frames."""
     lines = read_text(path, f"in each line {_FORMAT}").splitlines()
     if len(lines) < numbers.stop:
-        raise DataError(path, f"{len(lines)} lines", f"at least {numbers.stop}, one for each image")
+        raise DataError(path, counted(len(lines), "line"), f"at least {numbers.stop}, one for each image")
     return np.array([_time(f"{path}:{number + 1}", lines[number]) for number in numbers])
 
 

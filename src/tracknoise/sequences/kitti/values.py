@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.files import read_text
+from tracknoise.printable import counted
 from tracknoise.sequences.poses import checked_poses, require_near
 
 POSE_COLUMNS = "r11 r12 r13 tx r21 r22 r23 ty r31 r32 r33 tz"
@@ -37,7 +38,7 @@ def read_values(path: Path, counts: dict[str, int]) -> Values:
             values[key.strip()] = _numbers(f"{path}:{number}", key.strip(), rest.split(), counts[key.strip()])
     for key, count in counts.items():
         if key not in values:
-            raise DataError(path, f"no {key}", f"a line of {key} and {count} numbers")
+            raise DataError(path, f"no {key}", f"a line of {key} and {counted(count, 'number')}")
     return values
 
 
@@ -109,11 +110,11 @@ def poses_of_rows(rows: NDArray[np.float64], places: Sequence[str]) -> tuple[NDA
 
 def _numbers(place: str, key: str, fields: list[str], count: int) -> NDArray[np.float64]:
     if len(fields) != count:
-        raise DataError(place, f"{key} of {len(fields)} numbers", f"{count}")
+        raise DataError(place, f"{key} of {counted(len(fields), 'number')}", f"{count}")
     try:
         numbers = np.array([float(field) for field in fields])
     except ValueError as error:
-        raise DataError(place, f"{key} with fields that are not numbers", f"{count} numbers") from error
+        raise DataError(place, f"{key} with fields that are not numbers", counted(count, "number")) from error
     if not np.isfinite(numbers).all():
         raise DataError(place, f"NaN or infinity in {key}", "finite numbers")
     return numbers

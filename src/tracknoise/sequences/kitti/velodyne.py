@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.files import MIB, read_bytes
+from tracknoise.printable import counted
 
 SCAN_SUFFIX = ".bin"
 _POINT_BYTES = 16
@@ -28,7 +29,9 @@ def read_scan(path: Path) -> NDArray[np.float64]:
     """
     data = read_bytes(path, "a Velodyne scan", most=_MOST_BYTES)
     if not data or len(data) % _POINT_BYTES:
-        raise DataError(path, f"{len(data)} bytes", f"a multiple of {_POINT_BYTES} (float32 x y z reflectance), not 0")
+        raise DataError(
+            path, counted(len(data), "byte"), f"a multiple of {_POINT_BYTES} (float32 x y z reflectance), not 0"
+        )
     points = np.frombuffer(data, "<f4").reshape(-1, 4)[:, :3]
     if not np.isfinite(points).all():
         raise DataError(path, "NaN or infinity among the points", "finite x y z")

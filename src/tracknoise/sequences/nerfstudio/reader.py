@@ -111,7 +111,7 @@ class Nerfstudio:
         Raises
         ------
         DataError
-            If the file is damaged, no image can be read, a camera model is not supported, or the images have
+            If the file is damaged, no image exists or can be read, a camera model is not supported, or the images have
             several sizes.
         UnknownNameError
             If there is no such scene or lighting.
@@ -119,7 +119,7 @@ class Nerfstudio:
         folder = scene_folder(self._scenes(), sequence)
         path = next(folder / name for name in self._files() if is_regular_file(folder / name))
         common = Entries(path, read_json_object(path, _EXPECTED))
-        frames = _frames(common)
+        frames, missing = _existing(_frames(common))
         cameras = _cameras(common, frames)
         poses, pose_notes = _poses(frames)
         listed = self.depth_files is DepthFiles.listed
@@ -133,12 +133,14 @@ class Nerfstudio:
             images=ImageFiles(tuple(frame.image for frame in frames), cameras[0], as_stored=True),
             depths=depth_files(depths, cameras[0], read_depth),
             notes=(
+                *missing,
                 *CameraFile(cameras[0]).notes,
                 *pose_notes,
                 *(depth_notes(depths) if any(depths) else ()),
                 *_enlarged_notes(depths, cameras[0]),
                 *self._notes(common, depths),
             ),
+            caveats=missing,
             cameras=cameras if len(set(cameras)) > 1 else None,
             group=parent_of(sequence.scene),
         )
@@ -186,6 +188,17 @@ def _frames(common: Entries) -> list[_Frame]:
             raise DataError(frame.entries.place, f"file_path {frame.name} again", "one frame for each image")
         frames[frame.name] = frame
     return [frames[name] for name in natural_order(frames)]
+
+
+def _existing(listed: list[_Frame]) -> tuple[list[_Frame], tuple[str, ...]]:
+    """Frames whose image exists, and a sentence about the others. All frames if no image exists."""
+    frames = [frame for frame in listed if is_regular_file(frame.image)]
+    if len(frames) in (0, len(listed)):
+        return listed, ()
+    n, first = len(listed) - len(frames), next(frame.name for frame in listed if not is_regular_file(frame.image))
+    do = "does" if n == 1 else "do"
+    left_out = f"{n} of {len(listed)} listed images {do} not exist ({first} first); these frames are left out"
+    return frames, (f"{left_out}, and the frames around them are taken as consecutive",)
 
 
 def _frame(path: Path, index: int, values: Any) -> _Frame:

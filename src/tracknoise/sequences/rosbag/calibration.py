@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from tracknoise.exceptions import DataError
+from tracknoise.printable import counted
 from tracknoise.sequences.camera_files import CameraFile
 from tracknoise.sequences.camera_files.camera_file import checked_camera
 
@@ -132,7 +133,7 @@ def _coefficients(place: str, info: CameraInfo) -> tuple[float, ...]:
     counts = (_EQUIDISTANT_COUNT,) if model in _EQUIDISTANT else _RADTAN_COUNTS
     used = info.d[: max(counts)] if not any(info.d[max(counts) :]) else info.d
     if len(used) not in counts:
-        found = f"{len(info.d)} coefficients of the model {info.model!r}"
+        found = f"{counted(len(info.d), 'coefficient')} of the model {info.model!r}"
         raise DataError(place, found, f"{' or '.join(map(str, counts))} coefficients")
     return used
 

@@ -13,6 +13,8 @@ from typing import BinaryIO, NamedTuple
 
 from rosbags.rosbag2.storage_mcap import decompress
 
+from tracknoise.printable import counted
+
 _MAGIC = b"\x89MCAP0\r\n"
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 3, 4, 5, 6
 _DATA_END, _FOOTER = 15, 2
@@ -185,7 +187,7 @@ def _records(file: BinaryIO) -> Iterator[tuple[int, int, bytes]]:
         if kind in (_DATA_END, _FOOTER):
             return
         if size > length - file.tell():
-            raise ValueError(f"a record of {size} bytes at {at}, where {length - file.tell()} are left")
+            raise ValueError(f"a record of {counted(size, 'byte')} at {at}, where {length - file.tell()} are left")
         yield at, kind, file.read(size)
 
 

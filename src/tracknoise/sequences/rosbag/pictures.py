@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.image_header import MOST_PIXELS
 from tracknoise.geometry.depth import DepthMap
+from tracknoise.printable import counted
 from tracknoise.sequences.images import NO_DEPTH, Levels, decode_image, scaled
 
 _TO_GRAY = {
@@ -112,8 +113,10 @@ def _raw(place: str, message: Any, bytes_per_pixel: int) -> NDArray[np.uint8]:
     if not 0 < height * width <= MOST_PIXELS:
         raise DataError(place, f"an image of {width}x{height}", f"1 to {MOST_PIXELS} pixels")
     if step < width * bytes_per_pixel or len(message.data) < height * step:
-        found = f"{len(message.data)} bytes in rows of {step} for an image of {width}x{height}"
-        raise DataError(place, found, f"{height} rows of at least {width * bytes_per_pixel} bytes")
+        found = f"{counted(len(message.data), 'byte')} in rows of {step} for an image of {width}x{height}"
+        raise DataError(
+            place, found, f"{counted(height, 'row')} of at least {counted(width * bytes_per_pixel, 'byte')}"
+        )
     rows = np.asarray(message.data, np.uint8)[: height * step].reshape(height, step)
     pixels = np.ascontiguousarray(rows[:, : width * bytes_per_pixel])
     return pixels if bytes_per_pixel == 1 else pixels.reshape(height, width, bytes_per_pixel)

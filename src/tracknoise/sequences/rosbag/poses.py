@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.interpolation import PosePath
+from tracknoise.printable import counted
 from tracknoise.sequences.option_text import with_option
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.rosbag.frames import Clock, times_ns
@@ -168,7 +169,7 @@ def _far_end(step: Step) -> str:
 def _left_out(steps: list[Step]) -> Iterator[str]:
     for link in (step.link for step in steps):
         if link.left_out:
-            count = f"{link.left_out} message{'s' if link.left_out > 1 else ''}"
+            count = counted(link.left_out, "message")
             yield f"{count} of {link.topic} without a pose (NaN, or a quaternion of zeros)"
 
 

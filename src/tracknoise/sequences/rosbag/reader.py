@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tracknoise.checks import require, require_at_least, require_positive
 from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.printable import counted, counted_of
 from tracknoise.sequences.camera_files import CameraFile, read_camera_file
 from tracknoise.sequences.images import Levels, require_levels
 from tracknoise.sequences.poses import checked_poses, pose_notes
@@ -207,7 +208,8 @@ class Rosbag:
         times_s, depth_s = ((times - times_ns[0]) / 1e9 for times in (times_ns, depth_ns))
         positions = matching(times_s, depth_s, messages, max_gap_s=self.max_gap_s)
         topic, missing = scan.depths.topic, positions.count(None)
-        notes = [f"{missing} of {len(positions)} frames have no depth"] if missing else []
+        have = counted_of(missing, len(positions), "frame", "has", "have")
+        notes = [f"{have} no depth"] if missing else []
         if scan.depths.frame != scan.images.frame:
             frames = f"{scan.depths.frame or '(no name)'} and {scan.images.frame or '(no name)'}"
             notes.append(f"depths and images are in the frames {frames}; they are taken as those of one camera")
@@ -233,4 +235,5 @@ def _shifted(shift_s: float) -> tuple[str, ...]:
 
 def _repeated(scan: Scan, positions: tuple[Position, ...]) -> tuple[str, ...]:
     count = len(scan.images.positions) - len(positions)
-    return (f"{count} images have the time of another one and are left out",) if count else ()
+    have, are = ("has", "is") if count == 1 else ("have", "are")
+    return (f"{counted(count, 'image')} {have} the time of another one and {are} left out",) if count else ()

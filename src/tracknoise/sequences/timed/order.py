@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.printable import counted_of
 
 _LATEST_S = 1e11
 """No clock of seconds shows more: it is more than 3000 years. Stamps in milliseconds or finer do."""
@@ -53,5 +54,7 @@ def order_notes(path: Path, times: NDArray[np.float64] | NDArray[np.int64]) -> t
     if np.any(np.diff(times) < 0):
         notes.append(f"{path}: the rows are not in order of time, so they were sorted")
     if repeated:
-        notes.append(f"{path}: {repeated} of {len(times)} rows repeat the time of an earlier row and are ignored")
+        repeat = counted_of(repeated, len(times), "row", "repeats", "repeat")
+        are = "is" if repeated == 1 else "are"
+        notes.append(f"{path}: {repeat} the time of an earlier row and {are} ignored")
     return tuple(notes)

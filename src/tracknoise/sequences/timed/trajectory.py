@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.interpolation import PosePath, interpolate_poses
+from tracknoise.printable import counted_of
 from tracknoise.sequences.poses import quaternion_poses
 from tracknoise.sequences.timed.order import in_order, order_notes
 
@@ -62,7 +63,8 @@ def trajectory(
     if not len(known):
         raise DataError(path, "no poses", "rows of a time and a pose")
     lost = len(pose_rows) - len(known)
-    lost_notes = (f"{path}: {lost} of {len(pose_rows)} rows hold no pose (NaN or a quaternion of 0)",) * (lost > 0)
+    hold = counted_of(lost, len(pose_rows), "row", "holds", "hold")
+    lost_notes = (f"{path}: {hold} no pose (NaN or a quaternion of 0)",) * (lost > 0)
     times_s, pose_rows, places = times_s[known], pose_rows[known], [places[index] for index in known]
     poses = quaternion_poses(pose_rows[:, :3], pose_rows[:, 3:], places)
     order = in_order(times_s)
@@ -99,7 +101,8 @@ def poses_at(
     missing = int(np.isnan(poses[:, 0, 0]).sum())
     if missing == len(at_s):
         raise DataError(recorded.path, _no_overlap(recorded.times_s, at_s, max_gap_s), "poses at the times of images")
-    gap = f"{missing} of {len(at_s)} frames have no pose: none was recorded around them within {max_gap_s:g} s"
+    have, them = counted_of(missing, len(at_s), "frame", "has", "have"), "it" if missing == 1 else "them"
+    gap = f"{have} no pose: none was recorded around {them} within {max_gap_s:g} s"
     return poses, (*recorded.notes, *((gap,) if missing else ()))
 
 

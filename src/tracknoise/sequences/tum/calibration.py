@@ -13,6 +13,7 @@ from tracknoise.foreign.files import read_text
 from tracknoise.geometry.camera import DISTORTION_COUNTS, Camera
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.geometry.shutter import RollingShutter
+from tracknoise.printable import counted
 from tracknoise.sequences.camera_files import read_camera_file
 from tracknoise.sequences.images import first_readable, image_size
 from tracknoise.sequences.option_text import with_option
@@ -145,7 +146,7 @@ def _from_file(file: Path, known: Recording | None, poses_of: PosesOf) -> Calibr
 def _from_plain_numbers(path: Path, images: tuple[Path, ...], known: Recording | None) -> Calibration:
     rows, _ = read_rows(path, _plain_columns(path))
     if len(rows) != 1:
-        raise DataError(path, f"{len(rows)} rows", "one of fx fy cx cy")
+        raise DataError(path, counted(len(rows), "row"), "one of fx fy cx cy")
     fx, fy, cx, cy, *distortion = rows[0].tolist()
     if not (np.isfinite(rows).all() and fx > 0.0 and fy != 0.0):
         raise DataError(path, f"fx {fx:g}, fy {fy:g}, cx {cx:g}, cy {cy:g}", "focal lengths and a principal point, px")

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.files import read_text
+from tracknoise.printable import counted
 from tracknoise.sequences.timed.order import in_order, order_notes, require_seconds
 
 COLOUR, DEPTH = "rgb.txt", "depth.txt"
@@ -83,7 +84,7 @@ def _rows(path: Path, columns: str) -> Rows:
         if not fields or fields[0].startswith("#"):
             continue
         if len(fields) != expected:
-            found = f"{len(fields)} field{'s' if len(fields) != 1 else ''}"
+            found = counted(len(fields), "field")
             raise DataError(f"{path}:{number}", found, f"{expected} ({columns})")
         rows.append((f"{path}:{number}", fields))
     return rows

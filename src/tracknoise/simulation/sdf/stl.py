@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.files import read_bytes
 from tracknoise.foreign.parsing import damage_reported
+from tracknoise.printable import counted
 from tracknoise.simulation.sdf.library import Library
 from tracknoise.simulation.sdf.part import Part
 from tracknoise.simulation.sdf.remarks import Remarks
@@ -53,7 +54,7 @@ def _text_corners(path: Path, text: str) -> NDArray[np.float64]:
     with damage_reported(path, "a vertex that is not three numbers", "an STL file"):
         vertices = [[float(x), float(y), float(z)] for key, x, y, z in filter(_is_vertex, lines)]
     if len(vertices) % 3:
-        raise DataError(path, f"{len(vertices)} vertices", "three for each triangle")
+        raise DataError(path, counted(len(vertices), "vertex", "vertices"), "three for each triangle")
     return np.array(vertices, np.float64).reshape(-1, 3, 3)
 
 

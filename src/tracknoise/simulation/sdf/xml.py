@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.xml_file import Element
+from tracknoise.printable import counted
 
 _LARGEST, _SHORTEST = 1e9, 1e-9
 """Largest number in a file, and smallest length of a quaternion that has a direction."""
@@ -34,7 +35,7 @@ def numbers(element: Element, count: int, place: str | Path) -> NDArray[np.float
     except ValueError:
         values = np.empty(0)
     if len(values) != count or not np.isfinite(values).all():
-        raise DataError(place, f"<{element.tag}> {text!r}", f"{count} finite numbers")
+        raise DataError(place, f"<{element.tag}> {text!r}", counted(count, "finite number"))
     if np.any(np.abs(values) > _LARGEST):
         raise DataError(place, f"<{element.tag}> {text!r}", f"numbers up to {_LARGEST:g}")
     return values

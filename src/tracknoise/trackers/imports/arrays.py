@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from tracknoise.exceptions import SettingsError, first_line
 from tracknoise.trackers.imports.assign import Assignment
-from tracknoise.trackers.imports.pixels import PixelOrigin, Raster
+from tracknoise.trackers.imports.normalised import Normalised
+from tracknoise.trackers.imports.pixels import PixelOrigin, Raster, Units
 from tracknoise.trackers.imports.replay import ImportedTracker, subsampled
 from tracknoise.trackers.imports.rows import Rows
 from tracknoise.trackers.quality import is_quality_name
@@ -27,6 +28,8 @@ class ImportedArrays:
     ----------
     rows
         Observations with frames.
+    units
+        What their positions are.
     """
 
     kind: ClassVar[str] = "imported"
@@ -34,6 +37,7 @@ class ImportedArrays:
     reports_causes: ClassVar[bool] = False
 
     rows: Rows
+    units: Units = Units.pixels
 
     @classmethod
     def of(
@@ -45,6 +49,7 @@ class ImportedArrays:
         *,
         response: ArrayLike | None = None,
         quality: Mapping[str, ArrayLike] | None = None,
+        units: str = Units.pixels,
     ) -> "ImportedArrays":
         """Make settings of arrays with one element per observation, in any order.
 
@@ -53,17 +58,22 @@ class ImportedArrays:
         track, frame
             (n,) whole numbers: the track, and the index of the frame in the sequence, from 0.
         u_px, v_px
-            (n,) finite numbers: the position; an integer is the centre of a pixel.
+            (n,) finite numbers: the position; an integer is the centre of a pixel. With normalised units, x/z and y/z
+            in the frame of the camera, without distortion.
         response
             (n,): response of the detector; NaN where unknown.
         quality
             (n,) each, by name: what the front end states about each observation; NaN where unknown.
+        units
+            ``pixels`` or ``normalised``.
 
         Raises
         ------
         SettingsError
-            If an array has another length or type, or an element is not finite.
+            If an array has another length or type, an element is not finite, or the units are unknown.
         """
+        if units not in tuple(Units):
+            raise SettingsError(f"imported arrays: units {units!r}, expected one of {', '.join(Units)}")
         tracks = _whole("track", track)
         uv = np.column_stack([_finite("u_px", u_px, len(tracks)), _finite("v_px", v_px, len(tracks))])
         if not len(tracks):
@@ -82,7 +92,7 @@ class ImportedArrays:
                 for name, values in (quality or {}).items()
             },
         )
-        return cls(rows)
+        return cls(rows, Units(units))
 
     def start(self, context: SequenceContext) -> ImportedTracker:
         """Report the tracks in one sequence at one speed.
@@ -90,9 +100,10 @@ class ImportedArrays:
         Raises
         ------
         DataError
-            If a frame is not in the sequence, or a track has two observations in one frame.
+            If a frame is not in the sequence, a track has two observations in one frame, or positions have other units.
         """
-        tracks, notes = Assignment(Raster(PixelOrigin.centre)).tracks(self.rows, context)
+        raster = Normalised() if self.units is Units.normalised else Raster(PixelOrigin.centre)
+        tracks, notes = Assignment(raster).tracks(self.rows, context)
         return ImportedTracker(tracks, notes + subsampled(context, every_speed=False))
 
 

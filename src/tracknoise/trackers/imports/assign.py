@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
-from tracknoise.trackers.imports.pixels import NOTED_OUTSIDE, Raster, check_coordinates, share_outside
+from tracknoise.trackers.imports.normalised import Normalised
+from tracknoise.trackers.imports.pixels import NOTED_OUTSIDE, Raster, share_outside
 from tracknoise.trackers.imports.rows import Rows, Tracks
 from tracknoise.trackers.imports.times import in_seconds, interpolated, nearest_frames
 from tracknoise.trackers.tracker import SequenceContext
@@ -39,7 +40,7 @@ class Assignment:
         Whether positions are interpolated at the times of frames. Otherwise each row belongs to the nearest frame.
     """
 
-    raster: Raster
+    raster: Raster | Normalised
     first_frame: int = 0
     time_offset_s: float = 0.0
     max_gap_s: float | None = None
@@ -54,12 +55,11 @@ class Assignment:
             If coordinates are normalised or swapped, a frame is not in the sequence, the frames are only every k-th of
             those that the tracker sees, no time is that of a frame, or a track has two rows in a frame.
         """
-        check_coordinates(rows, self.raster, context.size)
+        self.raster.check(rows, context)
         framed, left_out = self._framed(rows, context)
-        frame = _frames(framed)
+        framed, unseen = self._in_pixels(framed, context)
+        frame, uv, quality = _frames(framed), framed.uv, framed.quality
         _require_steps(framed, frame, context.speed)
-        uv = self.raster.to_pixels(framed.uv, context.size)
-        quality = self.raster.covariances_to_pixels(framed.quality, context.size)
         order = np.lexsort([framed.track, frame])
         _require_one_each(framed, frame, order)
         unknown = np.full(len(order), np.nan, dtype=np.float32)
@@ -70,7 +70,18 @@ class Assignment:
             unknown if framed.response is None else framed.response[order],
             {name: values[order] for name, values in quality.items()},
         )
-        return tracks, tuple(_notes(rows, tracks, left_out, context, counted=rows.frame is not None))
+        notes = _notes(rows, tracks, left_out, context, counted=rows.frame is not None)
+        return tracks, (*_unseen_notes(unseen), *notes)
+
+    def _in_pixels(self, rows: Rows, context: SequenceContext) -> tuple[Rows, NDArray[np.bool_]]:
+        """Rows in pixels, covariances too; and which rows the camera has no image of: they are left out."""
+        frame = _frames(rows)
+        uv = self.raster.to_pixels(rows.uv, frame, context)
+        quality = self.raster.covariances_to_pixels(rows.quality, rows.uv, frame, context)
+        in_px = replace(rows, uv=uv, quality=quality)
+        unseen = np.isnan(uv[:, 0]) | np.isnan(uv[:, 1])
+        kept = np.flatnonzero(~unseen)
+        return in_px.chosen(kept, frame[kept], uv[kept]) if unseen.any() else in_px, unseen
 
     def _framed(self, rows: Rows, context: SequenceContext) -> tuple[Rows, int]:
         """Rows with frames, and how many rows belong to none."""
@@ -136,6 +147,11 @@ def _require_one_each(rows: Rows, frame: NDArray[np.int64], order: NDArray[np.in
     twice = np.zeros(len(order), dtype=np.bool_)
     twice[order[1:][again]] = True
     rows.refuse(twice, "track", rows.track, "one row for each track and frame")
+
+
+def _unseen_notes(unseen: NDArray[np.bool_]) -> Iterator[str]:
+    if unseen.any():
+        yield f"{unseen.mean():.1%} of imported positions have no image in the camera, and were left out"
 
 
 def _notes(rows: Rows, tracks: Tracks, left_out: int, context: SequenceContext, *, counted: bool) -> Iterator[str]:

@@ -15,6 +15,7 @@ from tracknoise.foreign.child import call_in_child
 from tracknoise.foreign.files import MIB, require_regular
 from tracknoise.foreign.natural_order import natural_order
 from tracknoise.foreign.parsing import damage_reported
+from tracknoise.printable import counted
 from tracknoise.trackers.imports.rows import Rows
 
 _MOST_BYTES = 4096 * MIB
@@ -43,7 +44,8 @@ def read_colmap(path: Path, *, n_frames: int | None) -> Rows:
     with damage_reported(path, "not readable", _EXPECTED, with_reason=True):
         keypoints, matches = call_in_child(_read, path, size=size)
     if n_frames not in (None, len(keypoints)):
-        raise DataError(path, f"{len(keypoints)} images", f"one for each of the {n_frames} frames")
+        frames = counted(n_frames or 0, "frame")
+        raise DataError(path, counted(len(keypoints), "image"), f"one for each of the {frames}")
     counts = [len(points) for points in keypoints]
     if not sum(counts):
         raise DataError(path, "no keypoint", "at least one")
@@ -105,7 +107,7 @@ def _matrix(
 ) -> NDArray[np.generic]:
     rows, columns, data = stored
     if data is None or rows < 0 or columns < 1 or len(data) != rows * columns * dtype.itemsize:
-        found = f"{what} of {rows} x {columns} numbers in {len(data or b'')} bytes"
+        found = f"{what} of {rows} x {columns} numbers in {counted(len(data or b''), 'byte')}"
         raise DataError(path, found, f"{dtype.itemsize} bytes for each number")
     return np.frombuffer(data, dtype).reshape(rows, columns)
 

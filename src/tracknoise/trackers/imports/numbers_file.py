@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, one_line
 from tracknoise.foreign.files import MIB, require_regular
+from tracknoise.printable import counted
 
 _MOST_BYTES = 4096 * MIB
 _LONGEST_LINE = 1 << 16
@@ -84,7 +85,7 @@ def _lines(path: Path, file: TextIO) -> Iterator[tuple[int, str]]:
 
 def _numbers(place: str, cells: list[str], names: tuple[str, ...]) -> list[float]:
     if len(cells) < len(names):
-        raise DataError(place, f"{len(cells)} columns", f"at least {len(names)}: {', '.join(names)}")
+        raise DataError(place, counted(len(cells), "column"), f"at least {len(names)}: {', '.join(names)}")
     return [_number(place, cell, name) for cell, name in zip(cells, names, strict=False)]
 
 

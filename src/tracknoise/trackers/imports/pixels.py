@@ -8,7 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.printable import significant
 from tracknoise.trackers.imports.rows import Rows
+from tracknoise.trackers.quality import covariances
+from tracknoise.trackers.tracker import SequenceContext
 
 _LARGEST_NORMALISED = 2.0
 _LEAST_ROWS = 10
@@ -16,6 +19,13 @@ _LEAST_ROWS = 10
 _INSIDE_IF_SWAPPED, _INSIDE_AS_STATED = 0.99, 0.9
 NOTED_OUTSIDE = 0.01
 """Share of positions outside the image from which on it is noted."""
+
+
+class Units(StrEnum):
+    """What positions of a file are: ``pixels``, or ``normalised``, x/z and y/z of their rays without distortion."""
+
+    pixels = "pixels"
+    normalised = "normalised"
 
 
 class PixelOrigin(StrEnum):
@@ -40,7 +50,17 @@ class Raster:
     origin: PixelOrigin
     size: tuple[float, float] | None = None
 
-    def to_pixels(self, uv: NDArray[np.float64], image: tuple[int, int]) -> NDArray[np.float64]:
+    def check(self, rows: Rows, context: SequenceContext) -> None:
+        """See `check_coordinates`."""
+        check_coordinates(rows, self, context.size)
+
+    def to_pixels(
+        self, uv: NDArray[np.float64], frame: NDArray[np.int64], context: SequenceContext
+    ) -> NDArray[np.float64]:
+        """Positions (n, 2), px; an integer is the centre of a pixel."""
+        return self.in_image(uv, context.size)
+
+    def in_image(self, uv: NDArray[np.float64], image: tuple[int, int]) -> NDArray[np.float64]:
         """Positions (n, 2) in an image of (width, height) px; an integer is the centre of a pixel."""
         if self.size is None:
             return uv if self.origin is PixelOrigin.centre else uv - 0.5
@@ -49,20 +69,20 @@ class Raster:
         return pixels
 
     def covariances_to_pixels(
-        self, quality: Mapping[str, NDArray[np.float32]], image: tuple[int, int]
+        self,
+        quality: Mapping[str, NDArray[np.float32]],
+        uv: NDArray[np.float64],
+        frame: NDArray[np.int64],
+        context: SequenceContext,
     ) -> dict[str, NDArray[np.float32]]:
-        """Quality with the covariances among it in px^2: three numbers called ``<name>_uu``, ``_uv`` and ``_vv``.
-
-        All other quality stays as it is.
-        """
+        """Quality with the covariances among it in px^2. All other quality stays as it is."""
         found = dict(quality)
         if self.size is None:
             return found
-        u, v = np.array(image) / self.size
-        factors = {"_uu": np.float32(u * u), "_uv": np.float32(u * v), "_vv": np.float32(v * v)}
-        for name in (key.removesuffix("_uu") for key in quality if key.endswith("_uu")):
-            if all(name + entry in quality for entry in factors):
-                found |= {name + entry: quality[name + entry] * factor for entry, factor in factors.items()}
+        u, v = np.array(context.size) / self.size
+        factors = (np.float32(u * u), np.float32(u * v), np.float32(v * v))
+        for names in covariances(quality):
+            found |= {name: quality[name] * factor for name, factor in zip(names, factors, strict=True)}
         return found
 
 
@@ -85,12 +105,13 @@ def check_coordinates(rows: Rows, raster: Raster, image: tuple[int, int]) -> Non
     """
     if raster.size is None and _are_normalised(rows.uv, image):
         low, high = rows.uv.min(), rows.uv.max()
-        found = f"positions from {low:.3g} to {high:.3g} in images of {image[0]} x {image[1]} px"
+        extent = f"{significant(low, 3)} to {significant(high, 3)}"
+        found = f"positions from {extent} in images of {image[0]} x {image[1]} px"
         expected = "pixels, and these look like normalised coordinates: if they run from 0 to 1 across the image, set"
-        rest = 'raster = [1, 1] and origin = "corner"; if they are x/z and y/z, multiply by the intrinsics'
+        rest = 'raster = [1, 1] and origin = "corner"; if they are x/z and y/z, set units = "normalised"'
         raise DataError(rows.path, found, f"{expected} {rest}")
-    uv = raster.to_pixels(rows.uv, image)
-    stated, swapped = _inside(uv, image).mean(), _inside(uv[:, ::-1], image).mean()
+    uv = raster.in_image(rows.uv, image)
+    stated, swapped = inside(uv, image).mean(), inside(uv[:, ::-1], image).mean()
     if stated < _INSIDE_AS_STATED and swapped > _INSIDE_IF_SWAPPED:
         found = (
             f"{stated:.0%} of positions inside images of {image[0]} x {image[1]} px, {swapped:.0%} with u and v swapped"
@@ -105,7 +126,7 @@ def check_coordinates(rows: Rows, raster: Raster, image: tuple[int, int]) -> Non
 
 def share_outside(uv: NDArray[np.float64], image: tuple[int, int]) -> float:
     """Share of positions (n, 2) outside an image of (width, height) px."""
-    return float(1 - _inside(uv, image).mean())
+    return float(1 - inside(uv, image).mean())
 
 
 def _are_normalised(uv: NDArray[np.float64], image: tuple[int, int]) -> bool:
@@ -114,5 +135,6 @@ def _are_normalised(uv: NDArray[np.float64], image: tuple[int, int]) -> bool:
     return bool(np.abs(uv).max() <= _LARGEST_NORMALISED and (uv != np.rint(uv)).any())
 
 
-def _inside(uv: NDArray[np.float64], image: tuple[int, int]) -> NDArray[np.bool_]:
+def inside(uv: NDArray[np.float64], image: tuple[int, int]) -> NDArray[np.bool_]:
+    """Whether positions (n, 2) lie in an image of (width, height) px; NaN does not."""
     return np.asarray(((uv >= -0.5) & (uv <= np.array(image) - 0.5)).all(axis=1))

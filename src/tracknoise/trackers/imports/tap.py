@@ -11,6 +11,7 @@ from tracknoise.exceptions import DataError
 from tracknoise.foreign.child import call_in_child
 from tracknoise.foreign.files import MIB, require_regular
 from tracknoise.foreign.parsing import damage_reported
+from tracknoise.printable import counted
 from tracknoise.trackers.imports.rows import Rows
 
 _MOST_BYTES = 1024 * MIB
@@ -87,7 +88,7 @@ def _positions(path: Path, arrays: _Arrays, n_frames: int | None) -> NDArray[np.
     if name == _FRAMES_FIRST:
         return np.asarray(tracks.swapaxes(0, 1), dtype=np.float64)
     if n_frames is not None and _are_frames_first(tracks.shape[0], tracks.shape[1], n_frames):
-        found = f"{name} of shape {tracks.shape} for {n_frames} frames"
+        found = f"{name} of shape {tracks.shape} for {counted(n_frames, 'frame')}"
         raise DataError(path, found, "shape (points, frames, 2): transpose the first two axes")
     return np.asarray(tracks, dtype=np.float64)
 

@@ -385,7 +385,7 @@ MARKS_OF_ERRORS = """
   group.tracks = errors.map((error) => ({ ...some, error, within: [0.25, -0.25] }));
   look('lucas-kanade', 'forward', 5);
   group.tracks = kept;
-  const points = (path) => path.getAttribute('d').match(/-?[0-9.]+,-?[0-9.]+/g).map((one) => one.split(',').map(Number));
+  const points = (path) => path.getAttribute('d').match(/[-0-9.]+,[-0-9.]+/g).map((one) => one.split(',').map(Number));
   return [...document.querySelectorAll('.track')].map((one) => {
     const [circle, arrow] = [one.querySelector('circle'), one.querySelector('path.beyond')];
     return {
@@ -397,7 +397,7 @@ MARKS_OF_ERRORS = """
   });
 })(%s)
 """
-"""Marks of true places for made-up errors of a track that was observed (0.25, -0.25) px from the middle of its patch."""
+"""Marks of true places for made-up errors of a track that was observed (0.25, -0.25) px from its nearest pixel."""
 
 
 def test_a_true_place_outside_the_patch_has_an_arrow_that_points_to_it(report: Path, open_page: Open) -> None:

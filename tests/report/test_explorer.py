@@ -109,7 +109,9 @@ def test_tracks_have_the_end_the_truth_and_the_path_of_the_tables(run: RunFolder
             assert track["path"]["du_px"] == pytest.approx(path.to_list(), rel=1e-2)
 
 
-def test_ends_that_a_tracker_does_not_report_are_not_recorded(data: ReportData, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ends_that_a_tracker_does_not_report_are_not_recorded(
+    data: ReportData, monkeypatch: pytest.MonkeyPatch
+) -> None:
     read = type(data.run).sequence_table
 
     def without_causes(self: RunFolder, name: str, key: str) -> pl.DataFrame:

@@ -48,6 +48,7 @@ DEPTH, VIEWS, VISIBILITY = "geometry/depth.py", "sequences/views.py", "truth/vis
 COLUMNS, TRIMMING, CURVES = "measurement/columns.py", "statistics/trimming.py", "statistics/errors/curves.py"
 POPULATIONS = "statistics/populations.py"
 LIFETIMES, OUTLIERS = "statistics/tracks/lifetimes.py", "statistics/tracks/outliers.py"
+SURVIVAL = "statistics/tracks/survival.py"
 JACKKNIFE, GROUPS, FLIPS = "findings/sampling/jackknife.py", "findings/sampling/groups.py", "findings/flips.py"
 DEPENDENCE, ANCHORED, SCAN = "findings/factors/dependence.py", "truth/anchored.py", "truth/scan.py"
 WIDTH = "width = special.stdtrit(freedom, (1 + level) / 2) * np.sqrt(variance)"
@@ -201,7 +202,7 @@ FAULTS = (
     ),
     fault(
         "censored tracks at risk in their last frame",
-        (LIFETIMES, 'pl.col("n_censored")) - pl.col("n_censored")', 'pl.col("n_censored"))'),
+        (SURVIVAL, "at_risk = reached - censored", "at_risk = reached"),
     ),
     fault(
         "mean lifetime of ended tracks only",

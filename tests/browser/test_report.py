@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
 from tests.browser.chromium import Page
@@ -375,6 +376,49 @@ def test_the_marks_of_a_patch_are_where_the_tables_say(run: RunFolder, report: P
     assert page.evaluate("tile") == 124
     u, v = (worst[name] - round(worst[name]) for name in ("u_px", "v_px"))
     assert circle == pytest.approx([124 + 62 + 4 * (u - worst["du_px"]), 62 + 4 * (v - worst["dv_px"])], abs=0.1)
+
+
+MARKS_OF_ERRORS = """
+((errors) => {
+  const group = looked.groups.find((one) => one.tracker === 'lucas-kanade' && one.scene === 'forward' && one.at === 5);
+  const [kept, some] = [group.tracks, group.tracks[0]];
+  group.tracks = errors.map((error) => ({ ...some, error, within: [0.25, -0.25] }));
+  look('lucas-kanade', 'forward', 5);
+  group.tracks = kept;
+  const points = (path) => path.getAttribute('d').match(/[-0-9.]+,[-0-9.]+/g).map((one) => one.split(',').map(Number));
+  return [...document.querySelectorAll('.track')].map((one) => {
+    const [circle, arrow] = [one.querySelector('circle'), one.querySelector('path.beyond')];
+    return {
+      circle: circle && [circle.cx.baseVal.value, circle.cy.baseVal.value],
+      arrow: arrow && points(arrow),
+      clipped: getComputedStyle((circle || arrow).ownerSVGElement).overflow,
+      patch: (({ x, width }) => [x.baseVal.value, width.baseVal.value])((circle || arrow).ownerSVGElement),
+    };
+  });
+})(%s)
+"""
+"""Marks of true places for made-up errors of a track that was observed (0.25, -0.25) px from its nearest pixel."""
+
+
+def test_a_true_place_outside_the_patch_has_an_arrow_that_points_to_it(report: Path, open_page: Open) -> None:
+    page = open_page(report)
+    page.wait(DRAWN)
+    observed = np.array([124 + 62 + 1, 62 - 1])
+    inside = [[3.0, 4.0], [-15.2, 0.0], [15.6, 0.0], [0.0, -15.6], [0.0, 15.0]]
+    outside = [[15.8, 0.0], [-17.1, 2.8], [0.0, 16.0], [0.0, -15.8], [40.0, 40.0], [-60.0, 30.0], [5.0, -900.0]]
+    marks = page.evaluate(MARKS_OF_ERRORS % json.dumps([*inside, *outside]))
+    assert {(one["clipped"], *one["patch"]) for one in marks} == {("hidden", 124, 124)}
+    for error, mark in zip(inside, marks, strict=False):
+        assert mark["arrow"] is None
+        assert mark["circle"] == pytest.approx((observed - 4 * np.array(error)).tolist(), abs=1e-3)
+    for error, mark in zip(outside, marks[len(inside) :], strict=True):
+        assert mark["circle"] is None
+        tail, tip = np.array(mark["arrow"][:2])
+        towards = -np.array(error) / np.hypot(*error)
+        np.testing.assert_allclose((tip - tail) / np.hypot(*(tip - tail)), towards, atol=1e-6)
+        np.testing.assert_allclose((tip - observed) / np.hypot(*(tip - observed)), towards, atol=1e-6)
+        assert min(abs(tip[0] - 124), abs(248 - tip[0]), abs(tip[1]), abs(124 - tip[1])) == pytest.approx(3)
+        assert all(124 <= x <= 248 and 0 <= y <= 124 for x, y in mark["arrow"])
 
 
 def test_a_run_without_patches_says_so(odd_report: Path, open_page: Open) -> None:

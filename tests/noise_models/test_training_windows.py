@@ -38,3 +38,11 @@ def test_tracks_that_outlive_all_known_ends_are_as_long_as_the_window():
         lengths, counts = np.unique(lengths_of_tracks(ends, longest=longest), return_counts=True)
         assert lengths.tolist() == [5, expected]
         assert counts.tolist() == [300, 700]
+
+
+def test_tracks_alive_in_the_last_frame_are_not_at_risk_there():
+    # 50 of the 150 that were looked for again end at 3: two thirds live on
+    ends = pl.DataFrame({"lifetime": [3, 10], "n_ended": [50, 100], "n_censored": [50, 0]})
+    lengths, counts = np.unique(lengths_of_tracks(ends, longest=30), return_counts=True)
+    assert lengths.tolist() == [3, 10]
+    assert counts.tolist() == [333, 667]

@@ -109,6 +109,21 @@ def test_tracks_have_the_end_the_truth_and_the_path_of_the_tables(run: RunFolder
             assert track["path"]["du_px"] == pytest.approx(path.to_list(), rel=1e-2)
 
 
+def test_ends_that_a_tracker_does_not_report_are_not_recorded(
+    data: ReportData, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = type(data.run).sequence_table
+
+    def without_causes(self: RunFolder, name: str, key: str) -> pl.DataFrame:
+        table = read(self, name, key)
+        causes = pl.when(pl.col("end") == "sequence_end").then("end") if name == "tracks" else None
+        return table if causes is None else table.with_columns(causes.alias("end"))
+
+    monkeypatch.setattr(type(data.run), "sequence_table", without_causes)
+    ends = {track["end"] for group in looks.looks(data)["groups"] for track in group["tracks"]}
+    assert ends == {"sequence end", "not recorded"}
+
+
 def test_pictures_of_further_scenes_are_left_out(data: ReportData, monkeypatch: pytest.MonkeyPatch) -> None:
     size = len(json.dumps(looks.looks(data)["groups"]))
     monkeypatch.setattr(looks, "MOST_BYTES", 0.7 * size)

@@ -14,6 +14,8 @@ from tracknoise.tables.defaults import PATCH_PX
 MOST_BYTES = 1_300_000
 """Size of all groups in a page, as JSON. Those of further scenes are left out."""
 _DIGITS = 3
+_NOT_RECORDED = "not recorded"
+"""How a track ended whose tracker reports no causes."""
 
 
 def looks(data: ReportData) -> dict[str, Any]:
@@ -78,7 +80,7 @@ def _track(row: Mapping[str, Any], place: int, path: pl.DataFrame, lived: Mappin
         "anchor_frame": anchor,
         "within": [now[name] - round(now[name]) for name in ("u_px", "v_px")],
         "error": [row["du_px"][place], row["dv_px"][place]],
-        "end": lived["end"].replace("_", " "),
+        "end": _NOT_RECORDED if lived["end"] is None else lived["end"].replace("_", " "),
         "lifetime": lived["lifetime"],
         "largest": None if lived["max_error_px"] is None else float(f"{lived['max_error_px']:.6g}"),
         "truth": now["truth"].replace("_", " "),

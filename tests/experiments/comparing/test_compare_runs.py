@@ -13,8 +13,11 @@ from tracknoise.exceptions import SettingsError, StoreError, UnknownNameError
 from tracknoise.experiments.comparing.comparable import OpenedRun
 from tracknoise.experiments.comparing.questions import questions
 from tracknoise.findings.comparison.estimands import ESTIMANDS
+from tracknoise.findings.comparison.gate import Gate
 from tracknoise.findings.comparison.verdicts import verdicts
+from tracknoise.statistics.errors.log_histogram import BINS, bin_of
 from tracknoise.tables.files import digest
+from tracknoise.tables.schema import ORIGIN, WINDOW_NOISE
 from tracknoise.tables.store import RunFolder
 
 SCENES = tuple(f"scene-{number}" for number in range(8))
@@ -162,6 +165,65 @@ def test_other_poses_are_refused_and_other_files_of_equal_poses_are_not(make, tm
     assert tracknoise.compare(make("base"), tmp_path / "same").rows
     with pytest.raises(SettingsError, match="other truth: poses of scene-0@default differ"):
         tracknoise.compare(make("base"), tmp_path / "moved")
+
+
+def windows_of(scene, *, residual_px, consistent_px):
+    """Windows of one scene whose residuals and depths are those of Gaussian noise of two sizes, `WINDOW_NOISE`."""
+    rng = np.random.default_rng(int(scene.removeprefix("scene-")))
+    origin = dict(zip(ORIGIN, ["simulated", scene, "default", 0, "forward", "", "lk", 1], strict=True))
+    rows = []
+    for window in (5, 10):
+        freedom = 2 * window - 3
+        residuals = residual_px * np.sqrt(rng.chisquare(freedom, 4000) / freedom)
+        z = consistent_px * np.abs(rng.standard_normal(4000))
+        sums = {f"{name}_{axis}": freedom * 2000.0 for name in ("squares", "freedom") for axis in "uv"}
+        counts = {
+            f"{name}_counts": np.bincount(bin_of(of), minlength=BINS).tolist()
+            for name, of in (("residual", residuals), ("z", z))
+        }
+        about = {
+            "trimming": "untrimmed",
+            "window": window,
+            "n": 4000,
+            "n_depth": 4000,
+            "squares_z": float((z**2).sum()),
+        }
+        rows.append({**origin, **about, **sums, **counts})
+    return pl.DataFrame(rows, schema=dict(WINDOW_NOISE))
+
+
+def with_windows(folder, **sizes):
+    run = RunFolder(folder)
+    manifest = run.manifest()
+    for key, entry in manifest.sequences.items():
+        path = folder / "window_noise" / f"{key}.parquet"
+        windows_of(entry.sequence.scene, **sizes).write_parquet(path, compression="gzip")
+        entry.sha256["window_noise"] = digest(path.read_bytes())
+    run.write_manifest(manifest)
+    return folder
+
+
+def test_the_sigma_to_set_can_be_better_where_residuals_are_worse(make, tmp_path):
+    sizes = {"before": (0.04, 0.2), "after": (0.06, 0.145)}
+    runs = [
+        with_windows(shutil.copytree(make("base"), tmp_path / name), residual_px=residual, consistent_px=consistent)
+        for name, (residual, consistent) in sizes.items()
+    ]
+    gate = Gate({"consistent_sigma": 0.1, "residual_sigma": 0.1})
+    comparison = tracknoise.compare(*runs, gate=gate)
+    found = rows_of(comparison)
+    expected = {"consistent_sigma": 0.145 / 0.2, "residual_sigma": 1.5, "overconfidence": 0.145 / 0.2 / 1.5}
+    verdicts_of = {name: found[name].verdict for name in expected}
+    assert verdicts_of == {"consistent_sigma": "better", "residual_sigma": "worse", "overconfidence": "better"}
+    for name, ratio in expected.items():
+        assert found[name].effect == pytest.approx(ratio, rel=0.03)
+        assert (found[name].of.tracker, found[name].n_scenes) == ("lk", 8)
+    assert [ESTIMANDS[name].title for name in ("consistent_sigma", "residual_sigma")] == [
+        "sigma to set",
+        "residual sigma",
+    ]
+    outcomes = {row.statistic: row.outcome for row in comparison.gate.rows}
+    assert outcomes == {"consistent_sigma": "pass", "residual_sigma": "worse"}
 
 
 def test_wrong_arguments_are_refused(make, tmp_path):

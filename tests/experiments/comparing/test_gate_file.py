@@ -34,6 +34,10 @@ def test_defaults(tmp_path):
         ("[tolerances]\ncore = nan", "tolerances.core: found nan"),
         ("[tolerances]\ncore = inf", "tolerances.core: found inf"),
         ("[tolerances]\ncoer = 0.1", "unknown statistic in .*gate.toml 'coer' .did you mean 'core'"),
+        (
+            "[tolerances]\nwindow_sigma = 0.1",
+            "tolerances: found the former name 'window_sigma', expected residual_sigma.* ",
+        ),
         ("level = 2\n[tolerances]\ncore = 0.1", "level: found 2"),
         ('ages = "all"\n[tolerances]\ncore = 0.1', "ages: found 'all', expected one of every, mean"),
         ("ages = [1]\n[tolerances]\ncore = 0.1", r"ages: found \[1\]"),

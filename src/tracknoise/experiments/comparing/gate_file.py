@@ -14,6 +14,10 @@ from tracknoise.tables.enumerations import ComparedAges
 _KEYS = ("tolerances", "trackers", "speeds", "level", "ages")
 _MOST = 1000
 """Largest tolerance."""
+_RENAMED = {
+    "window_sigma": "residual_sigma, its name now, or consistent_sigma, which is the sigma to set in an estimator",
+}
+"""Former names of statistics, and what to write instead."""
 
 
 def read_gate(path: Path) -> Gate:
@@ -55,6 +59,8 @@ def _tolerances(path: Path, found: object) -> dict[str, float]:
     if not isinstance(found, dict) or not found:
         raise SettingsError(f"{path}: tolerances: found {found!r}, expected a table with at least one statistic")
     for name, value in found.items():
+        if name in _RENAMED:
+            raise SettingsError(f"{path}: tolerances: found the former name {name!r}, expected {_RENAMED[name]}")
         if name not in ESTIMANDS:
             raise UnknownNameError(f"statistic in {path}", name, ESTIMANDS)
         if not _is_number(value) or not 0 < value <= _MOST:

@@ -17,7 +17,7 @@ from tracknoise.findings.sampling.groups_of_scenes import groups_of_scenes
 from tracknoise.sequences.sequence import TRIANGULATED
 from tracknoise.statistics.definitions import POOLED
 
-_WINDOWED = ("window_sigma", "overconfidence")
+_WINDOWED = ("consistent_sigma", "residual_sigma", "overconfidence")
 _Found = tuple[str, str | None, PairedValues]
 """Name of a statistic, axis of its places, and its values."""
 _FITTED = "True positions are fitted to the tracks, so that errors are not compared."

@@ -18,7 +18,11 @@ from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
 LEAST_WINDOWS = 10
 """Fewest windows that a quantity of a scene rests on."""
 _RASTER = "256x256"
-_WINDOWS = {"window_sigma": "residual_core", "overconfidence": "core_overconfidence"}
+_WINDOWS = {
+    "consistent_sigma": "consistent_sigma",
+    "residual_sigma": "residual_core",
+    "overconfidence": "core_overconfidence",
+}
 _TAP = {
     "tap_delta_avg": "delta_avg",
     "tap_average_jaccard": "average_jaccard",

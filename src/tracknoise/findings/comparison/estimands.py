@@ -71,8 +71,15 @@ ESTIMANDS: Mapping[str, Estimand] = {
     "feature_count": Estimand(
         "feature count", "Mean number of features per frame: geometric mean over scenes.", larger_is_better=True
     ),
-    "window_sigma": Estimand(
-        "window sigma", "Residual core of windows of observations: geometric mean over scenes and lengths of windows."
+    "consistent_sigma": Estimand(
+        "sigma to set",
+        "Consistent sigma of windows of observations, the one to set in an estimator: geometric mean over scenes and "
+        "lengths of windows.",
+    ),
+    "residual_sigma": Estimand(
+        "residual sigma",
+        "Residual core of windows of observations, what residuals look like: geometric mean over scenes and lengths of "
+        "windows.",
     ),
     "overconfidence": Estimand(
         "overconfidence",

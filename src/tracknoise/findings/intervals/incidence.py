@@ -1,9 +1,8 @@
 """Competing risks: the share of tracks that have ended by each cause, with bounds.
 
 The estimate is that of Aalen and Johansen (1978). A track that ends at lifetime L by one cause can no longer end by
-another. Kaplan-Meier curves of single causes ignore this, and add up to more than all tracks. The coding is that of
-`tracknoise.statistics.tracks.lifetimes`: an end at L is an event at L, and a track alive in the last frame is not at
-risk at its own lifetime.
+another. Kaplan-Meier curves of single causes ignore this, and add up to more than all tracks. Which tracks are at risk
+is stated in `tracknoise.statistics.tracks.survival`.
 
 Source: O. Aalen, S. Johansen, Scandinavian Journal of Statistics 5 (1978).
 """
@@ -18,6 +17,7 @@ from tracknoise.findings.sampling.draws import Draws
 from tracknoise.findings.sampling.units import units_of
 from tracknoise.statistics.conditions import Tables, by_condition
 from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.tracks.survival import kaplan_meier
 from tracknoise.tables.findings_schema import INCIDENCE
 from tracknoise.tables.schema import BY_CAUSE, CAUSES, ENDS, check, empty
 
@@ -67,12 +67,9 @@ def cumulative_incidence(sums: NDArray[np.float64]) -> NDArray[np.float64]:
         Constant where no track is at risk. Together with the Kaplan-Meier survival it adds up to 1.
     """
     censored, ended = sums[0], sums[1:]
-    total = ended.sum(axis=0)
-    at_risk = np.cumsum((total + censored)[::-1], axis=0)[::-1] - censored
-    safe = np.where(at_risk > 0, at_risk, 1.0)
-    survival = np.cumprod(1 - total / safe, axis=0)
-    before = np.concatenate([np.ones_like(survival[:1]), survival[:-1]])
-    return np.asarray(np.cumsum(before * ended / safe, axis=1))
+    at_risk, beyond = kaplan_meier(ended.sum(axis=0), censored, axis=0)
+    before = np.concatenate([np.ones_like(beyond[:1]), beyond[:-1]])
+    return np.asarray(np.cumsum(before * ended / np.where(at_risk > 0, at_risk, 1.0), axis=1))
 
 
 def _rows(ends: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:

@@ -22,6 +22,7 @@ from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
 from tracknoise.findings.sampling.units import Units, units_of
 from tracknoise.statistics.blocks import block_of
 from tracknoise.statistics.tracks.lifetimes import RESTRICTED, area_under
+from tracknoise.statistics.tracks.survival import kaplan_meier
 from tracknoise.tables.schema import FAILURES
 
 QUANTILES: Mapping[str, float] = {
@@ -116,7 +117,7 @@ def outlier_bounds(
 
 
 def survival(sums: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Kaplan-Meier survival, as `tracknoise.statistics.tracks.lifetimes` has it; constant where no track is at risk.
+    """Kaplan-Meier survival beyond each lifetime; constant where no track is at risk.
 
     Parameters
     ----------
@@ -127,19 +128,12 @@ def survival(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     -------
     (1, lifetimes, ...) float64
     """
-    return _product(sums, sums[0])
+    return kaplan_meier(sums[0], sums[1], axis=0).beyond[None]
 
 
 def survival_until_failure(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     """The same until failure: only the tracks in the third row of `sums` ended, the others were censored."""
-    return _product(sums, sums[2])
-
-
-def _product(sums: NDArray[np.float64], events: NDArray[np.float64]) -> NDArray[np.float64]:
-    ended, censored = sums[:2]
-    at_risk = np.cumsum((ended + censored)[::-1], axis=0)[::-1] - censored
-    stays = 1 - events / np.where(at_risk > 0, at_risk, 1.0)
-    return np.asarray(np.cumprod(stays, axis=0))[None]
+    return kaplan_meier(sums[0], sums[1], n_events=sums[2], axis=0).beyond[None]
 
 
 def _restricted(

@@ -18,6 +18,7 @@ from tracknoise.noise_models.fitting.tails import fit_tails
 from tracknoise.noise_models.fitting.training_tables import TrainingTables
 from tracknoise.noise_models.fitting.training_windows import Recording, windows
 from tracknoise.noise_models.model import Equivalent, Training
+from tracknoise.statistics.tracks.survival import kaplan_meier
 from tracknoise.tables.defaults import LEVEL
 
 _RECORDINGS = 2
@@ -135,8 +136,7 @@ def lengths_of_tracks(ends: pl.DataFrame, *, longest: int) -> NDArray[np.int64]:
     """
     by_length = ends.group_by("lifetime").agg(pl.col("n_ended", "n_censored").sum()).sort("lifetime")
     lifetime, ended, censored = (by_length[name].to_numpy() for name in by_length.columns)
-    at_risk = np.cumsum((ended + censored)[::-1])[::-1]
-    gone = 1.0 - np.cumprod(1.0 - ended / np.maximum(at_risk, 1))
+    gone = 1.0 - kaplan_meier(ended, censored).beyond
     shares = (np.arange(1000) + 0.5) / 1000
     place = np.searchsorted(gone, shares)
     return np.append(lifetime, max(longest, lifetime.max(initial=0)))[place].astype(np.int64)

@@ -1,5 +1,7 @@
 const ENLARGED = 4;
 const MOST_OF_A_KIND = 8;
+const ARROW = 18;
+const INSET = 3;
 
 const looked = JSON.parse(document.getElementById("looked").textContent);
 const tile = looked.patch_px * ENLARGED;
@@ -39,6 +41,27 @@ function selected(groups) {
   return [...of("worst", (a, b) => rising(b, a)), ...middles.slice(from, from + MOST_OF_A_KIND), ...of("best", rising)];
 }
 
+/**
+ * The mark of the true place in the second patch, whose middle is the nearest pixel of the observed place: a circle, or,
+ * where the true place is outside the patch, an arrow that ends at its border and points from the observed place to it.
+ */
+function trueMark([x, y], [trueX, trueY]) {
+  if (tile <= trueX && trueX <= 2 * tile && trueY >= 0 && trueY <= tile) {
+    return drawing("circle", { cx: trueX, cy: trueY, r: 5, fill: "none", stroke: "#E69F00", "stroke-width": 2 });
+  }
+  const [du, dv] = [trueX - x, trueY - y];
+  const reach = (from, step, low) => ((step > 0 ? low + tile - INSET : low + INSET) - from) / step;
+  const share = Math.min(...[reach(x, du, tile), reach(y, dv, 0)].map(Math.abs));
+  const [tipX, tipY] = [x + share * du, y + share * dv];
+  const size = Math.hypot(du, dv);
+  const [along, across] = [[du / size, dv / size], [-dv / size, du / size]];
+  const corner = (back, side) => [0, 1].map((at) => [tipX, tipY][at] - back * along[at] + side * across[at]).join(",");
+  const wings = [1, -1].map((side) => corner(ARROW / 2, (side * ARROW) / 3));
+  const head = corner(0, 0);
+  return drawing("path", { class: "beyond", d: `M${corner(ARROW, 0)}L${head}M${wings[0]}L${head}L${wings[1]}`, fill: "none",
+    stroke: "#E69F00", "stroke-width": 2 });
+}
+
 /** Both patches of a track, with the observed and the true place. */
 function patches(group, track) {
   const [u, v] = track.within;
@@ -50,10 +73,14 @@ function patches(group, track) {
     + `background:url(data:image/webp;base64,${group.sheet}) 0 ${-track.row * tile}px / ${2 * tile}px ${rows * tile}px`;
   const over = drawing("svg", { viewBox: `0 0 ${2 * tile} ${tile}`, width: 2 * tile, height: tile, "aria-hidden": "true" });
   const [x, y] = [tile + middle + ENLARGED * u, middle + ENLARGED * v];
+  const now = drawing("svg", { viewBox: `${tile} 0 ${tile} ${tile}`, x: tile, width: tile, height: tile, overflow: "hidden" });
+  now.append(
+    drawing("path", { d: `M${x - 6},${y}h12M${x},${y - 6}v12`, stroke: "#56B4E9", "stroke-width": 1.5 }),
+    trueMark([x, y], [x - ENLARGED * du, y - ENLARGED * dv]),
+  );
   over.append(
     drawing("path", { d: `M${middle - 6},${middle}h12M${middle},${middle - 6}v12`, stroke: "#56B4E9", "stroke-width": 1.5 }),
-    drawing("path", { d: `M${x - 6},${y}h12M${x},${y - 6}v12`, stroke: "#56B4E9", "stroke-width": 1.5 }),
-    drawing("circle", { cx: x - ENLARGED * du, cy: y - ENLARGED * dv, r: 5, fill: "none", stroke: "#E69F00", "stroke-width": 2 }),
+    now,
   );
   picture.append(over);
   return picture;

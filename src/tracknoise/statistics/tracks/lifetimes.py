@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from tracknoise.statistics.blocks import blocks_of
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import group_rows, group_runs, in_chunks, number_combinations, total_if_known
+from tracknoise.statistics.tracks.survival import kaplan_meier
 from tracknoise.tables.schema import BY_CAUSE, ENDS, FAILURES, LIFETIMES, ORIGIN, TRACKS, Schema, TrackEnd, check, empty
 
 MEAN_LIFETIMES: Schema = {
@@ -45,6 +46,7 @@ _SHARED = ["dataset", "speed"]
 _HAS_CAUSES = pl.col(next(iter(BY_CAUSE))).is_not_null()
 COUNTS = ("n_ended", "n_censored", *BY_CAUSE)
 """Columns of counts of `ENDS`."""
+_CURVES = ["at_risk", "survival", "survival_until_failure"]
 _POOLED_END = [*POOLED, "lifetime", *COUNTS]
 
 
@@ -139,11 +141,9 @@ def lifetimes_of_ends(ends: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFra
     pooled, scenes = _pooled(ends)
     table = pooled.join(scenes, on=POOLED).sort(*POOLED, "lifetime")
     table = table.with_columns(total_if_known(name, pl.col(name)).over(POOLED) for name in BY_CAUSE)
-    at_risk = _total_from(pl.col("n_ended") + pl.col("n_censored")) - pl.col("n_censored")
-    table = table.with_columns(at_risk=at_risk).with_columns(
-        survival=_beyond(pl.col("n_ended")), survival_until_failure=pl.when(_HAS_CAUSES).then(_beyond(_failed()))
-    )
-    return check(table.select(*LIFETIMES), LIFETIMES, "lifetimes")
+    conditions = table.partition_by(POOLED, maintain_order=True)
+    curves = pl.concat([empty(LIFETIMES).select(_CURVES), *(_curves(condition) for condition in conditions)])
+    return check(table.hstack(curves).select(*LIFETIMES), LIFETIMES, "lifetimes")
 
 
 def mean_lifetime(lifetimes: pl.DataFrame) -> pl.DataFrame:
@@ -244,7 +244,7 @@ def restricted_mean(
         the horizon and the curve is not yet 0.
     """
     ended, censored = _along_last(n_ended, n_censored, axis)
-    curve = _survival(ended, censored)
+    curve = kaplan_meier(ended, censored).beyond
     area = area_under(curve, _whole_frames(lifetimes, ended.shape[-1]), horizon)
     reached = follow_up(ended, censored, lifetimes=lifetimes)
     return np.where(np.asarray(horizon) <= reached, area, np.nan)
@@ -290,7 +290,7 @@ def follow_up(
     """
     ended, censored = _along_last(n_ended, n_censored, axis)
     seen = (ended + censored > 0) * _whole_frames(lifetimes, ended.shape[-1])
-    longest = np.where((_survival(ended, censored) == 0).any(axis=-1), np.inf, seen.max(axis=-1, initial=0.0))
+    longest = np.where((kaplan_meier(ended, censored).beyond == 0).any(axis=-1), np.inf, seen.max(axis=-1, initial=0.0))
     return np.where(_has_tracks(ended, censored), longest, np.nan)
 
 
@@ -374,10 +374,19 @@ def _failed() -> pl.Expr:
     return pl.sum_horizontal((f"n_{cause}" for cause in FAILURES), ignore_nulls=False)
 
 
-def _beyond(ended: pl.Expr) -> pl.Expr:
-    """Kaplan-Meier survival beyond each lifetime, in a table sorted by lifetime."""
-    stays = pl.when(pl.col("at_risk") > 0).then(1 - ended / pl.col("at_risk"))
-    return stays.cum_prod().over(POOLED)
+def _curves(table: pl.DataFrame) -> pl.DataFrame:
+    """Columns `_CURVES` of one condition, in a table sorted by lifetime."""
+    counts = table.select("n_ended", "n_censored", n_failed=_failed())
+    ended, censored, failed = counts.get_columns()
+    at_risk, survival = kaplan_meier(ended, censored)
+    until_failure = kaplan_meier(ended, censored, n_events=failed.fill_null(0)).beyond
+    curves = counts.with_columns(at_risk=at_risk.astype(np.int64), survival=survival, until_failure=until_failure)
+    known = pl.when(pl.col("at_risk") > 0)
+    return curves.select(
+        "at_risk",
+        known.then("survival").alias("survival"),
+        known.then(pl.when(pl.col("n_failed").is_not_null()).then("until_failure")).alias("survival_until_failure"),
+    )
 
 
 def _areas(curve: str) -> pl.Expr:
@@ -406,9 +415,3 @@ def _whole_frames(lifetimes: ArrayLike | None, count: int) -> NDArray[np.float64
 
 def _has_tracks(ended: NDArray[np.float64], censored: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.asarray((ended + censored).sum(axis=-1) > 0)
-
-
-def _survival(ended: NDArray[np.float64], censored: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Kaplan-Meier survival beyond each lifetime (..., lifetimes). It stays the same where no track is at risk."""
-    at_risk = np.cumsum((ended + censored)[..., ::-1], axis=-1)[..., ::-1] - censored
-    return np.asarray(np.cumprod(1 - ended / np.where(at_risk > 0, at_risk, 1.0), axis=-1), dtype=np.float64)

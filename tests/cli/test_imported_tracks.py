@@ -1,0 +1,62 @@
+"""The route of the README for tracks of another front end, from the images to the report and what follows it."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.writers.track_files import WRITERS, Observed
+
+import tracknoise as tn
+from tracknoise.cli.app import main
+
+N_FRAMES = 15
+SCENE = "forward"
+FORMATS = ("table.csv", "points.npz", "colmap.db")
+"""The formats of a front end, a point tracker and a reconstruction."""
+
+
+def called(*arguments: str) -> int:
+    with pytest.raises(SystemExit) as exit_:
+        main(list(arguments))
+    return exit_.value.code
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory) -> str:
+    """A run with the same tracks in several formats, each a tracker of its own; the report is written too."""
+    root = tmp_path_factory.mktemp("imported")
+    recording = root / "sim" / SCENE
+    size = ("--frames", str(N_FRAMES), "--width", "160", "--height", "120")
+    assert called("simulate", "--motion", SCENE, *size, "--out", str(recording)) == 0
+    native = tn.LucasKanade(min_features=100, max_features=150)
+    observed = tn.measure(tn.open_sequence("folder", root / "sim", scene=SCENE), native).observations
+    track, frame, u, v = (observed[name].to_numpy() for name in ("track", "frame", "u_px", "v_px"))
+    seen = Observed(track.astype(np.int64), frame.astype(np.int64), u, v, 0.05 * np.arange(N_FRAMES))
+    text = 'name = "mine"\n[dataset]\nreader = "folder"\n'
+    for name in FORMATS:
+        WRITERS[name](root / f"{SCENE}.{name}", seen)
+        text += f'[[trackers]]\nname = "{name}"\nkind = "imported"\noptions = {{ path = "{{scene}}.{name}" }}\n'
+    (root / "mine.toml").write_text(text)
+    out = str(root / "run")
+    assert called("run", str(root / "mine.toml"), "--data", str(root / "sim"), "--out", out, "--quiet") == 0
+    return out
+
+
+def test_the_report_has_tracks_whose_end_is_not_recorded(run):
+    page = (Path(run) / "report" / "index.html").read_text(encoding="utf-8")
+    found = json.loads(page.split('id="looked">', 1)[1].split("</script>", 1)[0])
+    assert {group["tracker"] for group in found["groups"]} == set(FORMATS)
+    assert {track["end"] for group in found["groups"] for track in group["tracks"]} == {"not recorded", "sequence end"}
+
+
+def test_what_follows_a_run_works_without_causes_of_ends(run, tracknoise, tmp_path):
+    assert tracknoise("audit", run)[0] == 0
+    assert tracknoise("findings", run)[0] == 0
+    status, out, _ = tracknoise("compare", run, run, "--trackers", "table.csv", "points.npz")
+    assert status == 0
+    assert "points.npz against table.csv" in out
+    status, *_ = tracknoise("noise", "fit", run, "--tracker", "colmap.db", "-o", str(tmp_path))
+    assert status == 0
+    (model,) = tmp_path.glob("*.noise.json")
+    assert tracknoise("prove", run, str(model), "--window", "6")[0] == 0

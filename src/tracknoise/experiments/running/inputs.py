@@ -27,6 +27,7 @@ from tracknoise.experiments.settings import Experiment
 from tracknoise.foreign.opened import FileState, Opened, absolute_path, content_of, noting, stat_of
 from tracknoise.measurement.tracking import Progress
 from tracknoise.plugins import Plugins
+from tracknoise.printable import counted
 from tracknoise.sequences.registry import READERS
 from tracknoise.sequences.sequence import Sequence, files_of
 from tracknoise.tables.enumerations import InputKind
@@ -201,7 +202,7 @@ class InputCheck:
             return f"{added[0]} was added{_further(len(added) - 1)}"
         before = table.filter(pl.col("kind") == InputKind.frames)["size"].item()
         frames = found.frames.get(_as_recorded(task), 0)
-        return None if frames == before else f"it has {frames} frames, not {before}"
+        return None if frames == before else f"it has {counted(frames, 'frame')}, not {before}"
 
     def _sources_of(self, task: Task) -> list[tuple[Path, str]]:
         """Source files of plug-ins, and their hashes; the same for all tasks of an experiment."""
@@ -367,4 +368,4 @@ def _names(folder: Path) -> str:
 
 
 def _further(count: int) -> str:
-    return f", and {count} other file{'s'[: count > 1]}" if count else ""
+    return f", and {counted(count, 'other file')}" if count else ""

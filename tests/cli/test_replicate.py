@@ -68,7 +68,7 @@ def test_what_was_measured_is_not_measured_again(tracknoise, small, tmp_path, mo
     assert err.count("measured arvr-00") == 2
     code, _, err = tracknoise(*arguments)
     assert code == 0
-    assert err.count("resuming: 1 of 1 sequences already measured") == 2
+    assert err.count("resuming: 1 of 1 sequence already measured") == 2
     assert "measured arvr-00" not in err
 
 

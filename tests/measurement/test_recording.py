@@ -107,7 +107,7 @@ def test_quality_of_another_shape_or_type_is_refused(values):
         (step([(50, 1), (5, 2), (6, 3)], [7, 9, 9], [False, False, True]), "feature 9 twice in one frame"),
         (step([(50, 1), (5, 2)], [7, 9], [True, False]), "feature 7 as new, which began before and has not ended"),
         (step([(50, 1)], [7], [False], [(9, TrackEnd.lost), (9, TrackEnd.lost)]), "feature 9 twice as ended"),
-        (step([(50, 1)], [7], [False]), "1 features alive, expected 2: all that began and are not among ended_ids"),
+        (step([(50, 1)], [7], [False]), "1 feature alive, expected 2: all that began and are not among ended_ids"),
         (step([(np.nan, 1), (5, 2)], [7, 9], [False, False]), "feature 7 at a position that is not finite"),
         (step([(50, 1)], [7, 9], [False, False]), r"uv of shape \(1, 2\), expected \(2, 2\)"),
     ],
@@ -125,7 +125,7 @@ STEP_OF_TWO = step([(50, 1)], [7], [False], [(9, TrackEnd.lost)])
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"offered": 1}, "1 features offered, expected 2: all that were alive before"),
+        ({"offered": 1}, "1 feature offered, expected 2: all that were alive before"),
         ({"outliers": 2}, "2 outliers and 1 matched of 2 features"),
         ({"matched": 3}, "0 outliers and 3 matched of 2 features"),
         ({"matched": -1}, "0 outliers and -1 matched of 2 features"),

@@ -139,7 +139,7 @@ def test_stl_of_several_solids_is_read(tmp_path: Path) -> None:
     ("content", "remark"),
     [
         ("solid a\nvertex 1 2\n", "damaged STL file (a vertex that is not three numbers); it is left out"),
-        ("solid a\nvertex 1 2 3\n", "damaged STL file (1 vertices); it is left out"),
+        ("solid a\nvertex 1 2 3\n", "damaged STL file (1 vertex); it is left out"),
         (bytes(80) + b"\xff\xff\xff\xff" + bytes(50), "STL file without triangles"),
     ],
 )

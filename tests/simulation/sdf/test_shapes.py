@@ -97,7 +97,7 @@ def test_the_plane_is_turned_by_the_shortest_way() -> None:
         ("<box><size>1 0 1</size></box>", "test.world: <size> 1 0 1, expected lengths above 0"),
         ("<box><size>1 1</size></box>", "test.world: <size> '1 1', expected 3 finite numbers"),
         ("<sphere><radius>-1</radius></sphere>", "<radius> -1, expected lengths above 0"),
-        ("<cylinder><length>big</length></cylinder>", "<length> 'big', expected 1 finite numbers"),
+        ("<cylinder><length>big</length></cylinder>", "<length> 'big', expected 1 finite number"),
         ("<plane><normal>0 0 0</normal></plane>", "<normal> 0 0 0, expected a direction"),
     ],
 )

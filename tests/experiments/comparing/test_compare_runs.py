@@ -167,15 +167,18 @@ def test_other_poses_are_refused_and_other_files_of_equal_poses_are_not(make, tm
         tracknoise.compare(make("base"), tmp_path / "moved")
 
 
-def windows_of(scene, *, residual_px, consistent_px):
-    """Windows of one scene whose residuals and depths are those of Gaussian noise of two sizes, `WINDOW_NOISE`."""
+def windows_of(scene, residual_px, consistent_px):
+    """Windows of one scene whose residuals and depths are those of Gaussian noise, `WINDOW_NOISE`.
+
+    The size of the noise of depths is given by the length of the windows.
+    """
     rng = np.random.default_rng(int(scene.removeprefix("scene-")))
     origin = dict(zip(ORIGIN, ["simulated", scene, "default", 0, "forward", "", "lk", 1], strict=True))
     rows = []
-    for window in (5, 10):
+    for window, size_px in consistent_px.items():
         freedom = 2 * window - 3
         residuals = residual_px * np.sqrt(rng.chisquare(freedom, 4000) / freedom)
-        z = consistent_px * np.abs(rng.standard_normal(4000))
+        z = size_px * np.abs(rng.standard_normal(4000))
         sums = {f"{name}_{axis}": freedom * 2000.0 for name in ("squares", "freedom") for axis in "uv"}
         counts = {
             f"{name}_counts": np.bincount(bin_of(of), minlength=BINS).tolist()
@@ -192,29 +195,31 @@ def windows_of(scene, *, residual_px, consistent_px):
     return pl.DataFrame(rows, schema=dict(WINDOW_NOISE))
 
 
-def with_windows(folder, **sizes):
+def with_windows(folder, residual_px, consistent_px, last_scenes=SCENES):
+    """A run with made-up windows; those of the greatest length in some scenes only."""
     run = RunFolder(folder)
     manifest = run.manifest()
     for key, entry in manifest.sequences.items():
         path = folder / "window_noise" / f"{key}.parquet"
-        windows_of(entry.sequence.scene, **sizes).write_parquet(path, compression="gzip")
+        windows = windows_of(entry.sequence.scene, residual_px, consistent_px)
+        if entry.sequence.scene not in last_scenes:
+            windows = windows.filter(pl.col("window") < max(consistent_px))
+        windows.write_parquet(path, compression="gzip")
         entry.sha256["window_noise"] = digest(path.read_bytes())
     run.write_manifest(manifest)
     return folder
 
 
 def test_the_sigma_to_set_can_be_better_where_residuals_are_worse(make, tmp_path):
-    sizes = {"before": (0.04, 0.2), "after": (0.06, 0.145)}
-    runs = [
-        with_windows(shutil.copytree(make("base"), tmp_path / name), residual_px=residual, consistent_px=consistent)
-        for name, (residual, consistent) in sizes.items()
-    ]
+    sizes = {"before": (0.04, {5: 0.1, 15: 0.2, 20: 0.1}), "after": (0.06, {5: 0.1, 15: 0.145, 20: 0.2})}
+    runs = [with_windows(shutil.copytree(make("base"), tmp_path / name), *size) for name, size in sizes.items()]
     gate = Gate({"consistent_sigma": 0.1, "residual_sigma": 0.1})
     comparison = tracknoise.compare(*runs, gate=gate)
     found = rows_of(comparison)
-    expected = {"consistent_sigma": 0.145 / 0.2, "residual_sigma": 1.5, "overconfidence": 0.145 / 0.2 / 1.5}
-    verdicts_of = {name: found[name].verdict for name in expected}
-    assert verdicts_of == {"consistent_sigma": "better", "residual_sigma": "worse", "overconfidence": "better"}
+    # the sigma to set is that of windows of 15, as in the first finding; the others are means over the three lengths
+    expected = {"consistent_sigma": 0.145 / 0.2, "residual_sigma": 1.5}
+    assert {name: found[name].verdict for name in expected} == {"consistent_sigma": "better", "residual_sigma": "worse"}
+    assert [found[name].at for name in expected] == [15, None]
     for name, ratio in expected.items():
         assert found[name].effect == pytest.approx(ratio, rel=0.03)
         assert (found[name].of.tracker, found[name].n_scenes) == ("lk", 8)
@@ -224,6 +229,24 @@ def test_the_sigma_to_set_can_be_better_where_residuals_are_worse(make, tmp_path
     ]
     outcomes = {row.statistic: row.outcome for row in comparison.gate.rows}
     assert outcomes == {"consistent_sigma": "pass", "residual_sigma": "worse"}
+
+
+@pytest.mark.parametrize(("last_scenes", "length"), [(SCENES[:6], 15), (SCENES[:5], 10)])
+def test_the_sigma_to_set_is_that_of_the_longest_windows_that_enough_scenes_have(make, tmp_path, last_scenes, length):
+    runs = [
+        with_windows(shutil.copytree(make("base"), tmp_path / name), 0.1, {5: 0.1, 10: 0.2, 15: 0.3}, last_scenes)
+        for name in ("before", "after")
+    ]
+    row = rows_of(tracknoise.compare(*runs))["consistent_sigma"]
+    assert (row.verdict, row.at, row.effect) == ("no difference", length, 1.0)
+
+
+def test_runs_without_short_windows_have_no_sigma_to_compare(make, tmp_path):
+    runs = [
+        with_windows(shutil.copytree(make("base"), tmp_path / name), 0.1, {20: 0.3}) for name in ("before", "after")
+    ]
+    row = rows_of(tracknoise.compare(*runs))["consistent_sigma"]
+    assert (row.verdict, row.effect) == ("undecided", None)
 
 
 def test_wrong_arguments_are_refused(make, tmp_path):

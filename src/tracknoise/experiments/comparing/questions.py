@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
+import polars as pl
+
 from tracknoise.experiments.comparing.comparable import OpenedRun, failed_in, left_out, require_comparable
 from tracknoise.experiments.comparing.matching import Measured, Pair, matched_conditions, matched_trackers, unmatched
 from tracknoise.experiments.comparing.run_tables import RunTables, read_run
@@ -13,11 +15,14 @@ from tracknoise.findings.comparison.number_values import number_values
 from tracknoise.findings.comparison.paired_values import PairedValues, of_differences
 from tracknoise.findings.comparison.result import Compared
 from tracknoise.findings.factors.scene_counts import lifetime_differences, outlier_differences
+from tracknoise.findings.headlines.window_topic import LONGEST_WINDOW
 from tracknoise.findings.sampling.groups_of_scenes import groups_of_scenes
+from tracknoise.findings.sampling.units import MIN_SCENES
 from tracknoise.sequences.sequence import TRIANGULATED
 from tracknoise.statistics.definitions import POOLED
 
-_WINDOWED = ("consistent_sigma", "residual_sigma", "overconfidence")
+_RECOMMENDED = "consistent_sigma"
+_WINDOWED = (_RECOMMENDED, "residual_sigma", "overconfidence")
 _Found = tuple[str, str | None, PairedValues]
 """Name of a statistic, axis of its places, and its values."""
 _FITTED = "True positions are fitted to the tracks, so that errors are not compared."
@@ -110,5 +115,20 @@ def _values(tables: tuple[RunTables, RunTables], pair: Pair, scenes: Sequence[st
     for name, found in first.numbers.items():
         known, other = found.get(pair[0]), second.numbers.get(name, {}).get(pair[1])
         if known is not None and other is not None:
+            if name == _RECOMMENDED:
+                known, other = _at_the_reported_window(known, other)
             values = number_values(known, other, scenes, logarithms=ESTIMANDS[name].unit == Unit.ratio)
             yield name, "window" if name in _WINDOWED else None, values
+
+
+def _at_the_reported_window(first: pl.DataFrame, second: pl.DataFrame) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """Rows of the longest windows that findings report and enough scenes of both runs have.
+
+    The sigma to set depends on the length of windows, so that a mean over lengths is no sigma that anyone sets.
+    """
+    both = first.join(second, on=["scene", "at"]).filter(pl.col("at") <= LONGEST_WINDOW)
+    counts = both.group_by("at").len()
+    most = counts.select(pl.col("len").max()).item() or 0
+    enough = counts.filter(pl.col("len") >= max(most / 2, min(most, MIN_SCENES))).sort("at")["at"]
+    longest = pl.col("at").is_in(enough.tail(1).to_list())
+    return first.filter(longest), second.filter(longest)

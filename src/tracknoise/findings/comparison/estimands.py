@@ -73,8 +73,8 @@ ESTIMANDS: Mapping[str, Estimand] = {
     ),
     "consistent_sigma": Estimand(
         "sigma to set",
-        "Consistent sigma of windows of observations, the one to set in an estimator: geometric mean over scenes and "
-        "lengths of windows.",
+        "Consistent sigma, the one to set in an estimator, of the longest windows up to 15 observations that enough "
+        "scenes of both runs have: geometric mean over scenes.",
     ),
     "residual_sigma": Estimand(
         "residual sigma",

@@ -78,10 +78,11 @@ def margin_of(asked: Asked, margin: float) -> float:
 def described(asked: Asked, tested: Tested) -> dict[str, Any]:
     """Columns of a row that do not depend on the verdict."""
     values = asked.values
-    columns: dict[str, Any] = dict.fromkeys(("effect", "low", "high", "at", "coordinate", "at_low", "at_high"))
+    columns: dict[str, Any] = dict.fromkeys(("effect", "low", "high", "coordinate", "at_low", "at_high"))
     found = _untested(asked) if tested.found is None else _tested(asked, tested.found)
     return {
         **columns,
+        "at": values.place(0) if values.change.shape[1] == 1 else None,  # a single value is not a mean over places
         **found,
         "axis": asked.axis,
         "horizon": values.horizon,

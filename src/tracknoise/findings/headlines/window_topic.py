@@ -12,7 +12,7 @@ from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.wording import SPACE, px, ratio
 from tracknoise.tables.enumerations import Axis, FloorSource
 
-_LONGEST = 15
+LONGEST_WINDOW = 15
 """Longest window that is reported, in observations."""
 LEAST_WINDOWS = 100
 """With fewer windows than this, or fewer that show the depth of their point, a number is not reported."""
@@ -40,7 +40,7 @@ def estimator_noise(tables: RunTables, conditions: ReportedConditions) -> Headli
 
 
 def _noise_of(windows: pl.DataFrame, floor: pl.DataFrame, conditions: ReportedConditions, tracker: str) -> Part | None:
-    rows = conditions.of(windows, tracker).filter(pl.col("window") <= _LONGEST, pl.col("n") >= LEAST_WINDOWS)
+    rows = conditions.of(windows, tracker).filter(pl.col("window") <= LONGEST_WINDOW, pl.col("n") >= LEAST_WINDOWS)
     lengths: list[int] = rows["window"].unique().sort(descending=True).to_list()
     by_length = {length: _quantities(rows.filter(window=length)) for length in lengths}
     known = {length: found for length, found in by_length.items() if "residual_core" in found}

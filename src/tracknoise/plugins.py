@@ -117,11 +117,11 @@ class Plugins(Generic[T]):
         return {} if point is None or point.dist is None else {point.dist.name: point.dist.version}
 
     def sources(self, name: str) -> dict[Path, dict[Path, str | None]]:
-        """Hashes of the source files of the other package that offers a name, by the folder that the package is in.
+        """Checksums of the source files of the other package that offers a name, by the folder that the package is in.
 
         They are those of its outermost package, and of modules in the same folder that are loaded, unless that is where
-        packages are installed. Empty if this package offers the name. Hashes are hexadecimal SHA-256 of the files as
-        this process loaded them.
+        packages are installed. Empty if this package offers the name. Checksums are
+        those of the files as this process loaded them.
 
         Raises
         ------
@@ -151,7 +151,7 @@ class Plugins(Generic[T]):
 
 
 _hashes: dict[Path, str | None] = {}
-"""Of the source files of other packages, when this process loaded them."""
+"""Checksums of the source files of other packages, when this process loaded them."""
 
 
 def _as_loaded(path: Path) -> str | None:

@@ -47,14 +47,14 @@ def test_a_changed_file_of_the_data_gives_new_numbers(start, scene, tmp_path, na
     cv2.imwrite(str(scene / "other.png"), np.full((96, 128), 120, np.uint16))
     assert start()[0] == 0
     before = moments(tmp_path)
-    assert "resuming: 1 of 1 sequences already measured" in start()[1]
+    assert "resuming: 1 of 1 sequence already measured" in start()[1]
     change(scene / name)
     status, stderr = start()
     assert status == 0
     assert f"seq-01@default is measured again: {scene / name} changed\n" in stderr
     assert "resuming" not in stderr
     assert not moments(tmp_path).equals(before)
-    assert "resuming: 1 of 1 sequences already measured" in start()[1]
+    assert "resuming: 1 of 1 sequence already measured" in start()[1]
 
 
 def test_a_removed_image_is_an_error_not_the_old_numbers(start, scene, tmp_path):
@@ -104,5 +104,5 @@ def test_content_is_compared_on_request(start, scene):
     content, status = image.read_bytes(), image.stat()
     image.write_bytes(content[:-20] + b"\0" + content[-19:])
     os.utime(image, ns=(status.st_atime_ns, status.st_mtime_ns))
-    assert "resuming: 1 of 1 sequences already measured" in start()[1]
+    assert "resuming: 1 of 1 sequence already measured" in start()[1]
     assert f"measured again: {image} changed" in start("--verify")[1]

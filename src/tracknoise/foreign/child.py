@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import IO, Any, TypeVar
 
 from tracknoise.exceptions import TracknoiseError, first_line
+from tracknoise.foreign.opened import note
 
 T = TypeVar("T")
 
@@ -58,6 +59,9 @@ def call_in_child(function: Callable[..., T], *arguments: object, size: int) -> 
     TracknoiseError
         As the function. Its other exceptions become a `LostError` too, with the first line of their message.
     """
+    for argument in arguments:
+        if isinstance(argument, Path) and argument.is_file():
+            note(argument)  # which the child opens
     with _lock:
         cpu_s = _CPU_S + size // _BYTES_PER_SECOND
         answer = _child().ask(pickle.dumps((function, arguments, size, cpu_s)), _WALL_PER_CPU * cpu_s)

@@ -6,6 +6,7 @@ import stat
 from pathlib import Path
 
 from tracknoise.exceptions import DataError, first_line
+from tracknoise.foreign.opened import read_noted
 
 MIB = 1 << 20
 MOST_BYTES = 512 * MIB
@@ -35,7 +36,7 @@ def read_bytes(path: Path, expected: str, *, most: int = MOST_BYTES, readable: s
     """
     require_regular(path, expected, most=most, readable=readable)
     try:
-        return path.read_bytes()
+        return read_noted(path)
     except OSError as error:
         raise DataError(path, f"unreadable ({error.strerror})", readable or expected) from error
 

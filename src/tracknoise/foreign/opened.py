@@ -7,14 +7,20 @@ import hashlib
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator
+import zlib
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
 _WRITING = os.O_WRONLY | os.O_RDWR
+
+
+_BLOCK = 1 << 18
+"""Bytes that are read at a time. Files of up to one block have a SHA-256; of larger ones it would take too long."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,13 +33,13 @@ class FileState:
         Bytes.
     mtime_ns
         Time of its last modification, nanoseconds.
-    sha256
-        Hexadecimal hash of its content; empty if it was not read.
+    content
+        Checksum of its content, as `content_of`; empty if it was not read.
     """
 
     size: int
     mtime_ns: int
-    sha256: str
+    content: str
 
     @classmethod
     def of(cls, path: Path, *, most: int | None = None) -> "FileState | None":
@@ -43,8 +49,8 @@ class FileState:
         """
         before = stat_of(path)
         is_read = most is None or before is None or before[0] <= most
-        sha256 = content_of(path) if is_read else ""
-        return None if before is None or sha256 is None or stat_of(path) != before else cls(*before, sha256)
+        content = content_of(path) if is_read else ""
+        return None if before is None or content is None or stat_of(path) != before else cls(*before, content)
 
 
 def absolute_path(path: str | bytes | os.PathLike[Any]) -> Path:
@@ -64,12 +70,23 @@ def stat_of(path: Path) -> tuple[int, int] | None:
 
 
 def content_of(path: Path) -> str | None:
-    """Hexadecimal SHA-256 of a file's content; None if it cannot be read."""
+    """Hexadecimal checksum of a file's content: SHA-256 up to 256 KiB, else CRC-32. None if it cannot be read."""
+    block = memoryview(bytearray(_BLOCK))
     try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
+        with path.open("rb", buffering=0) as file:
+            parts = (block[:count] for count in iter(lambda: file.readinto(block), 0))
+            return _checksum(parts, path.stat().st_size)
     except OSError:
         return None
+
+
+def _checksum(parts: Iterable[memoryview], size: int) -> str:
+    if size <= _BLOCK:
+        return hashlib.sha256(b"".join(parts)).hexdigest()
+    crc = 0
+    for part in parts:
+        crc = zlib.crc32(part, crc)
+    return f"{crc:08x}"
 
 
 @dataclass(slots=True, eq=False)
@@ -98,8 +115,11 @@ class Opened:
         """Files that are opened first from now on are not `early`."""
         self._started = True
 
-    def read(self, path: Path, *, most: int | None = None) -> None:
-        """Note that a file is read, or of a folder all files in it; the content of those up to `most` bytes."""
+    def read(self, path: Path, *, most: int | None = None, state: FileState | None = None) -> None:
+        """Note that a file is read, or of a folder all files in it; the content of those up to `most` bytes.
+
+        The state of a file is found out unless it is given.
+        """
         if path in self.files or not self.counts(path):
             return
         self.folders.add(path.parent)
@@ -108,7 +128,7 @@ class Opened:
             for inner in sorted(item for item in path.rglob("*") if item.is_file()):
                 self.read(inner, most=most)
         elif path.is_file():
-            self.files[path] = FileState.of(path, most=most)
+            self.files[path] = state or FileState.of(path, most=most)
             if not self._started:
                 self.early.add(path)
 
@@ -150,6 +170,29 @@ def noting(counts: Callable[[Path], bool]) -> Iterator[Opened]:
 def note(path: Path) -> None:
     """Note that a file is read, or everything in a folder: for what no audit event tells."""
     _tell(Opened.read, path)
+
+
+def read_noted(path: Path) -> bytes:
+    """Content of a file, which is noted without reading it again.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    """
+    if not _noting or getattr(_busy, "now", False):
+        return path.read_bytes()
+    _busy.now = True
+    try:
+        before, content, after = stat_of(path), path.read_bytes(), stat_of(path)
+    finally:
+        _busy.now = False
+    if before is not None and before == after:
+        state = FileState(*before, _checksum([memoryview(content)], len(content)))
+        _tell(partial(Opened.read, state=state), path)
+    else:
+        note(path)
+    return content
 
 
 def _install() -> None:

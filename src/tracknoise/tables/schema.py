@@ -615,13 +615,13 @@ INPUTS: Schema = {
     "always": pl.Boolean,
     "size": pl.Int64,
     "mtime_ns": pl.Int64,
-    "sha256": pl.String,
+    "content": pl.String,
 }
 """What a sequence was measured from, a row for each file and folder.
 
 in_data: path is relative to the folder of the data. path: the bytes of a file name. always: whether the content is
 compared even if size (bytes) and time of modification are the same. size: -1 of what has none; of ``frames``, their
-number. sha256: of the content, or of the names in a folder.
+number. content: a checksum of the content, or of the names in a folder; empty if it was not read.
 """
 
 CURVES: Schema = {

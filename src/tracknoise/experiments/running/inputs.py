@@ -115,8 +115,8 @@ def input_tables(batch: list[Task], recorder: InputRecorder, sequences: Items[Se
         _read_unseen(opened, root)
     rows = [_file_row(path, state, root, always=path in opened.early) for path, state in opened.files.items()]
     watched = {path.parent for path in opened.files if root is not None and path.parent.is_relative_to(root)}
-    rows += [_row(InputKind.folder, path, root, sha256=_names(path)) for path in watched]
-    rows += [_row(InputKind.code, name, None, sha256=sha256) for name, sha256 in _sources(experiment)]
+    rows += [_row(InputKind.folder, path, root, content=_names(path)) for path in watched]
+    rows += [_row(InputKind.code, name, None, content=content) for name, content in _sources(experiment)]
     return [
         pl.DataFrame(
             [*rows, _row(InputKind.frames, Path(), None, size=recorder.frames.get(_as_recorded(task), 0))],
@@ -171,8 +171,8 @@ class InputCheck:
                 if row["mtime_ns"] is None:
                     changed.append(f"{path} {'changed' if path.is_file() else 'is missing'}")
             elif row["kind"] == InputKind.folder:
-                row["sha256"] = _names(path)
-            elif row["kind"] == InputKind.code and (path, row["sha256"]) not in self._sources_of(task):
+                row["content"] = _names(path)
+            elif row["kind"] == InputKind.code and (path, row["content"]) not in self._sources_of(task):
                 changed.append(f"the source file {path} of a plug-in changed")
             now.append(tuple(row.values()))
         if changed:
@@ -215,8 +215,8 @@ class InputCheck:
         found = stat_of(path)
         if found is None or found[0] != row["size"]:
             return None
-        is_same = found[1] == row["mtime_ns"] and not row["always"] and not (self.verify and row["sha256"])
-        return found[1] if is_same or self._content(path) == row["sha256"] else None
+        is_same = found[1] == row["mtime_ns"] and not row["always"] and not (self.verify and row["content"])
+        return found[1] if is_same or self._content(path) == row["content"] else None
 
     def _content(self, path: Path) -> str | None:
         """Hash of a file, which is read once however many sequences depend on it."""
@@ -313,10 +313,10 @@ def _plugins(experiment: Experiment) -> Iterator[tuple[Plugins[Any], str]]:
 def _sources(experiment: Experiment) -> list[tuple[Path, str]]:
     """Source files of plug-ins: path from the folder of the package, and hash."""
     found = {
-        path.relative_to(folder): sha256 or ""
+        path.relative_to(folder): content or ""
         for plugins, name in _plugins(experiment)
         for folder, hashes in plugins.sources(name).items()
-        for path, sha256 in hashes.items()
+        for path, content in hashes.items()
     }
     return sorted(found.items())
 
@@ -333,7 +333,7 @@ def _file_row(path: Path, state: FileState | None, root: Path | None, *, always:
         always=always and small,
         size=state.size,
         mtime_ns=state.mtime_ns,
-        sha256=state.sha256,
+        content=state.content,
     )
 
 
@@ -345,12 +345,12 @@ def _row(
     always: bool = False,
     size: int = -1,
     mtime_ns: int | None = None,
-    sha256: str = "",
+    content: str = "",
 ) -> tuple[Any, ...]:
     """Row of the table `INPUTS`."""
     in_data = root is not None and path.is_relative_to(root)
     kept = path.relative_to(root) if root is not None and in_data else path
-    return kind, in_data, os.fsencode(kept), always, size, mtime_ns, sha256
+    return kind, in_data, os.fsencode(kept), always, size, mtime_ns, content
 
 
 def _path_of(row: dict[str, Any], root: Path | None) -> Path:

@@ -85,6 +85,11 @@ def one_line(text: str) -> str:
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 :]}"
 
 
+def with_type(error: BaseException) -> str:
+    """Type of an error, and what it says if it says something."""
+    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+
+
 def first_line(error: BaseException) -> str:
     """First line of what a library says about an error, without a full stop; its type if it says nothing."""
     lines = str(error).strip().splitlines()

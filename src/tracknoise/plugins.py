@@ -9,7 +9,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.exceptions import SettingsError, UnknownNameError, with_type
 from tracknoise.foreign.files import absolute
 from tracknoise.foreign.opened import content_of
 from tracknoise.options import PathTemplate, change_paths, defaults_as_toml, find_paths, validated
@@ -88,6 +88,9 @@ class Plugins(Generic[T]):
             return validated(kind, options or {}, given or {})
         except ValueError as error:
             raise SettingsError(f"{self.what} {name!r}: {error}") from error
+        except SystemExit as error:
+            found = f"cannot be made ({with_type(error)}), expected settings"
+            raise SettingsError(f"{self.what} {name!r}: {found}") from error
 
     def with_paths_from(self, folder: Path, name: str, options: Mapping[str, object]) -> dict[str, object]:
         """Options with relative paths made absolute, starting from a folder; those of the type `DataPath` stay.
@@ -141,8 +144,9 @@ class Plugins(Generic[T]):
     def _load_entry_point(self, point: EntryPoint) -> type[T]:
         try:
             found: type[T] = point.load()
-        except (ImportError, AttributeError) as error:
-            message = f"{self.what} {point.name!r}: {point.value} cannot be loaded ({error}), expected a class"
+        except (Exception, SystemExit) as error:  # its modules are run here
+            said = error if isinstance(error, ImportError | AttributeError) else with_type(error)
+            message = f"{self.what} {point.name!r}: {point.value} cannot be loaded ({said}), expected a class"
             raise SettingsError(message) from error
         for path in _sources(point.module)[1]:
             if path not in _hashes:

@@ -8,12 +8,11 @@ stdout, everything else to stderr.
 
 import io
 import sys
-from contextlib import suppress
 
-from tracknoise import signals
+from tracknoise import signals, standard_streams
 from tracknoise.cli.interruption import Interruption
 from tracknoise.cli.terminal import Terminal, finish_results
-from tracknoise.exceptions import TracknoiseError
+from tracknoise.exceptions import TracknoiseError, with_type
 
 _INTERRUPTED = 130
 """What typer returns if a command raised KeyboardInterrupt."""
@@ -27,6 +26,8 @@ def main(arguments: list[str] | None = None) -> None:
     arguments
         Without the program's name. Default: the arguments of the process.
     """
+    if arguments is None:
+        standard_streams.prepare()
     with Interruption() as interruption:
         terminal = Terminal()
         try:
@@ -37,8 +38,8 @@ def main(arguments: list[str] | None = None) -> None:
         interruption.end()
         if interruption:
             status = interruption.status
-            with suppress(OSError):  # the terminal may be closed
-                terminal.error(interruption.text)
+            terminal.error(interruption.text)
+        status = _finished(terminal, status)
     if arguments is None:
         signals.ignore()  # while the interpreter exits, it would give them their default effect again
     sys.exit(status)
@@ -48,16 +49,26 @@ def _reported(terminal: Terminal, arguments: list[str] | None, interruption: Int
     """Run a command and report its error. What fails because of an interruption is not reported."""
     try:
         return _status(terminal, arguments)
-    except SystemExit:
-        raise
     except BaseException as error:  # a panic of Polars is no Exception
         signals.raise_if_interruption(error)
         if interruption:
             return interruption.status
+        if terminal.debug and isinstance(error, SystemExit):
+            raise RuntimeError(_text(error)) from error  # of a plug-in, whose status would be that of the program
         if terminal.debug:
             raise
         terminal.error(_text(error))
         return 1
+
+
+def _finished(terminal: Terminal, status: int) -> int:
+    """Exit status of a command, once its results are written as far as they can be."""
+    try:
+        finish_results()
+    except TracknoiseError as error:
+        terminal.error(str(error))
+        return status or 1
+    return status
 
 
 def _status(terminal: Terminal, arguments: list[str] | None) -> int:
@@ -81,12 +92,11 @@ def _status(terminal: Terminal, arguments: list[str] | None) -> int:
         raise KeyboardInterrupt from error
     if status == _INTERRUPTED:
         raise KeyboardInterrupt
-    with suppress(BrokenPipeError):  # who reads the results has seen enough
-        finish_results()
     return status
 
 
 def _text(error: BaseException) -> str:
     if isinstance(error, TracknoiseError):
         return str(error)
-    return f"internal error ({type(error).__name__}: {error}); use --debug for a traceback"
+    what = "a plug-in ended the program" if isinstance(error, SystemExit) else "internal error"
+    return f"{what} ({with_type(error)}); use --debug for a traceback"

@@ -1,43 +1,29 @@
 """Output of the command line: results on stdout; messages and progress on stderr. Control characters are escaped."""
 
-import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 
 from tracknoise.exceptions import TracknoiseError
 from tracknoise.printable import printable
+from tracknoise.standard_streams import error_of_stdout
 
 _LAYOUT = "\n\t"
 
 
 def write_result(text: str) -> None:
-    """Write a text to stdout as it is.
+    """Write a text to stdout as it is."""
+    sys.stdout.write(text)
+
+
+def finish_results() -> None:
+    """Write what is still in memory to stdout.
 
     Raises
     ------
     TracknoiseError
-        If stdout cannot be written, as on a full disk. A reader that has gone raises BrokenPipeError, as elsewhere.
+        If results could not be written, as on a full disk.
     """
-    with _output_errors():
-        sys.stdout.write(text)
-
-
-def finish_results() -> None:
-    """Write what is still in memory to stdout, so that errors are reported like those of `write_result`."""
-    with _output_errors():
-        sys.stdout.flush()
-
-
-@contextmanager
-def _output_errors() -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        with suppress(OSError):  # what cannot be written must not fail again when the interpreter exits
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if isinstance(error, BrokenPipeError):
-            raise
+    error = error_of_stdout()
+    if error is not None:
         raise TracknoiseError(f"standard output cannot be written ({error.strerror})") from error
 
 

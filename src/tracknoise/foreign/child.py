@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, TypeVar
 
+from tracknoise.children import module_path
 from tracknoise.exceptions import TracknoiseError, first_line
 from tracknoise.foreign.opened import note
 
@@ -27,7 +28,7 @@ T = TypeVar("T")
 
 _READY = b"ready"
 _LENGTH_BYTES = 8
-_PROGRAM = "from tracknoise.foreign.child import serve; serve()"
+_PROGRAM = "import sys; sys.path = sys.argv[1:]; from tracknoise.foreign.child import serve; serve()"
 _START_S = 600.0
 _CPU_S, _BYTES_PER_SECOND = 5, 1 << 20
 _WALL_PER_CPU = 60.0
@@ -82,13 +83,11 @@ class _Child:
     @classmethod
     def started(cls) -> "_Child":
         """A new child, once it can be asked."""
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path or str(Path.cwd()) for path in sys.path)}
         process = subprocess.Popen(
-            [sys.executable, "-c", _PROGRAM],
+            [sys.executable, "-P", "-c", _PROGRAM, *module_path()],  # -P: not from the current folder, which -c adds
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            env=environment,
             start_new_session=True,  # Ctrl-C is for this process
         )
         child = cls(process, os.getpid())

@@ -4,14 +4,13 @@ import io
 import json
 import shutil
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
 from itertools import repeat
-from multiprocessing import get_context
 from pathlib import Path
 
 import polars as pl
 
+from tracknoise.children import process_pool
 from tracknoise.exceptions import SettingsError, StoreError, first_line
 from tracknoise.experiments.effects.scene_values import Study, measure_scene
 from tracknoise.findings.paired_changes import paired_changes
@@ -72,7 +71,7 @@ def _measured(study: Study, parts: list[Part], workers: int) -> Iterator[tuple[P
     if workers == 1 or len(parts) < 2:
         yield from ((part, _measure(study, part)) for part in parts)
         return
-    with ProcessPoolExecutor(min(workers, len(parts)), mp_context=get_context("spawn")) as pool:
+    with process_pool(min(workers, len(parts))) as pool:
         yield from zip(parts, pool.map(_measure, repeat(study), parts), strict=True)
 
 

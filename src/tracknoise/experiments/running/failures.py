@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from enum import Enum, auto
 from pathlib import Path
 
-from tracknoise.exceptions import DataError, StoreError, TracknoiseError
+from tracknoise.exceptions import DataError, StoreError, TracknoiseError, with_type
 from tracknoise.experiments.running.plan import Task
 from tracknoise.printable import printable
 from tracknoise.tables.manifest import FailureEntry, SequenceEntry
@@ -76,7 +76,7 @@ Measure = Callable[[list[Batch]], Results]
 
 def diagnose(error: BaseException) -> Failure:
     """Describe an exception: cause, place and kind of failure."""
-    cause = str(error) if isinstance(error, TracknoiseError) else f"{type(error).__name__}: {error}"
+    cause = str(error) if isinstance(error, TracknoiseError) else with_type(error)
     place = _place(error)
     return Failure(printable(" ".join(cause.split())), place and printable(place), _kind(error))
 

@@ -47,7 +47,7 @@ def attempt(
     """As `run_batch`, but return a failure instead of raising it, unless `debug` is set. Interruptions are raised."""
     try:
         return run_batch(batch, run, claim=claim, progress=progress)
-    except (Exception, pl.exceptions.PanicException) as error:
+    except BaseException as error:  # a panic of Polars is no Exception, nor is what `sys.exit` raises in a plug-in
         raise_if_interruption(error)
         if debug:
             raise

@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 from weakref import WeakSet
 
-from tracknoise import signals
+from tracknoise import children, signals
+from tracknoise.exceptions import with_type
 
 _SPAWN = get_context("spawn")
 _PATH_BYTES = 4096
@@ -85,10 +86,11 @@ class Worker:
         self.connection, theirs = _SPAWN.Pipe()
         self._opened: Array[c_char] = _SPAWN.RawArray("c", _PATH_BYTES)
         self._process = _SPAWN.Process(target=_serve, args=(theirs, self._opened), daemon=True)
-        resource_tracker.ensure_running()  # otherwise started below, and it unblocks signals
         _started.add(self._process)
-        with theirs, signals.delayed(), added_to_environment(environment):
-            self._process.start()
+        with theirs, children.safely_started(environment):
+            resource_tracker.ensure_running()  # otherwise started below, and it unblocks signals
+            with signals.delayed():
+                self._process.start()
 
     @property
     def pid(self) -> int:
@@ -162,26 +164,12 @@ def _kill_started() -> None:
             process.kill()
 
 
-@contextmanager
-def added_to_environment(variables: Mapping[str, str]) -> Iterator[None]:
-    """Some variables are read when a process begins, so that it cannot set them itself."""
-    before = {name: os.environ.get(name) for name in variables}
-    os.environ.update(variables)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
-
-
 def _serve(program: Connection, opened: "Array[c_char]") -> None:
     """What a worker runs: calls, until the program closes the connection or dies."""
     global _program
     _program = program
     signals.ignore()
+    children.begin()
     threading.Thread(target=_end_with_program, daemon=True).start()
     _record_opened(opened)
     while True:
@@ -196,7 +184,7 @@ def _outcome(program: Connection) -> _Returned | _Raised:
     try:
         function, arguments = program.recv()
         return _Returned(function(*arguments))
-    except (EOFError, KeyboardInterrupt, SystemExit):
+    except (EOFError, KeyboardInterrupt):
         raise
     except BaseException as error:
         return _Raised(_portable(error))
@@ -207,7 +195,7 @@ def _portable(error: BaseException) -> BaseException:
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:
-        error = RuntimeError(f"{type(error).__name__}: {error}")
+        error = RuntimeError(with_type(error))
     error.add_note(f"In a worker:\n{traceback.format_exc()}")
     return error
 

@@ -6,6 +6,7 @@ from enum import StrEnum
 import numpy as np
 import polars as pl
 
+from tracknoise.exceptions import with_type
 from tracknoise.tables.schema import Schema
 
 TOLERANCE = 1e-6
@@ -130,7 +131,7 @@ def answer(area: Area, world: str, quantity: str, found: Sequence[str], *, allow
 
 def failed(area: Area, world: str, error: BaseException) -> pl.DataFrame:
     """The check that a world can be measured, which ended in an error."""
-    row = (area, world, "measurement", 1, 1, None, "no error", f"{type(error).__name__}: {error}")
+    row = (area, world, "measurement", 1, 1, None, "no error", with_type(error))
     return pl.DataFrame([row], schema=dict(CHECKS), orient="row")
 
 

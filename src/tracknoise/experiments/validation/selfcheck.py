@@ -11,19 +11,17 @@ because they use what it tests.
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from itertools import repeat
-from multiprocessing import get_context
 from pathlib import Path
 
 import polars as pl
 
+from tracknoise.children import process_pool
 from tracknoise.exceptions import StoreError
 from tracknoise.experiments.analysis.run_findings import compute_findings
 from tracknoise.experiments.analysis.run_statistics import compute_statistics
 from tracknoise.experiments.running.local import ENVIRONMENT
-from tracknoise.experiments.running.worker import added_to_environment
 from tracknoise.experiments.settings import Experiment
 from tracknoise.experiments.validation.answers import factor_checks, pool_checks
 from tracknoise.experiments.validation.checks import CHECKS, SUSPECTS, Area, failed
@@ -109,7 +107,7 @@ def self_test(
     jobs = [parts, repeat(folder), repeat(scenes), repeat(seed), repeat(debug)]
     if workers == 1:
         return _collected(map(_run, *jobs), parts, progress)
-    with added_to_environment(ENVIRONMENT), ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    with process_pool(workers, ENVIRONMENT) as pool:
         return _collected(pool.map(_run, *jobs), parts, progress)
 
 

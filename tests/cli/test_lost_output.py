@@ -1,0 +1,119 @@
+"""Streams that are closed or full, and readers that have gone: messages are dropped, results are not."""
+
+import os
+import pty
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tracknoise.tables.store import RunFolder
+
+PROGRAM = "from tracknoise.cli.app import main\nif __name__ == '__main__':\n    main()\n"
+SMALL = """
+name = "small"
+speeds = [1]
+[dataset]
+reader = "simulated"
+options = { motions = ["forward"], frames = 4, width = 96, height = 72, worlds = 2 }
+[[trackers]]
+kind = "oracle"
+[statistics]
+min_features = 2
+"""
+UNWRITABLE = [("2>&-", 2), ("2>/dev/full", 1), ("2>/dev/full", 2), ("2>&1 | head -n 1 >{first}", 1)]
+
+
+@pytest.fixture
+def shell(tmp_path):
+    """Runs the program in a shell, with what is behind its arguments. Gives its status and what it wrote."""
+    (tmp_path / "go.py").write_text(PROGRAM)
+    (tmp_path / "small.toml").write_text(SMALL)
+    folder = tmp_path / "current"
+    folder.mkdir()
+
+    def go(arguments: str, redirected: str = "") -> tuple[int, str, str]:
+        command = f'"{sys.executable}" ../go.py {arguments} {redirected}; exit ${{PIPESTATUS[0]}}'
+        ended = subprocess.run(["bash", "-c", command], cwd=folder, capture_output=True, text=True)
+        return ended.returncode, ended.stdout, ended.stderr
+
+    return go
+
+
+def run(workers: int, *, report: bool = False) -> str:
+    return f"run ../small.toml --out ../run --workers {workers} {'' if report else '--no-report'}"
+
+
+def is_complete(folder: Path) -> bool:
+    found = RunFolder(folder)
+    return len(found.manifest().sequences) == 2 and found.statistics("findings").height > 0
+
+
+@pytest.mark.parametrize(("redirected", "workers"), UNWRITABLE)
+def test_messages_that_cannot_be_written_do_not_stop_a_run(redirected, workers, shell, tmp_path):
+    status, out, err = shell(run(workers), redirected.format(first=tmp_path / "first"))
+    assert (status, err) == (0, "")
+    assert is_complete(tmp_path / "run")
+    if "|" in redirected:
+        assert (tmp_path / "first").read_text().startswith("measured forward-0")
+    else:
+        assert "oracle" in out
+    assert list((tmp_path / "current").iterdir()) == []
+
+
+@pytest.mark.usefixtures("shell")
+def test_bars_in_a_terminal_that_closes_do_not_stop_a_run(tmp_path):
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "../go.py", *run(2).split()]
+    environment = {**os.environ, "TERM": "xterm"}
+    with subprocess.Popen(
+        command, cwd=tmp_path / "current", stderr=theirs, stdout=subprocess.PIPE, env=environment
+    ) as program:
+        os.close(theirs)
+        assert os.read(ours, 100)
+        os.close(ours)
+        assert b"oracle" in program.communicate()[0]
+    assert program.returncode == 0
+    assert is_complete(tmp_path / "run")
+
+
+@pytest.mark.parametrize(
+    ("redirected", "reason"), [(">&-", "Bad file descriptor"), (">/dev/full", "No space left on device")]
+)
+def test_results_that_cannot_be_written_are_one_line(redirected, reason, shell, tmp_path):
+    line = f"tracknoise: error: standard output cannot be written ({reason})"
+    status, _, err = shell(run(1, report=True), redirected)
+    assert status == 1
+    assert [text for text in err.splitlines() if "error" in text] == [line]
+    assert is_complete(tmp_path / "run")
+    assert (tmp_path / "run" / "report" / "index.html").exists()
+    for arguments in ("findings ../run", "compare ../run ../run", "--help", "trackers"):
+        assert shell(arguments, redirected) == (1, "", f"{line}\n"), arguments
+    assert shell("trackers", f"{redirected} 2>&-") == (1, "", "")
+    assert list((tmp_path / "current").iterdir()) == []
+
+
+def test_a_reader_that_has_gone_has_read_enough(shell, tmp_path):
+    """The rest of the command is done."""
+    status, _, err = shell(run(1, report=True), "| true")
+    assert (status, [line for line in err.splitlines() if "error" in line]) == (0, [])
+    assert (tmp_path / "run" / "report" / "index.html").exists()
+    assert shell("findings ../run --json", "| true") == (0, "", "")
+    assert shell("--help", "| true") == (0, "", "")
+    assert shell("findings ../none", "| true")[0] == 1
+
+
+def test_files_do_not_get_the_numbers_of_closed_streams(tmp_path):
+    """Otherwise, what a library prints would be written into them."""
+    program = tmp_path / "go.py"
+    program.write_text(
+        "import os, sys\nfrom tracknoise import standard_streams\nstandard_streams.prepare()\n"
+        f"file = open({str(tmp_path / 'file')!r}, 'w')\n"
+        f"open({str(tmp_path / 'number')!r}, 'w').write(str(file.fileno()))\n"
+        "sys.stderr.write('x'); os.write(2, b'x'); sys.stdout.write('x')\n"
+    )
+    status = subprocess.run(["bash", "-c", f'"{sys.executable}" "{program}" <&- >&- 2>&-'], check=False).returncode
+    assert status == 0
+    assert int((tmp_path / "number").read_text()) > 2
+    assert (tmp_path / "file").read_text() == ""

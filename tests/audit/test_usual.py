@@ -1,5 +1,7 @@
 """Faults that are usual mistakes are said in the words of the mistake."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from benchmarks.validity.audit_worlds import World, make_samples, theta_of
@@ -12,9 +14,10 @@ from tracknoise.audit.usual import shifted_text, usual_mistakes, whole_frames
 WORLD = World(per_scene=100, n_frames=60)
 
 
-def audit(**faults):
+def audit(z_depth_from=None, **faults):
     theta = theta_of({Parameter(name): value for name, value in faults.items()})
-    return tables_of(make_samples(np.random.default_rng(1), WORLD, theta), "made-up").audit
+    samples = make_samples(np.random.default_rng(1), WORLD, theta)
+    return tables_of(replace(samples, z_depth_from=z_depth_from), "made-up").audit
 
 
 @pytest.mark.parametrize(
@@ -48,6 +51,19 @@ def test_distances_along_the_ray_are_named_with_their_correction() -> None:
     (text,) = usual_mistakes(found)
     assert text.startswith("Depth is the distance along the ray, not along the optical axis (share ")
     assert corrections_toml(found) == "[truth.corrections]\ndepth_along_ray = true"
+
+
+def test_a_kind_of_depth_that_is_known_is_not_tried() -> None:
+    """Errors like those of distances along the ray have another cause then."""
+    found = audit(z_depth_from="stereo matching", ray_depth=1.0)
+    about = found.filter(parameter="ray_depth")
+    assert about.select("family", "verdict", "rank", "value").rows() == [("alone", "not_tried", None, None)]
+    assert usual_mistakes(found) == []
+    assert "depth_along_ray" not in (corrections_toml(found) or "")
+    assert "The kind of depth was not tried: depths are z by construction (from stereo matching)." in audit_sentences(
+        found, every=True
+    )
+    assert not any("ray" in text or "kind of depth" in text for text in audit_sentences(found))
 
 
 def test_half_a_kind_of_depth_is_no_fault_of_this_kind() -> None:

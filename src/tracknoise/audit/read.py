@@ -13,6 +13,7 @@ from tracknoise.audit.parameters import COUNT
 from tracknoise.audit.prediction import predict
 from tracknoise.audit.samples import AuditSamples
 from tracknoise.findings.sampling.groups import SceneGroups, scheme
+from tracknoise.findings.wording import listing
 from tracknoise.geometry.lenses import KnownCamera, make_camera
 from tracknoise.printable import counted
 from tracknoise.statistics.scattered import scattered
@@ -30,12 +31,16 @@ _REPRODUCED_PX = 0.01
 
 @dataclass(frozen=True, slots=True)
 class AuditedTables:
-    """Tables of one sequence: `AUDIT_SAMPLES`, `CAMERAS` and `POSES`, and `PATH` where it has one."""
+    """Tables of one sequence: `AUDIT_SAMPLES`, `CAMERAS` and `POSES`, and `PATH` where it has one.
+
+    z_depth_from is what its depths were computed from, if they are along z by construction.
+    """
 
     samples: pl.DataFrame
     cameras: pl.DataFrame
     poses: pl.DataFrame
     path: pl.DataFrame | None = None
+    z_depth_from: str | None = None
 
     @property
     def has_known_lens(self) -> bool:
@@ -148,7 +153,20 @@ def _joined(used: Sequence[AuditedTables], trackers: tuple[str, ...], groups: Sc
         readout_of=shutters["readout_s"].fill_null(0.0).to_numpy() / unit,
         axis_of=shutters["shutter_axis"].fill_null(1).to_numpy().astype(np.intp),
         interval_s=interval,
+        z_depth_from=_z_depth_from(used),
     )
+
+
+def _z_depth_from(used: Sequence[AuditedTables]) -> str | None:
+    """What depths are known to be along z from; None where that is not known of any sequence.
+
+    A correction of the kind of depth holds for all sequences of a run, so that one of them rules it out.
+    """
+    known = [one.z_depth_from for one in used if one.z_depth_from is not None]
+    if not known:
+        return None
+    text = listing(dict.fromkeys(known))
+    return text if len(known) == len(used) else f"{text}, in {len(known)} of {len(used)} sequences"
 
 
 def _interval_s(used: Sequence[AuditedTables]) -> float | None:

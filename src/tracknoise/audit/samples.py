@@ -41,6 +41,8 @@ class AuditSamples:
         Coordinate along which the shutter moves.
     interval_s
         Median time between frames, seconds: the unit of time. None where it is unknown.
+    z_depth_from
+        What depths that are along z by construction were computed from; None where their kind is only stated.
     """
 
     trackers: tuple[str, ...]
@@ -62,6 +64,7 @@ class AuditSamples:
     readout_of: NDArray[np.float64]
     axis_of: NDArray[np.intp]
     interval_s: float | None
+    z_depth_from: str | None = None
 
     @property
     def n_clusters(self) -> int:

@@ -113,8 +113,11 @@ class Selection:
 
 
 def available(samples: AuditSamples) -> tuple[Parameter, ...]:
-    """Parameters that can be fitted: not k1 where a lens has none."""
-    return tuple(one for one in Parameter if one is not Parameter.k1 or has_k1(samples.cameras))
+    """Parameters that can be fitted: not k1 where a lens has none, nor the kind of depth where it is known."""
+    left_out = set() if has_k1(samples.cameras) else {Parameter.k1}
+    if samples.z_depth_from is not None:
+        left_out.add(Parameter.ray_depth)
+    return tuple(one for one in Parameter if one not in left_out)
 
 
 def select(samples: AuditSamples) -> Selection:

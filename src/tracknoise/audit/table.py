@@ -21,7 +21,7 @@ from tracknoise.audit.samples import AuditSamples
 from tracknoise.audit.selection import Named, Selection, Stage, available, select
 from tracknoise.audit.units import Shown, shown
 from tracknoise.audit.verdicts import Judged, judge
-from tracknoise.audit.wording import Estimate, effect_text, family_text, fault_text, in_unit, other_text
+from tracknoise.audit.wording import Estimate, effect_text, family_text, fault_text, in_unit, kind_not_tried, other_text
 from tracknoise.findings.sampling.groups import SceneGroups
 from tracknoise.tables.audit_schema import AUDIT, AUDIT_CURVES, EVERYTHING, MEASURED, AuditVerdict
 from tracknoise.tables.schema import check, empty
@@ -108,8 +108,22 @@ def _single_rows(samples: AuditSamples, selection: Selection, joint: JointFits, 
         for component, row in enumerate(_assessed_rows(Family.alone, selection.alone, one.parameter)):
             visible = abs(factor) * float(one.visible_above[component])
             yield {**row, **extra, "visible_above": visible if np.isfinite(visible) else None}
+    yield from _known_rows(samples)
     for one in judged:
         yield from _assessed_rows(Family.beside_bias, selection.beside_bias, one.parameter)
+
+
+def _known_rows(samples: AuditSamples) -> Iterator[Row]:
+    """A sentence about what was not tried, because the program itself made it so."""
+    if samples.z_depth_from is not None:
+        yield {
+            "family": Family.alone,
+            "parameter": Parameter.ray_depth,
+            "component": "",
+            "unit": "",
+            "verdict": AuditVerdict.not_tried,
+            "text": kind_not_tried(samples.z_depth_from),
+        }
 
 
 def _assessed_rows(family: Family, stage: Stage, parameter: Parameter) -> Iterator[Row]:

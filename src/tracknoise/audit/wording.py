@@ -189,6 +189,12 @@ def other_text(
     return f"No error of the {name} was found; {100.0 * POWER:g}{SPACE}% of those above {visible} would be seen."
 
 
+def kind_not_tried(z_depth_from: str) -> str:
+    """The sentence about the kind of depths that are known to be along z, from what they were computed."""
+    name = PARAMETER_NAMES[Parameter.ray_depth]
+    return f"The {name} was not tried: depths are z by construction (from {z_depth_from})."
+
+
 def _why(parameter: Parameter, samples: AuditSamples) -> str:
     """What the recording lacks, if it is known."""
     low, middle, high = np.quantile(samples.depth, (0.1, 0.5, 0.9))

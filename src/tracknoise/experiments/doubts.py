@@ -19,7 +19,7 @@ from tracknoise.inspection.mistakes import mistakes
 from tracknoise.inspection.one_camera import seen_by_one_camera
 from tracknoise.inspection.pairs import FEWEST_POINTS, Flow, Pair
 from tracknoise.printable import significant
-from tracknoise.sequences.sequence import TruthKind
+from tracknoise.sequences.sequence import TruthKind, z_depth_from
 
 if TYPE_CHECKING:
     from tracknoise.experiments.measure import Measurement
@@ -64,7 +64,8 @@ def _of_mistakes(measurement: "Measurement", observed: pl.DataFrame) -> list[Ite
     born = measurement.truth in (TruthKind.birth, TruthKind.raycast)
     pairs = tuple(_pairs(observed, _depths_at_birth(measurement, observed) if born else {}))
     poses = sequence.world_from_camera[: measurement.n_frames]
-    evidence = Evidence.of(seen_by_one_camera(Flow(pairs, ()), sequence), poses, sequence.camera)
+    seen = seen_by_one_camera(Flow(pairs, ()), sequence)
+    evidence = Evidence.of(seen, poses, sequence.camera, z_depth_from(sequence))
     named = mistakes(evidence)
     clipped = clipped_depth(evidence) if named.severity is not Severity.fatal else None
     return [named, *filter(None, [clipped])]

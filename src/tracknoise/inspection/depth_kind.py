@@ -39,8 +39,10 @@ class DepthKind:
 
 
 def depth_kind(evidence: Evidence) -> DepthKind | None:
-    """Fit the kind of depth; None without depths, or where both kinds would look the same."""
-    sums = [found for pair in evidence.pairs if evidence.has_depth and (found := _sums(evidence, pair)) is not None]
+    """Fit the kind of depth; None without depths, where it is known, or where both kinds would look the same."""
+    if not evidence.has_depth or evidence.z_depth_from is not None:
+        return None
+    sums = [found for pair in evidence.pairs if (found := _sums(evidence, pair)) is not None]
     table = np.array(sums).reshape(-1, 2)
     if len(table) < 2 or table[:, 1].sum() <= 0.0:
         return None

@@ -12,7 +12,7 @@ from tracknoise.inspection.hypotheses import Hypothesis
 from tracknoise.inspection.one_camera import seen_by_one_camera
 from tracknoise.inspection.pairs import Flow, Pair
 from tracknoise.inspection.residuals import median_residual_px
-from tracknoise.sequences.sequence import Sequence
+from tracknoise.sequences.sequence import Sequence, z_depth_from
 
 LEAST_MOTION_PX = 0.5
 """Pairs of images with less motion say nothing about poses."""
@@ -36,6 +36,8 @@ class Evidence:
         Whether most pairs have depths.
     pairs
         Pairs of frames with image motion and poses, by their first frame; with depths if `has_depth`.
+    z_depth_from
+        What depths that are along z by construction were computed from; None where their kind is only stated.
     """
 
     flow: Flow
@@ -43,9 +45,12 @@ class Evidence:
     camera: CameraModel
     has_depth: bool
     pairs: tuple[Pair, ...]
+    z_depth_from: str | None = None
 
     @classmethod
-    def of(cls, flow: Flow, poses: NDArray[np.float64], camera: CameraModel) -> "Evidence":
+    def of(
+        cls, flow: Flow, poses: NDArray[np.float64], camera: CameraModel, z_depth_from: str | None = None
+    ) -> "Evidence":
         """Choose the pairs that can be compared with poses."""
         known: NDArray[np.bool_] = np.isfinite(poses.sum(axis=(1, 2)))
         every = {(pair.first, pair.second): pair for pair in (*flow.steps, *flow.wide)}
@@ -56,7 +61,8 @@ class Evidence:
         ]
         with_depth = [pair for pair in moving if pair.has_depth]
         has_depth = bool(with_depth) and 2 * len(with_depth) >= len(moving)
-        return cls(flow, poses, camera, has_depth, tuple(with_depth if has_depth else moving))
+        pairs = tuple(with_depth if has_depth else moving)
+        return cls(flow, poses, camera, has_depth, pairs, z_depth_from if has_depth else None)
 
     @classmethod
     def measured(cls, sequence: Sequence) -> "Evidence":
@@ -68,7 +74,8 @@ class Evidence:
             If an image or depth cannot be read.
         """
         flow = measure_flow(sequence, windows(len(sequence)))
-        return cls.of(seen_by_one_camera(flow, sequence), sequence.world_from_camera, sequence.camera)
+        seen = seen_by_one_camera(flow, sequence)
+        return cls.of(seen, sequence.world_from_camera, sequence.camera, z_depth_from(sequence))
 
 
 def thinned(pairs: ListOf[Pair]) -> list[Pair]:

@@ -77,13 +77,15 @@ AS_RAY_DEPTH = Hypothesis(
 )
 
 
-def hypotheses(*, has_depth: bool = True) -> list[Hypothesis]:
+def hypotheses(*, has_depth: bool = True, is_z: bool = False) -> list[Hypothesis]:
     """All mistakes that are looked for, the most usual first.
 
     Parameters
     ----------
     has_depth
         Whether there are depths. Without them a scale, and the kind of depth, cannot be seen.
+    is_z
+        Whether depths are known to be along the optical axis, so that their kind is no mistake.
     """
     orders = _quaternion_orders()
     axes = _axes()
@@ -92,7 +94,8 @@ def hypotheses(*, has_depth: bool = True) -> list[Hypothesis]:
         Hypothesis("inverted", "poses are inverted: they are camera_from_world, not world_from_camera", invert),
         *known,
         *orders[:2],
-        *([*_scales(), AS_RAY_DEPTH] if has_depth else []),
+        *(_scales() if has_depth else []),
+        *([AS_RAY_DEPTH] if has_depth and not is_z else []),
         *(_resolution(factor) for factor in _RESOLUTIONS),
         *(_shifted(n) for n in range(-MOST_SHIFT_FRAMES, MOST_SHIFT_FRAMES + 1) if n),
         Hypothesis("transposed", "rotations are transposed, but positions are right", _transposed),

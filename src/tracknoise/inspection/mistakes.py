@@ -53,7 +53,7 @@ def mistakes(evidence: Evidence) -> Item:
         few = counted(len(evidence.pairs), "pair")
         text = f"Mistakes in poses cannot be looked for: only {few} of images with motion."
         return Item("usual mistakes", Severity.unknown, text)
-    candidates = hypotheses(has_depth=evidence.has_depth)
+    candidates = hypotheses(has_depth=evidence.has_depth, is_z=evidence.z_depth_from is not None)
     pairs = thinned(evidence.pairs)
     given_px = _residuals(evidence, pairs, AS_GIVEN)
     tried = np.array([_residuals(evidence, pairs, one) for one in candidates])
@@ -68,7 +68,7 @@ def mistakes(evidence: Evidence) -> Item:
     if (ray := _ray_depth(evidence)) is not None:
         return ray
     text = f"None of {len(candidates)} usual mistakes explains the image motion clearly better than what is given."
-    return Item("usual mistakes", Severity.ok, text, {"best_gain": float(gains.min())})
+    return Item("usual mistakes", Severity.ok, text + _not_tried(evidence), {"best_gain": float(gains.min())})
 
 
 def _residuals(evidence: Evidence, pairs: ListOf[Pair], assumed: Hypothesis) -> NDArray[np.float64]:
@@ -102,6 +102,7 @@ def _named(evidence: Evidence, fits: ListOf[Fit], given_px: float) -> Item:
     )
     if others:
         text += f" This recording cannot distinguish it from: {'; or '.join(others[:2])}."
+    text += _not_tried(evidence)
     values: Values = {
         "mistake": best.hypothesis.kind,
         "gain": best.gain,
@@ -109,6 +110,13 @@ def _named(evidence: Evidence, fits: ListOf[Fit], given_px: float) -> Item:
         "undone_px": best.residual_px,
     }
     return Item("usual mistakes", Severity.fatal, text, values)
+
+
+def _not_tried(evidence: Evidence) -> str:
+    """A further sentence where the kind of depth is known; otherwise empty."""
+    if evidence.z_depth_from is None:
+        return ""
+    return f" Not tried: that {AS_RAY_DEPTH.name}; depths are z by construction (from {evidence.z_depth_from})."
 
 
 def _with_unit(evidence: Evidence, mistake: Hypothesis) -> str:

@@ -18,7 +18,7 @@ from tracknoise.geometry.pose import invert, transform
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.row_poses import RowPoses
-from tracknoise.sequences.sequence import Sequence, camera_at, path_of, shutter_of, times_of
+from tracknoise.sequences.sequence import Sequence, camera_at, path_of, shutter_of, times_of, z_depth_from
 from tracknoise.sequences.views import View
 
 
@@ -116,6 +116,11 @@ class CorrectedSequence(View):
         if stated is None:
             return RollingShutter(self.corrections.readout_s) if self.corrections.readout_s else None
         return replace(stated, readout_s=stated.readout_s + self.corrections.readout_s)
+
+    @property
+    def z_depth_from(self) -> str | None:
+        """That of the sequence; None where its depths are taken as distances along the ray."""
+        return None if self.corrections.depth_along_ray else z_depth_from(self.sequence)
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -55,7 +55,8 @@ class FaultySequence(View):
     """A sequence with faults in its stated camera, poses, shutter and depth. Made by `with_faults`.
 
     Ray-cast truth is not offered: it would use the true surface. Truth from depth at birth uses what is stated, as that
-    of a recording does. Accuracies are not stated where there are faults.
+    of a recording does. Accuracies are not stated where there are faults, and the kind of depth counts as unknown:
+    everything is looked for as in a recording.
 
     Parameters
     ----------

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +46,8 @@ class OtherPoses(View):
     DataError
         If there are fewer than two poses.
     """
+
+    keeps_kind_of_depth: ClassVar[bool] = True
 
     poses: NDArray[np.float64]
     name: str

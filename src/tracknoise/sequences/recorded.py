@@ -60,6 +60,8 @@ class RecordedSequence:
         How images are read out; None where all rows of an image are exposed together. It needs timestamps.
     path
         Camera poses at other times than those of frames, on the clock of the timestamps; None where there are none.
+    z_depth_from
+        What depths were computed from, along z; None where they are read from files, or there are none.
 
     Raises
     ------
@@ -86,6 +88,7 @@ class RecordedSequence:
     second: SecondCamera | None = None
     shutter: RollingShutter | None = None
     path: PosePath | None = None
+    z_depth_from: str | None = None
 
     def __post_init__(self) -> None:
         place = f"{self.id.dataset} {self.id.scene}"

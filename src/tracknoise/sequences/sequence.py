@@ -318,6 +318,24 @@ def second_of(sequence: Sequence) -> SecondCamera | None:
     return sequence.second if isinstance(sequence, StereoSequence) else None
 
 
+@runtime_checkable
+class ZDepthSequence(Protocol):
+    """A `Sequence` that may know the kind of its depths by construction: this program computed them along z.
+
+    What a format states of its files is no such knowledge: whatever wrote them may have followed another convention.
+    """
+
+    @property
+    def z_depth_from(self) -> str | None:
+        """What this program computed the depths of all frames from; None where it read them, or computes none."""
+        ...
+
+
+def z_depth_from(sequence: Sequence) -> str | None:
+    """What depths that are along z by construction were computed from; None where their kind is only stated."""
+    return sequence.z_depth_from if isinstance(sequence, ZDepthSequence) else None
+
+
 class Reader(Protocol):
     """A data set in one on-disk format (or none, if simulated). Settings are the fields of a frozen dataclass.
 

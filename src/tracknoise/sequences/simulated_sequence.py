@@ -83,6 +83,11 @@ class SimulatedSequence:
         return EXACT_DEPTH
 
     @property
+    def z_depth_from(self) -> str:
+        """Depths are along z: rays are cast through the surfaces of the world."""
+        return "the surfaces of a simulated world"
+
+    @property
     def truths(self) -> tuple[TruthKind, ...]:
         """Ray cast first: it needs no interpolation."""
         return (TruthKind.raycast, TruthKind.birth)

@@ -82,6 +82,11 @@ class StereoDepth(View):
         return DepthAccuracy(0.0, 0.0, DISPARITY_SIGMA_PX / self._scale)
 
     @property
+    def z_depth_from(self) -> str:
+        """Depths are along z, whatever the sequence states: a disparity gives the distance from the baseline."""
+        return "stereo matching of two cameras"
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Those of the sequence, and where its depth comes from."""
         note = (

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence as Items
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from tracknoise.sequences.sequence import (
     group_of,
     path_of,
     shutter_of,
+    z_depth_from,
 )
 from tracknoise.tables.identity import Direction, SequenceId
 
@@ -110,6 +112,9 @@ class View:
         What is shown.
     """
 
+    keeps_kind_of_depth: ClassVar[bool] = False
+    """Whether depths are those of the sequence shown: otherwise their kind is not known by construction."""
+
     sequence: Sequence
 
     def __len__(self) -> int:
@@ -181,6 +186,11 @@ class View:
         return shutter_of(self.sequence)
 
     @property
+    def z_depth_from(self) -> str | None:
+        """That of the sequence shown, where the view keeps the kind of its depths."""
+        return z_depth_from(self.sequence) if self.keeps_kind_of_depth else None
+
+    @property
     def scan(self) -> Scan | None:
         """That of the sequence shown."""
         return self.sequence.scan
@@ -239,6 +249,8 @@ class ChosenFrames(View):
     frames
         Which of its frames, ascending.
     """
+
+    keeps_kind_of_depth: ClassVar[bool] = True
 
     frames: range
 
@@ -316,6 +328,8 @@ class ChosenFrames(View):
 class Backward(View):
     """A sequence played backward: its last frame comes first."""
 
+    keeps_kind_of_depth: ClassVar[bool] = True
+
     @property
     def id(self) -> SequenceId:
         """The name of the sequence shown, with the other direction."""
@@ -383,6 +397,8 @@ class Turned(View):
     The pixel (u, v) of the upright image becomes (v, width - 1 - u), and the camera's axes turn likewise: up
     in the upright image is now left.
     """
+
+    keeps_kind_of_depth: ClassVar[bool] = True
 
     @property
     def id(self) -> SequenceId:

@@ -14,7 +14,8 @@ class AuditVerdict(StrEnum):
     fault: the truth is wrong in it. explained: it looked wrong, but not established once the named faults are
     corrected. like_bias: what it explains cannot be distinguished from a bias of the trackers. disagreement: trackers
     contradict each other. small: another value fits better, but explains next to nothing. none: no fault.
-    undetermined: its interval is too wide for an answer, or what it explains is not established.
+    undetermined: its interval is too wide for an answer, or what it explains is not established. not_tried: it is right
+    by construction.
     """
 
     fault = "fault"
@@ -24,6 +25,7 @@ class AuditVerdict(StrEnum):
     small = "small"
     none = "none"
     undetermined = "undetermined"
+    not_tried = "not_tried"
 
 
 MEASURED, EVERYTHING = "measured", "all"
@@ -103,13 +105,13 @@ AUDIT: Schema = {
 """One row per number of every fit: its corrected value beside the stated one, and what the correction explains.
 
 `family` is one of `tracknoise.audit.parameters.Family`. Rows of the family `alone` have the verdict on the parameter,
-its sentence, and `visible_above`: 90 % of the errors of this size would have been named; null where none would. rank
-numbers the named faults from 1. p is adjusted for all parameters by Holm's method in the families `alone` and
-`beside_bias`. gain is the share of the second moment in scaled units, outliers cut, that the correction removes from
-held-out units; in the family `beside_bias` beyond what biases of the trackers remove. second_moment_share is the share
-of the second moment in px^2 that it removes, outliers left out. condition is the condition number of the fit.
-correlation is the largest one of the number in this fit, and `correlated_with` the other number. in_frames is the value
-of times in frame intervals.
+its sentence, and `visible_above`: 90 % of the errors of this size would have been named; null where none would. What
+was not tried has no numbers. rank numbers the named faults from 1. p is adjusted for all parameters by Holm's method in
+the families `alone` and `beside_bias`. gain is the share of the second moment in scaled units, outliers cut, that the
+correction removes from held-out units; in the family `beside_bias` beyond what biases of the trackers remove.
+second_moment_share is the share of the second moment in px^2 that it removes, outliers left out. condition is the
+condition number of the fit. correlation is the largest one of the number in this fit, and `correlated_with` the other
+number. in_frames is the value of times in frame intervals.
 
 A run that could not be audited has one row, with the reason in its text.
 """

@@ -44,6 +44,8 @@ class SequenceEntry:
         If the truth is a scan, the frame in which features were associated with it.
     group
         What its scene has in common with others that are not independent of it, such as the place; None if unknown.
+    z_depth_from
+        What the program computed depths from, if they are along z by construction; otherwise None.
     image
         Hash of the pixels of the image in ``snapshots/``; empty where they are of one gray value.
     sha256
@@ -61,6 +63,7 @@ class SequenceEntry:
     inputs: str = ""
     key_frame: int | None = None
     group: str | None = None
+    z_depth_from: str | None = None
     doubts: tuple[str, ...] = ()
     image: str = ""
     sha256: dict[str, str] = field(default_factory=dict)

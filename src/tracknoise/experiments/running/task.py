@@ -26,7 +26,7 @@ from tracknoise.measurement.tracking import Progress
 from tracknoise.sequences.images import content_hash, encode_png
 from tracknoise.sequences.poses import pose_notes
 from tracknoise.sequences.row_poses import shutter_notes
-from tracknoise.sequences.sequence import TRIANGULATED, Sequence, group_of
+from tracknoise.sequences.sequence import TRIANGULATED, Sequence, TruthKind, group_of, z_depth_from
 from tracknoise.signals import raise_if_interruption
 from tracknoise.statistics.summarise import STATISTICS, statistics_of
 from tracknoise.statistics.tracks.lifetimes import count_ends
@@ -131,6 +131,7 @@ def sequence_entry(measurement: Measurement, *, sha256: dict[str, str], seconds:
         ),
         key_frame=measurement.key_frame,
         group=group_of(sequence),
+        z_depth_from=z_depth_from(sequence) if measurement.truth in list(TruthKind) else None,
         image=content_hash(measurement.snapshot) or "",
         sha256=sha256,
     )

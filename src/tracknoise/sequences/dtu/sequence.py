@@ -63,6 +63,11 @@ class LitSequence:
         return None
 
     @property
+    def z_depth_from(self) -> str:
+        """Features get the depths along z of points that are known in the world."""
+        return "the points of a scan"
+
+    @property
     def truths(self) -> tuple[TruthKind, ...]:
         """The scan."""
         return (TruthKind.scan,)

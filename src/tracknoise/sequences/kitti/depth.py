@@ -51,6 +51,12 @@ class KittiDepth:
         return cloud_depth(camera, points, nearest_m=NEAREST_M, radius_px=self.radius_px)
 
 
+def z_depth_from(paths: tuple[Path | None, ...]) -> str | None:
+    """What depths of a drive were computed from, along z; None where any is read from a map, or there are none."""
+    present = [path for path in paths if path is not None]
+    return "projected Velodyne scans" if present and all(path.suffix == SCAN_SUFFIX for path in present) else None
+
+
 def source_note(paths: tuple[Path | None, ...]) -> str:
     """A sentence on what the depth of a drive comes from."""
     scans = sum(path is not None and path.suffix == SCAN_SUFFIX for path in paths)

@@ -14,7 +14,7 @@ from tracknoise.geometry.pose import invert
 from tracknoise.printable import counted
 from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_notes
 from tracknoise.sequences.images import first_readable, image_size
-from tracknoise.sequences.kitti.depth import KittiDepth
+from tracknoise.sequences.kitti.depth import KittiDepth, z_depth_from
 from tracknoise.sequences.kitti.odometry_calibration import (
     read_camera_from_velodyne,
     read_projection,
@@ -132,6 +132,7 @@ class KittiOdometry:
             ),
             timestamps_s=timestamps_s,
             second=_second(course, number, P, frames.numbers),
+            z_depth_from=z_depth_from(frames.scans),
         )
 
     def _depth(self, course: Course, camera: int, scans: tuple[Path | None, ...]) -> KittiDepth | None:

@@ -15,7 +15,7 @@ from tracknoise.sequences.frame_files import ImageFiles, depth_files, depth_note
 from tracknoise.sequences.images import first_readable, image_size
 from tracknoise.sequences.kitti.accuracy import read_oxts_accuracy
 from tracknoise.sequences.kitti.calibration import read_camera, read_camera_from_velodyne
-from tracknoise.sequences.kitti.depth import KittiDepth, source_note
+from tracknoise.sequences.kitti.depth import KittiDepth, source_note, z_depth_from
 from tracknoise.sequences.kitti.layout import IMAGES, Drive, find_drives, find_frames, recording_of
 from tracknoise.sequences.kitti.stillness import StillRule, still_stretch
 from tracknoise.sequences.kitti.timestamps import pose_time_notes, read_timestamps
@@ -132,6 +132,7 @@ class Kitti:
             pose_accuracy=accuracy.pose,
             truth_accuracy=accuracy.truth,
             group=recording_of(sequence.scene),
+            z_depth_from=z_depth_from(frames.depths),
         )
 
     def _drives(self) -> dict[str, Drive]:

@@ -8,6 +8,15 @@ The runs are the demo, 7-Scenes, KITTI and a small simulated light stage. `compa
 run. Columns of one name must hold the same bytes, row by row. A table, or a column, that only one side has is listed.
 Aspects that were text are typed before they are compared, and sentences may be reworded. Exit status 1 if another
 column differs.
+
+Runs of machines of two kinds differ by rounding. BEFORE and AFTER may also be two run folders:
+
+    OPENBLAS_CORETYPE=Haswell tracknoise run demo --scenes 2 --frames 12 --out HASWELL
+    OPENBLAS_CORETYPE=SkylakeX tracknoise run demo --scenes 2 --frames 12 --out SKYLAKE
+    python -m benchmarks.same_tables compare HASWELL SKYLAKE --tolerance 1e-6
+
+With a tolerance, floats may differ by this share of the larger of the two. Everything else must be the same: rows,
+keys, counts, verdicts and sentences. The largest share is printed.
 """
 
 import argparse
@@ -15,13 +24,17 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from tracknoise.tables.schema import ASPECT
 
 DATA = Path(os.environ.get("TRACKNOISE_DATA", "../shared/data"))
+RUNS = ("demo", "sevenscenes", "kitti", "dtu")
 SENTENCES = ("text", "topic", "figure", "why")
 """Columns for readers: sentences, and the section of the report that they belong to."""
 STAGE = ["simulate", "--layout", "dtu", "--scenes", "2", "--width", "400", "--height", "300", "--image-format", "bmp"]
@@ -43,29 +56,37 @@ def record(out: Path) -> None:
         subprocess.run([sys.executable, "-c", program, *command, "--quiet"], check=True)
 
 
-def compare(before: Path, after: Path) -> int:
-    """Print what differs, run by run; return how many columns hold other values."""
-    wrong = 0
-    for name in ("demo", "sevenscenes", "kitti", "dtu"):
+def compare(before: Path, after: Path, tolerance: float | None = None) -> int:
+    """Print what differs, run by run; return 1 if a column holds other values, otherwise 0."""
+    wrong, rounding = 0, Rounding(tolerance)
+    for name in RUNS if not _is_run(before) else ("",):
         differences, same = [], 0
         tables = sorted({*_tables(before / name), *_tables(after / name)})
+        if not tables:
+            sys.exit(f"no tables of a run in {before / name} and {after / name}")
         for table in tables:
-            found = list(_differences(before / name / table, after / name / table))
+            found = list(_differences(before / name / table, after / name / table, rounding))
             same += not any(line.endswith(("differs", "only before")) or line.startswith("differs") for line in found)
             differences += [f"{table}: {line}" for line in found]
         wrong += sum("differs" in line for line in differences)
-        print(f"{name}: {same} of {len(tables)} tables have the same bytes in every column that holds no sentence")
+        print(f"{name or before}: {same} of {len(tables)} tables {rounding.agree}")
         for line in _folded(differences):
             print(f"  {line}")
     print("no number differs" if not wrong else f"{wrong} columns differ")
+    if tolerance is not None:
+        print(f"largest relative difference of two floats: {rounding.largest:.2g} ({rounding.place or 'none'})")
     return int(wrong > 0)
+
+
+def _is_run(folder: Path) -> bool:
+    return (folder / "manifest.json").exists()
 
 
 def _tables(run: Path) -> list[Path]:
     return [path.relative_to(run) for path in run.rglob("*.parquet")]
 
 
-def _differences(before: Path, after: Path) -> Iterator[str]:
+def _differences(before: Path, after: Path, rounding: "Rounding") -> Iterator[str]:
     if not before.exists() or not after.exists():
         yield "only before" if before.exists() else "only after"
         return
@@ -76,8 +97,9 @@ def _differences(before: Path, after: Path) -> Iterator[str]:
     for name in [*old.columns, *(column for column in new.columns if column not in old.columns)]:
         if name not in old.columns or name not in new.columns:
             yield f"column {name} only {'before' if name in old.columns else 'after'}"
-        elif not _same_bytes(old[name], new[name]):
-            yield f"column {name} {'reworded' if name in SENTENCES else 'differs'}"
+        elif not rounding.allows(old[name], new[name], f"{before.name}, {name}"):
+            may_differ = name in SENTENCES and rounding.tolerance is None
+            yield f"column {name} {'reworded' if may_differ else 'differs'}"
 
 
 def with_typed_aspects(table: pl.DataFrame) -> pl.DataFrame:
@@ -90,6 +112,57 @@ def with_typed_aspects(table: pl.DataFrame) -> pl.DataFrame:
     aspect = pl.when(lives).then(pl.lit("long_lived")).otherwise(name).cast(ASPECT)
     typed = table.with_columns(aspect=aspect).insert_column(place + 1, table.select(at_least=age)["at_least"])
     return typed.sort(typed.columns[: place + 2], maintain_order=True)
+
+
+@dataclass
+class Rounding:
+    """How much floats may differ, and how much they do at most.
+
+    Attributes
+    ----------
+    tolerance
+        Largest difference, as a share of the larger of two floats; None where all bytes must be the same.
+    largest, place
+        The largest difference that was seen, as such a share, and where.
+    """
+
+    tolerance: float | None
+    largest: float = 0.0
+    place: str = ""
+
+    @property
+    def agree(self) -> str:
+        """What tables do that count as the same."""
+        if self.tolerance is None:
+            return "have the same bytes in every column that holds no sentence"
+        return f"agree, floats to a relative tolerance of {self.tolerance:g}"
+
+    def allows(self, old: pl.Series, new: pl.Series, place: str) -> bool:
+        """Whether two columns count as the same."""
+        if self.tolerance is None or not _innermost(old).is_float() or old.dtype != new.dtype:
+            return _same_bytes(old, new)
+        if old.dtype == pl.List:
+            same_lengths = old.list.len().equals(new.list.len(), null_equal=True)
+            return same_lengths and self.allows(old.explode(), new.explode(), place)
+        if not old.is_null().equals(new.is_null()):
+            return False
+        share = _shares(old.drop_nulls().to_numpy(), new.drop_nulls().to_numpy())
+        if share.max(initial=0.0) > self.largest:
+            self.largest, self.place = float(share.max()), place
+        return bool(np.all(share <= self.tolerance))
+
+
+def _innermost(column: pl.Series) -> pl.DataType:
+    """The type of a column, or of the elements of its lists."""
+    return column.dtype.inner if isinstance(column.dtype, pl.List) else column.dtype
+
+
+def _shares(old: NDArray[np.floating], new: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Differences of floats as shares of the larger; infinite where only one is finite or not a number."""
+    same = (old == new) | (np.isnan(old) & np.isnan(new))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = np.abs(old - new) / np.maximum(np.abs(old), np.abs(new))
+    return np.where(same, 0.0, np.where(np.isfinite(share), share, np.inf))
 
 
 def _same_bytes(old: pl.Series, new: pl.Series) -> bool:
@@ -118,9 +191,12 @@ def main() -> int:
     comparing = actions.add_parser("compare")
     comparing.add_argument("before", type=Path)
     comparing.add_argument("after", type=Path)
+    comparing.add_argument(
+        "--tolerance", type=float, help="largest relative difference of floats; nothing else may differ"
+    )
     chosen = parser.parse_args()
     if chosen.action == "compare":
-        return compare(chosen.before, chosen.after)
+        return compare(chosen.before, chosen.after, chosen.tolerance)
     record(chosen.out)
     return 0
 

@@ -22,6 +22,13 @@ def test_without_bounds_nothing_is_decided() -> None:
     assert not unknown.below(1e9)
 
 
+@pytest.mark.parametrize("frames", [44.0, 43.99999999999999, 44.00000000000001])
+def test_whole_frames_are_written_the_same_whatever_the_last_bit(frames) -> None:
+    """Machines of two kinds round differently."""
+    assert format_estimate(Estimate(frames, frames, None, "frames")) == "44\N{NO-BREAK SPACE}frames (44 or more)"
+    assert format_estimate(Estimate(43.9, None, None, "frames")) == "43.9\N{NO-BREAK SPACE}frames"
+
+
 def test_one_of_an_array_has_none_where_the_array_has_nan() -> None:
     counts = np.full((2, 2), 8)
     values, low, high = np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([[0.5, np.nan], [2.0, 3.0]]), np.full((2, 2), 9.0)

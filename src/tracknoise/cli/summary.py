@@ -8,6 +8,7 @@ import polars as pl
 
 from tracknoise.cli.text_table import aligned
 from tracknoise.printable import counted
+from tracknoise.report.measured import mixed_kernels
 from tracknoise.report.names import by_statement, together
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import POOLED
@@ -87,7 +88,7 @@ def summary_text(run: RunFolder) -> str:
     rows = [[parts[0] if len(parts) > 1 else "" for parts in headings], [parts[-1] for parts in headings]]
     rows += [[_cell(row[name], form) for _, name, form in shown] for row in table.iter_rows(named=True)]
     lines = aligned(rows, numeric=[place > 0 for place in range(len(shown))])
-    texts = [*_others(data), *_for_estimators(data), *_fitted(data), *_where_trimming_matters(data)]
+    texts = [*_others(data), *_for_estimators(data), *_fitted(data), *_where_trimming_matters(data), *_machines(data)]
     return "\n".join([*_doubts(data), *lines[:2], "-" * len(lines[1]), *lines[2:], *texts])
 
 
@@ -138,6 +139,12 @@ def _for_estimators(data: ReportData) -> list[str]:
 def _where_trimming_matters(data: ReportData) -> list[str]:
     """The finding that says where trimmed and untrimmed errors disagree."""
     return [textwrap.fill(text, _WIDTH) for text in data.findings.filter(topic="trimming")["text"]]
+
+
+def _machines(data: ReportData) -> list[str]:
+    """That sequences were measured on machines of different kinds, if so."""
+    mixed = mixed_kernels(data)
+    return [textwrap.fill(mixed, _WIDTH)] if mixed else []
 
 
 def _fitted(data: ReportData) -> list[str]:

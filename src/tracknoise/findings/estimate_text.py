@@ -1,11 +1,14 @@
 """Estimates as text: ``0.410 px (0.380 to 0.450)``."""
 
+import math
 from collections.abc import Callable, Mapping
 from typing import TypeAlias
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.wording import SPACE, number, percent, pixels
 
+_WHOLE = 1e-6
+"""A number this near to a whole one, relative to it, is written as such."""
 Write: TypeAlias = Callable[[float | None], str]
 """Writes a number without its unit."""
 
@@ -43,8 +46,10 @@ def _unit(estimate: Estimate) -> str:
 
 
 def _frames(value: float | None) -> str:
-    """Frames, which are mostly whole."""
-    return number(value) if value is None or value != int(value) else number(int(value))
+    """Frames, which are mostly whole: also where one machine rounds to a whole number and another next to it."""
+    if value is None or not math.isclose(value, round(value), rel_tol=_WHOLE):
+        return number(value)
+    return number(round(value))
 
 
 _WRITTEN: Mapping[str, Write] = {"share": percent, "px": pixels, "frames": _frames}

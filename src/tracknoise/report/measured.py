@@ -1,5 +1,6 @@
 """The section on the measurement: sequences, trackers, settings, counts, and what failed."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from itertools import accumulate
@@ -105,12 +106,27 @@ def settings(data: ReportData) -> Cells:
     return cells(table, {"key": "setting", "value": "value"}, "Settings")
 
 
+def mixed_kernels(data: ReportData) -> str | None:
+    """A sentence if sequences were measured with different kernels of the numerical libraries; otherwise None.
+
+    Those of sequences that were measured with an earlier version are not known, and are left out.
+    """
+    counted = Counter(entry.kernels for entry in data.manifest.sequences.values() if entry.kernels)
+    if len(counted) < 2:
+        return None
+    parts = {kernels: kernels.split(", ") for kernels in counted}
+    common = set.intersection(*map(set, parts.values()))
+    differing = {kernels: ", ".join(part for part in parts[kernels] if part not in common) for kernels in parts}
+    groups = "; ".join(f"{count(n, 'sequence')} with {differing[kernels]}" for kernels, n in sorted(counted.items()))
+    return f"Sequences were measured on machines of different kinds ({groups}), whose numbers differ by rounding."
+
+
 def provenance(data: ReportData) -> Cells:
-    """Versions and machine."""
+    """Versions, machine, and kernels of the numerical libraries."""
+    kernels = sorted({entry.kernels for entry in data.manifest.sequences.values() if entry.kernels})
+    machine = data.manifest.machine | ({"kernels": "; ".join(kernels)} if kernels else {})
     rows = [
-        {"what": name, "value": value}
-        for part in (data.manifest.versions, data.manifest.machine)
-        for name, value in part.items()
+        {"what": name, "value": value} for part in (data.manifest.versions, machine) for name, value in part.items()
     ]
     table = pl.DataFrame(rows, schema={"what": pl.String, "value": pl.String})
     return cells(table, {"what": "component", "value": "version"}, "Versions and machine")

@@ -46,6 +46,8 @@ class SequenceEntry:
         What its scene has in common with others that are not independent of it, such as the place; None if unknown.
     z_depth_from
         What the program computed depths from, if they are along z by construction; otherwise None.
+    kernels
+        Machine code that numerical libraries used: see `tracknoise.experiments.kernels`. Empty where unknown.
     image
         Hash of the pixels of the image in ``snapshots/``; empty where they are of one gray value.
     sha256
@@ -64,6 +66,7 @@ class SequenceEntry:
     key_frame: int | None = None
     group: str | None = None
     z_depth_from: str | None = None
+    kernels: str = ""
     doubts: tuple[str, ...] = ()
     image: str = ""
     sha256: dict[str, str] = field(default_factory=dict)

@@ -11,6 +11,7 @@ import polars as pl
 from tracknoise.exceptions import DataWarning
 from tracknoise.experiments.blas import one_blas_thread
 from tracknoise.experiments.doubts import doubts
+from tracknoise.experiments.kernels import kernels
 from tracknoise.experiments.measure import Measurement, measure_together
 from tracknoise.experiments.patches import KEPT_BYTES, track_patches
 from tracknoise.experiments.running.failures import Result, diagnose
@@ -131,6 +132,7 @@ def sequence_entry(measurement: Measurement, *, sha256: dict[str, str], seconds:
         ),
         key_frame=measurement.key_frame,
         group=group_of(sequence),
+        kernels=kernels(),
         z_depth_from=z_depth_from(sequence) if measurement.truth in list(TruthKind) else None,
         image=content_hash(measurement.snapshot) or "",
         sha256=sha256,

@@ -5,7 +5,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass, field, replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -380,3 +380,30 @@ def test_settings_within_settings_may_be_missing(experiment):
     assert "most" not in text
     assert parse_experiment(text, place="again") == load_experiment(experiment)
     assert TRACKERS.make("fixed", {"points": "x", "limits": {"least": 2}}).limits.most is None
+
+
+@dataclass(frozen=True, slots=True)
+class Boundless:
+    """A tracker whose quality and response are not always finite."""
+
+    kind: ClassVar[str] = "boundless"
+
+    def start(self, context):
+        tracker = tn.LucasKanade().start(context)
+        step = tracker.step
+
+        class Steps:
+            def step(self, frame):
+                found = step(frame)
+                values = np.resize(np.float32([np.inf, np.nan, 0.5, -np.inf]), len(found.ids))
+                return replace(found, response=values, quality={"ratio": values})
+
+        return Steps()
+
+
+def test_numbers_of_a_tracker_that_are_not_finite_are_unknown():
+    sequence = tn.open_sequence("simulated", motions=["forward"], frames=3, width=96, height=72)
+    measured = tn.measure(sequence, Boundless())
+    for values in (measured.observations["quality_ratio"], measured.tracks["response"]):
+        assert values.drop_nulls().unique().to_list() == [0.5]
+        assert values.null_count() > 0

@@ -17,3 +17,9 @@ def likeliest_problem(problems: "Sequence[ErrorDetails]") -> "ErrorDetails":
         return first
     unknown = (one for one in problems if one["type"] in _UNKNOWN and one["loc"][:-1] == first["loc"][:-1])
     return next(unknown, first)
+
+
+def in_one_line(problems: "Sequence[ErrorDetails]") -> str:
+    """The likeliest problem: where, and what was expected."""
+    problem = likeliest_problem(problems)
+    return f"{'.'.join(map(str, problem['loc']))}: {problem['msg'].lower()}"

@@ -6,6 +6,7 @@ import pytest
 
 from tracknoise.cli.progress import Heartbeat, Pace, RunProgress
 from tracknoise.cli.terminal import Terminal
+from tracknoise.tables.identity import SequenceId
 
 
 @pytest.mark.parametrize(
@@ -86,3 +87,20 @@ def test_without_a_terminal_it_is_said_where_a_run_stands(capsys):
     clock.now_s = 900
     progress.heartbeat.beat()
     assert "sequences" not in capsys.readouterr().err
+
+
+def test_names_of_scenes_are_shown_as_they_are_written(capsys):
+    """File names have percent signs for special characters; messages have the characters."""
+    clock = Clock()
+    progress = RunProgress(Terminal(), clock)
+    keys = [SequenceId("d", scene, "dunkel/hell").key for scene in ("büro/1 [b]", "50%", "50%25\n")]
+    assert "%" in keys[0]
+    progress.planned(keys, 0)
+    progress.frame(keys[0], 3, 9)
+    clock.now_s = 40
+    progress.heartbeat.beat()
+    progress.failed(keys, "torn")
+    assert capsys.readouterr().err.splitlines() == [
+        "0 of 3 sequences done after 40 s; büro/1 [b]@dunkel/hell at frame 3 of 9",
+        "tracknoise: error: büro/1 [b]@dunkel/hell, 50%@dunkel/hell and 50%25 @dunkel/hell: torn",
+    ]

@@ -370,3 +370,45 @@ def test_a_changed_image_is_noticed(measured):
     measured.snapshot_path(ENTRY.key).write_bytes(b"pnh")
     with pytest.raises(StoreError, match=r"png: damaged .*`tracknoise run` makes it again"):
         measured.snapshot(ENTRY.key)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), float("-inf")])
+@pytest.mark.parametrize(("name", "column"), [("tracks", "max_error_px"), ("cameras", "distortion")])
+def test_numbers_that_are_not_finite_are_neither_written_nor_read(name, column, value, measured, monkeypatch):
+    key = ENTRY.key
+    tables = {each: measured.sequence_table(each, key) for each in measured.names_of_tables(key)}
+    columns = tables[name].schema
+    nothing = pl.DataFrame([[None] * len(columns)], schema=columns, orient="row")
+    measured.write_sequence(key, {**tables, name: nothing}, b"png")
+    values = pl.Series(column, [[0.5, value]] if columns[column] == pl.List(pl.Float64) else [value], columns[column])
+    wrong = {**tables, name: nothing.with_columns(values)}
+    message = f"column {column} holds {value}, expected finite numbers or null"
+    with pytest.raises(SchemaError, match=f"^{name}: {message}"):
+        measured.write_sequence(key, wrong, b"png")
+    with monkeypatch.context() as patch:
+        patch.setattr("tracknoise.tables.schema.check_stored", lambda table, *_: table)
+        hashes = measured.write_sequence(key, wrong, b"png")
+    manifest = measured.manifest()
+    manifest.sequences[key] = replace(ENTRY, sha256=hashes)
+    measured.write_manifest(manifest)
+    with pytest.raises(SchemaError, match=f"{name}/{key}.parquet: {message}"):
+        measured.sequence_table(name, key)
+    with pytest.raises(SchemaError, match=f"{name}/{key}.parquet: {message}"):
+        list(measured.stored_tables(name))
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("statistics", None, "statistics: input should be a valid dict"),
+        ("failures", 3, "failures: input should be a valid dict"),
+        ("versions", "x", "versions: input should be a valid dict"),
+        ("experiment_sha256", 3, "experiment_sha256: input should be a valid list"),
+    ],
+)
+def test_a_sealed_manifest_with_values_of_other_types_is_named(field, value, message, run):
+    manifest = run.manifest()
+    setattr(manifest, field, value)
+    run.write_manifest(manifest)
+    with pytest.raises(StoreError, match=rf"manifest\.json: damaged \({message}"):
+        RunFolder(run.path).manifest()

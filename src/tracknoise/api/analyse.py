@@ -18,6 +18,7 @@ from tracknoise.experiments.analysis.run_statistics import compute_statistics
 from tracknoise.experiments.measure import Measurement
 from tracknoise.experiments.running.measured_sequences import write_measurement, write_settings
 from tracknoise.experiments.settings import Experiment, parse_experiment
+from tracknoise.tables.identity import readable
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.store import RunFolder
 
@@ -101,7 +102,9 @@ def _check(written: Sequence[_Written]) -> None:
         raise SettingsError("no measurements, expected at least one")
     for key, times in Counter(part.entry.key for part in written).items():
         if times > 1:
-            raise SettingsError(f"{key}: found {times} measurements, expected one with all trackers and speeds")
+            raise SettingsError(
+                f"{readable(key)}: found {times} measurements, expected one with all trackers and speeds"
+            )
     populations = sorted({part.population for part in written})
     if len(populations) > 1:
         raise SettingsError(f"found populations {' and '.join(populations)}, expected measurements of one")

@@ -2,7 +2,6 @@
 
 import json
 import textwrap
-import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -48,7 +47,7 @@ def audit(
     found, curves = folder.statistics("audit"), folder.statistics("audit_curves")
     if found.is_empty():
         raise StoreError(f"{run}: holds no audit, expected that of a finished run; `tracknoise run` makes it")
-    settings = tomllib.loads(folder.experiment_toml())
+    settings = folder.settings()
     corrections = corrections_toml(found, settings)
     accuracy = accuracy_toml(folder.statistics("pose_law"), folder.statistics("rigid_share"), recorded_step(settings))
     document = _json(found, curves, corrections, accuracy)

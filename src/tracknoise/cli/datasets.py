@@ -92,16 +92,17 @@ def _rows(recording: Recording, failures: list[str]) -> Iterator[tuple[str, ...]
     """Cells of each sequence; those of a sequence that cannot be read are empty, and its error is a failure."""
     from tracknoise.exceptions import DataError
     from tracknoise.inspection.overview import overview
+    from tracknoise.tables.identity import readable
 
     for item in recording.reader.sequences():
         try:
             found = overview(recording.view(recording.reader.open(item)))
         except DataError as error:
             failures.append(str(error))
-            yield (item.key, *("-" for _ in _HEADINGS[1:]))
+            yield (readable(item.key), *("-" for _ in _HEADINGS[1:]))
             continue
         yield (
-            item.key,
+            readable(item.key),
             str(found.n_frames),
             str(found.n_poses),
             f"{found.width_px}x{found.height_px}",

@@ -8,6 +8,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Protocol, Self
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -18,8 +19,9 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from tracknoise.printable import counted
+from tracknoise.printable import counted, printable
 from tracknoise.report.names import together
+from tracknoise.tables.identity import readable
 
 if TYPE_CHECKING:
     from tracknoise.tables.manifest import SequenceEntry
@@ -180,25 +182,27 @@ class RunProgress:
 
     def frame(self, key: str, done: int, total: int) -> None:
         """Show the progress within the current sequence."""
-        self._at = f"{key} at frame {done} of {total}"
+        name = printable(readable(key))
+        self._at = f"{name} at frame {done} of {total}"
         if self._frames is None:
-            self._frames = self._bars.add_task(key, total=total, pace="")
-        self._bars.update(self._frames, description=key, completed=done, total=total)
+            self._frames = self._bars.add_task(name, total=total, pace="")
+        self._bars.update(self._frames, description=escape(name), completed=done, total=total)
 
     def measured(self, key: str, entry: "SequenceEntry") -> None:
         """Print that a sequence is done, the notes of its reader, and why its data look wrong."""
         self._advance()
-        self._terminal.say(f"measured {key}: {entry.n_frames} frames in {entry.seconds:.1f} s ({self._position()})")
+        name = readable(key)
+        self._terminal.say(f"measured {name}: {entry.n_frames} frames in {entry.seconds:.1f} s ({self._position()})")
         for note in entry.notes:
-            self._terminal.say(f"note: {key}: {note}")
+            self._terminal.say(f"note: {name}: {note}")
         for doubt in entry.doubts:
-            self._terminal.warn(f"{key}: {doubt}")
+            self._terminal.warn(f"{name}: {doubt}")
 
     def failed(self, keys: list[str], cause: str) -> None:
         """Print that sequences failed, and why. Sequences that were read together share one line."""
         for _ in keys:
             self._advance()
-        self._terminal.error(f"{together(keys)}: {cause}")
+        self._terminal.error(f"{together([*map(readable, keys)])}: {cause}")
 
     def remark(self, text: str) -> None:
         """Print any other message."""

@@ -128,11 +128,14 @@ def options_of(texts: Sequence[str] | None) -> dict[str, object]:
 def _option(text: str) -> tuple[str, object]:
     """Name and value of an option; what is not TOML is a string."""
     from tracknoise.exceptions import SettingsError
+    from tracknoise.toml_text import parse_toml
 
     name, equals, value = text.partition("=")
     if not equals:
         raise SettingsError(f"--option {text!r}: no '=', expected NAME=VALUE")
     try:
-        return name, tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
-        return name, value
+        return name, parse_toml(f"value = {value}")["value"]
+    except ValueError as error:
+        if isinstance(error.__cause__, tomllib.TOMLDecodeError):
+            return name, value
+        raise SettingsError(f"--option {name}: {error}") from error

@@ -13,6 +13,7 @@ from tracknoise.report.names import by_statement, together
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.tables.enumerations import FittedMeasure, Trimming
+from tracknoise.tables.identity import readable
 from tracknoise.tables.store import RunFolder
 
 if TYPE_CHECKING:
@@ -171,6 +172,6 @@ def _print_failures(terminal: "Terminal", outcome: "Outcome") -> None:
     failures = outcome.failures
     named = list(by_statement(sorted(failures.items())).values())[:_NAMED]
     rest = len(failures) - sum(map(len, named))
-    names = "; ".join([*map(together, named), *([f"{rest} more"] if rest else [])])
+    names = "; ".join([*(together([*map(readable, keys)]) for keys in named), *([f"{rest} more"] if rest else [])])
     of_all = f"{len(failures)} of {counted(len(failures) + len(outcome.measured), 'sequence')} failed"
     terminal.say(f"{of_all}: {names}; see failures.jsonl. Run the same command again to retry them.")

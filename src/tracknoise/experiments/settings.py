@@ -2,8 +2,6 @@
 
 import hashlib
 import json
-import re
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -12,8 +10,7 @@ import tomlkit
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
 from pydantic_core import ErrorDetails
 
-from tracknoise.checks import MOST_LEVELS, require_storable
-from tracknoise.exceptions import SettingsError, UnknownNameError, first_line
+from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.corrections import UNCORRECTED, Corrections
 from tracknoise.printable import counted, is_printable
@@ -22,12 +19,10 @@ from tracknoise.sequences.frame_range import frames_of, require_range
 from tracknoise.tables import defaults
 from tracknoise.tables.enumerations import IntervalKind, Population, TrimAmong, Trimming
 from tracknoise.tables.identity import Direction, SequenceId
+from tracknoise.toml_text import parse_toml
 from tracknoise.truth.accuracies import AccuracyRule
 from tracknoise.truth.scan_rule import ScanAnchoring
 
-_QUOTED = re.compile(r'"[^"]*"|\'[^\']*\'')
-_NO_KEY = re.compile(r"[^\w.\s-]+")
-_MOST_DOTS = 64
 _Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
 SYNTHETIC = frozenset({"oracle", "scripted"})
 """Kinds of trackers whose positions do not come from images, but from the stated truth, whatever is wrong in it."""
@@ -414,34 +409,12 @@ def parse_experiment(text: str, *, place: str) -> Experiment:
     SettingsError
         Naming place, key, what was found and what was expected.
     """
-    settings = _loaded(text, place)
     try:
-        return Experiment.model_validate(settings)
+        return Experiment.model_validate(parse_toml(text))
     except ValidationError as error:
         raise SettingsError(f"{place}: {_first_problem(error)}") from error
-
-
-def _loaded(text: str, place: str) -> dict[str, Any]:
-    """What a TOML file holds."""
-    try:
-        _require_short_keys(text)
-        settings = tomllib.loads(text)
-        require_storable(settings)
-    except tomllib.TOMLDecodeError as error:
-        raise SettingsError(f"{place}: {error}, expected TOML") from error
-    except RecursionError as error:
-        raise SettingsError(f"{place}: lists and tables more than {MOST_LEVELS} deep, expected fewer levels") from error
-    except ValueError as error:  # also of numbers with thousands of digits
-        raise SettingsError(f"{place}: {first_line(error)}") from error
-    return settings
-
-
-def _require_short_keys(text: str) -> None:
-    """Refuse keys such as ``a.b.c`` of very many parts: the time to read one grows with the cube of their number."""
-    for number, line in enumerate(text.splitlines(), start=1):
-        for part in _NO_KEY.split(_QUOTED.sub("", line)):
-            if part.count(".") > _MOST_DOTS:
-                raise ValueError(f"line {number}: a key of {part.count('.') + 1} parts, expected at most {MOST_LEVELS}")
+    except ValueError as error:
+        raise SettingsError(f"{place}: {error}") from error
 
 
 def dotted(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:

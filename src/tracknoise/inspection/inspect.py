@@ -15,6 +15,7 @@ from tracknoise.inspection.jumps import pose_jumps
 from tracknoise.inspection.mistakes import mistakes
 from tracknoise.inspection.warping import warping
 from tracknoise.sequences.sequence import Reader, Sequence
+from tracknoise.tables.identity import readable
 
 MOST_SEQUENCES = 3
 """Of larger data sets, images of this many sequences are read; poses of all."""
@@ -48,7 +49,7 @@ def check_sequence(sequence: Sequence, *, seen: Callable[[Sequence, Evidence], N
                 seen(sequence, evidence)
     except DataError as error:
         items.append(_unreadable(error))
-    return SequenceReport(sequence.id.key, tuple(items))
+    return SequenceReport(readable(sequence.id.key), tuple(items))
 
 
 def check_reader(
@@ -86,7 +87,7 @@ def check_reader(
         try:
             sequence = change(reader.open(name))
         except DataError as error:
-            reports.append(SequenceReport(name.key, (_unreadable(error),)))
+            reports.append(SequenceReport(readable(name.key), (_unreadable(error),)))
             continue
         opened.append(sequence)
         if place < most:

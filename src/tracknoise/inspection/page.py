@@ -16,6 +16,7 @@ from tracknoise.inspection.pairs import Pair
 from tracknoise.inspection.residuals import relative_pose, reprojection_px
 from tracknoise.printable import printable
 from tracknoise.sequences.sequence import Sequence
+from tracknoise.tables.identity import readable
 
 _OBSERVED, _PREDICTED = (80, 200, 80), (60, 60, 230)  # BGR
 _SHIFT = 4
@@ -44,7 +45,7 @@ class Pictures:
         except DataError:  # it was readable a moment ago; the check itself has reported what is wrong
             return
         _, png = cv2.imencode(".png", _drawn(image, pair, evidence))
-        self.by_sequence[sequence.id.key] = base64.b64encode(png.tobytes()).decode()
+        self.by_sequence[readable(sequence.id.key)] = base64.b64encode(png.tobytes()).decode()
 
     def page(self, report: CheckReport) -> str:
         """The page as HTML."""

@@ -102,7 +102,8 @@ def _tracks(recording: Recording, positions: TruePositions, has_causes: bool) ->
 
 def _surroundings(found: Surroundings) -> dict[str, pl.Series]:
     edge, side = pl.col("edge_px"), {one: pl.lit(one, dtype=schema.EDGE_SIDE) for one in EdgeSide}
-    table = pl.DataFrame({"edge_px": _nullable(found.edge_px), "incidence_deg": _nullable(found.incidence_deg)})
+    edges_px = pl.Series(found.edge_px, nan_to_null=True)  # infinite where there is no edge
+    table = pl.DataFrame({"edge_px": edges_px, "incidence_deg": _nullable(found.incidence_deg)})
     return table.select(
         pl.when(edge.is_finite()).then(edge).cast(pl.Float32),
         edge_side=pl.when(edge.is_infinite())
@@ -133,7 +134,8 @@ def _table(
 
 
 def _nullable(values: NDArray[np.floating]) -> pl.Series:
-    return pl.Series(values, nan_to_null=True)
+    """A column in which what is not finite is unknown."""
+    return pl.Series(np.where(np.isfinite(values), values, np.nan).astype(values.dtype), nan_to_null=True)
 
 
 def _names(values: NDArray[np.int8], kind: type[TruthStatus] | type[TrackEnd]) -> pl.Series:

@@ -15,6 +15,7 @@ from tracknoise.report.names import MOST_NAMED, by_statement, condition_name, to
 from tracknoise.report.report_data import MOST_CONDITIONS, ReportData
 from tracknoise.statistics.populations import POPULATIONS
 from tracknoise.tables.enumerations import Trimming
+from tracknoise.tables.identity import readable
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.schema import TrackEnd, TruthStatus
 
@@ -75,13 +76,13 @@ def excluded_scenes(data: ReportData) -> list[tuple[str, str]]:
 def notes(data: ReportData) -> list[tuple[str, str]]:
     """What readers corrected or assumed: the sequences of each note."""
     pairs = ((key, note) for key, entry in sorted(data.manifest.sequences.items()) for note in entry.notes)
-    return [(together(keys), note) for note, keys in by_statement(pairs).items()]
+    return [(_sequences(keys), note) for note, keys in by_statement(pairs).items()]
 
 
 def doubts(data: ReportData) -> list[tuple[str, str]]:
     """Why data look wrong: the sequences of each reason."""
     pairs = ((key, doubt) for key, entry in sorted(data.manifest.sequences.items()) for doubt in entry.doubts)
-    return [(together(keys), doubt) for doubt, keys in by_statement(pairs).items()]
+    return [(_sequences(keys), doubt) for doubt, keys in by_statement(pairs).items()]
 
 
 def trackers(data: ReportData) -> Cells:
@@ -197,7 +198,12 @@ def end_counts(data: ReportData) -> Cells:
 def failures(data: ReportData) -> list[tuple[str, str]]:
     """Sequences that could not be measured, by cause."""
     causes = by_statement(sorted(data.manifest.failures.items()))
-    return [(together(keys), cause) for cause, keys in causes.items()]
+    return [(_sequences(keys), cause) for cause, keys in causes.items()]
+
+
+def _sequences(keys: Sequence[str]) -> str:
+    """Names of sequences as part of a sentence."""
+    return together([*map(readable, keys)])
 
 
 def _pivot(data: ReportData, kind: str, names: Mapping[str, str], caption: str) -> Cells:

@@ -1,6 +1,5 @@
 """The data of a report: settings, manifest and tables of a run, read once."""
 
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -8,7 +7,6 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.exceptions import StoreError
 from tracknoise.findings.wording import view_text
 from tracknoise.report import paper, style
 from tracknoise.report.axis import AGE, FRAME, Axis
@@ -101,7 +99,7 @@ class ReportData:
         """
         tables = {name: run.statistics(name) for name in (*STATISTICS_TABLES, *FINDINGS_TABLES)}
         run.findings_json()  # the same findings for other programs, which must not be damaged either
-        return cls(run=run, manifest=run.manifest(), settings=_settings(run), **tables)
+        return cls(run=run, manifest=run.manifest(), settings=run.settings(), **tables)
 
     @property
     def name(self) -> str:
@@ -389,14 +387,6 @@ class ReportData:
     def _measured(self, column: str) -> list[Any]:
         tables = (self.counts, self.outliers, self.lifetimes, self.curves)
         return list(dict.fromkeys(value for table in tables for value in table[column].unique().sort().to_list()))
-
-
-def _settings(run: RunFolder) -> dict[str, Any]:
-    try:
-        return tomllib.loads(run.experiment_toml())
-    except tomllib.TOMLDecodeError as error:
-        place = run.path / "experiment.toml"
-        raise StoreError(f"{place}: damaged ({error}), expected the settings of a run") from error
 
 
 def _ordered(present: list[Any], wanted: Iterable[Any]) -> list[Any]:

@@ -89,7 +89,7 @@ def read_parquet(path: Path, columns: schema.Schema, sha256: str | None) -> pl.D
     Raises
     ------
     StoreError, SchemaError
-        If the file is missing or damaged, or has other columns.
+        If the file is missing or damaged, or has other columns, or numbers that are not finite.
     """
     return _parsed(path, _content(path, sha256), columns)
 
@@ -124,7 +124,7 @@ def read_stacked(
         scanned = pl.scan_parquet(sources) if only is None else pl.scan_parquet(sources).select(list(wanted))
         table = schema.with_new_categories(scanned.collect(), wanted)
         stacked = pl.concat([table] * len(every)) if are_equal else table
-        return schema.check(stacked, wanted, "tables")
+        return schema.check_stored(stacked, wanted, "tables")
     except (OSError, SchemaError, *_DAMAGE) as error:
         raise_if_interruption(error)  # otherwise one by one, so that the error names the file
         return pl.concat([_parsed(path, content, columns).select(list(wanted)) for path, content in contents.items()])
@@ -140,7 +140,7 @@ def _parsed(path: Path, content: bytes, columns: schema.Schema) -> pl.DataFrame:
     except (OSError, *_DAMAGE) as error:
         raise_if_interruption(error)
         raise StoreError(f"{path}: damaged ({error}), expected a Parquet table; {REMEDY}") from error
-    return schema.check(schema.with_new_categories(table, columns), columns, str(path))
+    return schema.check_stored(schema.with_new_categories(table, columns), columns, str(path))
 
 
 def is_intact(path: Path, sha256: str) -> bool:

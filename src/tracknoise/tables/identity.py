@@ -5,7 +5,7 @@ from enum import StrEnum
 from hashlib import sha256
 from pathlib import Path
 from string import Formatter
-from urllib.parse import quote
+from urllib.parse import quote, unquote
 
 from tracknoise.exceptions import DataError
 
@@ -90,6 +90,11 @@ class SequenceId:
             if name is not None and (name not in values or form or conversion):
                 raise ValueError(f"{{{name}}} is not a placeholder, expected {', '.join(PLACEHOLDERS)}")
         return Path(template.format(**values))
+
+
+def readable(key: str) -> str:
+    """A key with the names in it as they are written, for messages: `SequenceId.key` is for names of files."""
+    return unquote(key, errors="surrogateescape")
 
 
 def _quoted(name: str) -> str:

@@ -7,10 +7,15 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
-from typing import Any, Self
+from functools import cache
+from typing import TYPE_CHECKING, Any, Self
 
 from tracknoise.exceptions import StoreError
+from tracknoise.problems import in_one_line
 from tracknoise.tables.identity import Direction, SequenceId
+
+if TYPE_CHECKING:
+    from pydantic import TypeAdapter
 
 FORMAT = 8
 _SEAL = "sha256"
@@ -165,6 +170,7 @@ class Manifest:
                 raise StoreError(f"{place}: format {found}, expected {FORMAT}: {remedy}")
             if raw.pop(_SEAL) != _digest({"format": found, **raw}):
                 raise StoreError(damaged(place, "checksum mismatch"))
+            _require_types(raw)
             raw["sequences"] = {key: _entry(**entry) for key, entry in raw["sequences"].items()}
             return cls(**raw)
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
@@ -182,6 +188,29 @@ def has_format(text: str) -> bool:
 def damaged(place: str, why: str) -> str:
     """Message about a manifest that cannot be read."""
     return f"{place}: damaged ({why}), expected a run's manifest; {_REMEDY}"
+
+
+def _require_types(raw: dict[str, Any]) -> None:
+    """Check the types of all values.
+
+    Raises
+    ------
+    ValueError
+        Naming the first that is wrong, in one line.
+    """
+    from pydantic import ValidationError
+
+    try:
+        _adapter().validate_python(raw)
+    except ValidationError as error:
+        raise ValueError(in_one_line(error.errors())) from error
+
+
+@cache
+def _adapter() -> "TypeAdapter[Manifest]":
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(Manifest)
 
 
 def _digest(document: Mapping[str, Any]) -> str:

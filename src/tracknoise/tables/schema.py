@@ -875,6 +875,22 @@ def check(table: pl.DataFrame, schema: Schema, name: str) -> pl.DataFrame:
     return table
 
 
+def check_stored(table: pl.DataFrame, schema: Schema, name: str) -> pl.DataFrame:
+    """As `check`, of a table that is written or was read: every number in it is finite or null too.
+
+    Raises
+    ------
+    SchemaError
+        Naming the first column that differs, or that holds another number.
+    """
+    for column in check(table, schema, name).iter_columns():
+        values = column.explode() if isinstance(column.dtype, pl.List) else column
+        if values.dtype.is_float() and not values.is_finite().all():  # which leaves out null
+            found = values.filter(~values.is_finite())[0]
+            raise SchemaError(f"{name}: column {column.name} holds {found}, expected finite numbers or null")
+    return table
+
+
 def with_new_categories(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
     """A table whose enumerations have all categories of those of `schema`, if these only have more at their end.
 

@@ -13,6 +13,7 @@ import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 
@@ -31,6 +32,7 @@ from tracknoise.tables.files import (
     write_parquet,
 )
 from tracknoise.tables.manifest import FailureEntry, Manifest, SequenceEntry, damaged, has_format
+from tracknoise.tables.run_settings import parse_run_settings
 
 __all__ = ["FailureEntry", "Manifest", "RunFolder", "SequenceEntry"]
 
@@ -236,6 +238,21 @@ class RunFolder:
         known = self.manifest().experiment_sha256
         return read_text_checked(self.path / _SETTINGS, known, expected="the settings of the run", remedy=remedy)
 
+    def settings(self) -> dict[str, Any]:
+        """The resolved settings by their keys, of which those that every experiment has are there.
+
+        Raises
+        ------
+        StoreError
+            As `experiment_toml`, and if they are not the settings of an experiment.
+        """
+        text = self.experiment_toml()
+        try:
+            return parse_run_settings(text)
+        except ValueError as error:
+            place = self.path / _SETTINGS
+            raise StoreError(f"{place}: damaged ({error}), expected the settings of a run") from error
+
     def manifest(self) -> Manifest:
         """Read the manifest.
 
@@ -269,14 +286,14 @@ class RunFolder:
         Raises
         ------
         SchemaError
-            If a table does not have its columns.
+            If a table does not have its columns, or has numbers that are not finite.
         StoreError
             If the folder cannot be written.
         """
         hashes = {}
         for name, columns in _ALL_SEQUENCE_TABLES.items():
             if name in tables or name not in _OPTIONAL:
-                table = schema.check(tables[name], columns, name)
+                table = schema.check_stored(tables[name], columns, name)
                 hashes[name] = write_parquet(self._table_path(name, key), table)
         return {**hashes, _SNAPSHOTS: write_atomically(self.snapshot_path(key), snapshot_png)}
 
@@ -440,9 +457,9 @@ class RunFolder:
         Raises
         ------
         SchemaError, StoreError
-            If a table does not have its columns, or the folder cannot be written.
+            If a table does not have its columns, or has numbers that are not finite, or the folder cannot be written.
         """
-        checked = {name: schema.check(table, _RUN_TABLES[name], name) for name, table in tables.items()}
+        checked = {name: schema.check_stored(table, _RUN_TABLES[name], name) for name, table in tables.items()}
         manifest, folder = self.manifest(), self.path / "statistics"
         for name, table in checked.items():
             manifest.statistics[name] = write_parquet(folder / f"{name}.parquet", table)

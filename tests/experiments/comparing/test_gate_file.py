@@ -1,5 +1,7 @@
 """Gates are read, and refused with one clear line."""
 
+import os
+
 import pytest
 
 from tracknoise.exceptions import TracknoiseError
@@ -46,6 +48,10 @@ def test_defaults(tmp_path):
         ("tolerance = 1\n[tolerances]\ncore = 0.1", "unknown key in .* 'tolerance'"),
         ("[tolerances", "expected TOML"),
         ("a = " + "[" * 5000, "expected TOML"),
+        ("a." * 40_000 + "b = 1", "line 1: a key of 40001 parts, expected TOML with at most 16$"),
+        (f"a = {'[' * 20}{']' * 20}", "lists and tables more than 16 deep, expected TOML with fewer levels$"),
+        (f"level = {2**64}", "a whole number of 65 bits, expected TOML with at most 64 bits$"),
+        ("#" * 1_100_000, "cannot be read .a file of 1100000 bytes., expected TOML with tolerances$"),
     ],
 )
 def test_mistakes(tmp_path, text, message):
@@ -61,3 +67,6 @@ def test_files_that_cannot_be_read(tmp_path):
     (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe")
     with pytest.raises(TracknoiseError, match="expected TOML"):
         read_gate(tmp_path / "bytes.toml")
+    os.mkfifo(tmp_path / "pipe.toml")
+    with pytest.raises(TracknoiseError, match="not a regular file"):
+        read_gate(tmp_path / "pipe.toml")

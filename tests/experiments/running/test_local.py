@@ -225,3 +225,33 @@ def test_a_worker_that_is_left_does_not_keep_its_program_from_ending():
         "    assert worker.connection.poll(0.5) is False"
     )
     subprocess.run([sys.executable, "-c", script], check=True, timeout=60)
+
+
+FEW_FILES = """
+import os, resource, sys
+from tracknoise.experiments.running.local import measure_locally
+
+def count():
+    return len(os.listdir("/proc/self/fd"))
+
+if __name__ == "__main__":
+    list(measure_locally(abs, [-1], workers=1))
+    before, limits = count(), resource.getrlimit(resource.RLIMIT_NOFILE)
+    for more in range(8):
+        resource.setrlimit(resource.RLIMIT_NOFILE, (before + more, limits[1]))
+        results = list(measure_locally(abs, [-1, -2], workers=2))
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+        print(count() - before, *(getattr(result, "cause", result) for _, result in results), sep="; ")
+"""
+
+
+def test_workers_for_which_too_many_files_are_open_leave_none_open(tmp_path):
+    """So that nothing else fails for the want of them."""
+    program = tmp_path / "program.py"
+    program.write_text(FEW_FILES)
+    lines = subprocess.check_output([sys.executable, program], text=True).splitlines()
+    assert len(lines) == 8
+    for line in lines:
+        left, *outcomes = line.split("; ")
+        assert left == "0"
+        assert sorted(outcomes) == ["1", "2"] or "could not be started" in outcomes[-1]

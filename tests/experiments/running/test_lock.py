@@ -5,6 +5,7 @@ import fcntl
 import json
 import os
 import pickle
+import signal
 import socket
 import subprocess
 import sys
@@ -125,3 +126,17 @@ def test_a_claim_stands_as_long_as_the_start_that_made_it(run):
         second.check()
         with pytest.raises(StoreError, match=f"as seen from {socket.gethostname()}"):
             claim.check()
+
+
+def test_an_interruption_while_the_lock_is_given_back_comes_after_that(run, monkeypatch):
+    """As of a second Ctrl-C."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    same = os.path.samestat
+
+    def interrupted(*states):
+        os.kill(os.getpid(), signal.SIGINT)
+        return same(*states)
+
+    with pytest.raises(KeyboardInterrupt), hold(run):
+        monkeypatch.setattr(os.path, "samestat", interrupted)
+    assert list(run.path.iterdir()) == []

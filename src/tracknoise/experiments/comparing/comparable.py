@@ -1,6 +1,5 @@
 """Whether two runs can be compared: the same data, truth and libraries, whatever their trackers are."""
 
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 from tracknoise.exceptions import SettingsError
 from tracknoise.experiments.running.provenance import LIBRARIES
 from tracknoise.experiments.settings import dotted
+from tracknoise.tables.identity import readable
 from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.store import RunFolder
 
@@ -53,7 +53,7 @@ class OpenedRun:
             If there is no finished run, or it is damaged.
         """
         folder.statistics("summary")
-        return cls(name, folder, folder.manifest(), tomllib.loads(folder.experiment_toml()))
+        return cls(name, folder, folder.manifest(), folder.settings())
 
     def flat(self) -> dict[str, Any]:
         """Settings by dotted name, without those of the trackers."""
@@ -120,16 +120,19 @@ def _require_libraries(first: OpenedRun, second: OpenedRun) -> None:
 def _require_sequence(first: OpenedRun, second: OpenedRun, key: str) -> None:
     """Refuse a sequence whose images or true geometry are not the same."""
     known, found = (run.manifest.sequences[key] for run in (first, second))
+    sequence = readable(key)
     for what, names in (("other data", _OF_IMAGES), ("other truth", _OF_TRUTH)):
         for name in names:
             if getattr(known, name) != getattr(found, name):
-                values = f"{name} of {key} is {getattr(known, name)} and {getattr(found, name)}"
+                values = f"{name} of {sequence} is {getattr(known, name)} and {getattr(found, name)}"
                 raise _refusal(first, second, what, values, "the same")
     if known.snapshot_frame == found.snapshot_frame and _hash(known, "snapshots") != _hash(found, "snapshots"):
-        raise _refusal(first, second, "other data", f"frame {known.snapshot_frame} of {key} differs", "the same image")
+        raise _refusal(
+            first, second, "other data", f"frame {known.snapshot_frame} of {sequence} differs", "the same image"
+        )
     for name in ("poses", "cameras"):
         if _hash(known, name) != _hash(found, name) and not _equal(first, second, name, key):
-            raise _refusal(first, second, "other truth", f"{name} of {key} differ", "the same")
+            raise _refusal(first, second, "other truth", f"{name} of {sequence} differ", "the same")
 
 
 def _hash(entry: SequenceEntry, name: str) -> str | None:

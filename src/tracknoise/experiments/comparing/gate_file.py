@@ -1,15 +1,16 @@
 """Read a gate: a TOML file of tolerances by statistic."""
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from tracknoise.exceptions import SettingsError, UnknownNameError, first_line
+from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.findings.comparison.estimands import ESTIMANDS
 from tracknoise.findings.comparison.gate import Gate
+from tracknoise.foreign.files import MIB, read_text
 from tracknoise.tables.defaults import LEVEL
 from tracknoise.tables.enumerations import ComparedAges
+from tracknoise.toml_text import parse_toml
 
 _KEYS = ("tolerances", "trackers", "speeds", "level", "ages")
 _MOST = 1000
@@ -48,11 +49,13 @@ def read_gate(path: Path) -> Gate:
 
 def _loaded(path: Path) -> Mapping[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise SettingsError(f"{path}: cannot be read ({error.strerror}), expected a file of tolerances") from error
-    except (ValueError, RecursionError) as error:
-        raise SettingsError(f"{path}: {first_line(error)}, expected TOML") from error
+        return parse_toml(read_text(path, "a file of tolerances", most=MIB))
+    except DataError as error:
+        raise SettingsError(f"{path}: cannot be read ({error.found}), expected TOML with tolerances") from error
+    except ValueError as error:
+        found, _, expected = str(error).partition(", expected ")
+        kind = f"TOML with {expected}" if expected not in ("", "TOML") else "TOML"
+        raise SettingsError(f"{path}: {found}, expected {kind}") from error
 
 
 def _tolerances(path: Path, found: object) -> dict[str, float]:

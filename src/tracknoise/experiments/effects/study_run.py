@@ -16,7 +16,7 @@ from tracknoise.experiments.effects.scene_values import Study, measure_scene
 from tracknoise.findings.paired_changes import paired_changes
 from tracknoise.tables.effects_schema import EFFECT_CHANGES, EFFECT_UNITS, EFFECT_VALUES, Size
 from tracknoise.tables.files import write_atomically
-from tracknoise.tables.schema import check
+from tracknoise.tables.schema import check, check_stored
 
 _SETTINGS, _SCENES = "settings.json", "scenes"
 
@@ -125,7 +125,7 @@ def _read(path: Path) -> pl.DataFrame:
         If it is damaged.
     """
     try:
-        return check(pl.read_parquet(path), EFFECT_VALUES, path.name)
+        return check_stored(pl.read_parquet(path), EFFECT_VALUES, path.name)
     except (OSError, pl.exceptions.PolarsError) as error:
         found = f"damaged ({first_line(error)})"
         raise StoreError(f"{path}: {found}, expected a table; delete it to measure again") from error

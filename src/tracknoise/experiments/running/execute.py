@@ -28,6 +28,7 @@ from tracknoise.experiments.running.plan import batches, excluded_scenes, plan
 from tracknoise.experiments.running.resume import begin, due, forget_outdated
 from tracknoise.experiments.running.task import attempt
 from tracknoise.experiments.settings import Experiment
+from tracknoise.tables.identity import readable
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.store import FINDINGS_TABLES, STATISTICS_TABLES, RunFolder
 
@@ -130,7 +131,7 @@ def execute(
         job = Job(RunFolder(run.path.absolute()), shown, manifest.versions, debug, one_thread=len(together) > 1)
 
         def retrying(batch: Batch, cause: str) -> None:
-            listener.remark(f"{batch[0].key}: {cause}; retrying")
+            listener.remark(f"{readable(batch[0].key)}: {cause}; retrying")
 
         with _crew(job, together, listener, workers=workers, scheduler=scheduler) as measure:
             if changed:

@@ -99,13 +99,13 @@ class _Pool:
         for worker in left:
             worker.close()
 
-    def _assign(self) -> OSError | None:
-        """Give batches to workers; the error if one could not be started."""
+    def _assign(self) -> str | None:
+        """Give batches to workers; why one could not be started. An error would keep what was opened for it."""
         while self._waiting and len(self._busy) < self._count:
             try:
                 worker = self._idle.pop() if self._idle else Worker(ENVIRONMENT)
             except OSError as error:
-                return error
+                return str(error)
             self._busy[worker] = self._waiting.popleft()
             worker.call(self._job, self._busy[worker])
         return None

@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from tracknoise import signals
 from tracknoise.atomic import is_running
 from tracknoise.exceptions import SchemaError, StoreError
 from tracknoise.tables.store import RunFolder
@@ -122,10 +123,15 @@ def hold(run: RunFolder) -> Iterator[Claim]:
     try:
         yield _sign(path, descriptor)
     finally:
-        with suppress(OSError):
-            if os.path.samestat(path.stat(), os.fstat(descriptor)):  # another start may have made the folder again
-                path.unlink()
-        os.close(descriptor)
+        with signals.delayed():  # a lock that is left would have to be deleted by hand on another host
+            _release(path, descriptor)
+
+
+def _release(path: Path, descriptor: int) -> None:
+    with suppress(OSError):
+        if os.path.samestat(path.stat(), os.fstat(descriptor)):  # another start may have made the folder again
+            path.unlink()
+    os.close(descriptor)
 
 
 def _open(path: Path) -> int:

@@ -19,8 +19,8 @@ def memory_bytes() -> int:
 
 
 def used_bytes(pid: int) -> int:
-    """Memory that a process uses, bytes; 0 if it has ended."""
+    """Memory that a process uses, bytes; 0 if it has ended, or this is not known."""
     try:
         return int(psutil.Process(pid).memory_info().rss)
-    except psutil.Error:
+    except (psutil.Error, OSError):  # OSError: this process has too many open files to ask
         return 0

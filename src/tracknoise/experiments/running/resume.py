@@ -9,6 +9,7 @@ from tracknoise.experiments.running.plan import Task
 from tracknoise.experiments.running.provenance import new_manifest, require_versions
 from tracknoise.experiments.settings import Experiment, dotted, parse_experiment
 from tracknoise.tables.files import digest
+from tracknoise.tables.identity import readable
 from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.store import RunFolder
 
@@ -74,7 +75,7 @@ def due(
             return False
         change = check.change(task, entry)
         if change is not None:
-            remark(f"{task.key} is measured again: {change}")
+            remark(f"{readable(task.key)} is measured again: {change}")
         return change is None
 
     return [task for task in tasks if not is_measured(task)]

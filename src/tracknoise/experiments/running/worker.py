@@ -83,14 +83,18 @@ class Worker:
     """
 
     def __init__(self, environment: Mapping[str, str]) -> None:
-        self.connection, theirs = _SPAWN.Pipe()
         self._opened: Array[c_char] = _SPAWN.RawArray("c", _PATH_BYTES)
+        self.connection, theirs = _SPAWN.Pipe()
         self._process = _SPAWN.Process(target=_serve, args=(theirs, self._opened), daemon=True)
         _started.add(self._process)
-        with theirs, children.safely_started(environment):
-            resource_tracker.ensure_running()  # otherwise started below, and it unblocks signals
-            with signals.delayed():
-                self._process.start()
+        try:
+            with theirs, children.safely_started(environment):
+                resource_tracker.ensure_running()  # otherwise started below, and it unblocks signals
+                with signals.delayed():
+                    self._process.start()
+        except BaseException:
+            self.connection.close()  # the next attempt may need its number
+            raise
 
     @property
     def pid(self) -> int:

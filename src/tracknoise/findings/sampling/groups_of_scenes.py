@@ -1,6 +1,5 @@
 """Groups of scenes of a run: those of the experiment, or those that readers know."""
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from fnmatch import fnmatchcase
 
@@ -22,8 +21,8 @@ def groups_of_run(folder: RunFolder) -> SceneGroups:
     StoreError
         If its manifest or its settings are missing or damaged.
     """
-    settings = tomllib.loads(folder.experiment_toml())
-    return groups_of_scenes(folder.manifest().sequences, settings.get("dataset", {}).get("groups"))
+    settings = folder.settings()
+    return groups_of_scenes(folder.manifest().sequences, settings["dataset"].get("groups"))
 
 
 def groups_of_scenes(

@@ -6,6 +6,7 @@ import polars as pl
 
 from tracknoise.exceptions import SettingsError
 from tracknoise.noise_models.model import TOLERANCE, CameraOfModel
+from tracknoise.tables.identity import readable
 
 
 def recorded_camera(cameras: Mapping[str, pl.DataFrame]) -> CameraOfModel:
@@ -29,7 +30,9 @@ def recorded_camera(cameras: Mapping[str, pl.DataFrame]) -> CameraOfModel:
     focal = [value for table in cameras.values() for value in table["fx_px"].unique().to_list()]
     if not any(focal):
         key = next(iter(cameras))
-        raise SettingsError(f"noise model: found no focal length of {key}, expected a camera with a known lens")
+        raise SettingsError(
+            f"noise model: found no focal length of {readable(key)}, expected a camera with a known lens"
+        )
     rates = [_rate_hz(table) for table in cameras.values()]
     sizes = {size for table in cameras.values() for size in table.select("width", "height").unique().iter_rows()}
     width, height = next(iter(cameras.values())).select("width", "height").row(0)

@@ -1,6 +1,5 @@
 """The tables of a run that a noise model is fitted to, of one tracker at one speed in one view of each scene."""
 
-import tomllib
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
@@ -237,7 +236,7 @@ def _pooled(folder: RunFolder, name: str, keys: Sequence[str], wanted: Sequence[
 
 def _settings(folder: RunFolder, tracker: str) -> dict[str, object]:
     """Settings of the tracker in the experiment; empty if they are not there."""
-    for settings in tomllib.loads(folder.experiment_toml()).get("trackers", []):
-        if settings.get("name", settings.get("kind")) == tracker:
+    for settings in folder.settings()["trackers"]:
+        if settings.get("name", settings["kind"]) == tracker:
             return dict(settings)
     return {}

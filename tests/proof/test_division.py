@@ -30,7 +30,7 @@ def _folder(groups: dict[str, str | None]) -> SimpleNamespace:
         for scene, group in groups.items()
     }
     return SimpleNamespace(
-        path="run", manifest=lambda: SimpleNamespace(sequences=entries), experiment_toml=lambda: "[dataset]"
+        path="run", manifest=lambda: SimpleNamespace(sequences=entries), settings=lambda: {"dataset": {}}
     )
 
 

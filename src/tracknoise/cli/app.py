@@ -8,6 +8,7 @@ stdout, everything else to stderr.
 
 import io
 import sys
+import traceback
 
 from tracknoise import signals, standard_streams
 from tracknoise.cli.interruption import Interruption
@@ -53,12 +54,20 @@ def _reported(terminal: Terminal, arguments: list[str] | None, interruption: Int
         signals.raise_if_interruption(error)
         if interruption:
             return interruption.status
+        if isinstance(error, SystemExit) and _is_of_parser(error):
+            raise  # completion of the shell
         if terminal.debug and isinstance(error, SystemExit):
             raise RuntimeError(_text(error)) from error  # of a plug-in, whose status would be that of the program
         if terminal.debug:
             raise
         terminal.error(_text(error))
         return 1
+
+
+def _is_of_parser(error: BaseException) -> bool:
+    """Whether the parser of the command line raised an error."""
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    return frames[-1].f_globals["__name__"].partition(".")[0] in ("click", "typer")
 
 
 def _finished(terminal: Terminal, status: int) -> int:

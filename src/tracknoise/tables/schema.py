@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import polars as pl
+import polars.selectors as cs
 
 from tracknoise.exceptions import SchemaError
 from tracknoise.tables.enumerations import (
@@ -875,8 +876,19 @@ def check(table: pl.DataFrame, schema: Schema, name: str) -> pl.DataFrame:
     return table
 
 
+def storable(table: pl.DataFrame) -> pl.DataFrame:
+    """A table in which numbers that are not finite are null: what is infinite relative to something is unknown."""
+    finite = pl.element().is_finite()
+    single = cs.float()
+    lists = [name for name, kind in table.schema.items() if isinstance(kind, pl.List) and kind.inner.is_float()]
+    return table.with_columns(
+        pl.when(single.is_finite()).then(single),
+        *(pl.col(name).list.eval(pl.when(finite).then(pl.element())) for name in lists),
+    )
+
+
 def check_stored(table: pl.DataFrame, schema: Schema, name: str) -> pl.DataFrame:
-    """As `check`, of a table that is written or was read: every number in it is finite or null too.
+    """As `check`, of a table that was read: every number in it is finite or null too.
 
     Raises
     ------

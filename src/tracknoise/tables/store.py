@@ -286,14 +286,14 @@ class RunFolder:
         Raises
         ------
         SchemaError
-            If a table does not have its columns, or has numbers that are not finite.
+            If a table does not have its columns.
         StoreError
             If the folder cannot be written.
         """
         hashes = {}
         for name, columns in _ALL_SEQUENCE_TABLES.items():
             if name in tables or name not in _OPTIONAL:
-                table = schema.check_stored(tables[name], columns, name)
+                table = schema.storable(schema.check(tables[name], columns, name))
                 hashes[name] = write_parquet(self._table_path(name, key), table)
         return {**hashes, _SNAPSHOTS: write_atomically(self.snapshot_path(key), snapshot_png)}
 
@@ -457,9 +457,11 @@ class RunFolder:
         Raises
         ------
         SchemaError, StoreError
-            If a table does not have its columns, or has numbers that are not finite, or the folder cannot be written.
+            If a table does not have its columns, or the folder cannot be written.
         """
-        checked = {name: schema.check_stored(table, _RUN_TABLES[name], name) for name, table in tables.items()}
+        checked = {
+            name: schema.storable(schema.check(table, _RUN_TABLES[name], name)) for name, table in tables.items()
+        }
         manifest, folder = self.manifest(), self.path / "statistics"
         for name, table in checked.items():
             manifest.statistics[name] = write_parquet(folder / f"{name}.parquet", table)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+from tests.writers.program import PROGRAM, small_experiment
 
 NAMES = ("pickle", "select", "types", "numpy", "signal", "multiprocessing", "struct", "socket", "re", "tracknoise")
 CHILDREN = """
@@ -25,19 +26,7 @@ if __name__ == "__main__":
         print(pool.submit(os.getenv, "PYTHONSAFEPATH").result())
     print(call_in_child(abs, -3, size=0), sys.path[:1] == [""], os.getenv("PYTHONSAFEPATH"))
 """
-TRACKNOISE = "from tracknoise.cli.app import main\nif __name__ == '__main__':\n    main()\n"
-SMALL = """
-name = "small"
-speeds = [1]
-[dataset]
-reader = "simulated"
-options = { motions = ["forward"], frames = 4, width = 96, height = 72, worlds = 2 }
-[[trackers]]
-kind = "imported"
-options = { path = "{scene}.csv" }
-[statistics]
-min_features = 2
-"""
+SMALL = small_experiment('kind = "imported"\noptions = { path = "{scene}.csv" }')
 
 
 @pytest.fixture
@@ -86,7 +75,7 @@ def test_a_run_among_such_data(workers, start, data, tmp_path):
         rows = [f"{track},{frame},{10 + 8 * track},{40}" for frame in range(4) for track in range(8)]
         (data / f"{scene}.csv").write_text("\n".join(["track,frame,u_px,v_px", *rows]))
     (data / "small.toml").write_text(SMALL)
-    ended = start(TRACKNOISE, "run", "small.toml", "--out", tmp_path / "run", "--no-report", "--workers", workers)
+    ended = start(PROGRAM, "run", "small.toml", "--out", tmp_path / "run", "--no-report", "--workers", workers)
     assert not (tmp_path / "ran").exists()
     assert ended.returncode == 0, ended.stderr
 

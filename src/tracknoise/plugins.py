@@ -15,7 +15,8 @@ from tracknoise.foreign.opened import content_of
 from tracknoise.options import PathTemplate, change_paths, defaults_as_toml, find_paths, validated
 
 T = TypeVar("T")
-_CODE = (".py", ".so", ".pyd")
+CODE = (".py", ".so", ".pyd")
+"""Suffixes of the source files and compiled modules of a package."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,8 +124,8 @@ class Plugins(Generic[T]):
         """Checksums of the source files of the other package that offers a name, by the folder that the package is in.
 
         They are those of its outermost package, and of modules in the same folder that are loaded, unless that is where
-        packages are installed. Empty if this package offers the name. Checksums are
-        those of the files as this process loaded them.
+        packages are installed. Empty if this package offers the name. Checksums are those of the
+        files as this process loaded them.
 
         Raises
         ------
@@ -179,7 +180,7 @@ def _sources(module: str) -> tuple[Path, list[Path]]:
     is_package = file.name.startswith("__init__.")
     folder = file.parents[name.count(".") + is_package]
     found = (
-        {path for path in file.parent.rglob("*") if path.suffix in _CODE and path.is_file()} if is_package else {file}
+        {path for path in file.parent.rglob("*") if path.suffix in CODE and path.is_file()} if is_package else {file}
     )
     if folder not in map(Path, sysconfig.get_paths().values()):
         loaded = (getattr(each, "__file__", None) for each in list(sys.modules.values()))

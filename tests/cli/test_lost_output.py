@@ -7,21 +7,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from tests.writers.program import PROGRAM, small_experiment
 
 from tracknoise.tables.store import RunFolder
 
-PROGRAM = "from tracknoise.cli.app import main\nif __name__ == '__main__':\n    main()\n"
-SMALL = """
-name = "small"
-speeds = [1]
-[dataset]
-reader = "simulated"
-options = { motions = ["forward"], frames = 4, width = 96, height = 72, worlds = 2 }
-[[trackers]]
-kind = "oracle"
-[statistics]
-min_features = 2
-"""
+SMALL = small_experiment('kind = "oracle"')
 UNWRITABLE = [("2>&-", 2), ("2>/dev/full", 1), ("2>/dev/full", 2), ("2>&1 | head -n 1 >{first}", 1)]
 
 

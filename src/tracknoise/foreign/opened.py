@@ -17,8 +17,6 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 _WRITING = os.O_WRONLY | os.O_RDWR
-
-
 _BLOCK = 1 << 18
 """Bytes that are read at a time. Files of up to one block have a SHA-256; of larger ones it would take too long."""
 
@@ -167,6 +165,12 @@ def noting(counts: Callable[[Path], bool]) -> Iterator[Opened]:
             _noting[thread] = outer
 
 
+def opened_for_reading(event: str, arguments: tuple[Any, ...]) -> object:
+    """What an audit event of Python says is opened for reading: a path in most cases; None of other events."""
+    is_read = event == "open" and not (isinstance(arguments[2], int) and arguments[2] & _WRITING)
+    return arguments[0] if is_read else None
+
+
 def note(path: Path) -> None:
     """Note that a file is read, or everything in a folder: for what no audit event tells."""
     _tell(Opened.read, path)
@@ -204,13 +208,11 @@ def _install() -> None:
             _hooked = True
 
 
-def _hear(event: str, arguments: tuple[object, ...]) -> None:
+def _hear(event: str, arguments: tuple[Any, ...]) -> None:
     if not _noting:
         return
     if event == "open":
-        path, _, flags = arguments
-        if not (isinstance(flags, int) and flags & _WRITING):
-            _tell(Opened.read, path)
+        _tell(Opened.read, opened_for_reading(event, arguments))
     elif event in ("os.listdir", "os.scandir"):
         _tell(Opened.listed, "." if arguments[0] is None else arguments[0])
     elif event == "sqlite3.connect":

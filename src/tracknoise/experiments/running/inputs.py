@@ -1,6 +1,6 @@
 """Files that the numbers of a sequence depend on: a change in them makes its measurement stale.
 
-While a sequence is measured, every file that is read is recorded with the hash of its content, and so are the source
+While a sequence is measured, every file that is read is recorded with a checksum of its content, and so are the source
 files of plug-ins. Before a run is resumed, the files are compared with what was recorded. Paths below the folder of the
 data are relative to it, so that data can be moved.
 """
@@ -26,7 +26,7 @@ from tracknoise.experiments.running.plan import Task, open_batch
 from tracknoise.experiments.settings import Experiment
 from tracknoise.foreign.opened import FileState, Opened, absolute_path, content_of, noting, stat_of
 from tracknoise.measurement.tracking import Progress
-from tracknoise.plugins import Plugins
+from tracknoise.plugins import CODE, Plugins
 from tracknoise.printable import counted
 from tracknoise.sequences.registry import READERS
 from tracknoise.sequences.sequence import Sequence, files_of
@@ -40,7 +40,7 @@ from tracknoise.truth.registry import TRUTHS
 
 _SMALL_BYTES = 1 << 20
 """Largest size of a file that is always compared by content."""
-_CODE, _PACKAGED = (".py", ".pyc", ".so", ".pyd"), (".dist-info", ".egg-info")
+_CODE, _PACKAGED = (*CODE, ".pyc"), (".dist-info", ".egg-info")
 _SYSTEM = ("/proc", "/sys", "/dev", "/etc", "/usr")
 
 

@@ -19,6 +19,7 @@ from weakref import WeakSet
 
 from tracknoise import children, signals
 from tracknoise.exceptions import with_type
+from tracknoise.foreign.opened import opened_for_reading
 
 _SPAWN = get_context("spawn")
 _PATH_BYTES = 4096
@@ -216,9 +217,8 @@ def _record_opened(opened: "Array[c_char]") -> None:
     """Record the file that is opened for reading, where the program can see it: a damaged one may end the process."""
 
     def record(event: str, arguments: tuple[Any, ...]) -> None:
-        if event == "open" and isinstance(arguments[0], str) and not arguments[2] & (os.O_WRONLY | os.O_RDWR):
-            path = arguments[0]
-            if not path.endswith(_NOT_DATA) and not path.startswith(_LIBRARIES):
-                opened.value = os.fsencode(path)[: _PATH_BYTES - 1]
+        path = opened_for_reading(event, arguments)
+        if isinstance(path, str) and not path.endswith(_NOT_DATA) and not path.startswith(_LIBRARIES):
+            opened.value = os.fsencode(path)[: _PATH_BYTES - 1]
 
     sys.addaudithook(record)

@@ -43,7 +43,7 @@ from tracknoise.tables.store import RunFolder
 
 _CONTROL = {"Cc", "Cs"}
 """Categories of characters that no setting may have."""
-FORMATS = ("svg", "pdf")
+FORMATS = ("svg", "png")
 """Of the figures of a report."""
 _NO_FORMULA = re.compile(r"[-+]?(\d+\.?\d*(e[-+]?\d+)?|inf|nan)", re.IGNORECASE)
 

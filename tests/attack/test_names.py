@@ -10,7 +10,7 @@ def test_naughty_names_go_through_the_pipeline(monkeypatch, tmp_path, capsys):
     chosen = ["a b", "a.b", "a b 2", "constructor", "\x1b[31m", "\udcff"]
     monkeypatch.setattr(names, "chosen_names", lambda count, rng: iter(chosen))
     monkeypatch.setattr(names, "memory_folder", lambda: tmp_path)
-    monkeypatch.setattr(names, "FORMATS", ("svg",))  # PDF follows from SVG
+    monkeypatch.setattr(names, "FORMATS", ("svg",))  # PNG follows from SVG
     assert names.main(["--batch", "6"]) == 0
     printed = [line.strip() for line in capsys.readouterr().out.splitlines()]
     assert printed[-1] == "6 names, seed 0: 0 not dealt with"

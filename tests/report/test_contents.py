@@ -27,14 +27,14 @@ def report(make_run: Callable[..., RunFolder]) -> Path:
 def test_sections_figures_tables_and_absences_are_listed() -> None:
     sections = [
         Section("family", "Family", (FIGURE, ABSENCE)),
-        Section("summary", "Summary", (), [("counts", "counts")]),
+        Section("summary", "Summary", (), [("counts", "counts", ("csv", "tex"))]),
     ]
-    document = json.loads(contents_json("mine", sections, ("svg", "pdf")))
+    document = json.loads(contents_json("mine", sections, ("svg", "png")))
     assert document.pop("sections") == [
         {
             "id": "family",
             "title": "Family",
-            "figures": [{"id": "one", "title": "One", "files": ["figures/one.svg", "figures/one.pdf"]}],
+            "figures": [{"id": "one", "title": "One", "files": ["figures/one.svg", "figures/one.png"]}],
             "tables": [],
             "absences": [{"id": "two", "title": "Two", "why": "Nothing was found."}],
         },

@@ -30,7 +30,7 @@ def check(
     tracker: Annotated[str | None, typer.Option("--tracker", help="Tracker of the run, with --own.")] = None,
     speed: Annotated[int, typer.Option("--speed", min=1, help="Speed of the run, with --own.")] = 1,
     figure: Annotated[
-        Path | None, typer.Option("--figure", help="Write the reliability plot to this file: .svg, .png or .pdf.")
+        Path | None, typer.Option("--figure", help="Write the reliability plot to this file: .svg or .png.")
     ] = None,
     quiet: QuietOption = False,
     debug: DebugOption = False,
@@ -61,7 +61,7 @@ def _kind(path: Path) -> str:
 
     kind = path.suffix.lower().removeprefix(".")
     if kind not in FORMATS:
-        raise SettingsError(f"--figure {path}: found a name that ends in {path.suffix!r}, expected .svg, .png or .pdf")
+        raise SettingsError(f"--figure {path}: found a name that ends in {path.suffix!r}, expected .svg or .png")
     return kind
 
 

@@ -24,7 +24,7 @@ def report(
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Write the report of a run: an HTML page, figures as SVG, PNG and PDF, tables as CSV and LaTeX.
+    """Write the report of a run: an HTML page, figures as SVG and PNG, tables as CSV.
 
     A recording for Rerun shows images, tracks coloured by error, true points and the path of the camera. It requires
     the data of the run.

@@ -26,13 +26,13 @@ class Section:
     items
         Its figures, and those that could not be drawn.
     tables
-        Names and titles of the table files that it links to.
+        Names, titles and kinds of the table files that it links to.
     """
 
     id: str
     title: str
     items: Sequence[Figure | Absence] = ()
-    tables: Sequence[tuple[str, str]] = ()
+    tables: Sequence[tuple[str, str, Sequence[str]]] = ()
 
 
 def contents_json(experiment: str, sections: Sequence[Section], formats: Sequence[str]) -> str:
@@ -77,7 +77,7 @@ def _section(section: Section, formats: Sequence[str]) -> dict[str, Any]:
         "id": section.id,
         "title": section.title,
         "figures": figures,
-        "tables": [_files(name, title, "tables", ("csv", "tex")) for name, title in section.tables],
+        "tables": [_files(name, title, "tables", kinds) for name, title, kinds in section.tables],
         "absences": [{"id": item.id, "title": printable(item.title), "why": printable(item.why)} for item in absences],
     }
 

@@ -1,4 +1,4 @@
-"""Figures as Vega-Lite specifications, and as SVG, PNG and PDF."""
+"""Figures as Vega-Lite specifications, and as SVG and PNG."""
 
 import json
 import re
@@ -11,12 +11,11 @@ import vl_convert as vlc
 
 from tracknoise.printable import printable
 from tracknoise.report import style
-from tracknoise.report.canonical_pdf import canonical_pdf
 from tracknoise.report.figures.figure import Figure
 from tracknoise.report.raster import png_of
 
 PNG_SCALE = 2
-FORMATS = ("svg", "png", "pdf")
+FORMATS = ("svg", "png")
 """Kinds of figure files."""
 
 _PROPERTIES = re.compile(
@@ -54,10 +53,8 @@ def render(spec: Mapping[str, Any], formats: tuple[str, ...]) -> dict[str, bytes
     still = {**spec, "params": [param for param in spec["params"] if param["bind"] != "scales"]}
     svg = _renumbered(vlc.vegalite_to_svg(json.dumps(still), vl_version=_version()))
     files = {"svg": svg.encode()}
-    if not {"pdf", "png"}.isdisjoint(formats):
-        files["pdf"] = canonical_pdf(vlc.svg_to_pdf(svg))
     if "png" in formats:
-        files["png"] = png_of(files["pdf"], scale=PNG_SCALE)
+        files["png"] = png_of(svg, scale=PNG_SCALE)
     return {name: files[name] for name in formats}
 
 

@@ -45,7 +45,7 @@ def write_report(run: RunFolder, *, figure_formats: Sequence[str] = export.FORMA
     run
         A run with statistics.
     figure_formats
-        Kinds of figure files: any of ``svg``, ``png``, ``pdf``.
+        Kinds of figure files: any of ``svg``, ``png``.
 
     Returns
     -------
@@ -85,7 +85,7 @@ def _files(data: ReportData, formats: tuple[str, ...]) -> dict[str, bytes]:
 
 def _fixed(data: ReportData) -> list[Section]:
     """Sections without figures."""
-    exported = [(item.id, item.title) for item in table_files.EXPORTS]
+    exported = [(item.id, item.title, item.kinds) for item in table_files.EXPORTS]
     return [
         Section("findings", "Findings"),
         Section("truth", truth_section.TITLE),
@@ -109,7 +109,8 @@ def _table_files(data: ReportData) -> dict[str, bytes]:
     for item in table_files.EXPORTS:
         table = item.make(data)
         files[f"tables/{item.id}.csv"] = table_files.to_csv(table).encode()
-        files[f"tables/{item.id}.tex"] = table_files.to_latex(table).encode()
+        if "tex" in item.kinds:
+            files[f"tables/{item.id}.tex"] = table_files.to_latex(table).encode()
     return files
 
 

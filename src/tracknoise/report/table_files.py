@@ -1,4 +1,4 @@
-"""The table files of the report, as CSV and as LaTeX."""
+"""The table files of the report, as CSV; those of the paper as LaTeX too."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -41,11 +41,14 @@ class Export:
         What it holds.
     make
         Takes it from the data.
+    kinds
+        Of its files: LaTeX for what the paper prints.
     """
 
     id: str
     title: str
     make: Callable[[ReportData], pl.DataFrame]
+    kinds: tuple[str, ...] = ("csv",)
 
 
 EXPORTS: tuple[Export, ...] = (
@@ -59,7 +62,12 @@ EXPORTS: tuple[Export, ...] = (
     Export("lifetimes", "lifetimes and survival", lambda data: data.lifetimes),
     Export("outliers", "outlier ratios", lambda data: data.outliers),
     Export("trims", "tracks dropped by trimming", lambda data: data.trims),
-    Export("factor-effects", "verdicts on factors", lambda data: factor_effects.side_by_side(data.comparison)),
+    Export(
+        "factor-effects",
+        "verdicts on factors",
+        lambda data: factor_effects.side_by_side(data.comparison),
+        ("csv", "tex"),
+    ),
     Export("effects", "effects of factors by the paper's yardstick", lambda data: data.effects),
     Export("findings", "findings", lambda data: data.findings),
     Export("intervals", "intervals, for the view shown in the figures", lambda data: data.reference(data.intervals)),

@@ -45,6 +45,11 @@ class SettingsError(TracknoiseError):
     """A setting has an unknown name, a wrong type or an invalid value."""
 
 
+def missing_extra(what: str, extra: str) -> SettingsError:
+    """The error of what needs an extra that is not installed."""
+    return SettingsError(f"{what}: needs the extra `{extra}`: pip install 'tracknoise[{extra}]'")
+
+
 class UnknownNameError(TracknoiseError):
     """A name (tracker, reader, scene, preset, ...) is unknown."""
 

@@ -71,7 +71,8 @@ SchedulerOption = Annotated[
     str | None,
     typer.Option(
         "--scheduler",
-        help="Use the workers of the Dask scheduler at this address: tls://HOST:8786, or tcp:// in a trusted network.",
+        help="Use the workers of the Dask scheduler at this address: tls://HOST:8786, or tcp:// in a trusted network "
+        "(extra: cluster).",
     ),
 ]
 FreshOption = Annotated[bool, typer.Option("--fresh", help="Delete the run in this folder and start a new one.")]

@@ -1,6 +1,6 @@
 """A second opinion: the same window adjusted by GTSAM, which shares no code with the bundle adjustment here.
 
-Needs the extra ``tracknoise[proof]``. Each track is one factor with the covariance of all its observations. The first
+Needs the extra `proof`. Each track is one factor with the covariance of all its observations. The first
 pose is fixed, and so is the newest position along the line from the first one, as in
 `tracknoise.noise_models.linear_window.Gauge`.
 """
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.exceptions import SettingsError
+from tracknoise.exceptions import SettingsError, missing_extra
 from tracknoise.geometry.camera import Camera
 from tracknoise.noise_models.linear_window import Gauge
 from tracknoise.proof.bundle import Assumption, Start
@@ -45,7 +45,7 @@ def newest_pose_by_gtsam(
     Raises
     ------
     SettingsError
-        If gtsam is not installed.
+        If the extra `proof` is not installed.
     """
     gtsam = _gtsam()
     gauge, true = problem.gauge, problem.world_from_camera
@@ -61,7 +61,7 @@ def _gtsam() -> ModuleType:
     try:
         import gtsam
     except ImportError as error:
-        raise SettingsError("gtsam is not installed, expected the extra tracknoise[proof]") from error
+        raise missing_extra("estimates by GTSAM", "proof") from error
     module: ModuleType = gtsam
     return module
 

@@ -145,6 +145,27 @@ def test_an_address_that_is_none_is_one_line_and_leaves_nothing(address, reason,
     assert run.manifest().sequences == {}
 
 
+def test_without_the_extra_a_scheduler_is_refused_in_one_line(scenes, tmp_path, told, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)  # as if it were not installed
+    run, address = RunFolder(tmp_path / "run"), "tcp://127.0.0.1:8786"
+    missing = rf"^scheduler {address}: needs the extra `cluster`: pip install 'tracknoise\[cluster\]'$"
+    with pytest.raises(SettingsError, match=missing):
+        execute(scenes(1), run, listener=told(), scheduler=address)
+    assert not run.lock_path.exists()
+
+
+def test_local_workers_need_no_extra():
+    """`abs` is the job here, and numbers are the batches."""
+    code = (
+        "import sys\nsys.modules.update(dask=None, distributed=None)\n"
+        "from tracknoise.experiments.running.execute import execute\n"
+        "from tracknoise.experiments.running.local import measure_locally\n"
+        "if __name__ == '__main__': print(list(measure_locally(abs, [-3], workers=2)))"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ended.stdout.strip() == "[(-3, 3)]"
+
+
 @pytest.fixture
 def threads():
     """A worker sets the count of OpenCV's threads for good."""

@@ -49,7 +49,9 @@ def test_what_cannot_be_shown_is_refused(run, finished):
 
 def test_without_the_extra_the_package_is_named(run, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rerun", None)  # as if it were not installed
-    with pytest.raises(SettingsError, match=r"rerun-sdk is missing, expected `pip install 'tracknoise\[rerun\]'`"):
+    with pytest.raises(
+        SettingsError, match=r"^a recording for Rerun: needs the extra `rerun`: pip install 'tracknoise\[rerun\]'$"
+    ):
         write_recording(run, tmp_path / "out.rrd")
     assert not (tmp_path / "out.rrd").exists()
 

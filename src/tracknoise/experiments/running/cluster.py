@@ -1,4 +1,4 @@
-"""Measure with the workers of a Dask scheduler."""
+"""Measure with the workers of a Dask scheduler. Dask is an extra, imported when a scheduler is named."""
 
 import logging
 from collections.abc import Callable, Iterator
@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
-from tracknoise.exceptions import SettingsError
+from tracknoise.exceptions import SettingsError, missing_extra
 from tracknoise.experiments.running.failures import Batch, Failure, FailureKind, Measure, Result, Results
 from tracknoise.printable import counted
 
@@ -32,9 +32,11 @@ def remote_workers(job: "Job", *, address: str, remark: Callable[[str], None]) -
     Raises
     ------
     SettingsError
-        If the scheduler cannot be reached.
+        If the extra `cluster` is not installed, or the scheduler cannot be reached.
     """
     place = f"scheduler {address}"
+    if find_spec("distributed") is None:
+        raise missing_extra(place, "cluster")
     with _silenced(), _connect(address, place) as client:
         remark(f"{place}: {_crew(client)}")
         if client.run_on_scheduler(find_spec, "bokeh"):

@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.exceptions import SettingsError, StoreError
+from tracknoise.exceptions import StoreError, missing_extra
 from tracknoise.experiments.view3d.scene import Scene, open_scene
 from tracknoise.geometry.frame_geometry import FrameGeometry
 from tracknoise.geometry.jacobians import projection_jacobian
@@ -38,7 +38,7 @@ def write_recording(run: RunFolder, path: Path, *, scene: str | None = None) -> 
     Raises
     ------
     SettingsError
-        If the package rerun-sdk is not installed.
+        If the extra `rerun` is not installed.
     StoreError
         If the file cannot be written.
     TracknoiseError
@@ -66,7 +66,7 @@ def _imported() -> Any:
         import rerun
         import rerun.blueprint
     except ImportError as error:
-        raise SettingsError("the package rerun-sdk is missing, expected `pip install 'tracknoise[rerun]'`") from error
+        raise missing_extra("a recording for Rerun", "rerun") from error
     return rerun
 
 

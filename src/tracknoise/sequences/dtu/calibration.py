@@ -14,8 +14,7 @@ from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.pose import invert
 from tracknoise.sequences.dtu.layout import POSITIONS
-from tracknoise.sequences.dtu.mat_file import Variable
-from tracknoise.sequences.dtu.matlab import numbers, read_mat
+from tracknoise.sequences.dtu.matlab import Variable, numbers, read_mat
 from tracknoise.sequences.poses import checked_poses
 
 _SIZE = (1600, 1200)

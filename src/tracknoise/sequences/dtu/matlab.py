@@ -1,53 +1,66 @@
 """Numbers in MATLAB files."""
 
-import stat
+import math
 from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.io import savemat
 
 from tracknoise.exceptions import DataError
+from tracknoise.foreign.child import LostError, call_in_child
+from tracknoise.foreign.files import require_regular
 from tracknoise.printable import counted
-from tracknoise.sequences.dtu.mat_file import (
-    MatFileError,
-    UnsupportedMatFileError,
-    Variable,
-    parse_mat,
-)
 
-_MAX_BYTES = 1 << 31
+Variable = NDArray[np.generic] | None
+"""None for what is no array of real numbers."""
+
+_EXPECTED = "a MATLAB file"
+_MAX_BYTES, _MAX_ARRAY_BYTES = 1 << 31, 1 << 29
+"""Of a file, and of an array: more than ten times the largest scan of the data set."""
+_NUMERIC = {"double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))}
 _REMARK = b"MATLAB 5.0 MAT-file".ljust(116)
 
 
 def read_mat(path: Path, names: list[str]) -> dict[str, Variable]:
-    """Read those variables of a MATLAB file (version 4 to 7.2) that it has.
+    """Read those variables of a MATLAB file (version 4 to 7.2) that it has. Those that are not asked for are skipped.
+
+    SciPy reads it in the child process, which it ends at some damaged files. Of objects, function handles, cells and
+    structures only the headers are read.
 
     Raises
     ------
     DataError
         If the file is missing, damaged, or of version 7.3.
     """
+    size = require_regular(path, _EXPECTED, most=_MAX_BYTES)
     try:
-        return parse_mat(_content(path), names)
-    except FileNotFoundError as error:
-        raise DataError(path, "no such file", "a MATLAB file") from error
-    except OSError as error:
-        raise DataError(path, f"unreadable ({error.strerror})", "a MATLAB file") from error
-    except UnsupportedMatFileError as error:
-        raise DataError(path, "a MATLAB 7.3 file", "an earlier version (in MATLAB: save with -v7)") from error
-    except MatFileError as error:
+        return call_in_child(_read, path, names, size=size)
+    except LostError as error:
         found = f"a damaged file, or not a MATLAB file ({error})"
         raise DataError(path, found, "a MATLAB file of version 4 to 7.2") from error
 
 
-def _content(path: Path) -> bytes:
-    status = path.stat()
-    if stat.S_ISFIFO(status.st_mode) or stat.S_ISCHR(status.st_mode) or status.st_size > _MAX_BYTES:
-        raise DataError(path, "not a regular file of at most 2 GiB", "a MATLAB file")
-    return path.read_bytes()
+def _read(path: Path, names: list[str]) -> dict[str, Variable]:
+    from scipy.io import loadmat, whosmat
+
+    try:
+        held = [entry for entry in whosmat(str(path), appendmat=False) if entry[0] in names]
+    except NotImplementedError as error:
+        raise DataError(path, "a MATLAB 7.3 file", "an earlier version (in MATLAB: save with -v7)") from error
+    found: dict[str, Variable] = {name: None for name, _, _ in held}
+    numeric = found.keys() - {name for name, _, kind in held if kind not in _NUMERIC}
+    for name, shape, _ in held:
+        if name in numeric and not 0 <= 8 * math.prod(shape) <= _MAX_ARRAY_BYTES:
+            raise ValueError(f"{name} is too large")
+    read = loadmat(str(path), appendmat=False, variable_names=sorted(numeric)) if numeric else {}
+    for name in numeric:
+        value = read[name]
+        if not isinstance(value, np.ndarray):
+            raise ValueError(f"{name} is damaged")
+        found[name] = value if value.dtype.kind in "fiu" else None
+    return found
 
 
 def numbers(
@@ -71,12 +84,11 @@ def numbers(
     DataError
         If it is missing, or something else.
     """
-    value = variables.get(name)
     expected = "numbers" if count is None else counted(count, "finite number")
-    if value is None:
+    if name not in variables:
         raise DataError(path, f"no {name}", f"{name}: {expected}")
-    array = np.asarray(value)
-    if array.dtype.kind not in "fiu":
+    array = variables[name]
+    if array is None:
         raise DataError(path, f"{name} that is not an array of real numbers", f"{name}: {expected}")
     if count is not None and array.size != count:
         raise DataError(path, f"{name} of {counted(array.size, 'number')}", expected)
@@ -95,6 +107,8 @@ def write_mat(path: Path, variables: Mapping[str, ArrayLike]) -> None:
     variables
         Arrays or numbers by name.
     """
+    from scipy.io import savemat
+
     buffer = BytesIO()
     savemat(buffer, dict(variables))  # type: ignore[arg-type]  # the stubs know paths only
     path.write_bytes(_REMARK + buffer.getvalue()[len(_REMARK) :])

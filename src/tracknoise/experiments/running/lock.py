@@ -1,4 +1,9 @@
-"""The lock of a run folder: only one start at a time may write into it."""
+"""The lock of a run folder: only one start at a time may write into it.
+
+The package `filelock` (4.2) gives less: it does not say who holds a lock; its file stays, while here a file tells other
+hosts that a run goes on; it refuses network file systems whose `flock` is ENOLCK or EOPNOTSUPP; and it does not notice
+that the file of a lock was replaced, so that two could hold it.
+"""
 
 import errno
 import fcntl

@@ -1,7 +1,20 @@
-"""Range checks of settings, whose message names the field; `tracknoise.plugins` turns it into a `SettingsError`."""
+"""Range checks of settings, whose message names the field; `tracknoise.plugins` turns it into a `SettingsError`.
+
+Bounds of numbers are part of the types of the fields (`Positive`, ``Annotated[int, Ge(1)]``). From there they reach the
+JSON schema too.
+"""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from typing import Annotated, Any, get_args, get_type_hints
+
+from annotated_types import Ge, Gt, Interval, Le, Lt
+
+Positive = Annotated[float, Gt(0)]
+NotNegative = Annotated[float, Ge(0)]
+Share = Annotated[float, Ge(0), Le(1)]
+Between0And1 = Annotated[float, Gt(0), Lt(1)]
 
 MOST_LEVELS = 16
 """How deep lists and tables in settings can nest."""
@@ -14,29 +27,60 @@ def require(holds: bool, field: str, value: object, expected: str) -> None:
         raise ValueError(f"{field} is {value!r}, expected {expected}")
 
 
-def require_positive(field: str, value: float) -> None:
-    """Raise ValueError unless `value` is finite and above zero."""
-    require(_is_finite(value) and value > 0, field, value, "a number above 0")
+def require_bounds(settings: Any) -> None:
+    """Raise ValueError unless all fields of a dataclass that have bounds are finite and within them.
+
+    A field may be None, or a tuple of numbers with the same bounds.
+    """
+    for name, bounds in bounds_of(settings.__class__).items():
+        value = getattr(settings, name)
+        for number in value if isinstance(value, tuple) else (value,):
+            require(number is None or _is_within(number, bounds), name, number, in_words(bounds))
 
 
-def require_at_least(field: str, value: float, least: float) -> None:
-    """Raise ValueError unless `value` is finite and not below `least`."""
-    require(_is_finite(value) and value >= least, field, value, f"a number not below {least}")
+def require_finite(field: str, value: float) -> None:
+    """Raise ValueError unless `value` is finite."""
+    require(_is_finite(value), field, value, "a finite number")
 
 
-def require_odd(field: str, value: int, least: int = 1) -> None:
-    """Raise ValueError unless `value` is odd and not below `least`."""
-    require(value >= least and value % 2 == 1, field, value, f"an odd number not below {least}")
+def require_odd(field: str, value: int) -> None:
+    """Raise ValueError unless `value` is odd."""
+    require(value % 2 == 1, field, value, "an odd number")
 
 
-def require_share(field: str, value: float) -> None:
-    """Raise ValueError unless `value` is a probability."""
-    require(0 <= value <= 1, field, value, "a number from 0 to 1")
+@cache
+def bounds_of(settings_type: type) -> dict[str, dict[str, float]]:
+    """Bounds of the fields of a dataclass that have any: ``gt``, ``ge``, ``lt`` and ``le`` by field."""
+    hints = get_type_hints(settings_type, include_extras=True)
+    found = {name: dict(_bounds_in(hint)) for name, hint in hints.items()}
+    return {name: bounds for name, bounds in found.items() if bounds}
 
 
-def require_at_most(field: str, value: float, most: float) -> None:
-    """Raise ValueError if `value` is above `most`."""
-    require(value <= most, field, value, f"a number not above {most}")
+def _bounds_in(hint: Any) -> Iterator[tuple[str, float]]:
+    if isinstance(hint, Gt | Ge | Lt | Le | Interval):
+        named = ((name, getattr(hint, name, None)) for name in ("gt", "ge", "lt", "le"))
+        yield from ((name, bound) for name, bound in named if bound is not None)
+    for part in get_args(hint):
+        yield from _bounds_in(part)
+
+
+def in_words(bounds: Mapping[str, float]) -> str:
+    """The numbers within bounds."""
+    shown = {name: f"{bound:.15g}" for name, bound in bounds.items()}
+    match shown:
+        case {"ge": least, "le": most}:
+            return f"a number from {least} to {most}"
+        case {"ge": least, "lt": end}:
+            return f"a number from {least} to below {end}"
+        case {"gt": start, "lt": end}:
+            return f"a number between {start} and {end}"
+    words = {"gt": "above", "ge": "not below", "lt": "below", "le": "not above"}
+    return f"a number {' and '.join(f'{words[name]} {bound}' for name, bound in shown.items())}"
+
+
+def _is_within(value: float, bounds: Mapping[str, float]) -> bool:
+    above = value > bounds.get("gt", -math.inf) and value >= bounds.get("ge", -math.inf)
+    return above and value < bounds.get("lt", math.inf) and value <= bounds.get("le", math.inf)
 
 
 def require_storable(value: object) -> None:

@@ -1,6 +1,8 @@
 """Options of a plug-in: the fields of its settings dataclass, checked strictly, and the paths among them."""
 
+import inspect
 import json
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, asdict, fields, is_dataclass
 from difflib import get_close_matches
@@ -8,7 +10,7 @@ from functools import cache
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Annotated, Any, NewType, TypeVar, get_args, get_type_hints
 
-from tracknoise.checks import MOST_LEVELS, require_storable
+from tracknoise.checks import MOST_LEVELS, bounds_of, in_words, require_storable
 from tracknoise.problems import likeliest_problem
 
 if TYPE_CHECKING:
@@ -16,6 +18,8 @@ if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
 T = TypeVar("T")
+
+_OUT_OF_BOUNDS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
 
 PathTemplate = NewType("PathTemplate", str)
 """Type of an option that is a path with placeholders, such as ``tracks/{scene}.csv``: see `SequenceId.expand`."""
@@ -86,6 +90,60 @@ def defaults_as_toml(settings_type: type, hidden: frozenset[str]) -> str:
             defaults[field.name] = value
     shown = [comment for comment in comments if comment.split()[1] not in hidden]
     return ("".join(shown) + tomlkit.dumps(as_toml_values(defaults))).rstrip()
+
+
+def options_schemas(
+    settings_types: Mapping[str, type], hidden: frozenset[str]
+) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+    """JSON Schemas of the options of several settings: types, bounds, defaults and what docstrings say.
+
+    Parameters
+    ----------
+    settings_types
+        Dataclasses by name. The sections *Parameters* or *Attributes* of their docstrings describe the fields.
+    hidden
+        Fields that are not options.
+
+    Returns
+    -------
+    schemas
+        By the same names: references to definitions.
+    definitions
+        What belongs into ``$defs`` of the document.
+    """
+    from pydantic import TypeAdapter
+    from pydantic.json_schema import GenerateJsonSchema
+
+    class Described(GenerateJsonSchema):
+        def dataclass_schema(self, schema: Any) -> dict[str, Any]:
+            made, kind = super().dataclass_schema(schema), schema["cls"]
+            summary, documented = _documented(kind)
+            made["description"] = summary
+            for name, described in made["properties"].items():
+                if name in documented:
+                    described["description"] = documented[name]
+            if kind in settings_types.values():
+                for name in hidden:
+                    made["properties"].pop(name, None)
+                made["required"] = [name for name in made.get("required", ()) if name not in hidden]
+            return made
+
+    adapters = [(name, "validation", _adapter(kind)) for name, kind in settings_types.items()]
+    schemas, document = TypeAdapter.json_schemas(adapters, schema_generator=Described)  # type: ignore[arg-type]
+    return {name: schema for (name, _), schema in schemas.items()}, document["$defs"]
+
+
+def _documented(settings_type: type) -> tuple[str, dict[str, str]]:
+    """First sentence of the docstring of a dataclass, and what it says of each field."""
+    summary, _, rest = (inspect.getdoc(settings_type) or "").partition("\n\n")
+    found: dict[str, str] = {}
+    for names, text in re.findall(r"^(\w+(?:, \w+)*)\n((?:(?:[ ]{4}.*)?\n?)+)", rest + "\n", re.MULTILINE):
+        found |= dict.fromkeys(names.split(", "), _in_one_line(text))
+    return _in_one_line(summary), {name: text for name, text in found.items() if text}
+
+
+def _in_one_line(text: str) -> str:
+    return " ".join(text.split()).replace("``", "`")
 
 
 def as_toml_values(settings: Mapping[str, object]) -> dict[str, Any]:
@@ -206,7 +264,17 @@ def _explain(settings_type: type, error: "ErrorDetails", given: Mapping[str, obj
         return f"{place}{'.' if place else ''}{error['ctx']['error']}"
     if error["type"] == "missing":
         return f"{place}: missing, expected a value"
+    if error["type"] in _OUT_OF_BOUNDS and (bounds := _bounds_at(settings_type, error["loc"])):
+        return f"{place} is {error['input']!r}, expected {in_words(bounds)}"
     return f"{place or 'settings'}: {error['msg'].replace('Input should be', 'expected')}, found {error['input']!r}"
+
+
+def _bounds_at(settings_type: type, location: tuple[Any, ...]) -> dict[str, float]:
+    """Bounds of a field of settings, or of settings in them; none if they are stated in another way."""
+    names = [part for part in location if isinstance(part, str)]
+    for part in names[:-1]:
+        settings_type = _nested(settings_type).get(part, settings_type)
+    return bounds_of(settings_type).get(names[-1], {})
 
 
 def _known(settings_type: type, location: tuple[Any, ...], given: Mapping[str, object]) -> str:

@@ -1,17 +1,25 @@
 """Experiment files: what is read, and what is said about what cannot be."""
 
+import json
 import os
 import re
 import time
+import tomllib
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
+from jsonschema import Draft202012Validator
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.experiments.load import load_experiment, preset_names
 from tracknoise.experiments.resolve import resolve
 from tracknoise.experiments.running.plan import plan
 from tracknoise.experiments.settings import experiment_schema, parse_experiment
+from tracknoise.sequences.registry import READERS
+from tracknoise.trackers.registry import TRACKERS, make_tracker
+
+ROOT = Path(__file__).parents[2]
 
 MINIMAL = """
 name = "x"
@@ -238,6 +246,51 @@ def test_the_documented_schema_is_that_of_the_program():
     assert documented.read_text() == experiment_schema(), (
         "renew it: tracknoise run --schema > docs/experiment.schema.json"
     )
+
+
+@pytest.fixture(scope="module")
+def validator() -> Draft202012Validator:
+    schema = json.loads(experiment_schema())
+    Draft202012Validator.check_schema(schema)
+    return Draft202012Validator(schema)
+
+
+def test_the_schema_describes_every_option_of_readers_and_trackers(validator):
+    definitions = validator.schema["$defs"]
+    for section, plugins in (("DatasetSettings", READERS), ("TrackerChoice", TRACKERS)):
+        for rule in definitions[section]["allOf"]:
+            ((value,),) = (condition.values() for condition in rule["if"]["properties"].values())
+            options = definitions[rule["then"]["properties"]["options"]["$ref"].rpartition("/")[2]]
+            named = {field.name for field in fields(plugins.load(value))} - plugins.given
+            assert options["properties"].keys() == named
+            assert all(option["description"] for option in options["properties"].values())
+        assert len(definitions[section]["allOf"]) == len(plugins.built_in)
+
+
+@pytest.mark.parametrize(
+    "path", [*(ROOT / "examples").glob("*.toml"), *(ROOT / "src").rglob("presets/*.toml")], ids=str
+)
+def test_examples_and_presets_fit_the_schema(validator, path):
+    validator.validate(tomllib.loads(path.read_text()))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ("epsilon = 0", "0 is less than or equal to the minimum of 0"),
+        ("max_features = 2000000", "2000000 is greater than the maximum of 1000000"),
+        ("rejection = { threshold_px = -1 }", "-1 is less than or equal to the minimum of 0"),
+        ("window = 3", "'window' was unexpected"),
+        ('iterations = "30"', "'30' is not of type 'integer'"),
+    ],
+)
+def test_the_schema_refuses_what_the_program_refuses(validator, options, message):
+    text = f'name = "x"\ndataset.reader = "folder"\ntrackers = [{{ kind = "KIND", options = {{ {options} }} }}]\n'
+    (error,) = validator.iter_errors(tomllib.loads(text.replace("KIND", "lucas-kanade")))
+    assert message in error.message
+    with pytest.raises(SettingsError):
+        make_tracker("lucas-kanade", tomllib.loads(options))
+    assert validator.is_valid(tomllib.loads(text.replace("KIND", "of-a-plugin")))
 
 
 @pytest.mark.parametrize(

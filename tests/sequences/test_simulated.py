@@ -216,11 +216,11 @@ def test_missing_worlds_and_models_are_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"frames": 0}, "reader 'simulated': frames is 0, expected a number not below 1"),
+        ({"frames": 0}, "reader 'simulated': frames is 0, expected a number from 1 to 1000000"),
         ({"frames": "60"}, "reader 'simulated': frames: expected a valid integer, found '60'"),
         ({"worlds": True}, "worlds: expected a valid integer, found True"),
         ({"width": 640.0}, "width: expected a valid integer, found 640.0"),
-        ({"supersampling": 0}, "supersampling is 0, expected a number not below 1"),
+        ({"supersampling": 0}, "supersampling is 0, expected a number from 1 to 16"),
         ({"seed": -1}, "seed is -1, expected a number not below 0"),
         ({"hfov_deg": 180.0}, "hfov_deg is 180.0, expected a number between 0 and 180"),
         ({"noise_sigma": float("nan")}, "noise_sigma is nan, expected a number not below 0"),

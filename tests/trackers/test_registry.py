@@ -2,6 +2,7 @@ import pytest
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.trackers.correspondence import Correspondence
+from tracknoise.trackers.imported import Imported
 from tracknoise.trackers.lucas_kanade import LucasKanade
 from tracknoise.trackers.oracle import Oracle
 from tracknoise.trackers.registry import TRACKERS, make_tracker, tracker_defaults
@@ -37,15 +38,24 @@ def test_options_become_settings_nested_ones_and_names_of_members_too():
         (
             "lucas-kanade",
             {"rejection": {"threshold_px": -1}},
-            r"rejection.threshold_px is -1.0, expected a number above",
+            r"rejection.threshold_px is -1, expected a number above 0$",
         ),
-        ("lucas-kanade", {"window_px": 14}, r": window_px is 14, expected an odd number not below 3$"),
+        ("lucas-kanade", {"window_px": 14}, r": window_px is 14, expected an odd number$"),
         ("lucas-kanade", {"window_px": "15"}, r"window_px: .*integer, found '15'$"),
         ("lucas-kanade", {"window_px": True}, r"window_px: .*integer, found True$"),
         ("lucas-kanade", {"rejection": 3}, r"rejection: .*found 3$"),
         ("lucas-kanade", {"rejection": object()}, r"expected what a TOML file can hold$"),
         ("oracle", {"bias_px": [1.0]}, r"oracle.*bias_px"),
         ("oracle", {"covariance_px2": [[1.0, 2.0], [2.0, 1.0]]}, r"covariance_px2 is .*eigenvalues$"),
+        ("lucas-kanade", {"window_px": 1001}, r": window_px is 1001, expected a number from 3 to 999$"),
+        (
+            "lucas-kanade",
+            {"detection": {"contrast": 1}},
+            r"contrast is 1, expected a number from 0 to below 1$",
+        ),
+        ("lucas-kanade", {"epsilon": float("inf")}, r"epsilon is inf, expected a number above 0$"),
+        ("oracle", {"student_nu": 2}, r"student_nu is 2, expected a number above 2$"),
+        ("imported", {"path": "x.csv", "raster": [1, 0]}, r"raster.1 is 0, expected a number above 0$"),
         ("imported", {}, r"'imported': path: missing, expected a value$"),
         ("imported", {"path": "x.csv", "pth": "y"}, r"pth: unknown setting"),
     ],
@@ -55,6 +65,18 @@ def test_wrong_options_are_refused_in_one_line_that_names_them(kind, options, me
         make_tracker(kind, options)
     assert "\n" not in str(caught.value)
     assert f"tracker {kind!r}: " in str(caught.value)
+
+
+def test_bounds_hold_without_a_file_too():
+    for options, message in (
+        ({"epsilon": 0.0}, "epsilon is 0.0, expected a number above 0"),
+        ({"max_features": 0, "min_features": 1}, "max_features is 0, expected a number from 1 to 1000000"),
+        ({"epsilon": float("nan")}, "epsilon is nan, expected a number above 0"),
+    ):
+        with pytest.raises(ValueError, match=f"^{message}$"):
+            LucasKanade(**options)
+    with pytest.raises(ValueError, match=r"^raster is 0.0, expected a number above 0$"):
+        Imported("x.csv", raster=(1.0, 0.0))
 
 
 def test_an_unknown_tracker_is_refused_with_the_known_ones():

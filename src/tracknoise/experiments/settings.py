@@ -13,6 +13,8 @@ from pydantic_core import ErrorDetails
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.corrections import UNCORRECTED, Corrections
+from tracknoise.options import options_schemas
+from tracknoise.plugins import Plugins
 from tracknoise.printable import counted, is_printable
 from tracknoise.problems import likeliest_problem
 from tracknoise.sequences.frame_range import frames_of, require_range
@@ -430,8 +432,36 @@ def dotted(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def experiment_schema() -> str:
-    """JSON Schema of experiment files, as text; editors check and complete with it."""
-    return json.dumps(Experiment.model_json_schema(), indent=2) + "\n"
+    """JSON Schema of experiment files, as text; editors check and complete with it.
+
+    It has the options of the built-in readers and trackers. Those of plug-ins are not checked.
+    """
+    from tracknoise.sequences.registry import READERS
+    from tracknoise.trackers.registry import TRACKERS
+
+    schema = Experiment.model_json_schema()
+    _add_options(schema["$defs"], "DatasetSettings", "reader", READERS)
+    _add_options(schema["$defs"], "TrackerChoice", "kind", TRACKERS)
+    return json.dumps(schema, indent=2) + "\n"
+
+
+def _add_options(definitions: dict[str, Any], section: str, key: str, plugins: Plugins[Any]) -> None:
+    """Say in a section of the schema which options there are for each value of a key."""
+    schemas, more = options_schemas({name: plugins.load(name) for name in plugins.built_in}, plugins.given)
+    taken = definitions.keys() & more.keys()
+    assert not any(definitions[name] != more[name] for name in taken), f"two meanings of {taken}"
+    definitions |= more
+    definitions[section]["allOf"] = [
+        {"if": {"properties": {key: {"const": name}}}, "then": _with_options(schema, more)}
+        for name, schema in schemas.items()
+    ]
+
+
+def _with_options(schema: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any]:
+    """A section with the options of a reference; they may be missing where none of them is required."""
+    section: dict[str, Any] = {"properties": {"options": schema}}
+    required = definitions[schema["$ref"].rpartition("/")[2]]["required"]
+    return {**section, "required": ["options"]} if required else section
 
 
 def _first_problem(error: ValidationError) -> str:

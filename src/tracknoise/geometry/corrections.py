@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields
 from numbers import Real
 
-from tracknoise.checks import require, require_positive
+from tracknoise.checks import Positive, require, require_bounds
 from tracknoise.geometry.shutter import RollingShutter
 
 Triple = tuple[float, float, float]
@@ -49,10 +49,10 @@ class Corrections:
         If a value is not finite, a factor is not positive, or both clock offsets are given.
     """
 
-    focal_scale: float = 1.0
+    focal_scale: Positive = 1.0
     principal_point_px: tuple[float, float] = (0.0, 0.0)
     k1: float = 0.0
-    depth_scale: float = 1.0
+    depth_scale: Positive = 1.0
     depth_offset_m: float = 0.0
     depth_along_ray: bool = False
     clock_offset_s: float = 0.0
@@ -70,8 +70,7 @@ class Corrections:
                 require(isinstance(value, bool), field.name, value, "true or false")
             else:
                 require(_is_finite(value), field.name, value, "a finite number")
-        require_positive("focal_scale", self.focal_scale)
-        require_positive("depth_scale", self.depth_scale)
+        require_bounds(self)
         RollingShutter(self.readout_s)
         both = self.clock_offset_s != 0.0 and self.clock_offset_frames != 0.0
         require(not both, "clock_offset_frames", self.clock_offset_frames, "0 beside clock_offset_s")

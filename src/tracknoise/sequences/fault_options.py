@@ -3,8 +3,11 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Annotated
 
-from tracknoise.checks import require, require_at_least, require_positive
+from annotated_types import Gt
+
+from tracknoise.checks import NotNegative, Positive, require, require_bounds, require_finite
 from tracknoise.geometry.accuracy import DepthAccuracy
 
 Vector = tuple[float, float, float]
@@ -27,14 +30,13 @@ class PoseNoise:
         If one is negative.
     """
 
-    rotation_deg: float = 0.0
-    position_m: float = 0.0
-    rotation_walk_deg: float = 0.0
-    position_walk_m: float = 0.0
+    rotation_deg: NotNegative = 0.0
+    position_m: NotNegative = 0.0
+    rotation_walk_deg: NotNegative = 0.0
+    position_walk_m: NotNegative = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("rotation_deg", "position_m", "rotation_walk_deg", "position_walk_m"):
-            require_at_least(name, getattr(self, name), 0)
+        require_bounds(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,20 +89,18 @@ class DepthFaults:
         If a value is impossible.
     """
 
-    scale: float = 1.0
+    scale: Positive = 1.0
     offset_m: float = 0.0
-    noise_m: float = 0.0
-    noise_quadratic_per_m: float = 0.0
-    step_m: float = 0.0
-    nearest_m: float = 0.0
-    farthest_m: float = 0.0
-    lag_frames: float = 0.0
+    noise_m: NotNegative = 0.0
+    noise_quadratic_per_m: NotNegative = 0.0
+    step_m: NotNegative = 0.0
+    nearest_m: NotNegative = 0.0
+    farthest_m: NotNegative = 0.0
+    lag_frames: NotNegative = 0.0
 
     def __post_init__(self) -> None:
-        require_positive("scale", self.scale)
-        require(math.isfinite(self.offset_m), "offset_m", self.offset_m, "a finite number")
-        for name in ("noise_m", "noise_quadratic_per_m", "step_m", "nearest_m", "farthest_m", "lag_frames"):
-            require_at_least(name, getattr(self, name), 0)
+        require_bounds(self)
+        require_finite("offset_m", self.offset_m)
         in_order = not self.farthest_m or self.farthest_m > self.nearest_m
         require(in_order, "farthest_m", self.farthest_m, "0, or more than nearest_m")
 
@@ -138,7 +138,7 @@ class Faults:
 
     clock_s: float = 0.0
     clock_frames: float = 0.0
-    focal: float = 0.0
+    focal: Annotated[float, Gt(-1)] = 0.0
     principal_point_px: tuple[float, float] = (0.0, 0.0)
     k1: float = 0.0
     hide_shutter: bool = False
@@ -147,10 +147,10 @@ class Faults:
     depth: DepthFaults = field(default_factory=DepthFaults)
 
     def __post_init__(self) -> None:
+        require_bounds(self)
         for name in ("clock_s", "clock_frames", "k1"):
-            require(math.isfinite(getattr(self, name)), name, getattr(self, name), "a finite number")
+            require_finite(name, getattr(self, name))
         require(not (self.clock_s and self.clock_frames), "clock_frames", self.clock_frames, "0, as clock_s is given")
-        require(math.isfinite(self.focal) and self.focal > -1.0, "focal", self.focal, "a number above -1")
         shift = self.principal_point_px
         require(all(map(math.isfinite, shift)), "principal_point_px", [*shift], "two finite numbers")
 

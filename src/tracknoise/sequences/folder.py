@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.checks import require_at_least, require_positive
+from tracknoise.checks import NotNegative, Positive, require_bounds
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.files import is_regular_file
 from tracknoise.geometry.camera_model import CameraModel
@@ -76,17 +76,14 @@ class Folder:
 
     root: Path
     _: KW_ONLY
-    depth_radius_px: float | None = None
-    depth_unit_m: float | None = None
+    depth_radius_px: NotNegative | None = None
+    depth_unit_m: Positive | None = None
     camera_file: Path | None = None
     camera: str | None = None
     image_levels: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        if self.depth_radius_px is not None:
-            require_at_least("depth_radius_px", self.depth_radius_px, 0)
-        if self.depth_unit_m is not None:
-            require_positive("depth_unit_m", self.depth_unit_m)
+        require_bounds(self)
         if self.image_levels is not None:
             require_levels("image_levels", self.image_levels)
 

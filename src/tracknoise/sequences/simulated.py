@@ -5,13 +5,14 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
+from annotated_types import Ge, Gt, Le, Lt
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from tracknoise.checks import require, require_at_least, require_at_most
+from tracknoise.checks import NotNegative, require, require_bounds, require_finite
 from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.foreign.files import is_regular_file
 from tracknoise.geometry.lenses import COEFFICIENTS, KnownCamera, make_camera
@@ -31,13 +32,7 @@ from tracknoise.simulation.streams import Stream, generator
 from tracknoise.tables.identity import DEFAULT_LIGHTING, SequenceId
 
 _DEFAULT_WORLD = "plaza"
-_LIMITS = {
-    "worlds": (1, 100_000),
-    "frames": (1, 1_000_000),
-    "width": (2, 8192),
-    "height": (2, 8192),
-    "supersampling": (1, 16),
-}
+_Side = Annotated[int, Ge(2), Le(8192)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,35 +101,29 @@ class Simulated:
     world_file: Path | None = None
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     yaw_deg: float = 0.0
-    worlds: int = 1
-    frames: int = 60
-    width: int = 800
-    height: int = 600
-    hfov_deg: float = 60.0
+    worlds: Annotated[int, Ge(1), Le(100_000)] = 1
+    frames: Annotated[int, Ge(1), Le(1_000_000)] = 60
+    width: _Side = 800
+    height: _Side = 600
+    hfov_deg: Annotated[float, Gt(0), Lt(180)] = 60.0
     lens: str = "pinhole"
     distortion: tuple[float, ...] = ()
-    baseline_m: float = 0.0
-    supersampling: int = 2
-    noise_sigma: float = 2.0
+    baseline_m: NotNegative = 0.0
+    supersampling: Annotated[int, Ge(1), Le(16)] = 2
+    noise_sigma: NotNegative = 2.0
     shadows: bool = False
     lightings: tuple[str, ...] = (DEFAULT_LIGHTING,)
-    seed: int = 0
+    seed: Annotated[int, Ge(0)] = 0
     imaging: Imaging = NO_EFFECTS
     faults: Faults = NO_FAULTS
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "motions", _names("motion", self.motions, MOTIONS))
         object.__setattr__(self, "lightings", _names("lighting", self.lightings, LIGHTINGS))
-        for name, (least, most) in _LIMITS.items():
-            require_at_least(name, getattr(self, name), least)
-            require_at_most(name, getattr(self, name), most)
-        require_at_least("seed", self.seed, 0)
-        require(0.0 < self.hfov_deg < 180.0, "hfov_deg", self.hfov_deg, "a number between 0 and 180")
+        require_bounds(self)
         self._require_lens()
-        require_at_least("baseline_m", self.baseline_m, 0)
-        require_at_least("noise_sigma", self.noise_sigma, 0)
         require(all(map(math.isfinite, self.origin)), "origin", self.origin, "three finite numbers (x, y, z in metres)")
-        require(math.isfinite(self.yaw_deg), "yaw_deg", self.yaw_deg, "a finite number")
+        require_finite("yaw_deg", self.yaw_deg)
         self._require_that_world_and_motions_fit()
         timed = self.imaging.readout_s or self.imaging.exposure_s
         require(self.frames > 1 or not timed, "frames", self.frames, "at least 2, with a readout_s or exposure_s")

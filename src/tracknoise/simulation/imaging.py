@@ -2,8 +2,11 @@
 
 import math
 from dataclasses import dataclass, field
+from typing import Annotated
 
-from tracknoise.checks import require, require_at_least, require_at_most, require_positive, require_share
+from annotated_types import Ge, Le
+
+from tracknoise.checks import NotNegative, Positive, Share, require, require_bounds
 from tracknoise.geometry.shutter import RollingShutter
 
 _MOST_RENDERS = 64
@@ -34,15 +37,14 @@ class AutoExposure:
         If a value is impossible, or the gain would not have followed before the next switch.
     """
 
-    light_step: float = 1.0
-    period_frames: int = 10
-    delay_frames: int = 3
+    light_step: Positive = 1.0
+    period_frames: Annotated[int, Ge(1)] = 10
+    delay_frames: Annotated[int, Ge(0)] = 3
 
     def __post_init__(self) -> None:
-        require_positive("light_step", self.light_step)
-        require_at_least("period_frames", self.period_frames, 1)
-        require_at_least("delay_frames", self.delay_frames, 0)
-        require_at_most("delay_frames", self.delay_frames, self.period_frames)
+        require_bounds(self)
+        most = f"a number not above {self.period_frames}"
+        require(self.delay_frames <= self.period_frames, "delay_frames", self.delay_frames, most)
 
     def brightness(self, index: int) -> float:
         """Light times gain in one frame, relative to constant light."""
@@ -88,27 +90,21 @@ class Imaging:
         If a value is impossible, or a time is given without a rate or is longer than a frame.
     """
 
-    rate_hz: float = 0.0
+    rate_hz: NotNegative = 0.0
     readout_s: float = 0.0
-    exposure_s: float = 0.0
-    exposure_renders: int = 8
+    exposure_s: NotNegative = 0.0
+    exposure_renders: Annotated[int, Ge(1), Le(_MOST_RENDERS)] = 8
     auto_exposure: AutoExposure = field(default_factory=AutoExposure)
-    vignetting: float = 0.0
-    photon_gain: float = 0.0
-    prnu: float = 0.0
-    dsnu: float = 0.0
-    jpeg_quality: int = 0
+    vignetting: Share = 0.0
+    photon_gain: NotNegative = 0.0
+    prnu: NotNegative = 0.0
+    dsnu: NotNegative = 0.0
+    jpeg_quality: Annotated[int, Ge(0), Le(_MOST_QUALITY)] = 0
 
     def __post_init__(self) -> None:
-        for name in ("rate_hz", "exposure_s", "photon_gain", "prnu", "dsnu"):
-            require_at_least(name, getattr(self, name), 0)
+        require_bounds(self)
         for name in ("readout_s", "exposure_s"):
             self._require_within_frame(name, getattr(self, name))
-        require_at_least("exposure_renders", self.exposure_renders, 1)
-        require_at_most("exposure_renders", self.exposure_renders, _MOST_RENDERS)
-        require_share("vignetting", self.vignetting)
-        require_at_least("jpeg_quality", self.jpeg_quality, 0)
-        require_at_most("jpeg_quality", self.jpeg_quality, _MOST_QUALITY)
 
     def _require_within_frame(self, name: str, time_s: float) -> None:
         require(math.isfinite(time_s), name, time_s, "a finite number")

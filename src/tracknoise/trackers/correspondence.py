@@ -1,12 +1,13 @@
 """Correspondence: features are matched from frame to frame by their descriptors."""
 
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
+from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
-from tracknoise.checks import require, require_at_least, require_at_most, require_positive
+from tracknoise.checks import Positive, require, require_bounds
 from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.description import Described, Descriptor, describe
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
@@ -45,17 +46,14 @@ class Correspondence:
     detection: Detection = field(default_factory=Detection)
     rejection: Rejection = field(default_factory=Rejection)
     descriptor: Descriptor = Descriptor.sift
-    max_displacement_px: float = 64.0
-    max_features: int = 1200
-    max_missed_frames: int = 0
+    max_displacement_px: Positive = 64.0
+    max_features: Annotated[int, Ge(1), Le(MOST_FEATURES)] = 1200
+    max_missed_frames: Annotated[int, Ge(0)] = 0
 
     def __post_init__(self) -> None:
         require(self.descriptor in tuple(Descriptor), "descriptor", self.descriptor, f"one of {', '.join(Descriptor)}")
         object.__setattr__(self, "descriptor", Descriptor(self.descriptor))  # so that a name will do for the member
-        require_positive("max_displacement_px", self.max_displacement_px)
-        require_at_least("max_features", self.max_features, 1)
-        require_at_most("max_features", self.max_features, MOST_FEATURES)
-        require_at_least("max_missed_frames", self.max_missed_frames, 0)
+        require_bounds(self)
 
     def start(self, context: SequenceContext) -> "CorrespondenceTracker":
         """Start the tracker on one sequence at one speed."""

@@ -2,12 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import cv2
 import numpy as np
+from annotated_types import Ge, Le, Lt
 from numpy.typing import NDArray
 
-from tracknoise.checks import require, require_at_least, require_odd
+from tracknoise.checks import Between0And1, NotNegative, require, require_bounds, require_odd
 from tracknoise.trackers.detectors import DETECTORS, SMALLEST_SIDE_PX, Detector, Thresholds
 from tracknoise.trackers.frame import Frame
 
@@ -41,22 +43,18 @@ class Detection:
     """
 
     detector: Detector = Detector.agast
-    threshold: int = 10
-    min_response: float = 5.0
-    quality: float = 0.01
-    contrast: float = 0.04
-    square_px: int = 15
-    margin_px: int = 8
+    threshold: Annotated[int, Ge(1), Le(255)] = 10
+    min_response: NotNegative = 5.0
+    quality: Between0And1 = 0.01
+    contrast: Annotated[float, Ge(0), Lt(1)] = 0.04
+    square_px: Annotated[int, Ge(1)] = 15
+    margin_px: Annotated[int, Ge(0)] = 8
 
     def __post_init__(self) -> None:
         require(self.detector in tuple(Detector), "detector", self.detector, f"one of {', '.join(Detector)}")
         object.__setattr__(self, "detector", Detector(self.detector))  # so that a name will do for the member
-        require(1 <= self.threshold <= 255, "threshold", self.threshold, "a whole number from 1 to 255")
-        require_at_least("min_response", self.min_response, 0)
-        require(0 < self.quality < 1, "quality", self.quality, "a number between 0 and 1")
-        require(0 <= self.contrast < 1, "contrast", self.contrast, "a number from 0 to below 1")
+        require_bounds(self)
         require_odd("square_px", self.square_px)
-        require_at_least("margin_px", self.margin_px, 0)
 
     @property
     def least_response(self) -> float:

@@ -2,11 +2,12 @@
 
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
+from annotated_types import Ge, Le
 from numpy.typing import ArrayLike
 
-from tracknoise.checks import require, require_at_least, require_positive
+from tracknoise.checks import Positive, require, require_bounds
 from tracknoise.exceptions import SettingsError
 from tracknoise.options import PathTemplate
 from tracknoise.tables.identity import PLACEHOLDERS, Direction, SequenceId
@@ -57,12 +58,12 @@ class Imported:
     path: PathTemplate
     _: KW_ONLY
     format: TrackFormat | None = None
-    first_frame: int = 0
+    first_frame: Annotated[int, Ge(0)] = 0
     units: Units = Units.pixels
     origin: PixelOrigin | None = None
-    raster: tuple[float, float] | None = None
-    time_offset_s: float = 0.0
-    max_gap_s: float | None = None
+    raster: tuple[Positive, Positive] | None = None
+    time_offset_s: Annotated[float, Ge(-_LARGEST_OFFSET_S), Le(_LARGEST_OFFSET_S)] = 0.0
+    max_gap_s: Positive | None = None
 
     def __post_init__(self) -> None:
         try:
@@ -73,17 +74,11 @@ class Imported:
         require(known, "path", self.path, f"no placeholders but {', '.join(f'{{{name}}}' for name in PLACEHOLDERS)}")
         endings = f"a file that ends in {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}, or a format"
         require(self.format is not None or Path(self.path).suffix in SUFFIXES, "path", self.path, endings)
-        require_at_least("first_frame", self.first_frame, 0)
-        for side in self.raster or ():
-            require_positive("raster", side)
+        require_bounds(self)
         if self.units == Units.normalised:
             for name in ("origin", "raster"):
                 value = getattr(self, name)
                 require(value is None, name, value, f"none with units = {self.units}: (0, 0) is the optical axis")
-        largest = f"a number from {-_LARGEST_OFFSET_S:g} to {_LARGEST_OFFSET_S:g}"
-        require(abs(self.time_offset_s) <= _LARGEST_OFFSET_S, "time_offset_s", self.time_offset_s, largest)
-        if self.max_gap_s is not None:
-            require_positive("max_gap_s", self.max_gap_s)
 
     @staticmethod
     def from_arrays(

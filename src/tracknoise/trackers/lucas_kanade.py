@@ -1,13 +1,14 @@
 """Pyramidal Lucas-Kanade: the patch around each feature is aligned from frame to frame."""
 
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import cv2
 import numpy as np
+from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
-from tracknoise.checks import require, require_at_least, require_at_most, require_odd, require_positive
+from tracknoise.checks import Positive, require, require_bounds, require_odd
 from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.detection import MOST_FEATURES, Detection, keypoints
 from tracknoise.trackers.features import ALIVE, Features, displacement_px, report
@@ -47,26 +48,19 @@ class LucasKanade:
 
     detection: Detection = field(default_factory=Detection)
     rejection: Rejection = field(default_factory=Rejection)
-    window_px: int = 15
-    extra_levels: int = 4
-    iterations: int = 30
-    epsilon: float = 0.01
-    max_displacement_px: float = 64.0
-    min_features: int = 1000
-    max_features: int = 1200
+    window_px: Annotated[int, Ge(3), Le(_LARGEST_WINDOW_PX)] = 15
+    extra_levels: Annotated[int, Ge(0), Le(_MOST_LEVELS)] = 4
+    iterations: Annotated[int, Ge(1)] = 30
+    epsilon: Positive = 0.01
+    max_displacement_px: Positive = 64.0
+    min_features: Annotated[int, Ge(1)] = 1000
+    max_features: Annotated[int, Ge(1), Le(MOST_FEATURES)] = 1200
 
     def __post_init__(self) -> None:
-        require_odd("window_px", self.window_px, 3)
-        require_at_most("window_px", self.window_px, _LARGEST_WINDOW_PX)
-        require_at_least("extra_levels", self.extra_levels, 0)
-        require_at_most("extra_levels", self.extra_levels, _MOST_LEVELS)
-        require_at_least("iterations", self.iterations, 1)
-        require_positive("epsilon", self.epsilon)
-        require_positive("max_displacement_px", self.max_displacement_px)
-        require_at_least("min_features", self.min_features, 1)
+        require_bounds(self)
+        require_odd("window_px", self.window_px)
         expected = f"a number not below min_features, {self.min_features}"
         require(self.max_features >= self.min_features, "max_features", self.max_features, expected)
-        require_at_most("max_features", self.max_features, MOST_FEATURES)
 
     def start(self, context: SequenceContext) -> "LucasKanadeTracker":
         """Start the tracker on one sequence at one speed."""

@@ -2,12 +2,13 @@
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
+from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
-from tracknoise.checks import require, require_at_least, require_share
+from tracknoise.checks import NotNegative, Share, require, require_bounds, require_finite
 from tracknoise.exceptions import SettingsError
 from tracknoise.tables.schema import TrackEnd, TruthStatus
 from tracknoise.trackers.features import ALIVE, Features, report
@@ -73,40 +74,32 @@ class Oracle:
     kind: ClassVar[str] = "oracle"
     description: ClassVar[str] = "true positions plus bias, noise, drift, outliers and losses of known size"
 
-    n_features: int = 200
+    n_features: Annotated[int, Ge(1)] = 200
     bias_px: Pair = (0.0, 0.0)
     covariance_px2: tuple[Pair, Pair] = ((0.25, 0.0), (0.0, 0.25))
     drift_px_per_frame: Pair = (0.0, 0.0)
-    outlier_rate: float = 0.0
-    loss_rate: float = 0.0
-    margin_px: int = 8
-    seed: int = 0
-    birth_px: float = 0.0
-    walk_px_per_sqrt_frame: float = 0.0
-    common_px: float = 0.0
-    student_nu: float | None = None
+    outlier_rate: Share = 0.0
+    loss_rate: Share = 0.0
+    margin_px: Annotated[int, Ge(0)] = 8
+    seed: Annotated[int, Ge(0)] = 0
+    birth_px: NotNegative = 0.0
+    walk_px_per_sqrt_frame: NotNegative = 0.0
+    common_px: NotNegative = 0.0
+    student_nu: Annotated[float, Gt(2)] | None = None
     texture_exponent: float = 0.0
     motion_exponent: float = 0.0
 
     def __post_init__(self) -> None:
-        require_at_least("n_features", self.n_features, 1)
+        require_bounds(self)
         for name in ("bias_px", "drift_px_per_frame"):
             require(all(map(math.isfinite, getattr(self, name))), name, getattr(self, name), "two finite numbers")
         (uu, uv), (vu, vv) = self.covariance_px2
         semidefinite = uv == vu and uu >= 0 and vv >= 0 and uv * uv <= uu * vv and math.isfinite(uu + vv)
         require(semidefinite, "covariance_px2", self.covariance_px2, "a symmetric matrix without negative eigenvalues")
-        for name in ("birth_px", "walk_px_per_sqrt_frame", "common_px"):
-            require_at_least(name, getattr(self, name), 0)
-        nu = self.student_nu
-        require(nu is None or 2 < nu < math.inf, "student_nu", nu, "a number above 2")
         for name in ("texture_exponent", "motion_exponent"):
-            require(math.isfinite(getattr(self, name)), name, getattr(self, name), "a finite number")
-        require_share("outlier_rate", self.outlier_rate)
-        require_share("loss_rate", self.loss_rate)
+            require_finite(name, getattr(self, name))
         either = self.outlier_rate + self.loss_rate
         require(either <= 1, "outlier_rate", self.outlier_rate, "at most 1 together with loss_rate")
-        require_at_least("margin_px", self.margin_px, 0)
-        require_at_least("seed", self.seed, 0)
 
     def start(self, context: SequenceContext) -> "OracleTracker":
         """Start the oracle on one sequence at one speed.

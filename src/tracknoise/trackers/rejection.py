@@ -3,11 +3,13 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Ge
 from numpy.typing import NDArray
 
-from tracknoise.checks import require, require_at_least, require_positive
+from tracknoise.checks import Between0And1, Positive, require, require_bounds
 from tracknoise.trackers.fundamental import Fundamental
 from tracknoise.trackers.homography import Homography
 from tracknoise.trackers.ransac import Geometry, best_hypothesis
@@ -86,20 +88,17 @@ class Rejection:
     model: Model = Model.homography
     consensus: Consensus = Consensus.refined
     reference: ReferencePosition = ReferencePosition.previous
-    threshold_px: float = 3.0
-    confidence: float = 0.995
-    max_hypotheses: int = 2000
-    seed: int = 0
+    threshold_px: Positive = 3.0
+    confidence: Between0And1 = 0.995
+    max_hypotheses: Annotated[int, Ge(1)] = 2000
+    seed: Annotated[int, Ge(0)] = 0
 
     def __post_init__(self) -> None:
         for name, kind in (("model", Model), ("consensus", Consensus), ("reference", ReferencePosition)):
             value = getattr(self, name)
             require(value in tuple(kind), name, value, f"one of {', '.join(kind)}")
             object.__setattr__(self, name, kind(value))  # so that a name will do for the member
-        require_positive("threshold_px", self.threshold_px)
-        require(0 < self.confidence < 1, "confidence", self.confidence, "a number between 0 and 1")
-        require_at_least("max_hypotheses", self.max_hypotheses, 1)
-        require_at_least("seed", self.seed, 0)
+        require_bounds(self)
 
     def repeated(self, repeat: int) -> "Rejection":
         """The same rejection with another random seed, for each repetition of a measurement; 0 changes nothing."""

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.checks import require_at_least
+from tracknoise.checks import NotNegative, require_bounds, require_finite
 from tracknoise.geometry.interpolation import PosePath
 from tracknoise.sequences.euroc.layout import Files, find_recordings, place_of
 from tracknoise.sequences.euroc.second import find_second
@@ -62,12 +62,12 @@ class Euroc:
     camera_file: Path | None = None
     pose_source: str | None = None
     time_shift_s: float | None = None
-    max_pose_gap_s: float = 0.1
+    max_pose_gap_s: NotNegative = 0.1
     image_levels: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        require_at_least("max_pose_gap_s", self.max_pose_gap_s, 0)
-        require_at_least("time_shift_s", self.time_shift_s or 0.0, -np.inf)
+        require_bounds(self)
+        require_finite("time_shift_s", self.time_shift_s or 0.0)
         if self.image_levels is not None:
             require_levels("image_levels", self.image_levels)
 

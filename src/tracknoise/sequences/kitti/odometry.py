@@ -2,12 +2,13 @@
 
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
+from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
-from tracknoise.checks import require_at_least, require_at_most
+from tracknoise.checks import NotNegative, require_bounds
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
 from tracknoise.geometry.pose import invert
@@ -62,14 +63,11 @@ class KittiOdometry:
 
     root: Path
     _: KW_ONLY
-    camera: int | None = None
-    radius_px: float = 1.0
+    camera: Annotated[int, Ge(0), Le(CAMERAS[-1])] | None = None
+    radius_px: NotNegative = 1.0
 
     def __post_init__(self) -> None:
-        if self.camera is not None:
-            require_at_least("camera", self.camera, 0)
-            require_at_most("camera", self.camera, CAMERAS[-1])
-        require_at_least("radius_px", self.radius_px, 0)
+        require_bounds(self)
 
     def sequences(self) -> list[SequenceId]:
         """All sequences with poses, sorted.

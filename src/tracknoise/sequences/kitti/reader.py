@@ -2,12 +2,13 @@
 
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
+from annotated_types import Ge
 from numpy.typing import NDArray
 
-from tracknoise.checks import require_at_least
+from tracknoise.checks import NotNegative, require_bounds
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.camera import Camera
 from tracknoise.printable import counted
@@ -60,15 +61,13 @@ class Kitti:
     root: Path
     _: KW_ONLY
     depth_root: Path | None = None
-    radius_px: float = 1.0
+    radius_px: NotNegative = 1.0
     keep_still: bool = False
-    still_frames: int = 10
-    still_m: float = 0.02
+    still_frames: Annotated[int, Ge(1)] = 10
+    still_m: NotNegative = 0.02
 
     def __post_init__(self) -> None:
-        require_at_least("radius_px", self.radius_px, 0)
-        require_at_least("still_frames", self.still_frames, 1)
-        require_at_least("still_m", self.still_m, 0)
+        require_bounds(self)
 
     def sequences(self) -> list[SequenceId]:
         """All drives without a still stretch, sorted. A drive whose poses cannot be read is listed; `open` says why.

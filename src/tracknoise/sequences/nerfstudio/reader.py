@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.checks import require_positive
+from tracknoise.checks import Positive, require_bounds
 from tracknoise.exceptions import DataError
 from tracknoise.foreign.files import is_regular_file
 from tracknoise.foreign.json_file import read_json_object
@@ -89,11 +89,10 @@ class Nerfstudio:
     _: KW_ONLY
     file: str | None = None
     depth_files: DepthFiles = DepthFiles.listed
-    depth_unit_m: float | None = None
+    depth_unit_m: Positive | None = None
 
     def __post_init__(self) -> None:
-        if self.depth_unit_m is not None:
-            require_positive("depth_unit_m", self.depth_unit_m)
+        require_bounds(self)
 
     def sequences(self) -> list[SequenceId]:
         """All data sets, sorted: each folder with such a file.

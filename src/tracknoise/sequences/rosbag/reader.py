@@ -3,12 +3,13 @@
 import re
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
+from annotated_types import Gt, Lt
 from numpy.typing import NDArray
 
-from tracknoise.checks import require, require_at_least, require_positive
+from tracknoise.checks import NotNegative, Positive, require, require_bounds
 from tracknoise.geometry.camera_model import CameraModel
 from tracknoise.printable import counted, counted_of
 from tracknoise.sequences.camera_files import CameraFile, read_camera_file
@@ -92,22 +93,15 @@ class Rosbag:
     pose_frame: str | None = None
     body_from_camera: tuple[float, ...] | None = None
     time: Clock = Clock.header
-    time_shift_s: float | None = None
-    max_gap_s: float = 0.02
-    max_pose_gap_s: float = 0.1
-    depth_unit_m: float | None = None
-    depth_radius_px: float | None = None
+    time_shift_s: Annotated[float, Gt(-_LONGEST_SHIFT_S), Lt(_LONGEST_SHIFT_S)] | None = None
+    max_gap_s: NotNegative = 0.02
+    max_pose_gap_s: NotNegative = 0.1
+    depth_unit_m: Positive | None = None
+    depth_radius_px: NotNegative | None = None
     image_levels: Levels | None = None
 
     def __post_init__(self) -> None:
-        require_at_least("max_gap_s", self.max_gap_s, 0)
-        require_at_least("max_pose_gap_s", self.max_pose_gap_s, 0)
-        if self.depth_unit_m is not None:
-            require_positive("depth_unit_m", self.depth_unit_m)
-        if self.time_shift_s is not None:
-            require(abs(self.time_shift_s) < _LONGEST_SHIFT_S, "time_shift_s", self.time_shift_s, "less than a day")
-        if self.depth_radius_px is not None:
-            require_at_least("depth_radius_px", self.depth_radius_px, 0)
+        require_bounds(self)
         if self.image_levels is not None:
             require_levels("image_levels", self.image_levels)
         if self.body_from_camera is not None:

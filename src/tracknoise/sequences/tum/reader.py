@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.checks import require_at_least, require_positive
+from tracknoise.checks import NotNegative, Positive, require_bounds, require_finite
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.association import nearest
 from tracknoise.geometry.interpolation import PosePath
@@ -63,17 +63,14 @@ class Tum:
     _: KW_ONLY
     camera_file: Path | None = None
     poses_of: PosesOf = PosesOf.camera
-    depth_unit_m: float | None = None
-    max_gap_s: float = 0.02
-    max_pose_gap_s: float = 0.1
+    depth_unit_m: Positive | None = None
+    max_gap_s: NotNegative = 0.02
+    max_pose_gap_s: NotNegative = 0.1
     time_shift_s: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.depth_unit_m is not None:
-            require_positive("depth_unit_m", self.depth_unit_m)
-        require_at_least("max_gap_s", self.max_gap_s, 0)
-        require_at_least("max_pose_gap_s", self.max_pose_gap_s, 0)
-        require_at_least("time_shift_s", self.time_shift_s, -np.inf)
+        require_bounds(self)
+        require_finite("time_shift_s", self.time_shift_s)
 
     def sequences(self) -> list[SequenceId]:
         """All recordings, sorted: each folder with a list of images.

@@ -1,6 +1,8 @@
 """Files in MCAP that were not written by ROS 2: converted bags of ROS 1, and recordings of other programs.
 
-The library's reader takes files with the profile ``ros2`` only, whose messages are all of ROS 2.
+The library's reader takes files with the profile ``ros2`` only, whose messages are all of ROS 2. The package `mcap`
+(1.6) reads files without a summary from their beginning for every message (47 ms instead of 1 ms in 60 MB), does not
+compare what a chunk becomes with the size that it states, and brings a second library for zstd.
 """
 
 import os

@@ -1,4 +1,9 @@
-"""Mesh files, by their suffix."""
+"""Mesh files, by their suffix.
+
+The package `trimesh` (5.2) is not used: it rounds colours to 8 bits, opens textures itself instead of naming their
+files, and does not say which line of a file is wrong. It takes 0.5 s to import, and reads COLLADA by `pycollada`, as
+this package does.
+"""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path

@@ -102,6 +102,11 @@ class ReportData:
         return cls(run=run, manifest=run.manifest(), settings=run.settings(), **tables)
 
     @property
+    def results(self) -> pl.DataFrame:
+        """The table of results, of which most tables are views."""
+        return self.run.results()
+
+    @property
     def name(self) -> str:
         """Name of the experiment."""
         return str(self.settings["name"])

@@ -49,6 +49,7 @@ from tracknoise.statistics.trims import dropped_above
 from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.schema import INCREMENTS
 from tracknoise.tables.store import RunFolder
+from tracknoise.tables.views import VIEWS, results_of, view
 
 _OF_SEQUENCES: Mapping[str, tuple[str, Callable[..., pl.DataFrame]]] = {
     "triangulated_noise": ("fitted_noise", fitted_noise_table),
@@ -94,8 +95,10 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
     reported = _reported(manifest, experiment, {**statistics, **tables}, reference)
     if reported.fitted:
         tables |= _without_verdicts_on_errors(tables)
-    tables["findings"] = headline_table({**statistics, **tables}, reported)
-    run.write_statistics(tables, findings=findings_json({**statistics, **tables}))
+    results = results_of({**statistics, **tables})
+    with_ids = {name: view(results, name, ids=True) for name in VIEWS}
+    tables["findings"] = headline_table({**statistics, **tables, **with_ids}, reported)
+    run.write_statistics({**statistics, **tables}, findings=findings_json({**statistics, **tables}))
 
 
 def _without_verdicts_on_errors(tables: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:

@@ -127,6 +127,12 @@ def view(results: pl.DataFrame, name: str, *, ids: bool = False) -> pl.DataFrame
     return table.sort(*chosen.sort, maintain_order=True) if chosen.sort else table
 
 
+def identified(tables: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+    """The same tables; those that are views have the column `ids` of `view`."""
+    results = results_of(tables)
+    return {name: view(results, name, ids=True) if name in VIEWS else table for name, table in tables.items()}
+
+
 def _rows_of(chosen: View, table: pl.DataFrame) -> list[pl.DataFrame]:
     """Rows of results of one table: a part for each of its values."""
     for column, names in chosen.packed.items():

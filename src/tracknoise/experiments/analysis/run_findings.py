@@ -49,7 +49,7 @@ from tracknoise.statistics.trims import dropped_above
 from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.schema import INCREMENTS
 from tracknoise.tables.store import RunFolder
-from tracknoise.tables.views import VIEWS, results_of, view
+from tracknoise.tables.views import identified
 
 _OF_SEQUENCES: Mapping[str, tuple[str, Callable[..., pl.DataFrame]]] = {
     "triangulated_noise": ("fitted_noise", fitted_noise_table),
@@ -95,9 +95,7 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
     reported = _reported(manifest, experiment, {**statistics, **tables}, reference)
     if reported.fitted:
         tables |= _without_verdicts_on_errors(tables)
-    results = results_of({**statistics, **tables})
-    with_ids = {name: view(results, name, ids=True) for name in VIEWS}
-    tables["findings"] = headline_table({**statistics, **tables, **with_ids}, reported)
+    tables["findings"] = headline_table(identified({**statistics, **tables}), reported)
     run.write_statistics({**statistics, **tables}, findings=findings_json({**statistics, **tables}))
 
 

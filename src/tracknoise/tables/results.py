@@ -121,14 +121,15 @@ def finished(rows: Iterable[pl.DataFrame]) -> pl.DataFrame:
         value for the same cell, that of the first is taken.
     """
     kinds = {name: kind for name, kind in RESULTS.items() if name not in ("id", "caveats")} | {"cut": pl.Boolean}
-    parts = [
-        part.select(
-            pl.col(name).cast(kind) if name in part.columns else pl.lit(None, dtype=kind).alias(name)
-            for name, kind in kinds.items()
-        )
-        for part in rows
-        if part.height
-    ]
+    parts = []
+    for part in rows:
+        if part.height:
+            names = set(part.columns)
+            cells = (
+                pl.col(name).cast(kind) if name in names else pl.lit(None, dtype=kind).alias(name)
+                for name, kind in kinds.items()
+            )
+            parts.append(part.select_seq(cells))
     if not parts:
         return pl.DataFrame(schema=dict(RESULTS))
     table = pl.concat(parts)

@@ -450,7 +450,9 @@ class RunFolder:
             files = {self._table_path(name, key): self._kept(name, recorded.get(key, {})) for key in some}
             yield read_stacked(files, _ALL_SEQUENCE_TABLES[name], only=only)
 
-    def write_statistics(self, tables: Mapping[str, pl.DataFrame], *, findings: str | None = None) -> None:
+    def write_statistics(
+        self, tables: Mapping[str, pl.DataFrame], *, results: pl.DataFrame | None = None, findings: str | None = None
+    ) -> None:
         """Write tables of the whole run, then the manifest with their hashes.
 
         Those that are views of the results become rows of these, beside the rows of the views that are not given.
@@ -459,6 +461,8 @@ class RunFolder:
         ----------
         tables
             Of `STATISTICS_TABLES` or `FINDINGS_TABLES`, by name.
+        results
+            Those of all views, where they were made before; the views among the tables are then left out.
         findings
             The text of ``statistics/findings.json``. None leaves that file as it is.
 
@@ -471,7 +475,9 @@ class RunFolder:
             name: schema.storable(schema.check(table, _RUN_TABLES[name], name)) for name, table in tables.items()
         }
         files = {name: table for name, table in checked.items() if name not in VIEWS}
-        if len(files) < len(checked):
+        if results is not None:
+            files[_RESULTS] = schema.storable(schema.check(results, RESULTS, _RESULTS))
+        elif len(files) < len(checked):
             files[_RESULTS] = results_of({**self._views_beside(checked), **checked})
         manifest, folder = self.manifest(), self.path / "statistics"
         for name, table in files.items():

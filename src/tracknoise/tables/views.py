@@ -119,6 +119,8 @@ def view(results: pl.DataFrame, name: str, *, ids: bool = False) -> pl.DataFrame
     )
     if chosen.only is not None:
         mine = mine.filter(chosen.only)
+    if mine.is_empty():
+        return _with_ids(schema.empty(chosen.columns), chosen) if ids else schema.empty(chosen.columns)
     groups: dict[tuple[tuple[str, Any], ...], list[Value]] = {}
     for value in chosen.values:
         groups.setdefault(tuple(value.rows.items()), []).append(value)
@@ -127,9 +129,8 @@ def view(results: pl.DataFrame, name: str, *, ids: bool = False) -> pl.DataFrame
     return table.sort(*chosen.sort, maintain_order=True) if chosen.sort else table
 
 
-def identified(tables: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
-    """The same tables; those that are views have the column `ids` of `view`."""
-    results = results_of(tables)
+def identified(results: pl.DataFrame, tables: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+    """The tables that `results` were made of; those that are views have the column `ids` of `view`."""
     return {name: view(results, name, ids=True) if name in VIEWS else table for name, table in tables.items()}
 
 
@@ -139,7 +140,9 @@ def _rows_of(chosen: View, table: pl.DataFrame) -> list[pl.DataFrame]:
         texts = [pl.col(name).cast(pl.String).fill_null("") for name in names]
         table = table.with_columns(pl.concat_str(texts, separator=_SEPARATOR).alias(f"packed {column}"))
     keys = {**chosen.keys, **{column: f"packed {column}" for column in chosen.packed}}
-    parts, seen = [], set()
+    if table.is_empty():
+        return []
+    parts, seen, kinds = [], set(), table.schema
     for value in chosen.values:
         rows = table.filter(*(pl.col(name).eq_missing(pl.lit(wanted)) for name, wanted in value.rows.items()))
         if (group := tuple(value.rows.items())) in seen:
@@ -152,7 +155,7 @@ def _rows_of(chosen: View, table: pl.DataFrame) -> list[pl.DataFrame]:
         parts.append(
             rows.select(
                 *(pl.lit(constant).alias(name) for name, constant in constants.items() if name not in taken),
-                *(_encoded(column, table.schema.get(column)).alias(target) for target, column in taken.items()),
+                *(_encoded(column, kinds.get(column)).alias(target) for target, column in taken.items()),
             )
         )
     return parts
@@ -201,6 +204,10 @@ def _group_of(chosen: View, rows: pl.DataFrame, values: Sequence[Value], *, ids:
         ),
         *([_ids_of(chosen, table.columns)] if ids else []),
     )
+
+
+def _with_ids(table: pl.DataFrame, chosen: View) -> pl.DataFrame:
+    return table.with_columns(_ids_of(chosen, table.columns))
 
 
 def _ids_of(chosen: View, columns: Sequence[str]) -> pl.Expr:

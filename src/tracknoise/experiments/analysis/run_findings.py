@@ -49,7 +49,7 @@ from tracknoise.statistics.trims import dropped_above
 from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.schema import INCREMENTS
 from tracknoise.tables.store import RunFolder
-from tracknoise.tables.views import identified
+from tracknoise.tables.views import identified, results_of
 
 _OF_SEQUENCES: Mapping[str, tuple[str, Callable[..., pl.DataFrame]]] = {
     "triangulated_noise": ("fitted_noise", fitted_noise_table),
@@ -72,7 +72,7 @@ _ABOUT_ANCHORS = ("zero_mean", "gaussianity", "radii", "time_structure", *_OF_PL
 
 @one_blas_thread()
 def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping[str, pl.DataFrame]) -> None:
-    """Compute the findings of a run from its scenes' moments and write them, as tables and as ``findings.json``.
+    """Compute the findings of a run from its scenes' moments, and write all of its results and ``findings.json``.
 
     Parameters
     ----------
@@ -95,8 +95,10 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
     reported = _reported(manifest, experiment, {**statistics, **tables}, reference)
     if reported.fitted:
         tables |= _without_verdicts_on_errors(tables)
-    tables["findings"] = headline_table(identified({**statistics, **tables}), reported)
-    run.write_statistics({**statistics, **tables}, findings=findings_json({**statistics, **tables}))
+    every = {**statistics, **tables}
+    results = results_of(every)
+    every["findings"] = headline_table(identified(results, every), reported)
+    run.write_statistics(every, results=results, findings=findings_json(every))
 
 
 def _without_verdicts_on_errors(tables: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:

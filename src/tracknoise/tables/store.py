@@ -40,7 +40,7 @@ __all__ = ["FailureEntry", "Manifest", "RunFolder", "SequenceEntry"]
 
 _LOCK, _INPUTS = ".lock", "inputs"
 _MANIFEST, _SETTINGS, _FAILURES, _SNAPSHOTS = "manifest.json", "experiment.toml", "failures.jsonl", "snapshots"
-_FINDINGS = "findings.json"
+FINDINGS_JSON = "findings.json"
 _OUTDATED = ("report", "statistics")
 _RESULTS = "results"
 _STACKED = 16
@@ -352,7 +352,7 @@ class RunFolder:
         StoreError
             If the folder cannot be written.
         """
-        for path in (self.path / "report", self.path / "statistics" / "findings.json"):
+        for path in (self.path / "report", self.path / "statistics" / FINDINGS_JSON):
             remove(path)
 
     def discard_results(self) -> None:
@@ -451,9 +451,13 @@ class RunFolder:
             yield read_stacked(files, _ALL_SEQUENCE_TABLES[name], only=only)
 
     def write_statistics(
-        self, tables: Mapping[str, pl.DataFrame], *, results: pl.DataFrame | None = None, findings: str | None = None
+        self,
+        tables: Mapping[str, pl.DataFrame],
+        *,
+        results: pl.DataFrame | None = None,
+        documents: Mapping[str, str] | None = None,
     ) -> None:
-        """Write tables of the whole run, then the manifest with their hashes.
+        """Write tables and documents of the whole run, then the manifest with their hashes.
 
         Those that are views of the results become rows of these, beside the rows of the views that are not given.
 
@@ -463,8 +467,8 @@ class RunFolder:
             Of `STATISTICS_TABLES` or `FINDINGS_TABLES`, by name.
         results
             Those of all views, where they were made before; the views among the tables are then left out.
-        findings
-            The text of ``statistics/findings.json``. None leaves that file as it is.
+        documents
+            Texts by their paths in ``statistics``, such as ``findings.json``. Others are left as they are.
 
         Raises
         ------
@@ -482,8 +486,8 @@ class RunFolder:
         manifest, folder = self.manifest(), self.path / "statistics"
         for name, table in files.items():
             manifest.statistics[name] = write_parquet(folder / f"{name}.parquet", table)
-        if findings is not None:
-            manifest.statistics[_FINDINGS] = write_atomically(folder / _FINDINGS, findings.encode())
+        for name, text in (documents or {}).items():
+            manifest.statistics[name] = write_atomically(folder / name, text.encode())
         of_earlier_versions = [name for name in VIEWS if manifest.statistics.pop(name, None)]
         self.write_manifest(manifest)
         for name in of_earlier_versions:
@@ -541,18 +545,18 @@ class RunFolder:
     def _unfinished(self) -> StoreError:
         return StoreError(f"{self.path}: no finished run, expected one; `tracknoise run` starts or resumes a run")
 
-    def findings_json(self) -> str | None:
-        """The text of ``statistics/findings.json``. None where it was never written.
+    def document(self, name: str) -> str | None:
+        """The text of a document in ``statistics``, such as `FINDINGS_JSON`. None where it was never written.
 
         Raises
         ------
         StoreError
             If it is missing or damaged.
         """
-        known = self._hashes().statistics.get(_FINDINGS)
+        known = self._hashes().statistics.get(name)
         if known is None:
             return None
-        return read_text_checked(self.path / "statistics" / _FINDINGS, [known], expected="the findings of the run")
+        return read_text_checked(self.path / "statistics" / name, [known], expected="a document of the run")
 
     def write_failures(self, failures: Mapping[str, FailureEntry]) -> None:
         """Write ``failures.jsonl``, one line per failed sequence; remove the file if there is none.

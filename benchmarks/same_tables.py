@@ -6,6 +6,8 @@
 
 The runs are the demo, 7-Scenes, KITTI and a small simulated light stage. `compare` reads every Parquet table of every
 run. Columns of one name must hold the same bytes, row by row. A table, or a column, that only one side has is listed.
+Tables that are views of the results (`tracknoise.tables.views.VIEWS` maps columns to rows) are compared as such, where
+one side has the results and the other has the tables.
 Aspects that were text are typed before they are compared, and sentences may be reworded. Exit status 1 if another
 column differs.
 
@@ -32,9 +34,11 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.tables.schema import ASPECT
+from tracknoise.tables.views import VIEWS, view
 
 DATA = Path(os.environ.get("TRACKNOISE_DATA", "../shared/data"))
 RUNS = ("demo", "sevenscenes", "kitti", "dtu")
+RESULTS = Path("statistics") / "results.parquet"
 SENTENCES = ("text", "topic", "figure", "why")
 """Columns for readers: sentences, and the section of the report that they belong to."""
 STAGE = ["simulate", "--layout", "dtu", "--scenes", "2", "--width", "400", "--height", "300", "--image-format", "bmp"]
@@ -65,7 +69,7 @@ def compare(before: Path, after: Path, tolerance: float | None = None) -> int:
         if not tables:
             sys.exit(f"no tables of a run in {before / name} and {after / name}")
         for table in tables:
-            found = list(_differences(before / name / table, after / name / table, rounding))
+            found = list(_differences(before / name, after / name, table, rounding))
             same += not any(line.endswith(("differs", "only before")) or line.startswith("differs") for line in found)
             differences += [f"{table}: {line}" for line in found]
         wrong += sum("differs" in line for line in differences)
@@ -83,23 +87,35 @@ def _is_run(folder: Path) -> bool:
 
 
 def _tables(run: Path) -> list[Path]:
-    return [path.relative_to(run) for path in run.rglob("*.parquet")]
+    """Tables of a run; its results stand for their views."""
+    paths = [path.relative_to(run) for path in run.rglob("*.parquet")]
+    views = [Path("statistics") / f"{name}.parquet" for name in VIEWS] if RESULTS in paths else []
+    return [*(path for path in paths if path != RESULTS), *views]
 
 
-def _differences(before: Path, after: Path, rounding: "Rounding") -> Iterator[str]:
-    if not before.exists() or not after.exists():
-        yield "only before" if before.exists() else "only after"
+def _table(run: Path, name: Path) -> pl.DataFrame | None:
+    """A table of a run, which may be a view of its results; None where it has none."""
+    if (run / name).exists():
+        return with_typed_aspects(pl.read_parquet(run / name))
+    if name.stem in VIEWS and (run / RESULTS).exists():
+        return view(pl.read_parquet(run / RESULTS), name.stem)
+    return None
+
+
+def _differences(before: Path, after: Path, name: Path, rounding: "Rounding") -> Iterator[str]:
+    old, new = _table(before, name), _table(after, name)
+    if old is None or new is None:
+        yield "only after" if old is None else "only before"
         return
-    old, new = with_typed_aspects(pl.read_parquet(before)), pl.read_parquet(after)
     if old.height != new.height:
         yield f"differs: {old.height} rows, then {new.height}"
         return
-    for name in [*old.columns, *(column for column in new.columns if column not in old.columns)]:
-        if name not in old.columns or name not in new.columns:
-            yield f"column {name} only {'before' if name in old.columns else 'after'}"
-        elif not rounding.allows(old[name], new[name], f"{before.name}, {name}"):
-            may_differ = name in SENTENCES and rounding.tolerance is None
-            yield f"column {name} {'reworded' if may_differ else 'differs'}"
+    for column in [*old.columns, *(column for column in new.columns if column not in old.columns)]:
+        if column not in old.columns or column not in new.columns:
+            yield f"column {column} only {'before' if column in old.columns else 'after'}"
+        elif not rounding.allows(old[column], new[column], f"{name.stem}, {column}"):
+            may_differ = column in SENTENCES and rounding.tolerance is None
+            yield f"column {column} {'reworded' if may_differ else 'differs'}"
 
 
 def with_typed_aspects(table: pl.DataFrame) -> pl.DataFrame:

@@ -7,10 +7,9 @@ from pathlib import Path
 import pytest
 from tests.browser.chromium import Page
 
+from tracknoise.noise_models.run_models import run_models
 from tracknoise.report.estimator_exports import exported
-from tracknoise.report.noise_fits import noise_fits
 from tracknoise.report.page import write_report
-from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
 
 Open = Callable[..., Page]
@@ -39,7 +38,7 @@ def choose(page: Page, name: str) -> None:
 
 
 def test_the_chosen_export_is_shown_as_it_is(page: Page, fitted_run: RunFolder) -> None:
-    fits = noise_fits(ReportData.of(fitted_run))
+    fits = run_models(fitted_run)
     content = exported(fits.models["oracle"], fits.paths["oracle"])
     for name, one in content.items():
         choose(page, name)

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 from tests.noise_models.conftest import planted_run
 
-from tracknoise.report.noise_fits import noise_fits
-from tracknoise.report.report_data import ReportData
+from tracknoise.noise_models.run_models import fitted_models
 from tracknoise.tables.store import RunFolder
 
 __all__ = ["fitted_run", "planted_run"]
@@ -20,11 +19,12 @@ def fitted_run(
     planted_run: Path,
     tmp_path_factory: pytest.TempPathFactory,
 ) -> RunFolder:
-    """A run whose report was written before, as far as its models are concerned: a copy for every process."""
+    """A run with its model: a copy for every process."""
 
     def fit(path: Path) -> None:
         shutil.copytree(planted_run, path)
-        noise_fits(ReportData.of(RunFolder(path)))
+        run = RunFolder(path)
+        run.write_statistics({}, documents=fitted_models(run, ["oracle"], 1))
 
     original = made_once("fitted-run", fit)
     return RunFolder(shutil.copytree(original, tmp_path_factory.mktemp("fitted") / "run"))

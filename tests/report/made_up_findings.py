@@ -27,6 +27,7 @@ from tracknoise.tables.findings_schema import (
     ZERO_MEAN,
 )
 from tracknoise.tables.schema import CAUSES, Schema, empty
+from tracknoise.tables.views import identified, results_of
 
 BANDS = ((1, 4), (5, 9), (10, 19))
 PROBABILITIES = (0.1, 0.25, 0.5, 0.75, 0.9, 0.99, 0.999)
@@ -54,7 +55,7 @@ def made_up(tables: Mapping[str, pl.DataFrame], *, scope: ReportedConditions) ->
         "audit": audit(),
         "audit_curves": audit_curves(tables["curves"]),
     }
-    found["findings"] = headline_table({**tables, **found}, scope)
+    found["findings"] = headline_table(identified(results_of({**tables, **found}), {**tables, **found}), scope)
     return found
 
 

@@ -10,20 +10,19 @@ import pytest
 
 from tracknoise.cli.app import main
 from tracknoise.noise_models.exports.estimators import estimators, refused
+from tracknoise.noise_models.run_models import RunModels, run_models
 from tracknoise.report.estimator_exports import Exports, exported, exports
-from tracknoise.report.noise_fits import NoiseFits, noise_fits
-from tracknoise.report.report_data import ReportData
 from tracknoise.report.templates import template
 from tracknoise.tables.store import RunFolder
 
 
 @pytest.fixture(scope="module")
-def fits(fitted_run: RunFolder) -> NoiseFits:
-    return noise_fits(ReportData.of(fitted_run))
+def fits(fitted_run: RunFolder) -> RunModels:
+    return run_models(fitted_run)
 
 
 @pytest.fixture(scope="module")
-def content(fits: NoiseFits) -> dict[str, dict[str, Any]]:
+def content(fits: RunModels) -> dict[str, dict[str, Any]]:
     return exported(fits.models["oracle"], fits.paths["oracle"])
 
 
@@ -62,7 +61,7 @@ def test_the_shown_command_writes_what_the_page_cannot(
     assert "command" not in content["dso"]
 
 
-def test_the_page_holds_all_exports(fits: NoiseFits, content: dict[str, dict[str, Any]]) -> None:
+def test_the_page_holds_all_exports(fits: RunModels, content: dict[str, dict[str, Any]]) -> None:
     made = exports(fits.models, missing=fits.missing, paths=fits.paths)
     unpacked = json.loads(zlib.decompress(base64.b64decode(made.packed)))
     assert unpacked == {"oracle": json.loads(json.dumps(content))}

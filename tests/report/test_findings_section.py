@@ -11,7 +11,8 @@ from tracknoise.findings.wording import percent, pixels
 from tracknoise.report import findings_section
 from tracknoise.report.page import write_report
 from tracknoise.report.report_data import ReportData
-from tracknoise.tables.store import RunFolder
+from tracknoise.tables.schema import empty
+from tracknoise.tables.store import FINDINGS_TABLES, RunFolder
 
 MANY = tuple(f"scene-{place}" for place in range(8))
 TABLE = re.compile(r'href="tables/([a-z-]+)\.csv"')
@@ -39,11 +40,7 @@ def test_sentences_stand_first_and_lead_to_their_sections_and_tables(make_run: C
 
 def test_a_run_without_findings_says_so_and_has_no_empty_list(make_run: Callable[..., RunFolder]) -> None:
     run = make_run(scenes=("bare",), trackers=("one",), speeds=(1,), n_frames=8, born=20)
-    manifest = run.manifest()
-    for name in ("intervals", "zero_mean", "gaussianity", "radii", "time_structure", "dependence", "findings"):
-        (run.path / "statistics" / f"{name}.parquet").unlink()
-        del manifest.statistics[name]
-    run.write_manifest(manifest)
+    run.write_statistics({name: empty(schema) for name, schema in FINDINGS_TABLES.items()})
     text = write_report(run, figure_formats=()).read_text(encoding="utf-8")
     section = text.split('<section id="findings">')[1].split("</section>")[0]
     assert "Findings were not computed for this run" in section

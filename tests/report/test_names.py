@@ -1,6 +1,7 @@
 import pytest
 
-from tracknoise.report.names import by_statement, identifiers, together
+from tracknoise.report.names import by_statement, together
+from tracknoise.tables.identity import identifiers
 
 
 def test_names_are_put_together_by_what_is_said_of_them() -> None:

@@ -12,7 +12,7 @@ from tracknoise.exceptions import DataError, SchemaError, StoreError
 from tracknoise.tables import schema
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import FailureEntry, Manifest, SequenceEntry
-from tracknoise.tables.store import OBSERVED, SEQUENCE_TABLES, RunFolder
+from tracknoise.tables.store import FINDINGS_JSON, OBSERVED, SEQUENCE_TABLES, RunFolder
 
 ENTRY = SequenceEntry(SequenceId("d", "a/b"), 10, 64, 48, "birth", 5, 1.5, ("a note",))
 
@@ -342,12 +342,12 @@ def test_changed_settings_and_findings_are_noticed(run):
     (run.path / "experiment.toml").unlink()
     with pytest.raises(StoreError, match=r"experiment\.toml: missing"):
         run.experiment_toml()
-    assert run.findings_json() is None
-    run.write_statistics({}, findings='{"n": 1}')
-    assert run.findings_json() == '{"n": 1}'
+    assert run.document(FINDINGS_JSON) is None
+    run.write_statistics({}, documents={FINDINGS_JSON: '{"n": 1}'})
+    assert run.document(FINDINGS_JSON) == '{"n": 1}'
     (run.path / "statistics" / "findings.json").write_text('{"n": 2}')
     with pytest.raises(StoreError, match=r"findings\.json: damaged"):
-        run.findings_json()
+        run.document(FINDINGS_JSON)
 
 
 def test_settings_match_the_manifest_at_every_moment_of_their_replacement(run, monkeypatch):

@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import polars as pl
 
-from tracknoise.api.selection import IntervalColumns, OriginColumns, Wanted, filtered, select
+from tracknoise.api.selection import (
+    IntervalColumns,
+    OriginColumns,
+    ResultColumns,
+    Wanted,
+    filtered,
+    findings_about,
+    select,
+)
 from tracknoise.exceptions import DataError, SettingsError, StoreError, UnknownNameError
 from tracknoise.printable import counted
 from tracknoise.tables.schema import SEQUENCE, Schema, joined
@@ -118,25 +126,64 @@ class Run:
         """List the sequences that could not be measured, with the cause; no result includes them."""
         return pl.DataFrame(sorted(self._folder.manifest().failures.items()), schema=dict(FAILURES), orient="row")
 
-    def findings(self) -> pl.DataFrame:
-        """Return the findings: one sentence per row, the most important first.
+    def results(self, **wanted: Unpack[ResultColumns]) -> pl.DataFrame:
+        """Return the table of results: one row per number, with its interval and what it is of.
+
+        For example ``run.results(quantity="sigma", tracker="lucas-kanade")``.
+
+        Parameters
+        ----------
+        **wanted
+            Only rows that have these values: quantity, topic, factor, axis, at, coordinate, part, aspect, population,
+            trimming, weighting, id, tracker, speed, lighting, rotation, direction, camera.
+            Each is one value or several.
 
         Returns
         -------
         polars.DataFrame
-            Columns rank, topic, text, figure, table, value, low, high and unit. `value` is the number that the sentence
-            is about, `low` and `high` bound its interval. `figure` is the section of the report that shows it, `table`
-            the name of the table that it comes from.
+            Columns are those of `tracknoise.tables.results.RESULTS`; quantities are described in
+            `tracknoise.tables.quantities.QUANTITIES`.
+
+        Raises
+        ------
+        UnknownNameError
+            If a name is not among those of the run.
+        StoreError
+            If an earlier version made the run.
+        """
+        return select(self._folder.results(), wanted)
+
+    def findings(self, tracker: str | None = None) -> pl.DataFrame:
+        """Return the findings, the most important first.
+
+        Parameters
+        ----------
+        tracker
+            Only findings that are about this tracker, in the sentences about it; by default all.
+
+        Returns
+        -------
+        polars.DataFrame
+            Columns rank, topic, text, figure, table, value, low, high, unit, rows, brief, opening, closing and parts:
+            see `tracknoise.tables.findings_schema.FINDINGS`. `rows` are the ids of the rows of `results` whose numbers
+            the text has; value, low and high are those of the first.
 
         Raises
         ------
         StoreError
             If the run has no findings, because an earlier version made it.
+        UnknownNameError
+            If the run has no such tracker.
         """
         found = self._folder.statistics("findings")
         if found.is_empty():
             raise StoreError(f"{self.path}: holds no findings, expected some: `tracknoise run` makes them")
-        return found.sort("rank")
+        if tracker is None:
+            return found.sort("rank")
+        known = self._conditions["tracker"].unique(maintain_order=True).to_list()
+        if tracker not in known:
+            raise UnknownNameError("tracker", tracker, known)
+        return findings_about(found.sort("rank"), self._folder.results(), tracker)
 
     def audit(self) -> list[str]:
         """Say whether the stated truth is wrong: its camera, poses, depths or times.

@@ -45,6 +45,49 @@ class IntervalColumns(ConditionColumns, total=False):
     coordinate: Names | None
 
 
+class ResultColumns(ConditionColumns, total=False):
+    """Columns of the table of results by which rows are chosen: see `tracknoise.tables.results.IDENTITY`."""
+
+    id: Names
+    quantity: Names
+    topic: Names
+    factor: Names | None
+    axis: Names | None
+    at: Numbers | None
+    coordinate: Names | None
+    part: Names | None
+    aspect: Names | None
+    population: Names | None
+    trimming: Names | None
+    weighting: Names | None
+
+
+def findings_about(findings: pl.DataFrame, results: pl.DataFrame, tracker: str) -> pl.DataFrame:
+    """Findings that have a part about a tracker, with the text and the numbers of these parts.
+
+    Parameters
+    ----------
+    findings
+        Schema `FINDINGS`.
+    results
+        Schema `RESULTS`.
+    tracker
+        Its name.
+    """
+    numbers = {row["id"]: row for row in results.filter(tracker=tracker).iter_rows(named=True)}
+    rows = []
+    for row in findings.iter_rows(named=True):
+        parts = [part for part in row["parts"] if part["tracker"] == tracker]
+        if not parts:
+            continue
+        ids = [name for part in parts for name in part["rows"]]
+        first = row if row["rows"][:1] == ids[:1] else numbers.get(ids[0], {}) if ids else {}
+        own = {name: first.get(name) for name in ("value", "low", "high", "unit")}
+        text = " ".join(filter(None, [row["opening"], *(part["text"] for part in parts), row["closing"]]))
+        rows.append({**row, **own, "text": text, "rows": ids, "parts": parts, "brief": ""})
+    return pl.DataFrame(rows, schema=findings.schema)
+
+
 def select(table: pl.DataFrame, wanted: Mapping[str, Any]) -> pl.DataFrame:
     """Rows that have the wanted values, in their order.
 

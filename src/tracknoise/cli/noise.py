@@ -11,6 +11,7 @@ from tracknoise.cli.options import DebugOption, QuietOption
 
 if TYPE_CHECKING:
     from tracknoise.noise_models.noise_model import NoiseModel
+    from tracknoise.noise_models.run_models import RunModels
 
 
 def register(app: typer.Typer) -> None:
@@ -37,7 +38,9 @@ def fit(
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Fit a noise model to each tracker and speed of a run, print what to assume, and write the models.
+    """Write a noise model of each tracker and speed of a run, and print what to assume.
+
+    Models of the lowest speed are those that the run fitted; others are fitted now.
 
     A model is written as TRACKER@SPEED.noise.json. `tracknoise noise export` writes it in the syntax of an estimator.
     Trackers and speeds with too few errors are named, and have no model.
@@ -47,15 +50,20 @@ def fit(
     from tracknoise.exceptions import SettingsError
     from tracknoise.noise_models.fitting.training_tables import chosen_conditions
     from tracknoise.noise_models.noise_model import NoiseModel
+    from tracknoise.noise_models.run_models import run_models
     from tracknoise.report.noise_model_cells import model_sentences
     from tracknoise.tables.store import RunFolder
 
     wanted = chosen_conditions(RunFolder(run), trackers=tracker, speeds=speed)
+    kept = run_models(RunFolder(run))
     failed = list[SettingsError]()
     stems = _stems(wanted)
     for name, played in wanted:
+        own = kept.models.get(name) if played == kept.speed and scene is None else None
+        if own is None:
+            context.obj.say(f"{name} at speed {played}: fitted now, because {_why_anew(kept, played, scene)}")
         try:
-            model = NoiseModel.fit(run, tracker=name, speed=played, scenes=scene)
+            model = NoiseModel.fit(run, tracker=name, speed=played, scenes=scene) if own is None else own
         except SettingsError as error:
             failed.append(error)
             context.obj.warn(f"{name} at speed {played} has no model: {error}")
@@ -68,6 +76,15 @@ def fit(
     if len(failed) == len(wanted):
         raise failed[-1]
     return 0
+
+
+def _why_anew(kept: "RunModels", speed: int, scenes: list[str] | None) -> str:
+    """Why the analysis of a run has no such model."""
+    if scenes is not None:
+        return "the models of the run are fitted to all scenes"
+    if kept.speed is not None and speed != kept.speed:
+        return f"the models of the run are those of speed {kept.speed}"
+    return "the run has no model of it"
 
 
 def show_model(
@@ -97,7 +114,7 @@ def show_model(
 
 def _stems(wanted: list[tuple[str, int]]) -> dict[str, str]:
     """Names of trackers as parts of file names: as they are, unless they have signs that files should not have."""
-    from tracknoise.report.names import identifiers
+    from tracknoise.tables.identity import identifiers
 
     plain = identifiers(sorted({name for name, _ in wanted}))
     return {name: name if re.fullmatch(r"\w[\w .+()-]*", name) else plain[name] for name in plain}

@@ -24,6 +24,8 @@ class Estimate:
         How the interval was made: a value of `tracknoise.tables.enumerations.IntervalKind` or `EffectIntervalKind`.
     level
         Probability that the interval contains the true value, between 0 and 1.
+    id
+        Of its row of results; None where it is no such number.
     """
 
     value: float | None
@@ -32,18 +34,25 @@ class Estimate:
     unit: str = ""
     kind: str | None = None
     level: float | None = None
+    id: str | None = None
 
     @classmethod
     def of(cls, value: float | None, found: "Estimate | None", unit: str) -> "Estimate":
         """A value with the interval that was found for it, if any."""
         if found is None:
             return cls(value, unit=unit)
-        return cls(value, found.low, found.high, unit, found.kind, found.level)
+        return cls(value, found.low, found.high, unit, found.kind, found.level, found.id)
 
     @classmethod
     def of_row(cls, row: Mapping[str, Any], value: str, low: str, high: str, unit: str = "") -> "Estimate":
-        """Estimate in a row of a table, from the columns of these names and, if there are any, `kind` and `level`."""
-        return cls(row[value], row[low], row[high], unit, row.get("kind"), row.get("level"))
+        """Estimate in a row of a view, from the columns of these names and, if there are any, `kind` and `level`."""
+        ids = row.get("ids") or {}
+        return cls(row[value], row[low], row[high], unit, row.get("kind"), row.get("level"), ids.get(value))
+
+    @classmethod
+    def verdict(cls, row: Mapping[str, Any], column: str) -> "Estimate":
+        """The row of results of a verdict: an estimate without a number."""
+        return cls(None, id=(row.get("ids") or {}).get(column))
 
     def above(self, bound: float) -> bool:
         """Whether the whole interval is above a bound."""

@@ -59,7 +59,7 @@ def exports(models: Mapping[str, NoiseModel], *, missing: Mapping[str, str], pat
     Parameters
     ----------
     models, missing, paths
-        As in `tracknoise.report.noise_fits.NoiseFits`.
+        As in `tracknoise.noise_models.run_models.RunModels`.
     """
     content = {tracker: exported(model, paths[tracker]) for tracker, model in models.items()}
     return Exports(trackers=tuple(models), missing=missing, choices=tuple(_choices()), packed=_packed(content))

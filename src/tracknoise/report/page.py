@@ -7,6 +7,7 @@ from typing import Any
 
 from tracknoise.atomic import replaced_folder
 from tracknoise.exceptions import StoreError, UnknownNameError
+from tracknoise.noise_models.run_models import run_models
 from tracknoise.report import (
     estimator_exports,
     explorer,
@@ -15,7 +16,6 @@ from tracknoise.report import (
     findings_section,
     looks,
     measured,
-    noise_fits,
     table_files,
     trimmed,
     truth_section,
@@ -122,7 +122,7 @@ def _page(
     specs: Mapping[str, Any],
     formats: tuple[str, ...],
 ) -> str:
-    seen, fits = looks.looks(data), noise_fits.noise_fits(data)
+    seen, fits = looks.looks(data), run_models(data.run)
     return template("index.html.j2").render(
         data=data,
         summary=answered,

@@ -11,15 +11,15 @@ from tracknoise.findings.wording import view_text
 from tracknoise.report import paper, style
 from tracknoise.report.axis import AGE, FRAME, Axis
 from tracknoise.report.bands import BOUNDS, with_bounds
-from tracknoise.report.names import identifiers
 from tracknoise.statistics.lightings import lightings_in_order
 from tracknoise.statistics.trims import dropped_above
 from tracknoise.statistics.truth.floor import FLOOR_COLUMNS, with_floor
 from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import Aspect, Trimming, Weighting
+from tracknoise.tables.identity import identifiers
 from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.schema import CURVES, VIEW
-from tracknoise.tables.store import FINDINGS_TABLES, STATISTICS_TABLES, RunFolder
+from tracknoise.tables.store import FINDINGS_JSON, FINDINGS_TABLES, STATISTICS_TABLES, RunFolder
 
 MOST_CONDITIONS = 40
 """More conditions than this are not all listed on the page."""
@@ -98,8 +98,13 @@ class ReportData:
             If there is no run, or one of its files is missing or damaged.
         """
         tables = {name: run.statistics(name) for name in (*STATISTICS_TABLES, *FINDINGS_TABLES)}
-        run.findings_json()  # the same findings for other programs, which must not be damaged either
+        run.document(FINDINGS_JSON)  # the same findings for other programs, which must not be damaged either
         return cls(run=run, manifest=run.manifest(), settings=run.settings(), **tables)
+
+    @property
+    def results(self) -> pl.DataFrame:
+        """The table of results, of which most tables are views."""
+        return self.run.results()
 
     @property
     def name(self) -> str:

@@ -69,7 +69,8 @@ EXPORTS: tuple[Export, ...] = (
         ("csv", "tex"),
     ),
     Export("effects", "effects of factors by the paper's yardstick", lambda data: data.effects),
-    Export("findings", "findings", lambda data: data.findings),
+    Export("findings", "findings, with the ids of their rows of results", lambda data: _findings(data)),
+    Export("results", "rows of results that the findings rest on", lambda data: _cited(data)),
     Export("intervals", "intervals, for the view shown in the figures", lambda data: data.reference(data.intervals)),
     Export(
         "incidence",
@@ -98,6 +99,21 @@ EXPORTS: tuple[Export, ...] = (
     Export("tracker-differences", "differences between trackers", lambda data: data.tracker_differences),
     Export("counts", "truth statuses and track ends", lambda data: data.counts),
 )
+
+
+def _findings(data: ReportData) -> pl.DataFrame:
+    """The findings without their parts."""
+    return data.findings.drop("opening", "closing", "parts").with_columns(pl.col("rows").list.join(" "))
+
+
+def _cited(data: ReportData) -> pl.DataFrame:
+    """The rows of results whose numbers the findings have, without columns that are empty in all of them."""
+    ids = data.findings["rows"].explode().unique()
+    rows = data.results.filter(pl.col("id").is_in(ids.implode()))
+    used = [name for name in rows.columns if rows[name].null_count() < rows.height]
+    return rows.select(used).with_columns(
+        cs.by_name("caveats", require_all=False).cast(pl.List(pl.String)).list.join("; ")
+    )
 
 
 def to_csv(table: pl.DataFrame) -> str:

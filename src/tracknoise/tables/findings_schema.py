@@ -549,5 +549,15 @@ FINDINGS: Schema = {
     "low": pl.Float64,
     "high": pl.Float64,
     "unit": pl.String,
+    "rows": pl.List(pl.String),
+    "brief": pl.String,
+    "opening": pl.String,
+    "closing": pl.String,
+    "parts": pl.List(pl.Struct({"tracker": pl.String, "text": pl.String, "rows": pl.List(pl.String)})),
 }
-"""Findings as sentences, the most important first. `figure` is the anchor of the section that shows it."""
+"""Findings as sentences, the most important first.
+
+text is all of a finding: its opening, its parts and its closing. A part is about one tracker, or about none. rows are
+the ids of the rows of results whose numbers the text, or a part of it, has; the first is that of value, low and high.
+brief is the finding in one sentence; empty where it has none. `figure` is the anchor of the section that shows it.
+"""

@@ -1,5 +1,9 @@
 """What a sequence is called: the one name by which readers, tables and the manifest know it."""
 
+import itertools
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from enum import StrEnum
 from hashlib import sha256
@@ -13,6 +17,8 @@ DEFAULT_LIGHTING = "default"
 _LONGEST = 160
 """Characters of a key. File systems allow names of 255, which includes what is added to them while they are written."""
 _HASHED = 20
+_LONGEST_NAME = 80
+"""Characters of an identifier without its number. Names of files are longer and may have up to 255."""
 
 
 class Direction(StrEnum):
@@ -111,3 +117,27 @@ def _shortened(key: str) -> str:
 
 PLACEHOLDERS = (*(field.name for field in fields(SequenceId)), "speed")
 """Names that can be in braces in the path of a file that belongs to one sequence, or to one sequence and speed."""
+
+
+def identifiers(names: Sequence[str], *, taken: Iterable[str] = ()) -> dict[str, str]:
+    """Identifiers of names, for files and anchors: lower-case letters, digits and hyphens, unique by construction.
+
+    Names that would share an identifier get numbers: their position, or the next number that is free.
+
+    Parameters
+    ----------
+    names
+        All different.
+    taken
+        Identifiers that must not be used.
+    """
+    wished = {name: re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:_LONGEST_NAME] or "tracker" for name in names}
+    shared = {slug for slug, times in Counter([*wished.values(), *taken]).items() if times > 1}
+    given = {name: slug for name, slug in wished.items() if slug not in shared}
+    used = {*given.values(), *taken}
+    for place, name in enumerate(names, start=1):
+        if name not in given:
+            numbered = (f"{wished[name]}-{number}" for number in itertools.count(place))
+            given[name] = next(slug for slug in numbered if slug not in used)
+            used.add(given[name])
+    return given

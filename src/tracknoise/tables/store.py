@@ -32,14 +32,17 @@ from tracknoise.tables.files import (
     write_parquet,
 )
 from tracknoise.tables.manifest import FailureEntry, Manifest, SequenceEntry, damaged, has_format
+from tracknoise.tables.results import RESULTS
 from tracknoise.tables.run_settings import parse_run_settings
+from tracknoise.tables.views import VIEWS, results_of, view
 
 __all__ = ["FailureEntry", "Manifest", "RunFolder", "SequenceEntry"]
 
 _LOCK, _INPUTS = ".lock", "inputs"
 _MANIFEST, _SETTINGS, _FAILURES, _SNAPSHOTS = "manifest.json", "experiment.toml", "failures.jsonl", "snapshots"
-_FINDINGS = "findings.json"
-_RESULTS = ("report", "statistics")
+FINDINGS_JSON = "findings.json"
+_OUTDATED = ("report", "statistics")
+_RESULTS = "results"
 _STACKED = 16
 """Sequences whose tables are read together."""
 SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
@@ -142,6 +145,8 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
 }
 """Tables of the whole run that are computed from the others. They are empty if they were not computed."""
 _RUN_TABLES: Mapping[str, schema.Schema] = {**STATISTICS_TABLES, **FINDINGS_TABLES}
+STORED: tuple[str, ...] = (_RESULTS, *(name for name in _RUN_TABLES if name not in VIEWS))
+"""Files of the whole run: the results, of which most of its tables are views, and tables of another kind."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,6 +170,7 @@ class RunFolder:
     def __init__(self, path: Path) -> None:
         self.path = Path(path)
         self._last_read: _Hashes | None = None
+        self._last_results: tuple[str, pl.DataFrame] | None = None
 
     @property
     def lock_path(self) -> Path:
@@ -346,7 +352,7 @@ class RunFolder:
         StoreError
             If the folder cannot be written.
         """
-        for path in (self.path / "report", self.path / "statistics" / "findings.json"):
+        for path in (self.path / "report", self.path / "statistics" / FINDINGS_JSON):
             remove(path)
 
     def discard_results(self) -> None:
@@ -357,7 +363,7 @@ class RunFolder:
         StoreError
             If the folder cannot be written.
         """
-        for name in _RESULTS:
+        for name in _OUTDATED:
             remove(self.path / name)
 
     def clear(self) -> None:
@@ -444,15 +450,25 @@ class RunFolder:
             files = {self._table_path(name, key): self._kept(name, recorded.get(key, {})) for key in some}
             yield read_stacked(files, _ALL_SEQUENCE_TABLES[name], only=only)
 
-    def write_statistics(self, tables: Mapping[str, pl.DataFrame], *, findings: str | None = None) -> None:
-        """Write tables of the whole run, then the manifest with their hashes.
+    def write_statistics(
+        self,
+        tables: Mapping[str, pl.DataFrame],
+        *,
+        results: pl.DataFrame | None = None,
+        documents: Mapping[str, str] | None = None,
+    ) -> None:
+        """Write tables and documents of the whole run, then the manifest with their hashes.
+
+        Those that are views of the results become rows of these, beside the rows of the views that are not given.
 
         Parameters
         ----------
         tables
             Of `STATISTICS_TABLES` or `FINDINGS_TABLES`, by name.
-        findings
-            The text of ``statistics/findings.json``. None leaves that file as it is.
+        results
+            Those of all views, where they were made before; the views among the tables are then left out.
+        documents
+            Texts by their paths in ``statistics``, such as ``findings.json``. Others are left as they are.
 
         Raises
         ------
@@ -462,12 +478,44 @@ class RunFolder:
         checked = {
             name: schema.storable(schema.check(table, _RUN_TABLES[name], name)) for name, table in tables.items()
         }
+        files = {name: table for name, table in checked.items() if name not in VIEWS}
+        if results is not None:
+            files[_RESULTS] = schema.storable(schema.check(results, RESULTS, _RESULTS))
+        elif len(files) < len(checked):
+            files[_RESULTS] = results_of({**self._views_beside(checked), **checked})
         manifest, folder = self.manifest(), self.path / "statistics"
-        for name, table in checked.items():
+        for name, table in files.items():
             manifest.statistics[name] = write_parquet(folder / f"{name}.parquet", table)
-        if findings is not None:
-            manifest.statistics[_FINDINGS] = write_atomically(folder / _FINDINGS, findings.encode())
+        for name, text in (documents or {}).items():
+            manifest.statistics[name] = write_atomically(folder / name, text.encode())
+        of_earlier_versions = [name for name in VIEWS if manifest.statistics.pop(name, None)]
         self.write_manifest(manifest)
+        for name in of_earlier_versions:
+            remove(folder / f"{name}.parquet")
+
+    def _views_beside(self, tables: Collection[str]) -> dict[str, pl.DataFrame]:
+        """The other views of the results that are stored; none where there are none, or they are damaged."""
+        try:
+            results = self.results()
+        except (StoreError, SchemaError):
+            return {}
+        return {name: view(results, name) for name in VIEWS if name not in tables}
+
+    def results(self) -> pl.DataFrame:
+        """The table of results: every number of the run (schema `RESULTS`).
+
+        Raises
+        ------
+        StoreError, SchemaError
+            If the run is not finished, or the file is missing or damaged, or has other columns.
+        """
+        known = self._hashes_of_statistics().get(_RESULTS)
+        if known is None:
+            raise self._unfinished()
+        if self._last_results is None or self._last_results[0] != known:
+            table = read_parquet(self.path / "statistics" / f"{_RESULTS}.parquet", RESULTS, known)
+            self._last_results = known, table
+        return self._last_results[1]
 
     def statistics(self, name: str) -> pl.DataFrame:
         """One table of `STATISTICS_TABLES` or `FINDINGS_TABLES`.
@@ -479,26 +527,36 @@ class RunFolder:
         StoreError, SchemaError
             If the run is not finished, or the file is missing or damaged, or has other columns.
         """
-        hashes = self._hashes().statistics
-        unfinished_run = not hashes or not (self.path / "statistics").is_dir()
-        if unfinished_run or (name in STATISTICS_TABLES and name not in hashes):
-            raise StoreError(f"{self.path}: no finished run, expected one; `tracknoise run` starts or resumes a run")
+        if name in VIEWS:
+            return view(self.results(), name)
+        hashes = self._hashes_of_statistics()
+        if name in STATISTICS_TABLES and name not in hashes:
+            raise self._unfinished()
         if name not in hashes:
             return schema.empty(FINDINGS_TABLES[name])
         return read_parquet(self.path / "statistics" / f"{name}.parquet", _RUN_TABLES[name], hashes[name])
 
-    def findings_json(self) -> str | None:
-        """The text of ``statistics/findings.json``. None where it was never written.
+    def _hashes_of_statistics(self) -> dict[str, str]:
+        hashes = self._hashes().statistics
+        if not hashes or not (self.path / "statistics").is_dir():
+            raise self._unfinished()
+        return hashes
+
+    def _unfinished(self) -> StoreError:
+        return StoreError(f"{self.path}: no finished run, expected one; `tracknoise run` starts or resumes a run")
+
+    def document(self, name: str) -> str | None:
+        """The text of a document in ``statistics``, such as `FINDINGS_JSON`. None where it was never written.
 
         Raises
         ------
         StoreError
             If it is missing or damaged.
         """
-        known = self._hashes().statistics.get(_FINDINGS)
+        known = self._hashes().statistics.get(name)
         if known is None:
             return None
-        return read_text_checked(self.path / "statistics" / _FINDINGS, [known], expected="the findings of the run")
+        return read_text_checked(self.path / "statistics" / name, [known], expected="a document of the run")
 
     def write_failures(self, failures: Mapping[str, FailureEntry]) -> None:
         """Write ``failures.jsonl``, one line per failed sequence; remove the file if there is none.

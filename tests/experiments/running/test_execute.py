@@ -13,7 +13,12 @@ import pytest
 from tracknoise.experiments.running.execute import execute
 from tracknoise.experiments.settings import Experiment, parse_experiment
 from tracknoise.tables.enumerations import TrimAmong
-from tracknoise.tables.store import FINDINGS_TABLES, NOISE_TABLES, SEQUENCE_TABLES, STATISTICS_TABLES, RunFolder
+from tracknoise.tables.store import (
+    NOISE_TABLES,
+    SEQUENCE_TABLES,
+    STORED,
+    RunFolder,
+)
 
 TEXT = """
 name = "small"
@@ -83,7 +88,7 @@ def tables(run: RunFolder) -> dict[Path, bytes]:
 def test_a_second_run_is_identical_to_the_byte_with_other_counts_of_threads(finished, tmp_path):
     """Of OpenCV and of BLAS, each of which reads its count when a program starts."""
     of_sequences = 2 * len([*SEQUENCE_TABLES, *NOISE_TABLES, "patches", "inputs"])
-    assert len(tables(finished)) == of_sequences + len(STATISTICS_TABLES) + len(FINDINGS_TABLES)
+    assert len(tables(finished)) == of_sequences + len(STORED)
     (tmp_path / "small.toml").write_text(TEXT)
     program = "import cv2; cv2.setNumThreads(3); from tracknoise.cli.app import main; main()"
     command = [sys.executable, "-c", program, "run", tmp_path / "small.toml", "--out", tmp_path / "run"]

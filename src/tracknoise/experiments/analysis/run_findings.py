@@ -38,6 +38,7 @@ from tracknoise.findings.zero_mean import zero_mean
 from tracknoise.noise_models.depth_intervals import depth_intervals
 from tracknoise.noise_models.lookup.gains import noise_lookup
 from tracknoise.noise_models.lookup.scene_sums import USED
+from tracknoise.noise_models.run_models import fitted_models
 from tracknoise.noise_models.window_noise import window_sigmas
 from tracknoise.sequences.sequence import TRIANGULATED, TruthKind
 from tracknoise.statistics.errors.change_curves import change_curves
@@ -48,7 +49,8 @@ from tracknoise.statistics.tracks.lifetimes import horizons
 from tracknoise.statistics.trims import dropped_above
 from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.schema import INCREMENTS
-from tracknoise.tables.store import RunFolder
+from tracknoise.tables.store import FINDINGS_JSON, RunFolder
+from tracknoise.tables.views import identified, results_of
 
 _OF_SEQUENCES: Mapping[str, tuple[str, Callable[..., pl.DataFrame]]] = {
     "triangulated_noise": ("fitted_noise", fitted_noise_table),
@@ -71,7 +73,7 @@ _ABOUT_ANCHORS = ("zero_mean", "gaussianity", "radii", "time_structure", *_OF_PL
 
 @one_blas_thread()
 def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping[str, pl.DataFrame]) -> None:
-    """Compute the findings of a run from its scenes' moments and write them, as tables and as ``findings.json``.
+    """Compute the findings of a run from its scenes' moments, and write its results, findings and models.
 
     Parameters
     ----------
@@ -94,8 +96,12 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
     reported = _reported(manifest, experiment, {**statistics, **tables}, reference)
     if reported.fitted:
         tables |= _without_verdicts_on_errors(tables)
-    tables["findings"] = headline_table({**statistics, **tables}, reported)
-    run.write_statistics(tables, findings=findings_json({**statistics, **tables}))
+    every = {**statistics, **tables}
+    results = results_of(every)
+    every["findings"] = headline_table(identified(results, every), reported)
+    run.write_statistics(every, results=results, documents={FINDINGS_JSON: findings_json(every)})
+    trackers = [tracker.label for tracker in experiment.trackers]
+    run.write_statistics({}, documents=fitted_models(run, trackers, reference.speed))
 
 
 def _without_verdicts_on_errors(tables: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:

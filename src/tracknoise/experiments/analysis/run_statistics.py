@@ -21,7 +21,7 @@ from tracknoise.tables.store import RunFolder
 
 @one_blas_thread()
 def compute_statistics(run: RunFolder, experiment: Experiment) -> dict[str, pl.DataFrame]:
-    """Compute the statistics of a run from its sequences' tables, a few sequences at a time, and write them.
+    """Compute the statistics of a run from its sequences' tables, a few sequences at a time.
 
     None of the tables that are read grows with the count of observations, and what is held grows with neither that nor
     the count of sequences, but for a few rows each. The order of the sequences is that of their keys, so that the
@@ -37,12 +37,12 @@ def compute_statistics(run: RunFolder, experiment: Experiment) -> dict[str, pl.D
     Returns
     -------
     dict
-        What was written: the tables of `STATISTICS_TABLES`, by name.
+        The tables of `STATISTICS_TABLES`, by name.
 
     Raises
     ------
     StoreError, SchemaError
-        If a table is damaged, or the folder cannot be written.
+        If a table is damaged.
     """
     manifest = run.manifest()
     several = partial(run.stacked_tables, keys=sorted(manifest.sequences))
@@ -76,5 +76,4 @@ def compute_statistics(run: RunFolder, experiment: Experiment) -> dict[str, pl.D
         trimming=experiment.findings.trimming,
         margin=experiment.findings.margin,
     )
-    run.write_statistics(tables)
     return tables

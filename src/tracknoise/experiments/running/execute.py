@@ -30,7 +30,7 @@ from tracknoise.experiments.running.task import attempt
 from tracknoise.experiments.settings import Experiment
 from tracknoise.tables.identity import readable
 from tracknoise.tables.manifest import SequenceEntry
-from tracknoise.tables.store import FINDINGS_TABLES, STATISTICS_TABLES, RunFolder
+from tracknoise.tables.store import STORED, RunFolder
 
 
 class Listener(Protocol):
@@ -152,7 +152,7 @@ def execute(
 
 def _replace_results(run: RunFolder, experiment: Experiment) -> None:
     """Compute the statistics and findings. Earlier results stay in the folder until the new ones can be written."""
-    outdated = not run.manifest().statistics.keys() >= {*STATISTICS_TABLES, *FINDINGS_TABLES}
+    outdated = not run.manifest().statistics.keys() >= {*STORED}
     statistics = compute_statistics(run, experiment)
     if outdated:
         run.discard_documents()

@@ -212,7 +212,7 @@ def _checked(world: _World, takes: Iterator[_Take]) -> Iterator[pl.DataFrame]:
             name = take.sequence.id
             conditions.setdefault((name.direction, name.rotation, tracker, speed), []).append(script)
     write_settings(run, experiment, entries)
-    compute_statistics(run, experiment)
+    run.write_statistics(compute_statistics(run, experiment))
     axis = Axis.frame if world.truth == TruthKind.scan else Axis.age
     for key, scripts in conditions.items():
         condition = dict(zip(("direction", "rotation", "tracker", "speed"), key, strict=True))

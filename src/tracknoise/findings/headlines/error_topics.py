@@ -60,7 +60,7 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
     if withheld is None and there is not None:
         withheld = audited_bias(tables, conditions, tracker, there["at"])
     if withheld is not None and overall["verdict"] == Verdict.yes:
-        return withheld, []
+        return withheld, [Estimate.verdict(overall, "effect_px")]
     trimming = conditions.trimmings[0]
     estimates = [] if there is None else _means(tables, conditions, tracker, there, trimming)
     text = _zero_or_not(f"the mean {_trimmed(conditions)}error of {tracker}", overall)
@@ -77,7 +77,7 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
         untrimmed = _untrimmed_means(tables, conditions, tracker, there["at"])
         text += f" Without trimming, the mean is {in_u_and_v(untrimmed)}." if len(untrimmed) == 2 else ""
         estimates += untrimmed
-    return text, estimates
+    return text, [*estimates, Estimate.verdict(overall, "effect_px")]
 
 
 def _untrimmed_means(tables: RunTables, conditions: ReportedConditions, tracker: str, at: int) -> list[Estimate]:
@@ -136,7 +136,7 @@ def _shape_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -
         if row is not None:
             within = _gain(row, "student_within")
             scales = [] if row["resampled"] == Resampled.blocks else _gain(row, "scales")
-            estimates += within
+            estimates += [*within, *scales, Estimate.verdict(row, "shape")]
             which = f"{trimming} errors" if len(conditions.trimmings) > 1 else "errors"
             whose = f"{sentence_case(which)} of {tracker} at {band_text(conditions.axis, low, high)}"
             why = f": {row['why']}" if row["why"] and not within else ""
@@ -196,6 +196,7 @@ def _growth_of(tables: RunTables, conditions: ReportedConditions, tracker: str) 
         texts.setdefault(", ".join([name, *map(format_estimate, size)]), []).append(row["coordinate"])
     sentences = [f"{tracker} in {listing(coordinates)}: {text}." for text, coordinates in texts.items()]
     sentences += withheld
+    estimates += [Estimate.verdict(row, "growth") for row in rows.sort("coordinate").to_dicts()]
     return (" ".join(sentences), estimates) if sentences else None
 
 

@@ -8,7 +8,7 @@ import polars as pl
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.factor_text import bounded_text, difference_sentence, factor_name
-from tracknoise.findings.headlines.headline import Headline, RunTables, leading
+from tracknoise.findings.headlines.headline import Headline, RunTables, TrackerPart, ids_of, leading
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.roles import ROLES
 from tracknoise.findings.wording import STATISTICS, listing, ratio, sentence_case
@@ -64,17 +64,34 @@ def factors(tables: RunTables, conditions: ReportedConditions) -> Headline | Non
         return None
     counts = [f"{n} {verdict}" for verdict in Verdict if (n := rows.filter(verdict=verdict).height)]
     yes, no = _clearest(rows, Verdict.yes, "low")[::-1][:_MOST_NAMED], _clearest(rows, Verdict.no, "most")[:_MOST_NAMED]
-    sentences = [
+    opening = [
         f"Verdicts on whether {listing(_names(rows), joint='or')} changes a statistic: {listing(counts)}.",
         *_margins(rows),
         f"Factors other than speed are compared at speed {conditions.reference.speed}.",
-        *(f"{sentence_case(difference_sentence(row, row['role']))}." for row in yes),
+    ]
+    parts = [
+        TrackerPart(row["tracker"], f"{sentence_case(difference_sentence(row, row['role']))}.", ids_of(_effects([row])))
+        for row in yes
     ]
     if no:
-        sentences.append(f"Smallest effects: {'; '.join(bounded_text(row, row['role']) for row in no)}.")
-    sentences += [] if yes or no else _undecided(rows)
-    estimate = leading([Estimate.of_row(row, "effect", "low", "high", row["unit"]) for row in yes or no])
-    return Headline("factors", " ".join(sentences), "factor-effects", "dependence", estimate)
+        smallest = f"Smallest effects: {'; '.join(bounded_text(row, row['role']) for row in no)}."
+        parts.append(TrackerPart(None, smallest, ids_of(_effects(no))))
+    closing = [] if yes or no else _undecided(rows)
+    text = " ".join([*opening, *(part.text for part in parts), *closing])
+    return Headline(
+        "factors",
+        text,
+        "factor-effects",
+        "dependence",
+        leading(_effects(yes or no)),
+        opening=" ".join(opening),
+        closing=" ".join(closing),
+        parts=tuple(parts),
+    )
+
+
+def _effects(rows: Sequence[Mapping[str, Any]]) -> list[Estimate]:
+    return [Estimate.of_row(row, "effect", "low", "high", row["unit"]) for row in rows]
 
 
 def _names(rows: pl.DataFrame) -> Sequence[str]:

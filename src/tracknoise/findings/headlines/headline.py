@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import polars as pl
 
@@ -33,6 +33,10 @@ class Headline:
         Table that holds its numbers.
     estimate
         The first of its numbers that has an interval; the first of all where none has; None where it has no number.
+    brief
+        The same in one sentence; empty where there is none.
+    opening, closing, parts
+        What the text is made of, where it has a part for each tracker.
     """
 
     topic: str
@@ -40,6 +44,41 @@ class Headline:
     figure: str
     table: str
     estimate: Estimate | None = None
+    brief: str = ""
+    opening: str = ""
+    closing: str = ""
+    parts: tuple["TrackerPart", ...] = ()
+
+    def row(self, rank: int) -> dict[str, Any]:
+        """The headline as a row of `FINDINGS`."""
+        texts = {
+            name: getattr(self, name) for name in ("topic", "text", "figure", "table", "brief", "opening", "closing")
+        }
+        numbers = {name: getattr(self.estimate, name, None) for name in ("value", "low", "high", "unit")}
+        leading_id = getattr(self.estimate, "id", None)
+        parts = self.parts or (TrackerPart(None, self.text, () if leading_id is None else (leading_id,)),)
+        ids = [leading_id, *(name for part in parts for name in part.rows)]
+        return {
+            "rank": rank,
+            **texts,
+            **numbers,
+            "rows": list(dict.fromkeys(filter(None, ids))),
+            "parts": [{"tracker": part.tracker, "text": part.text, "rows": list(part.rows)} for part in parts],
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class TrackerPart:
+    """The part of a headline that is about one tracker, or about none, and the ids of its rows of results."""
+
+    tracker: str | None
+    text: str
+    rows: tuple[str, ...]
+
+
+def ids_of(estimates: Sequence[Estimate]) -> tuple[str, ...]:
+    """Ids of the rows of results that numbers come from."""
+    return tuple(dict.fromkeys(one.id for one in estimates if one.id is not None))
 
 
 def by_tracker(
@@ -65,15 +104,19 @@ def by_tracker(
     topic, figure, table
         Of the headline.
     """
-    known = [part for tracker in trackers if (part := describe(tracker))]
-    if not known:
+    described = {tracker: part for tracker in trackers if (part := describe(tracker))}
+    if not described:
         return None
-    more = len(known) - MOST_TRACKERS
-    sentences = [opening, *(text for text, _ in known[:MOST_TRACKERS])]
-    sentences += [f"The table has {count(more, 'other tracker')}."] if more > 0 else []
-    estimates = [estimate for _, found in known[:MOST_TRACKERS] for estimate in found]
+    named = dict(list(described.items())[:MOST_TRACKERS])
+    more = len(described) - len(named)
+    sentences = [opening, *(text for text, _ in named.values())]
+    sentences += [f"The table has {count(more, 'other tracker')}."] if more else []
+    estimates = [estimate for _, found in named.values() for estimate in found]
     text = " ".join(filter(None, [*sentences, closing]))
-    return Headline(topic, text, figure, table, leading(estimates))
+    parts = tuple(TrackerPart(tracker, words, ids_of(found)) for tracker, (words, found) in described.items())
+    return Headline(
+        topic, text, figure, table, leading(estimates), opening=opening, closing=closing.strip(), parts=parts
+    )
 
 
 def leading(estimates: Sequence[Estimate]) -> Estimate | None:

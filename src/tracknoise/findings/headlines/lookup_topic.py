@@ -26,7 +26,8 @@ def noise_by_condition(tables: RunTables, _conditions: ReportedConditions) -> He
     if not sentences:
         return None
     first = next(row for row in _finest_first(tables["noise_lookup"], Product.error) if row["against"] == Lookup.one)
-    return Headline("noise by condition", " ".join(sentences), "estimator", "noise_lookup", _gain(first))
+    text, gain = " ".join(sentences), _gain(first)
+    return Headline("noise by condition", text, "estimator", "noise_lookup", gain, brief=brief(tables["noise_lookup"]))
 
 
 def lookup_sentences(lookups: pl.DataFrame, product: Product) -> list[str]:
@@ -43,9 +44,24 @@ def lookup_sentences(lookups: pl.DataFrame, product: Product) -> list[str]:
     over_one = [row for row in rows if row["against"] == Lookup.one]
     if all(row["gain_nats"] is None for row in over_one):
         return []
-    better = [row for row in over_one if row["established"]]
-    best = next((row for row in better if _is_worth_it(row, rows)), better[-1] if better else None)
+    best = _best(rows)
     return [_answer(best, product, over_one), *(_added(row) for row in _steps(rows, best))]
+
+
+def brief(lookups: pl.DataFrame) -> str:
+    """The answer about errors in one sentence of at most 25 words and three numbers."""
+    rows = _finest_first(lookups, Product.error)
+    over_one = [row for row in rows if row["against"] == Lookup.one]
+    best = _best(rows)
+    if best is None:
+        return "No gain is established of noise by condition over one number for all."
+    return f"Noise by {_by(best, over_one)} predicts scenes that were left out better than one number for all."
+
+
+def _best(rows: list[dict[str, Any]]) -> dict[str, Any] | None:
+    """The table that is worth most; None where none is better than one for all."""
+    better = [row for row in rows if row["against"] == Lookup.one and row["established"]]
+    return next((row for row in better if _is_worth_it(row, rows)), better[-1] if better else None)
 
 
 def _finest_first(lookups: pl.DataFrame, product: Product) -> list[dict[str, Any]]:

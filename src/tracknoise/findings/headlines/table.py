@@ -82,12 +82,5 @@ def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.Data
     """
     topics = _FITTED_TOPICS if conditions.fitted else _TOPICS
     found = [headline for make in topics if (headline := make(tables, conditions))]
-    rows = [
-        {
-            "rank": rank,
-            **{name: getattr(one, name) for name in ("topic", "text", "figure", "table")},
-            **{name: getattr(one.estimate, name, None) for name in ("value", "low", "high", "unit")},
-        }
-        for rank, one in enumerate(found, start=1)
-    ]
+    rows = [headline.row(rank) for rank, headline in enumerate(found, start=1)]
     return check(pl.DataFrame(rows, schema=dict(FINDINGS)), FINDINGS, "findings")

@@ -4,7 +4,16 @@ import polars as pl
 
 from tracknoise.findings.estimate import Estimate
 from tracknoise.findings.estimate_text import format_estimate
-from tracknoise.findings.headlines.headline import MOST_TRACKERS, Headline, Part, RunTables, by_tracker, leading
+from tracknoise.findings.headlines.headline import (
+    MOST_TRACKERS,
+    Headline,
+    Part,
+    RunTables,
+    TrackerPart,
+    by_tracker,
+    ids_of,
+    leading,
+)
 from tracknoise.findings.headlines.reported_conditions import ReportedConditions
 from tracknoise.findings.wording import count, opening_place
 from tracknoise.statistics.definitions import REFERENCE_AGE
@@ -63,14 +72,22 @@ def between_trackers(tables: RunTables, conditions: ReportedConditions) -> Headl
     if not known:
         return None
     more = len(known) - MOST_TRACKERS
-    sentences = [
-        f"Mean differences of positions between trackers at the same corners {conditions.where(tables['summary'])}.",
-        *(text for text, _ in known[:MOST_TRACKERS]),
-        *([f"The table has {count(more, 'other pair')}."] if more > 0 else []),
-        "No error of the truth can cause such a difference.",
-    ]
-    estimates = [estimate for _, found in known[:MOST_TRACKERS] for estimate in found]
-    return Headline("differences", " ".join(sentences), "between-trackers", "tracker_differences", leading(estimates))
+    opening = (
+        f"Mean differences of positions between trackers at the same corners {conditions.where(tables['summary'])}."
+    )
+    others = [f"The table has {count(more, 'other pair')}."] if more > 0 else []
+    closing = " ".join([*others, "No error of the truth can cause such a difference."])
+    named = known[:MOST_TRACKERS]
+    return Headline(
+        "differences",
+        " ".join([opening, *(text for text, _ in named), closing]),
+        "between-trackers",
+        "tracker_differences",
+        leading([estimate for _, found in named for estimate in found]),
+        opening=opening,
+        closing=closing,
+        parts=tuple(TrackerPart(None, text, ids_of(found)) for text, found in named),
+    )
 
 
 def _difference(pair: pl.DataFrame, conditions: ReportedConditions) -> Part | None:

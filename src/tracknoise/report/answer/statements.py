@@ -1,6 +1,6 @@
 """Findings as short sentences, each with a link to its evidence; the whole finding is kept as details."""
 
-import re
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -15,8 +15,6 @@ from tracknoise.report.answer.summary import Card, Finding, Judgement, Statement
 from tracknoise.report.depth_shares import depth_sentence
 from tracknoise.report.report_data import ReportData
 
-MOST_WORDS, MOST_NUMBERS = 25, 3
-_NUMBER = re.compile(r"\d[\d.,]*")
 _MEASURES = {
     "noise": ("error", "noise"),
     "bias": ("bias",),
@@ -47,7 +45,7 @@ def findings(data: ReportData, cards: Sequence[Card], accuracy: Judgement) -> tu
 def _finding(data: ReportData, row: Mapping[str, Any], cards: Sequence[Card], accuracy: Judgement) -> Finding:
     texts = _of_cards(row, cards) or _of_topic(data, row, accuracy)
     statements = tuple(Statement(text, section) for text, section in texts)
-    return Finding(row["topic"], statements, row["table"].replace("_", "-"), row["text"])
+    return Finding(row["topic"], statements, row["table"].replace("_", "-"), row["text"], tuple(row["rows"]))
 
 
 def _of_cards(row: Mapping[str, Any], cards: Sequence[Card]) -> list[tuple[str, str]]:
@@ -65,40 +63,30 @@ def _of_topic(data: ReportData, row: Mapping[str, Any], accuracy: Judgement) -> 
         return [*first, *([(text, row["figure"])] if (text := counted(data)) else [])]
     if row["topic"] == "depth" and (sentences := [*filter(None, (depth_sentence(data, one) for one in data.trackers))]):
         return [(text, row["figure"]) for text in sentences]
-    if row["topic"] in _OF_ROWS and (found := _row_of(data, row)):
-        return [(_OF_ROWS[row["topic"]](found, _value(row)), row["figure"])]
-    make = _SENTENCES.get(row["topic"])
-    return [(short(row["text"], row["topic"]) if make is None else make(row), row["figure"])]
+    if row["topic"] in _OF_RESULTS and (result := _result_of(data, row)):
+        return [(_OF_RESULTS[row["topic"]](result), row["figure"])]
+    return [(_SENTENCES.get(row["topic"], _brief)(row), row["figure"])]
 
 
-def short(text: str, topic: str) -> str:
-    """The first sentence of a finding if it is short; otherwise a sentence that only names its topic.
-
-    Parameters
-    ----------
-    text
-        The whole finding.
-    topic
-        Its topic.
-    """
-    first = re.split(r"(?<=[.:]) (?=[A-Z])", text, maxsplit=1)[0]
-    fits = len(first.split()) <= MOST_WORDS and len(_NUMBER.findall(first)) <= MOST_NUMBERS
-    return first if fits else f"This run has a finding about {topic}."
+def _brief(row: Mapping[str, Any]) -> str:
+    return row["brief"] or f"This run has a finding about {row['topic']}."
 
 
 def _value(row: Mapping[str, Any]) -> str:
-    found = plain(Estimate.of_row(row, "value", "low", "high", row["unit"] or ""))
-    return f"{found.text} ({found.interval})" if found.interval else found.text
+    shown = plain(Estimate.of_row(row, "value", "low", "high", row["unit"] or ""))
+    return f"{shown.text} ({shown.interval})" if shown.interval else shown.text
 
 
-def _row_of(data: ReportData, row: Mapping[str, Any]) -> Mapping[str, Any] | None:
-    """The first row of the table of a finding that has its number: it says of which tracker and coordinate this is."""
-    table = data.nominal(getattr(data, row["table"]))
-    column = "share" if "share" in table.columns else "value"
-    of_second = row["topic"] == "survivorship"
-    number = pl.col(column).clip(lower_bound=0.0).sqrt() if of_second else pl.col(column)
-    found = data.in_order(table.filter(number == row["value"]))
-    return found.row(0, named=True) if found.height else None
+def _result_of(data: ReportData, row: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """The row of results of the number that a finding leads with: it says of which tracker and coordinate it is."""
+    rows = data.results.filter(pl.col("id").is_in(row["rows"][:1]))
+    return rows.row(0, named=True) if rows.height else None
+
+
+def _root(row: Mapping[str, Any]) -> Mapping[str, Any]:
+    """A row of second moments as root mean squares."""
+    roots = {name: None if row[name] is None else math.sqrt(max(row[name], 0.0)) for name in ("value", "low", "high")}
+    return {**row, **roots, "unit": "px"}
 
 
 def _scenes(row: Mapping[str, Any]) -> str:
@@ -124,18 +112,18 @@ _SENTENCES: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
     "trimming": lambda _: "Trimming the tracks with the largest errors changes some of these answers.",
 }
 """Sentence of each topic that is not about a tracker of a card."""
-_OF_ROWS: Mapping[str, Callable[[Mapping[str, Any], str], str]] = {
-    "pose errors": lambda row, value: (
-        f"A motion that the stated poses do not have is {value} of the second moment of {row['tracker']}."
+_OF_RESULTS: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
+    "pose errors": lambda row: (
+        f"A motion that the stated poses do not have is {_value(row)} of the second moment of {row['tracker']}."
     ),
-    "depth edges": lambda row, value: (
-        f"On the {row['class']} side of depth edges, the mean error of {row['tracker']} is {value} "
-        f"{IN[row['coordinate']]}."
+    "depth edges": lambda row: (
+        f"On the {row['part'].rpartition(' ')[2]} side of depth edges, the mean error of {row['tracker']} is "
+        f"{_value(row)} {IN[row['coordinate']]}."
     ),
-    "differences": lambda row, value: (
-        f"At the same corners, the mean position of {row['tracker']} less that of {row['other']} is {value} in "
+    "differences": lambda row: (
+        f"At the same corners, the mean position of {row['tracker']} less that of {row['against']} is {_value(row)} in "
         f"{row['coordinate']}."
     ),
-    "survivorship": lambda row, value: f"The RMS in u of tracks of {row['tracker']} that live long is {value}.",
+    "survivorship": lambda row: f"The RMS in u of tracks of {row['tracker']} that live long is {_value(_root(row))}.",
 }
-"""Sentence of each topic whose number is that of one row of a table, from the row and the number."""
+"""Sentence of each topic that leads with the number of one row of results, from this row."""

@@ -141,12 +141,15 @@ class Finding:
         Name of the table file that holds the numbers, without extension.
     details
         The whole finding with all conditions and numbers.
+    rows
+        Ids of the rows of results that hold its numbers.
     """
 
     topic: str
     statements: tuple[Statement, ...]
     table: str
     details: str
+    rows: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,12 +9,12 @@ from tracknoise.findings.sampling.groups_of_scenes import groups_of_run
 from tracknoise.findings.wording import SPACE, number
 from tracknoise.noise_models.fitted_curve import fitted_curve
 from tracknoise.noise_models.noise_model import NoiseModel
+from tracknoise.noise_models.run_models import run_models
 from tracknoise.report import style
 from tracknoise.report.bands import describe_intervals
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.layout import Panel, arranged, layered
-from tracknoise.report.noise_fits import noise_fits
 from tracknoise.report.report_data import ReportData
 
 _ID, _TITLE = "model-fit", "The noise model over the errors that it was fitted to"
@@ -25,7 +25,7 @@ _UNITS = {"first": "px", "white": "px", "walk": "px per √frame", "drift": "px 
 
 def figures(data: ReportData) -> Sequence[Figure | Absence]:
     """One figure: a panel per tracker at the lowest speed."""
-    models = noise_fits(data).models
+    models = run_models(data.run).models
     if not models:
         return [Absence(_ID, _TITLE, "This run has no noise model.")]
     curves = _curves(data, models)

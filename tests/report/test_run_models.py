@@ -1,7 +1,6 @@
-"""Models of a run: fitted once, and fitted again when what they were fitted to has changed."""
+"""Models of a run: fitted by its analysis, and only read by its report."""
 
 import dataclasses
-import json
 import shutil
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -12,12 +11,13 @@ import numpy as np
 import polars as pl
 import pytest
 
+from tracknoise.exceptions import StoreError
 from tracknoise.noise_models.fitted_curve import fitted_curve
 from tracknoise.noise_models.noise_model import NoiseModel
+from tracknoise.noise_models.run_models import RunModels, fitted_models, run_models
 from tracknoise.noise_models.track_noise import TrackNoise
 from tracknoise.report.figures import model_fit
 from tracknoise.report.figures.figure import Figure
-from tracknoise.report.noise_fits import NoiseFits, noise_fits
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
 
@@ -25,51 +25,33 @@ PATH = "statistics/noise/oracle@1.noise.json"
 MIDDLE = ((0.09 + 0.04) / 2) ** 0.5
 
 
-def of(run: RunFolder) -> NoiseFits:
-    return noise_fits(ReportData.of(run))
-
-
 def test_models_are_those_that_the_command_line_fits(fitted_run: RunFolder) -> None:
-    found = of(fitted_run)
+    found = run_models(fitted_run)
     assert (list(found.models), dict(found.missing), dict(found.paths)) == (["oracle"], {}, {"oracle": PATH})
     assert found.models["oracle"].training.speed == 1
     assert found.models["oracle"].white.sigma.value == pytest.approx(MIDDLE, rel=0.05)
     assert NoiseModel.read(fitted_run.path / PATH).text == found.models["oracle"].text
 
 
-def test_a_second_report_does_not_fit_again(fitted_run: RunFolder) -> None:
-    written = (fitted_run.path / PATH).stat().st_mtime_ns
-    of(fitted_run)
-    assert (fitted_run.path / PATH).stat().st_mtime_ns == written
-
-
-def test_damaged_models_and_those_of_other_tables_are_fitted_again(fitted_run: RunFolder) -> None:
-    path, record = fitted_run.path / PATH, fitted_run.path / "statistics" / "noise" / "fits.json"
-    whole, wanted = path.read_bytes(), record.read_text()
-    path.write_bytes(whole[:100])
-    of(fitted_run)
-    assert path.read_bytes() == whole
-    path.write_text("{}")
-    record.write_text(wanted.replace(json.loads(wanted)["inputs"], "of other tables"))
-    of(fitted_run)
-    assert (path.read_bytes(), record.read_text()) == (whole, wanted)
-
-
-def test_models_of_another_program_are_fitted_again(fitted_run: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = fitted_run.path / PATH
-    known = of(fitted_run).models["oracle"].text
-    changed = path.read_text().replace('"tracker": "oracle"', '"tracker": "kept"')
-    path.write_text(changed)
-    assert of(fitted_run).models["oracle"].text == changed
-    monkeypatch.setattr("tracknoise.report.noise_fits._program", lambda: "other sources")
-    assert of(fitted_run).models["oracle"].text == known
-
-
-def test_tables_are_read_once_for_all_models_and_not_again(
-    fitted_run: RunFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_report_fits_nothing(fitted_run: RunFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run = RunFolder(shutil.copytree(fitted_run.path, tmp_path / "run"))
-    shutil.rmtree(run.path / "statistics" / "noise")
+
+    def fitted(*_: object) -> None:
+        raise AssertionError("a model was fitted")
+
+    monkeypatch.setattr(NoiseModel, "fitted_to", fitted)
+    assert list(run_models(run).models) == ["oracle"]
+    assert isinstance(model_fit.figures(ReportData.of(run))[0], Figure)
+
+
+def test_a_damaged_model_is_refused(fitted_run: RunFolder, tmp_path: Path) -> None:
+    run = RunFolder(shutil.copytree(fitted_run.path, tmp_path / "run"))
+    (run.path / PATH).write_text("{}")
+    with pytest.raises(StoreError, match=r"oracle@1\.noise\.json"):
+        run_models(run)
+
+
+def test_tables_are_read_once_for_all_models(fitted_run: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     read = Counter[str]()
     stacked = RunFolder.stacked_tables
 
@@ -78,22 +60,19 @@ def test_tables_are_read_once_for_all_models_and_not_again(
         return stacked(self, name, keys, **options)
 
     monkeypatch.setattr(RunFolder, "stacked_tables", counted)
-    of(run)
+    assert fitted_models(fitted_run, ["oracle"], 1)
     assert read.pop("noise_sums") == 2  # for the names of the trackers, and for the fits
     assert set(read.values()) == {1}
-    read.clear()
-    of(run)
-    assert not read
 
 
 def test_runs_without_sums_have_no_models_and_write_nothing(run: RunFolder) -> None:
-    assert of(run) == NoiseFits({}, {}, {})
+    assert run_models(run) == RunModels()
     assert not (run.path / "statistics" / "noise").exists()
 
 
 def test_the_curve_of_a_model_lies_over_the_errors_that_it_was_fitted_to(fitted_run: RunFolder) -> None:
     tables = [table.filter(tracker="oracle", speed=1) for table in fitted_run.stored_tables("noise_sums")]
-    curve = fitted_curve(pl.concat(tables), of(fitted_run).models["oracle"].components)
+    curve = fitted_curve(pl.concat(tables), run_models(fitted_run).models["oracle"].components)
     assert curve["age"].to_list() == list(range(1, 14))
     ratio = curve["modelled"].to_numpy() / curve["measured"].to_numpy()
     assert np.abs(ratio - 1.0).max() < 0.1
@@ -116,10 +95,10 @@ def test_ages_at_which_a_model_leaves_the_intervals_are_counted(
     fitted_run: RunFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     data = ReportData.of(fitted_run)
-    (model,) = noise_fits(data).models.values()
+    (model,) = run_models(data.run).models.values()
     larger = dataclasses.replace(model.white, covariance=4.0 * model.white.covariance)
     twice = dataclasses.replace(model, white=larger)
-    monkeypatch.setattr(model_fit, "noise_fits", lambda data: NoiseFits({"oracle": twice}, {}, {}))
+    monkeypatch.setattr(model_fit, "run_models", lambda run: RunModels(1, {"oracle": twice}))
     (figure,) = model_fit.figures(data)
     assert isinstance(figure, Figure)
     assert figure.message == "The model of oracle is outside the intervals at 13 of 13 ages"

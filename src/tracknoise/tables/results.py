@@ -1,0 +1,165 @@
+"""The table of results: its columns, the identity of a row, and the choice of rows.
+
+A row is one number (or one verdict) with its interval, its uncertainty between scenes, and what it is of. Its `id` is
+made from the columns of `IDENTITY` alone, so that the same number has the same id in every run and after every change
+of its value. Nothing else in a run holds a number that is not a row here, but for the sums of single scenes and the
+tables of settings and counts that they come from.
+"""
+
+import hashlib
+from collections.abc import Iterable
+from enum import StrEnum
+
+import polars as pl
+
+from tracknoise.tables.enumerations import (
+    Behaviour,
+    EffectIntervalKind,
+    IntervalKind,
+    Resampled,
+    Shape,
+    Verdict,
+)
+from tracknoise.tables.quantities import QUANTITIES, Topic
+from tracknoise.tables.schema import ASPECT, POPULATION, TRIMMING, VIEW, WEIGHTING, Schema
+
+
+class Caveat(StrEnum):
+    """What limits a number.
+
+    few_features: fewer features than the cut-off of curves. few_scenes: so few scenes that intervals contain the true
+    value less often than they say. these_scenes: the interval holds for the measured scenes only. these_groups: it
+    holds for the measured groups of scenes only. no_interval: it has none.
+    """
+
+    few_features = "few features"
+    few_scenes = "few scenes"
+    these_scenes = "these scenes only"
+    these_groups = "these groups only"
+    no_interval = "no interval"
+
+
+ENOUGH_SCENES = 8
+"""With fewer scenes than this, intervals contain the true value less often than their level says."""
+_VERDICTS = list(dict.fromkeys(str(name) for kind in (Verdict, Shape, Behaviour) for name in kind))
+_AXES = ("age", "frame", "lag", "lifetime", "window", "length")
+IDENTITY: Schema = {
+    "quantity": pl.Enum(list(QUANTITIES)),
+    "dataset": pl.String,
+    **VIEW,
+    "tracker": pl.String,
+    "speed": pl.Int32,
+    "topic": pl.Enum(Topic),
+    "factor": pl.String,
+    "of": pl.String,
+    "axis": pl.Enum(_AXES),
+    "at": pl.Int64,
+    "at_low": pl.Int64,
+    "at_high": pl.Int64,
+    "coordinate": pl.String,
+    "part": pl.String,
+    "part_low": pl.Float64,
+    "part_high": pl.Float64,
+    "against": pl.String,
+    "aspect": ASPECT,
+    "at_least": pl.UInt32,
+    "population": POPULATION,
+    "trimming": TRIMMING,
+    "weighting": WEIGHTING,
+}
+"""Columns that say what a row is; null where one does not apply. Together they are different in every row.
+
+of is the statistic that an effect, a spread or a class is about. at is an age, a frame, a lag, a lifetime or the length
+of a window, as `axis` says; at_low and at_high bound a range of ages or lengths. part names a class, a cause, a cell or
+a kind; part_low and part_high are the bounds of a class. against is what the number is compared with.
+"""
+RESULTS: Schema = {
+    "id": pl.String,
+    **IDENTITY,
+    "unit": pl.String,
+    "value": pl.Float64,
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "level": pl.Float64,
+    "interval": pl.Enum([*map(str, IntervalKind), *map(str, EffectIntervalKind)]),
+    "resampled": pl.Enum(Resampled),
+    "n_units": pl.Int32,
+    "n_scenes": pl.Int32,
+    "n": pl.Int64,
+    "spread": pl.Float64,
+    "next_low": pl.Float64,
+    "next_high": pl.Float64,
+    "coverage": pl.Float64,
+    "verdict": pl.Enum(_VERDICTS),
+    "level_a": pl.String,
+    "level_b": pl.String,
+    "larger": pl.String,
+    "better": pl.String,
+    "why": pl.String,
+    "caveats": pl.List(pl.Enum(Caveat)),
+}
+"""One row per number. Columns after `IDENTITY`:
+
+unit is 1 for ratios and counts. low and high bound the interval of probability `level`, made by the method
+`interval` from n_units units, which are `resampled`. n counts what the number is of: errors, windows, tracks or
+features. spread, next_low, next_high and coverage are as in `tracknoise.tables.findings_schema.INTERVALS`. level_a and
+level_b are the levels of a factor that an effect compares; larger is the one with the larger value, better the better
+one. why says in words what a verdict
+rests on or what is missing. caveats are those of `Caveat`.
+"""
+_NUMBERS = tuple(name for name in RESULTS if name not in ("id", *IDENTITY, "caveats"))
+_BYTES = 6
+
+
+def finished(rows: Iterable[pl.DataFrame]) -> pl.DataFrame:
+    """One table of results from parts of it: rows of one identity become one, and every row gets its id and caveats.
+
+    Parameters
+    ----------
+    rows
+        With columns of `RESULTS`, of which any but the quantity, the topic and `cut` may be missing. Where two have a
+        value for the same cell, that of the first is taken.
+    """
+    kinds = {name: kind for name, kind in RESULTS.items() if name not in ("id", "caveats")} | {"cut": pl.Boolean}
+    parts = []
+    for part in rows:
+        if part.height:
+            names = set(part.columns)
+            cells = (
+                pl.col(name).cast(kind) if name in names else pl.lit(None, dtype=kind).alias(name)
+                for name, kind in kinds.items()
+            )
+            parts.append(part.select_seq(cells))
+    if not parts:
+        return pl.DataFrame(schema=dict(RESULTS))
+    table = pl.concat(parts)
+    first = [pl.col(name).drop_nulls().first() for name in (*_NUMBERS, "cut")]
+    repeated = table.select(pl.struct(*IDENTITY).is_duplicated()).to_series()
+    if repeated.any():
+        merged = table.filter(repeated).group_by(*IDENTITY, maintain_order=True).agg(first)
+        table = pl.concat([table.filter(~repeated), merged.select(table.columns)])
+    return table.with_columns(id=_ids(table), caveats=_caveats()).select(list(RESULTS))
+
+
+def _ids(table: pl.DataFrame) -> pl.Series:
+    """The quantity and a checksum of the identity."""
+    words = table.select(
+        pl.concat_str([pl.col(name).cast(pl.String).fill_null("") for name in IDENTITY], separator="|")
+    )
+    names = table["quantity"].cast(pl.String)
+    sums = (hashlib.blake2b(text.encode(), digest_size=_BYTES).hexdigest() for text in words.to_series())
+    return pl.Series("id", [f"{name}-{found}" for name, found in zip(names, sums, strict=True)], dtype=pl.String)
+
+
+def _caveats() -> pl.Expr:
+    """Caveats of each row, from its numbers."""
+    bounded = pl.col("low").is_not_null() | pl.col("high").is_not_null()
+    when = {
+        Caveat.few_features: pl.col("cut").fill_null(False),
+        Caveat.few_scenes: bounded & (pl.col("n_scenes") < ENOUGH_SCENES),
+        Caveat.these_scenes: bounded & (pl.col("resampled") == Resampled.blocks),
+        Caveat.these_groups: bounded & (pl.col("resampled") == Resampled.within),
+        Caveat.no_interval: ~bounded & pl.col("value").is_not_null(),
+    }
+    names = [pl.when(holds).then(pl.lit(str(name))) for name, holds in when.items()]
+    return pl.concat_list(names).list.drop_nulls().cast(RESULTS["caveats"])

@@ -1,0 +1,746 @@
+"""The tables that figures and sentences are drawn from, each as a view of the table of results.
+
+A `View` says which rows of `RESULTS` hold the numbers of a table, and what its columns are called there. It works in
+both directions: `results_of` makes the rows from the tables of an analysis, and `view` makes a table from the rows.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import polars as pl
+
+from tracknoise.tables import findings_schema, schema
+from tracknoise.tables.enumerations import Aspect, Population, Weighting
+from tracknoise.tables.findings_schema import INTERVALS
+from tracknoise.tables.quantities import QUANTITIES, Topic
+from tracknoise.tables.results import RESULTS, Caveat, finished
+from tracknoise.tables.schema import CAUSES, CONDITION, Schema
+
+Columns: TypeAlias = Mapping[str, str]
+"""Columns of a view by columns of `RESULTS`."""
+Constants: TypeAlias = Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """A column of numbers of a view.
+
+    Attributes
+    ----------
+    quantity
+        Of the numbers.
+    column
+        Of the view.
+    labels
+        What the identity of the row has besides the keys of the view, or in place of one that the table has not.
+    rows
+        Values of columns of the view in the rows that have it; by default all rows have it.
+    carried
+        More columns of the row, and of the view.
+    topic
+        Of the row; None where it is that of the view.
+    """
+
+    quantity: str
+    column: str
+    labels: Constants = field(default_factory=dict)
+    rows: Constants = field(default_factory=dict)
+    carried: Columns = field(default_factory=dict)
+    topic: Topic | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """A table as rows of results.
+
+    Attributes
+    ----------
+    topic
+        Of its rows.
+    columns
+        Columns of the table.
+    keys
+        Columns of the identity, and of the table.
+    values
+        Its numbers. The first of those with the same `rows` is there in every row; others may be missing.
+    sort
+        Columns of the table by which it is sorted; by none if its rows have an order of their own.
+    only
+        Which rows of the topic belong to the view, for topics with several views.
+    packed
+        A column of the identity, and columns of the table that it holds as text, joined by a colon.
+    """
+
+    topic: Topic
+    columns: Schema
+    keys: Columns
+    values: Sequence[Value]
+    sort: Sequence[str]
+    only: pl.Expr | None = None
+    packed: Mapping[str, Sequence[str]] = field(default_factory=dict)
+
+
+_SEPARATOR = ": "
+
+
+def results_of(tables: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
+    """The table of results that holds the numbers of all tables that are views.
+
+    Parameters
+    ----------
+    tables
+        By the names in `VIEWS`; others are left out.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `RESULTS`.
+    """
+    parts = [part for name, view in VIEWS.items() if name in tables for part in _rows_of(view, tables[name])]
+    return finished(parts)
+
+
+def view(results: pl.DataFrame, name: str, *, ids: bool = False) -> pl.DataFrame:
+    """A table from the rows of results.
+
+    Parameters
+    ----------
+    results
+        Schema `RESULTS`.
+    name
+        One of `VIEWS`.
+    ids
+        Whether to add a column `ids`: a structure that has the id of the row of results of each column of numbers.
+    """
+    chosen = VIEWS[name]
+    mine = results.filter(
+        pl.col("topic").is_in({chosen.topic, *(value.topic or chosen.topic for value in chosen.values)})
+    )
+    if chosen.only is not None:
+        mine = mine.filter(chosen.only)
+    if mine.is_empty():
+        return _with_ids(schema.empty(chosen.columns), chosen) if ids else schema.empty(chosen.columns)
+    groups: dict[tuple[tuple[str, Any], ...], list[Value]] = {}
+    for value in chosen.values:
+        groups.setdefault(tuple(value.rows.items()), []).append(value)
+    parts = [_group_of(chosen, mine, values, ids=ids) for values in groups.values()]
+    table = pl.concat([part for part in parts if part.height] or parts[:1])
+    return table.sort(*chosen.sort, maintain_order=True) if chosen.sort else table
+
+
+def identified(results: pl.DataFrame, tables: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+    """The tables that `results` were made of; those that are views have the column `ids` of `view`."""
+    return {name: view(results, name, ids=True) if name in VIEWS else table for name, table in tables.items()}
+
+
+def _rows_of(chosen: View, table: pl.DataFrame) -> list[pl.DataFrame]:
+    """Rows of results of one table: a part for each of its values."""
+    for column, names in chosen.packed.items():
+        texts = [pl.col(name).cast(pl.String).fill_null("") for name in names]
+        table = table.with_columns(pl.concat_str(texts, separator=_SEPARATOR).alias(f"packed {column}"))
+    keys = {**chosen.keys, **{column: f"packed {column}" for column in chosen.packed}}
+    if table.is_empty():
+        return []
+    parts, seen, kinds = [], set(), table.schema
+    for value in chosen.values:
+        rows = table.filter(*(pl.col(name).eq_missing(pl.lit(wanted)) for name, wanted in value.rows.items()))
+        if (group := tuple(value.rows.items())) in seen:
+            rows = rows.filter(pl.col(value.column).is_not_null())
+        seen.add(group)
+        unit = QUANTITIES[value.quantity].unit
+        constants = {"topic": value.topic or chosen.topic, "quantity": value.quantity, "unit": unit, **value.labels}
+        own = {name: column for name, column in keys.items() if name not in value.labels}
+        taken = {**own, "value": value.column, **value.carried}
+        parts.append(
+            rows.select(
+                *(pl.lit(constant).alias(name) for name, constant in constants.items() if name not in taken),
+                *(_encoded(column, kinds.get(column)).alias(target) for target, column in taken.items()),
+            )
+        )
+    return parts
+
+
+def _encoded(column: str, kind: pl.DataType | None) -> pl.Expr:
+    """A column as it is stored: what is true or false becomes `yes` or `no`; a verdict may have no number."""
+    if kind is None:
+        return pl.lit(None)
+    if kind == pl.Boolean and column != "cut":
+        return pl.when(pl.col(column)).then(pl.lit("yes")).when(~pl.col(column)).then(pl.lit("no"))
+    return pl.col(column)
+
+
+def _group_of(chosen: View, rows: pl.DataFrame, values: Sequence[Value], *, ids: bool) -> pl.DataFrame:
+    """Rows of a view that have the same values of its `rows`, from those of its topic."""
+    keys = [name for name in (*chosen.keys, *chosen.packed) if name not in values[0].labels]
+    table: pl.DataFrame | None = None
+    for value in values:
+        wanted = (pl.col(name).eq_missing(pl.lit(label, dtype=RESULTS[name])) for name, label in value.labels.items())
+        own = rows.filter(*wanted, quantity=value.quantity, topic=value.topic or chosen.topic)
+        taken = {column: _decoded(name, column) for name, column in value.carried.items()}
+        columns = {value.column: pl.col("value"), **taken, **({f"id {value.column}": pl.col("id")} if ids else {})}
+        part = own.select(*(pl.col(key).alias(f"key {key}") for key in keys), **columns)
+        if table is None:
+            table = part
+        else:
+            new = [name for name in part.columns if name not in table.columns]
+            on = [f"key {key}" for key in keys]
+            table = table.join(part.select(*on, *new), on=on, how="left", nulls_equal=True, maintain_order="left")
+    assert table is not None
+    constants = {name: pl.lit(constant) for name, constant in values[0].rows.items()}
+    named = {column: pl.col(f"key {key}") for key, column in chosen.keys.items() if key in keys}
+    for key, names in chosen.packed.items():
+        texts = pl.col(f"key {key}").str.splitn(_SEPARATOR, len(names))
+        for place, name in enumerate(names):
+            text = texts.struct.field(f"field_{place}")
+            named[name] = pl.when(text != "").then(text)
+    found = {**named, **constants}
+    return table.select(
+        *(
+            (found[name] if name in found else pl.col(name) if name in table.columns else pl.lit(None))
+            .cast(kind)
+            .alias(name)
+            for name, kind in chosen.columns.items()
+        ),
+        *([_ids_of(chosen, table.columns)] if ids else []),
+    )
+
+
+def _with_ids(table: pl.DataFrame, chosen: View) -> pl.DataFrame:
+    return table.with_columns(_ids_of(chosen, table.columns))
+
+
+def _ids_of(chosen: View, columns: Sequence[str]) -> pl.Expr:
+    """Ids of the rows of results of all columns of numbers of a view; null for those that these rows do not have."""
+    names = dict.fromkeys(value.column for value in chosen.values)
+    known = {name: pl.col(f"id {name}") if f"id {name}" in columns else pl.lit(None, dtype=pl.String) for name in names}
+    return pl.struct(*(expression.alias(name) for name, expression in known.items())).alias("ids")
+
+
+def _decoded(name: str, column: str) -> pl.Expr:
+    """A stored column as it is in a view."""
+    if column == "cut":
+        return pl.col("caveats").list.contains(str(Caveat.few_features))
+    if name == "verdict" and column in ("established", "differs", "widens_interval"):
+        return pl.col("verdict").cast(pl.String).replace_strict({"yes": True, "no": False}, return_dtype=pl.Boolean)
+    return pl.col(name)
+
+
+_CONDITION = {"dataset": "dataset", **{name: name for name in CONDITION}}
+_ESTIMATED = {"low": "low", "high": "high", "interval": "kind", "level": "level"} | {
+    name: name for name in ("resampled", "n_units", "n_scenes")
+}
+_OF_INTERVALS = _ESTIMATED | {name: name for name in ("unit", "spread", "next_low", "next_high", "coverage")}
+_COUNTED = {"n": "n", "n_scenes": "n_scenes"}
+_ROLES: Mapping[str, Mapping[str, str]] = {
+    "mean_error": {"age": "nu", "frame": "mu"},
+    "mean_absolute_error": {"age": "eta", "frame": "kappa"},
+    "second_moment": {"age": "Phi", "frame": "Sigma"},
+    "central_moment": {"age": "central", "frame": "central"},
+}
+"""Statistics of errors, and their names in curves by age and by frame."""
+_POINT = {name: name for name in ("aspect", "at_least", "population", "trimming", "weighting", "at")}
+_LIFETIMES = (
+    *("mean_lifetime", "median_lifetime", "lower_quartile_lifetime", "upper_quartile_lifetime"),
+    *("restricted_mean_lifetime", "median_until_failure", "restricted_mean_until_failure"),
+)
+_SURVIVAL = ("survival", "survival_until_failure")
+_LAGS = (1, *(int(name[-1]) for name in findings_schema.TIME_STRUCTURE if name[:-1] == "autocorrelation_"))
+_SORTED = [
+    *("dataset", *CONDITION, "aspect", "at_least", "population", "trimming", "weighting", "statistic", "axis", "at"),
+    "coordinate",
+]
+
+
+def _same(*names: str) -> dict[str, str]:
+    return {name: name for name in names}
+
+
+def _curves(keys: Columns, columns: Schema, only: pl.Expr, labels: Constants) -> View:
+    """Curves of errors: columns u, v and uv."""
+    values = [
+        Value(
+            quantity,
+            coordinate,
+            {**labels, "axis": axis, "coordinate": coordinate},
+            {"statistic": statistic, "axis": axis},
+            {**_COUNTED, "unit": "unit", "cut": "cut"},
+        )
+        for quantity, names in _ROLES.items()
+        for axis, statistic in names.items()
+        for coordinate in ("u", "v", "uv")
+    ]
+    sort = [name for name in columns if name not in ("n", "n_scenes", "unit", "u", "v", "uv", "cut")]
+    return View(Topic.errors, columns, {**_CONDITION, **keys}, values, sort, pl.col("n").is_not_null() & only)
+
+
+def _changes() -> View:
+    """Changes of errors: their moments by age, and their autocorrelation by lag."""
+    of_age = {"aspect": Aspect.change, "population": Population.visible, "weighting": Weighting.features, "axis": "age"}
+    moments = {
+        "mean_u_px": ("mean_error", "u"),
+        "mean_v_px": ("mean_error", "v"),
+        "covariance_uu": ("central_moment", "u"),
+        "covariance_uv": ("central_moment", "uv"),
+        "covariance_vv": ("central_moment", "v"),
+    }
+    ages = [
+        Value(quantity, column, {**of_age, "coordinate": coordinate}, {"lag": 0}, _COUNTED)
+        for column, (quantity, coordinate) in moments.items()
+    ]
+    of_lag = {"aspect": Aspect.change, "population": Population.visible, "axis": "lag"}
+    lags = [
+        Value(
+            "autocorrelation",
+            f"autocorrelation_{coordinate}",
+            {**of_lag, "at": lag, "coordinate": coordinate},
+            {"lag": lag},
+            _COUNTED,
+        )
+        for lag in _LAGS
+        for coordinate in "uv"
+    ]
+    keys, sort = {**_CONDITION, "trimming": "trimming", "at": "age"}, [*_CONDITION, "trimming", "lag", "age"]
+    return View(Topic.errors, schema.CHANGES, keys, [*ages, *lags], sort, pl.col("n").is_not_null())
+
+
+def _cores() -> View:
+    labels: Constants = {"aspect": Aspect.all, "weighting": Weighting.geometric}
+    values = []
+    for axis in ("age", "frame"):
+        for quantity, stem in (("core", "core_{}_px"), ("share_beyond_three_cores", "beyond_{}")):
+            for name in "uv":
+                counted = {"n": f"n_{name}", "n_scenes": f"n_scenes_{name}", "cut": "cut"}
+                carried = counted if quantity == "core" else {}
+                own = labels if quantity == "core" else {**labels, "weighting": Weighting.features}
+                values.append(
+                    Value(
+                        quantity, stem.format(name), {**own, "axis": axis, "coordinate": name}, {"axis": axis}, carried
+                    )
+                )
+    keys = {**_CONDITION, **_same("population", "trimming", "at")}
+    only = pl.col("n").is_not_null() | (pl.col("quantity") == "share_beyond_three_cores")
+    sort = [name for name in schema.CORES if name in (*_CONDITION, "population", "trimming", "axis", "at")]
+    return View(Topic.errors, schema.CORES, keys, values, sort, only)
+
+
+def _tracks() -> View:
+    """Lifetimes: survival, and numbers of tracks, by lifetime."""
+    at: Constants = {"axis": "lifetime", "aspect": Aspect.all}
+    values = [
+        Value("survival", "survival", at, carried={"n": "at_risk", "n_scenes": "n_scenes"}),
+        Value("survival_until_failure", "survival_until_failure", at),
+        Value("tracks_ended", "n_ended", at),
+        Value("tracks_censored", "n_censored", at),
+        *(Value("tracks_ended_by_cause", f"n_{cause}", {**at, "part": cause}) for cause in CAUSES),
+        Value("followed_to", "followed_to", at),
+    ]
+    keys = {**_CONDITION, "at": "lifetime"}
+    only = (pl.col("quantity") != "survival") | pl.col("n").is_not_null()
+    return View(Topic.tracks, schema.LIFETIMES, keys, values, [*_CONDITION, "lifetime"], only)
+
+
+def _outliers() -> View:
+    names = ("mean", "median", "lower_quartile", "upper_quartile", "lower_whisker", "upper_whisker")
+    values = [
+        Value("frames", "n_frames", carried={"n_scenes": "n_scenes"}),
+        Value("features_offered", "offered"),
+        Value("features_rejected", "outliers"),
+        Value("outlier_ratio", "pooled_ratio", {"aspect": Aspect.all}),
+        *(Value("outlier_ratio_of_frames", name, {"part": name}) for name in names),
+    ]
+    return View(Topic.outliers, schema.OUTLIERS, _CONDITION, values, list(_CONDITION))
+
+
+def _intervals() -> View:
+    """Numbers of errors, of tracks and of outliers, with their intervals."""
+
+    def of(quantity: str, axis: str | None, statistic: str, topic: Topic | None = None) -> Value:
+        rows = {"statistic": statistic, "axis": axis}
+        return Value(quantity, "value", {"axis": axis}, rows, _OF_INTERVALS, topic)
+
+    roles = [*_ROLES.items(), ("core", {"age": "core", "frame": "core"})]
+    values = [of(quantity, axis, statistic) for quantity, names in roles for axis, statistic in names.items()]
+    values += [of("autocorrelation", "lag", "autocorrelation")]
+    values += [of(name, None, name, Topic.tracks) for name in _LIFETIMES]
+    values += [of(name, "lifetime", name, Topic.tracks) for name in _SURVIVAL]
+    values += [of("outlier_ratio", None, "outlier_ratio", Topic.outliers)]
+    keys = {**_CONDITION, **_POINT, "coordinate": "coordinate"}
+    return View(Topic.errors, INTERVALS, keys, values, _SORTED, pl.col("n_units").is_not_null())
+
+
+def _floor() -> View:
+    values = [
+        Value("truth_floor", f"floor_{2 * name if len(name) == 1 else name}", {"coordinate": name}, carried=_COUNTED)
+        for name in ("u", "uv", "v")
+    ]
+    values += [Value("truth_floor_of_mean", f"mean_{name}_px", {"coordinate": name}) for name in "uv"]
+    keys = {**_CONDITION, "part": "source", **_same("axis", "at")}
+    return View(Topic.truth_floor, schema.FLOOR, keys, values, [*_CONDITION, "source", "axis", "at"])
+
+
+def _bias() -> View:
+    tests = (
+        "hotelling_p",
+        "hotelling_p_adjusted",
+        "sign_flip_p",
+        "sign_flip_p_adjusted",
+        "sign_flip_p_family",
+        "iid_p",
+    )
+    values = [
+        Value("bias", "effect_px", carried={**_COUNTED, **_same("verdict", "why")}),
+        *(Value("bias_component", f"mean_{name}_px", {"coordinate": name}) for name in "uv"),
+        Value("bias_share", "share_of_second"),
+        *(Value("p_value", name, {"part": name}) for name in tests),
+    ]
+    keys = {**_CONDITION, **_same("trimming", "axis", "at")}
+    return View(Topic.bias, findings_schema.ZERO_MEAN, keys, values, [*_CONDITION, "trimming", "axis", "at"])
+
+
+def _shape() -> View:
+    made = _same("level", "resampled") | {"interval": "kind"}
+    values = [
+        Value(
+            "shape",
+            "shape",
+            carried=_same("n", "n_scenes", "verdict", "why", "level", "resampled") | {"interval": "kind"},
+        )
+    ]
+    for part, suffix in (("pooled", ""), ("within scenes", "_within")):
+        bounds = {"low": f"kurtosis{suffix}_low", "high": f"kurtosis{suffix}_high", **made}
+        values += [
+            Value("skewness", f"skewness{suffix}", {"part": part}),
+            Value("kurtosis", f"kurtosis{suffix}", {"part": part}, carried=bounds),
+            Value("tail_ratio", f"tail_99{suffix}", {"part": part, "against": "99 %"}),
+        ]
+        for density in ("student", "mixture"):
+            stem = f"gain_{density}{suffix}"
+            bounds = {"low": f"{stem}_low", "high": f"{stem}_high", **made}
+            values.append(Value("gain", f"{stem}_nats", {"part": part, "against": density}, carried=bounds))
+        values += [
+            Value("student_nu", f"student_nu{suffix}", {"part": part}),
+            Value("mixture_share", f"mixture_share{suffix}", {"part": part}),
+            Value("mixture_ratio", f"mixture_ratio{suffix}", {"part": part}),
+        ]
+    scales = {"low": "gain_scales_low", "high": "gain_scales_high", **made}
+    values += [
+        Value("tail_ratio", "tail_999", {"part": "pooled", "against": "99.9 %"}),
+        Value("gain", "gain_scales_nats", {"part": "scales of scenes", "against": "student"}, carried=scales),
+        Value("student_scale", "student_scale_px", {"part": "pooled"}),
+        Value("errors_sampled", "n_sampled"),
+    ]
+    keys = {**_CONDITION, "trimming": "trimming", "at_low": "age_low", "at_high": "age_high"}
+    return View(
+        Topic.shape, findings_schema.GAUSSIANITY, keys, values, [*_CONDITION, "trimming", "age_low", "age_high"]
+    )
+
+
+def _radii() -> View:
+    values = [Value("radius", name, {"part": name}) for name in ("expected", "observed")]
+    keys = {**_CONDITION, "trimming": "trimming", "at_low": "age_low", "at_high": "age_high", "part_low": "probability"}
+    return View(
+        Topic.radii,
+        findings_schema.RADII,
+        keys,
+        values,
+        [*_CONDITION, "trimming", "age_low", "age_high", "probability"],
+    )
+
+
+def _growth() -> View:
+    made = _same("level", "resampled") | {"interval": "kind"}
+    values = [Value("growth", "growth", carried={"n": "n_ages", **_same("n_scenes", "verdict", "why"), **made})]
+
+    def bounded(quantity: str, column: str, labels: Constants, *, kind: str = "kind") -> Value:
+        bounds = {"low": f"{column}_low", "high": f"{column}_high", **_same("level", "resampled"), "interval": kind}
+        return Value(quantity, column, labels, carried=bounds)
+
+    for quantity, column in (
+        ("white", "white_px"),
+        ("random_walk", "walk_px_per_sqrt_frame"),
+        ("drift", "drift_px_per_frame"),
+    ):
+        values.append(bounded(quantity, column, {"weighting": Weighting.features}))
+        values.append(bounded(quantity, f"{column}_geometric", {"weighting": Weighting.geometric}))
+    for quantity in ("saturating_white", "saturating"):
+        values.append(bounded(quantity, f"{quantity}_px", {"weighting": Weighting.features}))
+    values.append(bounded("saturating_frames", "saturating_frames", {"weighting": Weighting.features}))
+    for lag in _LAGS:
+        column = "autocorrelation" if lag == 1 else f"autocorrelation_{lag}"
+        values.append(bounded("autocorrelation", column, {"axis": "lag", "at": lag}, kind="autocorrelation_kind"))
+    keys = {**_CONDITION, **_same("trimming", "coordinate")}
+    return View(Topic.growth, findings_schema.TIME_STRUCTURE, keys, values, [*_CONDITION, "trimming", "coordinate"])
+
+
+_LEVELS = _same("level_a", "level_b")
+
+
+def _factors() -> View:
+    """Effects of factors."""
+    carried = _LEVELS | _same(
+        *("unit", "low", "high", "level", "resampled", "n_scenes", "verdict", "why", "larger", "better")
+    )
+    counts = ("n_levels", "n_pairs", "n_places", "at_low", "at_high", "more_scenes")
+    values = [
+        Value("effect", "effect", carried=carried | {"interval": "kind"}),
+        Value("effect_bound", "most", carried=_same("unit")),
+        Value("effect_margin", "margin", carried=_same("unit")),
+        *(Value("effect_p", f"p_{part}", {"part": part}) for part in ("yes", "no")),
+        *(Value("effect_q", f"q_{part}", {"part": part}) for part in ("yes", "no")),
+        *(Value("effect_count", name, {"part": name}) for name in counts),
+        Value("effect_horizon", "horizon"),
+    ]
+    keys = {**_CONDITION, **_same("factor", "axis", "coordinate", "at"), "of": "statistic"}
+    return View(Topic.factors, findings_schema.DEPENDENCE, keys, values, [])
+
+
+def _largest_differences() -> View:
+    carried = _LEVELS | _same("unit", "verdict", "why")
+    counts = ("n_levels", "n_pairs", "n_shared")
+    values = [
+        Value("largest_difference", "effect", carried=carried),
+        *(Value("largest_difference_part", name, {"part": name}) for name in ("difference", "common", "margin")),
+        Value("largest_difference_part", "share_of_absolute", {"part": "share_of_absolute"}),
+        *(Value("effect_count", name, {"part": name}) for name in counts),
+    ]
+    keys = {**_CONDITION, **_same("factor", "axis", "coordinate", "at"), "of": "statistic"}
+    return View(Topic.largest_differences, schema.EFFECTS, keys, values, [])
+
+
+def _windows() -> View:
+    names: dict[str, tuple[str, Constants]] = {
+        "residual_sigma": ("residual_sigma", {}),
+        "residual_sigma_u": ("residual_sigma_of_coordinate", {"coordinate": "u"}),
+        "residual_sigma_v": ("residual_sigma_of_coordinate", {"coordinate": "v"}),
+        "residual_core": ("residual_core", {}),
+        "consistent_sigma": ("sigma", {}),
+        "overconfidence": ("overconfidence", {}),
+        "core_overconfidence": ("core_overconfidence", {}),
+        "z_root_mean_square": ("z_root_mean_square", {}),
+        **{f"gate_{level}": ("gate_factor", {"part": f"{level} %"}) for level in (95, 99)},
+        **{f"coverage_{level}": ("window_coverage", {"part": f"{level} %"}) for level in (50, 90, 95, 99)},
+        "depth_share": ("depth_share", {}),
+    }
+    values = [
+        Value(
+            quantity,
+            "value",
+            {"axis": "window", "coordinate": None, "part": None, **labels},
+            {"quantity": name},
+            _ESTIMATED | {"n": "n"},
+        )
+        for name, (quantity, labels) in names.items()
+    ]
+    keys = {**_CONDITION, "trimming": "trimming", "at": "window"}
+    sort = [*_CONDITION, "trimming", "window", "quantity"]
+    return View(Topic.windows, findings_schema.WINDOW_SIGMAS, keys, values, sort)
+
+
+def _lookup() -> View:
+    gain = _ESTIMATED | {"n": "n", "verdict": "established", "why": "why"}
+    values = [
+        Value("noise_gain", "gain_nats", carried=gain),
+        *(
+            Value(
+                "noise_spread",
+                f"factor{table}",
+                {"at_low": place},
+                carried={"low": f"factor{table}_low", "high": f"factor{table}_high"},
+            )
+            for place, table in enumerate(("", "_against"))
+        ),
+    ]
+    keys = {"dataset": "dataset", "of": "product", "part": "lookup", "against": "against"}
+    return View(Topic.lookup, findings_schema.NOISE_LOOKUP, keys, values, [])
+
+
+def _depths() -> View:
+    names: dict[str, tuple[str, Constants]] = {
+        **{f"coverage_{level}": ("depth_coverage", {"of": f"{level} %"}) for level in (50, 90, 95, 99)},
+        "overconfidence": ("depth_overconfidence", {"of": None}),
+        "error_ratio": ("depth_error_ratio", {"of": None}),
+        "depth_error": ("depth_error", {"of": None}),
+    }
+    values = [
+        Value(quantity, "value", {"axis": "window", **labels}, {"quantity": name}, _ESTIMATED | {"n": "n"})
+        for name, (quantity, labels) in names.items()
+    ]
+    keys = {**_CONDITION, "trimming": "trimming", "at": "window", "part": "covariance", "part_low": "sigma_px"}
+    sort = [*_CONDITION, "trimming", "window", "covariance", "quantity"]
+    return View(Topic.depths, findings_schema.DEPTH_INTERVALS, keys, values, sort)
+
+
+def _second_truth() -> View:
+    values = [
+        Value(f"truth_difference_{statistic}", "value", {}, {"statistic": statistic}, _ESTIMATED | {"n": "n"})
+        for statistic in ("mean", "second")
+    ]
+    keys = {**_CONDITION, **_same("trimming", "coordinate"), "part": "quantity", "at": "age"}
+    sort = [*_CONDITION, "quantity", "trimming", "age", "statistic", "coordinate"]
+    return View(Topic.second_truth, findings_schema.TWO_TRUTHS, keys, values, sort)
+
+
+def _one(
+    topic: Topic, columns: Schema, quantity: str, value: str, keys: Columns, carried: Columns, sort: Sequence[str]
+) -> View:
+    """A table with one number in each row."""
+    return View(topic, columns, keys, [Value(quantity, value, carried=carried)], sort)
+
+
+_VIEW = {name: name for name in schema.VIEW}
+_CLASS = {"part_low": "class_low", "part_high": "class_high"}
+_WITH_N = _ESTIMATED | {"n": "n"}
+
+
+def _shared_motion() -> View:
+    values = [
+        Value("shared_motion", "share", carried=_WITH_N),
+        Value("shared_motion_moment", "second_px2", {"against": "measured"}),
+        Value("shared_motion_moment", "left_px2", {"against": "left"}),
+    ]
+    keys = {**_CONDITION, "part": "fitted_to", "at": "age", "coordinate": "coordinate"}
+    return View(
+        Topic.shared_motion, findings_schema.RIGID_SHARE, keys, values, [*_CONDITION, "fitted_to", "age", "coordinate"]
+    )
+
+
+def _image() -> View:
+    made = {name: column for name, column in _ESTIMATED.items() if name not in ("low", "high")}
+    values = [
+        Value("image_spread", "spread_px", carried=made | {"n": "n", "verdict": "differs"}),
+        *(
+            Value(
+                "image_mean",
+                f"mean_{name}_px",
+                {"coordinate": name},
+                carried={"low": f"mean_{name}_low", "high": f"mean_{name}_high"},
+            )
+            for name in "uv"
+        ),
+    ]
+    keys = {**_CONDITION, **_same("axis", "at")}
+    sort = [*_CONDITION, "axis", "at", "row", "column"]
+    return View(Topic.image, findings_schema.IMAGE_CELLS, keys, values, sort, packed={"part": ("row", "column")})
+
+
+def _seeds() -> View:
+    values = [
+        Value("seed_spread", "standard_deviation", carried=_same("unit") | {"verdict": "widens_interval"}),
+        Value("seed_mean", "mean", carried=_same("unit")),
+        Value("seeds", "n_seeds"),
+    ]
+    keys = {**_CONDITION, **_same("population", "trimming", "weighting", "axis", "at", "coordinate"), "of": "statistic"}
+    sort = [name for name in findings_schema.SEED_SPREAD if name in keys.values()]
+    return View(Topic.seeds, findings_schema.SEED_SPREAD, keys, values, sort)
+
+
+_OF_SURROUNDINGS = {**_CONDITION, **_CLASS, **_same("axis", "at", "coordinate"), "of": "statistic"}
+VIEWS: Mapping[str, View] = {
+    "curves": _curves(
+        _same("population", "trimming", "weighting", "at"),
+        schema.CURVES,
+        pl.col("aspect") == Aspect.all,
+        {"aspect": Aspect.all},
+    ),
+    "cores": _cores(),
+    "floor": _floor(),
+    "lifetimes": _tracks(),
+    "outliers": _outliers(),
+    "effects": _largest_differences(),
+    "aspect_curves": _curves(
+        _same(*_POINT), schema.ASPECT_CURVES, ~pl.col("aspect").is_in([Aspect.all, Aspect.change]), {}
+    ),
+    "changes": _changes(),
+    "intervals": _intervals(),
+    "seed_spread": _seeds(),
+    "triangulated_noise": _one(
+        Topic.fitted_noise,
+        findings_schema.TRIANGULATED_NOISE,
+        "fitted_noise",
+        "sigma_px",
+        {
+            **_CONDITION,
+            **_same("trimming", "coordinate"),
+            "part": "measure",
+            "at_low": "length_low",
+            "at_high": "length_high",
+        },
+        _WITH_N,
+        [*_CONDITION, "measure", "trimming", "length_low", "coordinate"],
+    ),
+    "window_sigmas": _windows(),
+    "noise_lookup": _lookup(),
+    "depth_intervals": _depths(),
+    "point_tracking_metrics": _one(
+        Topic.point_tracking,
+        findings_schema.POINT_TRACKING_METRICS,
+        "point_tracking",
+        "value",
+        {**_CONDITION, "part": "raster", "of": "metric"},
+        _ESTIMATED,
+        [*_CONDITION, "raster", "metric"],
+    ),
+    "two_truths": _second_truth(),
+    "pose_disagreement": _one(
+        Topic.pose_disagreement,
+        findings_schema.POSE_DISAGREEMENT,
+        "pose_disagreement",
+        "value",
+        {"dataset": "dataset", **_VIEW, "at": "lag", "of": "quantity"},
+        _WITH_N | {"unit": "unit"},
+        ["dataset", *_VIEW, "lag", "quantity"],
+    ),
+    "incidence": _one(
+        Topic.causes,
+        findings_schema.INCIDENCE,
+        "incidence",
+        "incidence",
+        {**_CONDITION, "part": "cause", "at": "lifetime"},
+        _ESTIMATED,
+        [*_CONDITION, "cause", "lifetime"],
+    ),
+    "zero_mean": _bias(),
+    "gaussianity": _shape(),
+    "radii": _radii(),
+    "time_structure": _growth(),
+    "dependence": _factors(),
+    "surrounding_errors": View(
+        Topic.surroundings,
+        findings_schema.SURROUNDING_ERRORS,
+        _OF_SURROUNDINGS,
+        [Value("surrounding", "value", carried=_WITH_N | {"unit": "unit"})],
+        [],
+        packed={"part": ("surrounding", "class")},
+    ),
+    "image_cells": _image(),
+    "speed_errors": _one(
+        Topic.image_speeds,
+        findings_schema.SPEED_ERRORS,
+        "image_speed_mean",
+        "mean_px",
+        {**_CONDITION, **_CLASS, **_same("axis", "at", "coordinate")},
+        _WITH_N,
+        [*_CONDITION, "axis", "at", "class_low", "class_high", "coordinate"],
+    ),
+    "rigid_share": _shared_motion(),
+    "pose_law": _one(
+        Topic.pose_errors,
+        findings_schema.POSE_LAW,
+        "pose_error",
+        "value",
+        {"dataset": "dataset", **_VIEW, "part": "motion", "of": "law"},
+        _WITH_N | {"unit": "unit"},
+        [],
+    ),
+    "tracker_differences": _one(
+        Topic.tracker_differences,
+        findings_schema.TRACKER_DIFFERENCES,
+        "tracker_difference",
+        "value",
+        {**_CONDITION, "against": "other", "of": "statistic", "at": "age", "coordinate": "coordinate"},
+        _WITH_N | {"unit": "unit", "verdict": "established"},
+        [*_CONDITION, "other", "statistic", "age", "coordinate"],
+    ),
+}
+"""Every view by its name."""
